@@ -1,0 +1,40 @@
+"""Rigid motions of the floor as arrays (..., 3) of x, y (meters) and heading (radians)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+def wrap_angle(angle: Floats | float) -> Floats:
+    """Angle in (-pi, pi]."""
+    return np.pi - np.mod(np.pi - np.asarray(angle, dtype=np.float64), 2.0 * np.pi)
+
+
+def compose(outer: Floats, inner: Floats) -> Floats:
+    """``inner`` expressed in the frame of ``outer``, seen from outside: outer o inner, shapes broadcast."""
+    outer, inner = np.asarray(outer, np.float64), np.asarray(inner, np.float64)
+    c, s = np.cos(outer[..., 2]), np.sin(outer[..., 2])
+    x = outer[..., 0] + c * inner[..., 0] - s * inner[..., 1]
+    y = outer[..., 1] + s * inner[..., 0] + c * inner[..., 1]
+    return np.stack([x, y, wrap_angle(outer[..., 2] + inner[..., 2])], axis=-1)
+
+
+def invert(pose: Floats) -> Floats:
+    """The rigid motion that undoes ``pose``."""
+    pose = np.asarray(pose, np.float64)
+    c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
+    x = -(c * pose[..., 0] + s * pose[..., 1])
+    y = s * pose[..., 0] - c * pose[..., 1]
+    return np.stack([x, y, wrap_angle(-pose[..., 2])], axis=-1)
+
+
+def transform_points(pose: Floats, points: Floats) -> Floats:
+    """Points (..., 2) moved by ``pose`` (3,) or by poses that broadcast against them."""
+    pose, points = np.asarray(pose, np.float64), np.asarray(points, np.float64)
+    c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
+    x = pose[..., 0] + c * points[..., 0] - s * points[..., 1]
+    y = pose[..., 1] + s * points[..., 0] + c * points[..., 1]
+    return np.stack([x, y], axis=-1)

@@ -1,0 +1,78 @@
+"""Quaternions and forward kinematics on whole arrays; quaternions are (w, x, y, z)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.motion.skeleton import Skeleton
+
+Floats = NDArray[np.float64]
+
+
+def multiply(a: Floats, b: Floats) -> Floats:
+    """Hamilton product of quaternions (..., 4): the rotation ``b`` followed by ``a``."""
+    aw, ax, ay, az = np.moveaxis(a, -1, 0)
+    bw, bx, by, bz = np.moveaxis(b, -1, 0)
+    return np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        axis=-1,
+    )
+
+
+def conjugate(q: Floats) -> Floats:
+    """Inverse of unit quaternions (..., 4)."""
+    return q * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def rotate(q: Floats, v: Floats) -> Floats:
+    """Vectors (..., 3) turned by unit quaternions (..., 4)."""
+    w, u = q[..., :1], q[..., 1:]
+    t = 2.0 * np.cross(u, v)
+    return v + w * t + np.cross(u, t)
+
+
+def about_axis(axis: Floats, angle: Floats | float) -> Floats:
+    """Quaternions (..., 4) of turns by ``angle`` radians about the unit vector ``axis`` (3,)."""
+    half = np.asarray(angle, np.float64) / 2.0
+    return np.concatenate([np.cos(half)[..., None], np.sin(half)[..., None] * np.asarray(axis, np.float64)], axis=-1)
+
+
+def slerp(a: Floats, b: Floats, weight: Floats | float) -> Floats:
+    """Spherical interpolation along the shorter arc: ``a`` at weight 0, ``b`` at weight 1."""
+    dot = np.sum(a * b, axis=-1, keepdims=True)
+    b = np.where(dot < 0.0, -b, b)
+    angle = np.arccos(np.clip(np.abs(dot), 0.0, 1.0))
+    weight = np.asarray(weight, np.float64)[..., None]
+    sine = np.sin(angle)
+    near = sine < 1e-6
+    safe = np.where(near, 1.0, sine)
+    wa = np.where(near, 1.0 - weight, np.sin((1.0 - weight) * angle) / safe)
+    wb = np.where(near, weight, np.sin(weight * angle) / safe)
+    mixed = wa * a + wb * b
+    return mixed / np.linalg.norm(mixed, axis=-1, keepdims=True)
+
+
+def forward_kinematics(skeleton: Skeleton, root_positions: Floats, rotations: Floats) -> tuple[Floats, Floats]:
+    """World positions (F, J, 3) and world rotations (F, J, 4) of all joints."""
+    positions = np.empty(rotations.shape[:-1] + (3,))
+    world = np.empty_like(rotations)
+    for j, parent in enumerate(skeleton.parents):
+        if parent < 0:
+            world[..., j, :] = rotations[..., j, :]
+            positions[..., j, :] = root_positions
+        else:
+            world[..., j, :] = multiply(world[..., parent, :], rotations[..., j, :])
+            positions[..., j, :] = positions[..., parent, :] + rotate(world[..., parent, :], skeleton.offsets[j])
+    return positions, world
+
+
+def end_positions(skeleton: Skeleton, positions: Floats, world: Floats) -> Floats:
+    """World positions (F, K, 3) of the end sites, from the results of :func:`forward_kinematics`."""
+    parents = skeleton.end_parents
+    return positions[..., parents, :] + rotate(world[..., parents, :], skeleton.end_offsets)

@@ -1,0 +1,51 @@
+"""The joint tree that clips are recorded on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import MotionError
+
+ROLES = (
+    "hips", "chest", "neck", "head",
+    "left_shoulder", "left_elbow", "left_wrist", "right_shoulder", "right_elbow", "right_wrist",
+    "left_hip", "left_knee", "left_ankle", "left_toe", "right_hip", "right_knee", "right_ankle", "right_toe",
+)  # fmt: skip
+"""Joints that detectors, arm editing and clearances ask for, whatever a file calls them."""
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """A tree of joints in rest pose: meters, z up, the body facing +x, left side toward +y.
+
+    names: J joint names, parents before children, the root first.
+    parents: (J,) int32, -1 for the root.
+    offsets: (J, 3) float64, joint from its parent with all rotations identity.
+    end_parents: (K,) int32, joint that each end site hangs on.
+    end_offsets: (K, 3) float64, end site from its joint.
+    roles: index of the joint for each name in :data:`ROLES` that this skeleton has.
+    """
+
+    names: tuple[str, ...]
+    parents: NDArray[np.int32]
+    offsets: NDArray[np.float64]
+    end_parents: NDArray[np.int32]
+    end_offsets: NDArray[np.float64]
+    roles: Mapping[str, int]
+
+    @property
+    def joint_count(self) -> int:
+        return len(self.names)
+
+    def joint(self, role: str) -> int:
+        """Index of the joint that plays ``role``; MotionError where the skeleton has none."""
+        try:
+            return self.roles[role]
+        except KeyError:
+            raise MotionError(
+                f"the skeleton has no joint for '{role}'; its joints are {', '.join(self.names)}"
+            ) from None
