@@ -15,9 +15,7 @@ _MARGIN = 0.025
 _SHORTEST = 0.3
 
 
-def clean_stretches(
-    positions: Floats, rate: float
-) -> tuple[list[tuple[int, int]], bool, list[tuple[int, int]]]:
+def clean_stretches(positions: Floats, rate: float) -> tuple[list[tuple[int, int]], bool, list[tuple[int, int]]]:
     """Frames of (F, J, 3) world ``positions`` that can be used.
 
     Returns the clean stretches as (first, last) frames; whether the first frame was a calibration pose; and the
