@@ -67,13 +67,17 @@ class Node:
         return self.length < _SHORTEST_TRACK and float(np.ptp(np.unwrap(self.track[:, 2]))) < _SMALLEST_TURN
 
 
-def make_nodes(sources: Sequence[MotionSource]) -> list[Node]:
-    """All segments of all sources in order; MotionError where the clips differ in their skeleton."""
+def make_nodes(sources: Sequence[MotionSource]) -> tuple[list[Node], list[Floats]]:
+    """All segments of all sources in order, and the track of each source.
+
+    MotionError where the clips differ in their skeleton or one leads nowhere.
+    """
     if not sources:
         raise MotionError("a motion graph needs at least one clip")
     for source in sources[1:]:
         _require_same_skeleton(sources[0].clip, source.clip)
     nodes: list[Node] = []
+    tracks: list[Floats] = []
     for index, source in enumerate(sources):
         clip, track = source.clip, track_of(source.clip)
         if source.idle:
@@ -81,8 +85,9 @@ def make_nodes(sources: Sequence[MotionSource]) -> list[Node]:
         else:
             require_locomotion(clip, track)
             segments = segment_clip(clip, source.detectors)
+        tracks.append(track)
         nodes.extend(_node(clip, track, index, segment) for segment in segments)
-    return nodes
+    return nodes, tracks
 
 
 def _node(clip: Clip, track: Floats, source: int, segment: Segment) -> Node:

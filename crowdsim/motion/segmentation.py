@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -37,7 +38,7 @@ def segment_clip(clip: Clip, detectors: Sequence[str]) -> list[Segment]:
         for cut in detector.cuts(clip):
             standing_at[int(cut)] = standing_at.get(int(cut), False) or detector.standing
     cuts = sorted(standing_at)
-    return [Segment(a, b, standing_at[a], standing_at[b]) for a, b in zip(cuts, cuts[1:], strict=False)]
+    return [Segment(a, b, standing_at[a], standing_at[b]) for a, b in pairwise(cuts)]
 
 
 def require_locomotion(clip: Clip, track: Floats) -> None:
