@@ -8,10 +8,14 @@ from itertools import pairwise
 
 import numpy as np
 
+from crowdsim.constants import CAPTURE_RATE
 from crowdsim.errors import MotionError
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.features import find_detector
 from crowdsim.motion.kinematics import Floats
+
+
+_SHORTEST = int(0.3 * CAPTURE_RATE)
 
 
 @dataclass(frozen=True)
@@ -30,14 +34,16 @@ class Segment:
 def segment_clip(clip: Clip, detectors: Sequence[str]) -> list[Segment]:
     """Segments between consecutive cuts of all ``detectors``; a segment's last frame is the first of the next one.
 
-    What lies before the first and after the last cut is dropped: it neither begins nor ends in a pose that
+    A cut in movement within 0.3 s of one that stands gives way to it: a foot that joins the other or leaves it does
+    not stride past. What lies before the first and after the last cut is dropped: it neither begins nor ends in a pose that
     another clip shows.
     """
     standing_at: dict[int, bool] = {}
     for detector in map(find_detector, detectors):
         for cut in detector.cuts(clip):
             standing_at[int(cut)] = standing_at.get(int(cut), False) or detector.standing
-    cuts = sorted(standing_at)
+    rests = [cut for cut, standing in standing_at.items() if standing]
+    cuts = [cut for cut in sorted(standing_at) if standing_at[cut] or all(abs(cut - r) >= _SHORTEST for r in rests)]
     return [Segment(a, b, standing_at[a], standing_at[b]) for a, b in pairwise(cuts)]
 
 

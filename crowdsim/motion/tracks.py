@@ -15,11 +15,14 @@ HEEL = 0.06
 _WIDEST = 0.35
 """Standard deviation (s) of the smoothing of a walking body: leaves 2 mm of a 3 cm sway of 1.1 s."""
 
-_STANDING_SPEED, _WALKING_SPEED = 0.10, 0.60
-"""Hip speeds (m/s) at which smoothing is off and full: a standing body does not sway, and starts and stops stay."""
+_STANDING_SPEED = 0.2
+"""Hip speed (m/s), smoothed over _SPEED_SPAN (s), below which a body stands and its hips are not smoothed at all."""
 
 _SPEED_SPAN = 0.10
-"""Standard deviation (s) of the smoothing under which that hip speed is measured."""
+
+_REACH_PER_SECOND = 0.5
+"""Seconds of smoothing for each second since or until standing: most of the window stays off the rest, so that
+starts and stops keep their shape."""
 
 
 def track_of(clip: Clip) -> Floats:
@@ -29,10 +32,7 @@ def track_of(clip: Clip) -> Floats:
     :func:`foot_forward`, so that a standing body has its heels as far behind its track as its toes before.
     """
     hips, heading = _hips_and_heading(clip)
-    speed = np.linalg.norm(np.gradient(_smooth(hips, np.full(len(hips), _SPEED_SPAN)), axis=0), axis=1)
-    speed = speed * CAPTURE_RATE if len(hips) > 1 else np.zeros(len(hips))
-    u = np.clip((speed - _STANDING_SPEED) / (_WALKING_SPEED - _STANDING_SPEED), 0.0, 1.0)
-    span = _WIDEST * u * u * (3.0 - 2.0 * u)
+    span = np.minimum(_REACH_PER_SECOND * _seconds_from_standing(hips), _WIDEST)
     smooth = _smooth(np.concatenate([hips, heading[:, None]], axis=1), span)
     forward = foot_forward(clip.skeleton)
     smooth[:, 0] += forward * np.cos(smooth[:, 2])
@@ -73,6 +73,22 @@ def _hips_and_heading(clip: Clip) -> tuple[Floats, Floats]:
             joints[:, skeleton.joint("left_shoulder"), :2] - joints[:, skeleton.joint("right_shoulder"), :2]
         )
     return (left + right) / 2.0, np.unwrap(np.arctan2(-across[:, 0], across[:, 1]))
+
+
+def _seconds_from_standing(hips: Floats) -> Floats:
+    """(F,) seconds to the nearest frame in which the hips rest; infinite where they never do."""
+    if len(hips) < 2:
+        return np.zeros(len(hips))
+    steady = _smooth(hips, np.full(len(hips), _SPEED_SPAN))
+    speed = np.linalg.norm(np.gradient(steady, axis=0), axis=1) * CAPTURE_RATE
+    rests = np.flatnonzero(speed < _STANDING_SPEED)
+    if len(rests) == 0:
+        return np.full(len(hips), np.inf)
+    frames = np.arange(len(hips))
+    after = np.searchsorted(rests, frames)
+    to_next = np.abs(rests[np.minimum(after, len(rests) - 1)] - frames)
+    to_last = np.abs(rests[np.maximum(after - 1, 0)] - frames)
+    return np.minimum(to_next, to_last) / CAPTURE_RATE
 
 
 def _unit(vectors: Floats) -> Floats:
