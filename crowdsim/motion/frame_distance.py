@@ -69,7 +69,7 @@ class Alignments:
     def pinned_distance(
         self, a: NDArray[np.int64], b: NDArray[np.int64], pivot_a: Floats, pivot_b: Floats, rotation: Floats
     ) -> Floats:
-        """(n,) distance of pairs (a, b) when b turns by ``rotation`` (n,) and ``pivot_b`` (n, 2) falls on ``pivot_a``."""
+        """(n,) distance of pairs when b turns by ``rotation`` (n,) and ``pivot_b`` (n, 2) falls on ``pivot_a``."""
         u, v = self._mean_a[a] - pivot_a, self._mean_b[b] - pivot_b
         dot = self._dot[a, b] + self._points * np.sum(u * v, axis=1)
         cross = self._cross[a, b] + self._points * (u[:, 1] * v[:, 0] - u[:, 0] * v[:, 1])

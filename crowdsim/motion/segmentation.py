@@ -14,7 +14,6 @@ from crowdsim.motion.clip import Clip
 from crowdsim.motion.features import find_detector
 from crowdsim.motion.kinematics import Floats
 
-
 _SHORTEST = int(0.3 * CAPTURE_RATE)
 
 
@@ -35,8 +34,8 @@ def segment_clip(clip: Clip, detectors: Sequence[str]) -> list[Segment]:
     """Segments between consecutive cuts of all ``detectors``; a segment's last frame is the first of the next one.
 
     A cut in movement within 0.3 s of one that stands gives way to it: a foot that joins the other or leaves it does
-    not stride past. What lies before the first and after the last cut is dropped: it neither begins nor ends in a pose that
-    another clip shows.
+    not stride past. What lies before the first and after the last cut is dropped: it neither begins nor ends in a
+    pose that another clip shows.
     """
     standing_at: dict[int, bool] = {}
     for detector in map(find_detector, detectors):
