@@ -47,10 +47,14 @@ def segment_clip(clip: Clip, detectors: Sequence[str]) -> list[Segment]:
 
 
 def require_locomotion(clip: Clip, track: Floats) -> None:
-    """MotionError where a clip that should lead somewhere neither moves 10 cm nor turns 10 degrees."""
+    """MotionError where a clip neither moves 10 cm nor turns 10 degrees, nor any joint of it moves 10 cm.
+
+    Holding the arms in while standing is no locomotion either, but leads to another pose.
+    """
     reach = float(np.max(np.linalg.norm(track[:, :2] - track[0, :2], axis=1)))
     turn = float(np.ptp(track[:, 2]))
-    if reach < 0.1 and turn < np.radians(10.0):
+    stir = float(np.max(np.linalg.norm(clip.joint_positions - clip.joint_positions[0], axis=-1)))
+    if reach < 0.1 and turn < np.radians(10.0) and stir < 0.1:
         raise MotionError(
             f"clip '{clip.name}' moves {reach * 100:.1f} cm and turns {np.degrees(turn):.1f} degrees: it is no "
             f"locomotion; mark it idle or leave it out"
