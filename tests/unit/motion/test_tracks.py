@@ -1,10 +1,13 @@
 """Tracks: straight, steady, without lag, and standing where the feet stand."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from crowdsim.motion.bvh_reader import read_bvh
 from crowdsim.motion.clip import Clip
-from crowdsim.motion.tracks import HEEL, foot_forward, track_of
+from crowdsim.motion.tracks import track_of
 from tests.unit.motion.walker import HIP_HALF, make_skeleton, walk
 
 
@@ -21,17 +24,16 @@ def test_a_swaying_straight_walk_has_a_straight_steady_track() -> None:
 def test_standing_track_is_the_middle_of_the_feet() -> None:
     clip = walk(steps=6)
     track = track_of(clip)
-    toe_tip = 0.13 + 0.06
+    heel, toe_tip = -0.06, 0.13 + 0.06
     for frame in (0, 5, -5, -1):
         ankle = clip.joint_positions[frame, clip.skeleton.joint("left_ankle"), 0]
-        assert track[frame, 0] - (ankle - HEEL) == pytest.approx(ankle + toe_tip - track[frame, 0], abs=1e-3)
-    assert foot_forward(clip.skeleton) == pytest.approx((toe_tip - HEEL) / 2)
+        assert track[frame, 0] == pytest.approx(ankle + (heel + toe_tip) / 2, abs=1e-3)
 
 
 def test_starts_and_stops_neither_lag_nor_overshoot() -> None:
     clip = walk(steps=6)
     track = track_of(clip)
-    hips = clip.root_positions[:, 0] + foot_forward(clip.skeleton)
+    hips = clip.root_positions[:, 0]
     speed = np.diff(track[:, 0]) * 60
     assert speed.min() > -1e-3
     assert speed.max() < 1.35 * np.median(speed[60:-60])
@@ -62,3 +64,13 @@ def test_very_short_clips_have_tracks(frames: int) -> None:
 def test_walker_has_the_proportions_the_tests_assume() -> None:
     skeleton = make_skeleton()
     assert skeleton.offsets[skeleton.joint("left_hip"), 1] == HIP_HALF
+
+
+def test_captured_feet_stand_about_the_track(shared: Path) -> None:
+    for name in ("16_31_walk_straight_from_standstill", "16_33_walk_slow_walk_stop", "16_47_walk_straight_normal_a"):
+        clip = read_bvh(shared / "mocap" / f"{name}.bvh")
+        track = track_of(clip)
+        joints = [clip.skeleton.joint(f"{side}_{part}") for side in ("left", "right") for part in ("ankle", "toe")]
+        feet = clip.joint_positions[:, joints, :2].mean(axis=1) - track[:, :2]
+        ahead = feet[:, 0] * np.cos(track[:, 2]) + feet[:, 1] * np.sin(track[:, 2])
+        assert abs(ahead.mean()) < 0.04

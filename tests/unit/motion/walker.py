@@ -10,6 +10,8 @@ from crowdsim.motion.kinematics import about_axis, conjugate, multiply, rotate
 from crowdsim.motion.skeleton import Skeleton
 
 THIGH, SHANK, ANKLE_HEIGHT, HIP_HEIGHT, HIP_HALF = 0.43, 0.42, 0.08, 0.88, 0.09
+FOOT_BACK = 0.065
+"""Meters the ankles stand behind the hips, so that the hips are over the middle between heels and toes."""
 STEP_FRAMES = 33
 Y, Z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
@@ -122,8 +124,8 @@ def _foot_path(
     places = _body_at(np.array(marks), steps, step_length, turn)
     sign = 1.0 if side == 0 else -1.0
     heading = places[:, 2] + facing
-    places[:, 0] -= sign * HIP_HALF * np.sin(heading)
-    places[:, 1] += sign * HIP_HALF * np.cos(heading)
+    places[:, 0] -= sign * HIP_HALF * np.sin(heading) + FOOT_BACK * np.cos(heading)
+    places[:, 1] += sign * HIP_HALF * np.cos(heading) - FOOT_BACK * np.sin(heading)
     path = np.empty((len(progress), 4))
     for f, s in enumerate(progress):
         step = int(min(s, steps - 1e-9))
