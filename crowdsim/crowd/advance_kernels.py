@@ -6,15 +6,14 @@ from crowdsim.motion.track_kernels import track_pose
 
 @kernel
 def advance(
-    graph, frames, node, previous, frame, origin, seam, next_node, next_origin, next_seam, cursor, behavior, pose, entered
+    graph, frames, node, previous, frame, origin, seam, next_node, next_origin, next_seam, next_cursor, cursor, behavior,
+    pose,
 ):  # fmt: skip
     """Advance every row by ``frames`` frames, into its next node where the present one ends.
 
-    A row without a next node stays on the last frame of its node. ``next_node`` is -1 again after it was
-    entered. ``entered`` (N,) bool tells which rows began another node.
+    A row without a next node stays on the last frame of its node. ``next_node`` is -1 again after it was entered.
     """
     for i in range(len(node)):
-        entered[i] = False
         at = frame[i] + frames
         length = graph.node_frames[node[i]]
         if at >= length:
@@ -26,9 +25,7 @@ def advance(
                 seam[i] = next_seam[i]
                 next_node[i] = -1
                 behavior[i] = graph.node_behavior[node[i]]
-                if cursor[i] >= 0:
-                    cursor[i] += 1
-                entered[i] = True
+                cursor[i] = next_cursor[i]
             else:
                 at = length
         frame[i] = at

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from enum import IntEnum
-
 import numpy as np
 
 from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.ecs.world import Column
+from crowdsim.recording.header import AgentState
 
 SLOT_FRAMES = CAPTURE_RATE // 5
 """Frames between two samples of a reserved timeline (0.2 s)."""
@@ -16,18 +15,9 @@ TIMELINE_SLOTS = 48
 """Samples of a reserved timeline: 9.6 s, longer than any few nodes and the stop after them."""
 
 
-class Phase(IntEnum):
-    """What a character is doing; the recording stores these numbers."""
-
-    ABSENT = 0
-    MOVING = 1
-    WAITING = 2
-    ARRIVED = 3
-
-
 COLUMNS = (
     Column("agent", np.int32, (), NONE),  # index of the character in the run, also its row in the recording
-    Column("phase", np.int32, (), int(Phase.WAITING)),
+    Column("state", np.int32, (), int(AgentState.WAITING)),
     Column("pose", np.float64, (3,)),  # world track pose: x, y, heading
     Column("behavior", np.int32, (), NONE),
     # The node being played: frame of it, the world pose it starts at, and the seam that fades behind it.
@@ -40,6 +30,7 @@ COLUMNS = (
     Column("next_node", np.int32, (), NONE),
     Column("next_origin", np.float64, (3,)),
     Column("next_seam", np.float64, (3,)),
+    Column("next_cursor", np.int32, (), NONE),
     # Place in the motion plan: index of the present node, and of the last node that is reserved.
     Column("cursor", np.int32, (), NONE),
     Column("reserved", np.int32, (), NONE),
