@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from crowdsim.crowd.setting import Setting
 from crowdsim.errors import PathNotFound
-from crowdsim.following.path_follower import FollowStatus, follow_path
-from crowdsim.geometry.planar import compose, invert, wrap_angle
+from crowdsim.following.path_follower import FollowOptions, FollowStatus, follow_path
+from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.planning.annotated_path import AnnotatedPath, PathSamples
-from crowdsim.planning.layered_planner import plan_path
+from crowdsim.planning.planner import plan_path
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,6 @@ def _follow(setting: Setting, request: Request, route: AnnotatedPath) -> MotionP
         facing = setting.facings[route.sections[0].behavior, 0]
         origin = np.array([*request.position, wrap_angle(samples.pose[0, 2] + facing)])
     graph = setting.graph
-    start = compose(origin, graph.node_motion[node])
     found = follow_path(
         graph,
         setting.maps,
@@ -94,21 +93,22 @@ def _follow(setting: Setting, request: Request, route: AnnotatedPath) -> MotionP
         (setting.meshes[0].arrays, setting.meshes[1].arrays),
         setting.body_radii,
         setting.facings,
-        start_pose=start,
+        start_pose=origin,
         start_node=node,
-        end_standing=request.stays,
+        options=FollowOptions(end_standing=request.stays),
     )
-    ends = np.concatenate([start[None], compose(found.origins, graph.node_motion[found.nodes])[:-1]])
-    seams = ends[: len(found.nodes)] - found.origins
+    ends = compose(found.origins[:-1], graph.node_motion[found.nodes[:-1]])
+    origins = found.origins[1:]
+    seams = ends - origins
     seams[:, 2] = wrap_angle(seams[:, 2])
     return MotionPlan(
         route=route,
         departure_node=node,
         departure=origin,
-        nodes=found.nodes,
-        origins=found.origins,
+        nodes=found.nodes[1:],
+        origins=origins,
         seams=seams,
-        arrives=found.status == FollowStatus.ARRIVED,
+        arrives=found.status == FollowStatus.FOUND,
     )
 
 
