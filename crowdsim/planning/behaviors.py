@@ -16,8 +16,11 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import YAMLError
 
 from crowdsim.errors import BehaviorError
+from crowdsim.motion.features import DETECTORS
 
 FILE_NAME = "behavior.yaml"
+
+_MAX_BYTES = 100_000
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,7 @@ class Behavior:
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
 class ClipEntry(_Model):
@@ -109,15 +112,23 @@ def read_behavior(name: str, library: Path) -> BehaviorFile:
     if not path.is_file():
         known = list_behaviors(library)
         raise BehaviorError(f"no behavior '{name}' in {library}{_nearest(name, known)}; there are: {', '.join(known)}")
+    if path.stat().st_size > _MAX_BYTES:
+        raise BehaviorError(f"{path}: larger than {_MAX_BYTES} bytes, which is no behavior file")
     try:
-        document = YAML(typ="rt").load(path.read_text(encoding="utf-8"))
-    except (YAMLError, UnicodeDecodeError) as error:
+        document = YAML(typ="rt", pure=True).load(path.read_text(encoding="utf-8"))
+    except (YAMLError, ValueError) as error:
         raise BehaviorError(f"{path}: not valid YAML: {error}") from None
     try:
         entry = BehaviorFile.model_validate(document)
     except ValidationError as error:
         problems = [_explain(document, problem) for problem in error.errors()]
         raise BehaviorError("\n".join(f"{path}{problem}" for problem in problems)) from None
+    unknown = [detector for detector in entry.detectors if detector not in DETECTORS]
+    if unknown:
+        raise BehaviorError(
+            f"{path}: detectors: no feature detector is called '{unknown[0]}'{_nearest(unknown[0], DETECTORS)};"
+            f" there are: {', '.join(sorted(DETECTORS))}"
+        )
     if entry.name != name:
         raise BehaviorError(f"{path}: name: '{entry.name}' is not the name of its folder, '{name}'")
     for file in [listed.file for listed in [*entry.clips, *entry.idle]] + [listed.file for listed in entry.transitions]:
