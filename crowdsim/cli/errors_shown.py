@@ -44,7 +44,7 @@ class Commands(TyperGroup):
             message = str(interrupt) or "interrupted"
             raise typer.Exit(_show(ctx, interrupt, message, INTERRUPTED)) from None
         except CrowdSimError as error:
-            raise typer.Exit(_show(ctx, error, f"error: {error}", error.exit_code)) from None
+            raise typer.Exit(_show(ctx, error, _each_line("error: ", error), error.exit_code)) from None
         except OSError as error:
             place = f"{error.filename}: " if error.filename else ""
             raise typer.Exit(_show(ctx, error, f"error: {place}{error.strerror or error}", BAD_INPUT)) from None
@@ -64,6 +64,10 @@ def _show(ctx: Any, error: BaseException, message: str, code: int) -> int:
         traceback.print_exception(error)
     typer.echo(message, err=True)
     return code
+
+
+def _each_line(prefix: str, error: Exception) -> str:
+    return "\n".join(prefix + line for line in str(error).splitlines() or [type(error).__name__])
 
 
 def _first_line(error: Exception) -> str:

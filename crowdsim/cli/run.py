@@ -32,7 +32,7 @@ def run(
     from crowdsim.cli.tables import print_table
     from crowdsim.scenario.loader import load_scenario
 
-    changes = list(overrides or [])
+    changes = [*(overrides or [])]
     if seed is not None:
         changes.append(f"seed={seed}")
     loaded = load_scenario(scenario, changes)
@@ -68,20 +68,22 @@ def require_writable(file: Path) -> None:
 
 def check(scenario: Scenario, overrides: Overrides = None, as_json: Json = False, debug: Debug = False) -> None:
     """Report everything that is wrong with a scenario, without running it."""
+    from dataclasses import asdict
+
     from crowdsim.errors import ScenarioError
     from crowdsim.scenario.loader import load_scenario
 
     try:
-        loaded = load_scenario(scenario, list(overrides or []))
+        loaded = load_scenario(scenario, overrides or [])
     except ScenarioError as error:
-        if as_json:
-            typer.echo(json.dumps({"ok": False, "errors": str(error).splitlines(), "warnings": []}))
-            raise typer.Exit(error.exit_code) from None
-        raise
-    warnings = [str(warning) for warning in getattr(loaded, "warnings", [])]
+        if not as_json:
+            raise
+        problems = [asdict(problem) for problem in error.problems] or [{"message": str(error)}]
+        typer.echo(json.dumps({"ok": False, "errors": problems, "warnings": []}))
+        raise typer.Exit(error.exit_code) from None
     if as_json:
-        typer.echo(json.dumps({"ok": True, "errors": [], "warnings": warnings}))
+        typer.echo(json.dumps({"ok": True, "errors": [], "warnings": [str(warning) for warning in loaded.warnings]}))
         return
-    for warning in warnings:
+    for warning in loaded.warnings:
         typer.echo(f"warning: {warning}")
     typer.echo(f"{loaded.name}: ok")
