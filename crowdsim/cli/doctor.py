@@ -52,9 +52,9 @@ def _threads() -> dict[str, Any]:
 
 def _drawing() -> dict[str, Any]:
     from crowdsim.errors import DrawingUnavailable
-    from crowdsim.playback.backend import find_backend
+    from crowdsim.playback.drawing_backend import find_backend
 
     try:
-        return {"backend": find_backend(), "remedy": None}
+        return {"backend": find_backend().name, "remedy": None}
     except DrawingUnavailable as error:
         return {"backend": None, "remedy": str(error)}

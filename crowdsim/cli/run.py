@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -20,8 +20,8 @@ def run(
     ] = None,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Replace the scenario's seed.")] = None,
     workers: Annotated[
-        int | None, typer.Option("--workers", min=1, help="Threads that search motion; the result never depends on it.")
-    ] = None,
+        int, typer.Option("--workers", min=1, help="Threads that search motion; the result never depends on it.")
+    ] = 2,
     overrides: Overrides = None,
     as_json: Json = False,
     debug: Debug = False,
@@ -36,23 +36,28 @@ def run(
     if seed is not None:
         changes.append(f"seed={seed}")
     loaded = load_scenario(scenario, changes)
-    file = Path(output) if output is not None else Path(f"{loaded.name}.h5")
+    file = Path(output if output is not None else f"{_file_name(loaded.name)}.h5")
     require_writable(file)
 
     with RunProgress(loaded.name) as progress:
         from crowdsim.crowd.simulation import Simulation
 
         try:
-            simulation = Simulation(loaded, **({} if workers is None else {"workers": workers}))
-            result = simulation.run(file, progress=progress.step)
+            simulation = Simulation(loaded, workers=workers)
+            with simulation.run(file, progress=progress.step) as recording:
+                summary = {**recording.summary, "recording": str(file)}
         except KeyboardInterrupt:
             raise KeyboardInterrupt(f"interrupted at step {progress.steps_done}; {file} was not written") from None
 
-    summary: dict[str, Any] = {**result.summary, "recording": str(file)}
     if as_json:
         typer.echo(json.dumps(summary))
     else:
         print_table(summary_rows(summary))
+
+
+def _file_name(name: str) -> str:
+    """A scenario's name without what would lead to another folder."""
+    return name.replace("/", "-").replace("\\", "-")
 
 
 def require_writable(file: Path) -> None:
@@ -71,6 +76,7 @@ def check(scenario: Scenario, overrides: Overrides = None, as_json: Json = False
     from dataclasses import asdict
 
     from crowdsim.errors import ScenarioError
+    from crowdsim.scenario.check import check_scenario
     from crowdsim.scenario.loader import load_scenario
 
     try:
@@ -81,9 +87,10 @@ def check(scenario: Scenario, overrides: Overrides = None, as_json: Json = False
         problems = [asdict(problem) for problem in error.problems] or [{"message": str(error)}]
         typer.echo(json.dumps({"ok": False, "errors": problems, "warnings": []}))
         raise typer.Exit(error.exit_code) from None
+    warnings = check_scenario(loaded)
     if as_json:
-        typer.echo(json.dumps({"ok": True, "errors": [], "warnings": [str(warning) for warning in loaded.warnings]}))
+        typer.echo(json.dumps({"ok": True, "errors": [], "warnings": warnings}))
         return
-    for warning in loaded.warnings:
+    for warning in warnings:
         typer.echo(f"warning: {warning}")
     typer.echo(f"{loaded.name}: ok")
