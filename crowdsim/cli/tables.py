@@ -43,4 +43,5 @@ def _print(table: Table) -> None:
         console.width = 10_000
     with console.capture() as text:
         console.print(table)
-    typer.echo(text.get(), nl=False)  # rich would end the process itself if the reader has gone
+    # rich pads every line, and would end the process itself if the reader has gone
+    typer.echo("\n".join(line.rstrip() for line in text.get().splitlines()))

@@ -179,15 +179,17 @@ def test_behaviors_are_listed_with_measured_radii(crowdsim):
 
 
 def test_plan_gives_annotated_sections(crowdsim):
-    finished = crowdsim("plan", "corridor", "--from", "0.5,0", "--to", "15,0", "--json")
+    finished = crowdsim("plan", "corridor", "--from", "1,0", "--to", "21,0", "--json")
     assert finished.returncode == 0, finished.stderr
     path = json.loads(finished.stdout)
-    assert path["sections"]
+    assert {section["behavior"] for section in path["sections"]} == {"lateral", "arm_constrained", "frontal"}
+    assert path["points"][0] == [1.0, 0.0]
+    assert path["points"][-1] == [21.0, 0.0]
     assert sum(section["length"] for section in path["sections"]) == pytest.approx(path["length"])
 
 
 def test_plan_without_a_path_exits_with_2(crowdsim):
-    finished = crowdsim("plan", "corridor", "--from", "0.5,0", "--to", "0.5,500")
+    finished = crowdsim("plan", "corridor", "--from", "1,0", "--to", "1,500")
     assert finished.returncode == 2
     assert finished.stderr.startswith("error: ")
 

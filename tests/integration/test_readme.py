@@ -1,5 +1,6 @@
 """What the README says is true: its commands run, its Python runs, and CI runs its test command."""
 
+import json
 import re
 import shlex
 import subprocess
@@ -49,6 +50,16 @@ def test_python_of_the_readme_runs(tmp_path, environment):
         cwd=tmp_path, env=environment, capture_output=True, text=True,
     )  # fmt: skip
     assert finished.returncode == 0, finished.stderr
+
+
+def test_scenarios_of_the_readme_pass_check(crowdsim, tmp_path):
+    scenarios = [body for body in blocks("yaml") if body.startswith("crowdsim:")]
+    assert scenarios
+    for body in scenarios:
+        (tmp_path / "scenario.yaml").write_text(body, encoding="utf-8")
+        finished = crowdsim("check", "scenario.yaml", "--json")
+        assert finished.returncode == 0, finished.stdout
+        assert json.loads(finished.stdout)["warnings"] == []
 
 
 def test_ci_runs_the_test_command_of_the_readme():
