@@ -35,43 +35,33 @@ class Commands(TyperGroup):
             result = super().invoke(ctx)
             sys.stdout.flush()
             return result
-        except (typer.Exit, typer.Abort):
-            raise
         except BrokenPipeError:
             _discard_stdout()
             raise typer.Exit(0) from None
-        except KeyboardInterrupt as interrupt:
-            message = str(interrupt) or "interrupted"
-            raise typer.Exit(_show(ctx, interrupt, message, INTERRUPTED)) from None
-        except CrowdSimError as error:
-            raise typer.Exit(_show(ctx, error, _each_line("error: ", error), error.exit_code)) from None
-        except OSError as error:
-            place = f"{error.filename}: " if error.filename else ""
-            raise typer.Exit(_show(ctx, error, f"error: {place}{error.strerror or error}", BAD_INPUT)) from None
-        except Exception as error:
-            if hasattr(error, "format_message"):  # a usage error: typer prints it and exits with 2
+        except (KeyboardInterrupt, Exception) as error:
+            typers_own = isinstance(error, typer.Exit | typer.Abort) or hasattr(error, "format_message")
+            if typers_own:  # leaving, or a usage error that typer prints
                 raise
-            message = (
-                f"internal error: {type(error).__name__}: {_first_line(error)}; run again with --debug to see where"
-            )
-            raise typer.Exit(_show(ctx, error, message, BUG)) from None
+            if ctx.meta.get(_DEBUG):
+                import traceback
+
+                traceback.print_exception(error)
+            message, code = describe(error)
+            typer.echo(message, err=True)
+            raise typer.Exit(code) from None
 
 
-def _show(ctx: Any, error: BaseException, message: str, code: int) -> int:
-    if ctx.meta.get(_DEBUG):
-        import traceback
-
-        traceback.print_exception(error)
-    typer.echo(message, err=True)
-    return code
-
-
-def _each_line(prefix: str, error: Exception) -> str:
-    return "\n".join(prefix + line for line in str(error).splitlines() or [type(error).__name__])
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [""])[0]
+def describe(error: BaseException) -> tuple[str, int]:
+    """Message and exit code of an error."""
+    if isinstance(error, KeyboardInterrupt):
+        return str(error) or "interrupted", INTERRUPTED
+    if isinstance(error, CrowdSimError):
+        return "\n".join(f"error: {line}" for line in str(error).splitlines()), error.exit_code
+    if isinstance(error, OSError):
+        place = f"{error.filename}: " if error.filename else ""
+        return f"error: {place}{error.strerror or error}", BAD_INPUT
+    what = ": ".join([type(error).__name__, *str(error).splitlines()[:1]])
+    return f"internal error: {what}; run again with --debug to see where", BUG
 
 
 def _discard_stdout() -> None:

@@ -43,7 +43,7 @@ def call(app: typer.Typer, *arguments: str) -> int:
         (KeyboardInterrupt(), 130, "interrupted\n"),
         (KeyboardInterrupt("interrupted at step 3"), 130, "interrupted at step 3\n"),
         (ValueError("odd"), 1, "internal error: ValueError: odd; run again with --debug to see where\n"),
-        (AssertionError(), 1, "internal error: AssertionError: ; run again with --debug to see where\n"),
+        (AssertionError(), 1, "internal error: AssertionError; run again with --debug to see where\n"),
     ],
     ids=lambda value: type(value).__name__ if isinstance(value, BaseException) else None,
 )
