@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.crowd.cast import Cast
 from crowdsim.crowd.components import SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.motion_plan import MotionPlan, Request
 from crowdsim.crowd.replanning import Plans
@@ -15,25 +16,6 @@ from crowdsim.crowd.setting import Setting
 from crowdsim.ecs.world import View, World
 
 FOREVER = int(np.iinfo(np.int64).max)
-
-
-@dataclass(frozen=True)
-class Cast:
-    """The M characters of a run before they enter.
-
-    starts, goals: (M, 2) meters. start_steps: (M,) int64. stays: (M,) bool, whether they stay where they arrive.
-    groups: name of the group of each.
-    """
-
-    starts: NDArray[np.float64]
-    goals: NDArray[np.float64]
-    start_steps: NDArray[np.int64]
-    stays: NDArray[np.bool_]
-    groups: tuple[str, ...]
-
-    @property
-    def count(self) -> int:
-        return len(self.starts)
 
 
 @dataclass

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from crowdsim.crowd.entering import Cast
+from crowdsim.crowd.cast import Cast
 from crowdsim.crowd.setting import Setting
+from crowdsim.planning.annotated_path import AnnotatedPath
 from crowdsim.recording.header import (
     AgentsRecord,
     BehaviorRecord,
@@ -49,3 +51,12 @@ def record_header(scenario: Scenario, setting: Setting, cast: Cast) -> Recording
             pool_rotations=poses.pool_rotations,
         ),
     )
+
+
+def labeled_points(route: AnnotatedPath) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
+    """Points (P, 2) of a route, those where the behavior changes among them, and the behavior (P,) from each on."""
+    starts = np.array([section.start for section in route.sections])
+    arc = np.union1d(route.arc, starts)
+    section = np.maximum(np.searchsorted(starts, arc, side="right") - 1, 0)
+    behaviors = np.array([route.sections[k].behavior for k in section], np.int8)
+    return route.at(arc), behaviors
