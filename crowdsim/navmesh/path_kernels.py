@@ -10,8 +10,9 @@ import numpy as np
 
 from crowdsim.jit import kernel
 from crowdsim.navmesh.clearance_kernels import capsule_nearest, disc_clearance
+from crowdsim.navmesh.growing_kernels import longer_rows
 from crowdsim.navmesh.search_kernels import find_channel
-from crowdsim.navmesh.triangulation_kernels import nxt, origin, twin
+from crowdsim.navmesh.triangulation_kernels import nxt, origin
 
 OK = 0
 START_BLOCKED = 1
@@ -22,7 +23,14 @@ _REPAIRS = 60
 _RETRIES = 8
 _COARSE = 1e-3
 _FINE = 2e-6
-"""How far the corners of the polyline may stand off an arc, meters: normally, and in passages that have no more room."""
+"""How far corners of the polyline may stand off an arc, meters: normally, and in passages that leave no more room."""
+
+
+@kernel
+def _copy(target, i, source, j):
+    """Node i of ``target`` becomes node j of ``source``."""
+    for k in range(4):
+        target[i, k] = source[j, k]
 
 
 @kernel
@@ -44,7 +52,7 @@ def _tangent(nodes, i, j):
 
 @kernel
 def _funnel(m, channel, sx, sy, gx, gy, radius):
-    """Nodes (k, 4) of the taut string through the channel, rows x, y, q, vertex, with room to grow; and their number."""
+    """Nodes of the taut string through the channel, rows x, y, q, vertex with room for more, and their number."""
     # The funnel is a deque: left chain (outwards to lower places), apex, right chain (outwards to higher places).
     room = 2 * channel.size + 4
     chain = np.empty((2 * room + 1, 4))
@@ -57,7 +65,7 @@ def _funnel(m, channel, sx, sy, gx, gy, radius):
     chain[apex, 1] = sy
     chain[apex, 2] = 0.0
     chain[apex, 3] = -1.0
-    nodes[0] = chain[apex]
+    _copy(nodes, np.int64(0), chain, apex)
     count = 1
     before_left = np.int64(-1)
     before_right = np.int64(-1)
@@ -93,8 +101,8 @@ def _funnel(m, channel, sx, sy, gx, gy, radius):
             while True:
                 end = low if sign > 0 else high
                 other = high if sign > 0 else low
-                work[0] = chain[end]
-                _, dx, dy = _tangent(work, 0, 1)
+                _copy(work, np.int64(0), chain, end)
+                _, dx, dy = _tangent(work, np.int64(0), np.int64(1))
                 if end != apex:
                     rx = heading[end, 0]
                     ry = heading[end, 1]
@@ -113,7 +121,7 @@ def _funnel(m, channel, sx, sy, gx, gy, radius):
                         high -= 1
                 else:
                     apex += sign
-                    nodes[count] = chain[apex]
+                    _copy(nodes, count, chain, apex)
                     count += 1
                     if sign > 0:
                         low = apex
@@ -125,11 +133,11 @@ def _funnel(m, channel, sx, sy, gx, gy, radius):
             else:
                 high += 1
                 end = high
-            chain[end] = work[1]
+            _copy(chain, end, work, np.int64(1))
             heading[end, 0] = dx
             heading[end, 1] = dy
     for i in range(apex - 1, low - 1, -1):
-        nodes[count] = chain[i]
+        _copy(nodes, count, chain, i)
         count += 1
     return nodes, count
 
@@ -143,14 +151,14 @@ def _tighten(nodes, count):
         after, bx, by = _tangent(nodes, i, i + 1)
         if nodes[i, 2] * (ax * by - ay * bx) < 0.0:
             for k in range(i, count - 1):
-                nodes[k] = nodes[k + 1]
+                _copy(nodes, k, nodes, k + 1)
             count -= 1
             i = max(1, i - 1)
         elif before and after:
             i += 1
         else:
             return -1
-    exists, _, _ = _tangent(nodes, 0, 1)
+    exists, _, _ = _tangent(nodes, np.int64(0), np.int64(1))
     return count if exists else -1
 
 
@@ -175,15 +183,13 @@ def _trace(m, nodes, count, least, bulge, hint):
             _, bx, by = _tangent(nodes, i, i + 1)
             angle = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
             most = min(2.0 * math.acos(radius / (radius + bulge)), 0.35) if radius > 0.0 else 1.0
-            steps = max(1, int(math.ceil(abs(angle) / most)))
+            steps = max(1, math.ceil(abs(angle) / most))
         step = angle / steps
         reach = radius / math.cos(0.5 * step)
         # The string touches the disc on its right side where the node is on the left, and the other way round.
         start = math.atan2(ax, -ay) if nodes[i, 2] < 0.0 else math.atan2(-ax, ay)
-        if n + steps > points.shape[0]:
-            longer = np.empty((2 * points.shape[0] + steps, 2))
-            longer[:n] = points[:n]
-            points = longer
+        while n + steps > points.shape[0]:
+            points = longer_rows(points)
         for k in range(steps):
             at = start + (k + 0.5) * step
             x = nodes[i, 0] + reach * math.cos(at)
@@ -204,11 +210,9 @@ def _trace(m, nodes, count, least, bulge, hint):
 def _insert(m, nodes, count, at, vertex, q):
     """Nodes with (vertex, q) inserted at place ``at``."""
     if count == nodes.shape[0]:
-        longer = np.empty((2 * count, 4))
-        longer[:count] = nodes
-        nodes = longer
+        nodes = longer_rows(nodes)
     for k in range(count, at, -1):
-        nodes[k] = nodes[k - 1]
+        _copy(nodes, k, nodes, k - 1)
     nodes[at, 0] = m.vx[vertex]
     nodes[at, 1] = m.vy[vertex]
     nodes[at, 2] = q
@@ -265,7 +269,7 @@ def _pull(m, nodes, count, radius, least, hint):
         nodes = _insert(m, nodes, count, i + 1, vertex, q)
         count += 1
         if inside and not (_turns_right(nodes, count, i) and _turns_right(nodes, count, i + 1)):
-            nodes[i + 1] = nodes[i]
+            _copy(nodes, i + 1, nodes, i)
             nodes[i, 0] = m.vx[vertex]
             nodes[i, 1] = m.vy[vertex]
             nodes[i, 2] = q
@@ -302,7 +306,8 @@ def plan_path(m, sx, sy, gx, gy, radius, tolerance):
     marks = np.zeros((3 * m.counts[1], 2), np.int32)
     for attempt in range(_RETRIES):
         if attempt > 0:
-            marks[:, 0] = 0
+            for h in range(marks.shape[0]):
+                marks[h, 0] = 0
         channel = find_channel(m, start, sx, sy, goal, gx, gy, radius, 2.0 * least, marks, states)
         if channel.size == 0:
             break
