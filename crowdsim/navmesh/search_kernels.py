@@ -67,8 +67,8 @@ def _crossing_point(m, h, radius, px, py, gx, gy):
 
 
 @kernel
-def _push(heap, count, key, item):
-    """Add a row (key, item) to the binary heap, which grows as needed. Ties leave in the order of their items."""
+def push(heap, count, key, item):
+    """Add a row (key, item) to the binary heap; (heap, count). Equal keys leave in the order of their items."""
     if count == heap.shape[0]:
         heap = longer_rows(heap)
     i = count
@@ -81,11 +81,11 @@ def _push(heap, count, key, item):
         i = up
     heap[i, 0] = key
     heap[i, 1] = item
-    return heap
+    return heap, count + 1
 
 
 @kernel
-def _pop(heap, count):
+def pop(heap, count):
     """Take the least of ``count`` heap rows away, which is left in place ``count - 1``."""
     last = count - 1
     key = heap[last, 0]
@@ -114,7 +114,7 @@ def _pop(heap, count):
 
 @kernel
 def find_channel(m, start, sx, sy, goal, gx, gy, radius, width, marks, states):
-    """Half-edges (k,) crossed from triangle ``start`` to ``goal`` on about the shortest way; none if all are too narrow.
+    """Half-edges (k,) crossed from triangle ``start`` to ``goal`` on about the shortest way; none if too narrow.
 
     ``width`` is the least width passed. ``marks`` (3 nt, 2) int32 holds the predecessor, plus 2, and a closed flag: 0
     for not seen, 1 in the second column for not to be crossed. ``states`` (3 nt, 3) holds cost and crossing point.
@@ -129,11 +129,10 @@ def find_channel(m, start, sx, sy, goal, gx, gy, radius, width, marks, states):
             states[h, 1] = x
             states[h, 2] = y
             marks[h, 0] = 1
-            heap = _push(heap, count, cost + math.hypot(gx - x, gy - y), np.int64(h))
-            count += 1
+            heap, count = push(heap, count, cost + math.hypot(gx - x, gy - y), float(h))
     found = np.int64(-1)
     while count > 0:
-        _pop(heap, count)
+        pop(heap, count)
         count -= 1
         h = np.int64(heap[count, 1])
         px = states[h, 1]
@@ -156,8 +155,7 @@ def find_channel(m, start, sx, sy, goal, gx, gy, radius, width, marks, states):
                 states[e, 1] = x
                 states[e, 2] = y
                 marks[e, 0] = h + 2
-                heap = _push(heap, count, cost + math.hypot(gx - x, gy - y), e)
-                count += 1
+                heap, count = push(heap, count, cost + math.hypot(gx - x, gy - y), float(e))
     length = 0
     h = found
     while h >= 0:
