@@ -42,8 +42,8 @@ BRISK = Gait("brisk", 1.60, 62, 24.5, 0.040)
 class PlanBuilder:
     """Adds movements to a plan one after another; each begins where the one before ended."""
 
-    def __init__(self, name: str, soft: float = 11.0) -> None:
-        self.plan = Plan(name, soft=soft)
+    def __init__(self, name: str, soft: float = 11.0, sway: float = 0.72) -> None:
+        self.plan = Plan(name, soft=soft, sway=sway)
         self.body = self.plan.start
         self.frame = float(REST)
         self.gait: Gait | None = None
@@ -123,7 +123,7 @@ class PlanBuilder:
         for side in (LEFT, RIGHT):
             lift = self.frame + 0.5 * gait.double_support
             self.step(side, final, lift, lift + gait.swing)
-        return self.stand()
+        return self.stand(0.0)
 
     def start_turned_left(self, gait: Gait, turn: float) -> PlanBuilder:
         """From standing to the passing pose of ``gait`` turned left by ``turn``, the left foot first."""
@@ -148,9 +148,9 @@ class PlanBuilder:
         self._pass(gait, land)
         return self
 
-    def stand(self) -> PlanBuilder:
-        """Come to rest after the last landing."""
-        self.frame = float(np.ceil(self.frame + self.plan.soft))
+    def stand(self, settle: float | None = None) -> PlanBuilder:
+        """Come to rest ``settle`` frames after the last landing, by default when the heel is down."""
+        self.frame = float(np.ceil(self.frame + (self.plan.soft if settle is None else settle)))
         self.plan.hubs.append(Hub(int(self.frame), "stand", self.body))
         self.gait = None
         return self

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.motion.body import ANKLE_HEIGHT, BALL_AHEAD, BALL_HEIGHT, HEEL_BACK
 from crowdsim.motion.gait_curves import ease, hermite, quintic
-from crowdsim.motion.gait_plan import LEFT, STANDING_HALF_WIDTH, Plan, Step, footprint
+from crowdsim.motion.gait_plan import LEFT, RIGHT, STANDING_HALF_WIDTH, Plan, Step, footprint
 
 Floats = NDArray[np.float64]
 
@@ -119,7 +119,8 @@ def _plants(plan: Plan, side: int) -> list[_Plant]:
         heel_rise = _SOFT_SPEED * plan.soft / CAPTURE_RATE / BALL_AHEAD
         arrive = _LANDING_PITCH * float(np.clip(ahead[0] / _FULL_STRIDE, 0.0, 1.12))
         if i > 0 and _closes(plan, steps[i - 1]):
-            arrive = -heel_rise if side == LEFT else 0.0
+            # A right heel that sinks last would carry its ankle forward past the left one: a crossing where there is none.
+            arrive = 0.0 if side == RIGHT and any(hub.kind != "stand" for hub in plan.hubs) else -heel_rise
         leave = _PUSH_PITCH * float(np.clip(ahead[1] / _FULL_STRIDE, 0.0, 1.15)) ** 0.8
         leave = max(leave, heel_rise) if i + 1 < len(places) else 0.0
         plants.append(_Plant(place, lands[i], lifts[i], arrive, leave, plan.soft, ahead[1] > _STRIDING))

@@ -16,6 +16,8 @@ Floats = NDArray[np.float64]
 
 _LATERAL_SOFT = 7.0
 """Frames of heel rise and sinking in side steps: shorter than in walking, so that steps follow one another briskly."""
+_LATERAL_SWAY = 0.2
+"""Side steps are carried by their momentum: the body hardly goes back over the pushing foot."""
 _IDLE_FRAMES = 121
 _MARGIN = 60
 """Frames of walking kept beyond a cut, less than a cycle so that no other cut is among them."""
@@ -67,21 +69,25 @@ def _turn_in_place(name: str, degrees: float) -> Plan:
     return PlanBuilder(name).steps(places, 21.0 + abs(degrees) / pairs * 0.06).finish()
 
 
+def _lateral(name: str) -> PlanBuilder:
+    return PlanBuilder(name, _LATERAL_SOFT, _LATERAL_SWAY)
+
+
 def _side_steps(name: str) -> Plan:
     """Three full steps to the left."""
-    builder = PlanBuilder(name, _LATERAL_SOFT)
+    builder = _lateral(name)
     return builder.side_step(LEFT, 0.44, 17.0).pause().side_step(LEFT, 0.44, 17.0).pause().side_step(
         LEFT, 0.44, 17.0
     ).stand().finish()  # fmt: skip
 
 
 def _short_side_step(name: str) -> Plan:
-    return PlanBuilder(name, _LATERAL_SOFT).side_step(LEFT, 0.20, 14.0).stand().finish()
+    return _lateral(name).side_step(LEFT, 0.20, 14.0).stand().finish()
 
 
 def _turning_side_steps(name: str) -> Plan:
     """Steps to the left that turn the body by 5 and 10 degrees either way."""
-    builder = PlanBuilder(name, _LATERAL_SOFT)
+    builder = _lateral(name)
     for degrees in (5.0, -5.0, 10.0, -10.0):
         builder.side_step(LEFT, 0.40, 17.0, _rad(degrees)).pause()
     return builder.side_step(LEFT, 0.44, 17.0).stand().finish()
