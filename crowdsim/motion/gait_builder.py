@@ -42,8 +42,9 @@ BRISK = Gait("brisk", 1.60, 62, 24.5, 0.040)
 class PlanBuilder:
     """Adds movements to a plan one after another; each begins where the one before ended."""
 
-    def __init__(self, name: str, soft: float = 11.0, sway: float = 0.72) -> None:
-        self.plan = Plan(name, soft=soft, sway=sway)
+    def __init__(self, name: str, **style: float) -> None:
+        """``style``: soft, sway and raised of the plan, where they differ from walking."""
+        self.plan = Plan(name, **style)
         self.body = self.plan.start
         self.frame = float(REST)
         self.gait: Gait | None = None
@@ -58,7 +59,9 @@ class PlanBuilder:
 
     def _pass(self, gait: Gait, left_landing: float) -> None:
         """Hub of ``gait`` in the right foot's swing that follows the left foot's landing."""
-        self.plan.hubs.append(Hub(round(left_landing + gait.double_support + PASSING * gait.swing), gait.name, self.body))
+        self.plan.hubs.append(
+            Hub(round(left_landing + gait.double_support + PASSING * gait.swing), gait.name, self.body)
+        )
         self.gait = gait
 
     def _right_swing(self) -> tuple[float, float]:

@@ -14,10 +14,6 @@ from crowdsim.motion.gait_synthesis import synthesize, synthesize_idle
 
 Floats = NDArray[np.float64]
 
-_LATERAL_SOFT = 7.0
-"""Frames of heel rise and sinking in side steps: shorter than in walking, so that steps follow one another briskly."""
-_LATERAL_SWAY = 0.2
-"""Side steps are carried by their momentum: the body hardly goes back over the pushing foot."""
 _IDLE_FRAMES = 121
 _MARGIN = 60
 """Frames of walking kept beyond a cut, less than a cycle so that no other cut is among them."""
@@ -70,7 +66,8 @@ def _turn_in_place(name: str, degrees: float) -> Plan:
 
 
 def _lateral(name: str) -> PlanBuilder:
-    return PlanBuilder(name, _LATERAL_SOFT, _LATERAL_SWAY)
+    """Side steps follow one another briskly, carried by their momentum, on feet that skim the floor."""
+    return PlanBuilder(name, soft=4.5, sway=0.2, raised=0.0)
 
 
 def _side_steps(name: str) -> Plan:
@@ -160,7 +157,12 @@ def synthesize_default_set() -> list[tuple[str, str, Clip]]:
     constrained = [
         _walk("walk"), _slow("walk_slow"), _gentle_turns("walk_gentle_turns"), _short_step("step_25", 0.25), _short_step("step_50", 0.50),
     ]  # fmt: skip
-    frontal = [*constrained, _long_start("walk_long_start"), _sharp_turns("walk_sharp_turns"), _short_step("step_75", 0.75)]
+    frontal = [
+        *constrained,
+        _long_start("walk_long_start"),
+        _sharp_turns("walk_sharp_turns"),
+        _short_step("step_75", 0.75),
+    ]
     for degrees in (15, 30, 60, 90, 180):
         frontal.append(_turn_in_place(f"turn_left_{degrees}", degrees))
         frontal.append(_turn_in_place(f"turn_right_{degrees}", -degrees))
@@ -168,7 +170,9 @@ def synthesize_default_set() -> list[tuple[str, str, Clip]]:
     side += [mirrored(plan, plan.name.replace("left", "right")) for plan in side]
     stand = synthesize_idle("stand", _IDLE_FRAMES)
     clips = [("frontal", synthesize(plan)) for plan in frontal] + [("frontal", stand)]
-    clips += [("arm_constrained", _held(synthesize(plan))) for plan in constrained] + [("arm_constrained", _held(stand))]
+    clips += [("arm_constrained", _held(synthesize(plan))) for plan in constrained] + [
+        ("arm_constrained", _held(stand))
+    ]
     clips += [("arm_constrained", clip) for clip in _arm_transitions()]
     clips += [("lateral", clip) for clip in [*map(synthesize, side), *_quarter_turns(), stand]]
     return [(folder, f"{clip.name}.bvh", clip) for folder, clip in clips]
