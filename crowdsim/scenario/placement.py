@@ -110,17 +110,21 @@ def _room(scenario: Scenario, radius: float) -> MultiPolygon:
 
 def _unusable(scenario: Scenario, region: Polygon | Point, room: MultiPolygon, radius: float) -> str | None:
     """Why no character at all can stand in ``region``; None if one can."""
-    allowed = region.intersection(room)
-    if not allowed.is_empty and (isinstance(region, Point) or polygons_only(allowed).area > 0.0):
+    if _meets(region, room):
         return None
-    ground = scenario.layers()[0]
-    if not region.intersects(scenario.floor_polygon()):
+    if not _meets(region, scenario.floor_polygon()):
         return "lies off the floor"
-    overlap = region.intersection(ground.free)
-    if overlap.is_empty or (isinstance(region, Polygon) and polygons_only(overlap).is_empty):
+    if not _meets(region, scenario.layers()[0].free):
         inside = [solid.name for solid in scenario.solids() if solid.footprint.intersects(region)]
         return f"lies inside {', '.join(repr(name) for name in inside[:3])}; nobody can stand there"
     return f"no spot with {radius:.2f} m of free floor around it; move it away from walls and obstacles"
+
+
+def _meets(region: Polygon | Point, area: Polygon | MultiPolygon) -> bool:
+    """Whether the point, or some of the extent of the region, lies in ``area``."""
+    if isinstance(region, Point):
+        return bool(area.intersects(region))
+    return not polygons_only(region.intersection(area)).is_empty
 
 
 def _too_full(key: str, region: Polygon | Point, placed: int, count: int, radius: float) -> str:
