@@ -1,0 +1,174 @@
+"""The branches of a motion map laid on the path: steered, judged, tested.
+
+Entries of the map at hand are laid down one by one, each after its parent, and remembered in ``laid`` (rows by
+entry): twist, origin, end pose and arc length of the path at the end. A row is of the stage whose serial it carries.
+"""
+
+import math
+
+from crowdsim.constants import CAPTURE_RATE
+from crowdsim.following.path_kernels import path_point, project, sample_index
+from crowdsim.geometry.planar_kernels import compose, wrap_angle
+from crowdsim.jit import kernel
+from crowdsim.motion.track_kernels import next_origin, node_end, track_pose
+from crowdsim.navmesh.clearance_kernels import disc_clearance
+
+TEST_FRAMES = 4
+"""Frames between two samples of the collision test."""
+
+IN_PLACE = 0.15
+"""Meters of track below which a node counts as turning in place: its heading is free."""
+
+_HEADING_LEVER = 0.2
+"""Meters by which steering weighs an error of heading (radians) against one of place (meters)."""
+
+_HEADING_WINDOW = 0.3
+"""Meters of path around the end of a node in which its heading must fit."""
+
+_NODE_COST = 0.01
+"""Square meters that each node adds to the area between branch and path: few long nodes rather than many short."""
+
+_TIME_COST = 0.02
+"""Square meters a second, against standing about."""
+
+_SWITCH_COST = 0.05
+"""Square meters for ending where another behavior than the planned goes on."""
+
+_MISFIT_COST = 0.15
+"""Square meters a meter moved with a behavior one step off the planned one."""
+
+_END_COST = 0.25
+"""Weight (meters) of what the end of a branch is off the path: meters aside, and half of the radians."""
+
+
+@kernel
+def _fit_heading(maps, guide, rules, node, heading, arc, window):
+    """Smallest turn that makes the heading of a body at the end of ``node`` fit the path at ``arc``.
+
+    It fits where the body faces as the node's behavior, or one that may follow it here, asks for. The path's
+    direction is taken anywhere within ``window`` meters: a body rounds a corner sooner or later than its path.
+    """
+    best = math.pi
+    here = sample_index(guide, arc)
+    begin = sample_index(guide, arc - window)
+    end = sample_index(guide, arc + window)
+    for b in range(maps.ends_as.shape[1]):
+        if not (maps.ends_as[node, b] and guide.allowed[b, here]):
+            continue
+        for f in range(rules.facings.shape[1]):
+            facing = rules.facings[b, f]
+            if math.isnan(facing):
+                continue
+            for i in range(begin, end + 1):
+                turn = wrap_angle(guide.pose[i, 2] + facing - heading)
+                if abs(turn) < abs(best):
+                    best = turn
+    return best
+
+
+@kernel
+def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
+    """Extra rotation about the planted foot of ``edge`` that brings the end of its target nearest to the path.
+
+    One joint of the planar chain of the 2011 paper (inverse branch kinematics): the angle that points the end at
+    the path and the angle that mends the heading, weighed by the lever each has, clamped to the edge's range.
+    (x, y, heading) is the end of the node before, ``arc`` its place on the path.
+    """
+    low, high = graph.edge_low[edge], graph.edge_high[edge]
+    if high - low <= 0.0:
+        return 0.0
+    node = graph.edge_target[edge]
+    ox, oy, oh = next_origin(graph, edge, 0.0, x, y, heading)
+    ex, ey, eh = node_end(graph, node, ox, oy, oh)
+    jx, jy, _ = compose(x, y, heading, graph.edge_pivot[edge, 0], graph.edge_pivot[edge, 1], 0.0)
+    aim, _ = project(guide, ex, ey, arc - 0.2, arc + graph.node_length[node] + 0.3)
+    gx, gy = path_point(guide, aim)
+    lever = (ex - jx) ** 2 + (ey - jy) ** 2
+    toward = wrap_angle(math.atan2(gy - jy, gx - jx) - math.atan2(ey - jy, ex - jx))
+    mend = _fit_heading(maps, guide, rules, node, eh, aim, 0.0)
+    weight = _HEADING_LEVER * _HEADING_LEVER
+    return min(max((lever * toward + weight * mend) / (lever + weight), low), high)
+
+
+@kernel
+def lay_node(graph, maps, guide, rules, laid, entry, node, edge, x, y, heading, arc, area):
+    """Place and steer ``node`` after the pose (x, y, heading) at ``arc``; fill the row ``entry`` of ``laid``.
+
+    ``area`` is what the branch has gathered before: the area between branch and path, the sum in equation 5 of the
+    2012 paper, and in the same unit a little for each node, its time, and behaviors other than the planned.
+    A node that strays, faces wrong, passes the goal, or is of a behavior that may not be used here is not fit.
+    """
+    total = guide.arc[guide.arc.shape[0] - 1]
+    goal_x, goal_y = path_point(guide, total)
+    behavior = graph.node_behavior[node]
+    twist = 0.0
+    ox, oy, oh = x, y, heading
+    if edge >= 0:
+        twist = _steer(graph, maps, guide, rules, edge, x, y, heading, arc)
+        ox, oy, oh = next_origin(graph, edge, twist, x, y, heading)
+    x, y, heading = node_end(graph, node, ox, oy, oh)
+    travel = graph.node_length[node]
+    arc_after, end_gap = project(guide, x, y, arc - 0.2, arc + travel + 0.3)
+    arc_after = max(arc_after, arc)
+    error = abs(_fit_heading(maps, guide, rules, node, heading, arc_after, _HEADING_WINDOW))
+    here = sample_index(guide, arc_after)
+    fit = (
+        end_gap <= rules.deviation
+        and (travel < IN_PLACE or error <= rules.heading_tolerance)
+        and guide.allowed[behavior, sample_index(guide, arc)]
+        and guide.allowed[behavior, here]
+    )
+    nearest = math.inf
+    if fit:
+        c, s = math.cos(oh), math.sin(oh)
+        begin, end = maps.outline_first[node], maps.outline_first[node + 1]
+        step = travel / (end - begin)
+        for row in range(begin, end):
+            u, v = maps.outline[row, 0], maps.outline[row, 1]
+            px, py = ox + c * u - s * v, oy + s * u + c * v
+            along = min(arc + maps.outline[row, 2], total)
+            qx, qy = path_point(guide, along)
+            area += step * math.hypot(px - qx, py - qy)
+            area += step * _MISFIT_COST * abs(guide.behavior[sample_index(guide, along)] - behavior)
+            nearest = min(nearest, math.hypot(px - goal_x, py - goal_y))
+        area += _NODE_COST + _TIME_COST * graph.node_frames[node] / CAPTURE_RATE
+        if maps.leads_to[node] != guide.behavior[here]:
+            area += _SWITCH_COST
+    if rules.end_standing:
+        reached = graph.node_ends_standing[node] and math.hypot(x - goal_x, y - goal_y) <= rules.goal_tolerance
+    else:
+        reached = nearest <= rules.goal_tolerance
+    laid.fit[entry] = fit and (reached or arc_after <= total + rules.goal_tolerance)
+    laid.reached[entry] = reached
+    laid.free[entry] = False
+    laid.node[entry] = node
+    laid.edge[entry] = edge
+    laid.twist[entry] = twist
+    laid.origin[entry, 0], laid.origin[entry, 1], laid.origin[entry, 2] = ox, oy, oh
+    laid.end[entry, 0], laid.end[entry, 1], laid.end[entry, 2] = x, y, heading
+    laid.arc[entry] = arc_after
+    laid.area[entry] = area
+    laid.off[entry] = 0.0 if reached else _END_COST * (end_gap + 0.5 * error)
+
+
+@kernel
+def body_is_free(graph, rules, legs, torso, node, origin, seam, hints):
+    """Whether the body's discs are free on both layers all along a node at ``origin``.
+
+    seam: (3,) end of the node before minus the origin; it fades out over the first frames.
+    """
+    legs_need = rules.radii[graph.node_behavior[node], 0] + rules.slack
+    torso_need = rules.radii[graph.node_behavior[node], 1] + rules.slack
+    frames = graph.node_frames[node]
+    frame = 0
+    while True:
+        x, y, _ = track_pose(graph, node, frame, origin[0], origin[1], origin[2], seam[0], seam[1], seam[2])
+        gap, hints[0] = disc_clearance(legs, x, y, legs_need, hints[0])
+        if gap < legs_need:
+            return False
+        gap, hints[1] = disc_clearance(torso, x, y, torso_need, hints[1])
+        if gap < torso_need:
+            return False
+        if frame == frames:
+            return True
+        frame = min(frame + TEST_FRAMES, frames)

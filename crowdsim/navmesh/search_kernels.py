@@ -1,0 +1,175 @@
+"""A* over the sides of the free triangles: the channel that a disc passes through.
+
+A state is a half-edge that the path crosses out of its triangle, with the point where it is crossed best. In a refined
+mesh the widths of sides and corners decide exactly whether the disc fits; near its ends, `can_leave` does.
+"""
+
+import math
+
+import numpy as np
+
+from crowdsim.geometry.segments_kernels import point_segment_distance2
+from crowdsim.jit import kernel
+from crowdsim.navmesh.triangulation_kernels import nxt, origin, prv, twin
+
+
+@kernel
+def can_leave(m, h, x, y, width):
+    """Whether a disc of diameter ``width`` that stands free at (x, y) in the triangle of side h fits out through h."""
+    if m.cst[h] != 0:
+        return False
+    a = origin(m, h)
+    b = origin(m, nxt(h))
+    if math.hypot(m.vx[b] - m.vx[a], m.vy[b] - m.vy[a]) < width:
+        return False
+    # A closed base with the corner opposite of it may leave too little between the disc and h.
+    for base in (nxt(h), prv(h)):
+        if m.cst[base] == 0:
+            continue
+        a = origin(m, base)
+        b = origin(m, nxt(base))
+        v = origin(m, prv(base))
+        px = m.vx[v]
+        py = m.vy[v]
+        if point_segment_distance2(px, py, m.vx[a], m.vy[a], m.vx[b], m.vy[b]) < width * width:
+            ux = m.vx[b] - m.vx[a]
+            uy = m.vy[b] - m.vy[a]
+            foot = (px - m.vx[a]) * ux + (py - m.vy[a]) * uy
+            if foot > 0.0 and foot < ux * ux + uy * uy:
+                along = (x - px) * ux + (y - py) * uy
+                if (along < 0.0) != (h == prv(base)):
+                    return False
+    return True
+
+
+@kernel
+def _crossing_point(m, h, radius, px, py, gx, gy):
+    """Point of side h, a ``radius`` off its ends, on the shortest way from p over h to g."""
+    a = origin(m, h)
+    b = origin(m, nxt(h))
+    ax = m.vx[a]
+    ay = m.vy[a]
+    ux = m.vx[b] - ax
+    uy = m.vy[b] - ay
+    length = math.hypot(ux, uy)
+    ux /= length
+    uy /= length
+    along_p = (px - ax) * ux + (py - ay) * uy
+    along_g = (gx - ax) * ux + (gy - ay) * uy
+    off_p = abs((px - ax) * uy - (py - ay) * ux)
+    off_g = abs((gx - ax) * uy - (gy - ay) * ux)
+    total = off_p + off_g
+    at = (along_p * off_g + along_g * off_p) / total if total > 0.0 else along_p
+    inset = min(radius, 0.5 * length)
+    at = min(max(at, inset), length - inset)
+    return ax + at * ux, ay + at * uy
+
+
+@kernel
+def _push(keys, items, count, key, item):
+    """Add to the binary heap; the arrays, which grow as needed. Ties leave in the order of their items."""
+    if count == keys.size:
+        longer = np.empty(2 * count)
+        longer[:count] = keys
+        keys = longer
+        longer_items = np.empty(2 * count, np.int64)
+        longer_items[:count] = items
+        items = longer_items
+    i = count
+    while i > 0:
+        up = (i - 1) // 2
+        if keys[up] < key or (keys[up] == key and items[up] <= item):
+            break
+        keys[i] = keys[up]
+        items[i] = items[up]
+        i = up
+    keys[i] = key
+    items[i] = item
+    return keys, items
+
+
+@kernel
+def _pop(keys, items, count):
+    """Take the least of ``count`` heap entries away, which is left in place ``count - 1``."""
+    key = keys[count - 1]
+    item = items[count - 1]
+    keys[count - 1] = keys[0]
+    items[count - 1] = items[0]
+    last = count - 1
+    i = 0
+    while True:
+        child = 2 * i + 1
+        if child >= last:
+            break
+        right = child + 1
+        if right < last and (keys[right] < keys[child] or (keys[right] == keys[child] and items[right] < items[child])):
+            child = right
+        if key < keys[child] or (key == keys[child] and item <= items[child]):
+            break
+        keys[i] = keys[child]
+        items[i] = items[child]
+        i = child
+    if last > 0:
+        keys[i] = key
+        items[i] = item
+
+
+@kernel
+def find_channel(m, start, sx, sy, goal, gx, gy, radius, width, marks, states):
+    """Half-edges crossed from triangle ``start`` to ``goal`` on about the shortest way, (k,); empty if none is wide enough.
+
+    ``width`` is the least width passed. ``marks`` (3 nt, 2) int32 holds the predecessor, plus 2, and a closed flag: 0
+    for not seen, 1 in the second column for not to be crossed. ``states`` (3 nt, 3) holds cost and crossing point.
+    """
+    keys = np.empty(256)
+    items = np.empty(256, np.int64)
+    count = 0
+    for h in range(3 * start, 3 * start + 3):
+        if marks[h, 1] == 0 and can_leave(m, h, sx, sy, width):
+            x, y = _crossing_point(m, h, radius, sx, sy, gx, gy)
+            cost = math.hypot(x - sx, y - sy)
+            states[h, 0] = cost
+            states[h, 1] = x
+            states[h, 2] = y
+            marks[h, 0] = 1
+            keys, items = _push(keys, items, count, cost + math.hypot(gx - x, gy - y), h)
+            count += 1
+    found = np.int64(-1)
+    while count > 0:
+        _pop(keys, items, count)
+        count -= 1
+        h = items[count]
+        px = states[h, 1]
+        py = states[h, 2]
+        spent = states[h, 0]
+        if keys[count] > spent + math.hypot(gx - px, gy - py) + 1e-9:
+            continue  # reached at less cost since
+        g = twin(m, h)
+        if g // 3 == goal and can_leave(m, g, gx, gy, width):
+            found = h
+            break
+        for e in (nxt(g), prv(g)):
+            corner = e if e == nxt(g) else g  # the turn is around the vertex that e and g share
+            if m.clr[corner] < width or marks[e, 1] != 0:
+                continue
+            x, y = _crossing_point(m, e, radius, px, py, gx, gy)
+            cost = spent + math.hypot(x - px, y - py)
+            if marks[e, 0] == 0 or cost < states[e, 0] - 1e-9:
+                states[e, 0] = cost
+                states[e, 1] = x
+                states[e, 2] = y
+                marks[e, 0] = h + 2
+                keys, items = _push(keys, items, count, cost + math.hypot(gx - x, gy - y), e)
+                count += 1
+    length = 0
+    h = found
+    while h >= 0:
+        length += 1
+        h = np.int64(marks[h, 0]) - 2
+    channel = np.empty(length, np.int64)
+    h = found
+    while h >= 0:
+        length -= 1
+        channel[length] = h
+        h = np.int64(marks[h, 0]) - 2
+    return channel
