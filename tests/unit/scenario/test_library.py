@@ -25,7 +25,7 @@ def narrowest(scenario, layer: int, xmin: float, xmax: float) -> float:
 def test_the_corridor_is_as_narrow_as_it_says():
     scenario = load_scenario("corridor")
     legs, torso = 0, 1
-    stretches = {name: scenario.region(name).bounds for name in ("one", "two", "three")}
+    stretches = {name: area.bounds for name, area in scenario.area_polygons().items()}
     one, two = stretches["one"], stretches["two"]
     assert narrowest(scenario, torso, one[0], one[2]) == pytest.approx(0.68)
     assert narrowest(scenario, legs, one[0], one[2]) == pytest.approx(0.68)

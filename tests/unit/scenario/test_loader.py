@@ -46,8 +46,8 @@ def test_a_good_file_has_its_values_and_defaults():
     assert (legs.name, legs.low, legs.high, torso.name) == ("legs", 0.10, 2.0, "torso")
     assert torso.free.area - legs.free.area == pytest.approx(0.5)
     assert scenario.layers() is scenario.layers()
-    assert scenario.region("middle").area == pytest.approx(4.0)
-    assert scenario.capture_files() == ()
+    assert scenario.area_polygons()["middle"].area == pytest.approx(4.0)
+    assert scenario.captures() is None
 
 
 @pytest.mark.parametrize(
@@ -297,7 +297,7 @@ def test_captures_are_found_beside_the_scenario(tmp_path):
     file = tmp_path / "mine.yaml"
     file.write_text(change(("set: default", "captures: mocap, clips: ['17*', '1*.bvh']")))
     scenario = load_scenario(file)
-    assert [path.name for path in scenario.capture_files()] == ["17_03.bvh", "16_11.bvh", "16_12.bvh"]
+    assert scenario.captures() == (folder, ("17*", "1*.bvh"))
     file.write_text(change(("set: default", "captures: mocap, clips: ['x*', '../*', '**x', '/etc/*']")))
     with pytest.raises(ScenarioError) as caught:
         load_scenario(file)

@@ -33,15 +33,15 @@ def test_each_has_room_within_its_region():
         assert shapely.covers(free, points_2d).all()
         assert (shapely.distance(free.boundary, points_2d) >= RADIUS - 1e-9).all()
     assert nearest_pair(placement.starts) >= 2.0 * RADIUS
-    assert placement.start_times.tolist() == [0.0] * 12
-    assert placement.groups.dtype == np.int32
+    assert placement.start_steps.tolist() == [0] * 12
+    assert placement.start_steps.dtype == np.int64
 
 
 def test_one_after_another_may_start_at_one_point():
     text = change(("{rectangle: [1, 1, 3, 4]}", "{point: [1, 1]}"), ("on_arrival: leave", "interval: 2.5"))
     placement = place_agents(parse_scenario(text), RADIUS)
     assert placement.starts.tolist() == [[1.0, 1.0]] * 4
-    assert placement.start_times.tolist() == [0.0, 2.5, 5.0, 7.5]
+    assert placement.start_steps.tolist() == [0, 75, 150, 225]
 
 
 def test_groups_that_start_at_one_time_keep_apart():
@@ -53,7 +53,7 @@ def test_groups_that_start_at_one_time_keep_apart():
         )
     )
     placement = place_agents(parse_scenario(text), RADIUS)
-    assert placement.groups.tolist() == [0] * 4 + [1] * 4 + [2]
+    assert list(placement.groups) == ["guests"] * 4 + ["more"] * 4 + ["late"]
     assert nearest_pair(placement.starts[:8]) >= 2.0 * RADIUS
     assert placement.starts[8].tolist() == [2.0, 2.0]
 
@@ -64,6 +64,8 @@ def test_those_that_stay_get_goals_apart():
     assert nearest_pair(together.goals) < 2.0 * RADIUS
     apart = place_agents(parse_scenario(change(larger, ("count: 4", "count: 8"), ("leave", "stay"))), RADIUS)
     assert nearest_pair(apart.goals) >= 2.0 * RADIUS
+    assert not together.stays.any()
+    assert apart.stays.tolist() == [True] * 8
     with pytest.raises(ScenarioError, match=r"agents.0.goal: 4 characters cannot stay at one point"):
         parse_scenario(change(("leave", "stay"), ("{circle: {center: [8, 4], radius: 1.0}}", "{point: [8, 4]}")))
 
@@ -85,7 +87,8 @@ def test_draws_are_uniform_over_an_awkward_region():
     text = change(
         ("{rectangle: [1, 1, 3, 4]}", "{polygon: [[1, 1], [3, 1], [3, 5], [2.8, 1.2], [1, 1.2]]}"),
         ("count: 4", "count: 2000"),
-        ("on_arrival: leave", "interval: 0.01"),
+        ("on_arrival: leave", "interval: 0.1"),
+        ("duration: 60.0", "duration: 300.0"),
     )
     scenario = parse_scenario(text)
     starts = place_agents(scenario, RADIUS).starts
