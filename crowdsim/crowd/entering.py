@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.crowd.cast import Cast
 from crowdsim.crowd.components import SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.motion_plan import MotionPlan, Request
 from crowdsim.crowd.replanning import Plans
 from crowdsim.crowd.reservation_kernels import meets_anyone
 from crowdsim.crowd.setting import Setting
 from crowdsim.ecs.world import View, World
+from crowdsim.scenario.placement import Placement
 
 FOREVER = int(np.iinfo(np.int64).max)
 
@@ -24,7 +24,7 @@ class Entering:
 
     world: World
     setting: Setting
-    cast: Cast
+    cast: Placement
     plans: Plans
     requested: set[int] = field(default_factory=set)
     entered: NDArray[np.int64] = field(init=False)
@@ -32,7 +32,7 @@ class Entering:
     READS = ("timeline", "timeline_start", "gone_slot", "body_radius")
 
     def __post_init__(self) -> None:
-        self.entered = np.full(self.cast.count, -1, np.int64)
+        self.entered = np.full(len(self.cast.starts), -1, np.int64)
 
     def run(self, view: View) -> None:
         step = self.plans.step

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.crowd.cast import Cast
 from crowdsim.crowd.setting import Setting
 from crowdsim.planning.annotated_path import AnnotatedPath
 from crowdsim.recording.header import (
@@ -16,10 +15,11 @@ from crowdsim.recording.header import (
     RecordingHeader,
     SolidRecord,
 )
+from crowdsim.scenario.placement import Placement
 from crowdsim.scenario.scenario import Scenario
 
 
-def record_header(scenario: Scenario, setting: Setting, cast: Cast) -> RecordingHeader:
+def record_header(scenario: Scenario, setting: Setting, cast: Placement) -> RecordingHeader:
     """The header of the recording of one run."""
     rate = setting.steps_per_second
     toward = cast.goals - cast.starts
@@ -39,7 +39,7 @@ def record_header(scenario: Scenario, setting: Setting, cast: Cast) -> Recording
             start_times=cast.start_steps / rate,
             starts=starts,
             goals=cast.goals,
-            radii=np.full(cast.count, setting.personal_radius),
+            radii=np.full(len(cast.starts), setting.personal_radius),
         ),
         motion=MotionRecord(
             skeleton=setting.motion.skeleton,

@@ -14,7 +14,6 @@ from crowdsim.crowd.advancing import Advancing
 from crowdsim.crowd.arriving import Arriving
 from crowdsim.crowd.choosing import Choosing
 from crowdsim.crowd.components import COLUMNS
-from crowdsim.crowd.cast import gather_cast
 from crowdsim.crowd.entering import Entering
 from crowdsim.crowd.header import labeled_points, record_header
 from crowdsim.crowd.replanning import Plans, Replanning
@@ -22,13 +21,14 @@ from crowdsim.crowd.setting import prepare
 from crowdsim.crowd.state_hash import state_hash
 from crowdsim.crowd.statistics import Statistics
 from crowdsim.crowd.worker_pool import WorkerPool
-from crowdsim.constants import NONE
+from crowdsim.constants import NONE, TRACKING_MARGIN
 from crowdsim.ecs.schedule import Schedule, System
 from crowdsim.ecs.world import World
 from crowdsim.planning.annotated_path import AnnotatedPath
 from crowdsim.recording.header import AgentState, RecordedFrame
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.writer import RecordingWriter
+from crowdsim.scenario.placement import place_agents
 from crowdsim.scenario.scenario import Scenario
 
 THINKING_SECONDS = 0.2
@@ -49,8 +49,8 @@ class Simulation:
         self.setting = prepare(scenario)
         rate = scenario.steps_per_second
         self.step_limit = int(round(scenario.duration * rate))
-        self.cast = gather_cast(scenario, self.setting)
-        self.world = World(COLUMNS, capacity=self.cast.count)
+        self.cast = place_agents(scenario, self.setting.personal_radius + TRACKING_MARGIN)
+        self.world = World(COLUMNS, capacity=len(self.cast.starts))
         self._pool = WorkerPool(workers, latency=max(1, round(THINKING_SECONDS * rate)))
         self._new_routes: list[tuple[int, AnnotatedPath]] = []
         self.plans = Plans(self.setting, self._pool, lambda agent, route: self._new_routes.append((agent, route)))
@@ -60,7 +60,7 @@ class Simulation:
         replanning = Replanning(self.plans)
         choosing = Choosing(self.plans)
         advancing = Advancing(self.setting)
-        arriving = Arriving(self.world, self.plans, self.cast.count)
+        arriving = Arriving(self.world, self.plans, len(self.cast.starts))
         self._entering, self._arriving = entering, arriving
         self.schedule = Schedule(
             self.world,
@@ -86,7 +86,7 @@ class Simulation:
     @property
     def finished(self) -> bool:
         """Whether everyone who can arrive has, or the scenario's time is up."""
-        return self.step_count >= self.step_limit or self.arrived + len(self.plans.unreachable) >= self.cast.count
+        return self.step_count >= self.step_limit or self.arrived + len(self.plans.unreachable) >= len(self.cast.starts)
 
     def step(self) -> None:
         """Advance the world by one step."""
@@ -120,7 +120,7 @@ class Simulation:
 
     def frame(self) -> RecordedFrame:
         """The present step of all characters, those outside the world marked absent."""
-        count = self.cast.count
+        count = len(self.cast.starts)
         agent = self.world.column("agent")
         columns: dict[str, Any] = {}
         for name in ("node", "previous", "frame", "behavior"):
@@ -137,7 +137,7 @@ class Simulation:
         done = self._arriving.arrived >= 0
         times = (self._arriving.arrived - self._entering.entered)[done] / rate
         return {
-            "characters": self.cast.count,
+            "characters": len(self.cast.starts),
             "arrived": int(done.sum()),
             "unreachable": {str(agent): reason for agent, reason in sorted(self.plans.unreachable.items())},
             "steps": self.step_count,
