@@ -1,4 +1,4 @@
-"""The progress line of a run, on stderr: what is being prepared, compiled, simulated."""
+"""Progress lines on stderr: what is being prepared, compiled, simulated, drawn; nothing where it is no terminal."""
 
 from __future__ import annotations
 
@@ -9,6 +9,24 @@ import typer
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
+
+
+def progress_bar() -> Progress:
+    """A bar that vanishes when it is done."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    return Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
 
 
 class RunProgress:
@@ -28,28 +46,9 @@ class RunProgress:
 
     def __enter__(self) -> Self:
         from numba.core import event
-        from rich.console import Console
-        from rich.progress import (
-            BarColumn,
-            MofNCompleteColumn,
-            Progress,
-            SpinnerColumn,
-            TextColumn,
-            TimeRemainingColumn,
-        )
 
-        console = Console(stderr=True)
-        self._is_terminal = console.is_terminal
-        self._bar: Progress = Progress(
-            SpinnerColumn(),
-            TextColumn("{task.description}", markup=False),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(),
-            console=console,
-            transient=True,
-            disable=not self._is_terminal,
-        )
+        self._bar = progress_bar()
+        self._is_terminal = self._bar.console.is_terminal
         self._task: TaskID = self._bar.add_task(f"{self._title}: preparing", total=None)
 
         on_start, on_end = self._compiling, self._compiling_ended

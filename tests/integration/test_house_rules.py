@@ -32,7 +32,8 @@ def imported_modules(tree: ast.AST) -> Iterator[str]:
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_a_file_has_at_most_450_lines(path):
-    assert len(path.read_text(encoding="utf-8").splitlines()) <= 450
+    lines = path.read_text(encoding="utf-8").count("\n")
+    assert lines <= 450
 
 
 def test_every_kernel_file_is_imported_by_a_test():
@@ -43,7 +44,8 @@ def test_every_kernel_file_is_imported_by_a_test():
     }
     kernel_files = {".".join(path.relative_to(ROOT).with_suffix("").parts) for path in PACKAGE.rglob("*_kernels.py")}
     assert kernel_files
-    assert kernel_files - tested == set()
+    untested = sorted(kernel_files - tested)
+    assert untested == []
 
 
 def test_modules_print_nothing_when_imported():
