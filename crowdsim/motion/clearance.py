@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.constants import CAPTURE_RATE
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.kinematics import Floats, end_positions, forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
@@ -17,6 +18,9 @@ from crowdsim.motion.tracks import track_of
 
 _HEEL = 0.06
 """Meters from the ankle joint back to the end of the heel, which no joint marks."""
+
+_TURNING = np.radians(30.0)
+"""Radians a second above which a body turns rather than goes on; such frames say nothing about a passage."""
 
 _SPACING = 0.04
 """Meters between the points that stand for a bone."""
@@ -41,19 +45,23 @@ def measure_clearances(clip: Clip, bands: Sequence[tuple[float, float]], facing:
     """(bands,) meters, largest reach of the body to either side of its track within each height band.
 
     ``bands`` holds (low, high) heights. ``facing`` is the angle from the direction of motion to the heading
-    (`Behavior.facing`): 0 for a body that walks ahead, pi/2 for one that side-steps, whose depth then counts. Where
-    nothing of the body is in a band its clearance is 0.
+    (`Behavior.facing`): 0 for a body that walks ahead, pi/2 for one that side-steps, whose depth then counts. Frames
+    that turn faster than 30 degrees a second are left out: across a sharp turn there is no side. Where nothing of
+    the body is in a band, or every frame turns, the clearance is 0.
     """
     track = track_of(clip)
+    goes_on = np.ones(len(track), bool)
+    if len(track) > 1:
+        goes_on = np.abs(np.gradient(track[:, 2])) * CAPTURE_RATE <= _TURNING
     points, flesh = _body_points(clip)
-    motion = track[:, 2] - facing
+    points, motion, track = points[goes_on], track[goes_on, 2] - facing, track[goes_on]
     side = np.stack([-np.sin(motion), np.cos(motion)], axis=1)
     reach = np.abs(np.einsum("fpi,fi->fp", points[..., :2] - track[:, None, :2], side)) + flesh
     height = points[..., 2]
     result = []
     for low, high in bands:
         inside = (height + flesh >= low) & (height - flesh <= high)
-        result.append(float(np.max(np.where(inside, reach, 0.0))))
+        result.append(float(np.max(np.where(inside, reach, 0.0), initial=0.0)))
     return np.array(result)
 
 

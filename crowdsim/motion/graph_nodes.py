@@ -84,6 +84,8 @@ def make_nodes(sources: Sequence[MotionSource]) -> tuple[list[Node], list[Floats
     for index, source in enumerate(sources):
         clip, track = source.clip, track_of(source.clip)
         if source.idle:
+            if clip.frame_count < 2:
+                raise MotionError(f"idle clip '{clip.name}' has a single frame; waiting needs a clip that lasts")
             segments = [Segment(0, clip.frame_count - 1, True, True)]
         else:
             require_locomotion(clip, track)

@@ -62,17 +62,14 @@ def build_motion_graph(
     edges out of each node; the one to the segment that followed in the capture always stays.
     """
     nodes, tracks = make_nodes(sources)
-    dropped = [
-        (node.name, "leads nowhere")
-        for node in nodes
-        if node.leads_nowhere() and not sources[node.source].idle
-    ]
+    dropped = [(node.name, "leads nowhere") for node in nodes if node.leads_nowhere() and not sources[node.source].idle]
     nodes = [node for node in nodes if not node.leads_nowhere() or sources[node.source].idle]
     if not nodes:
         raise MotionError("the detectors cut no segment out of these clips; check the detectors and the clips' lengths")
 
     alignments = align_all(np.stack([n.end.cloud for n in nodes]), np.stack([n.start.cloud for n in nodes]))
     joined = _joined(nodes, alignments, threshold, max_out_edges)
+    _require_loops(sources, nodes, joined, alignments)
     keep = _largest_component(joined)
     dropped += [(nodes[i].name, "not strongly connected with the rest") for i in np.flatnonzero(~keep)]
     kept = np.flatnonzero(keep)
@@ -106,6 +103,18 @@ def _joined(
         np.put_along_axis(near, order[:, :max_out_edges], True, axis=1)
         joined &= near
     return joined | natural
+
+
+def _require_loops(
+    sources: Sequence[MotionSource], nodes: Sequence[Node], joined: NDArray[np.bool_], alignments: Alignments
+) -> None:
+    """MotionError for an idle clip that cannot follow itself: who waits would have to stop waiting."""
+    for i, node in enumerate(nodes):
+        if sources[node.source].idle and not joined[i, i]:
+            raise MotionError(
+                f"idle clip '{sources[node.source].clip.name}' ends {alignments.distance[i, i]:.3f} m away from the "
+                f"pose it starts in and cannot repeat; trim it to end as it began, or raise the threshold"
+            )
 
 
 def _largest_component(joined: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -39,6 +39,17 @@ def test_clearance_does_not_depend_on_where_the_clip_is() -> None:
     assert np.allclose(measure_clearances(clip, bands), measure_clearances(moved, bands), atol=1e-9)
 
 
+def test_a_turn_on_the_spot_says_nothing_about_a_passage() -> None:
+    clip = walk(steps=8, step_length=0.05, turn=2.0 * np.pi, stand=0)
+    middle = Clip("turn", clip.skeleton, clip.root_positions[60:-60], clip.rotations[60:-60])
+    assert measure_clearances(middle, [LEGS, TORSO]).tolist() == [0.0, 0.0]
+
+
+def test_gentle_turns_count() -> None:
+    gentle = measure_clearances(walk(steps=8, turn=0.8), [TORSO])[0]
+    assert gentle == pytest.approx(measure_clearances(walk(steps=8), [TORSO])[0], abs=0.03)
+
+
 def test_an_empty_band_has_no_clearance() -> None:
     assert measure_clearances(walk(steps=4), [(5.0, 6.0)])[0] == 0.0
 

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from crowdsim.geometry.planar import transform_points
 from crowdsim.motion.frame_distance import RANGE_CAP, RANGE_STEP, WINDOW_REACH, align_all, cloud_joints, point_cloud
@@ -97,3 +99,24 @@ def test_windows_use_neighbors_hold_the_ends_and_hold_standing_poses() -> None:
     assert np.allclose(moving[WINDOW_REACH], point_cloud(clip, track, 80, True).reshape(-1, joints, 3)[0])
     held = point_cloud(clip, track, last, False).reshape(-1, joints, 3)
     assert np.allclose(held[WINDOW_REACH:], held[-1])
+
+
+planar = st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-3.2, 3.2))
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 1000), move_a=planar, move_b=planar, points=st.integers(1, 8))
+def test_distance_does_not_depend_on_where_the_clouds_are(
+    seed: int, move_a: tuple[float, ...], move_b: tuple[float, ...], points: int
+) -> None:
+    a, b = random_clouds(seed, 1, points), random_clouds(seed + 1, 1, points)
+    moved = [
+        np.concatenate([transform_points(np.array(pose), x[0, :, :2]), x[0, :, 2:]], axis=1)[None]
+        for pose, x in ((move_a, a), (move_b, b))
+    ]
+    before, after = align_all(a, b), align_all(*moved)
+    assert after.distance[0, 0] == pytest.approx(before.distance[0, 0], abs=1e-5)
+    zero, pivots = np.array([0]), np.zeros((1, 2))
+    for turn in (0.0, 1.0, float(after.rotation[0, 0])):
+        pinned = after.pinned_distance(zero, zero, pivots, pivots, np.array([turn]))
+        assert pinned[0] >= after.distance[0, 0] - 1e-6

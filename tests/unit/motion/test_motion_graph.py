@@ -170,6 +170,27 @@ def test_bad_sets_are_refused_with_a_reason() -> None:
         build_motion_graph([MotionSource(clip, 0, DETECTORS), MotionSource(other, 0, DETECTORS)])
 
 
+def test_idle_clips_must_last_and_loop() -> None:
+    clip = idle_clip()
+    single = Clip("blink", clip.skeleton, clip.root_positions[:1], clip.rotations[:1])
+    with pytest.raises(MotionError, match="single frame"):
+        build_motion_graph([*sources()[:-1], MotionSource(single, 1, (), idle=True)])
+    sinking = Clip(
+        "sink", clip.skeleton, clip.root_positions - np.linspace(0, 0.3, 40)[:, None] * [0, 0, 1], clip.rotations
+    )
+    with pytest.raises(MotionError, match="cannot repeat"):
+        build_motion_graph([*sources()[:-1], MotionSource(sinking, 1, (), idle=True)])
+
+
+def test_a_skeleton_without_toes_stands_on_its_ankles() -> None:
+    clip = walk(steps=9)
+    s = clip.skeleton
+    roles = {role: joint for role, joint in s.roles.items() if not role.endswith("toe")}
+    bare = Skeleton(s.names, s.parents, s.offsets, s.end_parents, s.end_offsets, roles)
+    graph = build_motion_graph([MotionSource(Clip("bare", bare, clip.root_positions, clip.rotations), 0, DETECTORS)])
+    assert graph.report.nodes >= 3
+
+
 def test_slow_walks_of_subject_16_join_as_measured(shared: Path) -> None:
     """FACTS: 24 segments of ten slow walks give 549 transitions at 6 cm under a like metric."""
     files = sorted((shared / "mocap").glob("16_1[1-9]*.bvh")) + sorted((shared / "mocap").glob("16_20*.bvh"))
