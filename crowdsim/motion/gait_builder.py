@@ -130,7 +130,7 @@ class PlanBuilder:
     def start_turned_left(self, gait: Gait, turn: float) -> PlanBuilder:
         """From standing to the passing pose of ``gait`` turned left by ``turn``, the left foot first."""
         way = compose(self.body, np.array([0.0, 0.0, turn]))
-        ahead = compose(way, np.array([0.50, 0.0, 0.0]))
+        ahead = compose(way, np.array([0.42, 0.0, 0.0]))
         return self._start_to(gait, ahead, self.frame + self.plan.style.soft)
 
     def start_turned_right(self, gait: Gait, turn: float) -> PlanBuilder:
@@ -164,13 +164,13 @@ class PlanBuilder:
         self.frame += rest
         return self
 
-    def steps(self, places: list[tuple[int, float, float]], swing: float, overlap: float = 0.0) -> PlanBuilder:
-        """Steps (side, meters ahead, heading) relative to the body pose here, one after another."""
+    def steps(self, places: list[tuple[int, Floats]], swing: float, pause: float = 0.0) -> PlanBuilder:
+        """Steps of a side to a body pose relative to the one here, one after another."""
         origin = self.body
         lift = self.frame + self.plan.style.soft
-        for side, ahead, heading in places:
-            self.step(side, compose(origin, np.array([ahead, 0.0, heading])), lift, lift + swing)
-            lift = self.frame - overlap
+        for side, place in places:
+            self.step(side, compose(origin, place), lift, lift + swing)
+            lift = self.frame + pause
         return self.stand()
 
     def side_step(self, side: int, length: float, swing: float, turn: float = 0.0) -> PlanBuilder:

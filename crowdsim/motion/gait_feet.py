@@ -31,7 +31,7 @@ _PUSH_POWER = 2.5
 _PUSH_FRAMES = 17.8
 """Frames over which the heel rises before the toes leave the floor."""
 _FULL_STRIDE = 1.40
-_SPRING, _BRAKE = 6.9, 4.9
+_SPRING, _BRAKE = 6.4, 4.9
 """Horizontal acceleration as a swing begins and slowing as it ends, in ways a squared swing time."""
 _LIFT_STRIDE, _SINK = 0.042, 5.3
 """Height that the swing of a full stride adds to the line between its ends, and how soon it sinks."""
@@ -121,10 +121,12 @@ def _turning(plant: _Plant, t: float, duration: float) -> tuple[float, float]:
     return float(yaw[1]), float(yaw[1] - yaw[0]) / _TINY * duration
 
 
-def _closes(plan: Plan, step: Step) -> bool:
-    """Whether a step brings its foot beside the other one."""
+def _comes_to_rest(plan: Plan, step: Step) -> bool:
+    """Whether a step brings its foot beside the other one, and neither lifts soon after."""
     before = [s.body for s in plan.steps if s.side != step.side and s.land < step.land]
-    return bool(np.allclose(before[-1] if before else plan.start, step.body, atol=1e-6))
+    if not np.allclose(before[-1] if before else plan.start, step.body, atol=1e-6):
+        return False
+    return all(s.lift >= step.land + plan.style.soft for s in plan.steps if s.land > step.land)
 
 
 def _plants(plan: Plan, side: int) -> list[_Plant]:
@@ -145,7 +147,7 @@ def _plants(plan: Plan, side: int) -> list[_Plant]:
         twist = _TWIST * float(np.sign(turn)) * max(0.0, abs(turn) - _UNTWISTED)
         heel_rise = _SOFT_SPEED * soft / CAPTURE_RATE / BALL_AHEAD
         arrive = _LANDING_PITCH * float(np.clip(came / _FULL_STRIDE, 0.0, 1.12))
-        if i > 0 and _closes(plan, steps[i - 1]):
+        if i > 0 and _comes_to_rest(plan, steps[i - 1]):
             # A right heel that sinks last carries its ankle past the left one: in a walk that would be a crossing.
             arrive = 0.0 if side == RIGHT and any(hub.kind != "stand" for hub in plan.hubs) else -heel_rise
         leave = _PUSH_PITCH * float(np.clip(goes / _FULL_STRIDE, 0.0, 1.15)) ** 0.8

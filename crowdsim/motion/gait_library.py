@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.geometry.planar import compose
 from crowdsim.motion.arm_edit import edit_arms
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.gait_builder import BRISK, NORMAL, SLOW, PlanBuilder
@@ -54,15 +55,27 @@ def _sharp_turns(name: str) -> Plan:
 
 
 def _short_step(name: str, length: float) -> Plan:
-    return PlanBuilder(name).steps([(RIGHT, length, 0.0), (LEFT, length, 0.0)], 20.0 + 8.0 * length, -2.0).finish()
+    return (
+        PlanBuilder(name)
+        .steps([(side, np.array([length, 0.0, 0.0])) for side in (RIGHT, LEFT)], 20.0 + 8.0 * length, 2.0)
+        .finish()
+    )
 
 
 def _turn_in_place(name: str, degrees: float) -> Plan:
-    """Pairs of steps, the right foot first, no more than 60 degrees a pair."""
-    pairs = int(np.ceil(abs(degrees) / 61.0))
-    headings = [_rad(degrees) * (i + 1) / pairs for i in range(pairs)]
-    places = [(side, 0.0, heading) for heading in headings for side in (RIGHT, LEFT)]
-    return PlanBuilder(name).steps(places, 21.0 + abs(degrees) / pairs * 0.06).finish()
+    """Pairs of steps, the right foot first, no more than 45 degrees a pair.
+
+    Turning right, that foot opens, and its heel needs room beside the other one.
+    """
+    pairs = int(np.ceil(abs(degrees) / 45.0))
+    turn = _rad(degrees) / pairs
+    room = 0.05 * max(0.0, -turn)
+    body = np.zeros(3)
+    places: list[tuple[int, Floats]] = []
+    for _ in range(pairs):
+        body = compose(body, np.array([0.0, -room, turn]))
+        places += [(RIGHT, body), (LEFT, body)]
+    return PlanBuilder(name).steps(places, 17.0 + 3.0 * abs(turn)).finish()
 
 
 def _side_steps(name: str) -> Plan:
