@@ -23,7 +23,7 @@ _LANDING_PITCH = np.radians(23.5)
 _PUSH_PITCH = np.radians(61.0)
 _SOFT_SPEED = 0.22
 """Meters a second at which heels rise and sink where a body starts or comes to stand."""
-_SOFT_RAMP = 2.5
+_SOFT_RAMP = 2.0
 """Frames that this speed takes to build up."""
 _ROLL_FRAMES = 6.5
 """Frames from landing on the heel to standing flat."""
@@ -39,7 +39,7 @@ _LEVEL_AT = 0.72
 _TWIST, _UNTWISTED = 0.5, float(np.radians(25.0))
 """Part of a foot's turn that it makes on its ball before it lifts, of what exceeds an angle that legs turn easily."""
 _STRIDING = 0.70
-"""Meters a foot goes ahead from which on the toes push it off as in walking."""
+"""Meters a foot goes from which on the toes push it off as in walking."""
 _TINY = 1e-3
 
 
@@ -54,11 +54,18 @@ class FootCurves:
     planted: NDArray[np.bool_]
 
 
-def _ramped(since: Floats, duration: float) -> Floats:
-    """0 up to ``since`` = 0, then rising to 1 at ``duration`` with a speed that is soon constant."""
-    since = np.maximum(since, 0.0)
+def _ramped(since: Floats, duration: float, slowing: float) -> Floats:
+    """0 up to ``since`` = 0, then rising to 1 at ``duration`` with a speed that is constant but for ramps.
+
+    The last ramp takes ``slowing`` frames; with none, the speed is kept to the end.
+    """
+    since = np.clip(since, 0.0, duration)
+    whole = duration - 0.5 * (_SOFT_RAMP + slowing)
     risen = np.where(since < _SOFT_RAMP, since**2 / (2.0 * _SOFT_RAMP), since - 0.5 * _SOFT_RAMP)
-    return risen / (duration - 0.5 * _SOFT_RAMP)
+    if slowing > 0.0:
+        left = duration - since
+        risen = np.where(left < slowing, whole - left**2 / (2.0 * slowing), risen)
+    return risen / whole
 
 
 @dataclass(frozen=True)
@@ -75,17 +82,18 @@ class _Plant:
     leave: float
     twist: float
     soft: float
+    slowing: float
     strides_off: bool
 
     def pitch(self, t: Floats) -> Floats:
         rolled = np.clip((t - self.land) / _ROLL_FRAMES, 0.0, 1.0)
         if self.arrive < 0.0:
-            down = self.arrive * _ramped(self.land + self.soft - t, self.soft)
+            down = self.arrive * _ramped(self.land + self.soft - t, self.soft, self.slowing)
         else:
             down = self.arrive * (1.0 - rolled) ** 2 * (1.0 + 0.6 * rolled)
         if self.strides_off:
             return down - self.leave * np.maximum((t - self.lift) / self._push_frames() + 1.0, 0.0) ** _PUSH_POWER
-        return down - self.leave * _ramped(t - self.lift + self.soft, self.soft)
+        return down - self.leave * _ramped(t - self.lift + self.soft, self.soft, self.slowing)
 
     def _push_frames(self) -> float:
         if not self.strides_off:
@@ -144,6 +152,7 @@ def _plants(plan: Plan, side: int) -> list[_Plant]:
         came = _way_ahead(places[i - 1], place) if i > 0 else 0.0
         goes = _way_ahead(place, places[i + 1]) if i + 1 < len(places) else 0.0
         turn = float(places[i + 1][2] - place[2]) if i + 1 < len(places) else 0.0
+        strides_off = i + 1 < len(places) and float(np.hypot(*(places[i + 1] - place)[:2])) > _STRIDING
         twist = _TWIST * float(np.sign(turn)) * max(0.0, abs(turn) - _UNTWISTED)
         heel_rise = _SOFT_SPEED * soft / CAPTURE_RATE / BALL_AHEAD
         arrive = _LANDING_PITCH * float(np.clip(came / _FULL_STRIDE, 0.0, 1.12))
@@ -152,7 +161,7 @@ def _plants(plan: Plan, side: int) -> list[_Plant]:
             arrive = 0.0 if side == RIGHT and any(hub.kind != "stand" for hub in plan.hubs) else -heel_rise
         leave = _PUSH_PITCH * float(np.clip(goes / _FULL_STRIDE, 0.0, 1.15)) ** 0.8
         leave = max(leave, heel_rise) if i + 1 < len(places) else 0.0
-        plants.append(_Plant(place, lands[i], lifts[i], arrive, leave, twist, soft, goes > _STRIDING))
+        plants.append(_Plant(place, lands[i], lifts[i], arrive, leave, twist, soft, plan.style.slowing, strides_off))
     return plants
 
 

@@ -27,17 +27,19 @@ class Style(NamedTuple):
     """How feet and body go about short steps.
 
     soft: frames over which a heel rises from standing before its foot lifts, or comes down after its foot has closed;
+    slowing: frames in which that rise slows down again before the foot lifts, so that it stays low in its swing;
     sway: how far the body goes over to the foot that carries it, 0 not at all, 1 all the way;
-    raised: meters that even the shortest step takes its foot up.
+    raised: meters that even the shortest step takes its foot up in its swing.
     """
 
     soft: float
+    slowing: float
     sway: float
     raised: float
 
 
-WALKING = Style(11.0, 0.72, 0.035)
-SIDE_STEPPING = Style(4.5, 0.2, 0.0)
+WALKING = Style(11.0, 0.0, 0.72, 0.035)
+SIDE_STEPPING = Style(4.5, 2.0, 0.2, 0.0)
 """Side steps follow one another briskly, carried by their momentum, on feet that skim the floor."""
 
 

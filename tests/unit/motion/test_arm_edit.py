@@ -45,10 +45,13 @@ def cmu_clip(path: Path) -> Clip:
     quaternions = np.empty((len(bvh.root_pos), len(names), 4))
     for j, node in enumerate(joints):
         turn = np.array([1.0, 0.0, 0.0, 0.0])
-        for letter, angle in zip("".join(node.rot_channels), np.radians(bvh.joint_angles[:, j]).T, strict=True):
+        for letter, angle in zip("".join(node.rot_channels), bvh.joint_angles[:, j].T, strict=True):
             turn = multiply(turn, about_axis(np.eye(3)["ZXY".index(letter)], angle))
         quaternions[:, j] = turn
-    return Clip(path.stem, skeleton, np.asarray(bvh.root_pos)[:, [2, 0, 1]] / 100.0, quaternions)
+    clip = Clip(path.stem, skeleton, np.asarray(bvh.root_pos)[:, [2, 0, 1]] / 100.0, quaternions)
+    expected = np.asarray(bvh.joint_positions(centered="world"))[..., [2, 0, 1]] / 100.0
+    assert np.allclose(clip.joint_positions, expected, atol=1e-6)
+    return clip
 
 
 def half_width(clip: Clip) -> np.ndarray:
