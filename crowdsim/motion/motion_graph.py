@@ -61,9 +61,9 @@ def build_motion_graph(
     ``threshold`` meters (root mean square over joints and frames). ``max_out_edges`` keeps the nearest so many
     edges out of each node; the one to the segment that followed in the capture always stays.
     """
-    nodes = make_nodes(sources)
+    nodes, tracks = make_nodes(sources)
     dropped = [
-        (node.name, "neither moves nor turns")
+        (node.name, "leads nowhere")
         for node in nodes
         if node.leads_nowhere() and not sources[node.source].idle
     ]
@@ -87,7 +87,7 @@ def build_motion_graph(
     n, e = len(nodes), len(arrays.edge_target)
     report = GraphReport(n, e, (n + 2 * e) / (n + e), e / n, tuple(dropped))
     names = tuple(node.name for node in nodes)
-    return MotionGraph(arrays, names, make_pose_table(sources, nodes), sources[0].clip.skeleton, report)
+    return MotionGraph(arrays, names, make_pose_table(sources, tracks, nodes), sources[0].clip.skeleton, report)
 
 
 def _joined(

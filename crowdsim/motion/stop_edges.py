@@ -30,12 +30,12 @@ def _nearest_standing(graph: GraphArrays, source: NDArray[np.int64], allowed: ND
     """Dijkstra from all standing ends backward over the ``allowed`` edges."""
     count = len(graph.node_frames)
     incoming: list[list[int]] = [[] for _ in range(count)]
-    for edge in np.flatnonzero(allowed):
-        incoming[graph.edge_target[edge]].append(int(edge))
+    for edge in np.flatnonzero(allowed).tolist():
+        incoming[graph.edge_target[edge]].append(edge)
     best = np.full(count, NONE, np.int32)
     done = np.zeros(count, bool)
     queue: list[tuple[float, int, int, int]] = [
-        (0.0, 0, int(node), NONE) for node in np.flatnonzero(graph.node_ends_standing)
+        (0.0, 0, node, NONE) for node in np.flatnonzero(graph.node_ends_standing).tolist()
     ]
     heapq.heapify(queue)
     while queue:

@@ -1,0 +1,178 @@
+"""The default motion set: which movements it holds, and in which behavior's folder each clip stands."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.motion.arm_edit import edit_arms
+from crowdsim.motion.clip import Clip
+from crowdsim.motion.gait_builder import BRISK, NORMAL, SLOW, PlanBuilder
+from crowdsim.motion.gait_curves import ease
+from crowdsim.motion.gait_plan import LEFT, RIGHT, Plan, mirrored
+from crowdsim.motion.gait_synthesis import synthesize, synthesize_idle
+
+Floats = NDArray[np.float64]
+
+_IDLE_FRAMES = 121
+_MARGIN = 60
+"""Frames of walking kept beyond a cut, less than a cycle so that no other cut is among them."""
+
+
+def _rad(degrees: float) -> float:
+    return float(np.radians(degrees))
+
+
+def _walk(name: str) -> Plan:
+    """Straight walking at three speeds and the changes between them."""
+    builder = PlanBuilder(name).start(NORMAL)
+    for gait in (NORMAL, NORMAL, NORMAL, SLOW, SLOW, SLOW, NORMAL, BRISK, BRISK, BRISK, NORMAL):
+        builder.cycle(gait)
+    return builder.stop().finish()
+
+
+def _slow(name: str) -> Plan:
+    return PlanBuilder(name).start(SLOW, 0.46).cycle(SLOW).cycle(SLOW).stop(0.46).finish()
+
+
+def _long_start(name: str) -> Plan:
+    return PlanBuilder(name).start_right(NORMAL).cycle(NORMAL).stop(0.68).finish()
+
+
+def _gentle_turns(name: str) -> Plan:
+    builder = PlanBuilder(name).start(NORMAL)
+    for degrees in (10.0, -10.0, 20.0, -20.0):
+        builder.cycle(NORMAL, _rad(degrees))
+    return builder.stop().finish()
+
+
+def _sharp_turns(name: str) -> Plan:
+    builder = PlanBuilder(name).start(NORMAL)
+    for degrees, outer, length in ((45.0, 0.4, 1.15), (-45.0, 0.6, 1.15), (90.0, 0.42, 0.86), (-90.0, 0.58, 0.86)):
+        builder.cycle(NORMAL, _rad(degrees), outer, length)
+    return builder.stop().finish()
+
+
+def _short_step(name: str, length: float) -> Plan:
+    return PlanBuilder(name).steps([(RIGHT, length, 0.0), (LEFT, length, 0.0)], 20.0 + 8.0 * length, -2.0).finish()
+
+
+def _turn_in_place(name: str, degrees: float) -> Plan:
+    """Pairs of steps, the right foot first, no more than 60 degrees a pair."""
+    pairs = int(np.ceil(abs(degrees) / 61.0))
+    headings = [_rad(degrees) * (i + 1) / pairs for i in range(pairs)]
+    places = [(side, 0.0, heading) for heading in headings for side in (RIGHT, LEFT)]
+    return PlanBuilder(name).steps(places, 21.0 + abs(degrees) / pairs * 0.06).finish()
+
+
+def _lateral(name: str) -> PlanBuilder:
+    """Side steps follow one another briskly, carried by their momentum, on feet that skim the floor."""
+    return PlanBuilder(name, soft=4.5, sway=0.2, raised=0.0)
+
+
+def _side_steps(name: str) -> Plan:
+    """Three full steps to the left."""
+    builder = _lateral(name)
+    return builder.side_step(LEFT, 0.44, 17.0).pause().side_step(LEFT, 0.44, 17.0).pause().side_step(
+        LEFT, 0.44, 17.0
+    ).stand().finish()  # fmt: skip
+
+
+def _short_side_step(name: str) -> Plan:
+    return _lateral(name).side_step(LEFT, 0.20, 14.0).stand().finish()
+
+
+def _turning_side_steps(name: str) -> Plan:
+    """Steps to the left that turn the body by 5 and 10 degrees either way."""
+    builder = _lateral(name)
+    for degrees in (5.0, -5.0, 10.0, -10.0):
+        builder.side_step(LEFT, 0.40, 17.0, _rad(degrees)).pause()
+    return builder.side_step(LEFT, 0.44, 17.0).stand().finish()
+
+
+def _walk_to_side(turn: float) -> Plan:
+    """From walking to standing a quarter turn off; in three steps to the left, where the right foot cannot open."""
+    builder = PlanBuilder("").start(NORMAL).cycle(NORMAL)
+    if turn < 0.0:
+        return builder.stop(0.44, _rad(-90.0)).finish()
+    return builder.stop_turned_left(_rad(90.0)).finish()
+
+
+def _side_to_walk(turn: float) -> Plan:
+    """From standing a quarter turn off the way into walking, the foot on that side first."""
+    builder = PlanBuilder("")
+    if turn > 0.0:
+        builder.start_turned_left(NORMAL, _rad(90.0))
+    else:
+        builder.start_turned_right(NORMAL, _rad(-90.0))
+    return builder.cycle(NORMAL).stop().finish()
+
+
+def _excerpt(name: str, clip: Clip, first: int, last: int) -> Clip:
+    """Frames ``first`` to ``last`` of a clip."""
+    rows = slice(first, last + 1)
+    return Clip(name, clip.skeleton, clip.root_positions[rows], clip.rotations[rows])
+
+
+def _passing_frames(plan: Plan) -> list[int]:
+    return [hub.frame for hub in plan.hubs if hub.kind == NORMAL.name]
+
+
+def _quarter_turns() -> list[Clip]:
+    """Between walking and standing a quarter turn off, with just the walking that its cut needs about it."""
+    clips = []
+    for way, turn in (("left", 1.0), ("right", -1.0)):
+        plan = _walk_to_side(turn)
+        clip = synthesize(plan)
+        clips.append(_excerpt(f"walk_to_side_{way}", clip, _passing_frames(plan)[-1] - _MARGIN, clip.frame_count - 1))
+        plan = _side_to_walk(turn)
+        clips.append(_excerpt(f"side_to_walk_{way}", synthesize(plan), 0, _passing_frames(plan)[0] + _MARGIN))
+    return clips
+
+
+def _arm_transitions() -> list[Clip]:
+    """Arms taken in and let go, over one cycle of walking and in place."""
+    plan = PlanBuilder("").start(NORMAL).cycle(NORMAL).cycle(NORMAL).cycle(NORMAL).stop().finish()
+    first, last = _passing_frames(plan)[1:3]
+    walking = _excerpt("", synthesize(plan), first - _MARGIN, last + _MARGIN)
+    standing = synthesize_idle("", 61)
+    clips = []
+    for name, rising in (("arms_in", True), ("arms_out", False)):
+        for kind, clip, start, end in (
+            ("walking", walking, _MARGIN + 4, _MARGIN + last - first - 4),
+            ("standing", standing, 8, 52),
+        ):
+            taken_in = ease((np.arange(clip.frame_count) - start) / (end - start))
+            edited = edit_arms(clip, taken_in if rising else 1.0 - taken_in)
+            clips.append(_excerpt(f"{name}_{kind}", edited, 0, clip.frame_count - 1))
+    return clips
+
+
+def _held(clip: Clip) -> Clip:
+    return edit_arms(clip, np.ones(clip.frame_count))
+
+
+def synthesize_default_set() -> list[tuple[str, str, Clip]]:
+    """Behavior folder, file name and clip of the whole default set, always the same to the last bit."""
+    constrained = [
+        _walk("walk"), _slow("walk_slow"), _gentle_turns("walk_gentle_turns"), _short_step("step_25", 0.25), _short_step("step_50", 0.50),
+    ]  # fmt: skip
+    frontal = [
+        *constrained,
+        _long_start("walk_long_start"),
+        _sharp_turns("walk_sharp_turns"),
+        _short_step("step_75", 0.75),
+    ]
+    for degrees in (15, 30, 60, 90, 180):
+        frontal.append(_turn_in_place(f"turn_left_{degrees}", degrees))
+        frontal.append(_turn_in_place(f"turn_right_{degrees}", -degrees))
+    side = [_side_steps("side_left"), _short_side_step("side_left_short"), _turning_side_steps("side_left_turning")]
+    side += [mirrored(plan, plan.name.replace("left", "right")) for plan in side]
+    stand = synthesize_idle("stand", _IDLE_FRAMES)
+    clips = [("frontal", synthesize(plan)) for plan in frontal] + [("frontal", stand)]
+    clips += [("arm_constrained", _held(synthesize(plan))) for plan in constrained] + [
+        ("arm_constrained", _held(stand))
+    ]
+    clips += [("arm_constrained", clip) for clip in _arm_transitions()]
+    clips += [("lateral", clip) for clip in [*map(synthesize, side), *_quarter_turns(), stand]]
+    return [(folder, f"{clip.name}.bvh", clip) for folder, clip in clips]
