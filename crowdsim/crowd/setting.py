@@ -17,7 +17,7 @@ from crowdsim.motion.motion_graph import MotionGraph
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.behavior_library import load_behavior_set
 from crowdsim.planning.behaviors import Behavior
-from crowdsim.scenario.loader import Scenario
+from crowdsim.scenario.scenario import Scenario
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from shapely import MultiPolygon, Polygon, make_valid, union_all
+from shapely import MultiPolygon, Polygon, union_all
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.environment.solids import Solid
 from crowdsim.errors import GeometryError
+from crowdsim.geometry.polygons import clean_polygon
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def clearance_layers(floor: Polygon, solids: Sequence[Solid], bands: Sequence[Ba
     names = [band.name for band in bands]
     if not names or len(set(names)) < len(names):
         raise GeometryError(f"clearance layers need distinct names, got {names}")
-    walkable = _clean_floor(floor)
+    walkable = clean_polygon(floor, "floor")
     ordered = sorted(bands, key=lambda band: (band.low, -band.high, band.name))
     layers = []
     for number, band in enumerate(ordered):
@@ -86,13 +87,3 @@ def polygons_only(geometry: BaseGeometry) -> MultiPolygon:
     while any(hasattr(part, "geoms") for part in parts):
         parts = [inner for part in parts for inner in getattr(part, "geoms", [part])]
     return MultiPolygon([part for part in parts if isinstance(part, Polygon) and not part.is_empty])
-
-
-def _clean_floor(floor: Polygon) -> BaseGeometry:
-    # make_valid on the whole would make overlapping or nested holes walkable again; ring by ring it cannot.
-    shell = polygons_only(make_valid(Polygon(floor.exterior)))
-    holes = union_all([make_valid(Polygon(ring)) for ring in floor.interiors])
-    walkable = polygons_only(shell.difference(holes))
-    if walkable.is_empty:
-        raise GeometryError("the floor has no area; give a rectangle or polygon in meters")
-    return walkable

@@ -51,10 +51,11 @@ def require_polygon(polygon: Polygon, what: str) -> None:
         raise GeometryError(f"{what}: the outline is empty; give at least three points")
     if not all(math.isfinite(bound) for bound in polygon.bounds):
         raise GeometryError(f"{what}: the outline has a coordinate that is not a finite number")
+    # The hull, because the two halves of a crossed outline may cancel in the area.
+    if polygon.convex_hull.area < MIN_EXTENT**2:
+        raise GeometryError(f"{what}: the outline has no area; its points lie on a line or are not in meters")
     if not polygon.is_valid:
         raise GeometryError(f"{what}: the outline crosses or touches itself ({explain_validity(polygon)})")
-    if polygon.area < MIN_EXTENT**2:
-        raise GeometryError(f"{what}: the outline has no area; its points lie on a line or are not in meters")
 
 
 def polygon_from_points(points: Sequence[tuple[float, float]], what: str) -> Polygon:

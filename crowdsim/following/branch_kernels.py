@@ -6,7 +6,9 @@ entry): twist, origin, end pose and arc length of the path at the end. A row is 
 
 import math
 
-from crowdsim.constants import CAPTURE_RATE
+import numpy as np
+
+from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.following.path_kernels import path_point, project, sample_index
 from crowdsim.geometry.planar_kernels import compose, wrap_angle
 from crowdsim.jit import kernel
@@ -18,6 +20,9 @@ TEST_FRAMES = 4
 
 IN_PLACE = 0.15
 """Meters of track below which a node counts as turning in place: its heading is free."""
+
+_BEYOND = 1e-6
+"""Meters beyond the needed clearance up to which it is measured, so that rounding cannot make it look short."""
 
 _HEADING_LEVER = 0.2
 """Meters by which steering weighs an error of heading (radians) against one of place (meters)."""
@@ -77,7 +82,7 @@ def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
     low, high = graph.edge_low[edge], graph.edge_high[edge]
     if high - low <= 0.0:
         return 0.0
-    node = graph.edge_target[edge]
+    node = np.int64(graph.edge_target[edge])
     ox, oy, oh = next_origin(graph, edge, 0.0, x, y, heading)
     ex, ey, eh = node_end(graph, node, ox, oy, oh)
     jx, jy, _ = compose(x, y, heading, graph.edge_pivot[edge, 0], graph.edge_pivot[edge, 1], 0.0)
@@ -91,84 +96,114 @@ def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
 
 
 @kernel
-def lay_node(graph, maps, guide, rules, laid, entry, node, edge, x, y, heading, arc, area):
-    """Place and steer ``node`` after the pose (x, y, heading) at ``arc``; fill the row ``entry`` of ``laid``.
+def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, stage_arc, serial):
+    """Lay the first ``depth`` entries of ``search.branch`` after the end pose of a stage; how many are to be taken.
 
-    ``area`` is what the branch has gathered before: the area between branch and path, the sum in equation 5 of the
-    2012 paper, and in the same unit a little for each node, its time, and behaviors other than the planned.
-    A node that strays, faces wrong, passes the goal, or is of a behavior that may not be used here is not fit.
+    Less than ``depth`` where an entry reaches the goal before; 0 where one is not fit: where it strays, faces wrong,
+    passes the goal, or is of a behavior that may not be used here. Without a root (-1) an entry is a node, laid down
+    at the stage's end pose itself. ``laid.area`` gathers the area between branch and path (the sum in equation 5 of
+    the 2012 paper) and in the same unit a little for each node, its time, and behaviors other than the planned.
     """
     total = guide.arc[guide.arc.shape[0] - 1]
     goal_x, goal_y = path_point(guide, total)
-    behavior = graph.node_behavior[node]
-    twist = 0.0
-    ox, oy, oh = x, y, heading
-    if edge >= 0:
-        twist = _steer(graph, maps, guide, rules, edge, x, y, heading, arc)
-        ox, oy, oh = next_origin(graph, edge, twist, x, y, heading)
-    x, y, heading = node_end(graph, node, ox, oy, oh)
-    travel = graph.node_length[node]
-    arc_after, end_gap = project(guide, x, y, arc - 0.2, arc + travel + 0.3)
-    arc_after = max(arc_after, arc)
-    error = abs(_fit_heading(maps, guide, rules, node, heading, arc_after, _HEADING_WINDOW))
-    here = sample_index(guide, arc_after)
-    fit = (
-        end_gap <= rules.deviation
-        and (travel < IN_PLACE or error <= rules.heading_tolerance)
-        and guide.allowed[behavior, sample_index(guide, arc)]
-        and guide.allowed[behavior, here]
-    )
-    nearest = math.inf
-    if fit:
-        c, s = math.cos(oh), math.sin(oh)
-        begin, end = maps.outline_first[node], maps.outline_first[node + 1]
-        step = travel / (end - begin)
-        for row in range(begin, end):
-            u, v = maps.outline[row, 0], maps.outline[row, 1]
-            px, py = ox + c * u - s * v, oy + s * u + c * v
-            along = min(arc + maps.outline[row, 2], total)
-            qx, qy = path_point(guide, along)
-            area += step * math.hypot(px - qx, py - qy)
-            area += step * _MISFIT_COST * abs(guide.behavior[sample_index(guide, along)] - behavior)
-            nearest = min(nearest, math.hypot(px - goal_x, py - goal_y))
-        area += _NODE_COST + _TIME_COST * graph.node_frames[node] / CAPTURE_RATE
-        if maps.leads_to[node] != guide.behavior[here]:
-            area += _SWITCH_COST
-    if rules.end_standing:
-        reached = graph.node_ends_standing[node] and math.hypot(x - goal_x, y - goal_y) <= rules.goal_tolerance
-    else:
-        reached = nearest <= rules.goal_tolerance
-    laid.fit[entry] = fit and (reached or arc_after <= total + rules.goal_tolerance)
-    laid.reached[entry] = reached
-    laid.free[entry] = False
-    laid.node[entry] = node
-    laid.edge[entry] = edge
-    laid.twist[entry] = twist
-    laid.origin[entry, 0], laid.origin[entry, 1], laid.origin[entry, 2] = ox, oy, oh
-    laid.end[entry, 0], laid.end[entry, 1], laid.end[entry, 2] = x, y, heading
-    laid.arc[entry] = arc_after
-    laid.area[entry] = area
-    laid.off[entry] = 0.0 if reached else _END_COST * (end_gap + 0.5 * error)
+    x, y, heading = stage_end[0], stage_end[1], stage_end[2]
+    arc = stage_arc
+    area = 0.0
+    for d in range(depth):
+        entry = search.branch[d]
+        if laid.serial[entry] != serial:
+            node = entry
+            edge = np.int64(NONE)
+            twist = 0.0
+            ox, oy, oh = x, y, heading
+            if root >= 0:
+                node = np.int64(maps.node[maps.first[root] + entry])
+                edge = np.int64(maps.edge[maps.first[root] + entry])
+                twist = _steer(graph, maps, guide, rules, edge, x, y, heading, arc)
+                ox, oy, oh = next_origin(graph, edge, twist, x, y, heading)
+            x, y, heading = node_end(graph, node, ox, oy, oh)
+            behavior = graph.node_behavior[node]
+            travel = graph.node_length[node]
+            arc_after, end_gap = project(guide, x, y, arc - 0.2, arc + travel + 0.3)
+            arc_after = max(arc_after, arc)
+            error = abs(_fit_heading(maps, guide, rules, node, heading, arc_after, _HEADING_WINDOW))
+            here = sample_index(guide, arc_after)
+            fit = (
+                end_gap <= rules.deviation
+                and (travel < IN_PLACE or error <= rules.heading_tolerance)
+                and guide.allowed[behavior, sample_index(guide, arc)]
+                and guide.allowed[behavior, here]
+            )
+            nearest = math.inf
+            if fit:
+                c, s = math.cos(oh), math.sin(oh)
+                begin, end = maps.outline_first[node], maps.outline_first[node + 1]
+                step = travel / (end - begin)
+                for row in range(begin, end):
+                    u, v = maps.outline[row, 0], maps.outline[row, 1]
+                    px, py = ox + c * u - s * v, oy + s * u + c * v
+                    along = min(arc + maps.outline[row, 2], total)
+                    qx, qy = path_point(guide, along)
+                    area += step * math.hypot(px - qx, py - qy)
+                    area += step * _MISFIT_COST * abs(guide.behavior[sample_index(guide, along)] - behavior)
+                    nearest = min(nearest, math.hypot(px - goal_x, py - goal_y))
+                area += _NODE_COST + _TIME_COST * graph.node_frames[node] / CAPTURE_RATE
+                if maps.leads_to[node] != guide.behavior[here]:
+                    area += _SWITCH_COST
+            if rules.end_standing:
+                goal_gap = math.hypot(x - goal_x, y - goal_y)
+                reached = graph.node_ends_standing[node] and goal_gap <= rules.goal_tolerance
+            else:
+                reached = nearest <= rules.goal_tolerance
+            laid.serial[entry] = serial
+            laid.fit[entry] = fit and (reached or arc_after <= total + rules.goal_tolerance)
+            laid.reached[entry] = reached
+            laid.free[entry, 0] = False
+            laid.free[entry, 1] = False
+            laid.node[entry] = node
+            laid.edge[entry] = edge
+            laid.twist[entry] = twist
+            laid.origin[entry, 0], laid.origin[entry, 1], laid.origin[entry, 2] = ox, oy, oh
+            laid.end[entry, 0], laid.end[entry, 1], laid.end[entry, 2] = x, y, heading
+            laid.arc[entry] = arc_after
+            laid.area[entry] = area
+            laid.off[entry] = 0.0 if reached else _END_COST * (end_gap + 0.5 * error)
+        if not laid.fit[entry]:
+            return 0
+        if laid.reached[entry]:
+            return d + 1
+        x, y, heading = laid.end[entry, 0], laid.end[entry, 1], laid.end[entry, 2]
+        arc = laid.arc[entry]
+        area = laid.area[entry]
+    return depth
 
 
 @kernel
-def body_is_free(graph, rules, legs, torso, node, origin, seam, hints):
-    """Whether the body's discs are free on both layers all along a node at ``origin``.
+def branch_is_free(graph, rules, mesh, layer, search, laid, depth, stage_end, joined, hints):
+    """Whether the body's discs are free on one layer all along a laid branch.
 
-    seam: (3,) end of the node before minus the origin; it fades out over the first frames.
+    The first node where they are not is marked unfit for the stage. The seam to the node before fades out over
+    the first frames; there is one to the stage's end where ``joined``.
     """
-    legs_need = rules.radii[graph.node_behavior[node], 0] + rules.slack
-    torso_need = rules.radii[graph.node_behavior[node], 1] + rules.slack
-    frames = graph.node_frames[node]
-    frame = 0
-    while True:
-        x, y, _ = track_pose(graph, node, frame, origin[0], origin[1], origin[2], seam[0], seam[1], seam[2])
-        gap, hints[0] = disc_clearance(legs, x, y, legs_need, hints[0])
-        if gap < legs_need:
-            return False
-        gap, hints[1] = disc_clearance(torso, x, y, torso_need, hints[1])
-        if gap < torso_need:
-            return False
-        if frame == frames:
-            return True
-        frame = min(frame + TEST_FRAMES, frames)
+    x, y, heading = stage_end[0], stage_end[1], stage_end[2]
+    for d in range(depth):
+        entry = search.branch[d]
+        if not laid.free[entry, layer]:
+            node = laid.node[entry]
+            ox, oy, oh = laid.origin[entry, 0], laid.origin[entry, 1], laid.origin[entry, 2]
+            dx, dy, dh = 0.0, 0.0, 0.0
+            if joined or d > 0:
+                dx, dy, dh = x - ox, y - oy, wrap_angle(heading - oh)
+            need = rules.radii[graph.node_behavior[node], layer] + rules.slack
+            frames = np.int64(graph.node_frames[node])
+            frame = np.int64(-TEST_FRAMES)
+            while frame < frames:
+                frame = min(frame + TEST_FRAMES, frames)
+                px, py, _ = track_pose(graph, node, frame, ox, oy, oh, dx, dy, dh)
+                gap, hints[layer] = disc_clearance(mesh, px, py, need + _BEYOND, hints[layer])
+                if gap < need:
+                    laid.fit[entry] = False
+                    return False
+            laid.free[entry, layer] = True
+        x, y, heading = laid.end[entry, 0], laid.end[entry, 1], laid.end[entry, 2]
+    return True

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from crowdsim.constants import NONE
-from crowdsim.following.branch_kernels import body_is_free, lay_node
+from crowdsim.following.branch_kernels import branch_is_free, lay_branch
 from crowdsim.following.map_kernels import BIN, CELL, pack_cell
 from crowdsim.following.path_kernels import path_point, project, sample_index
 from crowdsim.geometry.planar_kernels import to_local, wrap_angle
@@ -23,6 +23,12 @@ GOAL_FIRST = 1e6
 FOUND = 0
 OUT_OF_BUDGET = 1
 BLOCKED = 2
+
+_GAIN = 0.05
+"""Meters of path below which a branch counts as standing still."""
+
+_MOST_STILL = 4
+"""Nodes in a row that may turn or shift in place: what more of them reach, fewer do too."""
 
 _PLACE_GRAIN = 0.05
 _HEADING_GRAIN = math.pi / 24.0
@@ -37,40 +43,10 @@ def _load_branch(maps, search, root, entry):
         search.branch[0] = entry
         return 1
     base = maps.first[root]
-    depth = maps.level[base + entry]
+    depth = np.int64(maps.level[base + entry])
     for d in range(depth - 1, -1, -1):
         search.branch[d] = entry
-        entry = maps.parent[base + entry]
-    return depth
-
-
-@kernel
-def _lay_branch(graph, maps, guide, rules, search, laid, root, depth, end, arc, serial):
-    """Lay the first ``depth`` entries of ``search.branch`` after the stage's end pose; how many are to be taken.
-
-    Less than ``depth`` where an entry reaches the goal before; 0 where one is not fit. Without a root an entry
-    is a node, laid down where the search starts.
-    """
-    for d in range(depth):
-        entry = search.branch[d]
-        if laid.serial[entry] != serial:
-            laid.serial[entry] = serial
-            node = entry
-            edge = NONE
-            if root >= 0:
-                node = maps.node[maps.first[root] + entry]
-                edge = maps.edge[maps.first[root] + entry]
-            pose = end
-            area = 0.0
-            if d > 0:
-                pose = laid.end[search.branch[d - 1]]
-                arc = laid.arc[search.branch[d - 1]]
-                area = laid.area[search.branch[d - 1]]
-            lay_node(graph, maps, guide, rules, laid, entry, node, edge, pose[0], pose[1], pose[2], arc, area)
-        if not laid.fit[entry]:
-            return 0
-        if laid.reached[entry]:
-            return d + 1
+        entry = np.int64(maps.parent[base + entry])
     return depth
 
 
@@ -165,7 +141,7 @@ def _collect(graph, maps, guide, rules, search, laid, root, origin, end, arc, be
         elif search.marked[entry] != serial:
             continue
         depth = _load_branch(maps, search, root, entry)
-        taken = _lay_branch(graph, maps, guide, rules, search, laid, root, depth, end, arc, serial)
+        taken = lay_branch(graph, maps, guide, rules, search, laid, root, depth, end, arc, serial)
         if taken == 0:
             continue
         entry = search.branch[taken - 1]
@@ -201,30 +177,16 @@ def _seen(search, family, end, arc):
 
 
 @kernel
-def _branch_is_free(graph, rules, legs, torso, search, laid, depth, end, joined, hints):
-    """Whether the bodies of a laid branch are free; the first node where not is marked unfit for its stage."""
-    seam = np.zeros(3)
-    for d in range(depth):
-        entry = search.branch[d]
-        if not laid.free[entry]:
-            if joined:
-                seam[:] = end - laid.origin[entry]
-                seam[2] = wrap_angle(seam[2])
-            if not body_is_free(graph, rules, legs, torso, laid.node[entry], laid.origin[entry], seam, hints):
-                laid.fit[entry] = False
-                return False
-            laid.free[entry] = True
-        end = laid.end[entry]
-        joined = True
-    return True
+def _open_stage(search, top, node, origin, end, arc, count, still):
+    """Put a stage on top of the stack: the last of ``count`` nodes of the solution, its place, its end's arc length.
 
-
-@kernel
-def _open_stage(search, top, node, origin, end, arc, count):
-    """Put a stage on top of the stack: the last of ``count`` nodes of the solution, its place, its end's arc length."""
+    ``still`` counts the nodes since the path was last gained on.
+    """
+    search.stage_still[top] = still
     search.stage_node[top] = node
-    search.stage_origin[top] = origin
-    search.stage_end[top] = end
+    for k in range(3):
+        search.stage_origin[top, k] = origin[k]
+        search.stage_end[top, k] = end[k]
     search.stage_arc[top] = arc
     search.stage_count[top] = count
     search.stage_serial[top] = 0
@@ -234,10 +196,12 @@ def _open_stage(search, top, node, origin, end, arc, count):
 @kernel
 def _record_best(search, count):
     """Remember the present solution as the best."""
-    search.best_node[:count] = search.node[:count]
-    search.best_edge[:count] = search.edge[:count]
-    search.best_twist[:count] = search.twist[:count]
-    search.best_origin[:count] = search.origin[:count]
+    for i in range(count):
+        search.best_node[i] = search.node[i]
+        search.best_edge[i] = search.edge[i]
+        search.best_twist[i] = search.twist[i]
+        for k in range(3):
+            search.best_origin[i, k] = search.origin[i, k]
     return count
 
 
@@ -248,9 +212,12 @@ def follow(graph, maps, guide, rules, legs, torso, start_pose, start_node, searc
     The best solution is left in ``search.best_*``: complete where the status is FOUND, else the one that came farthest.
     ``start_node`` is -1 where any node may begin at ``start_pose``.
     """
-    hints = np.full(2, -1, np.int64)
+    hints = np.zeros(2, np.int64)
+    hints[0] = hints[1] = NONE
     room = search.candidate.shape[0] // search.stage_node.shape[0]
-    end = start_pose.copy()
+    end = np.empty(3)
+    for k in range(3):
+        end[k] = start_pose[k]
     count = 0
     travel = 0.0
     if start_node >= 0:
@@ -259,11 +226,12 @@ def follow(graph, maps, guide, rules, legs, torso, start_pose, start_node, searc
         search.node[0] = start_node
         search.edge[0] = NONE
         search.twist[0] = 0.0
-        search.origin[0] = start_pose
+        for k in range(3):
+            search.origin[0, k] = start_pose[k]
         count = 1
     arc, _ = project(guide, end[0], end[1], 0.0, travel + 1.0)
-    _open_stage(search, 0, start_node, start_pose, end, max(arc, 0.0), count)
-    top = 0
+    top = np.int64(0)
+    _open_stage(search, top, start_node, start_pose, end, max(arc, 0.0), count, 0)
     best_arc = -1.0
     best_count = 0
     queries = 0
@@ -289,8 +257,12 @@ def follow(graph, maps, guide, rules, legs, torso, start_pose, start_node, searc
         entry = search.candidate[begin + search.stage_next[top]]
         search.stage_next[top] += 1
         depth = _load_branch(maps, search, root, entry)
-        depth = _lay_branch(graph, maps, guide, rules, search, laid, root, depth, end, arc, search.stage_serial[top])
-        if depth == 0 or not _branch_is_free(graph, rules, legs, torso, search, laid, depth, end, root >= 0, hints):
+        depth = lay_branch(graph, maps, guide, rules, search, laid, root, depth, end, arc, search.stage_serial[top])
+        if not (
+            depth > 0
+            and branch_is_free(graph, rules, legs, np.int64(0), search, laid, depth, end, root >= 0, hints)
+            and branch_is_free(graph, rules, torso, np.int64(1), search, laid, depth, end, root >= 0, hints)
+        ):
             continue
         count = search.stage_count[top]
         for d in range(depth):
@@ -298,14 +270,16 @@ def follow(graph, maps, guide, rules, legs, torso, start_pose, start_node, searc
             search.node[count] = laid.node[entry]
             search.edge[count] = laid.edge[entry]
             search.twist[count] = laid.twist[entry]
-            search.origin[count] = laid.origin[entry]
+            for k in range(3):
+                search.origin[count, k] = laid.origin[entry, k]
             count += 1
         if laid.reached[entry]:
             return FOUND, _record_best(search, count), laid.arc[entry], queries
-        if top + 1 == search.stage_node.shape[0]:
+        still = search.stage_still[top] + depth if laid.arc[entry] - arc < _GAIN else 0
+        if top + 1 == search.stage_node.shape[0] or still > _MOST_STILL:
             continue
         last = laid.node[entry]
         if not _seen(search, maps.family[last], laid.end[entry], laid.arc[entry]):
             top += 1
-            _open_stage(search, top, last, laid.origin[entry], laid.end[entry], laid.arc[entry], count)
+            _open_stage(search, top, last, laid.origin[entry], laid.end[entry], laid.arc[entry], count, still)
     return BLOCKED, best_count, best_arc, queries

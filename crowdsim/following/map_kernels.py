@@ -127,9 +127,10 @@ def grow_maps(graph, depth, reach, capacity, first, key, parent, edge, node, lev
                 heap[0] = heap[size]
                 _sift_down(heap, cost, size)
             above = total + local
-            source = node[above]
-            x, y, heading = node_end(graph, source, pose[above, 0], pose[above, 1], pose[above, 2])
-            for e in range(graph.edge_start[source], graph.edge_start[source + 1]):
+            source = np.int64(node[above])
+            x, y, heading = float(pose[above, 0]), float(pose[above, 1]), float(pose[above, 2])
+            x, y, heading = node_end(graph, source, x, y, heading)
+            for e in range(np.int64(graph.edge_start[source]), np.int64(graph.edge_start[source + 1])):
                 target = graph.edge_target[e]
                 if graph.node_idle[target] or count == capacity:
                     continue

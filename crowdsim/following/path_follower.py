@@ -57,7 +57,7 @@ class FollowOptions:
     deviation: float = 0.6
     slack: float = 0.005
     candidates: int = 48
-    budget: int = 20_000
+    budget: int = 4_000
 
 
 @dataclass(frozen=True)
@@ -98,12 +98,12 @@ class _Rules(NamedTuple):
 
 
 class _Laid(NamedTuple):
-    serial: NDArray[np.int32]
+    serial: NDArray[np.int64]
     fit: NDArray[np.bool_]
     reached: NDArray[np.bool_]
     free: NDArray[np.bool_]
-    node: NDArray[np.int32]
-    edge: NDArray[np.int32]
+    node: NDArray[np.int64]
+    edge: NDArray[np.int64]
     twist: Floats
     origin: Floats
     end: Floats
@@ -113,25 +113,26 @@ class _Laid(NamedTuple):
 
 
 class _Search(NamedTuple):
-    stage_node: NDArray[np.int32]
+    stage_node: NDArray[np.int64]
     stage_origin: Floats
     stage_end: Floats
     stage_arc: Floats
-    stage_count: NDArray[np.int32]
-    stage_size: NDArray[np.int32]
-    stage_next: NDArray[np.int32]
-    stage_serial: NDArray[np.int32]
-    candidate: NDArray[np.int32]
+    stage_count: NDArray[np.int64]
+    stage_still: NDArray[np.int64]
+    stage_size: NDArray[np.int64]
+    stage_next: NDArray[np.int64]
+    stage_serial: NDArray[np.int64]
+    candidate: NDArray[np.int64]
     score: Floats
-    marked: NDArray[np.int32]
-    branch: NDArray[np.int32]
+    marked: NDArray[np.int64]
+    branch: NDArray[np.int64]
     memory: NDArray[np.int64]
-    node: NDArray[np.int32]
-    edge: NDArray[np.int32]
+    node: NDArray[np.int64]
+    edge: NDArray[np.int64]
     twist: Floats
     origin: Floats
-    best_node: NDArray[np.int32]
-    best_edge: NDArray[np.int32]
+    best_node: NDArray[np.int64]
+    best_edge: NDArray[np.int64]
     best_twist: Floats
     best_origin: Floats
 
@@ -181,8 +182,8 @@ def follow_path(
     )
     return FollowResult(
         FollowStatus(status),
-        search.best_node[:count].copy(),
-        search.best_edge[:count].copy(),
+        search.best_node[:count].astype(np.int32),
+        search.best_edge[:count].astype(np.int32),
         search.best_twist[:count].copy(),
         search.best_origin[:count].copy(),
         float(reached),
@@ -222,21 +223,21 @@ def _workspace(graph: GraphArrays, maps: MotionMaps, length: float, rules: _Rule
     entries = max(int(np.diff(arrays.first).max(initial=1)), len(graph.node_frames))
     memory = 1 << max(10, int(2 * rules.budget).bit_length())
 
-    def ints(n: int) -> NDArray[np.int32]:
-        return np.empty(n, np.int32)
+    def ints(n: int) -> NDArray[np.int64]:
+        return np.empty(n, np.int64)
 
     def flags() -> NDArray[np.bool_]:
         return np.empty(entries, np.bool_)
 
     search = _Search(
         ints(stages), np.empty((stages, 3)), np.empty((stages, 3)), np.empty(stages),
-        ints(stages), ints(stages), ints(stages), ints(stages),
-        ints(pool), np.empty(pool), np.zeros(entries, np.int32), ints(depth), np.zeros(memory, np.int64),
+        ints(stages), ints(stages), ints(stages), ints(stages), ints(stages),
+        ints(pool), np.empty(pool), np.zeros(entries, np.int64), ints(depth), np.zeros(memory, np.int64),
         ints(nodes), ints(nodes), np.empty(nodes), np.empty((nodes, 3)),
         ints(nodes), ints(nodes), np.empty(nodes), np.empty((nodes, 3)),
     )  # fmt: skip
     laid = _Laid(
-        np.zeros(entries, np.int32), flags(), flags(), flags(), ints(entries), ints(entries), np.empty(entries),
+        np.zeros(entries, np.int64), flags(), flags(), np.empty((entries, 2), np.bool_), ints(entries), ints(entries), np.empty(entries),
         np.empty((entries, 3)), np.empty((entries, 3)), np.empty(entries), np.empty(entries), np.empty(entries),
     )  # fmt: skip
     return search, laid

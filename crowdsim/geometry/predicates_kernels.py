@@ -19,7 +19,7 @@ def orient2d(ax, ay, bx, by, cx, cy):
 
 @kernel
 def incircle(ax, ay, bx, by, cx, cy, dx, dy, cells):
-    """Sign (+1, 0, -1) of d against the circle through the counter-clockwise abc: +1 inside; ``cells`` = 1 / grid cell."""
+    """Sign of d against the circle through the counter-clockwise abc, +1 inside; ``cells`` is 1 / cell."""
     aix = int((ax - dx) * cells)
     aiy = int((ay - dy) * cells)
     bix = int((bx - dx) * cells)

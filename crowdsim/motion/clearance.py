@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.kinematics import Floats, end_positions, forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
-from crowdsim.motion.tracks import HEEL, track_of
+from crowdsim.motion.tracks import track_of
+
+_HEEL = 0.06
+"""Meters from the ankle joint back to the end of the heel, which no joint marks."""
 
 _SPACING = 0.04
 """Meters between the points that stand for a bone."""
@@ -72,7 +75,7 @@ def _body_points(clip: Clip) -> tuple[Floats, Floats]:
             ankle, toe = positions[:, skeleton.joint(f"{side}_ankle")], positions[:, skeleton.joint(f"{side}_toe")]
             along = toe - ankle
             along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
-            points.append((ankle - (HEEL - 0.02) * along)[:, None])
+            points.append((ankle - (_HEEL - 0.02) * along)[:, None])
             flesh.append(np.array([0.02]))
     return np.concatenate(points, axis=1), np.concatenate(flesh)
 

@@ -11,8 +11,11 @@ from crowdsim.constants import CAPTURE_RATE
 from crowdsim.motion.kinematics import Floats
 from crowdsim.motion.skeleton import Skeleton
 
-_NEAR_FLOOR = 0.03
-_STANCE_SPEED = 0.5
+NEAR_FLOOR = 0.03
+"""Meters above its lowest height up to which a foot joint may be planted."""
+
+STANCE_SPEED = 0.5
+"""Speed (m/s) below which it then is."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,7 @@ def measure_feet(skeleton: Skeleton, positions: Floats | NDArray[np.float32], ra
     """
     speed = planted_speed(skeleton, positions, rate)
     planted = speed[~np.isnan(speed)]
-    feet = np.asarray(positions)[:, _foot_joints(skeleton), 2]
+    feet = np.asarray(positions)[:, foot_joints(skeleton), 2]
     if len(planted) == 0:
         return FootReport(0.0, 0.0, 0.0, float(feet.min()), 0.0)
     median, p95 = np.percentile(planted, [50.0, 95.0])
@@ -48,17 +51,18 @@ def measure_feet(skeleton: Skeleton, positions: Floats | NDArray[np.float32], ra
 
 def planted_speed(skeleton: Skeleton, positions: Floats | NDArray[np.float32], rate: float = CAPTURE_RATE) -> Floats:
     """(F,) m/s, horizontal speed of the joint the body stands on in each frame; NaN where no foot is planted."""
-    feet = np.asarray(positions, np.float64)[:, _foot_joints(skeleton)]
+    feet = np.asarray(positions, np.float64)[:, foot_joints(skeleton)]
     if len(feet) < 2:
         return np.full(len(feet), np.nan)
     velocity = np.gradient(feet, axis=0) * rate
     speed = np.linalg.norm(velocity[..., :2], axis=-1)
-    low = feet[..., 2] < feet[..., 2].min(axis=0) + _NEAR_FLOOR
-    planted = low & (np.linalg.norm(velocity, axis=-1) < _STANCE_SPEED)
+    low = feet[..., 2] < feet[..., 2].min(axis=0) + NEAR_FLOOR
+    planted = low & (np.linalg.norm(velocity, axis=-1) < STANCE_SPEED)
     slowest = np.min(np.where(planted, speed, np.inf), axis=1)
     return np.where(planted.any(axis=1), slowest, np.nan)
 
 
-def _foot_joints(skeleton: Skeleton) -> list[int]:
+def foot_joints(skeleton: Skeleton) -> list[int]:
+    """Ankles and, where the skeleton has them, toes: left, then right."""
     roles = [f"{side}_{part}" for side in ("left", "right") for part in ("ankle", "toe")]
     return [skeleton.joint(role) for role in roles if role.endswith("ankle") or role in skeleton.roles]

@@ -13,6 +13,7 @@ from crowdsim.motion.gait_plan import LEFT, RIGHT, Plan, footprint
 
 Floats = NDArray[np.float64]
 
+_DROP, _DROP_APART = 0.008, 0.133
 STANDING_HEIGHT = 1.010
 """Meters from the floor to the root joint of a standing body."""
 
@@ -106,7 +107,7 @@ def controls_of(plan: Plan) -> Controls:
     heading = smoothed(course[:, 2], 5.0)
     sway = smoothed(load - course[:, :2], 5.5)
     c, s = np.cos(heading), np.sin(heading)
-    across = 0.72 * (-s * sway[:, 0] + c * sway[:, 1])
+    across = plan.sway * (-s * sway[:, 0] + c * sway[:, 1])
     pelvis = np.stack([body[:, 0] - s * across, body[:, 1] + c * across, heading], axis=-1)
 
     def ahead(foot: FootCurves) -> Floats:
@@ -119,7 +120,7 @@ def controls_of(plan: Plan) -> Controls:
     forward = np.clip(c * speed[:, 0] + s * speed[:, 1], 0.0, 2.0)
     look = smoothed(np.concatenate([course[14:, 2], np.repeat(course[-1:, 2], 14)]), 9.0)
     walking = ease(forward / 0.8)
-    height = STANDING_HEIGHT - smoothed(0.115 * apart**2, 4.0)
+    height = STANDING_HEIGHT - _DROP * walking - smoothed(_DROP_APART * apart**2, 4.0)
     scalars = np.stack(
         [
             height,

@@ -42,8 +42,9 @@ BRISK = Gait("brisk", 1.60, 62, 24.5, 0.040)
 class PlanBuilder:
     """Adds movements to a plan one after another; each begins where the one before ended."""
 
-    def __init__(self, name: str, soft: float = 11.0) -> None:
-        self.plan = Plan(name, soft=soft)
+    def __init__(self, name: str, **style: float) -> None:
+        """``style``: soft, sway and raised of the plan, where they differ from walking."""
+        self.plan = Plan(name, **style)
         self.body = self.plan.start
         self.frame = float(REST)
         self.gait: Gait | None = None
@@ -58,7 +59,9 @@ class PlanBuilder:
 
     def _pass(self, gait: Gait, left_landing: float) -> None:
         """Hub of ``gait`` in the right foot's swing that follows the left foot's landing."""
-        self.plan.hubs.append(Hub(round(left_landing + gait.double_support + PASSING * gait.swing), gait.name, self.body))
+        self.plan.hubs.append(
+            Hub(round(left_landing + gait.double_support + PASSING * gait.swing), gait.name, self.body)
+        )
         self.gait = gait
 
     def _right_swing(self) -> tuple[float, float]:
@@ -123,7 +126,7 @@ class PlanBuilder:
         for side in (LEFT, RIGHT):
             lift = self.frame + 0.5 * gait.double_support
             self.step(side, final, lift, lift + gait.swing)
-        return self.stand()
+        return self.stand(0.0)
 
     def start_turned_left(self, gait: Gait, turn: float) -> PlanBuilder:
         """From standing to the passing pose of ``gait`` turned left by ``turn``, the left foot first."""
@@ -148,9 +151,9 @@ class PlanBuilder:
         self._pass(gait, land)
         return self
 
-    def stand(self) -> PlanBuilder:
-        """Come to rest after the last landing."""
-        self.frame = float(np.ceil(self.frame + self.plan.soft))
+    def stand(self, settle: float | None = None) -> PlanBuilder:
+        """Come to rest ``settle`` frames after the last landing, by default when the heel is down."""
+        self.frame = float(np.ceil(self.frame + (self.plan.soft if settle is None else settle)))
         self.plan.hubs.append(Hub(int(self.frame), "stand", self.body))
         self.gait = None
         return self

@@ -14,26 +14,26 @@ from numpy.typing import NDArray
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.motion.body import ANKLE_HEIGHT, BALL_AHEAD, BALL_HEIGHT, HEEL_BACK
 from crowdsim.motion.gait_curves import ease, hermite, quintic
-from crowdsim.motion.gait_plan import LEFT, STANDING_HALF_WIDTH, Plan, Step, footprint
+from crowdsim.motion.gait_plan import LEFT, RIGHT, STANDING_HALF_WIDTH, Plan, Step, footprint
 
 Floats = NDArray[np.float64]
 
-_LANDING_PITCH = np.radians(22.0)
-_PUSH_PITCH = np.radians(62.0)
-_SOFT_SPEED = 0.27
+_LANDING_PITCH = np.radians(23.5)
+_PUSH_PITCH = np.radians(61.0)
+_SOFT_SPEED = 0.22
 """Meters a second at which heels rise and sink where a body starts or comes to stand."""
 _SOFT_RAMP = 2.5
 """Frames that this speed takes to build up."""
-_ROLL_FRAMES = 8.0
+_ROLL_FRAMES = 6.5
 """Frames from landing on the heel to standing flat."""
-_PUSH_POWER = 1.9
-_PUSH_FRAMES = 15.5
+_PUSH_POWER = 2.5
+_PUSH_FRAMES = 17.8
 """Frames over which the heel rises before the toes leave the floor."""
 _FULL_STRIDE = 1.40
-_SPRING, _BRAKE = 6.5, 6.2
+_SPRING, _BRAKE = 6.9, 4.9
 """Horizontal acceleration as a swing begins and slowing as it ends, in ways a squared swing time."""
-_LIFT, _LIFT_STRIDE, _SINK = 0.035, 0.062, 6.5
-"""Height that a swing adds to the line between its ends: for any step, for a full stride, and how soon it sinks."""
+_LIFT_STRIDE, _SINK = 0.042, 5.3
+"""Height that the swing of a full stride adds to the line between its ends, and how soon it sinks."""
 _LEVEL_AT = 0.72
 _STRIDING = 0.70
 """Meters a foot goes ahead from which on the toes push it off as in walking."""
@@ -119,7 +119,8 @@ def _plants(plan: Plan, side: int) -> list[_Plant]:
         heel_rise = _SOFT_SPEED * plan.soft / CAPTURE_RATE / BALL_AHEAD
         arrive = _LANDING_PITCH * float(np.clip(ahead[0] / _FULL_STRIDE, 0.0, 1.12))
         if i > 0 and _closes(plan, steps[i - 1]):
-            arrive = -heel_rise if side == LEFT else 0.0
+            # A right heel that sinks last would carry its ankle forward past the left one: a crossing where there is none.
+            arrive = 0.0 if side == RIGHT and any(hub.kind != "stand" for hub in plan.hubs) else -heel_rise
         leave = _PUSH_PITCH * float(np.clip(ahead[1] / _FULL_STRIDE, 0.0, 1.15)) ** 0.8
         leave = max(leave, heel_rise) if i + 1 < len(places) else 0.0
         plants.append(_Plant(place, lands[i], lifts[i], arrive, leave, plan.soft, ahead[1] > _STRIDING))
@@ -157,8 +158,8 @@ def foot_curves(plan: Plan, side: int) -> FootCurves:
         way = (ends[1] - ends[0]) * np.array([1.0, 1.0, 0.0])
         way *= min(1.0, float(np.hypot(*way[:2])) / _FULL_STRIDE)
         path = quintic(u, ends[0], v0 * duration, _SPRING * way, ends[1], v1 * duration, -_BRAKE * way)
-        reach = float(np.hypot(*(new.place - old.place)[:2]))
-        high = _LIFT + _LIFT_STRIDE * min(reach / _FULL_STRIDE, 1.1)
+        ahead = max(0.0, float((new.place - old.place)[:2] @ np.array([np.cos(new.place[2]), np.sin(new.place[2])])))
+        high = plan.raised + _LIFT_STRIDE * min(ahead / _FULL_STRIDE, 1.1)
         path[:, 2] += high * u**2 * (1.0 - u) ** _SINK * (2.0 + _SINK) ** (2.0 + _SINK) / (4.0 * _SINK**_SINK)
         middle = old.place[2] + 0.5 * (new.place[2] - old.place[2])
         clear = 0.012 * np.sin(np.pi * u) ** 2 * outward

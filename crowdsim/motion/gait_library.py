@@ -14,8 +14,6 @@ from crowdsim.motion.gait_synthesis import synthesize, synthesize_idle
 
 Floats = NDArray[np.float64]
 
-_LATERAL_SOFT = 7.0
-"""Frames of heel rise and sinking in side steps: shorter than in walking, so that steps follow one another briskly."""
 _IDLE_FRAMES = 121
 _MARGIN = 60
 """Frames of walking kept beyond a cut, less than a cycle so that no other cut is among them."""
@@ -67,21 +65,26 @@ def _turn_in_place(name: str, degrees: float) -> Plan:
     return PlanBuilder(name).steps(places, 21.0 + abs(degrees) / pairs * 0.06).finish()
 
 
+def _lateral(name: str) -> PlanBuilder:
+    """Side steps follow one another briskly, carried by their momentum, on feet that skim the floor."""
+    return PlanBuilder(name, soft=4.5, sway=0.2, raised=0.0)
+
+
 def _side_steps(name: str) -> Plan:
     """Three full steps to the left."""
-    builder = PlanBuilder(name, _LATERAL_SOFT)
+    builder = _lateral(name)
     return builder.side_step(LEFT, 0.44, 17.0).pause().side_step(LEFT, 0.44, 17.0).pause().side_step(
         LEFT, 0.44, 17.0
     ).stand().finish()  # fmt: skip
 
 
 def _short_side_step(name: str) -> Plan:
-    return PlanBuilder(name, _LATERAL_SOFT).side_step(LEFT, 0.20, 14.0).stand().finish()
+    return _lateral(name).side_step(LEFT, 0.20, 14.0).stand().finish()
 
 
 def _turning_side_steps(name: str) -> Plan:
     """Steps to the left that turn the body by 5 and 10 degrees either way."""
-    builder = PlanBuilder(name, _LATERAL_SOFT)
+    builder = _lateral(name)
     for degrees in (5.0, -5.0, 10.0, -10.0):
         builder.side_step(LEFT, 0.40, 17.0, _rad(degrees)).pause()
     return builder.side_step(LEFT, 0.44, 17.0).stand().finish()
@@ -154,7 +157,12 @@ def synthesize_default_set() -> list[tuple[str, str, Clip]]:
     constrained = [
         _walk("walk"), _slow("walk_slow"), _gentle_turns("walk_gentle_turns"), _short_step("step_25", 0.25), _short_step("step_50", 0.50),
     ]  # fmt: skip
-    frontal = [*constrained, _long_start("walk_long_start"), _sharp_turns("walk_sharp_turns"), _short_step("step_75", 0.75)]
+    frontal = [
+        *constrained,
+        _long_start("walk_long_start"),
+        _sharp_turns("walk_sharp_turns"),
+        _short_step("step_75", 0.75),
+    ]
     for degrees in (15, 30, 60, 90, 180):
         frontal.append(_turn_in_place(f"turn_left_{degrees}", degrees))
         frontal.append(_turn_in_place(f"turn_right_{degrees}", -degrees))
@@ -162,7 +170,9 @@ def synthesize_default_set() -> list[tuple[str, str, Clip]]:
     side += [mirrored(plan, plan.name.replace("left", "right")) for plan in side]
     stand = synthesize_idle("stand", _IDLE_FRAMES)
     clips = [("frontal", synthesize(plan)) for plan in frontal] + [("frontal", stand)]
-    clips += [("arm_constrained", _held(synthesize(plan))) for plan in constrained] + [("arm_constrained", _held(stand))]
+    clips += [("arm_constrained", _held(synthesize(plan))) for plan in constrained] + [
+        ("arm_constrained", _held(stand))
+    ]
     clips += [("arm_constrained", clip) for clip in _arm_transitions()]
     clips += [("lateral", clip) for clip in [*map(synthesize, side), *_quarter_turns(), stand]]
     return [(folder, f"{clip.name}.bvh", clip) for folder, clip in clips]

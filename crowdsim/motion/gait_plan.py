@@ -57,7 +57,9 @@ class Hub:
 class Plan:
     """Steps in the order in which they land, from standing at ``start`` to standing.
 
-    soft: frames over which a heel rises from standing before its foot lifts, or comes down after its foot has closed.
+    soft: frames over which a heel rises from standing before its foot lifts, or comes down after its foot has closed;
+    sway: how far the body goes over to the foot that carries it, 0 not at all, 1 all the way;
+    raised: meters that even the shortest step takes its foot up.
     """
 
     name: str
@@ -66,6 +68,8 @@ class Plan:
     hubs: list[Hub] = field(default_factory=list)
     frame_count: int = 0
     soft: float = 11.0
+    sway: float = 0.72
+    raised: float = 0.035
 
 
 def footprint(side: int, body: Floats, half_width: float) -> Floats:
@@ -90,4 +94,6 @@ def mirrored(plan: Plan, name: str) -> Plan:
         hubs=[Hub(h.frame, h.kind, h.body * flip) for h in plan.hubs],
         frame_count=plan.frame_count,
         soft=plan.soft,
+        sway=plan.sway,
+        raised=plan.raised,
     )

@@ -123,12 +123,22 @@ def pose_clip(name: str, controls: Controls) -> Clip:
     put("hips", pelvis)
     put("spine", between)
     put("chest", chest)
-    put("neck", multiply(_turns(_Z, heading + 0.5 * _column(controls, "head_yaw")), _turns(_Y, np.full(len(head), 0.2))))
+    put(
+        "neck", multiply(_turns(_Z, heading + 0.5 * _column(controls, "head_yaw")), _turns(_Y, np.full(len(head), 0.2)))
+    )
     put("head", multiply(head, _turns(_Y, np.full(len(head), 0.03))))
     for side in ("left", "right"):
         thigh, shank, foot, toes = _leg(controls, side)
         upper, forearm, hand = _arm(controls, side, chest)
-        parts = {"hip": thigh, "knee": shank, "ankle": foot, "toe": toes, "shoulder": upper, "elbow": forearm, "wrist": hand}
+        parts = {
+            "hip": thigh,
+            "knee": shank,
+            "ankle": foot,
+            "toe": toes,
+            "shoulder": upper,
+            "elbow": forearm,
+            "wrist": hand,
+        }
         for joint, rotation in parts.items():
             put(f"{side}_{joint}", rotation)
     local = world.copy()

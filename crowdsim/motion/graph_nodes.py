@@ -20,6 +20,7 @@ BOTH_FEET = 2
 """Planted foot of a standing cut; otherwise 0 is the left foot and 1 the right."""
 
 _SHORTEST_TRACK = 0.01
+_SMALLEST_CHANGE = 0.05
 _SMALLEST_TURN = np.radians(2.0)
 
 
@@ -63,8 +64,10 @@ class Node:
     end: Joint
 
     def leads_nowhere(self) -> bool:
-        """Whether it neither moves nor turns."""
-        return self.length < _SHORTEST_TRACK and float(np.ptp(np.unwrap(self.track[:, 2]))) < _SMALLEST_TURN
+        """Whether it neither moves nor turns nor ends in another pose, as holding the arms in does."""
+        turn = float(np.ptp(np.unwrap(self.track[:, 2])))
+        change = float(np.max(np.linalg.norm(self.start.cloud - self.end.cloud, axis=1)))
+        return self.length < _SHORTEST_TRACK and turn < _SMALLEST_TURN and change < _SMALLEST_CHANGE
 
 
 def make_nodes(sources: Sequence[MotionSource]) -> tuple[list[Node], list[Floats]]:

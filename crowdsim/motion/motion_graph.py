@@ -63,7 +63,7 @@ def build_motion_graph(
     """
     nodes, tracks = make_nodes(sources)
     dropped = [
-        (node.name, "neither moves nor turns")
+        (node.name, "leads nowhere")
         for node in nodes
         if node.leads_nowhere() and not sources[node.source].idle
     ]

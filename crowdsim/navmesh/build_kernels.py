@@ -21,6 +21,8 @@ from crowdsim.navmesh.triangulation_kernels import (
     twin,
 )
 
+_UNKNOWN = -(1 << 30)
+
 
 @kernel
 def _start_box(m):
@@ -34,7 +36,6 @@ def _start_box(m):
         m.vhe[v] = h
     m.twin[2] = 3
     m.twin[3] = 2
-    # A star is walked from its clockwise end where it is open.
     m.counts[0] = BOX_CORNERS
     m.counts[1] = 2
 
@@ -42,8 +43,9 @@ def _start_box(m):
 @kernel
 def _flood(m, stack):
     """Winding numbers of all triangles: 1 outside of the walkable area, 0 where nothing covers it."""
-    m.wind[: m.counts[1]] = -(1 << 30)
-    outside = locate(m, m.frame[1], m.frame[2], 0)
+    for t in range(m.counts[1]):
+        m.wind[t] = _UNKNOWN
+    outside = locate(m, m.frame[1], m.frame[2], np.int64(0))
     m.wind[outside] = 1
     stack[0] = outside
     top = 1
@@ -52,7 +54,7 @@ def _flood(m, stack):
         t = np.int64(stack[top])
         for h in range(3 * t, 3 * t + 3):
             g = twin(m, h)
-            if g >= 0 and m.wind[g // 3] == -(1 << 30):
+            if g >= 0 and m.wind[g // 3] == _UNKNOWN:
                 m.wind[g // 3] = m.wind[t] - m.win[h]
                 stack[top] = g // 3
                 top += 1
@@ -72,11 +74,11 @@ def _cut(lo, hi, at0, at1):
 
 @kernel
 def _find_bottleneck(m, v, sides, rays):
-    """A constrained side opposite of vertex v, across other sides, where the passage between v and its foot is narrowest.
+    """A constrained side seen from vertex v across other sides, where the passage between v and its foot is narrowest.
 
-    Returns (half-edge, foot x, foot y), or -1 for the half-edge. Such a place is where a disc around the middle between v
-    and the foot touches nothing else; so the foot is not farther along any seen vertex w than w itself, which bounds the
-    search. ``sides`` (k,) and ``rays`` (k, 4) hold the sides still to cross with the wedge seen through them.
+    Returns (half-edge, foot x, foot y), or -1 for the half-edge. Such a place is where a disc around the middle between
+    v and the foot touches nothing else; so the foot is not farther along any seen vertex w than w itself, which bounds
+    the search. ``sides`` (k,) and ``rays`` (k, 4) hold the sides still to cross with the wedge seen through them.
     """
     px = m.vx[v]
     py = m.vy[v]
@@ -167,7 +169,7 @@ def _find_bottleneck(m, v, sides, rays):
 
 @kernel
 def _refine(m, waiting, queued, stack):
-    """Add the foot of every bottleneck that runs across a side, for the ``waiting`` vertices and whatever changes; status.
+    """Add the foot of every bottleneck that runs across a side, for the ``queued`` vertices and what changes; status.
 
     Afterwards each narrowest place between two obstacles is a side or the height of a corner over a constrained
     side, so that widths of sides and corners decide what fits where.
@@ -247,70 +249,58 @@ def _fill_hints(m):
 
 
 @kernel
-def build(m, points, ring_ends, order, ids, queued):
-    """Triangulate rings of ``points`` (n, 2) on the grid; 0, FULL or STUCK.
+def build(m, points, ring_ends, order, queued):
+    """Add rings or single points, ``points`` (n, 2) on the grid, to an empty or a finished mesh; 0, FULL or STUCK.
 
-    Ring k is points[ring_ends[k-1]:ring_ends[k]] with blocked space on the left of each side. ``order`` (n,) is a good
-    order of insertion; ``ids`` (n,) and ``queued`` (room for vertices,) are filled: the vertex of each point.
+    Ring k is points[ring_ends[k-1]:ring_ends[k]] with blocked space on the left of each side; points past the last ring
+    are obstacles of their own. ``order`` (n,) is a good order of insertion; ``queued`` has a 0 for each vertex there is
+    room for. After FULL or STUCK the mesh is useless.
     """
     stack = np.empty(3 * m.wind.size + 64, np.int32)
     pairs = np.empty((3 * m.wind.size + 64, 2), np.int32)
-    _start_box(m)
-    hint = np.int64(0)
+    ids = np.empty(points.shape[0], np.int64)
+    fresh = m.counts[0] == 0
+    if fresh:
+        _start_box(m)
+    hint = np.int64(0) if fresh else np.int64(-1)
     for k in order:
         v = insert_point(m, points[k, 0], points[k, 1], hint, stack)
         if v < 0:
             return v
         ids[k] = v
         m.vref[v] += 1
+        queued[v] = 1
         hint = np.int64(m.vhe[v]) // 3
     begin = 0
-    for k in range(ring_ends.size):
-        end = ring_ends[k]
+    for end in ring_ends:
         for i in range(begin, end):
-            a = np.int64(ids[i])
-            b = np.int64(ids[i + 1 if i + 1 < end else begin])
+            a = ids[i]
+            b = ids[i + 1 if i + 1 < end else begin]
             if a != b:
                 status = insert_segment(m, a, b, 1, stack, pairs)
                 if status < 0:
                     return status
         begin = end
     _flood(m, stack)
-    # Crossings of input segments are corners too.
     for v in range(BOX_CORNERS, m.counts[0]):
-        m.vref[v] = max(m.vref[v], 1)
-        queued[v] = 1
-    status = _refine(m, pairs[:, 0].copy(), queued, stack)
-    if status < 0:
-        return status
-    _measure_corners(m)
-    _fill_hints(m)
-    return 0
-
-
-@kernel
-def add_points(m, points, queued):
-    """Insert point obstacles (n, 2) on the grid into a finished mesh with enough room; 0 or FULL."""
-    stack = np.empty(3 * m.wind.size + 64, np.int32)
-    hint = np.int64(-1)
-    for k in range(points.shape[0]):
-        v = insert_point(m, points[k, 0], points[k, 1], hint, stack)
-        if v < 0:
-            return v
-        m.vref[v] += 1
-        first = np.int64(m.vhe[v])
-        hint = first // 3
-        h = first
-        queued[v] = 1
-        while True:
-            w = origin(m, nxt(h))
-            if m.vref[w] > 0:
-                queued[w] = 1
-            h = twin(m, prv(h))
-            if h == first:
-                break
+        if fresh:
+            m.vref[v] = max(m.vref[v], 1)  # crossings of input segments are corners too
+            queued[v] = 1
+        elif queued[v] == 1:
+            # Around a new vertex the triangles are new.
+            first = np.int64(m.vhe[v])
+            h = first
+            while True:
+                w = origin(m, nxt(h))
+                if m.vref[w] > 0 and queued[w] == 0:
+                    queued[w] = 2
+                h = twin(m, prv(h))
+                if h == first:
+                    break
     status = _refine(m, np.empty(m.vx.size, np.int32), queued, stack)
     if status < 0:
         return status
     _measure_corners(m)
+    if fresh:
+        _fill_hints(m)
     return 0

@@ -10,6 +10,7 @@ import numpy as np
 
 from crowdsim.geometry.segments_kernels import point_segment_distance2, segment_segment_distance2
 from crowdsim.jit import kernel
+from crowdsim.navmesh.growing_kernels import longer_list, longer_rows
 from crowdsim.navmesh.triangulation_kernels import locate, nxt, origin, prv, twin
 
 
@@ -128,9 +129,7 @@ def capsule_nearest(m, x0, y0, x1, y1, limit, hint):
             vertex = v
             edge = none
         if top + 2 > stack.size:
-            longer = np.empty(2 * stack.size, np.int64)
-            longer[:top] = stack[:top]
-            stack = longer
+            stack = longer_list(stack)
         stack[top] = nxt(g)
         stack[top + 1] = prv(g)
         top += 2
@@ -226,12 +225,35 @@ def _triangle_span(m, t, px, py, ux, uy):
 def _record(spans, count, lo, hi):
     """Append an interval to ``spans`` (k, 2), which grows as needed; the array and the new count."""
     if count == spans.shape[0]:
-        longer = np.empty((2 * count, 2))
-        longer[:count] = spans
-        spans = longer
+        spans = longer_rows(spans)
     spans[count, 0] = lo
     spans[count, 1] = hi
     return spans, count + 1
+
+
+@kernel
+def _merged(spans, count):
+    """The union of the first ``count`` intervals as disjoint ones (k, 2) in order."""
+    for i in range(1, count):  # they come nearly in order
+        lo = spans[i, 0]
+        hi = spans[i, 1]
+        k = i
+        while k > 0 and spans[k - 1, 0] > lo:
+            spans[k, 0] = spans[k - 1, 0]
+            spans[k, 1] = spans[k - 1, 1]
+            k -= 1
+        spans[k, 0] = lo
+        spans[k, 1] = hi
+    kept = 0
+    for i in range(count):
+        # Intervals that touch are one: neighbors share their end up to rounding.
+        if kept > 0 and spans[i, 0] <= spans[kept - 1, 1] + 1e-9:
+            spans[kept - 1, 1] = max(spans[kept - 1, 1], spans[i, 1])
+        else:
+            spans[kept, 0] = spans[i, 0]
+            spans[kept, 1] = spans[i, 1]
+            kept += 1
+    return spans[:kept]
 
 
 @kernel
@@ -245,7 +267,7 @@ def violations(m, points, radius):
     marks = np.zeros(m.counts[1], np.int64)
     stack = np.empty(256, np.int64)
     spans = np.empty((64, 2))
-    count = 0
+    count = np.int64(0)
     start = 0.0
     hint = np.int64(-1)
     for i in range(max(points.shape[0] - 1, 1)):
@@ -292,9 +314,7 @@ def violations(m, points, radius):
             top -= 1
             t = stack[top]
             if top + 3 > stack.size:
-                longer = np.empty(2 * stack.size, np.int64)
-                longer[:top] = stack[:top]
-                stack = longer
+                stack = longer_list(stack)
             if m.wind[t] != 0:
                 lo, hi = _triangle_span(m, t, px, py, ux, uy)
                 lo = max(lo, enter)
@@ -320,21 +340,11 @@ def violations(m, points, radius):
                     if lo < hi or (length == 0.0 and lo <= hi):
                         spans, count = _record(spans, count, start + lo, start + hi)
                 g = twin(m, h)
-                if g >= 0 and marks[g // 3] != i + 1:
-                    if segment_segment_distance2(qx, qy, ex, ey, ax, ay, bx, by) <= near:
-                        marks[g // 3] = i + 1
-                        stack[top] = g // 3
-                        top += 1
+                if g < 0 or marks[g // 3] == i + 1:
+                    continue
+                if segment_segment_distance2(qx, qy, ex, ey, ax, ay, bx, by) <= near:
+                    marks[g // 3] = i + 1
+                    stack[top] = g // 3
+                    top += 1
         start += length
-    order = np.argsort(spans[:count, 0])
-    merged = np.empty((count, 2))
-    kept = 0
-    for k in order:
-        # Intervals that touch are one: neighbors share their end up to rounding.
-        if kept > 0 and spans[k, 0] <= merged[kept - 1, 1] + 1e-9:
-            merged[kept - 1, 1] = max(merged[kept - 1, 1], spans[k, 1])
-        else:
-            merged[kept, 0] = spans[k, 0]
-            merged[kept, 1] = spans[k, 1]
-            kept += 1
-    return merged[:kept].copy()
+    return _merged(spans, count)

@@ -35,7 +35,7 @@ class MeshArrays(NamedTuple):
     win: NDArray[np.int32]
     """(3 nt,) signed count of obstacle boundaries along h with the obstacle on their left."""
     clr: NDArray[np.float32]
-    """(3 nt,) width (a diameter, meters) that a turn around the corner at org[h] leaves; 0 if a side there is closed."""
+    """(3 nt,) width (a diameter, meters) that a turn around the corner at org[h] leaves; 0 where a side is closed."""
     wind: NDArray[np.int32]
     """(nt,) how many obstacles cover the triangle; it is free where this is 0."""
     hints: NDArray[np.int32]
@@ -47,7 +47,7 @@ class MeshArrays(NamedTuple):
 
 
 def empty_mesh(vertices: int, frame: NDArray[np.float64], hint_shape: tuple[int, int]) -> MeshArrays:
-    """Columns with room for ``vertices`` vertices in the box of ``frame`` and an unfilled hint grid of nx x ny cells."""
+    """Columns with room for ``vertices`` vertices in the box of ``frame``, and an empty hint grid of nx x ny cells."""
     triangles = 2 * vertices
     return MeshArrays(
         vx=np.zeros(vertices),
@@ -67,7 +67,7 @@ def empty_mesh(vertices: int, frame: NDArray[np.float64], hint_shape: tuple[int,
 
 
 def resized(mesh: MeshArrays, vertices: int) -> MeshArrays:
-    """A copy with room for exactly ``vertices`` vertices (not fewer than are filled) and as many triangles as go with."""
+    """A copy with room for exactly ``vertices`` vertices, not fewer than are filled, and twice as many triangles."""
     filled = int(mesh.counts[0])
     filled_triangles = int(mesh.counts[1])
     copy = empty_mesh(vertices, mesh.frame.copy(), (int(mesh.counts[2]), int(mesh.counts[3])))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +13,7 @@ from crowdsim.errors import GeometryError, PathNotFound
 from crowdsim.geometry.polygons import clean_polygon
 from crowdsim.geometry.snapping import grid_cell, snap
 from crowdsim.navmesh import clearance_kernels, path_kernels
-from crowdsim.navmesh.build_kernels import add_points, build
+from crowdsim.navmesh.build_kernels import build
 from crowdsim.navmesh.mesh_arrays import MeshArrays, empty_mesh, resized
 from crowdsim.navmesh.triangulation_kernels import FULL
 
@@ -58,8 +57,7 @@ def triangulate(area: shapely.Polygon | shapely.MultiPolygon) -> MeshArrays:
     room = 2 * len(points) + 64
     while True:
         mesh = empty_mesh(room, frame, _hint_shape(frame, len(points)))
-        ids = np.empty(len(points), np.int32)
-        status = build(mesh, points, ring_ends, order, ids, np.zeros(room, np.uint8))
+        status = build(mesh, points, ring_ends, order, np.zeros(room, np.uint8))
         if status == 0:
             return resized(mesh, int(mesh.counts[0]))
         if status != FULL or room > 100 * len(points) + 6400:
@@ -130,7 +128,7 @@ class NavMesh:
         self.arrays = triangulate(clean_polygon(walkable))
 
     def tolerance(self, radius: float) -> float:
-        """How much less than ``radius`` still counts as clear: a millionth of it, and the grid that corners moved to."""
+        """How much less than ``radius`` still counts as clear: a millionth of it, and the grid corners moved to."""
         return 1e-6 * radius + 2.0 * float(self.arrays.frame[0])
 
     def find_path(self, start: ArrayLike, goal: ArrayLike, radius: float) -> Path:
@@ -179,7 +177,7 @@ class NavMesh:
         return clearance > 0.0 and clearance >= radius - self.tolerance(radius)
 
     def violations(self, points: ArrayLike, radius: float) -> Floats:
-        """All maximal intervals [s0, s1] (k, 2) of arc length where the polyline (n, 2) has less clearance than ``radius``.
+        """All maximal intervals [s0, s1] of arc length where the polyline (n, 2) has less than ``radius``, (k, 2).
 
         Exact for the swept disc, in ascending order; touching within rounding is no violation.
         """
@@ -213,7 +211,8 @@ class NavMesh:
         extra = 8 * len(array) + 16
         while True:
             mesh = resized(self.arrays, filled + extra)
-            if add_points(mesh, array, np.zeros(filled + extra, np.uint8)) == 0:
+            no_rings, order = np.zeros(0, np.int64), np.arange(len(array))
+            if build(mesh, array, no_rings, order, np.zeros(filled + extra, np.uint8)) == 0:
                 break
             extra *= 2
         copy = object.__new__(NavMesh)

@@ -1,7 +1,6 @@
 """From a channel to the path of a disc: funnel over discs, exact swept check, repair, polyline.
 
-A path is a taut string around nodes (vertex, q): q = +radius with the obstacle on the left, -radius on the right; the
-first node is the start and the last the goal, both with q = 0 and no vertex.
+Nodes are those of :mod:`crowdsim.navmesh.tangent_kernels`; the first is the start, the last the goal.
 """
 
 import math
@@ -10,8 +9,10 @@ import numpy as np
 
 from crowdsim.jit import kernel
 from crowdsim.navmesh.clearance_kernels import capsule_nearest, disc_clearance
+from crowdsim.navmesh.growing_kernels import longer_rows
 from crowdsim.navmesh.search_kernels import find_channel
-from crowdsim.navmesh.triangulation_kernels import nxt, origin, twin
+from crowdsim.navmesh.tangent_kernels import arc_corners, copy_node, nodes_near_channel, shortest_around, tangent
+from crowdsim.navmesh.triangulation_kernels import nxt, origin
 
 OK = 0
 START_BLOCKED = 1
@@ -19,32 +20,15 @@ GOAL_BLOCKED = 2
 NO_PASSAGE = 3
 
 _REPAIRS = 60
-_RETRIES = 8
+_RETRIES = 1
 _COARSE = 1e-3
 _FINE = 2e-6
-"""How far the corners of the polyline may stand off an arc, meters: normally, and in passages that have no more room."""
-
-
-@kernel
-def _tangent(nodes, i, j):
-    """(exists, direction x, y) of the taut string from node i to node j; nodes are rows x, y, q."""
-    ex = nodes[j, 0] - nodes[i, 0]
-    ey = nodes[j, 1] - nodes[i, 1]
-    distance = math.hypot(ex, ey)
-    if distance == 0.0:
-        return False, 1.0, 0.0
-    ex /= distance
-    ey /= distance
-    s = (nodes[j, 2] - nodes[i, 2]) / distance
-    exists = abs(s) <= 1.0 + 1e-4
-    s = min(max(s, -1.0), 1.0)
-    c = math.sqrt(1.0 - s * s)
-    return exists, ex * c + ey * s, ey * c - ex * s
+"""How far corners of the polyline may stand off an arc, meters: normally, and in passages that leave no more room."""
 
 
 @kernel
 def _funnel(m, channel, sx, sy, gx, gy, radius):
-    """Nodes (k, 4) of the taut string through the channel, rows x, y, q, vertex, with room to grow; and their number."""
+    """Nodes of the taut string through the channel, rows x, y, q, vertex with room for more, and their number."""
     # The funnel is a deque: left chain (outwards to lower places), apex, right chain (outwards to higher places).
     room = 2 * channel.size + 4
     chain = np.empty((2 * room + 1, 4))
@@ -57,7 +41,7 @@ def _funnel(m, channel, sx, sy, gx, gy, radius):
     chain[apex, 1] = sy
     chain[apex, 2] = 0.0
     chain[apex, 3] = -1.0
-    nodes[0] = chain[apex]
+    copy_node(nodes, np.int64(0), chain, apex)
     count = 1
     before_left = np.int64(-1)
     before_right = np.int64(-1)
@@ -93,8 +77,8 @@ def _funnel(m, channel, sx, sy, gx, gy, radius):
             while True:
                 end = low if sign > 0 else high
                 other = high if sign > 0 else low
-                work[0] = chain[end]
-                _, dx, dy = _tangent(work, 0, 1)
+                copy_node(work, np.int64(0), chain, end)
+                _, dx, dy = tangent(work, np.int64(0), np.int64(1))
                 if end != apex:
                     rx = heading[end, 0]
                     ry = heading[end, 1]
@@ -113,7 +97,7 @@ def _funnel(m, channel, sx, sy, gx, gy, radius):
                         high -= 1
                 else:
                     apex += sign
-                    nodes[count] = chain[apex]
+                    copy_node(nodes, count, chain, apex)
                     count += 1
                     if sign > 0:
                         low = apex
@@ -125,11 +109,11 @@ def _funnel(m, channel, sx, sy, gx, gy, radius):
             else:
                 high += 1
                 end = high
-            chain[end] = work[1]
+            copy_node(chain, end, work, np.int64(1))
             heading[end, 0] = dx
             heading[end, 1] = dy
     for i in range(apex - 1, low - 1, -1):
-        nodes[count] = chain[i]
+        copy_node(nodes, count, chain, i)
         count += 1
     return nodes, count
 
@@ -139,18 +123,18 @@ def _tighten(nodes, count):
     """Drop the nodes at which the string turns away from its obstacle; the new number, or -1 if nodes are pinched."""
     i = 1
     while i < count - 1:
-        before, ax, ay = _tangent(nodes, i - 1, i)
-        after, bx, by = _tangent(nodes, i, i + 1)
+        before, ax, ay = tangent(nodes, i - 1, i)
+        after, bx, by = tangent(nodes, i, i + 1)
         if nodes[i, 2] * (ax * by - ay * bx) < 0.0:
             for k in range(i, count - 1):
-                nodes[k] = nodes[k + 1]
+                copy_node(nodes, k, nodes, k + 1)
             count -= 1
             i = max(1, i - 1)
         elif before and after:
             i += 1
         else:
             return -1
-    exists, _, _ = _tangent(nodes, 0, 1)
+    exists, _, _ = tangent(nodes, np.int64(0), np.int64(1))
     return count if exists else -1
 
 
@@ -167,27 +151,19 @@ def _trace(m, nodes, count, least, bulge, hint):
     points[0, 1] = nodes[0, 1]
     n = 1
     for i in range(1, count):
-        steps = 1
         angle = 0.0
-        radius = abs(nodes[i, 2])
-        _, ax, ay = _tangent(nodes, i - 1, i)
+        _, ax, ay = tangent(nodes, i - 1, i)
         if i < count - 1:
-            _, bx, by = _tangent(nodes, i, i + 1)
+            _, bx, by = tangent(nodes, i, i + 1)
             angle = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
-            most = min(2.0 * math.acos(radius / (radius + bulge)), 0.35) if radius > 0.0 else 1.0
-            steps = max(1, int(math.ceil(abs(angle) / most)))
-        step = angle / steps
-        reach = radius / math.cos(0.5 * step)
-        # The string touches the disc on its right side where the node is on the left, and the other way round.
-        start = math.atan2(ax, -ay) if nodes[i, 2] < 0.0 else math.atan2(-ax, ay)
-        if n + steps > points.shape[0]:
-            longer = np.empty((2 * points.shape[0] + steps, 2))
-            longer[:n] = points[:n]
-            points = longer
+            if nodes[i, 2] * angle < -1e-6:
+                angle += math.copysign(2.0 * math.pi, nodes[i, 2])
+        steps, bearing, step, reach = arc_corners(nodes[i, 2], ax, ay, angle, bulge)
+        while n + steps > points.shape[0]:
+            points = longer_rows(points)
         for k in range(steps):
-            at = start + (k + 0.5) * step
-            x = nodes[i, 0] + reach * math.cos(at)
-            y = nodes[i, 1] + reach * math.sin(at)
+            x = nodes[i, 0] + reach * math.cos(bearing + k * step)
+            y = nodes[i, 1] + reach * math.sin(bearing + k * step)
             px = points[n - 1, 0]
             py = points[n - 1, 1]
             distance, hint, vertex, edge = capsule_nearest(m, px, py, x, y, 1.01 * least, hint)
@@ -204,11 +180,9 @@ def _trace(m, nodes, count, least, bulge, hint):
 def _insert(m, nodes, count, at, vertex, q):
     """Nodes with (vertex, q) inserted at place ``at``."""
     if count == nodes.shape[0]:
-        longer = np.empty((2 * count, 4))
-        longer[:count] = nodes
-        nodes = longer
+        nodes = longer_rows(nodes)
     for k in range(count, at, -1):
-        nodes[k] = nodes[k - 1]
+        copy_node(nodes, k, nodes, k - 1)
     nodes[at, 0] = m.vx[vertex]
     nodes[at, 1] = m.vy[vertex]
     nodes[at, 2] = q
@@ -221,8 +195,8 @@ def _turns_right(nodes, count, i):
     """Whether the string turns towards its obstacle at node i."""
     if i <= 0 or i >= count - 1:
         return True
-    before, ax, ay = _tangent(nodes, i - 1, i)
-    after, bx, by = _tangent(nodes, i, i + 1)
+    before, ax, ay = tangent(nodes, i - 1, i)
+    after, bx, by = tangent(nodes, i, i + 1)
     return before and after and nodes[i, 2] * (ax * by - ay * bx) >= 0.0
 
 
@@ -265,7 +239,7 @@ def _pull(m, nodes, count, radius, least, hint):
         nodes = _insert(m, nodes, count, i + 1, vertex, q)
         count += 1
         if inside and not (_turns_right(nodes, count, i) and _turns_right(nodes, count, i + 1)):
-            nodes[i + 1] = nodes[i]
+            copy_node(nodes, i + 1, nodes, i)
             nodes[i, 0] = m.vx[vertex]
             nodes[i, 1] = m.vy[vertex]
             nodes[i, 2] = q
@@ -302,7 +276,8 @@ def plan_path(m, sx, sy, gx, gy, radius, tolerance):
     marks = np.zeros((3 * m.counts[1], 2), np.int32)
     for attempt in range(_RETRIES):
         if attempt > 0:
-            marks[:, 0] = 0
+            for h in range(marks.shape[0]):
+                marks[h, 0] = 0
         channel = find_channel(m, start, sx, sy, goal, gx, gy, radius, 2.0 * least, marks, states)
         if channel.size == 0:
             break
@@ -310,5 +285,10 @@ def plan_path(m, sx, sy, gx, gy, radius, tolerance):
         done, points, share = _pull(m, nodes, count, radius, least, start)
         if done:
             return OK, points
+        nodes = shortest_around(m, nodes_near_channel(m, channel, sx, sy, gx, gy, radius), least)
+        if nodes.shape[0] > 0:
+            points, i, _, _, _, _, _, _, _, _ = _trace(m, nodes, nodes.shape[0], least, _FINE, start)
+            if i < 0:
+                return OK, points
         marks[channel[0] if share < 0.5 else channel[channel.size - 1], 1] = 1
     return NO_PASSAGE, none

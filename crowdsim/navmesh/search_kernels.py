@@ -10,6 +10,7 @@ import numpy as np
 
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import kernel
+from crowdsim.navmesh.growing_kernels import longer_rows
 from crowdsim.navmesh.triangulation_kernels import nxt, origin, prv, twin
 
 
@@ -66,64 +67,60 @@ def _crossing_point(m, h, radius, px, py, gx, gy):
 
 
 @kernel
-def _push(keys, items, count, key, item):
-    """Add to the binary heap; the arrays, which grow as needed. Ties leave in the order of their items."""
-    if count == keys.size:
-        longer = np.empty(2 * count)
-        longer[:count] = keys
-        keys = longer
-        longer_items = np.empty(2 * count, np.int64)
-        longer_items[:count] = items
-        items = longer_items
+def push(heap, count, key, item):
+    """Add a row (key, item) to the binary heap; (heap, count). Equal keys leave in the order of their items."""
+    if count == heap.shape[0]:
+        heap = longer_rows(heap)
     i = count
     while i > 0:
         up = (i - 1) // 2
-        if keys[up] < key or (keys[up] == key and items[up] <= item):
+        if heap[up, 0] < key or (heap[up, 0] == key and heap[up, 1] <= item):
             break
-        keys[i] = keys[up]
-        items[i] = items[up]
+        heap[i, 0] = heap[up, 0]
+        heap[i, 1] = heap[up, 1]
         i = up
-    keys[i] = key
-    items[i] = item
-    return keys, items
+    heap[i, 0] = key
+    heap[i, 1] = item
+    return heap, count + 1
 
 
 @kernel
-def _pop(keys, items, count):
-    """Take the least of ``count`` heap entries away, which is left in place ``count - 1``."""
-    key = keys[count - 1]
-    item = items[count - 1]
-    keys[count - 1] = keys[0]
-    items[count - 1] = items[0]
+def pop(heap, count):
+    """Take the least of ``count`` heap rows away, which is left in place ``count - 1``."""
     last = count - 1
+    key = heap[last, 0]
+    item = heap[last, 1]
+    heap[last, 0] = heap[0, 0]
+    heap[last, 1] = heap[0, 1]
     i = 0
     while True:
         child = 2 * i + 1
         if child >= last:
             break
         right = child + 1
-        if right < last and (keys[right] < keys[child] or (keys[right] == keys[child] and items[right] < items[child])):
+        if right < last and (
+            heap[right, 0] < heap[child, 0] or (heap[right, 0] == heap[child, 0] and heap[right, 1] < heap[child, 1])
+        ):
             child = right
-        if key < keys[child] or (key == keys[child] and item <= items[child]):
+        if key < heap[child, 0] or (key == heap[child, 0] and item <= heap[child, 1]):
             break
-        keys[i] = keys[child]
-        items[i] = items[child]
+        heap[i, 0] = heap[child, 0]
+        heap[i, 1] = heap[child, 1]
         i = child
     if last > 0:
-        keys[i] = key
-        items[i] = item
+        heap[i, 0] = key
+        heap[i, 1] = item
 
 
 @kernel
 def find_channel(m, start, sx, sy, goal, gx, gy, radius, width, marks, states):
-    """Half-edges crossed from triangle ``start`` to ``goal`` on about the shortest way, (k,); empty if none is wide enough.
+    """Half-edges (k,) crossed from triangle ``start`` to ``goal`` on about the shortest way; none if too narrow.
 
     ``width`` is the least width passed. ``marks`` (3 nt, 2) int32 holds the predecessor, plus 2, and a closed flag: 0
     for not seen, 1 in the second column for not to be crossed. ``states`` (3 nt, 3) holds cost and crossing point.
     """
-    keys = np.empty(256)
-    items = np.empty(256, np.int64)
-    count = 0
+    heap = np.empty((256, 2))
+    count = np.int64(0)
     for h in range(3 * start, 3 * start + 3):
         if marks[h, 1] == 0 and can_leave(m, h, sx, sy, width):
             x, y = _crossing_point(m, h, radius, sx, sy, gx, gy)
@@ -132,17 +129,16 @@ def find_channel(m, start, sx, sy, goal, gx, gy, radius, width, marks, states):
             states[h, 1] = x
             states[h, 2] = y
             marks[h, 0] = 1
-            keys, items = _push(keys, items, count, cost + math.hypot(gx - x, gy - y), h)
-            count += 1
+            heap, count = push(heap, count, cost + math.hypot(gx - x, gy - y), float(h))
     found = np.int64(-1)
     while count > 0:
-        _pop(keys, items, count)
+        pop(heap, count)
         count -= 1
-        h = items[count]
+        h = np.int64(heap[count, 1])
         px = states[h, 1]
         py = states[h, 2]
         spent = states[h, 0]
-        if keys[count] > spent + math.hypot(gx - px, gy - py) + 1e-9:
+        if heap[count, 0] > spent + math.hypot(gx - px, gy - py) + 1e-9:
             continue  # reached at less cost since
         g = twin(m, h)
         if g // 3 == goal and can_leave(m, g, gx, gy, width):
@@ -159,8 +155,7 @@ def find_channel(m, start, sx, sy, goal, gx, gy, radius, width, marks, states):
                 states[e, 1] = x
                 states[e, 2] = y
                 marks[e, 0] = h + 2
-                keys, items = _push(keys, items, count, cost + math.hypot(gx - x, gy - y), e)
-                count += 1
+                heap, count = push(heap, count, cost + math.hypot(gx - x, gy - y), float(e))
     length = 0
     h = found
     while h >= 0:

@@ -86,18 +86,17 @@ def locate(m, x, y, hint):
 @kernel
 def find_half_edge(m, a, b):
     """The half-edge from vertex a to vertex b, or -1; sides of the box are not found."""
+    turned = False
     if a < BOX_CORNERS:  # its star is open
         if b < BOX_CORNERS:
             return np.int64(-1)
         a, b = b, a
-        back = True
-    else:
-        back = False
+        turned = True
     first = np.int64(m.vhe[a])
     h = first
     while True:
         if m.org[nxt(h)] == b:
-            return h
+            return twin(m, h) if turned else h
         h = twin(m, prv(h))
         if h == first:
             return np.int64(-1)
@@ -148,7 +147,7 @@ def _flip(m, e):
 
 @kernel
 def _not_delaunay(m, h):
-    """Whether the unconstrained side h has the far corner of its neighbor strictly inside the circle of its triangle."""
+    """Whether the far corner beyond the unconstrained side h is strictly inside the circle of its triangle."""
     g = twin(m, h)
     if g < 0 or m.cst[h] != 0:
         return False
@@ -235,7 +234,7 @@ def split_edge(m, h, x, y, stack):
     for e, sign in ((3 * t0 + 1, 1), (3 * t3 + 2, -1), (3 * t1 + 2, 1), (3 * t2 + 1, -1)):
         m.cst[e] = count
         m.win[e] = sign * winding
-    _legalize(m, stack, 4)
+    _legalize(m, stack, np.int64(4))
     return p
 
 
@@ -277,7 +276,7 @@ def insert_point(m, x, y, hint, stack):
     stack[0] = h
     stack[1] = 3 * t1
     stack[2] = 3 * t2
-    _legalize(m, stack, 3)
+    _legalize(m, stack, np.int64(3))
     return p
 
 
@@ -285,10 +284,10 @@ def insert_point(m, x, y, hint, stack):
 def split_is_robust(m, h, x, y):
     """Whether (x, y) near side h is strictly inside the union of its two triangles, so that a split inverts none."""
     g = twin(m, h)
+    inside = True
     for e in (nxt(h), prv(h), nxt(g), prv(g)):
-        if side(m, origin(m, e), origin(m, nxt(e)), x, y) <= 0.0:
-            return False
-    return True
+        inside = inside and side(m, origin(m, e), origin(m, nxt(e)), x, y) > 0.0
+    return inside
 
 
 @kernel
@@ -342,8 +341,8 @@ def _clear_way(m, a, b, crossed, pairs):
             sq = orient2d(ax, ay, bx, by, m.vx[q], m.vy[q])
             u = p
             w = q
-            if p == a or p == b or q == a or q == b or sp * sq >= 0.0:
-                if not ((p == a and q == b) or (p == b and q == a)):
+            if p in (a, b) or q in (a, b) or sp * sq >= 0.0:
+                if p not in (a, b) or q not in (a, b):
                     fresh[made, 0] = p
                     fresh[made, 1] = q
                     made += 1

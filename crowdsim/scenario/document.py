@@ -212,7 +212,10 @@ class _Reader:
                 self._discard(next(self.events))
             else:
                 self.document.keys[(*path, key)] = place
-                values[key] = self._value(next(self.events), (*path, key))
+                inner = next(self.events)
+                values[key] = self._value(inner, (*path, key))
+                if isinstance(inner, ScalarEvent) and inner.start_mark.index == inner.end_mark.index:
+                    self.document.values[(*path, key)] = place  # nothing is written there; its mark is the next line
         return values
 
     def _discard(self, event: Event) -> None:
@@ -231,15 +234,18 @@ def _spot(event: Event) -> tuple[int, int]:
 
 
 def _complaint(event: Event) -> str | None:
-    """What a node may not carry in a scenario: aliases, anchors and tags."""
+    """What a node may not carry in a scenario: aliases, anchors, tags, and characters that cannot be written."""
     if isinstance(event, AliasEvent):
         return f"aliases are not allowed ('*{shorten(event.anchor)}'); write the value out"
     if not isinstance(event, NodeEvent):
         return None
     if event.anchor is not None:
         return f"anchors are not allowed ('&{shorten(event.anchor)}')"
-    if getattr(event, "ctag", None) is not None:
-        return f"tags are not allowed ('{shorten(str(event.tag))}')"
+    tag = getattr(event, "ctag", None)
+    if tag is not None:
+        return f"tags are not allowed ('{shorten(str(tag))}')"
+    if isinstance(event, ScalarEvent) and any("\ud800" <= letter <= "\udfff" for letter in event.value):
+        return "half of a surrogate pair is no character; write the character itself"
     return None
 
 
@@ -255,7 +261,7 @@ def _scalar(event: ScalarEvent) -> Any:
     for pattern, base in ((_INT, 10), (_OCTAL, 8), (_HEX, 16)):
         if pattern.fullmatch(text):
             if len(text) > _MAX_DIGITS:
-                raise ValueError(f"a number of {len(text)} digits")
+                raise ValueError(f"a number of {len(text)} digits is too large")
             return int(text, base)
     if _SPECIAL.fullmatch(text):
         return float(text.replace(".", ""))

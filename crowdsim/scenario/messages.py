@@ -106,9 +106,8 @@ def _wanted_list(annotation: Any, context: dict[str, Any]) -> str:
     arguments = typing.get_args(_bare(annotation))
     if arguments and arguments[-1] is not Ellipsis:
         return f"a list of {len(arguments)} numbers"
-    if "max_length" in context:
-        return f"at most {context['max_length']} entries"
-    return f"at least {context['min_length']} entries"
+    bound, number = ("most", context["max_length"]) if "max_length" in context else ("least", context["min_length"])
+    return f"at {bound} {number} {'entry' if number == 1 else 'entries'}"
 
 
 def _describe(value: Any) -> str:

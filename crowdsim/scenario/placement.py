@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -27,27 +27,28 @@ _BATCH = 64
 _START_STREAM, _GOAL_STREAM = 0, 1
 
 
-@dataclass(frozen=True)
-class Placement:
+class Placement(NamedTuple):
     """Characters in the order of their groups.
 
     Attributes
     ----------
     starts, goals : (n, 2) float64, meters
-    start_times : (n,) float64, seconds
-    groups : (n,) int32, index into the scenario's ``agents``
+    start_steps : (n,) int64, the step of the simulation nearest to the time of the start
+    stays : (n,) bool, whether they stay where they arrive
+    groups : name of the group of each
     """
 
     starts: NDArray[np.float64]
     goals: NDArray[np.float64]
-    start_times: NDArray[np.float64]
-    groups: NDArray[np.int32]
+    start_steps: NDArray[np.int64]
+    stays: NDArray[np.bool_]
+    groups: tuple[str, ...]
 
 
 def place_agents(scenario: Scenario, radius: float) -> Placement:
     """Draw start and goal of every character with ``radius`` meters of free floor around it.
 
-    Characters that start at the same time, of whatever group, start at least two radii apart; so do the goals of those
+    Characters that start at the same step, of whatever group, start at least two radii apart; so do the goals of those
     that stay. Each group draws from its own two streams of the scenario's seed, so that a change to one group leaves
     the draws of the others alone.
 
@@ -65,16 +66,16 @@ def place_agents(scenario: Scenario, radius: float) -> Placement:
 def try_placement(scenario: Scenario, radius: float) -> tuple[Placement, list[Problem]]:
     """:func:`place_agents` with its problems returned; the arrays lack the characters that found no place."""
     room = _room(scenario, radius)
-    starts_by_time: defaultdict[float, _Spots] = defaultdict(lambda: _Spots(2.0 * radius))
+    starts_by_step: defaultdict[int, _Spots] = defaultdict(lambda: _Spots(2.0 * radius))
     stay_spots = _Spots(2.0 * radius)
     starts: list[tuple[float, float]] = []
     goals: list[tuple[float, float]] = []
-    times: list[float] = []
-    groups: list[int] = []
+    steps: list[int] = []
     problems = []
     for number, group in enumerate(scenario.agents):
-        group_times = [group.start_time + k * group.interval for k in range(group.count)]
-        begun = [starts_by_time[time] for time in group_times]
+        times = [group.start_time + k * group.interval for k in range(group.count)]
+        group_steps = [round(time * scenario.steps_per_second) for time in times]
+        begun = [starts_by_step[step] for step in group_steps]
         ended = [stay_spots if group.on_arrival == "stay" else None] * group.count
         for key, stream, region, crowds, found in (
             ("start", _START_STREAM, group.start.shape(), begun, starts),
@@ -89,13 +90,14 @@ def try_placement(scenario: Scenario, radius: float) -> tuple[Placement, list[Pr
                     complaint = _too_full(key, region, len(placed), group.count, radius)
             if complaint is not None:
                 problems.append(scenario.problem(("agents", number, key), complaint))
-        times += group_times
-        groups += [number] * group.count
+        steps += group_steps
+    counts = [group.count for group in scenario.agents]
     placement = Placement(
         np.array(starts, np.float64).reshape(-1, 2),
         np.array(goals, np.float64).reshape(-1, 2),
-        np.array(times, np.float64),
-        np.array(groups, np.int32),
+        np.array(steps, np.int64),
+        np.repeat([group.on_arrival == "stay" for group in scenario.agents], counts),
+        tuple(group.name for group in scenario.agents for _ in range(group.count)),
     )
     return placement, problems
 
@@ -110,17 +112,21 @@ def _room(scenario: Scenario, radius: float) -> MultiPolygon:
 
 def _unusable(scenario: Scenario, region: Polygon | Point, room: MultiPolygon, radius: float) -> str | None:
     """Why no character at all can stand in ``region``; None if one can."""
-    allowed = region.intersection(room)
-    if not allowed.is_empty and (isinstance(region, Point) or polygons_only(allowed).area > 0.0):
+    if _meets(region, room):
         return None
-    ground = scenario.layers()[0]
-    if not region.intersects(scenario.floor_polygon()):
+    if not _meets(region, scenario.floor_polygon()):
         return "lies off the floor"
-    overlap = region.intersection(ground.free)
-    if overlap.is_empty or (isinstance(region, Polygon) and polygons_only(overlap).is_empty):
+    if not _meets(region, scenario.layers()[0].free):
         inside = [solid.name for solid in scenario.solids() if solid.footprint.intersects(region)]
         return f"lies inside {', '.join(repr(name) for name in inside[:3])}; nobody can stand there"
     return f"no spot with {radius:.2f} m of free floor around it; move it away from walls and obstacles"
+
+
+def _meets(region: Polygon | Point, area: Polygon | MultiPolygon) -> bool:
+    """Whether the point, or some of the extent of the region, lies in ``area``."""
+    if isinstance(region, Point):
+        return bool(area.intersects(region))
+    return not polygons_only(region.intersection(area)).is_empty
 
 
 def _too_full(key: str, region: Polygon | Point, placed: int, count: int, radius: float) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 from pydantic import PrivateAttr
 from shapely import Polygon
@@ -13,6 +14,13 @@ from crowdsim.errors import Problem
 from crowdsim.scenario.document import Document
 from crowdsim.scenario.document import Path as KeyPath
 from crowdsim.scenario.schema import ScenarioFields
+
+
+class Captures(NamedTuple):
+    """A folder of motion captures and the patterns of the files to take from it."""
+
+    folder: Path
+    patterns: tuple[str, ...]
 
 
 class Scenario(ScenarioFields):
@@ -59,21 +67,13 @@ class Scenario(ScenarioFields):
             self._layers = clearance_layers(self.floor_polygon(), self.solids(), bands)
         return self._layers
 
-    def region(self, name: str) -> Polygon:
-        """Polygon of the named area; ``KeyError`` if there is none of the name."""
-        shapes = {area.name: area.shape() for area in self.areas}
-        return shapes[name]
+    def area_polygons(self) -> dict[str, Polygon]:
+        """Polygons of the named areas in the order of the file."""
+        return {area.name: area.shape() for area in self.areas}
 
-    def capture_files(self) -> tuple[Path, ...]:
-        """Motion captures the scenario asks for, sorted within each pattern, each once; none for a built-in set."""
-        folder = self.capture_folder()
-        if folder is None:
-            return ()
-        found = [file for pattern in self.motion.clips for file in sorted(folder.glob(pattern))]
-        return tuple(dict.fromkeys(found))
-
-    def capture_folder(self) -> Path | None:
-        """Folder of the captures, relative to the scenario file; None for a built-in set."""
+    def captures(self) -> Captures | None:
+        """The motion captures asked for; None for the built-in set."""
         if self.motion.captures is None:
             return None
-        return (self._path.parent if self._path else Path()) / self.motion.captures
+        beside = self._path.parent if self._path else Path()
+        return Captures(beside / self.motion.captures, self.motion.clips)

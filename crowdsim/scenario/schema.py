@@ -258,7 +258,7 @@ class Area(Region):
 class ScenarioFields(Part):
     """The keys of a scenario file."""
 
-    crowdsim: Literal[1]
+    crowdsim: Annotated[int, Field(json_schema_extra={"const": FORMAT_VERSION})]
     name: Name
     description: str = ""
     seed: Annotated[int, Field(ge=0, lt=2**63)]
@@ -274,6 +274,13 @@ class ScenarioFields(Part):
     motion: Motion = Motion(set="default")
     agents: Annotated[tuple[AgentGroup, ...], Field(strict=False, min_length=1)]
     areas: Annotated[tuple[Area, ...], Field(strict=False)] = ()
+
+    @field_validator("crowdsim")
+    @classmethod
+    def _check_version(cls, value: int) -> int:
+        if value != FORMAT_VERSION:
+            raise ValueError(f"format version {value} is unknown here; this crowdsim reads version {FORMAT_VERSION}")
+        return value
 
     @field_validator("steps_per_second")
     @classmethod

@@ -63,14 +63,15 @@ def _behaviors(scenario: Scenario) -> list[Problem]:
 
 
 def _captures(scenario: Scenario) -> list[Problem]:
-    folder = scenario.capture_folder()
-    if folder is None:
+    captures = scenario.captures()
+    if captures is None:
         return []
+    folder, patterns = captures
     if not folder.is_dir():
         message = f"there is no folder {folder}; it is sought beside the scenario file"
         return [scenario.problem(("motion", "captures"), message)]
     problems = []
-    for number, pattern in enumerate(scenario.motion.clips):
+    for number, pattern in enumerate(patterns):
         path = ("motion", "clips", number)
         if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
             problems.append(scenario.problem(path, f"'{pattern}' leaves the folder of captures"))

@@ -10,6 +10,8 @@ from crowdsim.motion.kinematics import about_axis, conjugate, multiply, rotate
 from crowdsim.motion.skeleton import Skeleton
 
 THIGH, SHANK, ANKLE_HEIGHT, HIP_HEIGHT, HIP_HALF = 0.43, 0.42, 0.08, 0.88, 0.09
+FOOT_BACK = 0.065
+"""Meters the ankles stand behind the hips, so that the hips are over the middle between heels and toes."""
 STEP_FRAMES = 33
 Y, Z = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
@@ -58,10 +60,11 @@ def walk(
 ) -> Clip:
     """A walk from standing to standing, both with the feet side by side.
 
-    turn: radians over the whole walk. facing: heading minus direction of motion. stand: frames of rest at both ends.
+    The body goes ``steps - 0.5`` step lengths: the last foot only joins the other. turn: radians over the whole
+    walk. facing: heading minus direction of motion. stand: frames of rest at both ends.
     """
     progress = np.concatenate([np.zeros(stand), _eased(steps), np.full(stand, float(steps))])
-    body = _body_at(progress, steps, step_length, turn)
+    body = _body_at(progress * (steps - 0.5) / steps, steps, step_length, turn)
     moving = np.clip(np.minimum(progress, steps - progress), 0.0, 1.0)
     heading = body[:, 2] + facing
     lateral = np.stack([-np.sin(body[:, 2]), np.cos(body[:, 2])], axis=1)
@@ -106,10 +109,10 @@ def _eased(steps: int) -> np.ndarray:
 
 def _body_at(progress: np.ndarray, steps: int, step_length: float, turn: float) -> np.ndarray:
     """(F, 3) place and direction of motion after ``progress`` steps along an arc."""
-    angle = turn * progress / steps
+    angle = turn * progress / (steps - 0.5)
     if abs(turn) < 1e-9:
         return np.stack([progress * step_length, 0.0 * progress, 0.0 * progress], axis=1)
-    radius = steps * step_length / turn
+    radius = (steps - 0.5) * step_length / turn
     return np.stack([radius * np.sin(angle), radius * (1.0 - np.cos(angle)), angle], axis=1)
 
 
@@ -117,14 +120,12 @@ def _foot_path(
     progress: np.ndarray, steps: int, step_length: float, turn: float, facing: float, side: int
 ) -> np.ndarray:
     """(F, 4) ankle x, y, z and heading: rests, and swings during every second step to half a step ahead of the body."""
-    marks = [0.0] + [min(k + 1.5, float(steps)) for k in range(side, steps, 2)]
-    if marks[-1] < steps:
-        marks.append(float(steps))
+    marks = [0.0] + [min(k + 1.5, steps - 0.5) for k in range(side, steps, 2)]
     places = _body_at(np.array(marks), steps, step_length, turn)
     sign = 1.0 if side == 0 else -1.0
     heading = places[:, 2] + facing
-    places[:, 0] -= sign * HIP_HALF * np.sin(heading)
-    places[:, 1] += sign * HIP_HALF * np.cos(heading)
+    places[:, 0] -= sign * HIP_HALF * np.sin(heading) + FOOT_BACK * np.cos(heading)
+    places[:, 1] += sign * HIP_HALF * np.cos(heading) - FOOT_BACK * np.sin(heading)
     path = np.empty((len(progress), 4))
     for f, s in enumerate(progress):
         step = int(min(s, steps - 1e-9))
