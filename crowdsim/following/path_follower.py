@@ -199,7 +199,7 @@ def _allowed(samples: Samples, facings: Floats, reach: float) -> NDArray[np.bool
     """
     allowed = np.ones((len(facings), len(samples.arc)), np.bool_)
     for b, row in enumerate(facings):
-        if np.any(np.abs(row) < 0.5):
+        if np.nanmin(np.abs(row)) <= np.pi / 4.0:
             continue
         planned = samples.arc[samples.behavior <= b]
         if not len(planned):

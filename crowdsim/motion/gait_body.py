@@ -107,7 +107,7 @@ def controls_of(plan: Plan) -> Controls:
     heading = smoothed(course[:, 2], 5.0)
     sway = smoothed(load - course[:, :2], 5.5)
     c, s = np.cos(heading), np.sin(heading)
-    across = plan.sway * (-s * sway[:, 0] + c * sway[:, 1])
+    across = plan.style.sway * (-s * sway[:, 0] + c * sway[:, 1])
     pelvis = np.stack([body[:, 0] - s * across, body[:, 1] + c * across, heading], axis=-1)
 
     def ahead(foot: FootCurves) -> Floats:

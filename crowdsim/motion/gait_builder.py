@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.geometry.planar import compose
-from crowdsim.motion.gait_plan import LEFT, RIGHT, STANDING_HALF_WIDTH, Hub, Plan, Step, along_arc
+from crowdsim.motion.gait_plan import LEFT, RIGHT, STANDING_HALF_WIDTH, WALKING, Hub, Plan, Step, Style, along_arc
 
 Floats = NDArray[np.float64]
 
@@ -42,9 +42,8 @@ BRISK = Gait("brisk", 1.60, 62, 24.5, 0.040)
 class PlanBuilder:
     """Adds movements to a plan one after another; each begins where the one before ended."""
 
-    def __init__(self, name: str, **style: float) -> None:
-        """``style``: soft, sway and raised of the plan, where they differ from walking."""
-        self.plan = Plan(name, **style)
+    def __init__(self, name: str, style: Style = WALKING) -> None:
+        self.plan = Plan(name, style)
         self.body = self.plan.start
         self.frame = float(REST)
         self.gait: Gait | None = None
@@ -72,11 +71,11 @@ class PlanBuilder:
 
     def start(self, gait: Gait, length: float = 0.56) -> PlanBuilder:
         """From standing, left foot first, to the passing pose of ``gait``."""
-        return self._start_to(gait, along_arc(self.body, length, 0.0), self.frame + self.plan.soft)
+        return self._start_to(gait, along_arc(self.body, length, 0.0), self.frame + self.plan.style.soft)
 
     def start_right(self, gait: Gait) -> PlanBuilder:
         """From standing, right foot first, to the passing pose of ``gait``: three steps of growing length."""
-        lift = self.frame + self.plan.soft
+        lift = self.frame + self.plan.style.soft
         width = 0.5 * (gait.half_width + STANDING_HALF_WIDTH)
         self.step(RIGHT, along_arc(self.body, 0.42, 0.0), lift, lift + gait.swing * 0.95, width)
         return self._start_to(gait, along_arc(self.body, gait.stride * 0.48, 0.0), self.frame + gait.double_support)
@@ -131,13 +130,13 @@ class PlanBuilder:
     def start_turned_left(self, gait: Gait, turn: float) -> PlanBuilder:
         """From standing to the passing pose of ``gait`` turned left by ``turn``, the left foot first."""
         way = compose(self.body, np.array([0.0, 0.0, turn]))
-        ahead = compose(way, np.array([0.50, 0.0, 0.0]))
-        return self._start_to(gait, ahead, self.frame + self.plan.soft)
+        ahead = compose(way, np.array([0.42, 0.0, 0.0]))
+        return self._start_to(gait, ahead, self.frame + self.plan.style.soft)
 
     def start_turned_right(self, gait: Gait, turn: float) -> PlanBuilder:
         """From standing to the passing pose of ``gait`` turned right by ``turn``: right foot, left foot."""
         way = compose(self.body, np.array([0.0, 0.0, turn]))
-        lift = self.frame + self.plan.soft
+        lift = self.frame + self.plan.style.soft
         first = compose(way, np.array([0.34, 0.0, -0.25 * turn]))
         self.step(RIGHT, first, lift, lift + gait.swing, 0.5 * (gait.half_width + STANDING_HALF_WIDTH))
         ahead = compose(way, np.array([0.34 + 0.48 * gait.stride, 0.0, 0.0]))
@@ -153,7 +152,7 @@ class PlanBuilder:
 
     def stand(self, settle: float | None = None) -> PlanBuilder:
         """Come to rest ``settle`` frames after the last landing, by default when the heel is down."""
-        self.frame = float(np.ceil(self.frame + (self.plan.soft if settle is None else settle)))
+        self.frame = float(np.ceil(self.frame + (self.plan.style.soft if settle is None else settle)))
         self.plan.hubs.append(Hub(int(self.frame), "stand", self.body))
         self.gait = None
         return self
@@ -165,20 +164,20 @@ class PlanBuilder:
         self.frame += rest
         return self
 
-    def steps(self, places: list[tuple[int, float, float]], swing: float, overlap: float = 0.0) -> PlanBuilder:
-        """Steps (side, meters ahead, heading) relative to the body pose here, one after another."""
+    def steps(self, places: list[tuple[int, Floats]], swing: float, pause: float = 0.0) -> PlanBuilder:
+        """Steps of a side to a body pose relative to the one here, one after another."""
         origin = self.body
-        lift = self.frame + self.plan.soft
-        for side, ahead, heading in places:
-            self.step(side, compose(origin, np.array([ahead, 0.0, heading])), lift, lift + swing)
-            lift = self.frame - overlap
+        lift = self.frame + self.plan.style.soft
+        for side, place in places:
+            self.step(side, compose(origin, place), lift, lift + swing)
+            lift = self.frame + pause
         return self.stand()
 
     def side_step(self, side: int, length: float, swing: float, turn: float = 0.0) -> PlanBuilder:
         """One foot goes out sideways, the other closes; the body turns by ``turn``."""
         sign = 1.0 if side == LEFT else -1.0
         body = compose(self.body, np.array([0.0, sign * length, turn]))
-        lift = self.frame + self.plan.soft
+        lift = self.frame + self.plan.style.soft
         self.step(side, body, lift, lift + swing)
         lift = self.frame
         self.step(1 - side, body, lift, lift + swing)

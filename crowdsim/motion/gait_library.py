@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.geometry.planar import compose
 from crowdsim.motion.arm_edit import edit_arms
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.gait_builder import BRISK, NORMAL, SLOW, PlanBuilder
 from crowdsim.motion.gait_curves import ease
-from crowdsim.motion.gait_plan import LEFT, RIGHT, Plan, mirrored
+from crowdsim.motion.gait_plan import LEFT, RIGHT, SIDE_STEPPING, Plan, mirrored
 from crowdsim.motion.gait_synthesis import synthesize, synthesize_idle
 
 Floats = NDArray[np.float64]
@@ -54,37 +55,44 @@ def _sharp_turns(name: str) -> Plan:
 
 
 def _short_step(name: str, length: float) -> Plan:
-    return PlanBuilder(name).steps([(RIGHT, length, 0.0), (LEFT, length, 0.0)], 20.0 + 8.0 * length, -2.0).finish()
+    return (
+        PlanBuilder(name)
+        .steps([(side, np.array([length, 0.0, 0.0])) for side in (RIGHT, LEFT)], 20.0 + 8.0 * length, 2.0)
+        .finish()
+    )
 
 
 def _turn_in_place(name: str, degrees: float) -> Plan:
-    """Pairs of steps, the right foot first, no more than 60 degrees a pair."""
-    pairs = int(np.ceil(abs(degrees) / 61.0))
-    headings = [_rad(degrees) * (i + 1) / pairs for i in range(pairs)]
-    places = [(side, 0.0, heading) for heading in headings for side in (RIGHT, LEFT)]
-    return PlanBuilder(name).steps(places, 21.0 + abs(degrees) / pairs * 0.06).finish()
+    """Pairs of steps, the right foot first, no more than 45 degrees a pair.
 
-
-def _lateral(name: str) -> PlanBuilder:
-    """Side steps follow one another briskly, carried by their momentum, on feet that skim the floor."""
-    return PlanBuilder(name, soft=4.5, sway=0.2, raised=0.0)
+    Turning right, that foot opens, and its heel needs room beside the other one.
+    """
+    pairs = int(np.ceil(abs(degrees) / 45.0))
+    turn = _rad(degrees) / pairs
+    room = 0.05 * max(0.0, -turn)
+    body = np.zeros(3)
+    places: list[tuple[int, Floats]] = []
+    for _ in range(pairs):
+        body = compose(body, np.array([0.0, -room, turn]))
+        places += [(RIGHT, body), (LEFT, body)]
+    return PlanBuilder(name).steps(places, 17.0 + 3.0 * abs(turn)).finish()
 
 
 def _side_steps(name: str) -> Plan:
     """Three full steps to the left."""
-    builder = _lateral(name)
+    builder = PlanBuilder(name, SIDE_STEPPING)
     return builder.side_step(LEFT, 0.44, 17.0).pause().side_step(LEFT, 0.44, 17.0).pause().side_step(
         LEFT, 0.44, 17.0
     ).stand().finish()  # fmt: skip
 
 
 def _short_side_step(name: str) -> Plan:
-    return _lateral(name).side_step(LEFT, 0.20, 14.0).stand().finish()
+    return PlanBuilder(name, SIDE_STEPPING).side_step(LEFT, 0.20, 14.0).stand().finish()
 
 
 def _turning_side_steps(name: str) -> Plan:
     """Steps to the left that turn the body by 5 and 10 degrees either way."""
-    builder = _lateral(name)
+    builder = PlanBuilder(name, SIDE_STEPPING)
     for degrees in (5.0, -5.0, 10.0, -10.0):
         builder.side_step(LEFT, 0.40, 17.0, _rad(degrees)).pause()
     return builder.side_step(LEFT, 0.44, 17.0).stand().finish()
@@ -154,15 +162,10 @@ def _held(clip: Clip) -> Clip:
 
 def synthesize_default_set() -> list[tuple[str, str, Clip]]:
     """Behavior folder, file name and clip of the whole default set, always the same to the last bit."""
-    constrained = [
-        _walk("walk"), _slow("walk_slow"), _gentle_turns("walk_gentle_turns"), _short_step("step_25", 0.25), _short_step("step_50", 0.50),
-    ]  # fmt: skip
-    frontal = [
-        *constrained,
-        _long_start("walk_long_start"),
-        _sharp_turns("walk_sharp_turns"),
-        _short_step("step_75", 0.75),
-    ]
+    constrained = [_walk("walk"), _slow("walk_slow"), _gentle_turns("walk_gentle_turns")]
+    constrained += [_short_step("step_25", 0.25), _short_step("step_50", 0.50)]
+    frontal = [*constrained, _long_start("walk_long_start"), _sharp_turns("walk_sharp_turns")]
+    frontal += [_short_step("step_75", 0.75)]
     for degrees in (15, 30, 60, 90, 180):
         frontal.append(_turn_in_place(f"turn_left_{degrees}", degrees))
         frontal.append(_turn_in_place(f"turn_right_{degrees}", -degrees))

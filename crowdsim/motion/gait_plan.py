@@ -1,13 +1,14 @@
 """Where and when the feet are put down: what a synthesized movement is planned as.
 
-A footprint is placed by the *body pose* it belongs to, a planar pose (x, y, heading) between the feet; the print is half
-a step width to the side of it, the ankle a little behind, the toes a little out. Times are frames at
+A footprint is placed by the *body pose* it belongs to, a planar pose (x, y, heading) between the feet; the print is
+half a step width to the side of it, the ankle a little behind, the toes a little out. Times are frames at
 :data:`~crowdsim.constants.CAPTURE_RATE`, not always whole.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,26 @@ Floats = NDArray[np.float64]
 LEFT, RIGHT = 0, 1
 STANDING_HALF_WIDTH = 0.075
 TOE_OUT = np.radians(6.0)
+
+
+class Style(NamedTuple):
+    """How feet and body go about short steps.
+
+    soft: frames over which a heel rises from standing before its foot lifts, or comes down after its foot has closed;
+    slowing: frames in which that rise slows down again before the foot lifts, so that it stays low in its swing;
+    sway: how far the body goes over to the foot that carries it, 0 not at all, 1 all the way;
+    raised: meters that even the shortest step takes its foot up in its swing.
+    """
+
+    soft: float
+    slowing: float
+    sway: float
+    raised: float
+
+
+WALKING = Style(11.0, 0.0, 0.72, 0.035)
+SIDE_STEPPING = Style(4.5, 2.0, 0.2, 0.0)
+"""Side steps follow one another briskly, carried by their momentum, on feet that skim the floor."""
 
 
 @dataclass(frozen=True)
@@ -55,21 +76,14 @@ class Hub:
 
 @dataclass
 class Plan:
-    """Steps in the order in which they land, from standing at ``start`` to standing.
-
-    soft: frames over which a heel rises from standing before its foot lifts, or comes down after its foot has closed;
-    sway: how far the body goes over to the foot that carries it, 0 not at all, 1 all the way;
-    raised: meters that even the shortest step takes its foot up.
-    """
+    """Steps in the order in which they land, from standing at ``start`` to standing."""
 
     name: str
+    style: Style = WALKING
     start: Floats = field(default_factory=lambda: np.zeros(3))
     steps: list[Step] = field(default_factory=list)
     hubs: list[Hub] = field(default_factory=list)
     frame_count: int = 0
-    soft: float = 11.0
-    sway: float = 0.72
-    raised: float = 0.035
 
 
 def footprint(side: int, body: Floats, half_width: float) -> Floats:
@@ -93,7 +107,5 @@ def mirrored(plan: Plan, name: str) -> Plan:
         steps=[Step(1 - s.side, s.lift, s.land, s.body * flip, s.half_width) for s in plan.steps],
         hubs=[Hub(h.frame, h.kind, h.body * flip) for h in plan.hubs],
         frame_count=plan.frame_count,
-        soft=plan.soft,
-        sway=plan.sway,
-        raised=plan.raised,
+        style=plan.style,
     )

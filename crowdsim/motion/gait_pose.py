@@ -13,7 +13,7 @@ from crowdsim.motion.kinematics import about_axis, conjugate, multiply, rotate
 Floats = NDArray[np.float64]
 
 _X, _Y, _Z = np.eye(3)
-STRAIGHTEST = float(np.sqrt(THIGH**2 + SHANK**2 + 2.0 * THIGH * SHANK * np.cos(np.radians(3.5))))
+STRAIGHTEST = float(np.sqrt(THIGH**2 + SHANK**2 + 2.0 * THIGH * SHANK * np.cos(np.radians(6.0))))
 """Meters from hip to ankle at the least bend of a knee."""
 _ARM_OUT = np.radians(8.5)
 

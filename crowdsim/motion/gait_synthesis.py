@@ -90,7 +90,7 @@ def _blend(controls: Controls, plan: Plan) -> Controls:
     for hub in plan.hubs:
         frame = _hub_frame(hub)
         if hub.kind == "stand":
-            held, fade = 1, round(plan.soft)
+            held, fade = 1, round(plan.style.soft)
             hub_placed, hub_scalars = (np.repeat(a, 2 * (held + fade) + 1, 0) for a in _standing())
         else:
             held, fade = _HELD, _FADE

@@ -19,6 +19,9 @@ from crowdsim.navmesh.triangulation_kernels import FULL
 
 Floats = NDArray[np.float64]
 
+MIN_RADIUS = 1e-3
+"""Least radius of a path, meters: less would drown in rounding."""
+
 
 def _box(points: Floats) -> Floats:
     """Frame (6,) around ``points``, see :attr:`MeshArrays.frame`; the last entry, the hint cell, is left 0."""
@@ -141,15 +144,22 @@ class NavMesh:
         PathNotFound
             If start or goal is closer than ``radius`` to an obstacle, or no passage is wide enough.
         GeometryError
-            If an argument is not finite.
+            If an argument is not finite, or ``radius`` below :data:`MIN_RADIUS`.
         """
         sx, sy = _as_point(start, "start")
         gx, gy = _as_point(goal, "goal")
         radius = _as_radius(radius)
+        if radius < MIN_RADIUS:
+            raise GeometryError(f"radius: a path keeps at least {MIN_RADIUS:g} m off obstacles, got {radius:g} m")
         status, points = path_kernels.plan_path(self.arrays, sx, sy, gx, gy, radius, self.tolerance(radius))
         if status == path_kernels.NO_PASSAGE:
             raise PathNotFound(
                 f"no passage from ({sx:g}, {sy:g}) to ({gx:g}, {gy:g}) is wide enough for a radius of {radius:g} m"
+            )
+        if status == path_kernels.TANGLED:
+            raise PathNotFound(
+                f"a passage of radius {radius:g} m leads from ({sx:g}, {sy:g}) to ({gx:g}, {gy:g}), but no path through "
+                f"it could be traced; a slightly other radius helps, and a report would too"
             )
         if status != path_kernels.OK:
             name, x, y = ("start", sx, sy) if status == path_kernels.START_BLOCKED else ("goal", gx, gy)

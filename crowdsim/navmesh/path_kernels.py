@@ -18,9 +18,10 @@ OK = 0
 START_BLOCKED = 1
 GOAL_BLOCKED = 2
 NO_PASSAGE = 3
+TANGLED = 4
+"""A wide enough passage exists and no path through it was found."""
 
 _REPAIRS = 60
-_RETRIES = 1
 _COARSE = 1e-3
 _FINE = 2e-6
 """How far corners of the polyline may stand off an arc, meters: normally, and in passages that leave no more room."""
@@ -202,20 +203,18 @@ def _turns_right(nodes, count, i):
 
 @kernel
 def _pull(m, nodes, count, radius, least, hint):
-    """Check and repair until nothing is too close; (repaired, points, share of the way to the place that failed)."""
+    """Check and repair until nothing is too close; (repaired, points)."""
     count = _tighten(nodes, count)
     bulge = _COARSE
     points = np.empty((0, 2))
-    share = 0.0
     for _ in range(_REPAIRS):
         if count < 0:
-            return False, points, share
+            return False, points
         points, i, inside, vertex, edge, distance, px, py, x, y = _trace(m, nodes, count, least, bulge, hint)
         if i < 0:
-            return True, points, 1.0
-        share = i / count
+            return True, points
         if distance < 0.0:
-            return False, points, share
+            return False, points
         if bulge == _COARSE and distance > least - 2.0 * _COARSE:
             bulge = _FINE
             continue
@@ -233,9 +232,9 @@ def _pull(m, nodes, count, radius, least, hint):
         left = (x - px) * (m.vy[vertex] - py) - (y - py) * (m.vx[vertex] - px) > 0.0
         q = radius if left != crossed else -radius
         if nodes[i, 3] == vertex or nodes[i + 1, 3] == vertex:
-            return False, points, share
+            return False, points
         if inside and q * nodes[i, 2] < 0.0:
-            return False, points, share
+            return False, points
         nodes = _insert(m, nodes, count, i + 1, vertex, q)
         count += 1
         if inside and not (_turns_right(nodes, count, i) and _turns_right(nodes, count, i + 1)):
@@ -245,7 +244,7 @@ def _pull(m, nodes, count, radius, least, hint):
             nodes[i, 2] = q
             nodes[i, 3] = vertex
         count = _tighten(nodes, count)
-    return False, points, share
+    return False, points
 
 
 @kernel
@@ -269,26 +268,20 @@ def plan_path(m, sx, sy, gx, gy, radius, tolerance):
         return OK, points
     if start == goal:
         nodes, count = _funnel(m, np.empty(0, np.int64), sx, sy, gx, gy, radius)
-        done, points, _ = _pull(m, nodes, count, radius, least, start)
+        done, points = _pull(m, nodes, count, radius, least, start)
         if done:
             return OK, points
-    states = np.empty((3 * m.counts[1], 3))
-    marks = np.zeros((3 * m.counts[1], 2), np.int32)
-    for attempt in range(_RETRIES):
-        if attempt > 0:
-            for h in range(marks.shape[0]):
-                marks[h, 0] = 0
-        channel = find_channel(m, start, sx, sy, goal, gx, gy, radius, 2.0 * least, marks, states)
-        if channel.size == 0:
-            break
-        nodes, count = _funnel(m, channel, sx, sy, gx, gy, radius)
-        done, points, share = _pull(m, nodes, count, radius, least, start)
-        if done:
+    channel = find_channel(m, start, sx, sy, goal, gx, gy, radius, 2.0 * least)
+    if channel.size == 0:
+        return NO_PASSAGE, none
+    nodes, count = _funnel(m, channel, sx, sy, gx, gy, radius)
+    done, points = _pull(m, nodes, count, radius, least, start)
+    if done:
+        return OK, points
+    # One string in a few thousand is tangled by repair; the tangent graph is slow and sure.
+    nodes = shortest_around(m, nodes_near_channel(m, channel, sx, sy, gx, gy, radius), least)
+    if nodes.shape[0] > 0:
+        points, i, _, _, _, _, _, _, _, _ = _trace(m, nodes, nodes.shape[0], least, _FINE, start)
+        if i < 0:
             return OK, points
-        nodes = shortest_around(m, nodes_near_channel(m, channel, sx, sy, gx, gy, radius), least)
-        if nodes.shape[0] > 0:
-            points, i, _, _, _, _, _, _, _, _ = _trace(m, nodes, nodes.shape[0], least, _FINE, start)
-            if i < 0:
-                return OK, points
-        marks[channel[0] if share < 0.5 else channel[channel.size - 1], 1] = 1
-    return NO_PASSAGE, none
+    return TANGLED, none

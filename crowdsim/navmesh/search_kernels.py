@@ -113,22 +113,23 @@ def pop(heap, count):
 
 
 @kernel
-def find_channel(m, start, sx, sy, goal, gx, gy, radius, width, marks, states):
+def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
     """Half-edges (k,) crossed from triangle ``start`` to ``goal`` on about the shortest way; none if too narrow.
 
-    ``width`` is the least width passed. ``marks`` (3 nt, 2) int32 holds the predecessor, plus 2, and a closed flag: 0
-    for not seen, 1 in the second column for not to be crossed. ``states`` (3 nt, 3) holds cost and crossing point.
+    ``width`` is the least width passed, that of the disc of ``radius`` less what rounding may take.
     """
+    states = np.empty((3 * m.counts[1], 3))  # cost and crossing point
+    before = np.zeros(3 * m.counts[1], np.int32)  # the half-edge before, plus 2; 0 where not reached
     heap = np.empty((256, 2))
     count = np.int64(0)
     for h in range(3 * start, 3 * start + 3):
-        if marks[h, 1] == 0 and can_leave(m, h, sx, sy, width):
+        if can_leave(m, h, sx, sy, width):
             x, y = _crossing_point(m, h, radius, sx, sy, gx, gy)
             cost = math.hypot(x - sx, y - sy)
             states[h, 0] = cost
             states[h, 1] = x
             states[h, 2] = y
-            marks[h, 0] = 1
+            before[h] = 1
             heap, count = push(heap, count, cost + math.hypot(gx - x, gy - y), float(h))
     found = np.int64(-1)
     while count > 0:
@@ -146,25 +147,25 @@ def find_channel(m, start, sx, sy, goal, gx, gy, radius, width, marks, states):
             break
         for e in (nxt(g), prv(g)):
             corner = e if e == nxt(g) else g  # the turn is around the vertex that e and g share
-            if m.clr[corner] < width or marks[e, 1] != 0:
+            if m.cst[e] != 0 or m.clr[corner] < width:
                 continue
             x, y = _crossing_point(m, e, radius, px, py, gx, gy)
             cost = spent + math.hypot(x - px, y - py)
-            if marks[e, 0] == 0 or cost < states[e, 0] - 1e-9:
+            if before[e] == 0 or cost < states[e, 0] - 1e-9:
                 states[e, 0] = cost
                 states[e, 1] = x
                 states[e, 2] = y
-                marks[e, 0] = h + 2
+                before[e] = h + 2
                 heap, count = push(heap, count, cost + math.hypot(gx - x, gy - y), float(e))
     length = 0
     h = found
     while h >= 0:
         length += 1
-        h = np.int64(marks[h, 0]) - 2
+        h = np.int64(before[h]) - 2
     channel = np.empty(length, np.int64)
     h = found
     while h >= 0:
         length -= 1
         channel[length] = h
-        h = np.int64(marks[h, 0]) - 2
+        h = np.int64(before[h]) - 2
     return channel

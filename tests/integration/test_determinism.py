@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-SHORT = ("--json", "--set", "duration=6", "--set", "agents.0.count=4")
+SHORT = ("--json", "--set", "duration=6", "--set", "agents.0.count=4", "--set", "agents.0.interval=1")
 
 
 @pytest.fixture
