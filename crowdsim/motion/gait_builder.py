@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.errors import MotionError
 from crowdsim.geometry.planar import compose
 from crowdsim.motion.gait_plan import LEFT, RIGHT, STANDING_HALF_WIDTH, WALKING, Hub, Plan, Step, Style, along_arc
 
@@ -63,11 +64,16 @@ class PlanBuilder:
         )
         self.gait = gait
 
+    def _walking(self) -> Gait:
+        if self.gait is None:
+            raise MotionError(f"plan '{self.plan.name}' stands here; a cycle or a stop must follow a start")
+        return self.gait
+
     def _right_swing(self) -> tuple[float, float]:
         """Lift and landing of the right foot that is passing at the last hub."""
-        assert self.gait is not None
-        lift = self.plan.hubs[-1].frame - PASSING * self.gait.swing
-        return lift, lift + self.gait.swing
+        gait = self._walking()
+        lift = self.plan.hubs[-1].frame - PASSING * gait.swing
+        return lift, lift + gait.swing
 
     def start(self, gait: Gait, length: float = 0.56) -> PlanBuilder:
         """From standing, left foot first, to the passing pose of ``gait``."""
@@ -86,8 +92,7 @@ class PlanBuilder:
         outer: part of the turn that the right foot's landing takes; length: meters along the path, by default
         half a stride of the gait before and half a stride of ``gait``.
         """
-        before = self.gait
-        assert before is not None
+        before = self._walking()
         start = self.plan.hubs[-1].frame
         lift, land = self._right_swing()
         steps = (before.stride / 2.0, gait.stride / 2.0) if length is None else (length / 2.0, length / 2.0)
@@ -105,8 +110,7 @@ class PlanBuilder:
 
     def stop(self, length: float = 0.56, turn: float = 0.0) -> PlanBuilder:
         """From a passing pose to standing, turned by ``turn``: the right foot lands, the left one closes."""
-        gait = self.gait
-        assert gait is not None
+        gait = self._walking()
         lift, land = self._right_swing()
         final = compose(self.body, np.array([length, 0.0, turn]))
         self.step(RIGHT, final, lift, land)
@@ -116,8 +120,7 @@ class PlanBuilder:
 
     def stop_turned_left(self, turn: float) -> PlanBuilder:
         """From a passing pose to standing turned left by ``turn``: right, left and right foot."""
-        gait = self.gait
-        assert gait is not None
+        gait = self._walking()
         lift, land = self._right_swing()
         start = self.body
         self.step(RIGHT, compose(start, np.array([0.42, 0.0, 0.33 * turn])), lift, land, gait.half_width)

@@ -45,13 +45,12 @@ _TINY = 1e-3
 
 @dataclass(frozen=True)
 class FootCurves:
-    """ankle: (F, 3) meters; yaw, pitch: (F,) radians; toe: (F,) radians the toes bend up; planted: (F,) bool."""
+    """ankle: (F, 3) meters; yaw, pitch: (F,) radians; toe: (F,) radians the toes bend up."""
 
     ankle: Floats
     yaw: Floats
     pitch: Floats
     toe: Floats
-    planted: NDArray[np.bool_]
 
 
 def _ramped(since: Floats, duration: float, slowing: float) -> Floats:
@@ -177,12 +176,10 @@ def foot_curves(plan: Plan, side: int) -> FootCurves:
     frames = np.arange(plan.frame_count, dtype=np.float64)
     ankle = np.zeros((plan.frame_count, 3))
     yaw, pitch, toe = (np.zeros(plan.frame_count) for _ in range(3))
-    planted = np.zeros(plan.frame_count, bool)
     plants = _plants(plan, side)
     outward = 1.0 if side == LEFT else -1.0
     for plant in plants:
         rows = (frames >= plant.land) & (frames <= plant.lift)
-        planted |= rows
         ankle[rows] = plant.ankle(frames[rows])
         yaw[rows], pitch[rows] = plant.yaw(frames[rows]), plant.pitch(frames[rows])
         toe[rows] = np.maximum(0.0, -pitch[rows])
@@ -217,4 +214,4 @@ def foot_curves(plan: Plan, side: int) -> FootCurves:
             ),
         )  # fmt: skip
         toe[rows] = old.leave * (1.0 - ease(u / 0.45)) + max(0.0, -new.arrive) * ease((u - 0.55) / 0.45)
-    return FootCurves(ankle, yaw, pitch, toe, planted)
+    return FootCurves(ankle, yaw, pitch, toe)

@@ -33,7 +33,6 @@ def _quaternion_of(x: Floats, y: Floats, z: Floats) -> Floats:
     trace = m[:, 0, 0] + m[:, 1, 1] + m[:, 2, 2]
     choices = np.stack([trace, m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]], axis=-1)
     best = np.argmax(choices, axis=-1)
-    w, i, j, k = (np.empty((len(m), 4)) for _ in range(4))
     a = m[:, 2, 1], m[:, 1, 2], m[:, 0, 2], m[:, 2, 0], m[:, 1, 0], m[:, 0, 1]
     w = np.stack([1 + trace, a[0] - a[1], a[2] - a[3], a[4] - a[5]], axis=-1)
     i = np.stack([a[0] - a[1], 1 + 2 * m[:, 0, 0] - trace, a[5] + a[4], a[2] + a[3]], axis=-1)
