@@ -19,8 +19,12 @@ from crowdsim.motion.tracks import track_of
 _HEEL = 0.06
 """Meters from the ankle joint back to the end of the heel, which no joint marks."""
 
-_TURNING = np.radians(30.0)
-"""Radians a second above which a body turns rather than goes on; such frames say nothing about a passage."""
+_CURVE = 0.5
+"""Radians a meter above which a body turns rather than goes on (a curve of 2 m radius); such frames say nothing about
+a passage."""
+
+_MOVING = 0.1
+"""Meters a second below which it stands: neither do those."""
 
 _SPACING = 0.04
 """Meters between the points that stand for a bone."""
@@ -46,13 +50,16 @@ def measure_clearances(clip: Clip, bands: Sequence[tuple[float, float]], facing:
 
     ``bands`` holds (low, high) heights. ``facing`` is the angle from the direction of motion to the heading
     (`Behavior.facing`): 0 for a body that walks ahead, pi/2 for one that side-steps, whose depth then counts. Frames
-    that turn faster than 30 degrees a second are left out: across a sharp turn there is no side. Where nothing of
-    the body is in a band, or every frame turns, the clearance is 0.
+    in a curve tighter than 2 m or hardly moving are left out: there is no side to a sharp turn or to a stand. Where nothing of the body is in a band, or no frame goes on, the clearance is 0.
     """
     track = track_of(clip)
-    goes_on = np.ones(len(track), bool)
-    if len(track) > 1:
-        goes_on = np.abs(np.gradient(track[:, 2])) * CAPTURE_RATE <= _TURNING
+    if len(track) < 2:
+        return np.zeros(len(bands))
+    velocity = np.gradient(track, axis=0) * CAPTURE_RATE
+    speed = np.linalg.norm(velocity[:, :2], axis=1)
+    goes_on = (np.abs(velocity[:, 2]) <= _CURVE * speed) & (speed >= _MOVING)
+    if not goes_on.any():
+        return np.zeros(len(bands))
     points, flesh = _body_points(clip)
     points, motion, track = points[goes_on], track[goes_on, 2] - facing, track[goes_on]
     side = np.stack([-np.sin(motion), np.cos(motion)], axis=1)
