@@ -16,9 +16,9 @@ _STANDING_SPEED = 0.2
 
 _SPEED_SPAN = 0.10
 
-_REACH_PER_SECOND = 0.5
-"""Seconds of smoothing for each second since or until standing: most of the window stays off the rest, so that
-starts and stops keep their shape."""
+_REACH_PER_SECOND = 1.5
+"""Seconds of smoothing gained for each second since or until standing: slow enough that starts and stops keep their
+shape, fast enough that the hips' shift onto the first standing leg is smoothed away."""
 
 
 def track_of(clip: Clip) -> Floats:

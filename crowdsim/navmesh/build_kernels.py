@@ -14,11 +14,9 @@ from crowdsim.navmesh.triangulation_kernels import (
     insert_segment,
     locate,
     nxt,
-    origin,
     prv,
     split_edge,
     split_is_robust,
-    twin,
 )
 
 _UNKNOWN = -(1 << 30)
@@ -53,7 +51,7 @@ def _flood(m, stack):
         top -= 1
         t = np.int64(stack[top])
         for h in range(3 * t, 3 * t + 3):
-            g = twin(m, h)
+            g = np.int64(m.twin[h])
             if g >= 0 and m.wind[g // 3] == _UNKNOWN:
                 m.wind[g // 3] = m.wind[t] - m.win[h]
                 stack[top] = g // 3
@@ -86,8 +84,8 @@ def _find_bottleneck(m, v, sides, rays):
     corner = first
     while True:
         base = nxt(corner)
-        x = origin(m, base)
-        y = origin(m, prv(corner))
+        x = np.int64(m.org[base])
+        y = np.int64(m.org[prv(corner)])
         top = 0
         if m.wind[corner // 3] == 0 and m.cst[base] == 0:
             sides[0] = base
@@ -98,12 +96,12 @@ def _find_bottleneck(m, v, sides, rays):
             top = 1
         while top > 0:
             top -= 1
-            g = twin(m, np.int64(sides[top]))
+            g = np.int64(m.twin[np.int64(sides[top])])
             rx = rays[top, 0]
             ry = rays[top, 1]
             lx = rays[top, 2]
             ly = rays[top, 3]
-            apex = origin(m, prv(g))
+            apex = np.int64(m.org[prv(g)])
             zx = m.vx[apex] - px
             zy = m.vy[apex] - py
             for h in (nxt(g), prv(g)):
@@ -121,8 +119,8 @@ def _find_bottleneck(m, v, sides, rays):
                     r1 = zy
                 if r0 * l1 - r1 * l0 <= 0.0:
                     continue
-                a = origin(m, h)
-                b = origin(m, nxt(h))
+                a = np.int64(m.org[h])
+                b = np.int64(m.org[nxt(h)])
                 ax = m.vx[a] - px
                 ay = m.vy[a] - py
                 bx = m.vx[b] - px
@@ -162,7 +160,7 @@ def _find_bottleneck(m, v, sides, rays):
                 middle, _ = disc_clearance(m, 0.5 * (px + fx), 0.5 * (py + fy), width, corner // 3)
                 if middle >= 0.5 * width - cell and split_is_robust(m, h, fx, fy):
                     return h, fx, fy
-        corner = twin(m, prv(corner))
+        corner = np.int64(m.twin[prv(corner)])
         if corner == first:
             return np.int64(-1), 0.0, 0.0
 
@@ -198,12 +196,12 @@ def _refine(m, waiting, queued, stack):
         first = np.int64(m.vhe[f])
         g = first
         while True:
-            w = origin(m, nxt(g))
+            w = np.int64(m.org[nxt(g)])
             if m.vref[w] > 0 and not queued[w]:
                 queued[w] = 1
                 waiting[(head + count) % room] = w
                 count += 1
-            g = twin(m, prv(g))
+            g = np.int64(m.twin[prv(g)])
             if g == first:
                 break
         if not queued[v]:
@@ -222,9 +220,9 @@ def _measure_corners(m):
         m.clr[h] = 0.0
         if m.wind[h // 3] != 0 or m.cst[h] != 0 or m.cst[last] != 0:
             continue
-        v = origin(m, h)
-        a = origin(m, base)
-        b = origin(m, last)
+        v = np.int64(m.org[h])
+        a = np.int64(m.org[base])
+        b = np.int64(m.org[last])
         px = m.vx[v]
         py = m.vy[v]
         width = min(math.hypot(m.vx[a] - px, m.vy[a] - py), math.hypot(m.vx[b] - px, m.vy[b] - py))
@@ -291,10 +289,10 @@ def build(m, points, ring_ends, order, queued):
             first = np.int64(m.vhe[v])
             h = first
             while True:
-                w = origin(m, nxt(h))
+                w = np.int64(m.org[nxt(h)])
                 if m.vref[w] > 0 and queued[w] == 0:
                     queued[w] = 2
-                h = twin(m, prv(h))
+                h = np.int64(m.twin[prv(h)])
                 if h == first:
                     break
     status = _refine(m, np.empty(m.vx.size, np.int32), queued, stack)

@@ -11,13 +11,13 @@ import numpy as np
 from crowdsim.geometry.segments_kernels import point_segment_distance2, segment_segment_distance2
 from crowdsim.jit import kernel
 from crowdsim.navmesh.growing_kernels import longer_list, longer_rows
-from crowdsim.navmesh.triangulation_kernels import locate, nxt, origin, prv, twin
+from crowdsim.navmesh.triangulation_kernels import locate, nxt, prv
 
 
 @kernel
-def snapped(m, v):
+def snapped(frame, v):
     """Coordinate v on the grid of the mesh."""
-    cell = m.frame[0]
+    cell = frame[0]
     return np.rint(v / cell) * cell
 
 
@@ -28,14 +28,14 @@ def disc_clearance(m, x, y, limit, hint):
     The distance is -1.0 where (x, y) is not in free space. Takes no memory: the walk finds its way back by the rule
     that exactly one side of a triangle, the one it was entered by, has the point behind its inner part.
     """
-    sx = snapped(m, x)
-    sy = snapped(m, y)
+    sx = snapped(m.frame, x)
+    sy = snapped(m.frame, y)
     root = locate(m, sx, sy, hint)
     if root < 0 or m.wind[root] != 0:
         return -1.0, root
     best = limit * limit
     for h in range(3 * root, 3 * root + 3):
-        v = origin(m, h)
+        v = np.int64(m.org[h])
         dx = x - m.vx[v]
         dy = y - m.vy[v]
         best = min(best, dx * dx + dy * dy)
@@ -43,8 +43,8 @@ def disc_clearance(m, x, y, limit, hint):
     done = 0
     while True:
         t = h // 3
-        a = origin(m, h)
-        b = origin(m, nxt(h))
+        a = np.int64(m.org[h])
+        b = np.int64(m.org[nxt(h)])
         ax = m.vx[a]
         ay = m.vy[a]
         ux = m.vx[b] - ax
@@ -54,7 +54,7 @@ def disc_clearance(m, x, y, limit, hint):
         along = ux * (sx - ax) + uy * (sy - ay)
         before = along > 0.0 and along < ux * ux + uy * uy
         if t != root and before and across <= 0.0:
-            h = twin(m, h)
+            h = np.int64(m.twin[h])
             if h // 3 == root:
                 done += 1
                 if done == 3:
@@ -68,8 +68,8 @@ def disc_clearance(m, x, y, limit, hint):
                 if m.cst[h] != 0:
                     best = distance2
                 else:
-                    h = twin(m, h)
-                    v = origin(m, prv(h))
+                    h = np.int64(m.twin[h])
+                    v = np.int64(m.org[prv(h)])
                     dx = x - m.vx[v]
                     dy = y - m.vy[v]
                     best = min(best, dx * dx + dy * dy)
@@ -90,7 +90,7 @@ def capsule_nearest(m, x0, y0, x1, y1, limit, hint):
     The distance is capped at ``limit``, with no feature then; -1.0 where the segment starts outside of free space. The
     triangle holds the start. One of vertex and half-edge (a constrained side, nearest inside) is -1.
     """
-    root = locate(m, snapped(m, x0), snapped(m, y0), hint)
+    root = locate(m, snapped(m.frame, x0), snapped(m.frame, y0), hint)
     none = np.int64(-1)
     if root < 0 or m.wind[root] != 0:
         return -1.0, root, none, none
@@ -98,7 +98,7 @@ def capsule_nearest(m, x0, y0, x1, y1, limit, hint):
     vertex = none
     edge = none
     for h in range(3 * root, 3 * root + 3):
-        v = origin(m, h)
+        v = np.int64(m.org[h])
         distance2 = point_segment_distance2(m.vx[v], m.vy[v], x0, y0, x1, y1)
         if distance2 < best:
             best = distance2
@@ -111,8 +111,8 @@ def capsule_nearest(m, x0, y0, x1, y1, limit, hint):
     while top > 0:
         top -= 1
         h = stack[top]
-        a = origin(m, h)
-        b = origin(m, nxt(h))
+        a = np.int64(m.org[h])
+        b = np.int64(m.org[nxt(h)])
         distance2 = segment_segment_distance2(x0, y0, x1, y1, m.vx[a], m.vy[a], m.vx[b], m.vy[b])
         if distance2 >= best:
             continue
@@ -121,8 +121,8 @@ def capsule_nearest(m, x0, y0, x1, y1, limit, hint):
             edge = h
             vertex = none
             continue
-        g = twin(m, h)
-        v = origin(m, prv(g))
+        g = np.int64(m.twin[h])
+        v = np.int64(m.org[prv(g)])
         distance2 = point_segment_distance2(m.vx[v], m.vy[v], x0, y0, x1, y1)
         if distance2 < best:
             best = distance2
@@ -206,8 +206,8 @@ def _triangle_span(m, t, px, py, ux, uy):
     lo = -math.inf
     hi = math.inf
     for h in range(3 * t, 3 * t + 3):
-        a = origin(m, h)
-        b = origin(m, nxt(h))
+        a = np.int64(m.org[h])
+        b = np.int64(m.org[nxt(h)])
         ex = m.vx[b] - m.vx[a]
         ey = m.vy[b] - m.vy[a]
         at = ex * (py - m.vy[a]) - ey * (px - m.vx[a])
@@ -306,7 +306,7 @@ def violations(m, points, radius):
         ex = px + leave * ux
         ey = py + leave * uy
         near = radius * radius
-        hint = locate(m, min(max(snapped(m, qx), f[1]), f[3]), min(max(snapped(m, qy), f[2]), f[4]), hint)
+        hint = locate(m, min(max(snapped(m.frame, qx), f[1]), f[3]), min(max(snapped(m.frame, qy), f[2]), f[4]), hint)
         marks[hint] = i + 1
         stack[0] = hint
         top = 1
@@ -322,8 +322,8 @@ def violations(m, points, radius):
                 if lo < hi or (length == 0.0 and lo <= hi):
                     spans, count = _record(spans, count, start + lo, start + hi)
             for h in range(3 * t, 3 * t + 3):
-                a = origin(m, h)
-                b = origin(m, nxt(h))
+                a = np.int64(m.org[h])
+                b = np.int64(m.org[nxt(h)])
                 ax = m.vx[a]
                 ay = m.vy[a]
                 bx = m.vx[b]
@@ -339,7 +339,7 @@ def violations(m, points, radius):
                     hi = min(span[1], leave)
                     if lo < hi or (length == 0.0 and lo <= hi):
                         spans, count = _record(spans, count, start + lo, start + hi)
-                g = twin(m, h)
+                g = np.int64(m.twin[h])
                 if g < 0 or marks[g // 3] == i + 1:
                     continue
                 if segment_segment_distance2(qx, qy, ex, ey, ax, ay, bx, by) <= near:

@@ -158,8 +158,8 @@ class NavMesh:
             )
         if status == path_kernels.TANGLED:
             raise PathNotFound(
-                f"a passage of radius {radius:g} m leads from ({sx:g}, {sy:g}) to ({gx:g}, {gy:g}), but no path through "
-                f"it could be traced; a slightly other radius helps, and a report would too"
+                f"a passage of radius {radius:g} m leads from ({sx:g}, {sy:g}) to ({gx:g}, {gy:g}), but no path "
+                f"through it could be traced; a slightly other radius helps, and a report would too"
             )
         if status != path_kernels.OK:
             name, x, y = ("start", sx, sy) if status == path_kernels.START_BLOCKED else ("goal", gx, gy)

@@ -12,7 +12,7 @@ from crowdsim.navmesh.clearance_kernels import capsule_nearest, disc_clearance
 from crowdsim.navmesh.growing_kernels import longer_rows
 from crowdsim.navmesh.search_kernels import find_channel
 from crowdsim.navmesh.tangent_kernels import arc_corners, copy_node, nodes_near_channel, shortest_around, tangent
-from crowdsim.navmesh.triangulation_kernels import nxt, origin
+from crowdsim.navmesh.triangulation_kernels import nxt
 
 OK = 0
 START_BLOCKED = 1
@@ -60,13 +60,13 @@ def _funnel(m, channel, sx, sy, gx, gy, radius):
             else:
                 h = channel[k]
                 if turn == 0:
-                    v = origin(m, nxt(h))
+                    v = np.int64(m.org[nxt(h)])
                     if v == before_left:
                         continue
                     before_left = v
                     sign = 1
                 else:
-                    v = origin(m, h)
+                    v = np.int64(m.org[h])
                     if v == before_right:
                         continue
                     before_right = v
@@ -221,8 +221,8 @@ def _pull(m, nodes, count, radius, least, hint):
         crossed = False
         if vertex < 0:
             # The end of the side nearer to the piece, or the far one if the string is around the near one already.
-            a = origin(m, edge)
-            b = origin(m, nxt(edge))
+            a = np.int64(m.org[edge])
+            b = np.int64(m.org[nxt(edge)])
             da = abs((x - px) * (m.vy[a] - py) - (y - py) * (m.vx[a] - px))
             db = abs((x - px) * (m.vy[b] - py) - (y - py) * (m.vx[b] - px))
             vertex = a if da <= db else b

@@ -11,7 +11,7 @@ import numpy as np
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import kernel
 from crowdsim.navmesh.growing_kernels import longer_rows
-from crowdsim.navmesh.triangulation_kernels import nxt, origin, prv, twin
+from crowdsim.navmesh.triangulation_kernels import nxt, prv
 
 
 @kernel
@@ -19,17 +19,17 @@ def can_leave(m, h, x, y, width):
     """Whether a disc of diameter ``width`` that stands free at (x, y) in the triangle of side h fits out through h."""
     if m.cst[h] != 0:
         return False
-    a = origin(m, h)
-    b = origin(m, nxt(h))
+    a = np.int64(m.org[h])
+    b = np.int64(m.org[nxt(h)])
     if math.hypot(m.vx[b] - m.vx[a], m.vy[b] - m.vy[a]) < width:
         return False
     # A closed base with the corner opposite of it may leave too little between the disc and h.
     for base in (nxt(h), prv(h)):
         if m.cst[base] == 0:
             continue
-        a = origin(m, base)
-        b = origin(m, nxt(base))
-        v = origin(m, prv(base))
+        a = np.int64(m.org[base])
+        b = np.int64(m.org[nxt(base)])
+        v = np.int64(m.org[prv(base)])
         px = m.vx[v]
         py = m.vy[v]
         if point_segment_distance2(px, py, m.vx[a], m.vy[a], m.vx[b], m.vy[b]) < width * width:
@@ -46,8 +46,8 @@ def can_leave(m, h, x, y, width):
 @kernel
 def _crossing_point(m, h, radius, px, py, gx, gy):
     """Point of side h, a ``radius`` off its ends, on the shortest way from p over h to g."""
-    a = origin(m, h)
-    b = origin(m, nxt(h))
+    a = np.int64(m.org[h])
+    b = np.int64(m.org[nxt(h)])
     ax = m.vx[a]
     ay = m.vy[a]
     ux = m.vx[b] - ax
@@ -141,7 +141,7 @@ def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
         spent = states[h, 0]
         if heap[count, 0] > spent + math.hypot(gx - px, gy - py) + 1e-9:
             continue  # reached at less cost since
-        g = twin(m, h)
+        g = np.int64(m.twin[h])
         if g // 3 == goal and can_leave(m, g, gx, gy, width):
             found = h
             break

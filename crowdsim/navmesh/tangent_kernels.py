@@ -12,7 +12,6 @@ from crowdsim.jit import kernel
 from crowdsim.navmesh.clearance_kernels import capsule_nearest
 from crowdsim.navmesh.growing_kernels import longer_list, longer_rows
 from crowdsim.navmesh.search_kernels import pop, push
-from crowdsim.navmesh.triangulation_kernels import origin, twin
 
 
 @kernel
@@ -90,7 +89,7 @@ def nodes_near_channel(m, channel, sx, sy, gx, gy, radius):
     count = 2
     found = np.int64(0)
     for k in range(channel.size + 1):
-        t = channel[k] // 3 if k < channel.size else twin(m, channel[channel.size - 1]) // 3
+        t = channel[k] // 3 if k < channel.size else np.int64(m.twin[channel[channel.size - 1]]) // 3
         if seen_triangle[t] == 0:
             seen_triangle[t] = 1
             if found == triangles.size:
@@ -103,7 +102,7 @@ def nodes_near_channel(m, channel, sx, sy, gx, gy, radius):
         for i in range(first, last):
             t = triangles[i]
             for h in range(3 * t, 3 * t + 3):
-                v = origin(m, h)
+                v = np.int64(m.org[h])
                 if seen_vertex[v] == 0:
                     seen_vertex[v] = 1
                     if count + 2 > nodes.shape[0]:
@@ -114,7 +113,7 @@ def nodes_near_channel(m, channel, sx, sy, gx, gy, radius):
                         nodes[count, 2] = sign * radius
                         nodes[count, 3] = v
                         count += 1
-                g = twin(m, h)
+                g = np.int64(m.twin[h])
                 if ring < 2 and m.cst[h] == 0 and seen_triangle[g // 3] == 0:
                     seen_triangle[g // 3] = 1
                     if found == triangles.size:

@@ -29,21 +29,9 @@ def prv(h):
 
 
 @kernel
-def origin(m, h):
-    """Vertex that half-edge h leaves."""
-    return np.int64(m.org[h])
-
-
-@kernel
-def twin(m, h):
-    """Half-edge opposite of h, -1 on the hull."""
-    return np.int64(m.twin[h])
-
-
-@kernel
-def side(m, a, b, x, y):
+def side(vx, vy, a, b, x, y):
     """Twice the signed area of vertices a, b and the point (x, y)."""
-    return orient2d(m.vx[a], m.vy[a], m.vx[b], m.vy[b], x, y)
+    return orient2d(vx[a], vy[a], vx[b], vy[b], x, y)
 
 
 @kernel
@@ -73,8 +61,8 @@ def locate(m, x, y, hint):
         moved = False
         for _ in range(3):
             h = 3 * t + i
-            if h != came and side(m, origin(m, h), origin(m, nxt(h)), x, y) < 0.0:
-                came = twin(m, h)
+            if h != came and side(m.vx, m.vy, np.int64(m.org[h]), np.int64(m.org[nxt(h)]), x, y) < 0.0:
+                came = np.int64(m.twin[h])
                 t = came // 3
                 moved = True
                 break
@@ -96,17 +84,17 @@ def find_half_edge(m, a, b):
     h = first
     while True:
         if m.org[nxt(h)] == b:
-            return twin(m, h) if turned else h
-        h = twin(m, prv(h))
+            return np.int64(m.twin[h]) if turned else h
+        h = np.int64(m.twin[prv(h)])
         if h == first:
             return np.int64(-1)
 
 
 @kernel
-def _link(m, h, g):
-    m.twin[h] = g
+def _link(twin, h, g):
+    twin[h] = g
     if g >= 0:
-        m.twin[g] = h
+        twin[g] = h
 
 
 @kernel
@@ -114,7 +102,7 @@ def _take(m, h, source):
     """Half-edge h takes over twin and constraint of ``source``."""
     m.cst[h] = m.cst[source]
     m.win[h] = m.win[source]
-    _link(m, h, twin(m, source))
+    _link(m.twin, h, np.int64(m.twin[source]))
 
 
 @kernel
@@ -123,15 +111,15 @@ def _flip(m, e):
 
     e = u -> w of (u, w, p) and its twin of (w, u, q) become u -> q of (u, q, p) and w -> p of (w, p, q).
     """
-    f = twin(m, e)
+    f = np.int64(m.twin[e])
     en = nxt(e)
     ep = prv(e)
     fn = nxt(f)
     fp = prv(f)
-    p = origin(m, ep)
-    q = origin(m, fp)
-    m.vhe[origin(m, e)] = e
-    m.vhe[origin(m, f)] = f
+    p = np.int64(m.org[ep])
+    q = np.int64(m.org[fp])
+    m.vhe[np.int64(m.org[e])] = e
+    m.vhe[np.int64(m.org[f])] = f
     m.vhe[p] = ep
     m.vhe[q] = fp
     m.org[en] = q
@@ -142,19 +130,19 @@ def _flip(m, e):
     m.win[en] = 0
     m.cst[fn] = 0
     m.win[fn] = 0
-    _link(m, en, fn)
+    _link(m.twin, en, fn)
 
 
 @kernel
 def _not_delaunay(m, h):
     """Whether the far corner beyond the unconstrained side h is strictly inside the circle of its triangle."""
-    g = twin(m, h)
+    g = np.int64(m.twin[h])
     if g < 0 or m.cst[h] != 0:
         return False
-    a = origin(m, h)
-    b = origin(m, nxt(h))
-    c = origin(m, prv(h))
-    d = origin(m, prv(g))
+    a = np.int64(m.org[h])
+    b = np.int64(m.org[nxt(h)])
+    c = np.int64(m.org[prv(h)])
+    d = np.int64(m.org[prv(g)])
     vx = m.vx
     vy = m.vy
     return incircle(vx[a], vy[a], vx[b], vy[b], vx[c], vy[c], vx[d], vy[d], 1.0 / m.frame[0]) > 0
@@ -182,7 +170,7 @@ def _legalize(m, stack, top):
         top -= 1
         e = np.int64(stack[top])
         if _not_delaunay(m, e):
-            far = prv(twin(m, e))
+            far = prv(np.int64(m.twin[e]))
             _flip(m, e)
             stack[top] = e
             stack[top + 1] = far
@@ -201,14 +189,14 @@ def split_edge(m, h, x, y, stack):
     m.vx[p] = x
     m.vy[p] = y
     m.vref[p] = 0
-    f = twin(m, h)
+    f = np.int64(m.twin[h])
     t0 = h // 3
     t2 = f // 3
     t3 = t1 + 1
-    a = origin(m, h)
-    b = origin(m, f)
-    c = origin(m, prv(h))
-    d = origin(m, prv(f))
+    a = np.int64(m.org[h])
+    b = np.int64(m.org[f])
+    c = np.int64(m.org[prv(h)])
+    d = np.int64(m.org[prv(f)])
     count = m.cst[h]
     winding = m.win[h]
     sides = (prv(h), nxt(h), prv(f), nxt(f))
@@ -225,12 +213,12 @@ def split_edge(m, h, x, y, stack):
         t = (t0, t1, t2, t3)[i]
         m.cst[3 * t] = counts[i]
         m.win[3 * t] = windings[i]
-        _link(m, 3 * t, np.int64(twins[i]))
+        _link(m.twin, 3 * t, np.int64(twins[i]))
         stack[i] = 3 * t
-    _link(m, 3 * t0 + 1, 3 * t3 + 2)
-    _link(m, 3 * t0 + 2, 3 * t1 + 1)
-    _link(m, 3 * t1 + 2, 3 * t2 + 1)
-    _link(m, 3 * t2 + 2, 3 * t3 + 1)
+    _link(m.twin, 3 * t0 + 1, 3 * t3 + 2)
+    _link(m.twin, 3 * t0 + 2, 3 * t1 + 1)
+    _link(m.twin, 3 * t1 + 2, 3 * t2 + 1)
+    _link(m.twin, 3 * t2 + 2, 3 * t3 + 1)
     for e, sign in ((3 * t0 + 1, 1), (3 * t3 + 2, -1), (3 * t1 + 2, 1), (3 * t2 + 1, -1)):
         m.cst[e] = count
         m.win[e] = sign * winding
@@ -243,11 +231,11 @@ def insert_point(m, x, y, hint, stack):
     """Vertex at the grid point (x, y), a new one unless there is one; or FULL. The point must be inside the box."""
     t = locate(m, x, y, hint)
     for h in range(3 * t, 3 * t + 3):
-        v = origin(m, h)
+        v = np.int64(m.org[h])
         if m.vx[v] == x and m.vy[v] == y:
             return v
     for h in range(3 * t, 3 * t + 3):
-        if side(m, origin(m, h), origin(m, nxt(h)), x, y) == 0.0:
+        if side(m.vx, m.vy, np.int64(m.org[h]), np.int64(m.org[nxt(h)]), x, y) == 0.0:
             return split_edge(m, h, x, y, stack)
     p = m.counts[0]
     t1 = m.counts[1]
@@ -260,9 +248,9 @@ def insert_point(m, x, y, hint, stack):
     m.vref[p] = 0
     h = 3 * t
     t2 = t1 + 1
-    a = origin(m, h)
-    b = origin(m, h + 1)
-    c = origin(m, h + 2)
+    a = np.int64(m.org[h])
+    b = np.int64(m.org[h + 1])
+    c = np.int64(m.org[h + 2])
     _take(m, 3 * t1, h + 1)
     _take(m, 3 * t2, h + 2)
     _fill(m, t, a, b, p)
@@ -270,9 +258,9 @@ def insert_point(m, x, y, hint, stack):
     _fill(m, t2, c, a, p)
     m.wind[t1] = m.wind[t]
     m.wind[t2] = m.wind[t]
-    _link(m, h + 1, 3 * t1 + 2)
-    _link(m, 3 * t1 + 1, 3 * t2 + 2)
-    _link(m, 3 * t2 + 1, h + 2)
+    _link(m.twin, h + 1, 3 * t1 + 2)
+    _link(m.twin, 3 * t1 + 1, 3 * t2 + 2)
+    _link(m.twin, 3 * t2 + 1, h + 2)
     stack[0] = h
     stack[1] = 3 * t1
     stack[2] = 3 * t2
@@ -283,20 +271,20 @@ def insert_point(m, x, y, hint, stack):
 @kernel
 def split_is_robust(m, h, x, y):
     """Whether (x, y) near side h is strictly inside the union of its two triangles, so that a split inverts none."""
-    g = twin(m, h)
+    g = np.int64(m.twin[h])
     inside = True
     for e in (nxt(h), prv(h), nxt(g), prv(g)):
-        inside = inside and side(m, origin(m, e), origin(m, nxt(e)), x, y) > 0.0
+        inside = inside and side(m.vx, m.vy, np.int64(m.org[e]), np.int64(m.org[nxt(e)]), x, y) > 0.0
     return inside
 
 
 @kernel
 def _crossed_split(m, e, a, b, stack):
     """Vertex where the segment from vertex a to b crosses the constrained side e: a new one, or the nearer end of e."""
-    u = origin(m, e)
-    w = origin(m, nxt(e))
-    su = side(m, a, b, m.vx[u], m.vy[u])
-    sw = side(m, a, b, m.vx[w], m.vy[w])
+    u = np.int64(m.org[e])
+    w = np.int64(m.org[nxt(e)])
+    su = side(m.vx, m.vy, a, b, m.vx[u], m.vy[u])
+    sw = side(m.vx, m.vy, a, b, m.vx[w], m.vy[w])
     part = su / (su - sw)
     cell = m.frame[0]
     x = np.rint((m.vx[u] + part * (m.vx[w] - m.vx[u])) / cell) * cell
@@ -331,10 +319,10 @@ def _clear_way(m, a, b, crossed, pairs):
         head = (head + 1) % room
         left -= 1
         e = find_half_edge(m, u, w)
-        g = twin(m, e)
-        p = origin(m, prv(e))
-        q = origin(m, prv(g))
-        convex = side(m, p, u, m.vx[q], m.vy[q]) > 0.0 and side(m, q, w, m.vx[p], m.vy[p]) > 0.0
+        g = np.int64(m.twin[e])
+        p = np.int64(m.org[prv(e)])
+        q = np.int64(m.org[prv(g)])
+        convex = side(m.vx, m.vy, p, u, m.vx[q], m.vy[q]) > 0.0 and side(m.vx, m.vy, q, w, m.vx[p], m.vy[p]) > 0.0
         if convex:
             _flip(m, e)
             sp = orient2d(ax, ay, bx, by, m.vx[p], m.vy[p])
@@ -354,7 +342,7 @@ def _clear_way(m, a, b, crossed, pairs):
     h = find_half_edge(m, a, b)
     if h < 0:
         return STUCK
-    g = twin(m, h)
+    g = np.int64(m.twin[h])
     m.cst[h] += 1  # holds the join still meanwhile
     m.cst[g] += 1
     for i in range(made):
@@ -366,11 +354,11 @@ def _clear_way(m, a, b, crossed, pairs):
         e = find_half_edge(m, np.int64(pairs[top, 0]), np.int64(pairs[top, 1]))
         if e < 0 or not _not_delaunay(m, e):
             continue
-        g = twin(m, e)
-        u = origin(m, e)
-        w = origin(m, g)
-        p = origin(m, prv(e))
-        q = origin(m, prv(g))
+        g = np.int64(m.twin[e])
+        u = np.int64(m.org[e])
+        w = np.int64(m.org[g])
+        p = np.int64(m.org[prv(e)])
+        q = np.int64(m.org[prv(g)])
         _flip(m, e)
         if top + 4 > room:
             return FULL
@@ -411,18 +399,18 @@ def insert_segment(m, a, b, winding, stack, pairs):
         first = np.int64(m.vhe[cur])
         h = first
         while True:
-            x = origin(m, nxt(h))
-            y = origin(m, prv(h))
-            sx = side(m, cur, goal, m.vx[x], m.vy[x])
+            x = np.int64(m.org[nxt(h)])
+            y = np.int64(m.org[prv(h)])
+            sx = side(m.vx, m.vy, cur, goal, m.vx[x], m.vy[x])
             if sx == 0.0:
                 dot = (m.vx[x] - m.vx[cur]) * (gx - m.vx[cur]) + (m.vy[x] - m.vy[cur]) * (gy - m.vy[cur])
                 if dot > 0.0:
                     along = h
                     break
-            elif sx < 0.0 and side(m, cur, goal, m.vx[y], m.vy[y]) > 0.0:
+            elif sx < 0.0 and side(m.vx, m.vy, cur, goal, m.vx[y], m.vy[y]) > 0.0:
                 crossing = nxt(h)
                 break
-            h = twin(m, prv(h))
+            h = np.int64(m.twin[prv(h)])
             if h == first:
                 return STUCK
         if along < 0:
@@ -441,12 +429,12 @@ def insert_segment(m, a, b, winding, stack, pairs):
                     break
                 if crossed == pairs.shape[0]:
                     return FULL
-                pairs[crossed, 0] = origin(m, e)
-                pairs[crossed, 1] = origin(m, nxt(e))
+                pairs[crossed, 0] = np.int64(m.org[e])
+                pairs[crossed, 1] = np.int64(m.org[nxt(e)])
                 crossed += 1
-                f = twin(m, e)
-                z = origin(m, prv(f))
-                sz = side(m, cur, goal, m.vx[z], m.vy[z])
+                f = np.int64(m.twin[e])
+                z = np.int64(m.org[prv(f)])
+                sz = side(m.vx, m.vy, cur, goal, m.vx[z], m.vy[z])
                 if sz == 0.0:
                     status = _clear_way(m, cur, z, crossed, pairs)
                     if status < 0:
@@ -456,10 +444,10 @@ def insert_segment(m, a, b, winding, stack, pairs):
                 e = nxt(f) if sz > 0.0 else prv(f)
             if along < 0:
                 continue
-        other = twin(m, along)
+        other = np.int64(m.twin[along])
         m.cst[along] += 1
         m.cst[other] += 1
         m.win[along] += winding
         m.win[other] -= winding
-        cur = origin(m, other)
+        cur = np.int64(m.org[other])
     return 0
