@@ -24,10 +24,20 @@ def _rad(degrees: float) -> float:
     return float(np.radians(degrees))
 
 
+def _excerpt(name: str, clip: Clip, first: int, last: int) -> Clip:
+    """Frames ``first`` to ``last`` of a clip."""
+    rows = slice(first, last + 1)
+    return Clip(name, clip.skeleton, clip.root_positions[rows], clip.rotations[rows])
+
+
+def _passing_frames(plan: Plan) -> list[int]:
+    return [hub.frame for hub in plan.hubs if hub.kind == NORMAL.name]
+
+
 def _walk(name: str) -> Plan:
     """Straight walking at three speeds and the changes between them."""
     builder = PlanBuilder(name).start(NORMAL)
-    for gait in (NORMAL, NORMAL, NORMAL, SLOW, SLOW, SLOW, NORMAL, BRISK, BRISK, BRISK, NORMAL):
+    for gait in (NORMAL, NORMAL, SLOW, SLOW, NORMAL, BRISK, BRISK, NORMAL):
         builder.cycle(gait)
     return builder.stop().finish()
 
@@ -37,21 +47,27 @@ def _slow(name: str) -> Plan:
 
 
 def _long_start(name: str) -> Plan:
-    return PlanBuilder(name).start_right(NORMAL).cycle(NORMAL).stop(0.68).finish()
+    return PlanBuilder(name).start_right(NORMAL).stop(0.68).finish()
 
 
-def _gentle_turns(name: str) -> Plan:
-    builder = PlanBuilder(name).start(NORMAL)
-    for degrees in (10.0, -10.0, 20.0, -20.0):
-        builder.cycle(NORMAL, _rad(degrees))
-    return builder.stop().finish()
+def _walking_turn(name: str, degrees: float) -> Clip:
+    """One cycle of walking that turns, with just the straight walking that its cuts need about it."""
+    sharp = abs(degrees) > 30.0
+    length = float(np.interp(abs(degrees), [45.0, 90.0], [1.15, 0.86])) if sharp else None
+    # The right foot opens in a turn to the right, and then takes more of it than in one to the left.
+    outer = (0.42 if degrees > 0.0 else 0.58) if sharp else 0.5
+    builder = PlanBuilder("").start(NORMAL).cycle(NORMAL).cycle(NORMAL, _rad(degrees), outer, length)
+    plan = builder.cycle(NORMAL).stop().finish()
+    first, last = _passing_frames(plan)[1:3]
+    return _excerpt(name, synthesize(plan), first - _MARGIN, last + _MARGIN)
 
 
-def _sharp_turns(name: str) -> Plan:
-    builder = PlanBuilder(name).start(NORMAL)
-    for degrees, outer, length in ((45.0, 0.4, 1.15), (-45.0, 0.6, 1.15), (90.0, 0.42, 0.86), (-90.0, 0.58, 0.86)):
-        builder.cycle(NORMAL, _rad(degrees), outer, length)
-    return builder.stop().finish()
+def _walking_turns(angles: tuple[int, ...]) -> list[Clip]:
+    return [
+        _walking_turn(f"walk_{way}_{angle}", sign * angle)
+        for angle in angles
+        for way, sign in (("left", 1), ("right", -1))
+    ]
 
 
 def _short_step(name: str, length: float) -> Plan:
@@ -69,7 +85,7 @@ def _turn_in_place(name: str, degrees: float) -> Plan:
     """
     pairs = int(np.ceil(abs(degrees) / 45.0))
     turn = _rad(degrees) / pairs
-    room = 0.05 * max(0.0, -turn)
+    room = 0.035 * max(0.0, -turn)
     body = np.zeros(3)
     places: list[tuple[int, Floats]] = []
     for _ in range(pairs):
@@ -93,9 +109,9 @@ def _short_side_step(name: str) -> Plan:
 def _turning_side_steps(name: str) -> Plan:
     """Steps to the left that turn the body by 5 and 10 degrees either way."""
     builder = PlanBuilder(name, SIDE_STEPPING)
-    for degrees in (5.0, -5.0, 10.0, -10.0):
+    for degrees in (5.0, -5.0, 10.0):
         builder.side_step(LEFT, 0.40, 17.0, _rad(degrees)).pause()
-    return builder.side_step(LEFT, 0.44, 17.0).stand().finish()
+    return builder.side_step(LEFT, 0.40, 17.0, _rad(-10.0)).stand().finish()
 
 
 def _walk_to_side(turn: float) -> Plan:
@@ -116,16 +132,6 @@ def _side_to_walk(turn: float) -> Plan:
     return builder.cycle(NORMAL).stop().finish()
 
 
-def _excerpt(name: str, clip: Clip, first: int, last: int) -> Clip:
-    """Frames ``first`` to ``last`` of a clip."""
-    rows = slice(first, last + 1)
-    return Clip(name, clip.skeleton, clip.root_positions[rows], clip.rotations[rows])
-
-
-def _passing_frames(plan: Plan) -> list[int]:
-    return [hub.frame for hub in plan.hubs if hub.kind == NORMAL.name]
-
-
 def _quarter_turns() -> list[Clip]:
     """Between walking and standing a quarter turn off, with just the walking that its cut needs about it."""
     clips = []
@@ -139,16 +145,16 @@ def _quarter_turns() -> list[Clip]:
 
 
 def _arm_transitions() -> list[Clip]:
-    """Arms taken in and let go, over one cycle of walking and in place."""
+    """Arms taken in and let go, over one cycle of walking and over one step from standing to standing."""
     plan = PlanBuilder("").start(NORMAL).cycle(NORMAL).cycle(NORMAL).cycle(NORMAL).stop().finish()
     first, last = _passing_frames(plan)[1:3]
     walking = _excerpt("", synthesize(plan), first - _MARGIN, last + _MARGIN)
-    standing = synthesize_idle("", 61)
+    step = synthesize(_short_step("", 0.25))
     clips = []
     for name, rising in (("arms_in", True), ("arms_out", False)):
         for kind, clip, start, end in (
             ("walking", walking, _MARGIN + 4, _MARGIN + last - first - 4),
-            ("standing", standing, 8, 52),
+            ("step", step, 14, step.frame_count - 16),
         ):
             taken_in = ease((np.arange(clip.frame_count) - start) / (end - start))
             edited = edit_arms(clip, taken_in if rising else 1.0 - taken_in)
@@ -162,20 +168,16 @@ def _held(clip: Clip) -> Clip:
 
 def synthesize_default_set() -> list[tuple[str, str, Clip]]:
     """Behavior folder, file name and clip of the whole default set, always the same to the last bit."""
-    constrained = [_walk("walk"), _slow("walk_slow"), _gentle_turns("walk_gentle_turns")]
-    constrained += [_short_step("step_25", 0.25), _short_step("step_50", 0.50)]
-    frontal = [*constrained, _long_start("walk_long_start"), _sharp_turns("walk_sharp_turns")]
-    frontal += [_short_step("step_75", 0.75)]
+    plans = [_walk("walk"), _slow("walk_slow"), _short_step("step_25", 0.25), _short_step("step_50", 0.50)]
+    constrained = [*map(synthesize, plans), *_walking_turns((10, 20))]
+    plans = [_long_start("walk_long_start"), _short_step("step_75", 0.75)]
     for degrees in (15, 30, 60, 90, 180):
-        frontal.append(_turn_in_place(f"turn_left_{degrees}", degrees))
-        frontal.append(_turn_in_place(f"turn_right_{degrees}", -degrees))
+        plans += [_turn_in_place(f"turn_left_{degrees}", degrees), _turn_in_place(f"turn_right_{degrees}", -degrees)]
+    frontal = [*constrained, *map(synthesize, plans), *_walking_turns((45, 90))]
     side = [_side_steps("side_left"), _short_side_step("side_left_short"), _turning_side_steps("side_left_turning")]
     side += [mirrored(plan, plan.name.replace("left", "right")) for plan in side]
     stand = synthesize_idle("stand", _IDLE_FRAMES)
-    clips = [("frontal", synthesize(plan)) for plan in frontal] + [("frontal", stand)]
-    clips += [("arm_constrained", _held(synthesize(plan))) for plan in constrained] + [
-        ("arm_constrained", _held(stand))
-    ]
-    clips += [("arm_constrained", clip) for clip in _arm_transitions()]
+    clips = [("frontal", clip) for clip in [*frontal, stand]]
+    clips += [("arm_constrained", clip) for clip in [*map(_held, [*constrained, stand]), *_arm_transitions()]]
     clips += [("lateral", clip) for clip in [*map(synthesize, side), *_quarter_turns(), stand]]
     return [(folder, f"{clip.name}.bvh", clip) for folder, clip in clips]

@@ -19,8 +19,8 @@ from crowdsim.motion.body import HIP_AHEAD
 Floats = NDArray[np.float64]
 
 LEFT, RIGHT = 0, 1
-STANDING_HALF_WIDTH = 0.075
-TOE_OUT = np.radians(6.0)
+STANDING_HALF_WIDTH = 0.066
+TOE_OUT = np.radians(5.0)
 
 
 class Style(NamedTuple):
@@ -38,7 +38,7 @@ class Style(NamedTuple):
     raised: float
 
 
-WALKING = Style(11.0, 0.0, 0.72, 0.035)
+WALKING = Style(11.0, 0.0, 0.52, 0.035)
 SIDE_STEPPING = Style(4.5, 2.0, 0.2, 0.0)
 """Side steps follow one another briskly, carried by their momentum, on feet that skim the floor."""
 
