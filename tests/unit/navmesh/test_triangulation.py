@@ -71,11 +71,11 @@ def _check_segments(points, segments):
     a, b = mesh.org[half_edges], mesh.org[following]
     lines = shapely.linestrings(np.stack([mesh.vx[a], mesh.vy[a], mesh.vx[b], mesh.vy[b]], axis=1).reshape(-1, 2, 2))
     walls = shapely.union_all(lines) if len(lines) else shapely.GeometryCollection()
+    # Every point of every segment is on a constraint, up to the bends that snapped crossings make.
     for segment in ends:
-        if (segment[0] == segment[1]).all():
-            continue
-        line = shapely.LineString(segment)
-        assert shapely.hausdorff_distance(shapely.intersection(walls.buffer(8 * mesh.frame[0]), line), line) < 1e-4
+        along = segment[0] + np.linspace(0.0, 1.0, 200)[:, None] * (segment[1] - segment[0])
+        if (segment[0] != segment[1]).any():
+            assert shapely.distance(shapely.points(along), walls).max() < 8.0 * mesh.frame[0]
     return mesh
 
 
