@@ -19,10 +19,13 @@ TEST_FRAMES = 4
 """Frames between two samples of the collision test."""
 
 IN_PLACE = 0.15
-"""Meters of track below which a node counts as turning in place: its heading is free."""
+"""Meters from start to end below which a node counts as turning in place: its heading is free."""
 
 _BEYOND = 1e-6
 """Meters beyond the needed clearance up to which it is measured, so that rounding cannot make it look short."""
+
+_MOST_BACKWARD = 0.1
+"""Meters of path that a node may lose: a sway, no step back."""
 
 _HEADING_LEVER = 0.2
 """Meters by which steering weighs an error of heading (radians) against one of place (meters)."""
@@ -99,8 +102,8 @@ def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
 def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, stage_arc, serial):
     """Lay the first ``depth`` entries of ``search.branch`` after the end pose of a stage; how many are to be taken.
 
-    Less than ``depth`` where an entry reaches the goal before; 0 where one is not fit: where it strays, faces wrong,
-    passes the goal, or is of a behavior that may not be used here. Without a root (-1) an entry is a node, laid down
+    Less than ``depth`` where an entry reaches the goal before; 0 where one is not fit: where it strays, goes back, faces
+    wrong, passes the goal, or is of a behavior that may not be used here. Without a root (-1) an entry is a node, laid down
     at the stage's end pose itself. ``laid.area`` gathers the area between branch and path (the sum in equation 5 of
     the 2012 paper) and in the same unit a little for each node, its time, and behaviors other than the planned.
     """
@@ -124,13 +127,16 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
             x, y, heading = node_end(graph, node, ox, oy, oh)
             behavior = graph.node_behavior[node]
             travel = graph.node_length[node]
+            moved = math.hypot(graph.node_motion[node, 0], graph.node_motion[node, 1])
             arc_after, end_gap = project(guide, x, y, arc - 0.2, arc + travel + 0.3)
+            backward = arc - arc_after
             arc_after = max(arc_after, arc)
             error = abs(_fit_heading(maps, guide, rules, node, heading, arc_after, _HEADING_WINDOW))
             here = sample_index(guide, arc_after)
             fit = (
                 end_gap <= rules.deviation
-                and (travel < IN_PLACE or error <= rules.heading_tolerance)
+                and backward <= _MOST_BACKWARD
+                and (moved < IN_PLACE or error <= rules.heading_tolerance)
                 and guide.allowed[behavior, sample_index(guide, arc)]
                 and guide.allowed[behavior, here]
             )
@@ -139,10 +145,11 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
                 c, s = math.cos(oh), math.sin(oh)
                 begin, end = maps.outline_first[node], maps.outline_first[node + 1]
                 step = travel / (end - begin)
+                pace = (arc_after - arc) / max(travel, 1e-9)
                 for row in range(begin, end):
                     u, v = maps.outline[row, 0], maps.outline[row, 1]
                     px, py = ox + c * u - s * v, oy + s * u + c * v
-                    along = min(arc + maps.outline[row, 2], total)
+                    along = min(arc + pace * maps.outline[row, 2], total)
                     qx, qy = path_point(guide, along)
                     area += step * math.hypot(px - qx, py - qy)
                     area += step * _MISFIT_COST * abs(guide.behavior[sample_index(guide, along)] - behavior)

@@ -25,9 +25,9 @@ OUT_OF_BUDGET = 1
 BLOCKED = 2
 
 _GAIN = 0.05
-"""Meters of path below which a branch counts as standing still."""
+"""Meters of path that count as gained: a branch that gains less stands still."""
 
-_MOST_STILL = 4
+_MOST_STILL = 6
 """Nodes in a row that may turn or shift in place: what more of them reach, fewer do too."""
 
 _PLACE_GRAIN = 0.05
@@ -241,7 +241,7 @@ def follow(graph, maps, guide, rules, legs, torso, start_pose, start_node, searc
         arc = search.stage_arc[top]
         begin = top * room
         if search.stage_serial[top] == 0:
-            if arc > best_arc:
+            if arc > best_arc + _GAIN:
                 best_arc = arc
                 best_count = _record_best(search, search.stage_count[top])
             if queries == rules.budget:

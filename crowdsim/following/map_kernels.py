@@ -95,7 +95,8 @@ def grow_maps(graph, depth, reach, capacity, first, key, parent, edge, node, lev
 
     All children of an entry start where its node ends, at one cost: the queue holds the parents, by the cost at
     which their children start, and an entry's children are put in together. first: (N + 1,) int64; the other
-    outputs hold ``capacity`` rows a map.
+    outputs hold ``capacity`` rows a map. The frontier never culls a successor of the root: a small turn may be
+    taken twice within one cell.
     """
     table = 16
     while table < 4 * capacity:
@@ -136,7 +137,7 @@ def grow_maps(graph, depth, reach, capacity, first, key, parent, edge, node, lev
                     continue
                 px, py, ph = next_origin(graph, e, 0.0, x, y, heading)
                 cell = cell_key(px, py, ph)
-                if not _occupy(table_key, table_node, table_stamp, root, cell, target):
+                if not _occupy(table_key, table_node, table_stamp, root, cell, target) and local > 0:
                     continue
                 row = total + count
                 key[row] = cell

@@ -37,7 +37,7 @@ def slow_map(
         cost, _, node, edges, pose = heapq.heappop(queue)
         cell = (math.floor(pose[0] / 0.1 + 0.5), math.floor(pose[1] / 0.1 + 0.5))
         place = (*cell, math.floor(pose[2] / (math.pi / 6) + 0.5) % 12)
-        if (place, node) in frontier:
+        if len(edges) > 1 and (place, node) in frontier:
             continue
         frontier.add((place, node))
         found.append((place, node, len(edges), edges))
