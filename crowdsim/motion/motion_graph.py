@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from crowdsim.errors import MotionError
 from crowdsim.motion.frame_distance import Alignments, align_all
 from crowdsim.motion.graph_arrays import GraphArrays
-from crowdsim.motion.graph_nodes import MotionSource, Node, make_nodes
+from crowdsim.motion.graph_nodes import BOTH_FEET, MotionSource, Node, make_nodes
 from crowdsim.motion.kinematics import Floats
 from crowdsim.motion.pose_table import PoseTable, make_pose_table
 from crowdsim.motion.skeleton import Skeleton
@@ -23,6 +23,10 @@ __all__ = ["DEFAULT_THRESHOLD", "GraphReport", "MotionGraph", "MotionSource", "b
 
 DEFAULT_THRESHOLD = 0.06
 """Meters of point-cloud distance up to which two moments may be joined."""
+
+STANDING_ALLOWANCE = 1.5
+"""How many times the threshold two standing poses may differ: a body at rest has the time to settle, and people never
+come to rest just as they set out."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +100,8 @@ def _joined(
     )
     end_foot, start_foot = np.array([n.end.foot for n in nodes]), np.array([n.start.foot for n in nodes])
     distance = np.where(natural, 0.0, alignments.distance)
-    joined = (distance <= threshold) & (end_foot[:, None] == start_foot[None, :])
+    limit = np.where(end_foot == BOTH_FEET, STANDING_ALLOWANCE, 1.0)[:, None] * threshold
+    joined = (distance <= limit) & (end_foot[:, None] == start_foot[None, :])
     if max_out_edges is not None:
         order = np.argsort(np.where(joined, distance, np.inf), axis=1, kind="stable")
         near = np.zeros_like(joined)

@@ -28,12 +28,12 @@ def best_distance(a: np.ndarray, b: np.ndarray) -> tuple[float, float]:
 
 
 def shortest_stop(graph: GraphArrays, start: int, narrowing: bool) -> float:
-    """Meters from the end of ``start`` to the nearest standing end, by relaxing all edges over and over."""
+    """Meters, and a meter a radian turned, from the end of ``start`` to a stand, by relaxing all edges over and over."""
     source = np.repeat(np.arange(len(graph.node_frames)), np.diff(graph.edge_start))
     cost = np.where(graph.node_ends_standing, 0.0, np.inf)
     for _ in range(len(graph.node_frames)):
         for s, t in itertools.zip_longest(source, graph.edge_target):
             if graph.node_idle[t] or (narrowing and graph.node_behavior[t] > graph.node_behavior[s]):
                 continue
-            cost[s] = min(cost[s], cost[t] + graph.node_length[t])
+            cost[s] = min(cost[s], cost[t] + graph.node_length[t] + abs(graph.node_motion[t, 2]))
     return float(cost[start])
