@@ -117,7 +117,7 @@ def test_stop_edges_are_the_shortest_ways_to_stand(graph: MotionGraph) -> None:
             edge = arrays.stop_edge[at]
             assert arrays.edge_start[at] <= edge < arrays.edge_start[at + 1]
             at = arrays.edge_target[edge]
-            meters += arrays.node_length[at]
+            meters += arrays.node_length[at] + abs(arrays.node_motion[at, 2])
         assert meters == pytest.approx(shortest_stop(arrays, node, narrowing=True))
 
 
