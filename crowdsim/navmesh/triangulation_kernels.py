@@ -280,7 +280,7 @@ def split_is_robust(m, h, x, y):
 
 @kernel
 def _crossed_split(m, e, a, b, stack):
-    """Vertex where the segment from vertex a to b crosses the constrained side e: a new one, or the nearer end of e."""
+    """Vertex where the segment from vertex a to b crosses the constrained side e: a new one, or one next to it."""
     u = np.int64(m.org[e])
     w = np.int64(m.org[nxt(e)])
     su = side(m.vx, m.vy, a, b, m.vx[u], m.vy[u])
@@ -291,7 +291,16 @@ def _crossed_split(m, e, a, b, stack):
     y = np.rint((m.vy[u] + part * (m.vy[w] - m.vy[u])) / cell) * cell
     if split_is_robust(m, e, x, y):
         return split_edge(m, e, x, y, stack)
-    return np.int64(u) if part < 0.5 else np.int64(w)
+    # The crossing is within rounding of a corner of the two triangles: that corner stands for it.
+    nearest = u
+    best = np.inf
+    for v in (u, w, np.int64(m.org[prv(e)]), np.int64(m.org[prv(np.int64(m.twin[e]))])):
+        dx = m.vx[v] - x
+        dy = m.vy[v] - y
+        if v != a and dx * dx + dy * dy < best:
+            best = dx * dx + dy * dy
+            nearest = v
+    return nearest
 
 
 @kernel

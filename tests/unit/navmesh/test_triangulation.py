@@ -79,12 +79,12 @@ def _check_segments(points, segments):
     return mesh
 
 
-def test_crossing_and_collinear_segments():
-    rng = np.random.default_rng(3)
-    points = rng.integers(0, 8, (30, 2)).astype(float)
-    _check_segments(points, rng.integers(0, 30, (25, 2)))
-    points = rng.uniform(0, 8, (60, 2))
-    _check_segments(points, rng.integers(0, 60, (40, 2)))
+@pytest.mark.parametrize("seed", range(8))
+def test_crossing_and_collinear_segments(seed):
+    rng = np.random.default_rng(seed)
+    _check_segments(rng.uniform(0, 8, (10, 2)), np.arange(10).reshape(-1, 2))
+    line = np.repeat(rng.integers(0, 9, (8, 1)), 2, axis=1).astype(float)  # overlaps on one line
+    _check_segments(line, np.arange(8).reshape(-1, 2))
 
 
 FILES = [
