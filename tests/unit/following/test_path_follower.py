@@ -183,7 +183,7 @@ def test_backtracks_where_the_first_choice_leads_nowhere(maps: MotionMaps) -> No
     """Walking up to the sideways section too far leaves no room to turn: with few candidates steps are taken back."""
     world, whole = corridor()
     tries = []
-    for first in range(110, 136, 2):
+    for first in range(114, 138, 2):
         path = Samples(whole.pose[first:].copy(), whole.arc[first:] - whole.arc[first], whole.behavior[first:].copy())
         result = follow(maps, world, path, (path.pose[0, 0], 0.15, 2.0), candidates=1)
         assert result.status is FollowStatus.FOUND
