@@ -164,7 +164,10 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
             else:
                 reached = nearest <= rules.goal_tolerance
             laid.serial[entry] = serial
-            laid.fit[entry] = fit and (reached or arc_after <= total + rules.goal_tolerance)
+            # Who stands past the end, out of reach of the goal, could only shuffle: there are no steps back.
+            stuck = rules.end_standing and graph.node_ends_standing[node]
+            last = total if stuck else total + rules.goal_tolerance
+            laid.fit[entry] = fit and (reached or arc_after <= last)
             laid.reached[entry] = reached
             laid.free[entry, 0] = False
             laid.free[entry, 1] = False
