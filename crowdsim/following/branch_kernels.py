@@ -102,10 +102,11 @@ def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
 def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, stage_arc, serial):
     """Lay the first ``depth`` entries of ``search.branch`` after the end pose of a stage; how many are to be taken.
 
-    Less than ``depth`` where an entry reaches the goal before; 0 where one is not fit: where it strays, goes back, faces
-    wrong, passes the goal, or is of a behavior that may not be used here. Without a root (-1) an entry is a node, laid down
-    at the stage's end pose itself. ``laid.area`` gathers the area between branch and path (the sum in equation 5 of
-    the 2012 paper) and in the same unit a little for each node, its time, and behaviors other than the planned.
+    Less than ``depth`` where an entry reaches the goal before; 0 where one is not fit: where it strays, goes back,
+    faces wrong, passes the goal, or is of a behavior that may not be used here. Without a root (-1) an entry is a
+    node, laid down at the stage's end pose itself. ``laid.area`` gathers the area between branch and path (the sum in
+    equation 5 of the 2012 paper, at equal shares of the node's length) and in the same unit a little for each node,
+    its time, and behaviors other than the planned.
     """
     total = guide.arc[guide.arc.shape[0] - 1]
     goal_x, goal_y = path_point(guide, total)
@@ -163,7 +164,10 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
             else:
                 reached = nearest <= rules.goal_tolerance
             laid.serial[entry] = serial
-            laid.fit[entry] = fit and (reached or arc_after <= total + rules.goal_tolerance)
+            # Who stands past the end, out of reach of the goal, could only shuffle: there are no steps back.
+            stuck = rules.end_standing and graph.node_ends_standing[node]
+            last = total if stuck else total + rules.goal_tolerance
+            laid.fit[entry] = fit and (reached or arc_after <= last)
             laid.reached[entry] = reached
             laid.free[entry, 0] = False
             laid.free[entry, 1] = False

@@ -129,7 +129,7 @@ def _collect(graph, maps, guide, rules, search, laid, root, origin, end, arc, be
         while singles < size and maps.level[base + singles] == 1:
             singles += 1
         _mark_along_path(maps, guide, rules, search, root, origin, arc, serial)
-    count = 0
+    count = np.int64(0)
     capacity = rules.candidates
     for i in range(size - skipped):
         entry = singles + i if singles + i < size else singles + i - size + skipped
@@ -218,7 +218,7 @@ def follow(graph, maps, guide, rules, legs, torso, start_pose, start_node, searc
     end = np.empty(3)
     for k in range(3):
         end[k] = start_pose[k]
-    count = 0
+    count = np.int64(0)
     travel = 0.0
     if start_node >= 0:
         end[0], end[1], end[2] = node_end(graph, start_node, start_pose[0], start_pose[1], start_pose[2])
@@ -231,7 +231,7 @@ def follow(graph, maps, guide, rules, legs, torso, start_pose, start_node, searc
         count = 1
     arc, _ = project(guide, end[0], end[1], 0.0, travel + 1.0)
     top = np.int64(0)
-    _open_stage(search, top, start_node, start_pose, end, max(arc, 0.0), count, 0)
+    _open_stage(search, top, start_node, start_pose, end, max(arc, 0.0), count, np.int64(0))
     best_arc = -1.0
     best_count = 0
     queries = 0

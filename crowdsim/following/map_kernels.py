@@ -129,7 +129,7 @@ def grow_maps(graph, depth, reach, capacity, first, key, parent, edge, node, lev
                 _sift_down(heap, cost, size)
             above = total + local
             source = np.int64(node[above])
-            x, y, heading = float(pose[above, 0]), float(pose[above, 1]), float(pose[above, 2])
+            x, y, heading = np.float64(pose[above, 0]), np.float64(pose[above, 1]), np.float64(pose[above, 2])
             x, y, heading = node_end(graph, source, x, y, heading)
             for e in range(np.int64(graph.edge_start[source]), np.int64(graph.edge_start[source + 1])):
                 target = graph.edge_target[e]
@@ -150,10 +150,7 @@ def grow_maps(graph, depth, reach, capacity, first, key, parent, edge, node, lev
                 pose[row, 2] = ph
                 length[row] = length[above] + graph.node_length[source]
                 cost[count] = (
-                    cost[local]
-                    + graph.node_length[target]
-                    + TURN_COST * abs(graph.node_motion[target, 2])
-                    + NODE_COST
+                    cost[local] + graph.node_length[target] + TURN_COST * abs(graph.node_motion[target, 2]) + NODE_COST
                 )
                 if level[row] < depth and cost[count] <= reach:
                     heap[size] = count

@@ -226,9 +226,6 @@ def _workspace(graph: GraphArrays, maps: MotionMaps, length: float, rules: _Rule
     def ints(n: int) -> NDArray[np.int64]:
         return np.empty(n, np.int64)
 
-    def flags() -> NDArray[np.bool_]:
-        return np.empty(entries, np.bool_)
-
     search = _Search(
         ints(stages), np.empty((stages, 3)), np.empty((stages, 3)), np.empty(stages),
         ints(stages), ints(stages), ints(stages), ints(stages), ints(stages),
@@ -237,7 +234,17 @@ def _workspace(graph: GraphArrays, maps: MotionMaps, length: float, rules: _Rule
         ints(nodes), ints(nodes), np.empty(nodes), np.empty((nodes, 3)),
     )  # fmt: skip
     laid = _Laid(
-        np.zeros(entries, np.int64), flags(), flags(), np.empty((entries, 2), np.bool_), ints(entries), ints(entries), np.empty(entries),
-        np.empty((entries, 3)), np.empty((entries, 3)), np.empty(entries), np.empty(entries), np.empty(entries),
-    )  # fmt: skip
+        serial=np.zeros(entries, np.int64),
+        fit=np.empty(entries, np.bool_),
+        reached=np.empty(entries, np.bool_),
+        free=np.empty((entries, 2), np.bool_),
+        node=ints(entries),
+        edge=ints(entries),
+        twist=np.empty(entries),
+        origin=np.empty((entries, 3)),
+        end=np.empty((entries, 3)),
+        arc=np.empty(entries),
+        area=np.empty(entries),
+        off=np.empty(entries),
+    )
     return search, laid

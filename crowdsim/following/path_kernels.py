@@ -13,7 +13,7 @@ from crowdsim.jit import kernel
 def sample_index(guide, arc):
     """Index of the path sample nearest to ``arc``."""
     last = guide.arc.shape[0] - 1
-    i = int(math.floor(arc / guide.arc[last] * last + 0.5))
+    i = math.floor(arc / guide.arc[last] * last + 0.5)
     return min(max(i, 0), last)
 
 
@@ -21,7 +21,7 @@ def sample_index(guide, arc):
 def path_point(guide, arc):
     """Point (x, y) at ``arc``."""
     last = guide.arc.shape[0] - 1
-    i = min(max(int(math.floor(arc / guide.arc[last] * last)), 0), last - 1)
+    i = min(max(math.floor(arc / guide.arc[last] * last), 0), last - 1)
     u = (arc - guide.arc[i]) / (guide.arc[i + 1] - guide.arc[i])
     return (
         guide.pose[i, 0] + u * (guide.pose[i + 1, 0] - guide.pose[i, 0]),
@@ -34,8 +34,8 @@ def project(guide, x, y, low, high):
     """Arc length of the point nearest to (x, y) between the arcs ``low`` and ``high``, and its distance."""
     last = guide.arc.shape[0] - 1
     step = guide.arc[last] / last
-    begin = min(max(int(math.floor(low / step)), 0), last - 1)
-    end = min(max(int(math.floor(high / step)), begin), last - 1)
+    begin = min(max(math.floor(low / step), 0), last - 1)
+    end = min(max(math.floor(high / step), begin), last - 1)
     best_arc = 0.0
     best = math.inf
     for i in range(begin, end + 1):

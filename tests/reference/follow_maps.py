@@ -25,7 +25,7 @@ def pose_after(graph: GraphArrays, edge: int, twist: float, end: Floats) -> Floa
 def slow_map(
     graph: GraphArrays, root: int, depth: int, reach: float
 ) -> list[tuple[tuple[int, int, int], int, int, tuple[int, ...]]]:
-    """Algorithm 1 of the 2012 paper with a queue of single nodes: (cell, node, level, edges) in the order of the search.
+    """Algorithm 1 of the 2012 paper with a queue of single nodes: (cell, node, level, edges) in search order.
 
     Costs as in the kernel: track length, 0.3 m a radian, 0.1 m a node.
     """

@@ -172,7 +172,7 @@ def test_corridor_takes_each_area_in_its_way(maps: MotionMaps, start: tuple[floa
 @pytest.mark.parametrize("heading", [0.0, 1.5, -3.0])
 def test_starts_close_to_a_sideways_section(maps: MotionMaps, before: float, heading: float) -> None:
     world, whole = corridor()
-    first = int(round((14.0 - before) / 0.1))
+    first = round((14.0 - before) / 0.1)
     path = Samples(whole.pose[first:].copy(), whole.arc[first:] - whole.arc[first], whole.behavior[first:].copy())
     result = follow(maps, world, path, (*path.pose[0, :2], heading))
     assert result.status is FollowStatus.FOUND
@@ -180,18 +180,16 @@ def test_starts_close_to_a_sideways_section(maps: MotionMaps, before: float, hea
 
 
 def test_backtracks_where_the_first_choice_leads_nowhere(maps: MotionMaps) -> None:
-    """A block beside the path that long strides arrive at askew: with few candidates some have to be taken back."""
+    """Walking up to the sideways section too far leaves no room to turn: with few candidates steps are taken back."""
     world, whole = corridor()
-    effort = []
-    for first in range(100, 140, 2):
+    tries = []
+    for first in range(114, 138, 2):
         path = Samples(whole.pose[first:].copy(), whole.arc[first:] - whole.arc[first], whole.behavior[first:].copy())
-        for heading in (0.0, 2.0):
-            result = follow(maps, world, path, (path.pose[0, 0], 0.15, heading), candidates=1)
-            check(result, world)
-            effort.append(result.expansions)
-            if result.status is FollowStatus.FOUND:
-                assert result.expansions <= len(result.nodes) or not np.isnan(result.reached)
-    assert max(effort) > 2 * np.median(effort)
+        result = follow(maps, world, path, (path.pose[0, 0], 0.15, 2.0), candidates=1)
+        assert result.status is FollowStatus.FOUND
+        check(result, world)
+        tries.append(result.expansions - len(result.nodes))
+    assert max(tries) > 0
 
 
 def test_a_closed_way_says_how_far_it_came(maps: MotionMaps) -> None:

@@ -53,40 +53,35 @@ def side_track(step: float) -> Floats:
 
 
 def swing_track(length: float, begin: float, end: float) -> Floats:
-    """Move ``length`` meters along +x of the motion's frame while facing from ``begin`` to ``end``, from the start's frame."""
+    """Move ``length`` meters straight while the heading relative to that way goes from ``begin`` to ``end``."""
     u = np.linspace(0.0, 1.0, max(30, round(60 * length / SPEED)) + 1)
     c, s = np.cos(-begin), np.sin(-begin)
     return np.column_stack([c * length * u, s * length * u, (end - begin) * u])
 
 
 def pieces() -> list[Piece]:
+    """The whole set: walking free and with arms held, standing, turning, stepping sideways, and the ways between."""
     found = []
     for behavior, c, s in ((FRONTAL, "C", "S"), (ARMS_HELD, "Ch", "Sh")):
-        for length in (1.4, 1.0):
-            found.append(Piece(f"straight {length} {c}", behavior, c, c, arc_track(length, 0.0)))
-        for degrees in (10, 20, 45, 90):
-            for sign in (1, -1):
-                turn = np.radians(sign * degrees)
-                found.append(Piece(f"turn {sign * degrees} {c}", behavior, c, c, arc_track(1.4, turn)))
-                if degrees in (20, 45):
-                    found.append(Piece(f"short turn {sign * degrees} {c}", behavior, c, c, arc_track(1.0, turn)))
+        found += [Piece(f"straight {length} {c}", behavior, c, c, arc_track(length, 0.0)) for length in (1.4, 1.0)]
+        for degrees in (10, 20, 45, 90, -10, -20, -45, -90):
+            found.append(Piece(f"turn {degrees} {c}", behavior, c, c, arc_track(1.4, np.radians(degrees))))
+            if abs(degrees) in (20, 45):
+                found.append(Piece(f"short turn {degrees} {c}", behavior, c, c, arc_track(1.0, np.radians(degrees))))
         found.append(Piece(f"start {s}", behavior, s, c, arc_track(0.8, 0.0)))
         found.append(Piece(f"stop {c}", behavior, c, s, arc_track(0.7, 0.0)))
-        for length in (0.3, 0.6):
-            found.append(Piece(f"step {length} {s}", behavior, s, s, arc_track(length, 0.0)))
-        for degrees in (15, 30, 60, 90, 180):
-            for sign in (1, -1) if degrees < 180 else (1,):
-                found.append(
-                    Piece(f"turn in place {sign * degrees} {s}", behavior, s, s, turn_track(np.radians(sign * degrees)))
-                )
+        found += [Piece(f"step {length} {s}", behavior, s, s, arc_track(length, 0.0)) for length in (0.3, 0.6)]
+        found += [
+            Piece(f"turn in place {degrees} {s}", behavior, s, s, turn_track(np.radians(degrees)))
+            for degrees in (15, 30, 60, 90, -15, -30, -60, -90, 180)
+        ]
         found.append(Piece(f"idle {s}", behavior, s, s, np.zeros((61, 3)), idle=True))
     found.append(Piece("hold arms", FRONTAL, "C", "Ch", arc_track(1.3, 0.0)))
     found.append(Piece("free arms", FRONTAL, "Ch", "C", arc_track(1.3, 0.0)))
     found.append(Piece("hold arms standing", FRONTAL, "S", "Sh", np.zeros((41, 3))))
     found.append(Piece("free arms standing", FRONTAL, "Sh", "S", np.zeros((41, 3))))
+    found += [Piece(f"side {step}", LATERAL, "S", "S", side_track(step)) for step in (0.4, 0.2, -0.4, -0.2)]
     for sign in (1, -1):
-        for step in (0.4, 0.2):
-            found.append(Piece(f"side {sign * step}", LATERAL, "S", "S", side_track(sign * step)))
         found.append(Piece(f"walk to side {sign}", FRONTAL, "C", "S", swing_track(0.7, 0.0, sign * np.pi / 2)))
         found.append(Piece(f"side to walk {sign}", FRONTAL, "S", "C", swing_track(0.8, sign * np.pi / 2, 0.0)))
     return found
