@@ -142,6 +142,7 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
                 and guide.allowed[behavior, here]
             )
             nearest = math.inf
+            squeezed = 0.0
             if fit:
                 c, s = math.cos(oh), math.sin(oh)
                 begin, end = maps.outline_first[node], maps.outline_first[node + 1]
@@ -153,7 +154,10 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
                     along = min(arc + pace * maps.outline[row, 2], total)
                     qx, qy = path_point(guide, along)
                     area += step * math.hypot(px - qx, py - qy)
-                    area += step * _MISFIT_COST * abs(guide.behavior[sample_index(guide, along)] - behavior)
+                    misfit = behavior - guide.behavior[sample_index(guide, along)]
+                    area += step * _MISFIT_COST * abs(misfit)
+                    if misfit > 0:
+                        squeezed += step
                     nearest = min(nearest, math.hypot(px - goal_x, py - goal_y))
                 area += _NODE_COST + _TIME_COST * graph.node_frames[node] / CAPTURE_RATE
                 if maps.leads_to[node] != guide.behavior[here]:
@@ -167,7 +171,7 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
             # Who stands past the end, out of reach of the goal, could only shuffle: there are no steps back.
             stuck = rules.end_standing and graph.node_ends_standing[node]
             last = total if stuck else total + rules.goal_tolerance
-            laid.fit[entry] = fit and (reached or arc_after <= last)
+            laid.fit[entry] = fit and squeezed <= rules.overlap and (reached or arc_after <= last)
             laid.reached[entry] = reached
             laid.free[entry, 0] = False
             laid.free[entry, 1] = False

@@ -42,6 +42,7 @@ class FollowOptions:
 
     goal_tolerance: meters from the path's end within which the last node must pass, or end where end_standing.
     end_standing: whether the last node must end standing.
+    overlap: meters of a section that one node of a wider behavior than the planned may cover, room permitting.
     transition_reach: meters around a section in which a behavior that faces off the direction of motion is allowed.
     heading_tolerance: radians between body and path at the end of each node that moves.
     deviation: meters that the end of a node may lie off the path.
@@ -52,6 +53,7 @@ class FollowOptions:
 
     goal_tolerance: float = 0.35
     end_standing: bool = False
+    overlap: float = 0.2
     transition_reach: float = 2.0
     heading_tolerance: float = float(np.radians(35.0))
     deviation: float = 0.6
@@ -90,6 +92,7 @@ class _Rules(NamedTuple):
     facings: Floats
     goal_tolerance: float
     end_standing: bool
+    overlap: float
     heading_tolerance: float
     deviation: float
     slack: float
@@ -169,6 +172,7 @@ def follow_path(
         np.ascontiguousarray(facings, np.float64),
         float(options.goal_tolerance),
         bool(options.end_standing),
+        float(options.overlap),
         float(options.heading_tolerance),
         float(options.deviation),
         float(options.slack),
