@@ -171,7 +171,8 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
             # Who stands past the end, out of reach of the goal, could only shuffle: there are no steps back.
             stuck = rules.end_standing and graph.node_ends_standing[node]
             last = total if stuck else total + rules.goal_tolerance
-            laid.fit[entry] = fit and squeezed <= rules.overlap and (reached or arc_after <= last)
+            laid.fit[entry] = fit and (reached or arc_after <= last)
+            laid.wide[entry] = squeezed > rules.overlap
             laid.reached[entry] = reached
             laid.free[entry, 0] = False
             laid.free[entry, 1] = False
@@ -197,7 +198,8 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
 def branch_is_free(graph, rules, mesh, layer, search, laid, depth, stage_end, joined, hints):
     """Whether the body's discs are free on one layer all along a laid branch.
 
-    The first node where they are not is marked unfit for the stage. The seam to the node before fades out over
+    The first node where they are not is marked unfit for the stage. A node of a wider behavior than the planned
+    needs the whole room that a plan would have asked for: the plan is narrow for want of it. The seam to the node before fades out over
     the first frames; there is one to the stage's end where ``joined``.
     """
     x, y, heading = stage_end[0], stage_end[1], stage_end[2]
@@ -209,7 +211,7 @@ def branch_is_free(graph, rules, mesh, layer, search, laid, depth, stage_end, jo
             dx, dy, dh = 0.0, 0.0, 0.0
             if joined or d > 0:
                 dx, dy, dh = x - ox, y - oy, wrap_angle(heading - oh)
-            need = rules.radii[graph.node_behavior[node], layer] + rules.slack
+            need = rules.radii[graph.node_behavior[node], layer] + (rules.margin if laid.wide[entry] else rules.slack)
             frames = np.int64(graph.node_frames[node])
             frame = np.int64(-TEST_FRAMES)
             while frame < frames:
