@@ -13,27 +13,9 @@ from crowdsim.crowd.replanning import Plans
 from crowdsim.crowd.reservation_kernels import meets_anyone
 from crowdsim.crowd.setting import Setting
 from crowdsim.ecs.world import View, World
+from crowdsim.scenario.placement import Placement
 
 FOREVER = int(np.iinfo(np.int64).max)
-
-
-@dataclass(frozen=True)
-class Cast:
-    """The M characters of a run before they enter.
-
-    starts, goals: (M, 2) meters. start_steps: (M,) int64. stays: (M,) bool, whether they stay where they arrive.
-    groups: name of the group of each.
-    """
-
-    starts: NDArray[np.float64]
-    goals: NDArray[np.float64]
-    start_steps: NDArray[np.int64]
-    stays: NDArray[np.bool_]
-    groups: tuple[str, ...]
-
-    @property
-    def count(self) -> int:
-        return len(self.starts)
 
 
 @dataclass
@@ -42,7 +24,7 @@ class Entering:
 
     world: World
     setting: Setting
-    cast: Cast
+    cast: Placement
     plans: Plans
     requested: set[int] = field(default_factory=set)
     entered: NDArray[np.int64] = field(init=False)
@@ -50,7 +32,7 @@ class Entering:
     READS = ("timeline", "timeline_start", "gone_slot", "body_radius")
 
     def __post_init__(self) -> None:
-        self.entered = np.full(self.cast.count, -1, np.int64)
+        self.entered = np.full(len(self.cast.starts), -1, np.int64)
 
     def run(self, view: View) -> None:
         step = self.plans.step

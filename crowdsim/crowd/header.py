@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from crowdsim.crowd.entering import Cast
 from crowdsim.crowd.setting import Setting
+from crowdsim.planning.annotated_path import AnnotatedPath
 from crowdsim.recording.header import (
     AgentsRecord,
     BehaviorRecord,
@@ -14,10 +15,11 @@ from crowdsim.recording.header import (
     RecordingHeader,
     SolidRecord,
 )
+from crowdsim.scenario.placement import Placement
 from crowdsim.scenario.scenario import Scenario
 
 
-def record_header(scenario: Scenario, setting: Setting, cast: Cast) -> RecordingHeader:
+def record_header(scenario: Scenario, setting: Setting, cast: Placement) -> RecordingHeader:
     """The header of the recording of one run."""
     rate = setting.steps_per_second
     toward = cast.goals - cast.starts
@@ -37,7 +39,7 @@ def record_header(scenario: Scenario, setting: Setting, cast: Cast) -> Recording
             start_times=cast.start_steps / rate,
             starts=starts,
             goals=cast.goals,
-            radii=np.full(cast.count, setting.personal_radius),
+            radii=np.full(len(cast.starts), setting.personal_radius),
         ),
         motion=MotionRecord(
             skeleton=setting.motion.skeleton,
@@ -49,3 +51,12 @@ def record_header(scenario: Scenario, setting: Setting, cast: Cast) -> Recording
             pool_rotations=poses.pool_rotations,
         ),
     )
+
+
+def labeled_points(route: AnnotatedPath) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
+    """Points (P, 2) of a route, those where the behavior changes among them, and the behavior (P,) from each on."""
+    starts = np.array([section.start for section in route.sections])
+    arc = np.union1d(route.arc, starts)
+    section = np.maximum(np.searchsorted(starts, arc, side="right") - 1, 0)
+    behaviors = np.array([route.sections[k].behavior for k in section], np.int8)
+    return route.at(arc), behaviors

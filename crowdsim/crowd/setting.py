@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE, NONE
-from crowdsim.environment.layers import Band, ClearanceLayer
+from crowdsim.environment.layers import ClearanceLayer
 from crowdsim.errors import MotionError, ScenarioError
 from crowdsim.following.motion_maps import MotionMaps
 from crowdsim.motion.graph_arrays import GraphArrays
@@ -17,7 +17,7 @@ from crowdsim.motion.motion_graph import MotionGraph
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.behavior_library import load_behavior_set
 from crowdsim.planning.behaviors import Behavior
-from crowdsim.scenario.loader import Scenario
+from crowdsim.scenario.scenario import Scenario
 
 
 @dataclass(frozen=True)
@@ -83,13 +83,13 @@ def prepare(scenario: Scenario) -> Setting:
         raise ScenarioError(
             f"{scenario.path}: layers: {len(layers)} layers are given, but characters have two: legs, then torso"
         )
-    bands = tuple(Band(layer.name, layer.low, layer.high) for layer in layers)
+    bands = [(layer.low, layer.high) for layer in layers]
     captures = scenario.captures()
     if captures is None:
         behavior_set = load_behavior_set(scenario.behaviors, bands)
     else:
         behavior_set = load_behavior_set(
-            scenario.behaviors, bands, captures=captures.folder, capture_clips=captures.patterns
+            scenario.behaviors, bands, captures=captures.folder, capture_patterns=captures.patterns
         )
     if not behavior_set.graph.arrays.node_ends_standing.any():
         raise MotionError("no clip of the motion set ends standing, so no character could ever wait; add one that does")

@@ -14,21 +14,22 @@ from crowdsim.crowd.advancing import Advancing
 from crowdsim.crowd.arriving import Arriving
 from crowdsim.crowd.choosing import Choosing
 from crowdsim.crowd.components import COLUMNS
-from crowdsim.crowd.entering import Cast, Entering
-from crowdsim.crowd.header import record_header
+from crowdsim.crowd.entering import Entering
+from crowdsim.crowd.header import labeled_points, record_header
 from crowdsim.crowd.replanning import Plans, Replanning
 from crowdsim.crowd.setting import prepare
 from crowdsim.crowd.state_hash import state_hash
 from crowdsim.crowd.statistics import Statistics
 from crowdsim.crowd.worker_pool import WorkerPool
+from crowdsim.constants import NONE, TRACKING_MARGIN
 from crowdsim.ecs.schedule import Schedule, System
 from crowdsim.ecs.world import World
 from crowdsim.planning.annotated_path import AnnotatedPath
 from crowdsim.recording.header import AgentState, RecordedFrame
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.writer import RecordingWriter
-from crowdsim.scenario.loader import Scenario
 from crowdsim.scenario.placement import place_agents
+from crowdsim.scenario.scenario import Scenario
 
 THINKING_SECONDS = 0.2
 """From asking for a plan to having it, whatever the number of workers."""
@@ -48,8 +49,8 @@ class Simulation:
         self.setting = prepare(scenario)
         rate = scenario.steps_per_second
         self.step_limit = int(round(scenario.duration * rate))
-        self.cast = Cast(**place_agents(scenario, self.setting.planned_radius)._asdict())
-        self.world = World(COLUMNS, capacity=self.cast.count)
+        self.cast = place_agents(scenario, self.setting.personal_radius + TRACKING_MARGIN)
+        self.world = World(COLUMNS, capacity=len(self.cast.starts))
         self._pool = WorkerPool(workers, latency=max(1, round(THINKING_SECONDS * rate)))
         self._new_routes: list[tuple[int, AnnotatedPath]] = []
         self.plans = Plans(self.setting, self._pool, lambda agent, route: self._new_routes.append((agent, route)))
@@ -59,7 +60,7 @@ class Simulation:
         replanning = Replanning(self.plans)
         choosing = Choosing(self.plans)
         advancing = Advancing(self.setting)
-        arriving = Arriving(self.world, self.plans, self.cast.count)
+        arriving = Arriving(self.world, self.plans, len(self.cast.starts))
         self._entering, self._arriving = entering, arriving
         self.schedule = Schedule(
             self.world,
@@ -85,7 +86,7 @@ class Simulation:
     @property
     def finished(self) -> bool:
         """Whether everyone who can arrive has, or the scenario's time is up."""
-        return self.step_count >= self.step_limit or self.arrived + len(self.plans.unreachable) >= self.cast.count
+        return self.step_count >= self.step_limit or self.arrived + len(self.plans.unreachable) >= len(self.cast.starts)
 
     def step(self) -> None:
         """Advance the world by one step."""
@@ -99,14 +100,14 @@ class Simulation:
         ``progress(step, step_limit, simulation)`` is called after every step. The file appears under its name
         only when the run is complete.
         """
-        statistics = Statistics(self.setting, self.scenario.area_polygons())
+        statistics = Statistics(self.setting, {area.name: area.shape() for area in self.scenario.areas})
         header = record_header(self.scenario, self.setting, self.cast)
         with self._pool, RecordingWriter(output, header) as writer:
             started = time.perf_counter()
             while not self.finished:
                 self.step()
                 for agent, route in self._new_routes:
-                    writer.add_path(agent, *route.labeled_points())
+                    writer.add_path(agent, *labeled_points(route))
                 self._new_routes.clear()
                 frame = self.frame()
                 writer.append(frame, self.hash)
@@ -119,12 +120,12 @@ class Simulation:
 
     def frame(self) -> RecordedFrame:
         """The present step of all characters, those outside the world marked absent."""
-        count = self.cast.count
+        count = len(self.cast.starts)
         agent = self.world.column("agent")
         columns: dict[str, Any] = {}
-        for name, source in (("node", "node"), ("previous", "previous"), ("frame", "frame"), ("behavior", "behavior")):
-            columns[name] = np.full(count, -1, np.int32)
-            columns[name][agent] = self.world.column(source)
+        for name in ("node", "previous", "frame", "behavior"):
+            columns[name] = np.full(count, NONE, np.int32)
+            columns[name][agent] = self.world.column(name)
         pose = np.zeros((count, 3))
         pose[agent] = self.world.column("pose")
         state = np.full(count, AgentState.ABSENT, np.int32)
@@ -136,7 +137,7 @@ class Simulation:
         done = self._arriving.arrived >= 0
         times = (self._arriving.arrived - self._entering.entered)[done] / rate
         return {
-            "characters": self.cast.count,
+            "characters": len(self.cast.starts),
             "arrived": int(done.sum()),
             "unreachable": {str(agent): reason for agent, reason in sorted(self.plans.unreachable.items())},
             "steps": self.step_count,

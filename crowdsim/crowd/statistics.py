@@ -10,9 +10,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from crowdsim.crowd.foot_statistics import FootStatistics
 from crowdsim.crowd.measure_kernels import closest_pair, obstacle_margin
 from crowdsim.crowd.setting import Setting
-from crowdsim.motion.foot_metrics import FootMetrics
 from crowdsim.recording.header import AgentState, RecordedFrame
 
 MARGIN_LIMIT = 1.0
@@ -32,13 +32,13 @@ class Statistics:
     way: NDArray[np.float64] = field(init=False)
     closest: float = np.inf
     margin: NDArray[np.float64] = field(init=False)
-    feet: FootMetrics = field(init=False)
+    feet: FootStatistics = field(init=False)
     _before: RecordedFrame | None = None
 
     def __post_init__(self) -> None:
         self.way = np.zeros((len(self.areas) + 1, len(self.setting.behaviors)))
         self.margin = np.full(len(self.setting.meshes), MARGIN_LIMIT)
-        self.feet = FootMetrics(self.setting.motion, self.setting.steps_per_second)
+        self.feet = FootStatistics(self.setting.motion, self.setting.steps_per_second)
 
     def add(self, frame: RecordedFrame) -> None:
         """Take in one step of all agents."""

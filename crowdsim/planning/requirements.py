@@ -1,0 +1,77 @@
+"""The clearances that a set of behaviors asks of the layers, as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import BehaviorError
+from crowdsim.planning.behaviors import Behavior
+
+if TYPE_CHECKING:
+    from crowdsim.navmesh.navmesh import NavMesh
+
+TOUCH = 1e-5
+"""Meters a path may come closer than planned: it touches corners at exactly its clearance."""
+
+
+@dataclass(frozen=True)
+class Requirements:
+    """n behaviors on m layers, narrowest behavior first, the searched layer (the legs') first.
+
+    radii: (n, m) float64, planned clearance; on the searched layer all equal to the largest of the behaviors'.
+    costs: (n,) float64 a meter. turned: (n,) bool.
+    """
+
+    radii: NDArray[np.float64]
+    costs: NDArray[np.float64]
+    turned: NDArray[np.bool_]
+
+    @staticmethod
+    def of(behaviors: Sequence[Behavior], layers: int, margin: float) -> Requirements:
+        """Planned clearances; BehaviorError where behaviors and layers do not go together."""
+        if not behaviors:
+            raise BehaviorError("a plan needs at least one behavior")
+        for behavior in behaviors:
+            if behavior.radii.shape != (layers,):
+                raise BehaviorError(
+                    f"behavior '{behavior.name}' was measured on {len(behavior.radii)} layers, the scene has {layers}"
+                )
+        radii = np.array([behavior.radii for behavior in behaviors]) + margin
+        radii[:, 0] = radii[:, 0].max()
+        return Requirements(
+            radii=radii,
+            costs=np.array([behavior.cost_per_meter for behavior in behaviors]),
+            turned=np.array([behavior.turned for behavior in behaviors]),
+        )
+
+    @property
+    def count(self) -> int:
+        return len(self.costs)
+
+    @property
+    def search_radius(self) -> float:
+        """Clearance of the legs, the least that a path must keep from everything."""
+        return float(self.radii[0, 0])
+
+    def reach(self) -> NDArray[np.float64]:
+        """(n,) clearance on the searched layer that lets each behavior pass whatever the layers above hold."""
+        return self.radii.max(axis=1)
+
+    def radii_to_search(self) -> NDArray[np.float64]:
+        """Clearances worth a search of the lowest layer, descending; the last is that of the legs."""
+        return np.unique(np.append(self.reach(), self.search_radius))[::-1]
+
+    def blocked(self, meshes: Sequence[NavMesh], points: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """For each behavior the arc-length intervals (k, 2) of a polyline where an upper layer is too narrow for it."""
+        return [
+            np.concatenate(
+                [np.empty((0, 2))]
+                + [mesh.violations(points, row[layer + 1] - TOUCH) for layer, mesh in enumerate(meshes[1:])]
+            )
+            for row in self.radii
+        ]

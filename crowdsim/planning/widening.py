@@ -1,0 +1,98 @@
+"""Moving a path off the obstacles where there is room.
+
+The shortest path with the clearance of the legs touches corners at exactly that clearance, though a meter beside them a
+wider behavior would fit. A stretch that is too close is replaced by the shortest way with more clearance between its
+ends, where that does not cost more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import PathNotFound
+from crowdsim.planning.annotated_path import arc_lengths, points_at
+from crowdsim.planning.labelling import union
+from crowdsim.planning.requirements import TOUCH, Requirements
+
+if TYPE_CHECKING:
+    from crowdsim.navmesh.navmesh import NavMesh
+
+RUN_UP = 0.5
+"""Meters before and after a stretch that is too close from where it may be replaced."""
+
+
+def widen(
+    meshes: Sequence[NavMesh],
+    need: Requirements,
+    points: NDArray[np.float64],
+    radii: NDArray[np.float64],
+    allowance: float,
+) -> NDArray[np.float64]:
+    """Polyline with the same ends that keeps the largest of ``radii`` (descending) it can, stretch by stretch.
+
+    A replacement is taken where it costs at most what it replaces and ``allowance`` meters of the preferred behavior
+    (each place by the behavior that fits it; sections and switches not counted). The points given come back where
+    nothing was replaced.
+    """
+    for radius in radii:
+        close = union(meshes[0].violations(points, float(radius) - TOUCH))
+        if not len(close):
+            continue
+        arc = arc_lengths(points)
+        stretches = _with_run_up(close, float(arc[-1]))
+        blocked = _blocked(meshes, need, points)
+        pieces, position = [], 0.0
+        for low, high in stretches:
+            ends = points_at(points, arc, np.array([low, high]))
+            try:
+                detour = meshes[0].find_path(ends[0], ends[1], float(radius))
+            except PathNotFound:
+                continue
+            limit = _cost(blocked, need.costs, low, high) + allowance * need.costs[-1]
+            if detour.length * need.costs[-1] > limit:
+                continue
+            if _cost(_blocked(meshes, need, detour.points), need.costs, 0.0, detour.length) > limit + 1e-9:
+                continue
+            pieces += [_part(points, arc, position, low), detour.points]
+            position = high
+        if pieces:
+            points = _joined([*pieces, _part(points, arc, position, float(arc[-1]))])
+    return points
+
+
+def _with_run_up(close: NDArray[np.float64], length: float) -> NDArray[np.float64]:
+    """Intervals lengthened to both sides, at most to the middle of the free stretch between two of them."""
+    gaps = np.concatenate([[2.0 * close[0, 0]], close[1:, 0] - close[:-1, 1], [2.0 * (length - close[-1, 1])]])
+    room = np.minimum(gaps / 2.0, RUN_UP)
+    return np.stack([close[:, 0] - room[:-1], close[:, 1] + room[1:]], axis=1)
+
+
+def _blocked(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    return [union(intervals) for intervals in need.blocked(meshes, points)]
+
+
+def _cost(blocked: list[NDArray[np.float64]], costs: NDArray[np.float64], low: float, high: float) -> float:
+    """Cost of the path between two arc lengths, each place by the most preferred behavior that fits it."""
+    total = (high - low) * costs[-1]
+    for i in range(1, len(blocked)):
+        covered = np.minimum(blocked[i][:, 1], high) - np.maximum(blocked[i][:, 0], low)
+        total += np.maximum(covered, 0.0).sum() * (costs[i - 1] - costs[i])
+    return float(total)
+
+
+def _part(points: NDArray[np.float64], arc: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
+    """Polyline between two arc lengths, both ends included."""
+    inside = (arc > low) & (arc < high)
+    ends = points_at(points, arc, np.array([low, high]))
+    return np.concatenate([ends[:1], points[inside], ends[1:]])
+
+
+def _joined(pieces: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Polylines end to end, without repeated points."""
+    points = np.concatenate(pieces)
+    keep = np.append(True, np.hypot(*np.diff(points, axis=0).T) > 1e-9)
+    return np.ascontiguousarray(points[keep])

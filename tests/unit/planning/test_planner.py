@@ -1,0 +1,150 @@
+import numpy as np
+import pytest
+import shapely
+
+from crowdsim.constants import TRACKING_MARGIN
+from crowdsim.errors import BehaviorError, PathNotFound
+from crowdsim.planning.planner import plan_path
+from tests.reference.plan_mesh import SlowNavMesh
+
+ROOM = shapely.box(0, -1.2, 22, 1.2)
+
+
+def gap(x0, x1, half_width):
+    """Obstacles that leave a gap in the middle of the corridor."""
+    return shapely.box(x0, -1.2, x1, 1.2).difference(shapely.box(x0, -half_width, x1, half_width))
+
+
+def layers(room, tall, low=()):
+    above = room.difference(shapely.union_all(list(tall)))
+    return above.difference(shapely.union_all(list(low))), above
+
+
+def meshes(room, tall, low=()):
+    return [SlowNavMesh(polygon) for polygon in layers(room, tall, low)]
+
+
+def swept(path, section):
+    arc = np.unique(np.concatenate([[section.start, section.end], np.clip(path.arc, section.start, section.end)]))
+    return shapely.LineString(path.at(arc)) if len(arc) > 1 else shapely.Point(path.at(arc)[0])
+
+
+def assert_sound(path, behaviors, polygons, start, goal):
+    """Sections cover the path, and the disc of each section's behavior sweeps nothing on any layer."""
+    assert path.points[0] == pytest.approx(start)
+    assert path.points[-1] == pytest.approx(goal)
+    assert path.sections[0].start == 0.0
+    assert path.sections[-1].end == pytest.approx(path.length, abs=1e-12)
+    legs = max(behavior.radii[0] for behavior in behaviors) + TRACKING_MARGIN
+    for before, after in zip(path.sections, path.sections[1:], strict=False):
+        assert before.end == after.start
+        assert before.behavior != after.behavior
+    for section in path.sections:
+        line = swept(path, section)
+        torso = behaviors[section.behavior].radii[1] + TRACKING_MARGIN
+        for polygon, radius in zip(polygons, (legs, torso), strict=True):
+            assert polygon.covers(line)
+            assert shapely.distance(polygon.boundary, line) >= radius - 2e-5
+
+
+def test_corridor_is_walked_as_the_paper_shows(behaviors):
+    polygons = layers(ROOM, [gap(4, 6, 0.34), gap(16, 17.5, 0.26)], [gap(10, 12, 0.30)])
+    path = plan_path([SlowNavMesh(p) for p in polygons], behaviors, (1.0, 0.8), (21.0, -0.8))
+    assert [behaviors[s.behavior].name for s in path.sections] == [
+        "frontal", "arm_constrained", "frontal", "lateral", "frontal",
+    ]  # fmt: skip
+    assert_sound(path, behaviors, polygons, (1.0, 0.8), (21.0, -0.8))
+    x = [path.at(np.array([edge]))[0, 0] for s in path.sections for edge in s[1:]]
+    assert x[2] < 4.0 < 6.0 < x[3] < 10.0
+    assert 12.0 < x[6] < 16.0 < 17.5 < x[7]
+    assert path.cost < 1.03 * (20.0 + 0.1 * 2.6 + 2.0 * 2.2 + 4 * 0.15)
+
+
+def test_path_runs_through_the_middle_of_gaps(behaviors):
+    above = meshes(ROOM, [gap(4, 6, 0.34), gap(16, 17.5, 0.26)])
+    path = plan_path(above, behaviors, (1.0, 0.8), (21.0, -0.8))
+    inside = path.at(np.linspace(0, path.length, 400))
+    middle = inside[((inside[:, 0] > 4.0) & (inside[:, 0] < 6.0)) | ((inside[:, 0] > 16.0) & (inside[:, 0] < 17.5))]
+    assert np.abs(middle[:, 1]).max() < 0.03
+
+
+def test_cheaper_detour_is_taken(behaviors):
+    """A lateral gap on the straight way, an open door 1.5 m beside it: walking around is cheaper than side-stepping."""
+    room = shapely.box(0, 0, 12, 6)
+    wall = shapely.box(5, 0, 7, 6).difference(shapely.box(5, 1.74, 7, 2.26)).difference(shapely.box(5, 3.2, 7, 4.4))
+    polygons = layers(room, [wall])
+    path = plan_path([SlowNavMesh(p) for p in polygons], behaviors, (1.0, 2.0), (11.0, 2.0))
+    assert [s.behavior for s in path.sections] == [2]
+    assert_sound(path, behaviors, polygons, (1.0, 2.0), (11.0, 2.0))
+
+
+def test_two_blockers_are_combined(behaviors):
+    """Two walls with a side-stepping gap ahead and a way for held arms or wider beside it."""
+    room = shapely.box(0, 0, 20, 6)
+    walls = []
+    for x in (5.0, 12.0):
+        wall = shapely.box(x, 0, x + 2.0, 6)
+        walls.append(wall.difference(shapely.box(x, 1.76, x + 2, 2.24)).difference(shapely.box(x, 3.2, x + 2, 3.84)))
+    polygons = layers(room, walls)
+    path = plan_path([SlowNavMesh(p) for p in polygons], behaviors, (1.0, 2.0), (19.0, 2.0))
+    assert {s.behavior for s in path.sections} == {1, 2}
+    assert_sound(path, behaviors, polygons, (1.0, 2.0), (19.0, 2.0))
+
+
+def test_long_detour_is_not_taken(behaviors):
+    room = shapely.box(0, 0, 12, 30)
+    wall = shapely.box(5, 0, 6, 30).difference(shapely.box(5, 1.74, 6, 2.26)).difference(shapely.box(5, 27, 6, 29))
+    path = plan_path(meshes(room, [wall]), behaviors, (1.0, 2.0), (11.0, 2.0))
+    assert 0 in {s.behavior for s in path.sections}
+    assert path.length < 10.5
+
+
+def test_low_obstacles_leave_the_preferred_behavior(behaviors):
+    path = plan_path(meshes(ROOM, [shapely.box(30, 0, 31, 1)], [gap(8, 12, 0.25)]), behaviors, (1, 0), (21, 0))
+    assert [s.behavior for s in path.sections] == [2]
+
+
+def test_gap_too_narrow_says_where_and_by_how_much(behaviors):
+    with pytest.raises(PathNotFound, match=r"legs layer is too narrow.*\(\d+\.\d+, -?\d+\.\d+\).*0\.22 m.*by 0\.04 m"):
+        plan_path(meshes(ROOM, [gap(4, 6, 0.2)]), behaviors, (1, 0), (21, 0))
+
+
+def test_walled_off_goal(behaviors):
+    with pytest.raises(PathNotFound):
+        plan_path(meshes(ROOM, [shapely.box(8, -1.2, 9, 1.2)]), behaviors, (1, 0), (21, 0))
+
+
+def test_torso_too_narrow_names_the_layer(behaviors):
+    wide = [b for b in behaviors if b.name != "lateral"]
+    with pytest.raises(PathNotFound, match="layer 1 is too narrow"):
+        plan_path(meshes(ROOM, [gap(4, 6, 0.27)]), wide, (1, 0), (21, 0))
+
+
+def test_start_is_goal(behaviors):
+    path = plan_path(meshes(ROOM, [gap(4, 6, 0.34)]), behaviors, (1, 0), (1, 0))
+    assert path.length == 0.0
+    assert [tuple(s) for s in path.sections] == [(2, 0.0, 0.0)]
+    samples = path.sample()
+    assert samples.pose.shape == (2, 3)
+    assert np.isfinite(samples.pose).all()
+
+
+def test_layers_and_bodies_must_agree(behaviors):
+    with pytest.raises(BehaviorError, match="measured on 2 layers, the scene has 1"):
+        plan_path(meshes(ROOM, [gap(4, 6, 0.34)])[:1], behaviors, (1, 0), (21, 0))
+
+
+def test_samples(behaviors):
+    path = plan_path(meshes(ROOM, [gap(4, 6, 0.34)]), behaviors, (1.0, 0.8), (21.0, -0.8))
+    samples = path.sample(0.1)
+    assert samples.arc[0] == 0.0
+    assert samples.arc[-1] == path.length
+    assert np.diff(samples.arc).max() <= 0.1 + 1e-12
+    assert samples.behavior.dtype == np.int32
+    assert samples.pose.flags.c_contiguous
+    for section in path.sections:
+        inside = (samples.arc > section.start) & (samples.arc < section.end)
+        assert (samples.behavior[inside] == section.behavior).all()
+    steps = np.diff(samples.pose[:, :2], axis=0)
+    assert np.hypot(*steps.T).max() <= 0.1 + 1e-9
+    assert np.abs(samples.pose[:, 2]).max() < 0.6
