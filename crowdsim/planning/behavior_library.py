@@ -68,9 +68,7 @@ def load_behavior_set(
             raise BehaviorError(
                 f"walks captured in {captures} give no '{foreign[0]}'; name only {' and '.join(CAPTURED)} in 'behaviors'"
             )
-        clips = {
-            name: BehaviorClips(*made) for name, made in captured_clips(captures, capture_patterns, names).items()
-        }
+        clips = {name: BehaviorClips(*made) for name, made in captured_clips(captures, capture_patterns, names).items()}
     radii = {name: _radii(files[name], clips[name].clips, bands) for name in names}
     order = sorted(names, key=lambda name: (radii[name][-1], name))
     behaviors = tuple(files[name].behavior(radii[name], library / name) for name in order)
