@@ -55,6 +55,8 @@ class Scene:
         pixels = [side * supersample for side in size]
         self.plotter = self._pv.Plotter(off_screen=not interactive, window_size=pixels, lighting="none")
         self.plotter.set_background(_SKY[1], top=_SKY[0])
+        if supersample > 1:
+            self.plotter.disable_anti_aliasing()
         self._scale = pixels[1] / 900.0
         self._crowd = CrowdMesh(recording, color_by)
         self._paths: tuple[PlannedPath, ...] = ()
