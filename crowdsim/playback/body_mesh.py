@@ -38,7 +38,7 @@ class BodyMesh:
     """One body: V vertices, F triangles.
 
     triangles: (F, 3) int64. tissue: (V,) int8 :class:`Tissue`. joints: (V, 2) int32. weights: (V, 2) float32, sum 1.
-    places: (V, 2, 3) float32, the vertex in the frame of each of its joints. normals: (V, 3) float32 in that of the first.
+    places: (V, 2, 3) float32, the vertex in the frame of each joint. normals: (V, 3) float32 in that of the first.
     """
 
     triangles: NDArray[np.int64]

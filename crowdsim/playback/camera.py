@@ -24,11 +24,15 @@ _FOLLOW_SECONDS = 0.8
 
 @dataclass(frozen=True)
 class Camera:
-    """Eye and target in meters, and the direction that is up in the picture."""
+    """Eye and target in meters, and the direction that is up in the picture.
+
+    half_height: meters from the middle to the upper edge of a picture without perspective; None for one with it.
+    """
 
     eye: Floats
     target: Floats
     up: Floats
+    half_height: float | None = None
 
 
 def place_camera(recording: Recording, view: str, aspect: float, time: float, agent: int | None) -> Camera:
@@ -43,16 +47,23 @@ def place_camera(recording: Recording, view: str, aspect: float, time: float, ag
     )
     wide = high_x - low_x >= high_y - low_y
     if view == "top":
-        direction = np.array([0.0, 0.0, 1.0])
-        up = np.array([0.0, 1.0, 0.0]) if wide else np.array([-1.0, 0.0, 0.0])
-    else:
-        # The long side of the floor runs across the picture; a long hall is seen more from the side.
-        slender = max(high_x - low_x, high_y - low_y) / max(min(high_x - low_x, high_y - low_y), 1e-9)
-        turn = np.radians(-62.0 if slender < 2.5 else -76.0) + (0.0 if wide else np.pi / 2)
-        lift = np.radians(38.0)
-        direction = np.array([np.cos(turn) * np.cos(lift), np.sin(turn) * np.cos(lift), np.sin(lift)])
-        up = np.array([0.0, 0.0, 1.0])
-    return _fit(corners, direction, up, aspect)
+        return _plan(corners, np.array([0.0, 1.0, 0.0]) if wide else np.array([-1.0, 0.0, 0.0]), aspect)
+    # The long side of the floor runs across the picture; a long hall is seen more from the side.
+    slender = max(high_x - low_x, high_y - low_y) / max(min(high_x - low_x, high_y - low_y), 1e-9)
+    turn = np.radians(-62.0 if slender < 2.5 else -80.0) + (0.0 if wide else np.pi / 2)
+    lift = np.radians(38.0)
+    direction = np.array([np.cos(turn) * np.cos(lift), np.sin(turn) * np.cos(lift), np.sin(lift)])
+    return _fit(corners, direction, np.array([0.0, 0.0, 1.0]), aspect)
+
+
+def _plan(corners: Floats, up: Floats, aspect: float) -> Camera:
+    """From straight above without perspective, as an architect draws."""
+    down = np.array([0.0, 0.0, 1.0])
+    right = np.cross(up, down)
+    middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    half_wide = np.max(np.abs((corners - middle) @ right))
+    half_tall = np.max(np.abs((corners - middle) @ up))
+    return Camera(middle + 50.0 * down, middle, up, float(1.12 * max(half_tall, half_wide / aspect)))
 
 
 def _fit(corners: Floats, direction: Floats, up: Floats, aspect: float) -> Camera:

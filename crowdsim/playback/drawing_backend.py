@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
@@ -164,4 +165,5 @@ def _remember(memory: Path, key: str, backend: DrawingBackend) -> None:
         written.write_text(text)
         os.replace(written, memory)
     except OSError:
-        written.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            written.unlink()

@@ -32,8 +32,8 @@ def film(
     """Write ``recording`` from ``start`` to ``end`` seconds (by default all of it) as an MP4 in real time.
 
     view, agent, color_by: as for a picture; the view ``follow`` moves with its agent. progress: called with frames done
-    and frames in all. The file appears under its name when it is complete. Raises CrowdSimError for a time, rate or size that
-    cannot be, DrawingUnavailable where nothing can draw.
+    and frames in all. The file appears under its name when it is complete. Raises CrowdSimError for a time, rate or
+    size that cannot be, DrawingUnavailable where nothing can draw.
     """
     path = Path(path)
     stop = recording.duration if end is None else end
@@ -61,7 +61,7 @@ def _check(recording: Recording, path: Path, fps: int, size: tuple[int, int], st
         raise CrowdSimError(f"a film needs even sides, not {size[0]}x{size[1]}; add a pixel")
     if recording.steps == 0 or not 0.0 <= start <= end <= recording.duration + 1e-9:
         raise CrowdSimError(
-            f"{recording.path} lasts from 0 to {recording.duration:g} s; a film from {start:g} to {end:g} s cannot be made"
+            f"{recording.path} lasts from 0 to {recording.duration:g} s; a film cannot go from {start:g} to {end:g} s"
         )
 
 

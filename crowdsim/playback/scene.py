@@ -55,6 +55,8 @@ class Scene:
         pixels = [side * supersample for side in size]
         self.plotter = self._pv.Plotter(off_screen=not interactive, window_size=pixels, lighting="none")
         self.plotter.set_background(_SKY[1], top=_SKY[0])
+        if supersample > 1:
+            self.plotter.disable_anti_aliasing()
         self._scale = pixels[1] / 900.0
         self._crowd = CrowdMesh(recording, color_by)
         self._paths: tuple[PlannedPath, ...] = ()
@@ -81,7 +83,7 @@ class Scene:
         for name in ("normals", "colors"):
             self._bodies.GetPointData().GetArray(name).Modified()
         paths = self.recording.paths_at(time)
-        if [id(path) for path in paths] != [id(path) for path in self._paths]:
+        if [(path.agent, path.step) for path in paths] != [(path.agent, path.step) for path in self._paths]:
             self._draw_paths(paths)
         self._clock.input = f"{time:.2f} s"
 
@@ -93,6 +95,9 @@ class Scene:
         """Look through ``camera``."""
         self.plotter.camera.view_angle = FIELD_OF_VIEW
         self.plotter.camera_position = [tuple(camera.eye), tuple(camera.target), tuple(camera.up)]
+        self.plotter.camera.parallel_projection = camera.half_height is not None
+        if camera.half_height is not None:
+            self.plotter.camera.parallel_scale = camera.half_height
         self.plotter.reset_camera_clipping_range()
 
     def picture(self) -> NDArray[np.uint8]:
@@ -122,7 +127,7 @@ class Scene:
         tall = solids_mesh([solid for solid in header.solids if solid.top > TALL])
         self._add_flat(low.points, low.triangles, _LOW_SOLID, ambient=0.35, diffuse=0.75)
         self._add_lines(low.outline, _EDGE, 1.0)
-        self._add_flat(tall.points, tall.triangles, _TALL_SOLID, ambient=0.4, diffuse=0.6, opacity=0.34, culling="back")
+        self._add_flat(tall.points, tall.triangles, _TALL_SOLID, ambient=0.4, diffuse=0.6, opacity=0.2, culling="back")
         self._add_lines(tall.outline, _EDGE, 1.2)
 
     def _build_crowd(self) -> None:
