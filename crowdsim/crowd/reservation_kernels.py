@@ -22,7 +22,7 @@ TOO_LONG = 3
 FOREVER = 9223372036854775807
 """The slot from which on a character is gone that never leaves."""
 
-ELBOW_ROOM = 0.15
+ELBOW_ROOM = 0.3
 """Meters beyond their discs that two characters at rest keep between them."""
 
 _ROUNDING = 1e-9  # meters

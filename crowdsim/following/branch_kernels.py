@@ -172,7 +172,7 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
             stuck = rules.end_standing and graph.node_ends_standing[node]
             last = total if stuck else total + rules.goal_tolerance
             laid.fit[entry] = fit and (reached or arc_after <= last)
-            laid.wide[entry] = squeezed > rules.overlap
+            laid.wide[entry] = squeezed > 0.0
             laid.reached[entry] = reached
             laid.free[entry, 0] = False
             laid.free[entry, 1] = False
@@ -199,8 +199,8 @@ def branch_is_free(graph, rules, mesh, layer, search, laid, depth, stage_end, jo
     """Whether the body's discs are free on one layer all along a laid branch.
 
     The first node where they are not is marked unfit for the stage. A node of a wider behavior than the planned
-    needs the whole room that a plan would have asked for: the plan is narrow for want of it. The seam to the node before fades out over
-    the first frames; there is one to the stage's end where ``joined``.
+    needs the whole room that a plan would have asked for: the plan is narrow for want of it. The seam to the node
+    before fades out over the first frames; there is one to the stage's end where ``joined``.
     """
     x, y, heading = stage_end[0], stage_end[1], stage_end[2]
     for d in range(depth):

@@ -43,8 +43,7 @@ class FollowOptions:
 
     goal_tolerance: meters from the path's end within which the last node must pass, or end where end_standing.
     end_standing: whether the last node must end standing.
-    overlap: meters of a section that a node of a wider behavior than the planned may cover as if it were planned.
-    margin: meters kept free beyond the body's radius by nodes of a wider behavior that cover more: what plans keep.
+    margin: meters kept free beyond the body's radius by nodes of a wider behavior than the planned: what plans keep.
     transition_reach: meters around a section in which a behavior that faces off the direction of motion is allowed.
     heading_tolerance: radians between body and path at the end of each node that moves.
     deviation: meters that the end of a node may lie off the path.
@@ -55,7 +54,6 @@ class FollowOptions:
 
     goal_tolerance: float = 0.35
     end_standing: bool = False
-    overlap: float = 0.2
     margin: float = TRACKING_MARGIN
     transition_reach: float = 2.0
     heading_tolerance: float = float(np.radians(35.0))
@@ -95,7 +93,6 @@ class _Rules(NamedTuple):
     facings: Floats
     goal_tolerance: float
     end_standing: bool
-    overlap: float
     margin: float
     heading_tolerance: float
     deviation: float
@@ -177,7 +174,6 @@ def follow_path(
         np.ascontiguousarray(facings, np.float64),
         float(options.goal_tolerance),
         bool(options.end_standing),
-        float(options.overlap),
         float(options.margin),
         float(options.heading_tolerance),
         float(options.deviation),
