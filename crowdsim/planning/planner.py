@@ -17,6 +17,7 @@ from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import PathNotFound
 from crowdsim.planning.annotated_path import AnnotatedPath, Section, arc_lengths, points_at
 from crowdsim.planning.behaviors import Behavior
+from crowdsim.planning.clear_ends import clear_end, joined_to
 from crowdsim.planning.labelling import label_path
 from crowdsim.planning.labelling_kernels import MIN_SECTION
 from crowdsim.planning.requirements import Requirements
@@ -56,7 +57,7 @@ def plan_path(
     meshes: one for each layer, the legs' first, whose obstacles contain those of the layers above.
     behaviors: least preferred and narrowest first; ``radii`` has one entry for each mesh.
     start, goal: x, y in meters.
-    margin: meters added to every body radius.
+    margin: meters added to every body radius. Start and goal alone may be that much nearer to obstacles.
 
     Raises
     ------
@@ -66,13 +67,14 @@ def plan_path(
     Reads its arguments only, so that any number of threads may plan on the same meshes.
     """
     need = Requirements.of(behaviors, len(meshes), margin)
-    ends = np.array([start, goal], dtype=np.float64)
+    given = np.array([start, goal], dtype=np.float64)
+    ends = np.array([clear_end(meshes, need, end) for end in given])
     best = _cheapest_uniform(meshes, need, ends)
     if need.count > 1:
         best = _with_detours(meshes, need, ends, best)
     if not best.sections:
         raise PathNotFound(_too_narrow_above(meshes, need, best))
-    return _with_slack(meshes, need, best)
+    return joined_to(_with_slack(meshes, need, best), given, need.costs)
 
 
 def annotate(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np.float64]) -> AnnotatedPath:
