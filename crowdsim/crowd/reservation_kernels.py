@@ -215,9 +215,7 @@ def reserve(
             return TOO_LONG, 0, forever
         if leaves:
             gone = ended
-        if meets_anyone(
-            row, timeline, start, gone, start, body_radii[row], timelines, starts, gones, body_radii
-        ):
+        if meets_anyone(row, timeline, start, gone, start, body_radii[row], timelines, starts, gones, body_radii):
             return MEETS_SOMEONE, 0, forever
         return COMMITTED, taken, gone
     return CANNOT_STOP, 0, forever

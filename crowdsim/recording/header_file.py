@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Sequence
+from importlib import import_module
 from importlib.metadata import version
 
 import h5py
 import numpy as np
 
-import crowdsim
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.recording.header import (
     AgentsRecord,
@@ -40,7 +40,8 @@ def _write_array(group: h5py.Group, name: str, values: object, dtype: str) -> No
 def library_versions() -> dict[str, str]:
     """Versions of what decides a run's numbers."""
     found = {name: version(name) for name in ("numba", "numpy")}
-    return {"crowdsim": crowdsim.__version__, **found, "python": platform.python_version()}
+    # Not a plain import: the package names its public parts, rooms above this one among them.
+    return {"crowdsim": import_module("crowdsim").__version__, **found, "python": platform.python_version()}
 
 
 def write_header(file: h5py.File, header: RecordingHeader) -> None:

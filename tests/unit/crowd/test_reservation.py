@@ -103,7 +103,12 @@ def test_advancing_plays_a_chain_frame_by_frame(frames: int) -> None:
     for _ in range(int(GRAPH.node_frames[chain].sum()) // frames + 3):
         if frame[0] + frames >= GRAPH.node_frames[node[0]] and next_node[0] < 0 and place + 1 < len(chain):
             place += 1
-            next_node[0], next_origin[0], next_seam[0], next_cursor[0] = chain[place], origins[place], seams[place], place
+            next_node[0], next_origin[0], next_seam[0], next_cursor[0] = (
+                chain[place],
+                origins[place],
+                seams[place],
+                place,
+            )
         advance(
             GRAPH, frames, node, previous, frame, origin, seam, next_node, next_origin, next_seam, next_cursor, cursor,
             behavior, pose,

@@ -1,0 +1,122 @@
+"""Bodies are closed, of human size, and follow their joints."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crowdsim.motion.kinematics import about_axis, forward_kinematics, rotate
+from crowdsim.playback.body_mesh import Tissue, build_body
+from crowdsim.playback.crowd_mesh import CrowdMesh, distinct_colors, hex_color
+from crowdsim.playback.surfaces import ellipsoid, limb, loft, vertex_normals
+from tests.support.small_recording import small_skeleton
+
+X, Y, Z = np.eye(3)
+
+
+def _volume(points, triangles):
+    """Signed volume: positive where every triangle faces outward."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    return np.sum(np.cross(a, b) * c) / 6.0
+
+
+def _is_closed(triangles):
+    """Each edge is run through once in each direction."""
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    there = {tuple(edge) for edge in edges.tolist()}
+    return len(there) == len(edges) and all((b, a) in there for a, b in there)
+
+
+def test_surfaces_are_closed_and_face_outward():
+    ball = ellipsoid([1.0, 2.0, 3.0], np.diag([0.3, 0.2, 0.5]), 24)
+    assert _is_closed(ball.triangles)
+    assert _volume(ball.points - [1.0, 2.0, 3.0], ball.triangles) == pytest.approx(4 / 3 * np.pi * 0.03, rel=0.06)
+    rod = limb([0, 0, 0], [0, 0, 2.0], [0.1, 0.1], 32)
+    assert _is_closed(rod.triangles)
+    assert _volume(rod.points, rod.triangles) == pytest.approx(np.pi * 0.01 * (2.0 + 4 / 3 * 0.1), rel=0.03)
+    box = loft([[0, 0, 0], [0, 0, 1.0]], [X, X], [Y, Y], 64, squareness=20.0)
+    assert _volume(box.points, box.triangles) == pytest.approx(4.0, rel=0.03)
+    normals = vertex_normals(ball.points, ball.triangles)
+    assert np.all(np.sum(normals * (ball.points - [1.0, 2.0, 3.0]), axis=1) > 0.0)
+
+
+@pytest.mark.parametrize("sides", [6, 16])
+def test_body_has_human_measures(sides):
+    skeleton = small_skeleton()
+    body = build_body(skeleton, sides)
+    assert _is_closed(body.triangles)
+    still = np.tile([1.0, 0.0, 0.0, 0.0], (1, skeleton.joint_count, 1))
+    still[0, [skeleton.roles["left_shoulder"]]] = about_axis(X, np.radians(-85.0))
+    still[0, [skeleton.roles["right_shoulder"]]] = about_axis(X, np.radians(85.0))
+    positions, rotations = forward_kinematics(skeleton, np.array([[0.0, 0.0, 0.93]]), still)
+    vertices, normals = body.place(positions, rotations)
+    low, high = vertices[0].min(axis=0), vertices[0].max(axis=0)
+    assert 1.6 < high[2] - low[2] < 1.9
+    assert 0.42 < high[1] - low[1] < 0.66
+    assert 0.2 < high[0] - low[0] < 0.4
+    assert 0.05 < _volume(vertices[0].astype(float), body.triangles) < 0.12
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1.0, atol=1e-4)
+    assert {*body.tissue.tolist()} == {*map(int, Tissue)}
+
+
+def test_a_child_of_half_the_size_has_half_the_flesh():
+    whole = small_skeleton()
+    half = replace(whole, offsets=0.5 * whole.offsets, end_offsets=0.5 * whole.end_offsets)
+    large, small = build_body(whole, 8), build_body(half, 8)
+    np.testing.assert_allclose(small.places, 0.5 * large.places, atol=1e-3)
+
+
+def test_turning_a_body_turns_all_of_it():
+    skeleton = small_skeleton()
+    body = build_body(skeleton, 8)
+    still = np.tile([1.0, 0.0, 0.0, 0.0], (1, skeleton.joint_count, 1))
+    turn = about_axis(Z, 0.7)
+    turned = still.copy()
+    turned[0, 0] = turn
+    before, normals_before = body.place(*forward_kinematics(skeleton, np.zeros((1, 3)), still))
+    after, normals_after = body.place(*forward_kinematics(skeleton, np.array([[1.0, 2.0, 0.0]]), turned))
+    np.testing.assert_allclose(after[0], rotate(turn, before[0].astype(float)) + [1.0, 2.0, 0.0], atol=1e-5)
+    np.testing.assert_allclose(normals_after[0], rotate(turn, normals_before[0].astype(float)), atol=1e-5)
+
+
+def test_a_bent_knee_moves_the_shank_and_nothing_else():
+    skeleton = small_skeleton()
+    body = build_body(skeleton, 8)
+    still = np.tile([1.0, 0.0, 0.0, 0.0], (1, skeleton.joint_count, 1))
+    bent = still.copy()
+    bent[0, skeleton.roles["left_knee"]] = about_axis(Y, 1.0)
+    before, _ = body.place(*forward_kinematics(skeleton, np.zeros((1, 3)), still))
+    after, _ = body.place(*forward_kinematics(skeleton, np.zeros((1, 3)), bent))
+    moved = np.linalg.norm(after - before, axis=-1)[0] > 1e-6
+    lower = [skeleton.roles[f"left_{part}"] for part in ("knee", "ankle", "toe")]
+    hanging = np.isin(body.joints[:, 0], lower)
+    assert not moved[~hanging].any()
+    # Only what lies on the axis of the knee itself stays.
+    assert moved[hanging].mean() > 0.95
+
+
+def test_crowd_mesh_follows_tracks_and_behaviors(recording):
+    crowd = CrowdMesh(recording, "behavior")
+    frame = recording.at_time(2.0)
+    crowd.update(frame)
+    middle = 0.5 * (crowd.points.min(axis=1) + crowd.points.max(axis=1))
+    np.testing.assert_allclose(middle[:, 0], frame.x, atol=0.35)
+    np.testing.assert_allclose(middle[:, 1], frame.y, atol=0.35)
+    for agent in range(3):
+        shirt = hex_color(recording.header.behaviors[frame.behavior[agent]].color)
+        assert (crowd.colors[agent] == shirt).all(axis=1).any()
+    assert crowd.triangles.max() == crowd.points.shape[0] * crowd.points.shape[1] - 1
+
+
+def test_absent_characters_shrink_to_nothing(recording):
+    crowd = CrowdMesh(recording, "agent")
+    crowd.update(recording.at_step(recording.steps - 1))
+    crowd.update(recording.at_step(0))
+    assert np.ptp(crowd.points[2], axis=0).max() == 0.0
+    assert np.ptp(crowd.shadow_points[2], axis=0).max() == 0.0
+    assert np.ptp(crowd.points[0], axis=0)[2] > 1.5
+
+
+def test_agent_colors_differ():
+    colors = distinct_colors(24)
+    assert len(np.unique(colors, axis=0)) == 24

@@ -1,0 +1,196 @@
+"""Pictures and films show what was recorded; machines that cannot draw are told so."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from crowdsim.errors import CrowdSimError, DrawingUnavailable, RecordingError
+from crowdsim.playback import drawing_backend
+from crowdsim.playback.drawing_backend import DrawingBackend, find_backend
+from crowdsim.playback.film import film
+from crowdsim.playback.scene import Scene
+from crowdsim.playback.shot import shot
+from crowdsim.playback.window import Player, window
+
+SMALL = (160, 90)
+
+
+@pytest.mark.usefixtures("can_draw")
+def test_shot_shows_characters_in_the_colors_of_their_behaviors(recording, tmp_path):
+    path = shot(recording, tmp_path / "out.png", time=2.0, size=(640, 360))
+    pixels = np.asarray(Image.open(path))
+    assert pixels.shape == (360, 640, 3)
+    reddish = (pixels[..., 0].astype(int) > pixels[..., 2].astype(int) + 50).sum()
+    bluish = (pixels[..., 2].astype(int) > pixels[..., 0].astype(int) + 50).sum()
+    assert reddish > 300
+    assert bluish > 300
+    assert [p.name for p in tmp_path.iterdir()] == ["out.png"]
+
+
+@pytest.mark.usefixtures("can_draw")
+def test_time_view_and_coloring_change_the_picture(recording):
+    pictures = {}
+    for color_by in ("behavior", "agent"):
+        scene = Scene(recording, SMALL, color_by)
+        try:
+            for view, time in (("overview", 1.0), ("overview", 3.0), ("top", 3.0), ("follow", 3.0)):
+                scene.show_time(time)
+                scene.look(view, time, 0)
+                pictures[color_by, view, time] = scene.picture().astype(int)
+            scene.show_time(1.0)
+            scene.look("overview", 1.0)
+            np.testing.assert_array_equal(scene.picture(), pictures[color_by, "overview", 1.0])
+        finally:
+            scene.close()
+    shown = list(pictures.values())
+    for i, first in enumerate(shown):
+        for second in shown[i + 1 :]:
+            assert (np.abs(first - second).sum(axis=-1) > 30).sum() > 20
+
+
+@pytest.mark.usefixtures("can_draw")
+def test_film_has_its_frames_and_moves(recording, tmp_path):
+    import av
+
+    calls = []
+    path = film(
+        recording, tmp_path / "out.mp4", fps=10, size=SMALL, start=1.0, end=2.0,
+        progress=lambda done, count: calls.append((done, count)),
+    )  # fmt: skip
+    assert calls == [(done, 11) for done in range(1, 12)]
+    with av.open(str(path)) as container:
+        frames = [frame.to_ndarray(format="rgb24").astype(int) for frame in container.decode(video=0)]
+    assert len(frames) == 11
+    assert frames[0].shape == (90, 160, 3)
+    for first, second in pairwise(frames):
+        assert (np.abs(first - second).sum(axis=-1) > 60).sum() > 10
+    assert [p.name for p in tmp_path.iterdir()] == ["out.mp4"]
+
+
+@pytest.mark.usefixtures("can_draw")
+def test_a_film_that_breaks_off_leaves_nothing(recording, tmp_path):
+    def stop(done, count):
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        film(recording, tmp_path / "out.mp4", fps=10, size=SMALL, progress=stop)
+    assert not list(tmp_path.iterdir())
+
+
+def test_impossible_films_and_pictures_are_refused(recording, tmp_path):
+    for change, word in (
+        ({"fps": 0}, "pictures a second"),
+        ({"size": (161, 90)}, "even sides"),
+        ({"start": 3.0, "end": 2.0}, "from 3 to 2"),
+        ({"end": 99.0}, "lasts from 0"),
+    ):
+        with pytest.raises(CrowdSimError, match=word):
+            film(recording, tmp_path / "out.mp4", **change)
+    for make, name in ((film, "out.avi"), (shot, "out.gif"), (film, "absent/out.mp4"), (shot, "absent/out.png")):
+        with pytest.raises(CrowdSimError, match=r"choose such a name|does not exist"):
+            make(recording, tmp_path / name)
+    with pytest.raises(CrowdSimError, match="colored by 'mood'"):
+        shot(recording, tmp_path / "out.png", color_by="mood")
+    with pytest.raises(CrowdSimError, match="choose sides"):
+        shot(recording, tmp_path / "out.png", size=(2, 2))
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.usefixtures("can_draw")
+def test_a_time_beyond_the_end_is_refused(recording, tmp_path):
+    with pytest.raises(RecordingError, match="nothing at 99 s"):
+        shot(recording, tmp_path / "out.png", time=99.0, size=SMALL)
+    assert not list(tmp_path.iterdir())
+
+
+def test_window_needs_a_display(recording, monkeypatch):
+    monkeypatch.setattr(drawing_backend, "find_backend", lambda: DrawingBackend("egl", "vtkEGLRenderWindow"))
+    with pytest.raises(DrawingUnavailable, match="--shot"):
+        window(recording)
+
+
+def test_player_plays_pauses_seeks_and_starts_again():
+    player = Player(2.0)
+    player.advance(0.5)
+    assert player.time == 0.5
+    player.toggle()
+    player.advance(0.5)
+    assert player.time == 0.5
+    player.seek(9.0)
+    assert player.time == 2.0
+    player.toggle()
+    assert (player.time, player.playing) == (0.0, True)
+    player.advance(5.0)
+    assert (player.time, player.playing) == (2.0, False)
+
+
+def test_what_works_is_remembered_and_what_changed_is_tried_again(tmp_path, monkeypatch):
+    monkeypatch.setenv("CROWDSIM_CACHE", str(tmp_path))
+    tried = []
+
+    def probe(backend):
+        tried.append(backend.name)
+        return None if backend.name == "osmesa" else "OpenGL crashes"
+
+    monkeypatch.setattr(drawing_backend, "_probe", probe)
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.delenv("DISPLAY", raising=False)
+    assert find_backend().name == "osmesa"
+    assert find_backend() == DrawingBackend("osmesa", "vtkOSOpenGLRenderWindow")
+    assert tried == ["egl", "osmesa"]
+    monkeypatch.setenv("DISPLAY", ":9")
+    find_backend()
+    assert tried[2:] == ["display", "egl", "osmesa"]
+    (tmp_path / "drawing.json").write_text(json.dumps({"situation": 1}))
+    find_backend()
+    assert len(tried) == 8
+
+
+def test_nothing_that_draws_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setenv("CROWDSIM_CACHE", str(tmp_path))
+    monkeypatch.setattr(drawing_backend, "_probe", lambda backend: "OpenGL crashes")
+    with pytest.raises(DrawingUnavailable, match="libegl1") as caught:
+        find_backend()
+    assert caught.value.exit_code == 3
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_crash_of_the_probe_is_survived(monkeypatch, tmp_path):
+    crash = tmp_path / "crash.py"
+    crash.write_text("import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)\n")
+    monkeypatch.setattr(drawing_backend, "_PROBE", crash)
+    assert drawing_backend._probe(DrawingBackend("egl", "vtkEGLRenderWindow")) == "OpenGL crashes"
+    crash.write_text("import sys\nsys.exit(1)\n")
+    assert drawing_backend._probe(DrawingBackend("egl", None)) == "the picture stayed empty"
+    crash.write_text("print('vtkEGLRenderWindow', end='')\n")
+    assert drawing_backend._probe(drawing_backend._DISPLAY) == "the display does not answer"
+
+
+def test_importing_playback_loads_no_graphics():
+    program = (
+        "import sys, crowdsim.playback.scene, crowdsim.playback.film, crowdsim.playback.shot, crowdsim.playback.window;"
+        "assert not {'pyvista', 'vtkmodules', 'av', 'matplotlib'} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
+
+
+@pytest.mark.usefixtures("can_draw")
+def test_a_place_without_solids_paths_or_people_can_be_drawn(recording):
+    header = recording.header
+    recording.header = replace(header, solids=())
+    try:
+        scene = Scene(recording, SMALL)
+        scene.show_time(0.0)
+        scene.look("overview", 0.0)
+        assert scene.picture().std() > 1.0
+        scene.close()
+    finally:
+        recording.header = header
