@@ -20,7 +20,7 @@ from crowdsim.planning.behaviors import Behavior
 from crowdsim.planning.clear_ends import clear_end, joined_to
 from crowdsim.planning.labelling import label_path
 from crowdsim.planning.labelling_kernels import MIN_SECTION
-from crowdsim.planning.requirements import Requirements
+from crowdsim.planning.requirements import TOUCH, Requirements
 from crowdsim.planning.widening import widen
 
 if TYPE_CHECKING:
@@ -34,6 +34,9 @@ SLACK = 0.1
 
 SLACK_STEP = 0.025
 """Meters between the clearances that are tried in a narrow place."""
+
+LEAST_WAY = 0.01
+"""Clearance in meters below which a way is not looked for when the narrowest place is to be named."""
 
 ROOM_WORTH = 0.01
 """Share of the cost by which a path must beat one that keeps more clearance."""
@@ -165,8 +168,10 @@ def _with_slack(meshes: Sequence[NavMesh], need: Requirements, path: AnnotatedPa
 def _too_narrow_below(
     mesh: NavMesh, need: Requirements, ends: NDArray[np.float64], failure: PathNotFound | None
 ) -> str:
-    """Why the searched layer has no path: where its widest way is narrowest."""
-    low, high = 0.0, need.search_radius
+    """Why the searched layer has no path: an end that is not free, or where its widest way is narrowest."""
+    if (mesh.clearances(ends, need.search_radius) < need.search_radius - TOUCH).any():
+        return f"{failure}; choose a place with more room"
+    low, high = LEAST_WAY, need.search_radius
     widest = None
     for _ in range(10):
         radius = (low + high) / 2.0
@@ -176,7 +181,7 @@ def _too_narrow_below(
         except PathNotFound:
             high = radius
     if widest is None:
-        return f"{failure}; not even a point passes"
+        return f"{failure}; nothing wider than {2.0 * LEAST_WAY:g} m leads there at all: make a passage"
     return _narrowest_place("legs layer", mesh, widest.points, need.search_radius)
 
 

@@ -4,6 +4,7 @@ import shapely
 
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import BehaviorError, PathNotFound
+from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.planner import plan_path
 from tests.reference.plan_mesh import SlowNavMesh
 
@@ -109,9 +110,20 @@ def test_gap_too_narrow_says_where_and_by_how_much(behaviors):
         plan_path(meshes(ROOM, [gap(4, 6, 0.2)]), behaviors, (1, 0), (21, 0))
 
 
-def test_walled_off_goal(behaviors):
-    with pytest.raises(PathNotFound):
-        plan_path(meshes(ROOM, [shapely.box(8, -1.2, 9, 1.2)]), behaviors, (1, 0), (21, 0))
+@pytest.mark.parametrize("kind", [SlowNavMesh, NavMesh])
+def test_walled_off_goal(behaviors, kind):
+    polygons = layers(ROOM, [shapely.box(8, -1.2, 9, 1.2)])
+    with pytest.raises(PathNotFound, match=r"nothing wider than 0\.02 m leads there at all"):
+        plan_path([kind(polygon) for polygon in polygons], behaviors, (1, 0), (21, 0))
+
+
+@pytest.mark.parametrize(("start", "goal", "what"), [((5, 0.5), (9, 0), "start"), ((1, 0), (5, -0.8), "goal")])
+def test_place_within_an_obstacle_is_named(behaviors, start, goal, what):
+    room = [NavMesh(polygon) for polygon in layers(ROOM, [gap(4, 6, 0.34)])]
+    with pytest.raises(
+        PathNotFound, match=rf"{what} blocked: .* is not in free space.*; choose a place with more room"
+    ):
+        plan_path(room, behaviors, start, goal)
 
 
 def test_torso_too_narrow_names_the_layer(behaviors):
@@ -176,8 +188,3 @@ def test_narrow_start_is_left_where_a_planned_behavior_fits(behaviors):
     path = plan_path(meshes(ROOM, [gap(4, 6, 0.34)]), behaviors, (5.95, 0.0), (9.0, 0.0))
     assert [s.behavior for s in path.sections] == [1, 2]
     assert (np.diff(path.points[:, 0]) > 0.0).all()
-
-
-def test_start_within_an_obstacle_is_refused(behaviors):
-    with pytest.raises(PathNotFound):
-        plan_path(meshes(ROOM, [gap(4, 6, 0.34)]), behaviors, (5.0, 0.3), (9.0, 0.0))
