@@ -10,12 +10,10 @@ from numpy.typing import NDArray
 from crowdsim.crowd.components import SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.motion_plan import MotionPlan, Request
 from crowdsim.crowd.replanning import Plans
-from crowdsim.crowd.reservation_kernels import meets_anyone
+from crowdsim.crowd.reservation_kernels import FOREVER, meets_anyone
 from crowdsim.crowd.setting import Setting
 from crowdsim.ecs.world import View, World
 from crowdsim.scenario.placement import Placement
-
-FOREVER = int(np.iinfo(np.int64).max)
 
 
 @dataclass

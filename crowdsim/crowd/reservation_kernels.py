@@ -7,6 +7,8 @@ Between samples positions are taken as linear.
 
 import math
 
+import numpy as np
+
 from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.jit import kernel
 from crowdsim.motion.track_kernels import next_origin, node_end, track_pose
@@ -16,6 +18,12 @@ COMMITTED = 0
 MEETS_SOMEONE = 1
 CANNOT_STOP = 2
 TOO_LONG = 3
+
+FOREVER = 9223372036854775807
+"""The slot from which on a character is gone that never leaves."""
+
+ELBOW_ROOM = 0.15
+"""Meters beyond their discs that two characters at rest keep between them."""
 
 _ROUNDING = 1e-9  # meters
 _STATIC_STRIDE = 4  # frames between two samples of the test against obstacles
@@ -27,14 +35,20 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, distance, pre
 
     a, b: (K, 2) positions. Exact for the piecewise linear motion, to the end of time. Where both are ``present``
     in the world and closer already, they may move as long as they never come closer still, or they could never part.
+    Where both come to rest they keep ELBOW_ROOM more, so that either can turn on the spot.
     """
     if first_slot >= a_gone or first_slot >= b_gone:
         return False
     ia = min(max(first_slot - a_start, 0), len(a) - 1)
     ib = min(max(first_slot - b_start, 0), len(b) - 1)
+    apart = distance + ELBOW_ROOM
     if present:
         now = math.hypot(a[ia, 0] - b[ib, 0], a[ia, 1] - b[ib, 1])
+        apart = min(apart, now - _ROUNDING)
         distance = max(min(distance, now - _ROUNDING), 0.0)
+    rest = math.hypot(a[-1, 0] - b[-1, 0], a[-1, 1] - b[-1, 1])
+    if rest < apart and min(a_gone, b_gone) == FOREVER:
+        return True
     last = max(a_start + len(a), b_start + len(b))
     for slot in range(first_slot, last):
         if slot >= a_gone or slot >= b_gone:
@@ -189,7 +203,7 @@ def reserve(
     nodes = chain.copy()
     spots = origins.copy()
     jumps = seams.copy()
-    forever = gones.dtype.type(9223372036854775807)
+    forever = np.int64(FOREVER)
     start = clock // slot_frames
     for taken in range(first, available + 1):
         gone = forever

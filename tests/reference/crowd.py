@@ -6,11 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from crowdsim.crowd.reservation_kernels import ELBOW_ROOM
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.motion.graph_arrays import GraphArrays
 from crowdsim.motion.track_kernels import BLEND_FRAMES
 
-FOREVER = np.iinfo(np.int64).max
+FOREVER = int(np.iinfo(np.int64).max)
 
 
 def walking_graph() -> GraphArrays:
@@ -86,7 +87,12 @@ def timelines_meet(a, b, distance: float, first_slot: int) -> bool:
         return positions[low] + (u - low) * (positions[high] - positions[low])
 
     last = max(a[1] + len(a[0]), b[1] + len(b[0]))
+    if first_slot >= min(a[2], b[2]):
+        return False
     now = np.linalg.norm(at(a, first_slot) - at(b, first_slot))
+    at_rest = np.linalg.norm(a[0][-1] - b[0][-1])
+    if min(a[2], b[2]) == FOREVER and at_rest < min(distance + ELBOW_ROOM, now - 1e-6):
+        return True
     distance = min(distance, now - 1e-6)
     for slot in np.arange(first_slot, last, 0.01):
         if np.floor(slot) >= min(a[2], b[2]):
