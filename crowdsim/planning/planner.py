@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import PathNotFound
@@ -48,8 +48,8 @@ SLACK_WORTH = 0.03
 def plan_path(
     meshes: Sequence[NavMesh],
     behaviors: Sequence[Behavior],
-    start: Sequence[float],
-    goal: Sequence[float],
+    start: ArrayLike,
+    goal: ArrayLike,
     *,
     margin: float = TRACKING_MARGIN,
 ) -> AnnotatedPath:
