@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +16,11 @@ from crowdsim.motion.bvh_reader import read_bvh
 from crowdsim.motion.clearance import measure_clearances
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.motion_graph import MotionGraph, MotionSource, build_motion_graph
-from crowdsim.planning.behaviors import Behavior, BehaviorFile, read_behavior
+from crowdsim.planning.behaviors import Behavior, BehaviorClips, BehaviorFile, read_behavior
 from crowdsim.planning.captured_behaviors import CAPTURED, captured_clips
 
 LEGS_TOP = 0.60
-"""Meters up to which a body is measured for the lowest layer: below the hanging hands, whose room is the next layer's."""
+"""Meters up to which a body is measured for the lowest layer: hanging hands are the next layer's."""
 
 Band = tuple[float, float]
 
@@ -30,15 +31,6 @@ class BehaviorSet:
 
     behaviors: tuple[Behavior, ...]
     graph: MotionGraph
-
-
-@dataclass(frozen=True)
-class BehaviorClips:
-    """Clips of one behavior: its own, those it waits in, and those that lead from one behavior to another by name."""
-
-    clips: tuple[Clip, ...]
-    idle: tuple[Clip, ...]
-    transitions: tuple[tuple[Clip, str, str], ...]
 
 
 def load_behavior_set(
@@ -63,17 +55,23 @@ def load_behavior_set(
     if captures is None:
         clips = {name: _library_clips(file, library / name, names) for name, file in files.items()}
     else:
-        foreign = [name for name in names if name not in CAPTURED]
-        if foreign:
-            raise BehaviorError(
-                f"walks captured in {captures} give no '{foreign[0]}'; name only {' and '.join(CAPTURED)} in 'behaviors'"
-            )
-        clips = {name: BehaviorClips(*made) for name, made in captured_clips(captures, capture_patterns, names).items()}
-    radii = {name: _radii(files[name], clips[name].clips, bands) for name in names}
-    order = sorted(names, key=lambda name: (radii[name][-1], name))
+        _require_captured(names, captures)
+        clips = captured_clips(captures, capture_patterns, names)
+    radii = {name: _radii(file, clips[name].clips, bands) for name, file in files.items()}
+    order = sorted(files, key=lambda name: (radii[name][-1], name))
     behaviors = tuple(files[name].behavior(radii[name], library / name) for name in order)
-    _require_nested(behaviors)
-    return BehaviorSet(behaviors, build_motion_graph(_sources(files, clips, order)))
+    _require_worth(behaviors)
+    graph = build_motion_graph(_sources(files, clips, order))
+    _require_joined(behaviors, graph)
+    return BehaviorSet(behaviors, graph)
+
+
+def _require_captured(names: Sequence[str], captures: Path) -> None:
+    foreign = [name for name in names if name not in CAPTURED]
+    if foreign:
+        raise BehaviorError(
+            f"walks captured in {captures} give no '{foreign[0]}'; name only {' and '.join(CAPTURED)} in 'behaviors'"
+        )
 
 
 def _library_clips(file: BehaviorFile, folder: Path, names: Sequence[str]) -> BehaviorClips:
@@ -95,12 +93,25 @@ def _radii(file: BehaviorFile, clips: Sequence[Clip], bands: Sequence[Band]) -> 
     return np.max(reaches, axis=0)
 
 
-def _require_nested(behaviors: Sequence[Behavior]) -> None:
-    for narrow, wide in zip(behaviors, behaviors[1:], strict=False):
+def _require_worth(behaviors: Sequence[Behavior]) -> None:
+    """BehaviorError where a wider behavior costs as much as a narrower one, which fits wherever it does."""
+    for narrow, wide in pairwise(behaviors):
         if narrow.cost_per_meter <= wide.cost_per_meter:
             raise BehaviorError(
-                f"'{narrow.name}' is narrower than '{wide.name}' ({narrow.radii[-1]:.3f} m, {wide.radii[-1]:.3f} m) and no "
-                f"costlier, so '{wide.name}' would never be used; raise cost_per_meter in {narrow.folder}/behavior.yaml"
+                f"'{narrow.name}' is narrower than '{wide.name}' ({narrow.radii[-1]:.3f} m, {wide.radii[-1]:.3f} m) "
+                f"and no costlier, so '{wide.name}' would never be used; "
+                f"raise cost_per_meter in {narrow.folder}/behavior.yaml"
+            )
+
+
+def _require_joined(behaviors: Sequence[Behavior], graph: MotionGraph) -> None:
+    """BehaviorError for a behavior that the motion graph lost, because no motion leads into it or out of it."""
+    for index, behavior in enumerate(behaviors):
+        if index not in graph.arrays.node_behavior:
+            others = " and ".join(f"'{other.name}'" for other in behaviors if other is not behavior)
+            raise BehaviorError(
+                f"no motion leads from {others} to '{behavior.name}' and back; "
+                f"add transitions to {behavior.folder}/behavior.yaml, or the behavior that lies between"
             )
 
 

@@ -16,6 +16,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import YAMLError
 
 from crowdsim.errors import BehaviorError
+from crowdsim.motion.clip import Clip
 from crowdsim.motion.features import DETECTORS
 
 FILE_NAME = "behavior.yaml"
@@ -49,6 +50,15 @@ class Behavior:
     def turned(self) -> bool:
         """Whether the body moves turned off its way, so that it has to turn before and after."""
         return min(abs(facing) for facing in self.facings) > np.pi / 4.0
+
+
+@dataclass(frozen=True)
+class BehaviorClips:
+    """Clips of one behavior: its own, those it waits in, and those that lead (clip, from, to) between two by name."""
+
+    clips: tuple[Clip, ...]
+    idle: tuple[Clip, ...]
+    transitions: tuple[tuple[Clip, str, str], ...]
 
 
 class _Model(BaseModel):

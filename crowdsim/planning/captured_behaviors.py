@@ -1,7 +1,8 @@
 """Behaviors made from a folder of the user's own captured walks.
 
-Frontal walking is the walks as they are; arm-constrained walking is the same walks with the arms held in (2018 paper, section
-3.1: the trajectories of the arms are modified), and what leads between the two is one walk in which that comes or goes.
+Frontal walking is the walks as they are; arm-constrained walking is the same walks with the arms held in (2018 paper,
+section 4: regular walking with modified arm trajectories), and what leads between the two is a stride in which the
+arms come in or go out.
 """
 
 from __future__ import annotations
@@ -10,43 +11,51 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.errors import MotionError
 from crowdsim.motion.arm_edit import edit_arms
 from crowdsim.motion.bvh_reader import read_capture
 from crowdsim.motion.clip import Clip
-from crowdsim.motion.features import find_detector
+from crowdsim.motion.features import StandingDetector, joint_speeds
+from crowdsim.motion.kinematics import slerp
 from crowdsim.motion.segmentation import segment_clip
+from crowdsim.motion.tracks import track_of
+from crowdsim.planning.behaviors import BehaviorClips
 
 FRONTAL = "frontal"
 HELD = "arm_constrained"
 CAPTURED = (FRONTAL, HELD)
 """Behaviors that captured walks give."""
 
+REST_SECONDS = 2.0
+"""How long one round of waiting lasts."""
+
+SWAY = 0.02
+"""Meters that a waiting body may move: the planner and the crowd take it to stand in one place."""
+
 _DETECTORS = ("crossing", "standing")
 _CONTEXT = CAPTURE_RATE // 2
 """Frames kept around a transition, so that its ends are compared and smoothed like those of the whole walk."""
 
-_SHORTEST_REST = CAPTURE_RATE // 4
-
 Clips = tuple[Clip, ...]
-Made = tuple[Clips, Clips, tuple[tuple[Clip, str, str], ...]]
+Floats = NDArray[np.float64]
 
 
-def captured_clips(folder: Path, patterns: Sequence[str], names: Sequence[str]) -> dict[str, Made]:
-    """(clips, idle clips, transitions) of each of ``names`` from the BVH files in ``folder`` that match ``patterns``.
+def captured_clips(folder: Path, patterns: Sequence[str], names: Sequence[str]) -> dict[str, BehaviorClips]:
+    """The clips of each of ``names``, all of them in CAPTURED, from the BVH files in ``folder`` matching ``patterns``.
 
-    MotionError where nothing matches, a file cannot be read, or nobody ever stands still in them.
+    MotionError where nothing matches, a file cannot be read, or nobody ever stands still.
     """
     walks = _read_walks(folder, patterns)
     rest = _rest(walks, folder)
-    made: dict[str, Made] = {}
+    made: dict[str, BehaviorClips] = {}
     if FRONTAL in names:
-        made[FRONTAL] = (walks, (rest,), ())
+        made[FRONTAL] = BehaviorClips(walks, (rest,), ())
     if HELD in names:
-        held = tuple(_held(walk, np.ones(walk.frame_count)) for walk in walks)
-        made[HELD] = (held, (_held(rest, np.ones(rest.frame_count)),), tuple(_transitions(walks)))
+        between = _transitions(walks) if FRONTAL in names else ()
+        made[HELD] = BehaviorClips(tuple(_held(walk) for walk in walks), (_held(rest),), between)
     return made
 
 
@@ -60,46 +69,61 @@ def _read_walks(folder: Path, patterns: Sequence[str]) -> Clips:
 
 
 def _rest(walks: Clips, folder: Path) -> Clip:
-    """The longest stretch in which someone stands still, there and back, so that it can repeat."""
-    longest = max((_still_frames(walk) for walk in walks), key=len)
-    if len(longest) < _SHORTEST_REST:
+    """Waiting: the longest time someone stands still, there and back at a slow swing, so that it can repeat."""
+    stills = [(walk, cut, end) for walk in walks for cut, end in _still_stretches(walk)]
+    if not stills:
         raise MotionError(
-            f"nobody stands still for {_SHORTEST_REST / CAPTURE_RATE:g} s in the captures of {folder}, so no one could wait; "
+            f"nobody ever stands still in the captures of {folder}, so no one could wait; "
             "add a walk that starts from or ends in standing"
         )
-    walk = max(walks, key=lambda clip: len(_still_frames(clip)))
-    there_and_back = np.concatenate([longest, longest[-2::-1]])
-    return _frames(walk, there_and_back, f"{walk.name}_rest")
+    walk, cut, end = max(stills, key=lambda still: abs(still[2] - still[1]))
+    phase = np.linspace(0.0, 2.0 * np.pi, round(REST_SECONDS * CAPTURE_RATE) + 1)
+    return _at(walk, cut + (end - cut) * (1.0 - np.cos(phase)) / 2.0, f"{walk.name}_rest")
 
 
-def _still_frames(walk: Clip) -> np.ndarray:
-    """The frames from an end of the clip to the first or last cut of standing, whichever is longer."""
-    cuts = find_detector("standing").cuts(walk)
+def _still_stretches(walk: Clip) -> list[tuple[int, int]]:
+    """(cut, last frame) from every cut of standing on and back, while both ankles rest and the body moves < SWAY."""
+    cuts = StandingDetector().cuts(walk)
     if not len(cuts):
-        return np.empty(0, np.int64)
-    before, after = np.arange(int(cuts[0]) + 1), np.arange(int(cuts[-1]), walk.frame_count)
-    return before if len(before) >= len(after) else after
+        return []
+    ankles = [joint_speeds(walk, walk.skeleton.joint(f"{side}_ankle")) for side in ("left", "right")]
+    resting = np.maximum(*ankles) < StandingDetector.speed
+    place = track_of(walk)[:, :2]
+    stretches = []
+    for cut in cuts.tolist():
+        still = resting & (np.hypot(*(place - place[cut]).T) < SWAY)
+        moving = np.flatnonzero(~still)
+        after, before = moving[moving > cut], moving[moving < cut]
+        stretches.append((cut, int(after[0]) - 1 if len(after) else walk.frame_count - 1))
+        stretches.append((cut, int(before[-1]) + 1 if len(before) else 0))
+    return stretches
 
 
-def _transitions(walks: Clips) -> list[tuple[Clip, str, str]]:
-    """For every kind of stride that occurs, one walk with the arms coming in over a stride and one with them going out."""
+def _transitions(walks: Clips) -> tuple[tuple[Clip, str, str], ...]:
+    """From the first whole stride of each walk one in which the arms come in and one in which they go out."""
     transitions = []
     for walk in walks:
         strides = [s for s in segment_clip(walk, _DETECTORS) if not (s.starts_standing or s.ends_standing)]
         for stride in strides[:1]:
-            first, last = max(stride.first - _CONTEXT, 0), min(stride.last + _CONTEXT, walk.frame_count - 1)
-            piece = _frames(walk, np.arange(first, last + 1), walk.name)
-            u = np.clip((np.arange(first, last + 1) - stride.first) / (stride.last - stride.first), 0.0, 1.0)
+            frames = np.arange(max(stride.first - _CONTEXT, 0), min(stride.last + _CONTEXT + 1, walk.frame_count))
+            piece = Clip(walk.name, walk.skeleton, walk.root_positions[frames], walk.rotations[frames])
+            u = np.clip((frames - stride.first) / (stride.last - stride.first), 0.0, 1.0)
             weight = u * u * (3.0 - 2.0 * u)
             transitions.append((_held(piece, weight, "arms_in"), FRONTAL, HELD))
             transitions.append((_held(piece, 1.0 - weight, "arms_out"), HELD, FRONTAL))
-    return transitions
+    return tuple(transitions)
 
 
-def _held(clip: Clip, weight: np.ndarray, suffix: str = "held") -> Clip:
-    edited = edit_arms(clip, weight)
+def _held(clip: Clip, weight: Floats | None = None, suffix: str = "held") -> Clip:
+    """The clip with its arms held by ``weight`` (F,), fully if None."""
+    edited = edit_arms(clip, np.ones(clip.frame_count) if weight is None else weight)
     return Clip(f"{clip.name}_{suffix}", edited.skeleton, edited.root_positions, edited.rotations)
 
 
-def _frames(clip: Clip, frames: np.ndarray, name: str) -> Clip:
-    return Clip(name, clip.skeleton, clip.root_positions[frames], clip.rotations[frames])
+def _at(clip: Clip, times: Floats, name: str) -> Clip:
+    """The clip at ``times`` (n,), fractions of frames."""
+    before = np.floor(times).astype(np.int64)
+    after = np.minimum(before + 1, clip.frame_count - 1)
+    share = (times - before)[:, None]
+    root = (1.0 - share) * clip.root_positions[before] + share * clip.root_positions[after]
+    return Clip(name, clip.skeleton, root, slerp(clip.rotations[before], clip.rotations[after], share))

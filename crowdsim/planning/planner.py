@@ -11,15 +11,16 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import PathNotFound
 from crowdsim.planning.annotated_path import AnnotatedPath, Section, arc_lengths, points_at
 from crowdsim.planning.behaviors import Behavior
+from crowdsim.planning.clear_ends import clear_end, joined_to
 from crowdsim.planning.labelling import label_path
 from crowdsim.planning.labelling_kernels import MIN_SECTION
-from crowdsim.planning.requirements import Requirements
+from crowdsim.planning.requirements import TOUCH, Requirements
 from crowdsim.planning.widening import widen
 
 if TYPE_CHECKING:
@@ -34,6 +35,9 @@ SLACK = 0.1
 SLACK_STEP = 0.025
 """Meters between the clearances that are tried in a narrow place."""
 
+LEAST_WAY = 0.01
+"""Clearance in meters below which a way is not looked for when the narrowest place is to be named."""
+
 ROOM_WORTH = 0.01
 """Share of the cost by which a path must beat one that keeps more clearance."""
 
@@ -44,8 +48,8 @@ SLACK_WORTH = 0.03
 def plan_path(
     meshes: Sequence[NavMesh],
     behaviors: Sequence[Behavior],
-    start: Sequence[float],
-    goal: Sequence[float],
+    start: ArrayLike,
+    goal: ArrayLike,
     *,
     margin: float = TRACKING_MARGIN,
 ) -> AnnotatedPath:
@@ -56,7 +60,7 @@ def plan_path(
     meshes: one for each layer, the legs' first, whose obstacles contain those of the layers above.
     behaviors: least preferred and narrowest first; ``radii`` has one entry for each mesh.
     start, goal: x, y in meters.
-    margin: meters added to every body radius.
+    margin: meters added to every body radius. Start and goal alone may be that much nearer to obstacles.
 
     Raises
     ------
@@ -66,13 +70,14 @@ def plan_path(
     Reads its arguments only, so that any number of threads may plan on the same meshes.
     """
     need = Requirements.of(behaviors, len(meshes), margin)
-    ends = np.array([start, goal], dtype=np.float64)
+    given = np.array([start, goal], dtype=np.float64)
+    ends = np.array([clear_end(meshes, need, end) for end in given])
     best = _cheapest_uniform(meshes, need, ends)
     if need.count > 1:
         best = _with_detours(meshes, need, ends, best)
     if not best.sections:
         raise PathNotFound(_too_narrow_above(meshes, need, best))
-    return _with_slack(meshes, need, best)
+    return joined_to(_with_slack(meshes, need, best), given, need.costs)
 
 
 def annotate(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np.float64]) -> AnnotatedPath:
@@ -163,8 +168,10 @@ def _with_slack(meshes: Sequence[NavMesh], need: Requirements, path: AnnotatedPa
 def _too_narrow_below(
     mesh: NavMesh, need: Requirements, ends: NDArray[np.float64], failure: PathNotFound | None
 ) -> str:
-    """Why the searched layer has no path: where its widest way is narrowest."""
-    low, high = 0.0, need.search_radius
+    """Why the searched layer has no path: an end that is not free, or where its widest way is narrowest."""
+    if (mesh.clearances(ends, need.search_radius) < need.search_radius - TOUCH).any():
+        return f"{failure}; choose a place with more room"
+    low, high = LEAST_WAY, need.search_radius
     widest = None
     for _ in range(10):
         radius = (low + high) / 2.0
@@ -174,7 +181,7 @@ def _too_narrow_below(
         except PathNotFound:
             high = radius
     if widest is None:
-        return f"{failure}; not even a point passes"
+        return f"{failure}; nothing wider than {2.0 * LEAST_WAY:g} m leads there at all: make a passage"
     return _narrowest_place("legs layer", mesh, widest.points, need.search_radius)
 
 

@@ -24,10 +24,11 @@ class Requirements:
     """n behaviors on m layers, narrowest behavior first, the searched layer (the legs') first.
 
     radii: (n, m) float64, planned clearance; on the searched layer all equal to the largest of the behaviors'.
-    costs: (n,) float64 a meter. turned: (n,) bool.
+    bodies: (n, m), the bodies' own clearance. costs: (n,) float64 a meter. turned: (n,) bool.
     """
 
     radii: NDArray[np.float64]
+    bodies: NDArray[np.float64]
     costs: NDArray[np.float64]
     turned: NDArray[np.bool_]
 
@@ -41,10 +42,12 @@ class Requirements:
                 raise BehaviorError(
                     f"behavior '{behavior.name}' was measured on {len(behavior.radii)} layers, the scene has {layers}"
                 )
-        radii = np.array([behavior.radii for behavior in behaviors]) + margin
+        bodies = np.array([behavior.radii for behavior in behaviors])
+        radii = bodies + margin
         radii[:, 0] = radii[:, 0].max()
         return Requirements(
             radii=radii,
+            bodies=bodies,
             costs=np.array([behavior.cost_per_meter for behavior in behaviors]),
             turned=np.array([behavior.turned for behavior in behaviors]),
         )

@@ -4,6 +4,7 @@ import shapely
 
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import BehaviorError, PathNotFound
+from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.planner import plan_path
 from tests.reference.plan_mesh import SlowNavMesh
 
@@ -109,9 +110,20 @@ def test_gap_too_narrow_says_where_and_by_how_much(behaviors):
         plan_path(meshes(ROOM, [gap(4, 6, 0.2)]), behaviors, (1, 0), (21, 0))
 
 
-def test_walled_off_goal(behaviors):
-    with pytest.raises(PathNotFound):
-        plan_path(meshes(ROOM, [shapely.box(8, -1.2, 9, 1.2)]), behaviors, (1, 0), (21, 0))
+@pytest.mark.parametrize("kind", [SlowNavMesh, NavMesh])
+def test_walled_off_goal(behaviors, kind):
+    polygons = layers(ROOM, [shapely.box(8, -1.2, 9, 1.2)])
+    with pytest.raises(PathNotFound, match=r"nothing wider than 0\.02 m leads there at all"):
+        plan_path([kind(polygon) for polygon in polygons], behaviors, (1, 0), (21, 0))
+
+
+@pytest.mark.parametrize(("start", "goal", "what"), [((5, 0.5), (9, 0), "start"), ((1, 0), (5, -0.8), "goal")])
+def test_place_within_an_obstacle_is_named(behaviors, start, goal, what):
+    room = [NavMesh(polygon) for polygon in layers(ROOM, [gap(4, 6, 0.34)])]
+    with pytest.raises(
+        PathNotFound, match=rf"{what} blocked: .* is not in free space.*; choose a place with more room"
+    ):
+        plan_path(room, behaviors, start, goal)
 
 
 def test_torso_too_narrow_names_the_layer(behaviors):
@@ -148,3 +160,31 @@ def test_samples(behaviors):
     steps = np.diff(samples.pose[:, :2], axis=0)
     assert np.hypot(*steps.T).max() <= 0.1 + 1e-9
     assert np.abs(samples.pose[:, 2]).max() < 0.6
+
+
+@pytest.mark.parametrize("y", [0.06, -0.08])
+def test_held_arms_stay_held_after_straying_in_the_gap(behaviors, y):
+    """0.68 m: held arms have 0.34 - 0.08 = 0.26 m, their body's own, but not the planned 0.31 m."""
+    path = plan_path(meshes(ROOM, [gap(4, 6, 0.34)]), behaviors, (5.0, y), (9.0, 0.0))
+    assert [s.behavior for s in path.sections] == [1, 2]
+    assert path.points[0] == pytest.approx((5.0, y))
+    inside = path.at(np.linspace(0.1, path.length, 200))
+    assert np.abs(inside[inside[:, 0] < 6.0][:, 1]).max() < 0.04
+    assert path.arc[-1] == path.sections[-1].end == pytest.approx(np.hypot(*np.diff(path.points, axis=0).T).sum())
+
+
+def test_who_strayed_toward_a_bench_still_finds_its_way(behaviors):
+    """0.60 m for the legs: at 0.12 m off the middle they have 0.18 m of the planned 0.22 m."""
+    above = meshes(ROOM, [shapely.box(30, 0, 31, 1)], [gap(4, 6, 0.30)])
+    there = plan_path(above, behaviors, (1.0, 0.0), (5.0, -0.12))
+    back = plan_path(above, behaviors, (5.0, 0.12), (1.0, 0.0))
+    assert there.points[-1] == pytest.approx((5.0, -0.12))
+    assert back.points[0] == pytest.approx((5.0, 0.12))
+    assert {s.behavior for s in (*there.sections, *back.sections)} == {2}
+    assert back.cost == pytest.approx(back.length)
+
+
+def test_narrow_start_is_left_where_a_planned_behavior_fits(behaviors):
+    path = plan_path(meshes(ROOM, [gap(4, 6, 0.34)]), behaviors, (5.95, 0.0), (9.0, 0.0))
+    assert [s.behavior for s in path.sections] == [1, 2]
+    assert (np.diff(path.points[:, 0]) > 0.0).all()
