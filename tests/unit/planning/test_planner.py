@@ -5,6 +5,7 @@ import shapely
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import BehaviorError, PathNotFound
 from crowdsim.planning.planner import plan_path
+from crowdsim.planning.rooms import room_polygons
 from tests.reference.plan_mesh import SlowNavMesh
 
 ROOM = shapely.box(0, -1.2, 22, 1.2)
@@ -104,6 +105,39 @@ def test_low_obstacles_leave_the_preferred_behavior(behaviors):
     assert [s.behavior for s in path.sections] == [2]
 
 
+def rooms(polygons, behaviors):
+    return [None if p.is_empty else SlowNavMesh(p) for p in room_polygons(polygons, behaviors)]
+
+
+def test_rooms_pass_close_to_low_obstacles_where_high_ones_ask_for_it(behaviors):
+    """0.62 m between a bench and a cabinet: enough to walk beside the bench, not in the middle."""
+    polygons = layers(ROOM, [shapely.box(8, 0.31, 12, 1.2)], [shapely.box(8, -1.2, 12, -0.31)])
+    layered = [SlowNavMesh(p) for p in polygons]
+    path = plan_path(layered, behaviors, (1, 0), (21, 0), rooms=rooms(polygons, behaviors))
+    assert [s.behavior for s in path.sections] == [2]
+    assert_sound(path, behaviors, polygons, (1, 0), (21, 0))
+    middle = plan_path(layered, behaviors, (1, 0), (21, 0))
+    assert 1 in {s.behavior for s in middle.sections}
+    assert_sound(middle, behaviors, polygons, (1, 0), (21, 0))
+
+
+def test_rooms_in_the_corridor(behaviors):
+    polygons = layers(ROOM, [gap(4, 6, 0.34), gap(16, 17.5, 0.26)], [gap(10, 12, 0.30)])
+    layered = [SlowNavMesh(p) for p in polygons]
+    path = plan_path(layered, behaviors, (1.0, 0.8), (21.0, -0.8), rooms=rooms(polygons, behaviors))
+    assert [s.behavior for s in path.sections] == [2, 1, 2, 0, 2]
+    assert_sound(path, behaviors, polygons, (1.0, 0.8), (21.0, -0.8))
+
+
+@pytest.mark.parametrize("given", [False, True])
+def test_torso_too_narrow_names_the_layer(behaviors, given):
+    wide = [b for b in behaviors if b.name != "lateral"]
+    polygons = layers(ROOM, [gap(4, 6, 0.27)])
+    layered = [SlowNavMesh(p) for p in polygons]
+    with pytest.raises(PathNotFound, match=r"layer 1 is too narrow.*\([3-6]\.\d\d, .*radius 0\.31 m"):
+        plan_path(layered, wide, (1, 0), (21, 0), rooms=rooms(polygons, wide) if given else None)
+
+
 def test_gap_too_narrow_says_where_and_by_how_much(behaviors):
     with pytest.raises(PathNotFound, match=r"legs layer is too narrow.*\(\d+\.\d+, -?\d+\.\d+\).*0\.22 m.*by 0\.04 m"):
         plan_path(meshes(ROOM, [gap(4, 6, 0.2)]), behaviors, (1, 0), (21, 0))
@@ -112,12 +146,6 @@ def test_gap_too_narrow_says_where_and_by_how_much(behaviors):
 def test_walled_off_goal(behaviors):
     with pytest.raises(PathNotFound):
         plan_path(meshes(ROOM, [shapely.box(8, -1.2, 9, 1.2)]), behaviors, (1, 0), (21, 0))
-
-
-def test_torso_too_narrow_names_the_layer(behaviors):
-    wide = [b for b in behaviors if b.name != "lateral"]
-    with pytest.raises(PathNotFound, match="layer 1 is too narrow"):
-        plan_path(meshes(ROOM, [gap(4, 6, 0.27)]), wide, (1, 0), (21, 0))
 
 
 def test_start_is_goal(behaviors):
