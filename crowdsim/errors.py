@@ -4,6 +4,11 @@ A caller who wants to survive bad input catches :class:`CrowdSimError`; everythi
 command line prints these without a traceback and leaves with :attr:`CrowdSimError.exit_code`.
 """
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
 
 class CrowdSimError(Exception):
     """Base of all errors with a remedy the user can apply."""
@@ -11,8 +16,39 @@ class CrowdSimError(Exception):
     exit_code = 2
 
 
+@dataclass(frozen=True)
+class Problem:
+    """One thing wrong with a scenario: where it stands and what to do about it.
+
+    ``line`` and ``column`` count from 1 and are None where ``file`` is no text, as with an override of the command
+    line. ``key`` is the dotted path of the entry, empty for the file as a whole.
+    """
+
+    file: str
+    line: int | None
+    column: int | None
+    key: str
+    message: str
+
+    def __str__(self) -> str:
+        if self.line is None:
+            key = "" if self.file.endswith(f" {self.key}") else self.key
+            return ": ".join(part for part in (self.file, key, self.message) if part)
+        return ": ".join(part for part in (f"{self.file}:{self.line}:{self.column}", self.key, self.message) if part)
+
+
 class ScenarioError(CrowdSimError):
-    """A scenario file is wrong; the message lists every problem of the file, one a line."""
+    """A scenario is wrong; the message lists every problem of the file, one a line.
+
+    Attributes
+    ----------
+    problems : list of Problem
+        The same with their positions; empty where a plain message was given.
+    """
+
+    def __init__(self, problems: Iterable[Problem] | str) -> None:
+        self.problems: list[Problem] = [] if isinstance(problems, str) else list(problems)
+        super().__init__(problems if isinstance(problems, str) else "\n".join(map(str, self.problems)))
 
 
 class GeometryError(CrowdSimError):

@@ -1,0 +1,1 @@
+"""Solids of a place and the clearance layers they leave free."""

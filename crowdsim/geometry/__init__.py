@@ -1,0 +1,1 @@
+"""Exact predicates, planar poses, polygon cleaning."""

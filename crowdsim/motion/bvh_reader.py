@@ -90,7 +90,10 @@ def read_capture(path: str | Path, meters_per_unit: float | None = None) -> Capt
     path = Path(path)
     raw = _parse(path)
     roles = find_roles(raw.names)
-    up, left = _axes(raw, roles, path)
+    file_tree = Skeleton(raw.names, raw.parents, raw.offsets, raw.end_parents, raw.end_offsets, roles)
+    positions, world = forward_kinematics(file_tree, raw.root_positions, raw.rotations)
+    tips = end_positions(file_tree, positions, world)
+    up, left = _axes(file_tree, positions, tips, path)
     basis = np.stack([np.cross(left, up), left, up])
 
     unit, scale, leg = _unit(raw, roles, basis, meters_per_unit, path)
@@ -99,12 +102,11 @@ def read_capture(path: str | Path, meters_per_unit: float | None = None) -> Capt
     )
     root = raw.root_positions @ basis.T * scale
     rotations = np.concatenate([raw.rotations[..., :1], raw.rotations[..., 1:] @ basis.T], axis=-1)
-    positions, world = forward_kinematics(skeleton, root, rotations)
 
-    stretches, dropped_first, jumps = clean_stretches(positions, raw.rate)
+    stretches, dropped_first, jumps = clean_stretches(positions * scale, raw.rate)
     if not stretches:
         raise MotionError(f"{path}: no stretch of 0.3 s without a joint that jumps; {len(jumps)} jumps found")
-    root = root - [0.0, 0.0, _floor_height(skeleton, positions, world, stretches)]
+    root = root - [0.0, 0.0, _floor_height(positions, tips, up * scale, stretches)]
     clips = []
     for number, (first, last) in enumerate(stretches):
         name = path.stem if len(stretches) == 1 else f"{path.stem}.{number + 1}"
@@ -182,16 +184,14 @@ def _quaternions(angles: Floats, orders: list[tuple[str, ...]]) -> Floats:
     return result
 
 
-def _axes(raw: _RawMotion, roles: dict[str, int], path: Path) -> tuple[Floats, Floats]:
+def _axes(skeleton: Skeleton, positions: Floats, tips: Floats, path: Path) -> tuple[Floats, Floats]:
     """Unit axes of the file that point up and to the body's left in rest; BVH's own custom (+y, +x) where unnamed."""
+    roles = skeleton.roles
     if "left_hip" not in roles or "right_hip" not in roles:
         return np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
-    rest = _rest_positions(raw.parents, raw.offsets)
-    frames = slice(None, None, max(1, len(raw.root_positions) // 32))
-    skeleton = Skeleton(raw.names, raw.parents, raw.offsets, raw.end_parents, raw.end_offsets, roles)
-    positions, world = forward_kinematics(skeleton, raw.root_positions[frames], raw.rotations[frames])
+    rest = _rest_positions(skeleton.parents, skeleton.offsets)
     hips = (positions[:, roles["left_hip"]] + positions[:, roles["right_hip"]]) / 2.0
-    upward = np.mean(hips - _low_points(skeleton, positions, world).mean(axis=1), axis=0)
+    upward = np.mean(hips - _low_points(skeleton, positions, tips).mean(axis=1), axis=0)
     across = rest[roles["left_hip"]] - rest[roles["right_hip"]]
     up, left = _snap_axis(upward), _snap_axis(across)
     if not up.any() or not left.any() or abs(up @ left) > 0.5:
@@ -202,7 +202,7 @@ def _axes(raw: _RawMotion, roles: dict[str, int], path: Path) -> tuple[Floats, F
     return up, left
 
 
-def _low_points(skeleton: Skeleton, positions: Floats, world: Floats) -> Floats:
+def _low_points(skeleton: Skeleton, positions: Floats, tips: Floats) -> Floats:
     """(F, n, 3) ankles, or where these have no known name the end sites below the hip joints."""
     roles = skeleton.roles
     if "left_ankle" in roles and "right_ankle" in roles:
@@ -212,7 +212,7 @@ def _low_points(skeleton: Skeleton, positions: Floats, world: Floats) -> Floats:
         if parent in below:
             below.add(joint)
     chosen = [k for k, parent in enumerate(skeleton.end_parents) if parent in below]
-    return end_positions(skeleton, positions, world)[:, chosen] if chosen else positions[:, sorted(below)]
+    return tips[:, chosen] if chosen else positions[:, sorted(below)]
 
 
 def _snap_axis(vector: Floats) -> Floats:
@@ -258,7 +258,7 @@ def _unit(
     )
 
 
-def _floor_height(skeleton: Skeleton, positions: Floats, world: Floats, stretches: list[tuple[int, int]]) -> float:
+def _floor_height(positions: Floats, tips: Floats, up: Floats, stretches: list[tuple[int, int]]) -> float:
     """Height of the lowest joint or end site in the frames that are kept: the sole that stands."""
-    points = np.concatenate([positions, end_positions(skeleton, positions, world)], axis=1)[..., 2]
-    return min(float(points[first : last + 1].min()) for first, last in stretches)
+    height = np.minimum((positions @ up).min(axis=1), (tips @ up).min(axis=1, initial=np.inf))
+    return min(float(height[first : last + 1].min()) for first, last in stretches)

@@ -34,7 +34,7 @@ def clean_stretches(positions: Floats, rate: float) -> tuple[list[tuple[int, int
 
     usable = np.ones(count, bool)
     usable[:first] = False
-    margin = int(round(_MARGIN * rate))
+    margin = round(_MARGIN * rate)
     for frame, _ in jumps:
         usable[max(first, frame - margin) : frame + margin] = False
     edges = np.flatnonzero(np.diff(np.concatenate([[False], usable, [False]]).astype(np.int8)))

@@ -69,7 +69,7 @@ class Alignments:
     def pinned_distance(
         self, a: NDArray[np.int64], b: NDArray[np.int64], pivot_a: Floats, pivot_b: Floats, rotation: Floats
     ) -> Floats:
-        """Distance of the pairs (a, b) when b turns by ``rotation`` (n,) and ``pivot_b`` falls on ``pivot_a`` (n, 2)."""
+        """(n,) distance of pairs when b turns by ``rotation`` (n,) and ``pivot_b`` (n, 2) falls on ``pivot_a``."""
         u, v = self._mean_a[a] - pivot_a, self._mean_b[b] - pivot_b
         dot = self._dot[a, b] + self._points * np.sum(u * v, axis=1)
         cross = self._cross[a, b] + self._points * (u[:, 1] * v[:, 0] - u[:, 0] * v[:, 1])
@@ -104,14 +104,19 @@ def align_all(clouds_a: Floats, clouds_b: Floats) -> Alignments:
     ax, ay = (clouds_a[..., i] - mean_a[:, None, i] for i in (0, 1))
     bx, by = (clouds_b[..., i] - mean_b[:, None, i] for i in (0, 1))
     az, bz = clouds_a[..., 2], clouds_b[..., 2]
-    dot = ax @ bx.T + ay @ by.T
-    cross = ay @ bx.T - ax @ by.T
+    dot = _products(ax, bx) + _products(ay, by)
+    cross = _products(ay, bx) - _products(ax, by)
     own_a = np.sum(ax * ax + ay * ay + az * az, axis=1)
     own_b = np.sum(bx * bx + by * by + bz * bz, axis=1)
-    fixed = own_a[:, None] + own_b[None, :] - 2.0 * az @ bz.T
+    fixed = own_a[:, None] + own_b[None, :] - 2.0 * _products(az, bz)
     squared = fixed - 2.0 * np.hypot(dot, cross)
     points = clouds_a.shape[1]
     return Alignments(
         np.sqrt(np.maximum(squared, 0.0) / points), np.arctan2(cross, dot),
         dot, cross, fixed, mean_a, mean_b, points,
     )  # fmt: skip
+
+
+def _products(a: Floats, b: Floats) -> Floats:
+    """The matrix product ``a @ b.T``, summed in one order whatever the number of BLAS threads."""
+    return np.einsum("ap,bp->ab", a, b)

@@ -20,6 +20,7 @@ BOTH_FEET = 2
 """Planted foot of a standing cut; otherwise 0 is the left foot and 1 the right."""
 
 _SHORTEST_TRACK = 0.01
+_SMALLEST_CHANGE = 0.05
 _SMALLEST_TURN = np.radians(2.0)
 
 
@@ -63,26 +64,35 @@ class Node:
     end: Joint
 
     def leads_nowhere(self) -> bool:
-        """Whether it neither moves nor turns."""
-        return self.length < _SHORTEST_TRACK and float(np.ptp(np.unwrap(self.track[:, 2]))) < _SMALLEST_TURN
+        """Whether it neither moves nor turns nor ends in another pose, as holding the arms in does."""
+        turn = float(np.ptp(np.unwrap(self.track[:, 2])))
+        change = float(np.max(np.linalg.norm(self.start.cloud - self.end.cloud, axis=1)))
+        return self.length < _SHORTEST_TRACK and turn < _SMALLEST_TURN and change < _SMALLEST_CHANGE
 
 
-def make_nodes(sources: Sequence[MotionSource]) -> list[Node]:
-    """All segments of all sources in order; MotionError where the clips differ in their skeleton."""
+def make_nodes(sources: Sequence[MotionSource]) -> tuple[list[Node], list[Floats]]:
+    """All segments of all sources in order, and the track of each source.
+
+    MotionError where the clips differ in their skeleton or one leads nowhere.
+    """
     if not sources:
         raise MotionError("a motion graph needs at least one clip")
     for source in sources[1:]:
         _require_same_skeleton(sources[0].clip, source.clip)
     nodes: list[Node] = []
+    tracks: list[Floats] = []
     for index, source in enumerate(sources):
         clip, track = source.clip, track_of(source.clip)
         if source.idle:
+            if clip.frame_count < 2:
+                raise MotionError(f"idle clip '{clip.name}' has a single frame; waiting needs a clip that lasts")
             segments = [Segment(0, clip.frame_count - 1, True, True)]
         else:
             require_locomotion(clip, track)
             segments = segment_clip(clip, source.detectors)
+        tracks.append(track)
         nodes.extend(_node(clip, track, index, segment) for segment in segments)
-    return nodes
+    return nodes, tracks
 
 
 def _node(clip: Clip, track: Floats, source: int, segment: Segment) -> Node:

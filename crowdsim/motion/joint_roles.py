@@ -38,12 +38,18 @@ def _alias_table() -> dict[str, tuple[str, ...]]:
 _ALIASES = _alias_table()
 
 
+def _normalize(name: str) -> str:
+    """``mixamorig:Spine_01`` as ``spine1``."""
+    letters = re.sub(r"[^a-z0-9]", "", name.rsplit(":", 1)[-1].lower())
+    return re.sub(r"(?<=[a-z])0+(?=\d)", "", letters)
+
+
 def find_roles(names: Sequence[str]) -> dict[str, int]:
     """Index of the joint for each role that ``names`` (root first) can fill.
 
     Case, punctuation and a namespace such as ``mixamorig:`` do not count. A root that no alias fits plays the hips.
     """
-    normal = [re.sub(r"[^a-z0-9]", "", name.rsplit(":", 1)[-1].lower()) for name in names]
+    normal = [_normalize(name) for name in names]
     first_place = {name: index for index, name in reversed(list(enumerate(normal)))}
     roles: dict[str, int] = {}
     for role, aliases in _ALIASES.items():

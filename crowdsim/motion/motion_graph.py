@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from crowdsim.errors import MotionError
 from crowdsim.motion.frame_distance import Alignments, align_all
 from crowdsim.motion.graph_arrays import GraphArrays
-from crowdsim.motion.graph_nodes import MotionSource, Node, make_nodes
+from crowdsim.motion.graph_nodes import BOTH_FEET, MotionSource, Node, make_nodes
 from crowdsim.motion.kinematics import Floats
 from crowdsim.motion.pose_table import PoseTable, make_pose_table
 from crowdsim.motion.skeleton import Skeleton
@@ -23,6 +23,10 @@ __all__ = ["DEFAULT_THRESHOLD", "GraphReport", "MotionGraph", "MotionSource", "b
 
 DEFAULT_THRESHOLD = 0.06
 """Meters of point-cloud distance up to which two moments may be joined."""
+
+STANDING_ALLOWANCE = 1.5
+"""How many times the threshold two standing poses may differ: a body at rest has the time to settle, and people never
+come to rest just as they set out."""
 
 
 @dataclass(frozen=True)
@@ -61,18 +65,15 @@ def build_motion_graph(
     ``threshold`` meters (root mean square over joints and frames). ``max_out_edges`` keeps the nearest so many
     edges out of each node; the one to the segment that followed in the capture always stays.
     """
-    nodes = make_nodes(sources)
-    dropped = [
-        (node.name, "neither moves nor turns")
-        for node in nodes
-        if node.leads_nowhere() and not sources[node.source].idle
-    ]
+    nodes, tracks = make_nodes(sources)
+    dropped = [(node.name, "leads nowhere") for node in nodes if node.leads_nowhere() and not sources[node.source].idle]
     nodes = [node for node in nodes if not node.leads_nowhere() or sources[node.source].idle]
     if not nodes:
         raise MotionError("the detectors cut no segment out of these clips; check the detectors and the clips' lengths")
 
     alignments = align_all(np.stack([n.end.cloud for n in nodes]), np.stack([n.start.cloud for n in nodes]))
     joined = _joined(nodes, alignments, threshold, max_out_edges)
+    _require_loops(sources, nodes, joined, alignments)
     keep = _largest_component(joined)
     dropped += [(nodes[i].name, "not strongly connected with the rest") for i in np.flatnonzero(~keep)]
     kept = np.flatnonzero(keep)
@@ -87,7 +88,7 @@ def build_motion_graph(
     n, e = len(nodes), len(arrays.edge_target)
     report = GraphReport(n, e, (n + 2 * e) / (n + e), e / n, tuple(dropped))
     names = tuple(node.name for node in nodes)
-    return MotionGraph(arrays, names, make_pose_table(sources, nodes), sources[0].clip.skeleton, report)
+    return MotionGraph(arrays, names, make_pose_table(sources, tracks, nodes), sources[0].clip.skeleton, report)
 
 
 def _joined(
@@ -99,13 +100,26 @@ def _joined(
     )
     end_foot, start_foot = np.array([n.end.foot for n in nodes]), np.array([n.start.foot for n in nodes])
     distance = np.where(natural, 0.0, alignments.distance)
-    joined = (distance <= threshold) & (end_foot[:, None] == start_foot[None, :])
+    limit = np.where(end_foot == BOTH_FEET, STANDING_ALLOWANCE, 1.0)[:, None] * threshold
+    joined = (distance <= limit) & (end_foot[:, None] == start_foot[None, :])
     if max_out_edges is not None:
         order = np.argsort(np.where(joined, distance, np.inf), axis=1, kind="stable")
         near = np.zeros_like(joined)
         np.put_along_axis(near, order[:, :max_out_edges], True, axis=1)
         joined &= near
     return joined | natural
+
+
+def _require_loops(
+    sources: Sequence[MotionSource], nodes: Sequence[Node], joined: NDArray[np.bool_], alignments: Alignments
+) -> None:
+    """MotionError for an idle clip that cannot follow itself: who waits would have to stop waiting."""
+    for i, node in enumerate(nodes):
+        if sources[node.source].idle and not joined[i, i]:
+            raise MotionError(
+                f"idle clip '{sources[node.source].clip.name}' ends {alignments.distance[i, i]:.3f} m away from the "
+                f"pose it starts in and cannot repeat; trim it to end as it began, or raise the threshold"
+            )
 
 
 def _largest_component(joined: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.geometry.planar import invert, transform_points
+from crowdsim.motion.clip import Clip
 from crowdsim.motion.graph_nodes import MotionSource, Node
-from crowdsim.motion.kinematics import about_axis, multiply
-from crowdsim.motion.tracks import track_of
+from crowdsim.motion.kinematics import Floats, about_axis, multiply
 
 
 class PoseTable(NamedTuple):
@@ -32,9 +32,11 @@ class PoseTable(NamedTuple):
     pool_rotations: NDArray[np.float32]
 
 
-def make_pose_table(sources: Sequence[MotionSource], nodes: Sequence[Node]) -> PoseTable:
-    """The poses of ``nodes`` in order."""
-    local = {index: _relative_poses(sources[index]) for index in sorted({node.source for node in nodes})}
+def make_pose_table(sources: Sequence[MotionSource], tracks: Sequence[Floats], nodes: Sequence[Node]) -> PoseTable:
+    """The poses of ``nodes`` in order; ``tracks`` holds the track (F, 3) of each source."""
+    local = {
+        index: _relative_poses(sources[index].clip, tracks[index]) for index in sorted({node.source for node in nodes})
+    }
     roots, rotations = [], []
     for node in nodes:
         rows = slice(node.segment.first, node.segment.last + 1)
@@ -53,9 +55,7 @@ def make_pose_table(sources: Sequence[MotionSource], nodes: Sequence[Node]) -> P
     )
 
 
-def _relative_poses(source: MotionSource) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    clip = source.clip
-    track = track_of(clip)
+def _relative_poses(clip: Clip, track: Floats) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     planar = transform_points(invert(track), clip.root_positions[:, :2])
     root = np.concatenate([planar, clip.root_positions[:, 2:]], axis=1)
     rotations = clip.rotations.copy()

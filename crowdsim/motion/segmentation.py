@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
+from crowdsim.constants import CAPTURE_RATE
 from crowdsim.errors import MotionError
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.features import find_detector
 from crowdsim.motion.kinematics import Floats
+
+_SHORTEST = int(0.3 * CAPTURE_RATE)
 
 
 @dataclass(frozen=True)
@@ -29,22 +33,28 @@ class Segment:
 def segment_clip(clip: Clip, detectors: Sequence[str]) -> list[Segment]:
     """Segments between consecutive cuts of all ``detectors``; a segment's last frame is the first of the next one.
 
-    What lies before the first and after the last cut is dropped: it neither begins nor ends in a pose that
-    another clip shows.
+    A cut in movement within 0.3 s of one that stands gives way to it: a foot that joins the other or leaves it does
+    not stride past. What lies before the first and after the last cut is dropped: it neither begins nor ends in a
+    pose that another clip shows.
     """
     standing_at: dict[int, bool] = {}
     for detector in map(find_detector, detectors):
         for cut in detector.cuts(clip):
             standing_at[int(cut)] = standing_at.get(int(cut), False) or detector.standing
-    cuts = sorted(standing_at)
-    return [Segment(a, b, standing_at[a], standing_at[b]) for a, b in zip(cuts, cuts[1:], strict=False)]
+    rests = [cut for cut, standing in standing_at.items() if standing]
+    cuts = [cut for cut in sorted(standing_at) if standing_at[cut] or all(abs(cut - r) >= _SHORTEST for r in rests)]
+    return [Segment(a, b, standing_at[a], standing_at[b]) for a, b in pairwise(cuts)]
 
 
 def require_locomotion(clip: Clip, track: Floats) -> None:
-    """MotionError where a clip that should lead somewhere neither moves 10 cm nor turns 10 degrees."""
+    """MotionError where a clip neither moves 10 cm nor turns 10 degrees, nor any joint of it moves 10 cm.
+
+    Holding the arms in while standing is no locomotion either, but leads to another pose.
+    """
     reach = float(np.max(np.linalg.norm(track[:, :2] - track[0, :2], axis=1)))
     turn = float(np.ptp(track[:, 2]))
-    if reach < 0.1 and turn < np.radians(10.0):
+    stir = float(np.max(np.linalg.norm(clip.joint_positions - clip.joint_positions[0], axis=-1)))
+    if reach < 0.1 and turn < np.radians(10.0) and stir < 0.1:
         raise MotionError(
             f"clip '{clip.name}' moves {reach * 100:.1f} cm and turns {np.degrees(turn):.1f} degrees: it is no "
             f"locomotion; mark it idle or leave it out"

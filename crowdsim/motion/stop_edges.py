@@ -10,11 +10,15 @@ from numpy.typing import NDArray
 from crowdsim.constants import NONE
 from crowdsim.motion.graph_arrays import GraphArrays
 
+TURN_COST = 1.0
+"""Meters that a radian of turning counts for on the way to a stand."""
+
 
 def choose_stop_edges(graph: GraphArrays) -> NDArray[np.int32]:
     """(N,) edge to take at each node's end, NONE where it ends standing or no standing node can be reached.
 
-    Fewest meters first, then fewest frames. A character that stops must not need more room than it has, so paths
+    Least way first, where a turn counts TURN_COST meters a radian, so that whoever stops comes to rest the way it
+    faced; then fewest frames. A character that stops must not need more room than it has, so paths
     that never widen the behavior come first; others serve only nodes that have none.
     """
     source = np.repeat(np.arange(len(graph.node_frames)), np.diff(graph.edge_start))
@@ -30,12 +34,12 @@ def _nearest_standing(graph: GraphArrays, source: NDArray[np.int64], allowed: ND
     """Dijkstra from all standing ends backward over the ``allowed`` edges."""
     count = len(graph.node_frames)
     incoming: list[list[int]] = [[] for _ in range(count)]
-    for edge in np.flatnonzero(allowed):
-        incoming[graph.edge_target[edge]].append(int(edge))
+    for edge in np.flatnonzero(allowed).tolist():
+        incoming[graph.edge_target[edge]].append(edge)
     best = np.full(count, NONE, np.int32)
     done = np.zeros(count, bool)
     queue: list[tuple[float, int, int, int]] = [
-        (0.0, 0, int(node), NONE) for node in np.flatnonzero(graph.node_ends_standing)
+        (0.0, 0, node, NONE) for node in np.flatnonzero(graph.node_ends_standing).tolist()
     ]
     heapq.heapify(queue)
     while queue:
@@ -47,6 +51,7 @@ def _nearest_standing(graph: GraphArrays, source: NDArray[np.int64], allowed: ND
         for way_in in incoming[node]:
             before = int(source[way_in])
             if not done[before]:
-                cost = meters + float(graph.node_length[node]), frames + int(graph.node_frames[node])
+                way = float(graph.node_length[node]) + TURN_COST * abs(float(graph.node_motion[node, 2]))
+                cost = meters + way, frames + int(graph.node_frames[node])
                 heapq.heappush(queue, (*cost, before, way_in))
     return best

@@ -1,0 +1,1 @@
+"""One clearance layer: triangulation, clearances, paths of any radius."""

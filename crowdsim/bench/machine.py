@@ -1,0 +1,51 @@
+"""What a figure was measured on: the machine, and the versions of what ran."""
+
+from __future__ import annotations
+
+import os
+import platform
+from importlib.metadata import PackageNotFoundError, version
+
+PACKAGES = (
+    "numpy", "numba", "shapely", "triangle", "trimesh", "pyvista", "scipy", "pydantic", "ruamel.yaml", "typer", "rich",
+    "h5py", "pybvh", "av", "matplotlib",
+)  # fmt: skip
+"""The packages crowdsim depends on."""
+
+
+def describe_machine() -> dict[str, str | int]:
+    """Processor, cores this process may use, and operating system."""
+    return {
+        "processor": _processor(),
+        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1,
+        "system": platform.platform(),
+    }
+
+
+def describe_versions() -> dict[str, str]:
+    """Version of crowdsim, Python and each dependency; ``"missing"`` where one is not installed."""
+    from crowdsim import __version__
+
+    return {
+        "crowdsim": __version__,
+        "python": platform.python_version(),
+        **{name: _version(name) for name in PACKAGES},
+    }
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "missing"
+
+
+def _processor() -> str:
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as lines:
+            for line in lines:
+                if line.startswith("model name"):
+                    return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()

@@ -1,0 +1,53 @@
+"""The benchmarks by name, and the form of what they give."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from crowdsim.bench.machine import describe_machine, describe_versions
+from crowdsim.errors import CrowdSimError
+
+_BENCHES = {
+    "startup": ("crowdsim.bench.startup", "seconds until something happens: help, import, kernels, first step"),
+}
+"""Name -> (module with a ``measure`` function, one line on what it measures)."""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What a benchmark's ``measure`` gives.
+
+    ``rows`` is a table, each row with the same keys; ``figures`` the same as a flat map of name -> number, units in
+    the names, to be compared from run to run.
+    """
+
+    rows: list[dict[str, Any]]
+    figures: dict[str, float]
+
+
+@dataclass(frozen=True)
+class BenchResult:
+    """A measurement with what it was measured on."""
+
+    name: str
+    machine: dict[str, str | int]
+    versions: dict[str, str]
+    rows: list[dict[str, Any]]
+    figures: dict[str, float]
+
+
+def bench_names() -> dict[str, str]:
+    """Name -> one line on what it measures."""
+    return {name: line for name, (_, line) in _BENCHES.items()}
+
+
+def run_bench(name: str) -> BenchResult:
+    """Run the benchmark called ``name``; raises :class:`CrowdSimError` for a name that is not there."""
+    if name not in _BENCHES:
+        raise CrowdSimError(f"there is no benchmark '{name}'; there are: {', '.join(_BENCHES)}")
+    measure: Callable[[], Measurement] = importlib.import_module(_BENCHES[name][0]).measure
+    measured = measure()
+    return BenchResult(name, describe_machine(), describe_versions(), measured.rows, measured.figures)

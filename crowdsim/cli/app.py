@@ -1,0 +1,46 @@
+"""The ``crowdsim`` command and its subcommands."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from crowdsim.cli.bench import bench
+from crowdsim.cli.doctor import doctor
+from crowdsim.cli.errors_shown import Commands, remember_debug
+from crowdsim.cli.listings import behaviors, scenarios
+from crowdsim.cli.plan import plan
+from crowdsim.cli.play import play
+from crowdsim.cli.run import check, run
+
+app = typer.Typer(
+    cls=Commands, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False, add_completion=True
+)
+for command in (run, check, play, plan, scenarios, behaviors, bench, doctor):
+    app.command()(command)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from crowdsim import __version__
+
+        typer.echo(f"crowdsim {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def crowdsim(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", callback=_show_version, is_eager=True)
+    ] = False,
+    debug: Annotated[
+        bool, typer.Option("--debug", help="Show the traceback of an error.", callback=remember_debug, is_eager=True)
+    ] = False,
+) -> None:
+    """Characters that walk through cluttered places as people do."""
+
+
+def main() -> None:
+    """Run the command line; leaves the process with the command's exit code."""
+    app(prog_name="crowdsim")

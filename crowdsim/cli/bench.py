@@ -1,0 +1,35 @@
+"""``crowdsim bench``."""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated
+
+import typer
+
+from crowdsim.cli.options import Debug, Json
+
+
+def bench(
+    name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="Benchmark to run; none lists them.")] = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Run a named benchmark; without a name, list them."""
+    from dataclasses import asdict
+
+    from crowdsim.bench.registry import bench_names, run_bench
+    from crowdsim.cli.tables import print_rows, print_table
+
+    if name is None:
+        if as_json:
+            typer.echo(json.dumps(bench_names()))
+        else:
+            print_table(list(bench_names().items()))
+        return
+    result = run_bench(name)
+    if as_json:
+        typer.echo(json.dumps(asdict(result)))
+        return
+    print_rows(result.rows)
+    typer.echo(f"\n{result.machine['processor']}, {result.machine['cores']} cores")

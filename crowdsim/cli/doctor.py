@@ -1,0 +1,60 @@
+"""``crowdsim doctor``."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import typer
+
+from crowdsim.cli.options import Debug, Json
+
+
+def doctor(as_json: Json = False, debug: Debug = False) -> None:
+    """Show what crowdsim finds on this machine, and what to install if something is missing."""
+    from crowdsim.cli.tables import print_table
+
+    findings = examine()
+    if as_json:
+        typer.echo(json.dumps(findings))
+        return
+    rows = [(name, str(value)) for name, value in findings["machine"].items()]
+    rows += [("threads", f"{findings['numba']['threads']}, threading layer {findings['numba']['threading_layer']}")]
+    cache = findings["kernel_cache"]
+    rows += [("kernel cache", f"{cache['folder']}{' (empty: the first run compiles)' if cache['cold'] else ''}")]
+    drawing = findings["drawing"]
+    rows += [("drawing", drawing["backend"] or f"none. {drawing['remedy']}")]
+    rows += list(findings["versions"].items())
+    print_table(rows)
+
+
+def examine() -> dict[str, Any]:
+    """Machine, versions, numba's threads, the kernel cache and what can draw."""
+    from crowdsim import jit
+    from crowdsim.bench.machine import describe_machine, describe_versions
+
+    return {
+        "machine": describe_machine(),
+        "versions": describe_versions(),
+        "numba": _threads(),
+        "kernel_cache": {"folder": str(jit.cache_folder()), "cold": jit.is_cold()},
+        "drawing": _drawing(),
+    }
+
+
+def _threads() -> dict[str, Any]:
+    import numba
+    from numba.np.ufunc.parallel import _launch_threads  # the layer is chosen when threads start, not before
+
+    _launch_threads()
+    return {"threads": numba.get_num_threads(), "threading_layer": numba.threading_layer()}
+
+
+def _drawing() -> dict[str, Any]:
+    from crowdsim.errors import DrawingUnavailable
+    from crowdsim.playback.drawing_backend import find_backend
+
+    try:
+        return {"backend": find_backend().name, "remedy": None}
+    except DrawingUnavailable as error:
+        return {"backend": None, "remedy": str(error)}

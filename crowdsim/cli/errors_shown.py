@@ -1,0 +1,70 @@
+"""What the user sees when a command fails: the one place that turns exceptions into a message and an exit code.
+
+0 done, 2 bad input or usage, 3 nothing here can draw, 130 interrupted, 1 a bug. A traceback only with ``--debug``.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+
+from crowdsim.errors import CrowdSimError
+
+BAD_INPUT = 2
+BUG = 1
+INTERRUPTED = 130
+_DEBUG = "crowdsim.debug"
+
+
+def remember_debug(context: typer.Context, wanted: bool) -> bool:
+    """Keep the value of ``--debug``, given before or after the command's name, for when the command fails."""
+    if wanted:
+        context.meta[_DEBUG] = True
+    return wanted
+
+
+class Commands(TyperGroup):
+    """The group of all commands; shows what they raise."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            result = super().invoke(ctx)
+            sys.stdout.flush()
+            return result
+        except BrokenPipeError:
+            _discard_stdout()
+            raise typer.Exit(0) from None
+        except (KeyboardInterrupt, Exception) as error:
+            typers_own = isinstance(error, typer.Exit | typer.Abort) or hasattr(error, "format_message")
+            if typers_own:  # leaving, or a usage error that typer prints
+                raise
+            if ctx.meta.get(_DEBUG):
+                import traceback
+
+                traceback.print_exception(error)
+            message, code = describe(error)
+            typer.echo(message, err=True)
+            raise typer.Exit(code) from None
+
+
+def describe(error: BaseException) -> tuple[str, int]:
+    """Message and exit code of an error."""
+    if isinstance(error, KeyboardInterrupt):
+        return str(error) or "interrupted", INTERRUPTED
+    if isinstance(error, CrowdSimError):
+        return "\n".join(f"error: {line}" for line in str(error).splitlines()), error.exit_code
+    if isinstance(error, OSError):
+        place = f"{error.filename}: " if error.filename else ""
+        return f"error: {place}{error.strerror or error}", BAD_INPUT
+    what = ": ".join([type(error).__name__, *str(error).splitlines()[:1]])
+    return f"internal error: {what}; run again with --debug to see where", BUG
+
+
+def _discard_stdout() -> None:
+    """Whoever read our output has gone (``| head``): leave quietly, and let the interpreter's last flush succeed."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())

@@ -1,0 +1,58 @@
+"""``crowdsim scenarios`` and ``crowdsim behaviors``."""
+
+from __future__ import annotations
+
+import json
+
+import typer
+
+from crowdsim.cli.options import Debug, Json
+
+
+def scenarios(as_json: Json = False, debug: Debug = False) -> None:
+    """List the built-in scenarios."""
+    from crowdsim.cli.tables import print_table
+    from crowdsim.scenario.loader import builtin_scenarios, load_scenario
+
+    found = {name: load_scenario(path).description for name, path in builtin_scenarios().items()}
+    if as_json:
+        typer.echo(json.dumps(found))
+    else:
+        print_table(list(found.items()))
+
+
+def behaviors(as_json: Json = False, debug: Debug = False) -> None:
+    """List the built-in behaviors, narrowest first."""
+    from crowdsim.cli.tables import print_rows
+    from crowdsim.environment.layers import LEGS, TORSO
+    from crowdsim.library import library_folder
+    from crowdsim.planning.behavior_library import load_behavior_set
+    from crowdsim.planning.behaviors import list_behaviors
+
+    bands = (LEGS, TORSO)
+    found = load_behavior_set(list_behaviors(library_folder("behaviors")), bands).behaviors
+    rows = [
+        {
+            "name": behavior.name,
+            "description": behavior.description,
+            "speed": behavior.speed,
+            "cost_per_meter": behavior.cost_per_meter,
+            "radii": {band.name: round(float(radius), 4) for band, radius in zip(bands, behavior.radii, strict=True)},
+        }
+        for behavior in sorted(found, key=lambda behavior: behavior.radii.max())
+    ]
+    if as_json:
+        typer.echo(json.dumps(rows))
+        return
+    print_rows(
+        [
+            {
+                "name": row["name"],
+                "speed m/s": row["speed"],
+                "cost a meter": row["cost_per_meter"],
+                **{f"{layer} radius m": f"{radius:.3f}" for layer, radius in row["radii"].items()},
+                "description": row["description"],
+            }
+            for row in rows
+        ]
+    )

@@ -1,0 +1,45 @@
+"""Options that several commands share, and the reading of their values."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import typer
+
+from crowdsim.cli.errors_shown import remember_debug
+
+Scenario = Annotated[
+    str, typer.Argument(metavar="SCENARIO", help="A scenario file, or a name that `crowdsim scenarios` lists.")
+]
+RecordingFile = Annotated[str, typer.Argument(metavar="FILE", help="A recording that `crowdsim run` wrote.")]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="PATH=VALUE", help="Change one value of the scenario, as in agents.0.count=20."),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Debug = Annotated[
+    bool, typer.Option("--debug", help="Show the traceback of an error.", callback=remember_debug, is_eager=True)
+]
+
+
+def read_point(text: str, option: str) -> tuple[float, float]:
+    """``"X,Y"`` in meters; a usage error otherwise."""
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError:
+        raise typer.BadParameter(f"'{text}' is not X,Y in meters, as in 1.5,-2", param_hint=option) from None
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise typer.BadParameter(f"'{text}' is not finite", param_hint=option)
+    return x, y
+
+
+def read_size(text: str) -> tuple[int, int]:
+    """``"WxH"`` in pixels; a usage error otherwise."""
+    try:
+        width, height = (int(part) for part in text.lower().split("x"))
+    except ValueError:
+        raise typer.BadParameter(f"'{text}' is not WxH in pixels, as in 1600x900", param_hint="--size") from None
+    if not (16 <= width <= 16384 and 16 <= height <= 16384):
+        raise typer.BadParameter(f"'{text}': width and height are 16 to 16384 pixels", param_hint="--size")
+    return width, height

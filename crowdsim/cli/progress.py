@@ -1,0 +1,90 @@
+"""Progress lines on stderr: what is being prepared, compiled, simulated, drawn; nothing where it is no terminal."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
+
+def progress_bar() -> Progress:
+    """A bar that vanishes when it is done."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    return Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
+
+
+class RunProgress:
+    """A bar where stderr is a terminal; elsewhere nothing but one line when kernels have to be compiled.
+
+    Used as a context manager. ``step`` has the form ``Simulation.run`` calls back.
+    """
+
+    def __init__(self, title: str) -> None:
+        self._title = title
+        self._compiled = 0
+        self._steps = (0, 0)
+
+    @property
+    def steps_done(self) -> int:
+        return self._steps[0]
+
+    def __enter__(self) -> Self:
+        from numba.core import event
+
+        self._bar = progress_bar()
+        self._is_terminal = self._bar.console.is_terminal
+        self._task: TaskID = self._bar.add_task(f"{self._title}: preparing", total=None)
+
+        on_start, on_end = self._compiling, self._compiling_ended
+
+        class Watcher(event.Listener):
+            def on_start(self, event: Any) -> None:
+                on_start(event.data["dispatcher"])
+
+            def on_end(self, event: Any) -> None:
+                on_end()
+
+        self._watcher = Watcher()
+        event.register("numba:compile", self._watcher)
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        from numba.core import event
+
+        event.unregister("numba:compile", self._watcher)
+        self._bar.stop()
+
+    def step(self, step: int, steps: int, simulation: Any) -> None:
+        """Show that ``step`` of ``steps`` is done."""
+        self._steps = (step, steps)
+        self._bar.update(self._task, completed=step, total=steps, description=self._title)
+
+    def _compiling(self, dispatcher: Any) -> None:
+        """numba calls this when the cache does not hold a kernel, and not once it does."""
+        self._compiled += 1
+        if self._compiled == 1 and not self._is_terminal:
+            typer.echo("compiling kernels, once for this machine; it takes up to a minute", err=True)
+        name = dispatcher.py_func.__name__
+        self._bar.update(self._task, description=f"{self._title}: compiling, once for this machine: {name}")
+
+    def _compiling_ended(self) -> None:
+        self._bar.update(self._task, description=self._title if self.steps_done else f"{self._title}: preparing")

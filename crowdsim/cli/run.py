@@ -1,0 +1,96 @@
+"""``crowdsim run`` and ``crowdsim check``."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from crowdsim.cli.options import Debug, Json, Overrides, Scenario
+from crowdsim.errors import CrowdSimError
+
+
+def run(
+    scenario: Scenario,
+    output: Annotated[
+        str | None, typer.Option("--output", "-o", metavar="FILE", help="Recording to write [default: NAME.h5 here].")
+    ] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Replace the scenario's seed.")] = None,
+    workers: Annotated[
+        int, typer.Option("--workers", min=1, help="Threads that search motion; the result never depends on it.")
+    ] = 2,
+    overrides: Overrides = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Simulate a scenario, record it and sum it up."""
+    from crowdsim.cli.progress import RunProgress
+    from crowdsim.cli.summary import summary_rows
+    from crowdsim.cli.tables import print_table
+    from crowdsim.scenario.loader import load_scenario
+
+    changes = [*(overrides or [])]
+    if seed is not None:
+        changes.append(f"seed={seed}")
+    loaded = load_scenario(scenario, changes)
+    file = Path(output if output is not None else f"{_file_name(loaded.name)}.h5")
+    require_writable(file)
+
+    with RunProgress(loaded.name) as progress:
+        from crowdsim.crowd.simulation import Simulation
+
+        try:
+            simulation = Simulation(loaded, workers=workers)
+            with simulation.run(file, progress=progress.step) as recording:
+                summary = {**recording.summary, "recording": str(file)}
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"interrupted at step {progress.steps_done}; {file} was not written") from None
+
+    if as_json:
+        typer.echo(json.dumps(summary))
+    else:
+        print_table(summary_rows(summary))
+
+
+def _file_name(name: str) -> str:
+    """A scenario's name without what would lead to another folder."""
+    return name.replace("/", "-").replace("\\", "-")
+
+
+def require_writable(file: Path) -> None:
+    """Refuse an output place now rather than after the work is done."""
+    folder = file.parent
+    if file.is_dir():
+        raise CrowdSimError(f"cannot write {file}: it is a folder; name a file in it")
+    if not folder.is_dir():
+        raise CrowdSimError(f"cannot write {file}: the folder {folder} does not exist; create it first")
+    if not os.access(folder, os.W_OK) or (file.exists() and not os.access(file, os.W_OK)):
+        raise CrowdSimError(f"cannot write {file}: no permission; choose another place with -o")
+
+
+def check(scenario: Scenario, overrides: Overrides = None, as_json: Json = False, debug: Debug = False) -> None:
+    """Report everything that is wrong with a scenario, without running it."""
+    from dataclasses import asdict
+
+    from crowdsim.errors import ScenarioError
+    from crowdsim.scenario.check import check_scenario
+    from crowdsim.scenario.loader import load_scenario
+
+    try:
+        loaded = load_scenario(scenario, overrides or [])
+    except ScenarioError as error:
+        if not as_json:
+            raise
+        problems = [asdict(problem) for problem in error.problems] or [{"message": str(error)}]
+        typer.echo(json.dumps({"ok": False, "errors": problems, "warnings": []}))
+        raise typer.Exit(error.exit_code) from None
+    warnings = check_scenario(loaded)
+    if as_json:
+        typer.echo(json.dumps({"ok": True, "errors": [], "warnings": warnings}))
+        return
+    for warning in warnings:
+        typer.echo(f"warning: {warning}")
+    typer.echo(f"{loaded.name}: ok")

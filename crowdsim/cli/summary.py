@@ -1,0 +1,37 @@
+"""The table that closes a run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+
+def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Rows (label, value) of a run's summary."""
+    areas = summary["behavior_share_by_area"]
+    margins = summary["obstacle_margin"]
+    return [
+        ("characters", str(summary["characters"])),
+        ("arrived", str(summary["arrived"])),
+        *((f"  no way for character {agent}", reason) for agent, reason in summary["unreachable"].items()),
+        ("steps", str(summary["steps"])),
+        ("mean time to arrive", _quantity(summary["mean_time"], "{:.1f} s")),
+        ("share of the way", _shares(summary["behavior_share"])),
+        *((f"  in {area}", _shares(shares)) for area, shares in areas.items()),
+        ("closest two, center to center", _quantity(summary["closest_pair"], "{:.3f} m")),
+        *((f"body to obstacle, {layer}", _quantity(margin, "{:.3f} m")) for layer, margin in margins.items()),
+        ("stance-foot speed", _quantity(summary["stance_foot_speed"], "{:.3f} m/s")),
+        ("lowest foot", _quantity(summary["lowest_foot"], "{:.3f} m")),
+        ("real-time factor", _quantity(summary["real_time_factor"], "{:.1f}")),
+        ("state hash", summary["state_hash"]),
+        ("recording", summary["recording"]),
+    ]
+
+
+def _quantity(value: float | None, form: str) -> str:
+    return "none" if value is None else form.format(value)
+
+
+def _shares(shares: Mapping[str, float]) -> str:
+    present = [f"{name} {share:.0%}" for name, share in shares.items() if share > 0]
+    return ", ".join(present) or "nobody went here"

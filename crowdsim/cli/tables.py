@@ -1,0 +1,47 @@
+"""Plain tables on stdout: colored and folded on a terminal, one line a row elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+def print_table(rows: Sequence[tuple[str, str]]) -> None:
+    """Print rows (label, value)."""
+    from rich.table import Table
+
+    table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_column(style="cyan", no_wrap=True)
+    table.add_column(overflow="fold")
+    for label, value in rows:
+        table.add_row(label, value)
+    _print(table)
+
+
+def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
+    """Print mappings of the same keys under a header line."""
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, header_style="cyan")
+    for key, value in rows[0].items():
+        table.add_column(key, justify="right" if isinstance(value, int | float) else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*(str(value) for value in row.values()))
+    _print(table)
+
+
+def _print(table: Table) -> None:
+    from rich.console import Console
+
+    console = Console(markup=False, highlight=False)
+    if not console.is_terminal:
+        console.width = 10_000
+    with console.capture() as text:
+        console.print(table)
+    # rich pads every line, and would end the process itself if the reader has gone
+    typer.echo("\n".join(line.rstrip() for line in text.get().splitlines()))

@@ -1,0 +1,131 @@
+"""What to do when a node ends: go on along the plan where that is safe, else stop, else stand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.constants import NONE
+from crowdsim.crowd.components import SLOT_FRAMES, TIMELINE_SLOTS
+from crowdsim.crowd.motion_plan import MotionPlan
+from crowdsim.crowd.replanning import Plans
+from crowdsim.crowd.reservation_kernels import COMMITTED, append_stop, reserve
+from crowdsim.ecs.world import View
+from crowdsim.motion.track_kernels import node_end
+from crowdsim.recording.header import AgentState
+
+LOOKAHEAD = 12
+"""Nodes of the plan considered at once, where a character cannot stand down after fewer."""
+
+_CHAIN = LOOKAHEAD + 8  # with the nodes of the stop behind them
+
+
+class Choosing:
+    """The system that picks the next node of everyone whose node ends in this step.
+
+    Every character owns a reserved timeline that ends with it standing, or gone, and that no other
+    reserved timeline meets. A node of the plan is entered only after the timeline through that node and
+    the stop behind it was reserved, row by row in order. So whoever is refused can always follow the timeline
+    it has, and no one ever walks into another, whatever happens.
+    """
+
+    READS = ("agent", "frame", "body_radius", "node", "origin", "seam", "stays")
+    WRITES = (
+        "state", "next_node", "next_origin", "next_seam", "next_cursor", "cursor", "reserved",
+        "timeline", "timeline_start", "gone_slot",
+    )  # fmt: skip
+
+    def __init__(self, plans: Plans) -> None:
+        self.plans = plans
+        self._chain = np.zeros(_CHAIN, np.int32)
+        self._origins = np.zeros((_CHAIN, 3))
+        self._seams = np.zeros((_CHAIN, 3))
+        self._timeline = np.zeros((TIMELINE_SLOTS, 2))
+
+    def run(self, view: View) -> None:
+        setting = self.plans.setting
+        ending = view.frame + setting.frames_per_step >= setting.graph.node_frames[view.node]
+        for row in np.flatnonzero(ending & (view.next_node == NONE)):
+            self._choose(view, int(row))
+
+    def _choose(self, view: View, row: int) -> None:
+        graph = self.plans.setting.graph
+        agent, node = int(view.agent[row]), int(view.node[row])
+        plan = self.plans.motions.get(agent)
+        if plan is not None:
+            following = int(view.cursor[row]) + 1
+            if following < plan.count:
+                if following <= view.reserved[row] or self._extend(view, row, plan, following):
+                    view.state[row] = AgentState.MOVING
+                    node = int(plan.nodes[following])
+                    _take(view, row, node, plan.origins[following], plan.seams[following], following)
+                    return
+            elif plan.arrives:
+                if not view.stays[row]:
+                    return  # it leaves the world at the end of this node
+                view.state[row] = AgentState.ARRIVED
+        if graph.stop_edge[node] != NONE:
+            self._abandon(view, row, agent)
+            self._stop(view, row)
+        elif graph.node_idle[node]:
+            view.state[row] = max(view.state[row], AgentState.WAITING)
+            _take(view, row, node, view.origin[row], np.zeros(3))
+        else:
+            self._stand(view, row, agent)
+
+    def _extend(self, view: View, row: int, plan: MotionPlan, following: int) -> bool:
+        """Reserve the node ``following`` of the plan, and as many after it as it takes to be able to stop."""
+        setting = self.plans.setting
+        available = min(plan.count - following, LOOKAHEAD)
+        chain, origins, seams = self._chain, self._origins, self._seams
+        chain[0], origins[0], seams[0] = view.node[row], view.origin[row], view.seam[row]
+        ahead = slice(following, following + available)
+        chain[1 : available + 1] = plan.nodes[ahead]
+        origins[1 : available + 1] = plan.origins[ahead]
+        seams[1 : available + 1] = plan.seams[ahead]
+        leaves = plan.arrives and not view.stays[row] and following + available == plan.count
+        clock = self.plans.step * setting.frames_per_step
+        status, taken, gone = reserve(
+            setting.graph, setting.meshes[0].arrays, setting.meshes[1].arrays, setting.body_radii,
+            row, int(view.frame[row]), clock, SLOT_FRAMES, chain, origins, seams, 1, available, leaves,
+            view.timeline, view.timeline_start, view.gone_slot, view.body_radius, self._timeline,
+        )  # fmt: skip
+        if status != COMMITTED:
+            return False
+        view.timeline[row] = self._timeline
+        view.timeline_start[row] = clock // SLOT_FRAMES
+        view.gone_slot[row] = gone
+        view.reserved[row] = following + taken - 1
+        return True
+
+    def _abandon(self, view: View, row: int, agent: int) -> None:
+        self.plans.motions.pop(agent, None)
+        view.cursor[row] = view.reserved[row] = NONE
+
+    def _stop(self, view: View, row: int) -> None:
+        """Enter the first node of the stop that was reserved with the present node."""
+        self._chain[0], self._origins[0], self._seams[0] = view.node[row], view.origin[row], view.seam[row]
+        append_stop(self.plans.setting.graph, self._chain, self._origins, self._seams, 1)
+        _take(view, row, int(self._chain[1]), self._origins[1], self._seams[1])
+
+    def _stand(self, view: View, row: int, agent: int) -> None:
+        """Wait where the node ends: in an idle node if one may follow, else on the node's last frame."""
+        idle = self.plans.setting.idle_after(int(view.node[row]))
+        if idle == NONE:
+            view.state[row] = max(view.state[row], AgentState.WAITING)
+            return
+        self._abandon(view, row, agent)
+        view.state[row] = max(view.state[row], AgentState.WAITING)
+        end = node_end(self.plans.setting.graph, int(view.node[row]), *view.origin[row])
+        _take(view, row, idle, np.array(end), np.zeros(3))
+
+
+def _take(
+    view: View, row: int, node: int, origin: NDArray[np.float64], seam: NDArray[np.float64], cursor: int = NONE
+) -> None:
+    view.next_node[row] = node
+    view.next_origin[row] = origin
+    view.next_seam[row] = seam
+    view.next_cursor[row] = cursor

@@ -1,0 +1,47 @@
+"""What the world knows of a character: one column a component."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from crowdsim.constants import CAPTURE_RATE, NONE
+from crowdsim.ecs.world import Column
+from crowdsim.recording.header import AgentState
+
+SLOT_FRAMES = CAPTURE_RATE // 5
+"""Frames between two samples of a reserved timeline (0.2 s)."""
+
+TIMELINE_SLOTS = 48
+"""Samples of a reserved timeline: 9.6 s, longer than any few nodes and the stop after them."""
+
+
+COLUMNS = (
+    Column("agent", np.int32, (), NONE),  # index of the character in the run, also its row in the recording
+    Column("state", np.int32, (), int(AgentState.WAITING)),
+    Column("pose", np.float64, (3,)),  # world track pose: x, y, heading
+    Column("behavior", np.int32, (), NONE),
+    # The node being played: frame of it, the world pose it starts at, and the seam that fades behind it.
+    Column("node", np.int32, (), NONE),
+    Column("previous", np.int32, (), NONE),
+    Column("frame", np.int32),
+    Column("origin", np.float64, (3,)),
+    Column("seam", np.float64, (3,)),
+    # The node that follows; NONE until it is chosen at the end of the present one.
+    Column("next_node", np.int32, (), NONE),
+    Column("next_origin", np.float64, (3,)),
+    Column("next_seam", np.float64, (3,)),
+    Column("next_cursor", np.int32, (), NONE),
+    # Place in the motion plan: index of the present node, and of the last node that is reserved.
+    Column("cursor", np.int32, (), NONE),
+    Column("reserved", np.int32, (), NONE),
+    Column("plan_digest", np.uint64),
+    Column("awaiting_plan", np.bool_),
+    Column("retry_step", np.int64),
+    # The reserved timeline: track positions every SLOT_FRAMES frames from a slot on, then parked or gone.
+    Column("timeline", np.float64, (TIMELINE_SLOTS, 2)),
+    Column("timeline_start", np.int64),
+    Column("gone_slot", np.int64, (), np.iinfo(np.int64).max),
+    Column("body_radius", np.float64),
+    Column("goal", np.float64, (2,)),
+    Column("stays", np.bool_),
+)

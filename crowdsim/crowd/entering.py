@@ -1,0 +1,77 @@
+"""Characters come into the world when their time has come, their way is known and their place is free."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.crowd.components import SLOT_FRAMES, TIMELINE_SLOTS
+from crowdsim.crowd.motion_plan import MotionPlan, Request
+from crowdsim.crowd.replanning import Plans
+from crowdsim.crowd.reservation_kernels import meets_anyone
+from crowdsim.crowd.setting import Setting
+from crowdsim.ecs.world import View, World
+from crowdsim.scenario.placement import Placement
+
+FOREVER = int(np.iinfo(np.int64).max)
+
+
+@dataclass
+class Entering:
+    """The system that plans ahead for those about to come and lets them in one by one, in order."""
+
+    world: World
+    setting: Setting
+    cast: Placement
+    plans: Plans
+    requested: set[int] = field(default_factory=set)
+    entered: NDArray[np.int64] = field(init=False)
+
+    READS = ("timeline", "timeline_start", "gone_slot", "body_radius")
+
+    def __post_init__(self) -> None:
+        self.entered = np.full(len(self.cast.starts), -1, np.int64)
+
+    def run(self, view: View) -> None:
+        step = self.plans.step
+        latency = self.plans.pool.latency
+        timelines, starts, gones, radii = (np.array(getattr(view, name)) for name in self.READS)
+        for agent in np.flatnonzero((self.entered < 0) & (self.cast.start_steps - latency <= step)):
+            agent = int(agent)
+            if agent not in self.requested:
+                self.requested.add(agent)
+                self.plans.request(
+                    agent, Request(self.cast.starts[agent], self.cast.goals[agent], bool(self.cast.stays[agent]))
+                )
+                continue
+            plan = self.plans.motions.get(agent)
+            if plan is None or self.cast.start_steps[agent] > step:
+                continue
+            pose = plan.departure
+            slot = step * self.setting.frames_per_step // SLOT_FRAMES
+            parked = np.tile(pose[:2], (TIMELINE_SLOTS, 1))
+            radius = self.setting.personal_radius
+            if meets_anyone(-1, parked, slot, FOREVER, slot, radius, timelines, starts, gones, radii):
+                continue
+            self._spawn(agent, plan, parked, slot)
+            self.entered[agent] = step
+            timelines = np.concatenate([timelines, parked[None]])
+            starts, gones, radii = np.append(starts, slot), np.append(gones, FOREVER), np.append(radii, radius)
+
+    def _spawn(self, agent: int, plan: MotionPlan, parked: NDArray[np.float64], slot: int) -> None:
+        node = plan.departure_node
+        self.world.spawn(
+            agent=agent,
+            pose=plan.departure,
+            behavior=self.setting.graph.node_behavior[node],
+            node=node,
+            origin=plan.departure,
+            plan_digest=plan.digest,
+            timeline=parked,
+            timeline_start=slot,
+            body_radius=self.setting.personal_radius,
+            goal=self.cast.goals[agent],
+            stays=self.cast.stays[agent],
+        )

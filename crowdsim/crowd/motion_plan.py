@@ -1,0 +1,119 @@
+"""From a place and a goal to a chain of nodes: what a worker thread computes."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.crowd.setting import Setting
+from crowdsim.errors import PathNotFound
+from crowdsim.following.path_follower import FollowOptions, FollowStatus, follow_path
+from crowdsim.geometry.planar import compose, wrap_angle
+from crowdsim.planning.annotated_path import AnnotatedPath, PathSamples
+from crowdsim.planning.planner import plan_path
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a search starts from.
+
+    position, goal: (2,) meters. stays: whether the motion must end standing. standing: the idle node the
+    character is in and the pose (3,) it started from, or None before it entered the world. route: the path it
+    follows already, or None to plan one.
+    """
+
+    position: NDArray[np.float64]
+    goal: NDArray[np.float64]
+    stays: bool
+    standing: tuple[int, NDArray[np.float64]] | None = None
+    route: AnnotatedPath | None = None
+
+
+@dataclass(frozen=True)
+class MotionPlan:
+    """A chain of P nodes that departs from standing.
+
+    nodes: (P,) int32. origins: (P, 3) world poses where they start. seams: (P, 3), end of the node before minus
+    origin. departure: the idle node and the pose (3,) it starts from. arrives: whether the chain reaches the goal.
+    """
+
+    route: AnnotatedPath
+    departure_node: int
+    departure: NDArray[np.float64]
+    nodes: NDArray[np.int32]
+    origins: NDArray[np.float64]
+    seams: NDArray[np.float64]
+    arrives: bool
+
+    @property
+    def count(self) -> int:
+        return len(self.nodes)
+
+    @property
+    def digest(self) -> int:
+        """64 bits that name the plan, for the state hash."""
+        content = hashlib.blake2b(self.nodes.tobytes(), digest_size=8)
+        content.update(self.origins.tobytes())
+        return int.from_bytes(content.digest(), "little")
+
+
+def search_motion(setting: Setting, request: Request) -> MotionPlan | PathNotFound:
+    """Plan a route where there is none, and follow it; where an old route cannot be followed, plan a new one.
+
+    A plan without nodes says that no motion was found. PathNotFound is returned, not raised: it is a result that
+    the run carries on with. Pure: runs on any thread.
+    """
+    if request.route is not None:
+        plan = _follow(setting, request, request.route)
+        if plan.arrives:
+            return plan
+    try:
+        route = plan_path(setting.meshes, setting.behaviors, request.position, request.goal)
+    except PathNotFound as error:
+        return error
+    return _follow(setting, request, route)
+
+
+def _follow(setting: Setting, request: Request, route: AnnotatedPath) -> MotionPlan:
+    samples = _rest_of(route.sample(), request.position)
+    if request.standing is not None:
+        node, origin = request.standing
+    else:
+        node = int(setting.idle_nodes[route.sections[0].behavior])
+        facing = setting.facings[route.sections[0].behavior, 0]
+        origin = np.array([*request.position, wrap_angle(samples.pose[0, 2] + facing)])
+    graph = setting.graph
+    found = follow_path(
+        graph,
+        setting.maps,
+        samples,
+        (setting.meshes[0].arrays, setting.meshes[1].arrays),
+        setting.body_radii,
+        setting.facings,
+        start_pose=origin,
+        start_node=node,
+        options=FollowOptions(end_standing=request.stays),
+    )
+    ends = compose(found.origins[:-1], graph.node_motion[found.nodes[:-1]])
+    origins = found.origins[1:]
+    seams = ends - origins
+    seams[:, 2] = wrap_angle(seams[:, 2])
+    return MotionPlan(
+        route=route,
+        departure_node=node,
+        departure=origin,
+        nodes=found.nodes[1:],
+        origins=origins,
+        seams=seams,
+        arrives=found.status == FollowStatus.FOUND,
+    )
+
+
+def _rest_of(samples: PathSamples, position: NDArray[np.float64]) -> PathSamples:
+    """The samples from the one nearest to ``position`` on."""
+    distance = np.hypot(*(samples.pose[:, :2] - position).T)
+    first = min(int(np.argmin(distance)), len(samples.arc) - 2)
+    return PathSamples(samples.pose[first:], samples.arc[first:] - samples.arc[first], samples.behavior[first:])

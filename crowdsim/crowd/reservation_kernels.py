@@ -1,0 +1,219 @@
+"""Reserved timelines: where a character will be until it stands, and whether two of them ever meet.
+
+A timeline samples track positions at the world's slots (every ``slot_frames`` frames of the global frame
+clock) from ``start`` on; after its last sample the character stays there, or is gone from ``gone`` on.
+Between samples positions are taken as linear.
+"""
+
+import math
+
+from crowdsim.geometry.planar_kernels import wrap_angle
+from crowdsim.jit import kernel
+from crowdsim.motion.track_kernels import next_origin, node_end, track_pose
+from crowdsim.navmesh.clearance_kernels import disc_clearance
+
+COMMITTED = 0
+MEETS_SOMEONE = 1
+CANNOT_STOP = 2
+TOO_LONG = 3
+
+_ROUNDING = 1e-9  # meters
+_STATIC_STRIDE = 4  # frames between two samples of the test against obstacles
+
+
+@kernel
+def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, distance):
+    """Whether two timelines come closer than ``distance`` at or after ``first_slot``.
+
+    a, b: (K, 2) positions. Exact for the piecewise linear motion, to the end of time. A pair that is
+    closer already may move as long as it never comes closer still, or it could never part.
+    """
+    ia = min(max(first_slot - a_start, 0), len(a) - 1)
+    ib = min(max(first_slot - b_start, 0), len(b) - 1)
+    now = math.hypot(a[ia, 0] - b[ib, 0], a[ia, 1] - b[ib, 1])
+    distance = min(distance, now - _ROUNDING)
+    if distance <= 0.0:
+        return False
+    last = max(a_start + len(a), b_start + len(b))
+    for slot in range(first_slot, last):
+        if slot >= a_gone or slot >= b_gone:
+            return False
+        ia = min(max(slot - a_start, 0), len(a) - 1)
+        ja = min(max(slot + 1 - a_start, 0), len(a) - 1)
+        ib = min(max(slot - b_start, 0), len(b) - 1)
+        jb = min(max(slot + 1 - b_start, 0), len(b) - 1)
+        dx = a[ia, 0] - b[ib, 0]
+        dy = a[ia, 1] - b[ib, 1]
+        ex = a[ja, 0] - b[jb, 0] - dx
+        ey = a[ja, 1] - b[jb, 1] - dy
+        square = ex * ex + ey * ey
+        t = 0.0
+        if square > 0.0:
+            t = min(max(-(dx * ex + dy * ey) / square, 0.0), 1.0)
+        cx = dx + t * ex
+        cy = dy + t * ey
+        if cx * cx + cy * cy < distance * distance:
+            return True
+    return False
+
+
+@kernel
+def meets_anyone(me, timeline, start, gone, first_slot, radius, timelines, starts, gones, radii):
+    """Whether a candidate timeline meets that of any other row; ``me`` is its own row, or -1."""
+    reach = 0.0
+    for k in range(len(timeline)):
+        dx = timeline[k, 0] - timeline[0, 0]
+        dy = timeline[k, 1] - timeline[0, 1]
+        reach = max(reach, dx * dx + dy * dy)
+    reach = reach**0.5
+    for other in range(len(starts)):
+        if other == me or gones[other] <= first_slot:
+            continue
+        distance = radius + radii[other]
+        here = min(max(first_slot - starts[other], 0), timelines.shape[1] - 1)
+        end = timelines.shape[1] - 1
+        if not _within_reach(timeline[0], timelines[other], here, end, reach + distance):
+            continue
+        if pair_meets(timeline, start, gone, timelines[other], starts[other], gones[other], first_slot, distance):
+            return True
+    return False
+
+
+@kernel
+def _within_reach(center, other, first, last, reach):
+    for k in range(first, last + 1):
+        dx = other[k, 0] - center[0]
+        dy = other[k, 1] - center[1]
+        if dx * dx + dy * dy <= reach * reach:
+            return True
+    return False
+
+
+@kernel
+def node_is_free(graph, node, origin, seam, legs, torso, radii):
+    """Whether the body disc of a node's behavior keeps clear of both layers along the whole node."""
+    behavior = graph.node_behavior[node]
+    frames = graph.node_frames[node]
+    hint_legs = -1
+    hint_torso = -1
+    frame = 0
+    while True:
+        x, y, _ = track_pose(graph, node, frame, origin[0], origin[1], origin[2], seam[0], seam[1], seam[2])
+        need = radii[behavior, 0]
+        distance, hint_legs = disc_clearance(legs, x, y, need, hint_legs)
+        if distance < need:
+            return False
+        need = radii[behavior, 1]
+        distance, hint_torso = disc_clearance(torso, x, y, need, hint_torso)
+        if distance < need:
+            return False
+        if frame == frames:
+            return True
+        frame = min(frame + _STATIC_STRIDE, frames)
+
+
+@kernel
+def append_stop(graph, nodes, origins, seams, count):
+    """Append to a chain of ``count`` nodes those that bring it to a stand; returns the new count, or -1 if too long."""
+    node = nodes[count - 1]
+    while graph.stop_edge[node] >= 0:
+        if count == len(nodes):
+            return -1
+        edge = graph.stop_edge[node]
+        o = origins[count - 1]
+        ex, ey, eh = node_end(graph, node, o[0], o[1], o[2])
+        x, y, h = next_origin(graph, edge, 0.0, ex, ey, eh)
+        node = graph.edge_target[edge]
+        nodes[count] = node
+        origins[count, 0] = x
+        origins[count, 1] = y
+        origins[count, 2] = h
+        seams[count, 0] = ex - x
+        seams[count, 1] = ey - y
+        seams[count, 2] = wrap_angle(eh - h)
+        count += 1
+    return count
+
+
+@kernel
+def sample_chain(graph, nodes, origins, seams, count, frame, clock, slot_frames, out):
+    """Track positions of a chain, whose first node is ``frame`` frames old at the frame ``clock``, at the slots.
+
+    Fills ``out`` (K, 2) from slot ``clock // slot_frames`` on; past the end of the chain it stays there. Returns
+    the first slot at or after the end of the chain, or -1 if the chain is longer than ``out``.
+    """
+    k = 0
+    begin = clock - frame  # global frame at which the current node of the chain started
+    slot = clock // slot_frames
+    for c in range(count):
+        node = nodes[c]
+        frames = graph.node_frames[node]
+        while k < len(out) and slot * slot_frames < begin + frames:
+            at = max(slot * slot_frames, clock) - begin
+            o = origins[c]
+            s = seams[c]
+            x, y, _ = track_pose(graph, node, at, o[0], o[1], o[2], s[0], s[1], s[2])
+            out[k, 0] = x
+            out[k, 1] = y
+            k += 1
+            slot += 1
+        begin += frames
+    if k == len(out):
+        return -1
+    ended = slot
+    o = origins[count - 1]
+    x, y, _ = node_end(graph, nodes[count - 1], o[0], o[1], o[2])
+    while k < len(out):
+        out[k, 0] = x
+        out[k, 1] = y
+        k += 1
+    return ended
+
+
+@kernel
+def reserve(
+    graph, legs, torso, body, row, frame, clock, slot_frames, chain, origins, seams, first, available, ends_plan,
+    timelines, starts, gones, body_radii, timeline,
+):  # fmt: skip
+    """Find the shortest continuation that ends standing, touches nothing and meets no one.
+
+    chain, origins, seams: buffers (C,), (C, 3), (C, 3); entry 0 is the present node, entries 1 to
+    ``available`` the next nodes of the plan; at least ``first`` of them must be taken. ``ends_plan`` says that
+    the last of them leaves the world. ``body`` (B, 2) are the body radii per behavior and layer.
+    Returns (status, nodes taken, gone slot) and leaves the new timeline in ``timeline`` (K, 2).
+    """
+    nodes = chain.copy()
+    spots = origins.copy()
+    jumps = seams.copy()
+    forever = gones.dtype.type(9223372036854775807)
+    start = clock // slot_frames
+    for taken in range(first, available + 1):
+        gone = forever
+        count = taken + 1
+        leaves = ends_plan and taken == available
+        if not leaves:
+            count = append_stop(graph, nodes, spots, jumps, taken + 1)
+            if count < 0:
+                return TOO_LONG, 0, forever
+            clear = True
+            for c in range(taken + 1, count):
+                if not node_is_free(graph, nodes[c], spots[c], jumps[c], legs, torso, body):
+                    clear = False
+                    break
+            if not clear:
+                # It cannot stand down after this node; perhaps it can after the next.
+                nodes[taken + 1 :] = chain[taken + 1 :]
+                spots[taken + 1 :] = origins[taken + 1 :]
+                jumps[taken + 1 :] = seams[taken + 1 :]
+                continue
+        ended = sample_chain(graph, nodes, spots, jumps, count, frame, clock, slot_frames, timeline)
+        if ended < 0:
+            return TOO_LONG, 0, forever
+        if leaves:
+            gone = ended
+        if meets_anyone(
+            row, timeline, start, gone, start, body_radii[row], timelines, starts, gones, body_radii
+        ):
+            return MEETS_SOMEONE, 0, forever
+        return COMMITTED, taken, gone
+    return CANNOT_STOP, 0, forever

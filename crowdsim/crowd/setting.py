@@ -1,0 +1,103 @@
+"""Everything that a run reads and never changes: the place, the bodies, the motions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.constants import CAPTURE_RATE, NONE
+from crowdsim.environment.layers import ClearanceLayer
+from crowdsim.errors import MotionError, ScenarioError
+from crowdsim.following.motion_maps import MotionMaps
+from crowdsim.motion.graph_arrays import GraphArrays
+from crowdsim.motion.motion_graph import MotionGraph
+from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.planning.behavior_library import load_behavior_set
+from crowdsim.planning.behaviors import Behavior
+from crowdsim.scenario.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Layers and their meshes (legs first), behaviors (least preferred first), the motion graph and its maps."""
+
+    layers: tuple[ClearanceLayer, ...]
+    meshes: tuple[NavMesh, ...]
+    behaviors: tuple[Behavior, ...]
+    motion: MotionGraph
+    maps: MotionMaps
+    steps_per_second: int
+
+    @property
+    def graph(self) -> GraphArrays:
+        return self.motion.arrays
+
+    @property
+    def frames_per_step(self) -> int:
+        return CAPTURE_RATE // self.steps_per_second
+
+    @cached_property
+    def body_radii(self) -> NDArray[np.float64]:
+        """(B, layers) meters, the body's own clearance of every behavior on every layer."""
+        return np.ascontiguousarray([behavior.radii for behavior in self.behaviors], np.float64)
+
+    @cached_property
+    def facings(self) -> NDArray[np.float64]:
+        """(B, F) radians the body may face off its direction of motion, nan where a behavior has fewer."""
+        widest = max(len(behavior.facings) for behavior in self.behaviors)
+        rows = [[*behavior.facings, *[np.nan] * (widest - len(behavior.facings))] for behavior in self.behaviors]
+        return np.array(rows, np.float64)
+
+    @property
+    def personal_radius(self) -> float:
+        """Radius of the disc that encloses a body whatever it does: that of the widest behavior."""
+        return float(self.body_radii.max())
+
+    @cached_property
+    def idle_nodes(self) -> NDArray[np.int32]:
+        """(B,) node in which a character of each behavior waits standing, -1 where there is none."""
+        nodes = np.full(len(self.behaviors), NONE, np.int32)
+        for node in np.flatnonzero(self.graph.node_idle)[::-1]:
+            nodes[self.graph.node_behavior[node]] = node
+        return nodes
+
+    def idle_after(self, node: int) -> int:
+        """Idle node that may follow ``node``, of the same behavior if there is one; -1 where there is none."""
+        graph = self.graph
+        targets = graph.edge_target[graph.edge_start[node] : graph.edge_start[node + 1]]
+        idle = targets[graph.node_idle[targets]]
+        same = idle[graph.node_behavior[idle] == graph.node_behavior[node]]
+        return int(next(iter([*same, *idle]), NONE))
+
+
+def prepare(scenario: Scenario) -> Setting:
+    """Build meshes, motion graph and motion maps for a scenario.
+
+    Raises ScenarioError, GeometryError, BehaviorError or MotionError where something cannot be used.
+    """
+    layers = scenario.layers()
+    if len(layers) != 2:
+        raise ScenarioError(
+            f"{scenario.path}: layers: {len(layers)} layers are given, but characters have two: legs, then torso"
+        )
+    bands = [(layer.low, layer.high) for layer in layers]
+    captures = scenario.captures()
+    if captures is None:
+        behavior_set = load_behavior_set(scenario.behaviors, bands)
+    else:
+        behavior_set = load_behavior_set(
+            scenario.behaviors, bands, captures=captures.folder, capture_patterns=captures.patterns
+        )
+    if not behavior_set.graph.arrays.node_ends_standing.any():
+        raise MotionError("no clip of the motion set ends standing, so no character could ever wait; add one that does")
+    return Setting(
+        layers=layers,
+        meshes=tuple(NavMesh(layer.free) for layer in layers),
+        behaviors=behavior_set.behaviors,
+        motion=behavior_set.graph,
+        maps=MotionMaps.build(behavior_set.graph.arrays),
+        steps_per_second=scenario.steps_per_second,
+    )

@@ -1,0 +1,148 @@
+"""A scenario becomes a world that is stepped, recorded and summed up."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from crowdsim.crowd.advancing import Advancing
+from crowdsim.crowd.arriving import Arriving
+from crowdsim.crowd.choosing import Choosing
+from crowdsim.crowd.components import COLUMNS
+from crowdsim.crowd.entering import Entering
+from crowdsim.crowd.header import labeled_points, record_header
+from crowdsim.crowd.replanning import Plans, Replanning
+from crowdsim.crowd.setting import prepare
+from crowdsim.crowd.state_hash import state_hash
+from crowdsim.crowd.statistics import Statistics
+from crowdsim.crowd.worker_pool import WorkerPool
+from crowdsim.constants import NONE, TRACKING_MARGIN
+from crowdsim.ecs.schedule import Schedule, System
+from crowdsim.ecs.world import World
+from crowdsim.planning.annotated_path import AnnotatedPath
+from crowdsim.recording.header import AgentState, RecordedFrame
+from crowdsim.recording.reader import Recording
+from crowdsim.recording.writer import RecordingWriter
+from crowdsim.scenario.placement import place_agents
+from crowdsim.scenario.scenario import Scenario
+
+THINKING_SECONDS = 0.2
+"""From asking for a plan to having it, whatever the number of workers."""
+
+Progress = Callable[[int, int, "Simulation"], None]
+
+
+class Simulation:
+    """Characters of one scenario, moved step by step.
+
+    ``workers`` threads search motions; the result never depends on it. Raises what
+    :func:`crowdsim.crowd.setting.prepare` raises.
+    """
+
+    def __init__(self, scenario: Scenario, workers: int = 2) -> None:
+        self.scenario = scenario
+        self.setting = prepare(scenario)
+        rate = scenario.steps_per_second
+        self.step_limit = int(round(scenario.duration * rate))
+        self.cast = place_agents(scenario, self.setting.personal_radius + TRACKING_MARGIN)
+        self.world = World(COLUMNS, capacity=len(self.cast.starts))
+        self._pool = WorkerPool(workers, latency=max(1, round(THINKING_SECONDS * rate)))
+        self._new_routes: list[tuple[int, AnnotatedPath]] = []
+        self.plans = Plans(self.setting, self._pool, lambda agent, route: self._new_routes.append((agent, route)))
+        self.hash = 0
+
+        entering = Entering(self.world, self.setting, self.cast, self.plans)
+        replanning = Replanning(self.plans)
+        choosing = Choosing(self.plans)
+        advancing = Advancing(self.setting)
+        arriving = Arriving(self.world, self.plans, len(self.cast.starts))
+        self._entering, self._arriving = entering, arriving
+        self.schedule = Schedule(
+            self.world,
+            [
+                System("plans", replanning.run, replanning.READS, replanning.WRITES),
+                System("enter", entering.run, entering.READS),
+                System("choose", choosing.run, choosing.READS, choosing.WRITES),
+                System("advance", advancing.run, writes=advancing.WRITES),
+                System("arrive", arriving.run, arriving.READS),
+            ],
+        )
+
+    @property
+    def step_count(self) -> int:
+        """Steps taken so far."""
+        return self.plans.step
+
+    @property
+    def arrived(self) -> int:
+        """Characters that reached their goal so far."""
+        return int((self._arriving.arrived >= 0).sum())
+
+    @property
+    def finished(self) -> bool:
+        """Whether everyone who can arrive has, or the scenario's time is up."""
+        return self.step_count >= self.step_limit or self.arrived + len(self.plans.unreachable) >= len(self.cast.starts)
+
+    def step(self) -> None:
+        """Advance the world by one step."""
+        self.schedule.run()
+        self.hash = state_hash(self.world, self.step_count, self.hash)
+        self.plans.step += 1
+
+    def run(self, output: str | os.PathLike[str], progress: Progress | None = None) -> Recording:
+        """Step to the end, writing the recording ``output``; returns it opened.
+
+        ``progress(step, step_limit, simulation)`` is called after every step. The file appears under its name
+        only when the run is complete.
+        """
+        statistics = Statistics(self.setting, {area.name: area.shape() for area in self.scenario.areas})
+        header = record_header(self.scenario, self.setting, self.cast)
+        with self._pool, RecordingWriter(output, header) as writer:
+            started = time.perf_counter()
+            while not self.finished:
+                self.step()
+                for agent, route in self._new_routes:
+                    writer.add_path(agent, *labeled_points(route))
+                self._new_routes.clear()
+                frame = self.frame()
+                writer.append(frame, self.hash)
+                statistics.add(frame)
+                if progress is not None:
+                    progress(self.step_count, self.step_limit, self)
+            seconds = time.perf_counter() - started
+            writer.finish(self._summary(statistics, seconds))
+        return Recording.open(Path(output))
+
+    def frame(self) -> RecordedFrame:
+        """The present step of all characters, those outside the world marked absent."""
+        count = len(self.cast.starts)
+        agent = self.world.column("agent")
+        columns: dict[str, Any] = {}
+        for name in ("node", "previous", "frame", "behavior"):
+            columns[name] = np.full(count, NONE, np.int32)
+            columns[name][agent] = self.world.column(name)
+        pose = np.zeros((count, 3))
+        pose[agent] = self.world.column("pose")
+        state = np.full(count, AgentState.ABSENT, np.int32)
+        state[agent] = self.world.column("state")
+        return RecordedFrame(x=pose[:, 0], y=pose[:, 1], heading=pose[:, 2], state=state, **columns)
+
+    def _summary(self, statistics: Statistics, seconds: float) -> dict[str, Any]:
+        rate = self.setting.steps_per_second
+        done = self._arriving.arrived >= 0
+        times = (self._arriving.arrived - self._entering.entered)[done] / rate
+        return {
+            "characters": len(self.cast.starts),
+            "arrived": int(done.sum()),
+            "unreachable": {str(agent): reason for agent, reason in sorted(self.plans.unreachable.items())},
+            "steps": self.step_count,
+            "mean_time": float(times.mean()) if len(times) else None,
+            "state_hash": f"{self.hash:016x}",
+            **statistics.summary(),
+            "real_time_factor": self.step_count / rate / seconds,
+        }

@@ -1,0 +1,17 @@
+"""One number for the whole state, to compare runs bit by bit."""
+
+from __future__ import annotations
+
+import hashlib
+
+from crowdsim.ecs.world import World
+
+
+def state_hash(world: World, step: int, before: int) -> int:
+    """64 bits over every column of every entity, the step, and the hash of the step before (0 at first)."""
+    digest = hashlib.blake2b(digest_size=8)
+    digest.update(before.to_bytes(8, "little") + step.to_bytes(8, "little"))
+    for name in world.column_names:
+        digest.update(name.encode())
+        digest.update(world.column(name).tobytes())
+    return int.from_bytes(digest.digest(), "little")

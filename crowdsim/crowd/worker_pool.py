@@ -1,0 +1,47 @@
+"""Jobs on threads whose results arrive at a fixed simulation step, so that thread timing never shows.
+
+A job submitted in step s is handed out in step s + latency, waited for where it is not done by then, and
+jobs due in the same step come out in order of their key. Any number of workers gives the same run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from types import TracebackType
+from typing import Generic, TypeVar
+
+Result = TypeVar("Result")
+
+
+class WorkerPool(Generic[Result]):
+    """Threads that run pure functions built on GIL-free kernels.
+
+    workers: number of threads.
+    latency: steps between a submission and the step that receives the result, at least 1.
+    """
+
+    def __init__(self, workers: int, latency: int) -> None:
+        if workers < 1 or latency < 1:
+            raise ValueError("workers and latency must be at least 1")
+        self.latency = latency
+        self._threads = ThreadPoolExecutor(workers, thread_name_prefix="crowdsim")
+        self._pending: list[tuple[int, int, Future[Result]]] = []
+
+    def submit(self, step: int, key: int, job: Callable[[], Result]) -> None:
+        """Start ``job``; its result is due in step ``step + latency``. At most one job a key may be pending."""
+        self._pending.append((step + self.latency, key, self._threads.submit(job)))
+
+    def collect(self, step: int) -> list[tuple[int, Result]]:
+        """(key, result) of every job due by ``step``, by due step and key; re-raises what a job raised."""
+        due = sorted((entry for entry in self._pending if entry[0] <= step), key=lambda entry: entry[:2])
+        self._pending = [entry for entry in self._pending if entry[0] > step]
+        return [(key, future.result()) for _, key, future in due]
+
+    def __enter__(self) -> WorkerPool[Result]:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._threads.shutdown(wait=True, cancel_futures=True)

@@ -1,0 +1,117 @@
+"""Entities as rows of columns: structure of arrays, in spawn order, with ids that are never reused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from crowdsim.constants import NONE
+
+
+@dataclass(frozen=True)
+class Column:
+    """One component: a value of ``dtype`` and ``shape`` for every entity, ``fill`` at spawning."""
+
+    name: str
+    dtype: DTypeLike
+    shape: tuple[int, ...] = ()
+    fill: Any = 0
+
+
+class View:
+    """The columns a system declared, as attributes; those it did not declare for writing are read-only."""
+
+    def __init__(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        self.__dict__.update(arrays)
+
+    def __getattr__(self, name: str) -> NDArray[Any]:
+        raise AttributeError(f"the system did not declare the column '{name}'")
+
+
+class World:
+    """Columns of equal length, one row (slot) an entity.
+
+    Slots follow spawn order: removing entities closes the gaps without reordering the rest, so whatever is
+    computed slot by slot does not depend on who left before. An entity is named by its id, which
+    counts up and is never reused; its slot changes when earlier entities leave. Spawning and removing
+    wait for :meth:`apply_changes`, so that no system sees rows come or go under its feet.
+    """
+
+    def __init__(self, columns: Sequence[Column], capacity: int = 64) -> None:
+        names = [column.name for column in columns]
+        if len(set(names)) != len(names) or "id" in names:
+            raise ValueError("column names must differ from each other and from 'id'")
+        self._columns = (Column("id", np.int64, (), NONE), *columns)
+        self._arrays = {c.name: np.full((capacity, *c.shape), c.fill, c.dtype) for c in self._columns}
+        self._capacity = capacity
+        self._spawning: list[dict[str, Any]] = []
+        self._removing: set[int] = set()
+        self._next_id = 0
+        self.count = 0
+
+    @property
+    def column_names(self) -> tuple[str, ...]:
+        return tuple(column.name for column in self._columns)
+
+    def column(self, name: str) -> NDArray[Any]:
+        """Writable view of the live rows of one column."""
+        return self._arrays[name][: self.count]
+
+    def view(self, reads: Iterable[str] = (), writes: Iterable[str] = ()) -> View:
+        """Views of the live rows of the named columns."""
+        arrays = {}
+        for name in reads:
+            array = self.column(name)
+            array.flags.writeable = False
+            arrays[name] = array
+        for name in writes:
+            arrays[name] = self.column(name)
+        return View(arrays)
+
+    def slot(self, entity: int) -> int:
+        """Row of the entity with this id, or -1 where it is no longer, or not yet, in the world."""
+        ids = self.column("id")
+        row = int(np.searchsorted(ids, entity))
+        return row if row < self.count and ids[row] == entity else NONE
+
+    def spawn(self, **values: Any) -> int:
+        """Ask for a new entity; returns its id. Its row appears with :meth:`apply_changes`."""
+        unknown = values.keys() - set(self.column_names)
+        if unknown:
+            raise KeyError(f"no column named {', '.join(sorted(unknown))}")
+        entity = self._next_id
+        self._next_id += 1
+        self._spawning.append({**values, "id": entity})
+        return entity
+
+    def remove(self, entity: int) -> None:
+        """Ask for an entity to be removed with :meth:`apply_changes`."""
+        self._removing.add(entity)
+
+    def apply_changes(self) -> None:
+        """Remove and add the rows asked for since the last call."""
+        if self._removing:
+            keep = ~np.isin(self.column("id"), np.fromiter(self._removing, np.int64, len(self._removing)))
+            kept = int(keep.sum())
+            for array in self._arrays.values():
+                array[:kept] = array[: self.count][keep]
+            self.count = kept
+            self._removing.clear()
+        for values in self._spawning:
+            if self.count == self._capacity:
+                self._grow()
+            for column in self._columns:
+                self._arrays[column.name][self.count] = values.get(column.name, column.fill)
+            self.count += 1
+        self._spawning.clear()
+
+    def _grow(self) -> None:
+        self._capacity *= 2
+        for column in self._columns:
+            grown = np.full((self._capacity, *column.shape), column.fill, column.dtype)
+            grown[: self.count] = self._arrays[column.name][: self.count]
+            self._arrays[column.name] = grown

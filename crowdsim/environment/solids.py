@@ -1,0 +1,120 @@
+"""Solids that stand on, or hang above, the floor: a footprint between two heights."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from shapely import Polygon
+from shapely.affinity import rotate
+from shapely.validation import explain_validity
+
+from crowdsim.errors import GeometryError
+
+MIN_EXTENT = 1e-3
+"""Meters; anything thinner is a mistake of units or of the drawing."""
+
+_ROUNDING_EXCESS = 2e-3
+"""Meters by which the polygon around a cylinder may stand out at its corners."""
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A vertical prism: ``footprint`` (valid polygon, meters) from height ``bottom`` to ``top`` above the floor.
+
+    Raises
+    ------
+    GeometryError
+        If the footprint is empty, crosses itself or is not finite, or the heights are not finite and ordered.
+    """
+
+    name: str
+    footprint: Polygon
+    bottom: float
+    top: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.bottom) and math.isfinite(self.top) and self.bottom < self.top):
+            raise GeometryError(f"solid '{self.name}': its top {self.top} m must lie above its bottom {self.bottom} m")
+        require_polygon(self.footprint, f"solid '{self.name}'")
+
+    def overlaps(self, low: float, high: float) -> bool:
+        """Whether part of the solid lies strictly between the heights ``low`` and ``high``."""
+        return self.bottom < high and self.top > low
+
+
+def require_polygon(polygon: Polygon, what: str) -> None:
+    """Raise :class:`GeometryError`, naming ``what``, unless ``polygon`` is a finite, simple polygon with an area."""
+    if not isinstance(polygon, Polygon) or polygon.is_empty:
+        raise GeometryError(f"{what}: the outline is empty; give at least three points")
+    if not all(math.isfinite(bound) for bound in polygon.bounds):
+        raise GeometryError(f"{what}: the outline has a coordinate that is not a finite number")
+    # The hull, because the two halves of a crossed outline may cancel in the area.
+    if polygon.convex_hull.area < MIN_EXTENT**2:
+        raise GeometryError(f"{what}: the outline has no area; its points lie on a line or are not in meters")
+    if not polygon.is_valid:
+        raise GeometryError(f"{what}: the outline crosses or touches itself ({explain_validity(polygon)})")
+
+
+def polygon_from_points(points: Sequence[tuple[float, float]], what: str) -> Polygon:
+    """Polygon of a ring of points (n, 2), closed or not; :class:`GeometryError` names ``what`` if it is unusable."""
+    ring = np.asarray(points, np.float64).reshape(-1, 2)
+    if not np.isfinite(ring).all():
+        raise GeometryError(f"{what}: the outline has a coordinate that is not a finite number")
+    distinct = len(np.unique(ring, axis=0))
+    if distinct < 3:
+        raise GeometryError(f"{what}: the outline has {distinct} distinct points; give at least three")
+    polygon = Polygon(ring)
+    require_polygon(polygon, what)
+    return polygon
+
+
+def box(
+    name: str, low: tuple[float, float], high: tuple[float, float], bottom: float, top: float, rotation: float = 0.0
+) -> Solid:
+    """Box between two opposite corners, turned by ``rotation`` degrees counter-clockwise about its center."""
+    if not all(b - a >= MIN_EXTENT for a, b in zip(low, high, strict=True)):
+        raise GeometryError(f"solid '{name}': the box from {list(low)} to {list(high)} has no area; give min below max")
+    (x0, y0), (x1, y1) = low, high
+    footprint = polygon_from_points([(x0, y0), (x1, y0), (x1, y1), (x0, y1)], f"solid '{name}'")
+    return Solid(name, rotate(footprint, rotation, origin="center") if rotation else footprint, bottom, top)
+
+
+def centered_box(
+    name: str,
+    center: tuple[float, float],
+    size: tuple[float, float],
+    bottom: float,
+    top: float,
+    rotation: float = 0.0,
+) -> Solid:
+    """Box of ``size`` (meters along x and y before turning) about ``center``, turned by ``rotation`` degrees."""
+    low = (center[0] - size[0] / 2.0, center[1] - size[1] / 2.0)
+    high = (center[0] + size[0] / 2.0, center[1] + size[1] / 2.0)
+    return box(name, low, high, bottom, top, rotation)
+
+
+def cylinder(name: str, center: tuple[float, float], radius: float, bottom: float, top: float) -> Solid:
+    """Upright cylinder; the footprint is the polygon around it, see :func:`circle_around`."""
+    if not radius >= MIN_EXTENT:
+        raise GeometryError(f"solid '{name}': the radius {radius} m is too small")
+    return Solid(name, circle_around(center, radius), bottom, top)
+
+
+def extrusion(name: str, points: Sequence[tuple[float, float]], bottom: float, top: float) -> Solid:
+    """Prism over the polygon ``points`` (n, 2)."""
+    return Solid(name, polygon_from_points(points, f"solid '{name}'"), bottom, top)
+
+
+def circle_around(center: tuple[float, float], radius: float) -> Polygon:
+    """Regular polygon that contains the circle and touches it, among other places, at its four axis points.
+
+    It stands out by no more than 2 mm at its corners (a twentieth of the radius where that is less).
+    """
+    excess = min(_ROUNDING_EXCESS, radius / 20.0)
+    sides = 4 * math.ceil(math.pi / (4.0 * math.acos(radius / (radius + excess))))
+    angles = (np.arange(sides) + 0.5) * (2.0 * np.pi / sides)
+    corners = radius / math.cos(math.pi / sides)
+    return Polygon(np.column_stack([center[0] + corners * np.cos(angles), center[1] + corners * np.sin(angles)]))

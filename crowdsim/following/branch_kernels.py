@@ -1,0 +1,220 @@
+"""The branches of a motion map laid on the path: steered, judged, tested.
+
+Entries of the map at hand are laid down one by one, each after its parent, and remembered in ``laid`` (rows by
+entry): twist, origin, end pose and arc length of the path at the end. A row is of the stage whose serial it carries.
+"""
+
+import math
+
+import numpy as np
+
+from crowdsim.constants import CAPTURE_RATE, NONE
+from crowdsim.following.path_kernels import path_point, project, sample_index
+from crowdsim.geometry.planar_kernels import compose, wrap_angle
+from crowdsim.jit import kernel
+from crowdsim.motion.track_kernels import next_origin, node_end, track_pose
+from crowdsim.navmesh.clearance_kernels import disc_clearance
+
+TEST_FRAMES = 4
+"""Frames between two samples of the collision test."""
+
+IN_PLACE = 0.15
+"""Meters from start to end below which a node counts as turning in place: its heading is free."""
+
+_BEYOND = 1e-6
+"""Meters beyond the needed clearance up to which it is measured, so that rounding cannot make it look short."""
+
+_MOST_BACKWARD = 0.1
+"""Meters of path that a node may lose: a sway, no step back."""
+
+_HEADING_LEVER = 0.2
+"""Meters by which steering weighs an error of heading (radians) against one of place (meters)."""
+
+_HEADING_WINDOW = 0.3
+"""Meters of path around the end of a node in which its heading must fit."""
+
+_NODE_COST = 0.01
+"""Square meters that each node adds to the area between branch and path: few long nodes rather than many short."""
+
+_TIME_COST = 0.02
+"""Square meters a second, against standing about."""
+
+_SWITCH_COST = 0.05
+"""Square meters for ending where another behavior than the planned goes on."""
+
+_MISFIT_COST = 0.15
+"""Square meters a meter moved with a behavior one step off the planned one."""
+
+_END_COST = 0.25
+"""Weight (meters) of what the end of a branch is off the path: meters aside, and half of the radians."""
+
+
+@kernel
+def _fit_heading(maps, guide, rules, node, heading, arc, window):
+    """Smallest turn that makes the heading of a body at the end of ``node`` fit the path at ``arc``.
+
+    It fits where the body faces as the node's behavior, or one that may follow it here, asks for. The path's
+    direction is taken anywhere within ``window`` meters: a body rounds a corner sooner or later than its path.
+    """
+    best = math.pi
+    here = sample_index(guide, arc)
+    begin = sample_index(guide, arc - window)
+    end = sample_index(guide, arc + window)
+    for b in range(maps.ends_as.shape[1]):
+        if not (maps.ends_as[node, b] and guide.allowed[b, here]):
+            continue
+        for f in range(rules.facings.shape[1]):
+            facing = rules.facings[b, f]
+            if math.isnan(facing):
+                continue
+            for i in range(begin, end + 1):
+                turn = wrap_angle(guide.pose[i, 2] + facing - heading)
+                if abs(turn) < abs(best):
+                    best = turn
+    return best
+
+
+@kernel
+def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
+    """Extra rotation about the planted foot of ``edge`` that brings the end of its target nearest to the path.
+
+    One joint of the planar chain of the 2011 paper (inverse branch kinematics): the angle that points the end at
+    the path and the angle that mends the heading, weighed by the lever each has, clamped to the edge's range.
+    (x, y, heading) is the end of the node before, ``arc`` its place on the path.
+    """
+    low, high = graph.edge_low[edge], graph.edge_high[edge]
+    if high - low <= 0.0:
+        return 0.0
+    node = np.int64(graph.edge_target[edge])
+    ox, oy, oh = next_origin(graph, edge, 0.0, x, y, heading)
+    ex, ey, eh = node_end(graph, node, ox, oy, oh)
+    jx, jy, _ = compose(x, y, heading, graph.edge_pivot[edge, 0], graph.edge_pivot[edge, 1], 0.0)
+    aim, _ = project(guide, ex, ey, arc - 0.2, arc + graph.node_length[node] + 0.3)
+    gx, gy = path_point(guide, aim)
+    lever = (ex - jx) ** 2 + (ey - jy) ** 2
+    toward = wrap_angle(math.atan2(gy - jy, gx - jx) - math.atan2(ey - jy, ex - jx))
+    mend = _fit_heading(maps, guide, rules, node, eh, aim, 0.0)
+    weight = _HEADING_LEVER * _HEADING_LEVER
+    return min(max((lever * toward + weight * mend) / (lever + weight), low), high)
+
+
+@kernel
+def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, stage_arc, serial):
+    """Lay the first ``depth`` entries of ``search.branch`` after the end pose of a stage; how many are to be taken.
+
+    Less than ``depth`` where an entry reaches the goal before; 0 where one is not fit: where it strays, goes back,
+    faces wrong, passes the goal, or is of a behavior that may not be used here. Without a root (-1) an entry is a
+    node, laid down at the stage's end pose itself. ``laid.area`` gathers the area between branch and path (the sum in
+    equation 5 of the 2012 paper, at equal shares of the node's length) and in the same unit a little for each node,
+    its time, and behaviors other than the planned.
+    """
+    total = guide.arc[guide.arc.shape[0] - 1]
+    goal_x, goal_y = path_point(guide, total)
+    x, y, heading = stage_end[0], stage_end[1], stage_end[2]
+    arc = stage_arc
+    area = 0.0
+    for d in range(depth):
+        entry = search.branch[d]
+        if laid.serial[entry] != serial:
+            node = entry
+            edge = np.int64(NONE)
+            twist = 0.0
+            ox, oy, oh = x, y, heading
+            if root >= 0:
+                node = np.int64(maps.node[maps.first[root] + entry])
+                edge = np.int64(maps.edge[maps.first[root] + entry])
+                twist = _steer(graph, maps, guide, rules, edge, x, y, heading, arc)
+                ox, oy, oh = next_origin(graph, edge, twist, x, y, heading)
+            x, y, heading = node_end(graph, node, ox, oy, oh)
+            behavior = graph.node_behavior[node]
+            travel = graph.node_length[node]
+            moved = math.hypot(graph.node_motion[node, 0], graph.node_motion[node, 1])
+            arc_after, end_gap = project(guide, x, y, arc - 0.2, arc + travel + 0.3)
+            backward = arc - arc_after
+            arc_after = max(arc_after, arc)
+            error = abs(_fit_heading(maps, guide, rules, node, heading, arc_after, _HEADING_WINDOW))
+            here = sample_index(guide, arc_after)
+            fit = (
+                end_gap <= rules.deviation
+                and backward <= _MOST_BACKWARD
+                and (moved < IN_PLACE or error <= rules.heading_tolerance)
+                and guide.allowed[behavior, sample_index(guide, arc)]
+                and guide.allowed[behavior, here]
+            )
+            nearest = math.inf
+            if fit:
+                c, s = math.cos(oh), math.sin(oh)
+                begin, end = maps.outline_first[node], maps.outline_first[node + 1]
+                step = travel / (end - begin)
+                pace = (arc_after - arc) / max(travel, 1e-9)
+                for row in range(begin, end):
+                    u, v = maps.outline[row, 0], maps.outline[row, 1]
+                    px, py = ox + c * u - s * v, oy + s * u + c * v
+                    along = min(arc + pace * maps.outline[row, 2], total)
+                    qx, qy = path_point(guide, along)
+                    area += step * math.hypot(px - qx, py - qy)
+                    area += step * _MISFIT_COST * abs(guide.behavior[sample_index(guide, along)] - behavior)
+                    nearest = min(nearest, math.hypot(px - goal_x, py - goal_y))
+                area += _NODE_COST + _TIME_COST * graph.node_frames[node] / CAPTURE_RATE
+                if maps.leads_to[node] != guide.behavior[here]:
+                    area += _SWITCH_COST
+            if rules.end_standing:
+                goal_gap = math.hypot(x - goal_x, y - goal_y)
+                reached = graph.node_ends_standing[node] and goal_gap <= rules.goal_tolerance
+            else:
+                reached = nearest <= rules.goal_tolerance
+            laid.serial[entry] = serial
+            # Who stands past the end, out of reach of the goal, could only shuffle: there are no steps back.
+            stuck = rules.end_standing and graph.node_ends_standing[node]
+            last = total if stuck else total + rules.goal_tolerance
+            laid.fit[entry] = fit and (reached or arc_after <= last)
+            laid.reached[entry] = reached
+            laid.free[entry, 0] = False
+            laid.free[entry, 1] = False
+            laid.node[entry] = node
+            laid.edge[entry] = edge
+            laid.twist[entry] = twist
+            laid.origin[entry, 0], laid.origin[entry, 1], laid.origin[entry, 2] = ox, oy, oh
+            laid.end[entry, 0], laid.end[entry, 1], laid.end[entry, 2] = x, y, heading
+            laid.arc[entry] = arc_after
+            laid.area[entry] = area
+            laid.off[entry] = 0.0 if reached else _END_COST * (end_gap + 0.5 * error)
+        if not laid.fit[entry]:
+            return 0
+        if laid.reached[entry]:
+            return d + 1
+        x, y, heading = laid.end[entry, 0], laid.end[entry, 1], laid.end[entry, 2]
+        arc = laid.arc[entry]
+        area = laid.area[entry]
+    return depth
+
+
+@kernel
+def branch_is_free(graph, rules, mesh, layer, search, laid, depth, stage_end, joined, hints):
+    """Whether the body's discs are free on one layer all along a laid branch.
+
+    The first node where they are not is marked unfit for the stage. The seam to the node before fades out over
+    the first frames; there is one to the stage's end where ``joined``.
+    """
+    x, y, heading = stage_end[0], stage_end[1], stage_end[2]
+    for d in range(depth):
+        entry = search.branch[d]
+        if not laid.free[entry, layer]:
+            node = laid.node[entry]
+            ox, oy, oh = laid.origin[entry, 0], laid.origin[entry, 1], laid.origin[entry, 2]
+            dx, dy, dh = 0.0, 0.0, 0.0
+            if joined or d > 0:
+                dx, dy, dh = x - ox, y - oy, wrap_angle(heading - oh)
+            need = rules.radii[graph.node_behavior[node], layer] + rules.slack
+            frames = np.int64(graph.node_frames[node])
+            frame = np.int64(-TEST_FRAMES)
+            while frame < frames:
+                frame = min(frame + TEST_FRAMES, frames)
+                px, py, _ = track_pose(graph, node, frame, ox, oy, oh, dx, dy, dh)
+                gap, hints[layer] = disc_clearance(mesh, px, py, need + _BEYOND, hints[layer])
+                if gap < need:
+                    laid.fit[entry] = False
+                    return False
+            laid.free[entry, layer] = True
+        x, y, heading = laid.end[entry, 0], laid.end[entry, 1], laid.end[entry, 2]
+    return True

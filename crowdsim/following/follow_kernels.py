@@ -1,0 +1,285 @@
+"""The path-following search: stages, candidates from the motion maps, backtracking (2012 paper, algorithm 2).
+
+A stage is the last node of a partial solution with its place. Its candidates are branches of that node's map
+that keep to the path, best score first; the first whose bodies are free is appended and its last node is
+the next stage. A stage without candidates left is dropped and the one before goes on with its next.
+"""
+
+import math
+
+import numpy as np
+
+from crowdsim.constants import NONE
+from crowdsim.following.branch_kernels import branch_is_free, lay_branch
+from crowdsim.following.map_kernels import BIN, CELL, pack_cell
+from crowdsim.following.path_kernels import path_point, project, sample_index
+from crowdsim.geometry.planar_kernels import to_local, wrap_angle
+from crowdsim.jit import kernel
+from crowdsim.motion.track_kernels import node_end
+
+GOAL_FIRST = 1e6
+"""Taken off the score of branches that reach the goal: they are tried before all others."""
+
+FOUND = 0
+OUT_OF_BUDGET = 1
+BLOCKED = 2
+
+_GAIN = 0.05
+"""Meters of path that count as gained: a branch that gains less stands still."""
+
+_MOST_STILL = 6
+"""Nodes in a row that may turn or shift in place: what more of them reach, fewer do too."""
+
+_PLACE_GRAIN = 0.05
+_HEADING_GRAIN = math.pi / 24.0
+_ARC_GRAIN = 0.1
+"""Two stages within one grain of place (m), heading (rad) and arc (m) and of one family count as the same."""
+
+
+@kernel
+def _load_branch(maps, search, root, entry):
+    """List the entries from the root of a map (left out) to ``entry`` in ``search.branch``; their number."""
+    if root < 0:
+        search.branch[0] = entry
+        return 1
+    base = maps.first[root]
+    depth = np.int64(maps.level[base + entry])
+    for d in range(depth - 1, -1, -1):
+        search.branch[d] = entry
+        entry = np.int64(maps.parent[base + entry])
+    return depth
+
+
+@kernel
+def _keep(search, begin, count, capacity, score, entry):
+    """Sort a candidate into the stage's list of at most ``capacity``; ties by entry. Returns the new count."""
+    at = begin + count
+    if count == capacity:
+        at -= 1
+        if (score, entry) >= (search.score[at], search.candidate[at]):
+            return count
+        count -= 1
+    while at > begin and (score, entry) < (search.score[at - 1], search.candidate[at - 1]):
+        search.score[at] = search.score[at - 1]
+        search.candidate[at] = search.candidate[at - 1]
+        at -= 1
+    search.score[at] = score
+    search.candidate[at] = entry
+    return count + 1
+
+
+@kernel
+def _faces_along(rules, turn):
+    """Whether a body turned by ``turn`` from the direction of motion may face that way in some behavior."""
+    for b in range(rules.facings.shape[0]):
+        for f in range(rules.facings.shape[1]):
+            if abs(wrap_angle(turn - rules.facings[b, f])) <= 1.5 * BIN:
+                return True
+    return False
+
+
+@kernel
+def _mark_along_path(maps, guide, rules, search, root, origin, arc, serial):
+    """Mark the entries of the map in and around the cells that the path crosses from ``arc`` on.
+
+    Query points lie a cell apart up to the map's average length. Marked entries carry ``serial``.
+    """
+    base, stop = maps.first[root], maps.first[root + 1]
+    points = int(maps.average[root] / CELL) + 1
+    for q in range(points + 1):
+        at = arc + q * CELL
+        gx, gy = path_point(guide, at)
+        direction = guide.pose[sample_index(guide, at), 2]
+        lx, ly, along = to_local(origin[0], origin[1], origin[2], gx, gy, direction)
+        ix = math.floor(lx / CELL + 0.5)
+        iy = math.floor(ly / CELL + 0.5)
+        for column in range(ix - 1, ix + 2):
+            low = pack_cell(column, iy - 1, 0)
+            high = pack_cell(column, iy + 1, 15)
+            begin, end = base, stop
+            while begin < end:
+                middle = (begin + end) >> 1
+                if maps.key[middle] < low:
+                    begin = middle + 1
+                else:
+                    end = middle
+            while begin < stop and maps.key[begin] <= high:
+                entry = maps.order[begin]
+                if search.marked[entry] != serial and _faces_along(rules, maps.pose[base + entry, 2] - along):
+                    search.marked[entry] = serial
+                begin += 1
+
+
+@kernel
+def _collect(graph, maps, guide, rules, search, laid, root, origin, end, arc, begin, serial):
+    """Score the candidates of a stage into its list, which starts at ``begin``; returns their number.
+
+    The best branches found along the path, and every single successor: these keep a stage going where the path
+    leaves all cells of the map. Without a root every node may be the first. The score is equation 5 of the 2012
+    paper, with the last node's own track: where it begins, all children of a node look alike.
+    """
+    skipped = 0
+    size = graph.node_frames.shape[0]
+    singles = size
+    if root >= 0:
+        base = maps.first[root]
+        skipped = 1
+        size = maps.first[root + 1] - base
+        singles = 1
+        while singles < size and maps.level[base + singles] == 1:
+            singles += 1
+        _mark_along_path(maps, guide, rules, search, root, origin, arc, serial)
+    count = np.int64(0)
+    capacity = rules.candidates
+    for i in range(size - skipped):
+        entry = singles + i if singles + i < size else singles + i - size + skipped
+        single = entry < singles
+        if single:
+            capacity += 1
+            if root < 0 and graph.node_idle[entry]:
+                continue
+        elif search.marked[entry] != serial:
+            continue
+        depth = _load_branch(maps, search, root, entry)
+        taken = lay_branch(graph, maps, guide, rules, search, laid, root, depth, end, arc, serial)
+        if taken == 0:
+            continue
+        entry = search.branch[taken - 1]
+        if taken < depth:
+            if entry < singles or search.marked[entry] == serial:
+                continue
+            search.marked[entry] = serial
+        gain = max(laid.arc[entry] - arc, 0.1)
+        score = (laid.area[entry] + laid.off[entry]) / (gain * gain)
+        if laid.reached[entry]:
+            score -= GOAL_FIRST
+        count = _keep(search, begin, count, capacity, score, entry)
+    return count
+
+
+@kernel
+def _seen(search, family, end, arc):
+    """Enter a stage into the memory of visited ones; whether one like it was there."""
+    key = np.int64(family)
+    key = key * 1000003 + np.int64(math.floor(end[0] / _PLACE_GRAIN + 0.5))
+    key = key * 1000003 + np.int64(math.floor(end[1] / _PLACE_GRAIN + 0.5))
+    key = key * 1000003 + np.int64(math.floor(end[2] / _HEADING_GRAIN + 0.5)) % 48
+    key = key * 1000003 + np.int64(math.floor(arc / _ARC_GRAIN + 0.5))
+    key |= 1
+    mask = search.memory.shape[0] - 1
+    slot = ((key * np.int64(-7046029254386353131)) >> 32) & mask
+    while search.memory[slot] != 0:
+        if search.memory[slot] == key:
+            return True
+        slot = (slot + 1) & mask
+    search.memory[slot] = key
+    return False
+
+
+@kernel
+def _open_stage(search, top, node, origin, end, arc, count, still):
+    """Put a stage on top of the stack: the last of ``count`` nodes of the solution, its place, its end's arc length.
+
+    ``still`` counts the nodes since the path was last gained on.
+    """
+    search.stage_still[top] = still
+    search.stage_node[top] = node
+    for k in range(3):
+        search.stage_origin[top, k] = origin[k]
+        search.stage_end[top, k] = end[k]
+    search.stage_arc[top] = arc
+    search.stage_count[top] = count
+    search.stage_serial[top] = 0
+    search.stage_next[top] = 0
+
+
+@kernel
+def _record_best(search, count):
+    """Remember the present solution as the best."""
+    for i in range(count):
+        search.best_node[i] = search.node[i]
+        search.best_edge[i] = search.edge[i]
+        search.best_twist[i] = search.twist[i]
+        for k in range(3):
+            search.best_origin[i, k] = search.origin[i, k]
+    return count
+
+
+@kernel
+def follow(graph, maps, guide, rules, legs, torso, start_pose, start_node, search, laid):
+    """Search the motion along a path. Returns (status, nodes of the best solution, arc it reached, map queries).
+
+    The best solution is left in ``search.best_*``: complete where the status is FOUND, else the one that came farthest.
+    ``start_node`` is -1 where any node may begin at ``start_pose``.
+    """
+    hints = np.zeros(2, np.int64)
+    hints[0] = hints[1] = NONE
+    room = search.candidate.shape[0] // search.stage_node.shape[0]
+    end = np.empty(3)
+    for k in range(3):
+        end[k] = start_pose[k]
+    count = np.int64(0)
+    travel = 0.0
+    if start_node >= 0:
+        end[0], end[1], end[2] = node_end(graph, start_node, start_pose[0], start_pose[1], start_pose[2])
+        travel = graph.node_length[start_node]
+        search.node[0] = start_node
+        search.edge[0] = NONE
+        search.twist[0] = 0.0
+        for k in range(3):
+            search.origin[0, k] = start_pose[k]
+        count = 1
+    arc, _ = project(guide, end[0], end[1], 0.0, travel + 1.0)
+    top = np.int64(0)
+    _open_stage(search, top, start_node, start_pose, end, max(arc, 0.0), count, np.int64(0))
+    best_arc = -1.0
+    best_count = 0
+    queries = 0
+    while top >= 0:
+        root = search.stage_node[top]
+        end = search.stage_end[top]
+        arc = search.stage_arc[top]
+        begin = top * room
+        if search.stage_serial[top] == 0:
+            if arc > best_arc + _GAIN:
+                best_arc = arc
+                best_count = _record_best(search, search.stage_count[top])
+            if queries == rules.budget:
+                return OUT_OF_BUDGET, best_count, best_arc, queries
+            queries += 1
+            search.stage_serial[top] = queries
+            search.stage_size[top] = _collect(
+                graph, maps, guide, rules, search, laid, root, search.stage_origin[top], end, arc, begin, queries
+            )
+        if search.stage_next[top] == search.stage_size[top]:
+            top -= 1
+            continue
+        entry = search.candidate[begin + search.stage_next[top]]
+        search.stage_next[top] += 1
+        depth = _load_branch(maps, search, root, entry)
+        depth = lay_branch(graph, maps, guide, rules, search, laid, root, depth, end, arc, search.stage_serial[top])
+        if not (
+            depth > 0
+            and branch_is_free(graph, rules, legs, np.int64(0), search, laid, depth, end, root >= 0, hints)
+            and branch_is_free(graph, rules, torso, np.int64(1), search, laid, depth, end, root >= 0, hints)
+        ):
+            continue
+        count = search.stage_count[top]
+        for d in range(depth):
+            entry = search.branch[d]
+            search.node[count] = laid.node[entry]
+            search.edge[count] = laid.edge[entry]
+            search.twist[count] = laid.twist[entry]
+            for k in range(3):
+                search.origin[count, k] = laid.origin[entry, k]
+            count += 1
+        if laid.reached[entry]:
+            return FOUND, _record_best(search, count), laid.arc[entry], queries
+        still = search.stage_still[top] + depth if laid.arc[entry] - arc < _GAIN else 0
+        if top + 1 == search.stage_node.shape[0] or still > _MOST_STILL:
+            continue
+        last = laid.node[entry]
+        if not _seen(search, maps.family[last], laid.end[entry], laid.arc[entry]):
+            top += 1
+            _open_stage(search, top, last, laid.origin[entry], laid.end[entry], laid.arc[entry], count, still)
+    return BLOCKED, best_count, best_arc, queries

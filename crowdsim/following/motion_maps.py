@@ -1,0 +1,146 @@
+"""Motion maps: for every node of the motion graph, where the motions that begin with it lead."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import MotionError
+from crowdsim.following.map_kernels import CELL, grow_maps
+from crowdsim.motion.graph_arrays import GraphArrays
+
+
+class MapArrays(NamedTuple):
+    """All maps one after the other, the form that kernels read; entries of a map are in the order of the search.
+
+    first: (N + 1,) int64, entries ``first[n]:first[n + 1]`` are the map of node n; entry 0 of a map is its root.
+    key, order: (E,) int64 and int32, cells of a map in ascending order and the entry (counted within the map) in each.
+    parent: (E,) int32, entry before, counted within the map, -1 for the root.
+    edge, node, level: (E,) int32, edge taken into the entry's node, the node, edges since the root.
+    pose: (E, 3) float32, where the node starts; length: (E,) float32, meters of track before it.
+    average: (N,) float64, mean of ``length`` over a map (2012 paper, equation 2).
+    family: (N,) int32, equal for nodes that have the same successors.
+    ends_as: (N, B) bool, whether a node is of a behavior or leads straight to one of it.
+    leads_to: (N,) int32, behavior of most successors.
+    outline_first: (N + 1,) int64, rows of ``outline`` for each node.
+    outline: (S, 3) float64, x, y, arc length of points at most a cell apart along each node's track, its end included.
+    """
+
+    first: NDArray[np.int64]
+    key: NDArray[np.int64]
+    order: NDArray[np.int32]
+    parent: NDArray[np.int32]
+    edge: NDArray[np.int32]
+    node: NDArray[np.int32]
+    level: NDArray[np.int32]
+    pose: NDArray[np.float32]
+    length: NDArray[np.float32]
+    average: NDArray[np.float64]
+    family: NDArray[np.int32]
+    ends_as: NDArray[np.bool_]
+    leads_to: NDArray[np.int32]
+    outline_first: NDArray[np.int64]
+    outline: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MotionMaps:
+    """Precomputed maps of one motion graph (2012 paper, section 4)."""
+
+    arrays: MapArrays
+
+    @property
+    def entry_count(self) -> int:
+        return len(self.arrays.key)
+
+    @property
+    def cell_count(self) -> int:
+        """Occupied cells of all maps together."""
+        a = self.arrays
+        return sum(len(np.unique(a.key[i:j])) for i, j in zip(a.first[:-1], a.first[1:], strict=True))
+
+    @property
+    def bytes(self) -> int:
+        return sum(column.nbytes for column in self.arrays)
+
+    @classmethod
+    def build(cls, graph: GraphArrays, depth: int = 4, reach: float = 3.5, max_entries: int = 2500) -> MotionMaps:
+        """Grow the map of every node by Dijkstra's search over track length (2012 paper, algorithm 1).
+
+        depth: most edges of a branch. reach: meters of search cost (track length, turning, a little for each
+        node) beyond which no node is expanded. max_entries: most entries of a map; all successors of a node
+        always fit. MotionError where a number is out of range.
+        """
+        degree = int(np.diff(graph.edge_start).max(initial=0))
+        if depth < 1 or reach <= 0.0 or max_entries < 1:
+            raise MotionError(
+                f"motion maps need depth >= 1, reach > 0 and max_entries >= 1, not {depth}, {reach}, {max_entries}"
+            )
+        nodes = len(graph.node_frames)
+        capacity = max(max_entries, degree + 1)
+        rows = nodes * capacity
+        first = np.empty(nodes + 1, np.int64)
+        key = np.empty(rows, np.int64)
+        parent, edge, node, level = (np.empty(rows, np.int32) for _ in range(4))
+        pose = np.empty((rows, 3), np.float32)
+        length = np.empty(rows, np.float32)
+        count = grow_maps(graph, depth, float(reach), capacity, first, key, parent, edge, node, level, pose, length)
+        sizes = np.diff(first)
+        owner = np.repeat(np.arange(nodes), sizes)
+        ranks = np.lexsort((key[:count], owner))
+        outline_first, outline = _outlines(graph)
+        successors = _behavior_counts(graph)
+        arrays = MapArrays(
+            first=first,
+            key=key[ranks],
+            order=(ranks - first[owner]).astype(np.int32),
+            parent=parent[:count].copy(),
+            edge=edge[:count].copy(),
+            node=node[:count].copy(),
+            level=level[:count].copy(),
+            pose=pose[:count].copy(),
+            length=length[:count].copy(),
+            average=np.add.reduceat(length[:count].astype(np.float64), first[:-1]) / sizes,
+            family=_families(graph),
+            ends_as=successors > 0,
+            leads_to=np.argmax(successors - np.eye(successors.shape[1])[graph.node_behavior], axis=1).astype(np.int32),
+            outline_first=outline_first,
+            outline=outline,
+        )
+        return cls(arrays)
+
+
+def _families(graph: GraphArrays) -> NDArray[np.int32]:
+    """Number of each node's set of successors, in order of first appearance."""
+    numbers: dict[bytes, int] = {}
+    family = np.empty(len(graph.node_frames), np.int32)
+    for n in range(len(family)):
+        successors = np.unique(graph.edge_target[graph.edge_start[n] : graph.edge_start[n + 1]]).tobytes()
+        family[n] = numbers.setdefault(successors, len(numbers))
+    return family
+
+
+def _behavior_counts(graph: GraphArrays) -> NDArray[np.int32]:
+    """How often each behavior (N, B) stands among a node and its successors."""
+    nodes = len(graph.node_frames)
+    table = np.zeros((nodes, int(graph.node_behavior.max(initial=0)) + 1), np.int32)
+    table[np.arange(nodes), graph.node_behavior] = 1
+    source = np.repeat(np.arange(nodes), np.diff(graph.edge_start))
+    np.add.at(table, (source, graph.node_behavior[graph.edge_target]), 1)
+    return table
+
+
+def _outlines(graph: GraphArrays) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Track of each node resampled by arc length; a node that turns in place gives its end alone."""
+    outlines = []
+    for track, frames in zip(graph.node_track, graph.node_frames, strict=True):
+        points = graph.tracks[track : track + frames + 1, :2]
+        arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+        pieces = max(1, int(np.ceil(arc[-1] / CELL)))
+        at = arc[-1] * np.arange(1, pieces + 1) / pieces
+        outlines.append(np.column_stack([np.interp(at, arc, points[:, 0]), np.interp(at, arc, points[:, 1]), at]))
+    first = np.concatenate([[0], np.cumsum([len(o) for o in outlines])]).astype(np.int64)
+    return first, np.concatenate(outlines)

@@ -1,0 +1,250 @@
+"""From an annotated path to the nodes of the motion graph that walk it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import MotionError
+from crowdsim.following.follow_kernels import BLOCKED, FOUND, OUT_OF_BUDGET, follow
+from crowdsim.following.motion_maps import MotionMaps
+from crowdsim.motion.graph_arrays import GraphArrays
+
+Floats = NDArray[np.float64]
+
+
+class Samples(Protocol):
+    """A path at equal steps: pose (m, 3) x, y and direction of motion; arc (m,); behavior (m,) int32."""
+
+    @property
+    def pose(self) -> Floats: ...
+    @property
+    def arc(self) -> Floats: ...
+    @property
+    def behavior(self) -> NDArray[np.int32]: ...
+
+
+class FollowStatus(IntEnum):
+    """How a search for motion along a path ended."""
+
+    FOUND = FOUND
+    OUT_OF_BUDGET = OUT_OF_BUDGET
+    BLOCKED = BLOCKED
+
+
+@dataclass(frozen=True)
+class FollowOptions:
+    """What the follower holds to.
+
+    goal_tolerance: meters from the path's end within which the last node must pass, or end where end_standing.
+    end_standing: whether the last node must end standing.
+    transition_reach: meters around a section in which a behavior that faces off the direction of motion is allowed.
+    heading_tolerance: radians between body and path at the end of each node that moves.
+    deviation: meters that the end of a node may lie off the path.
+    slack: meters kept free beyond the body's radius, for what passes between two samples of the test.
+    candidates: branches kept at each stage beside the single successors.
+    budget: map queries until the search gives up.
+    """
+
+    goal_tolerance: float = 0.35
+    end_standing: bool = False
+    transition_reach: float = 2.0
+    heading_tolerance: float = float(np.radians(35.0))
+    deviation: float = 0.6
+    slack: float = 0.005
+    candidates: int = 48
+    budget: int = 4_000
+
+
+@dataclass(frozen=True)
+class FollowResult:
+    """Nodes of the motion graph in order, as far as the search came.
+
+    nodes, edges: (K,) int32, edge taken into each node, -1 for the first. twists: (K,) radians of extra rotation at
+    that edge. origins: (K, 3) world pose where each node starts. reached: arc length of the path at the end.
+    expansions: map queries made.
+    """
+
+    status: FollowStatus
+    nodes: NDArray[np.int32]
+    edges: NDArray[np.int32]
+    twists: Floats
+    origins: Floats
+    reached: float
+    expansions: int
+
+
+class _Guide(NamedTuple):
+    pose: Floats
+    arc: Floats
+    behavior: NDArray[np.int32]
+    allowed: NDArray[np.bool_]
+
+
+class _Rules(NamedTuple):
+    radii: Floats
+    facings: Floats
+    goal_tolerance: float
+    end_standing: bool
+    heading_tolerance: float
+    deviation: float
+    slack: float
+    candidates: int
+    budget: int
+
+
+class _Laid(NamedTuple):
+    serial: NDArray[np.int64]
+    fit: NDArray[np.bool_]
+    reached: NDArray[np.bool_]
+    free: NDArray[np.bool_]
+    node: NDArray[np.int64]
+    edge: NDArray[np.int64]
+    twist: Floats
+    origin: Floats
+    end: Floats
+    arc: Floats
+    area: Floats
+    off: Floats
+
+
+class _Search(NamedTuple):
+    stage_node: NDArray[np.int64]
+    stage_origin: Floats
+    stage_end: Floats
+    stage_arc: Floats
+    stage_count: NDArray[np.int64]
+    stage_still: NDArray[np.int64]
+    stage_size: NDArray[np.int64]
+    stage_next: NDArray[np.int64]
+    stage_serial: NDArray[np.int64]
+    candidate: NDArray[np.int64]
+    score: Floats
+    marked: NDArray[np.int64]
+    branch: NDArray[np.int64]
+    memory: NDArray[np.int64]
+    node: NDArray[np.int64]
+    edge: NDArray[np.int64]
+    twist: Floats
+    origin: Floats
+    best_node: NDArray[np.int64]
+    best_edge: NDArray[np.int64]
+    best_twist: Floats
+    best_origin: Floats
+
+
+def follow_path(
+    graph: GraphArrays,
+    maps: MotionMaps,
+    samples: Samples,
+    meshes: tuple[Any, Any],
+    radii: Floats,
+    facings: Floats,
+    start_pose: Floats,
+    start_node: int = -1,
+    options: FollowOptions | None = None,
+) -> FollowResult:
+    """Find nodes that walk along a path with every body disc free on both layers (2012 paper, section 5).
+
+    meshes: kernel arrays of the legs' and the torso's mesh. radii: (B, 2) body radius of each behavior on the two
+    layers. facings: (B, F) allowed headings of the body relative to its direction of motion, padded with NaN.
+    start_pose: (3,) where the first node starts. start_node: the first node, taken as being played already and not
+    tested; -1 to choose one. Safe to call from several threads at once. MotionError where shapes do not fit.
+    """
+    options = options or FollowOptions()
+    behaviors = int(graph.node_behavior.max(initial=0)) + 1
+    if len(samples.arc) < 2 or not samples.arc[-1] > 0.0:
+        raise MotionError("a path to follow needs two samples and a length; there is nothing to walk")
+    if len(radii) < behaviors or len(facings) != len(radii) or radii.shape[1] != 2:
+        raise MotionError(
+            f"radii {radii.shape} and facings {facings.shape} must have a row for each of the {behaviors} behaviors"
+        )
+    guide = _Guide(samples.pose, samples.arc, samples.behavior, _allowed(samples, facings, options.transition_reach))
+    rules = _Rules(
+        np.ascontiguousarray(radii, np.float64),
+        np.ascontiguousarray(facings, np.float64),
+        float(options.goal_tolerance),
+        bool(options.end_standing),
+        float(options.heading_tolerance),
+        float(options.deviation),
+        float(options.slack),
+        int(options.candidates),
+        int(options.budget),
+    )
+    search, laid = _workspace(graph, maps, float(samples.arc[-1]), rules)
+    start = np.array(start_pose, np.float64)
+    status, count, reached, expansions = follow(
+        graph, maps.arrays, guide, rules, meshes[0], meshes[1], start, int(start_node), search, laid
+    )
+    return FollowResult(
+        FollowStatus(status),
+        search.best_node[:count].astype(np.int32),
+        search.best_edge[:count].astype(np.int32),
+        search.best_twist[:count].copy(),
+        search.best_origin[:count].copy(),
+        float(reached),
+        int(expansions),
+    )
+
+
+def _allowed(samples: Samples, facings: Floats, reach: float) -> NDArray[np.bool_]:
+    """Where along the path each behavior may be used, (B, m).
+
+    A behavior that faces along the motion may be used anywhere; one that does not (stepping sideways) only within
+    ``reach`` of a section planned for it or for a narrower one.
+    """
+    allowed = np.ones((len(facings), len(samples.arc)), np.bool_)
+    for b, row in enumerate(facings):
+        if np.nanmin(np.abs(row)) <= np.pi / 4.0:
+            continue
+        planned = samples.arc[samples.behavior <= b]
+        if not len(planned):
+            allowed[b] = False
+            continue
+        after = np.minimum(np.searchsorted(planned, samples.arc), len(planned) - 1)
+        before = np.maximum(after - 1, 0)
+        gap = np.minimum(np.abs(planned[after] - samples.arc), np.abs(planned[before] - samples.arc))
+        allowed[b] = gap <= reach
+    return allowed
+
+
+def _workspace(graph: GraphArrays, maps: MotionMaps, length: float, rules: _Rules) -> tuple[_Search, _Laid]:
+    """Room for one search; a solution has some nodes for each meter of path."""
+    arrays = maps.arrays
+    depth = max(int(arrays.level.max(initial=1)), 1)
+    stages = 64 + int(8.0 * length)
+    nodes = stages * depth + 1
+    singles = max(int(np.diff(graph.edge_start).max(initial=0)), len(graph.node_frames))
+    pool = stages * (rules.candidates + singles)
+    entries = max(int(np.diff(arrays.first).max(initial=1)), len(graph.node_frames))
+    memory = 1 << max(10, int(2 * rules.budget).bit_length())
+
+    def ints(n: int) -> NDArray[np.int64]:
+        return np.empty(n, np.int64)
+
+    search = _Search(
+        ints(stages), np.empty((stages, 3)), np.empty((stages, 3)), np.empty(stages),
+        ints(stages), ints(stages), ints(stages), ints(stages), ints(stages),
+        ints(pool), np.empty(pool), np.zeros(entries, np.int64), ints(depth), np.zeros(memory, np.int64),
+        ints(nodes), ints(nodes), np.empty(nodes), np.empty((nodes, 3)),
+        ints(nodes), ints(nodes), np.empty(nodes), np.empty((nodes, 3)),
+    )  # fmt: skip
+    laid = _Laid(
+        serial=np.zeros(entries, np.int64),
+        fit=np.empty(entries, np.bool_),
+        reached=np.empty(entries, np.bool_),
+        free=np.empty((entries, 2), np.bool_),
+        node=ints(entries),
+        edge=ints(entries),
+        twist=np.empty(entries),
+        origin=np.empty((entries, 3)),
+        end=np.empty((entries, 3)),
+        arc=np.empty(entries),
+        area=np.empty(entries),
+        off=np.empty(entries),
+    )
+    return search, laid

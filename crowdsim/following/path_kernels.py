@@ -1,0 +1,54 @@
+"""A path as samples at equal steps of arc length: where it is, where it goes, the nearest point of a stretch.
+
+``arc`` runs from 0 to the length L; a path goes on straight beyond both ends, so that a motion that starts before
+it or overshoots it still has somewhere to aim.
+"""
+
+import math
+
+from crowdsim.jit import kernel
+
+
+@kernel
+def sample_index(guide, arc):
+    """Index of the path sample nearest to ``arc``."""
+    last = guide.arc.shape[0] - 1
+    i = math.floor(arc / guide.arc[last] * last + 0.5)
+    return min(max(i, 0), last)
+
+
+@kernel
+def path_point(guide, arc):
+    """Point (x, y) at ``arc``."""
+    last = guide.arc.shape[0] - 1
+    i = min(max(math.floor(arc / guide.arc[last] * last), 0), last - 1)
+    u = (arc - guide.arc[i]) / (guide.arc[i + 1] - guide.arc[i])
+    return (
+        guide.pose[i, 0] + u * (guide.pose[i + 1, 0] - guide.pose[i, 0]),
+        guide.pose[i, 1] + u * (guide.pose[i + 1, 1] - guide.pose[i, 1]),
+    )
+
+
+@kernel
+def project(guide, x, y, low, high):
+    """Arc length of the point nearest to (x, y) between the arcs ``low`` and ``high``, and its distance."""
+    last = guide.arc.shape[0] - 1
+    step = guide.arc[last] / last
+    begin = min(max(math.floor(low / step), 0), last - 1)
+    end = min(max(math.floor(high / step), begin), last - 1)
+    best_arc = 0.0
+    best = math.inf
+    for i in range(begin, end + 1):
+        ax, ay = guide.pose[i, 0], guide.pose[i, 1]
+        dx, dy = guide.pose[i + 1, 0] - ax, guide.pose[i + 1, 1] - ay
+        u = ((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy)
+        if i > 0:
+            u = max(u, 0.0)
+        if i < last - 1:
+            u = min(u, 1.0)
+        gx, gy = x - ax - u * dx, y - ay - u * dy
+        gap = gx * gx + gy * gy
+        if gap < best:
+            best = gap
+            best_arc = guide.arc[i] + u * (guide.arc[i + 1] - guide.arc[i])
+    return best_arc, math.sqrt(best)

@@ -1,0 +1,43 @@
+"""Squared distances between points and segments."""
+
+from crowdsim.jit import kernel
+
+
+@kernel
+def point_segment_distance2(px, py, ax, ay, bx, by):
+    """Squared distance from p to the segment ab (which may be a point)."""
+    ux = bx - ax
+    uy = by - ay
+    wx = px - ax
+    wy = py - ay
+    length2 = ux * ux + uy * uy
+    along = ux * wx + uy * wy
+    if along <= 0.0:
+        return wx * wx + wy * wy
+    if along >= length2:
+        wx = px - bx
+        wy = py - by
+        return wx * wx + wy * wy
+    cross = ux * wy - uy * wx
+    return cross * cross / length2
+
+
+@kernel
+def segment_segment_distance2(px, py, qx, qy, ax, ay, bx, by):
+    """Squared distance between the segments pq and ab; zero where they cross. Either may be a point."""
+    ux = qx - px
+    uy = qy - py
+    side_a = ux * (ay - py) - uy * (ax - px)
+    side_b = ux * (by - py) - uy * (bx - px)
+    vx = bx - ax
+    vy = by - ay
+    side_p = vx * (py - ay) - vy * (px - ax)
+    side_q = vx * (qy - ay) - vy * (qx - ax)
+    if ((side_a > 0.0 and side_b < 0.0) or (side_a < 0.0 and side_b > 0.0)) and (
+        (side_p > 0.0 and side_q < 0.0) or (side_p < 0.0 and side_q > 0.0)
+    ):
+        return 0.0
+    best = point_segment_distance2(px, py, ax, ay, bx, by)
+    best = min(best, point_segment_distance2(qx, qy, ax, ay, bx, by))
+    best = min(best, point_segment_distance2(ax, ay, px, py, qx, qy))
+    return min(best, point_segment_distance2(bx, by, px, py, qx, qy))

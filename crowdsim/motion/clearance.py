@@ -1,0 +1,116 @@
+"""How much room a motion needs beside its track, by height band (2018 paper, section 3.1).
+
+The paper measures diameters that enclose the body orthogonally to its motion; the engine keeps radii about the track.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.constants import CAPTURE_RATE
+from crowdsim.motion.clip import Clip
+from crowdsim.motion.kinematics import Floats, end_positions, forward_kinematics
+from crowdsim.motion.skeleton import Skeleton
+from crowdsim.motion.tracks import track_of
+
+_HEEL = 0.06
+"""Meters from the ankle joint back to the end of the heel, which no joint marks."""
+
+_CURVE = 0.5
+"""Radians a meter above which a body turns rather than goes on (a curve of 2 m radius); such frames say nothing about
+a passage."""
+
+_MOVING = 0.1
+"""Meters a second below which it stands: neither do those."""
+
+_SPACING = 0.04
+"""Meters between the points that stand for a bone."""
+
+_FLESH = 0.06
+"""Meters from a bone to the skin, where no role says better."""
+
+_FLESH_BY_ROLE: Mapping[str, float] = {
+    "hips": 0.12,
+    "chest": 0.12,
+    "neck": 0.06,
+    "head": 0.09,
+    **{f"{side}_{part}": flesh for side in ("left", "right") for part, flesh in (
+        ("shoulder", 0.06), ("elbow", 0.05), ("wrist", 0.045),
+        ("hip", 0.08), ("knee", 0.06), ("ankle", 0.045), ("toe", 0.045),
+    )},
+}  # fmt: skip
+"""Meters of flesh about the joint that plays the role; a bone tapers from joint to joint."""
+
+
+def measure_clearances(clip: Clip, bands: Sequence[tuple[float, float]], facing: float = 0.0) -> Floats:
+    """(bands,) meters, largest reach of the body to either side of its track within each height band.
+
+    ``bands`` holds (low, high) heights. ``facing`` is the angle from the direction of motion to the heading
+    (`Behavior.facing`): 0 for a body that walks ahead, pi/2 for one that side-steps, whose depth then counts. Frames
+    in a curve tighter than 2 m or hardly moving are left out: there is no side to a sharp turn or to a stand. Where nothing of the body is in a band, or no frame goes on, the clearance is 0.
+    """
+    track = track_of(clip)
+    if len(track) < 2:
+        return np.zeros(len(bands))
+    velocity = np.gradient(track, axis=0) * CAPTURE_RATE
+    speed = np.linalg.norm(velocity[:, :2], axis=1)
+    goes_on = (np.abs(velocity[:, 2]) <= _CURVE * speed) & (speed >= _MOVING)
+    if not goes_on.any():
+        return np.zeros(len(bands))
+    points, flesh = _body_points(clip)
+    points, motion, track = points[goes_on], track[goes_on, 2] - facing, track[goes_on]
+    side = np.stack([-np.sin(motion), np.cos(motion)], axis=1)
+    reach = np.abs(np.einsum("fpi,fi->fp", points[..., :2] - track[:, None, :2], side)) + flesh
+    height = points[..., 2]
+    result = []
+    for low, high in bands:
+        inside = (height + flesh >= low) & (height - flesh <= high)
+        result.append(float(np.max(np.where(inside, reach, 0.0), initial=0.0)))
+    return np.array(result)
+
+
+def _body_points(clip: Clip) -> tuple[Floats, Floats]:
+    """Points (F, P, 3) along the bones out to the end sites and heels, and the flesh (P,) about each."""
+    skeleton = clip.skeleton
+    positions, world = forward_kinematics(skeleton, clip.root_positions, clip.rotations)
+    around = _joint_flesh(skeleton)
+    points, flesh = [positions], [around]
+    for joint, parent in enumerate(skeleton.parents):
+        if parent >= 0:
+            _add_bone(points, flesh, positions[:, parent], positions[:, joint], around[parent], around[joint])
+    ends = end_positions(skeleton, positions, world)
+    for k, parent in enumerate(skeleton.end_parents):
+        # An end site lies on the skin: the flesh about it must not reach beyond.
+        _add_bone(points, flesh, positions[:, parent], ends[:, k], around[parent], 0.02)
+    for side in ("left", "right"):
+        if f"{side}_ankle" in skeleton.roles and f"{side}_toe" in skeleton.roles:
+            ankle, toe = positions[:, skeleton.joint(f"{side}_ankle")], positions[:, skeleton.joint(f"{side}_toe")]
+            along = toe - ankle
+            along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+            points.append((ankle - (_HEEL - 0.02) * along)[:, None])
+            flesh.append(np.array([0.02]))
+    return np.concatenate(points, axis=1), np.concatenate(flesh)
+
+
+def _joint_flesh(skeleton: Skeleton) -> Floats:
+    """(J,) meters: by role, and joints without one as their nearest ancestor with one."""
+    flesh = np.full(skeleton.joint_count, _FLESH)
+    by_joint = {joint: _FLESH_BY_ROLE[role] for role, joint in skeleton.roles.items()}
+    for joint, parent in enumerate(skeleton.parents):
+        flesh[joint] = by_joint.get(joint, flesh[parent] if parent >= 0 else _FLESH)
+    return flesh
+
+
+def _add_bone(
+    points: list[Floats], flesh: list[NDArray[np.float64]], start: Floats, end: Floats, thick: float, thin: float
+) -> None:
+    length = float(np.max(np.linalg.norm(end - start, axis=1)))
+    count = int(np.ceil(length / _SPACING))
+    if count < 1:
+        return
+    share = np.arange(1, count + 1) / count
+    points.append(start[:, None] + share[None, :, None] * (end - start)[:, None])
+    flesh.append(thick + share * (thin - thick))

@@ -1,0 +1,46 @@
+"""Smooth curves over frames."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+def smoothed(values: Floats, sigma: float) -> Floats:
+    """(F, ...) values averaged under a bell of ``sigma`` frames; ends are continued as they are."""
+    reach = int(np.ceil(3.5 * sigma))
+    bell = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    bell /= bell.sum()
+    flat = values.reshape(len(values), -1)
+    padded = np.concatenate([np.repeat(flat[:1], reach, 0), flat, np.repeat(flat[-1:], reach, 0)])
+    out = np.stack([np.convolve(column, bell, mode="valid") for column in padded.T], axis=-1)
+    return out.reshape(values.shape)
+
+
+def ease(u: Floats) -> Floats:
+    """0 for u <= 0, 1 for u >= 1, between them with no jump in the first two derivatives."""
+    u = np.clip(u, 0.0, 1.0)
+    return u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
+
+
+def hermite(u: Floats, p0: float, v0: float, p1: float, v1: float) -> Floats:
+    """Cubic from p0 to p1 over u in [0, 1] with end slopes v0, v1 (a unit of u)."""
+    u2, u3 = u * u, u * u * u
+    return (2 * u3 - 3 * u2 + 1) * p0 + (u3 - 2 * u2 + u) * v0 + (3 * u2 - 2 * u3) * p1 + (u3 - u2) * v1
+
+
+def quintic(u: Floats, p0: Floats, v0: Floats, a0: Floats, p1: Floats, v1: Floats, a1: Floats) -> Floats:
+    """(U, D) curve from p0 to p1 (D,) over u (U,) with end slopes v0, v1 and curvatures a0, a1."""
+    u = u[:, None]
+    u3, u4, u5 = u**3, u**4, u**5
+    h1 = 10 * u3 - 15 * u4 + 6 * u5
+    return (
+        (1 - h1) * p0
+        + h1 * p1
+        + (u - 6 * u3 + 8 * u4 - 3 * u5) * v0
+        + (-4 * u3 + 7 * u4 - 3 * u5) * v1
+        + 0.5 * (u**2 - 3 * u3 + 3 * u4 - u5) * a0
+        + 0.5 * (u3 - 2 * u4 + u5) * a1
+    )

@@ -1,0 +1,151 @@
+"""What a recording says once: the scenario, the place, the agents and the motions they play."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.motion.skeleton import Skeleton
+
+FORMAT_NAME = "crowdsim-recording"
+FORMAT_VERSION = 1
+"""Readers refuse files of a higher version; raise it when a field changes its meaning or goes away."""
+
+
+class AgentState(IntEnum):
+    """What an agent does in one step; the other columns of an absent agent mean nothing."""
+
+    ABSENT = 0
+    MOVING = 1
+    WAITING = 2
+    ARRIVED = 3
+
+
+@dataclass(frozen=True)
+class LayerRecord:
+    """A clearance layer: solids between ``low`` and ``high`` meters above the floor block it."""
+
+    name: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class BehaviorRecord:
+    """A behavior: its color ``#rrggbb`` and its body radius in meters on each layer."""
+
+    name: str
+    color: str
+    radii: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class SolidRecord:
+    """An obstacle: its footprint as WKT (POLYGON or MULTIPOLYGON) from ``bottom`` to ``top`` meters."""
+
+    name: str
+    footprint: str
+    bottom: float
+    top: float
+
+
+@dataclass(frozen=True)
+class AgentsRecord:
+    """The N agents of a run, which stay the same from its first step to its last.
+
+    groups: N group names. start_times: (N,) seconds. starts: (N, 3) x, y, heading. goals: (N, 2).
+    radii: (N,) meters, the planned radius of the body on its narrowest layer.
+    """
+
+    groups: Sequence[str]
+    start_times: NDArray[np.float64]
+    starts: NDArray[np.float64]
+    goals: NDArray[np.float64]
+    radii: NDArray[np.float64]
+
+    @property
+    def count(self) -> int:
+        return len(self.groups)
+
+
+@dataclass(frozen=True)
+class MotionRecord:
+    """All that turns (node, frame, track pose) into the joints of a body.
+
+    Node n holds rows ``node_first[n]`` to ``node_first[n] + node_frames[n]`` of the pool, poses relative to the track:
+    pool_root (P, 3) float32 is the root's place, pool_rotations (P, J, 4) float32 are (w, x, y, z), each joint relative
+    to its parent and the root relative to the track's heading.
+    node_behavior: (nodes,) int32, index into the header's behaviors.
+    """
+
+    skeleton: Skeleton
+    node_names: Sequence[str]
+    node_behavior: NDArray[np.int32]
+    node_first: NDArray[np.int32]
+    node_frames: NDArray[np.int32]
+    pool_root: NDArray[np.float32]
+    pool_rotations: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class RecordingHeader:
+    """Everything but the steps; ``floor`` is the walkable outline as WKT."""
+
+    scenario_name: str
+    scenario_text: str
+    seed: int
+    steps_per_second: int
+    behaviors: Sequence[BehaviorRecord]
+    layers: Sequence[LayerRecord]
+    floor: str
+    solids: Sequence[SolidRecord]
+    agents: AgentsRecord
+    motion: MotionRecord
+
+
+class RecordedFrame(NamedTuple):
+    """One step of all N agents, each field (N,).
+
+    x, y (meters) and heading (radians) are the track's pose; ``node`` is played since ``previous`` ended (-1 for none)
+    and ``frame`` of it is shown; ``behavior`` indexes the header's behaviors; ``state`` holds :class:`AgentState`.
+    """
+
+    x: NDArray[Any]
+    y: NDArray[Any]
+    heading: NDArray[Any]
+    node: NDArray[Any]
+    previous: NDArray[Any]
+    frame: NDArray[Any]
+    behavior: NDArray[Any]
+    state: NDArray[Any]
+
+
+COLUMN_TYPES: dict[str, str] = {
+    "x": "float32",
+    "y": "float32",
+    "heading": "float32",
+    "node": "int32",
+    "previous": "int32",
+    "frame": "int16",
+    "behavior": "int8",
+    "state": "int8",
+}
+"""dtype of each field of :class:`RecordedFrame` in the file."""
+
+
+@dataclass(frozen=True)
+class PlannedPath:
+    """A path that ``agent`` follows from ``step`` on; ``behaviors[i]`` holds from point i to the next.
+
+    points: (P, 2) float64 meters. behaviors: (P,) int8, indices into the header's behaviors.
+    """
+
+    agent: int
+    step: int
+    points: NDArray[np.float64]
+    behaviors: NDArray[np.int8]

@@ -1,0 +1,157 @@
+"""The header of a recording as HDF5 groups: arrays as datasets, names as strings, scalars as attributes."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Sequence
+from importlib.metadata import version
+
+import h5py
+import numpy as np
+
+import crowdsim
+from crowdsim.motion.skeleton import Skeleton
+from crowdsim.recording.header import (
+    AgentsRecord,
+    BehaviorRecord,
+    LayerRecord,
+    MotionRecord,
+    RecordingHeader,
+    SolidRecord,
+)
+
+_STRINGS = h5py.string_dtype("utf-8")
+
+
+def _write_strings(group: h5py.Group, name: str, values: Sequence[str]) -> None:
+    group.create_dataset(name, data=np.array(list(values), dtype=object), dtype=_STRINGS, shape=(len(values),))
+
+
+def _read_strings(group: h5py.Group, name: str) -> list[str]:
+    return list(group[name].asstr()[:])
+
+
+def _write_array(group: h5py.Group, name: str, values: object, dtype: str) -> None:
+    data = np.asarray(values, dtype=dtype)
+    packing = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if data.size > 256 else {}
+    group.create_dataset(name, data=data, **packing)
+
+
+def library_versions() -> dict[str, str]:
+    """Versions of what decides a run's numbers."""
+    found = {name: version(name) for name in ("numba", "numpy")}
+    return {"crowdsim": crowdsim.__version__, **found, "python": platform.python_version()}
+
+
+def write_header(file: h5py.File, header: RecordingHeader) -> None:
+    """Write ``header`` and the versions of this process into an empty file."""
+    versions = file.create_group("versions")
+    for name, text in library_versions().items():
+        versions.attrs[name] = text
+
+    scenario = file.create_group("scenario")
+    scenario.attrs["name"] = header.scenario_name
+    scenario.attrs["seed"] = header.seed
+    scenario.attrs["steps_per_second"] = header.steps_per_second
+    scenario.create_dataset("text", data=header.scenario_text, dtype=_STRINGS)
+
+    layers = file.create_group("layers")
+    _write_strings(layers, "names", [layer.name for layer in header.layers])
+    _write_array(layers, "low", [layer.low for layer in header.layers], "float64")
+    _write_array(layers, "high", [layer.high for layer in header.layers], "float64")
+
+    behaviors = file.create_group("behaviors")
+    _write_strings(behaviors, "names", [behavior.name for behavior in header.behaviors])
+    _write_strings(behaviors, "colors", [behavior.color for behavior in header.behaviors])
+    radii = np.array([behavior.radii for behavior in header.behaviors], np.float64)
+    _write_array(behaviors, "radii", radii.reshape(len(header.behaviors), len(header.layers)), "float64")
+
+    place = file.create_group("place")
+    place.create_dataset("floor", data=header.floor, dtype=_STRINGS)
+    _write_strings(place, "solid_names", [solid.name for solid in header.solids])
+    _write_strings(place, "solid_footprints", [solid.footprint for solid in header.solids])
+    _write_array(place, "solid_bottoms", [solid.bottom for solid in header.solids], "float64")
+    _write_array(place, "solid_tops", [solid.top for solid in header.solids], "float64")
+
+    agents = file.create_group("agents")
+    _write_strings(agents, "groups", header.agents.groups)
+    for name in ("start_times", "starts", "goals", "radii"):
+        _write_array(agents, name, getattr(header.agents, name), "float64")
+
+    _write_motion(file.create_group("motion"), header.motion)
+
+
+def _write_motion(group: h5py.Group, motion: MotionRecord) -> None:
+    skeleton = motion.skeleton
+    _write_strings(group, "joint_names", skeleton.names)
+    _write_array(group, "parents", skeleton.parents, "int32")
+    _write_array(group, "offsets", skeleton.offsets, "float64")
+    _write_array(group, "end_parents", skeleton.end_parents, "int32")
+    _write_array(group, "end_offsets", skeleton.end_offsets, "float64")
+    _write_strings(group, "role_names", list(skeleton.roles))
+    _write_array(group, "role_joints", list(skeleton.roles.values()), "int32")
+    _write_strings(group, "node_names", motion.node_names)
+    for name in ("node_behavior", "node_first", "node_frames"):
+        _write_array(group, name, getattr(motion, name), "int32")
+    for name in ("pool_root", "pool_rotations"):
+        _write_array(group, name, getattr(motion, name), "float32")
+
+
+def read_versions(file: h5py.File) -> dict[str, str]:
+    """Library versions of the process that wrote ``file``."""
+    return {name: str(text) for name, text in file["versions"].attrs.items()}
+
+
+def read_header(file: h5py.File) -> RecordingHeader:
+    """The header of ``file``; KeyError where a part of it is missing."""
+    scenario, layers, behaviors, place = file["scenario"], file["layers"], file["behaviors"], file["place"]
+    layer_rows = zip(_read_strings(layers, "names"), layers["low"][:], layers["high"][:], strict=True)
+    behavior_rows = zip(
+        _read_strings(behaviors, "names"), _read_strings(behaviors, "colors"), behaviors["radii"][:], strict=True
+    )
+    solid_rows = zip(
+        _read_strings(place, "solid_names"),
+        _read_strings(place, "solid_footprints"),
+        place["solid_bottoms"][:],
+        place["solid_tops"][:],
+        strict=True,
+    )
+    agents = file["agents"]
+    return RecordingHeader(
+        scenario_name=str(scenario.attrs["name"]),
+        scenario_text=scenario["text"].asstr()[()],
+        seed=int(scenario.attrs["seed"]),
+        steps_per_second=int(scenario.attrs["steps_per_second"]),
+        behaviors=tuple(BehaviorRecord(name, color, tuple(map(float, radii))) for name, color, radii in behavior_rows),
+        layers=tuple(LayerRecord(name, float(low), float(high)) for name, low, high in layer_rows),
+        floor=place["floor"].asstr()[()],
+        solids=tuple(SolidRecord(name, wkt, float(low), float(top)) for name, wkt, low, top in solid_rows),
+        agents=AgentsRecord(
+            groups=tuple(_read_strings(agents, "groups")),
+            start_times=agents["start_times"][:],
+            starts=agents["starts"][:],
+            goals=agents["goals"][:],
+            radii=agents["radii"][:],
+        ),
+        motion=_read_motion(file["motion"]),
+    )
+
+
+def _read_motion(group: h5py.Group) -> MotionRecord:
+    skeleton = Skeleton(
+        names=tuple(_read_strings(group, "joint_names")),
+        parents=group["parents"][:],
+        offsets=group["offsets"][:],
+        end_parents=group["end_parents"][:],
+        end_offsets=group["end_offsets"][:],
+        roles=dict(zip(_read_strings(group, "role_names"), map(int, group["role_joints"][:]), strict=True)),
+    )
+    return MotionRecord(
+        skeleton=skeleton,
+        node_names=tuple(_read_strings(group, "node_names")),
+        node_behavior=group["node_behavior"][:],
+        node_first=group["node_first"][:],
+        node_frames=group["node_frames"][:],
+        pool_root=group["pool_root"][:],
+        pool_rotations=group["pool_rotations"][:],
+    )

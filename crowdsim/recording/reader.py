@@ -1,0 +1,205 @@
+"""Reading a finished recording."""
+
+from __future__ import annotations
+
+import json
+import os
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.constants import CAPTURE_RATE, NONE
+from crowdsim.errors import CrowdSimError, RecordingError
+from crowdsim.geometry.planar import wrap_angle
+from crowdsim.recording.header import (
+    COLUMN_TYPES,
+    FORMAT_NAME,
+    FORMAT_VERSION,
+    AgentState,
+    PlannedPath,
+    RecordedFrame,
+    RecordingHeader,
+)
+from crowdsim.recording.header_file import read_header, read_versions
+
+_AGAIN = "run the scenario again to the end"
+
+
+class Recording:
+    """A finished recording, open for reading until :meth:`close` or the end of its ``with`` block.
+
+    The columns ``x``, ``y``, ``heading``, ``node``, ``previous``, ``frame``, ``behavior``, ``state`` (steps, N) and
+    ``state_hash`` (steps,) are HDF5 datasets: slice them, and only that part is read.
+    """
+
+    path: Path
+    header: RecordingHeader
+    versions: dict[str, str]
+    summary: dict[str, Any]
+    x: h5py.Dataset
+    y: h5py.Dataset
+    heading: h5py.Dataset
+    node: h5py.Dataset
+    previous: h5py.Dataset
+    frame: h5py.Dataset
+    behavior: h5py.Dataset
+    state: h5py.Dataset
+    state_hash: h5py.Dataset
+
+    def __init__(self, path: Path, file: h5py.File) -> None:
+        self.path = path
+        self._file = file
+        self.header = read_header(file)
+        self.versions = read_versions(file)
+        self.summary = json.loads(file["summary"].asstr()[()])
+        columns = file["steps"]
+        shape = (columns["state_hash"].shape[0], self.header.agents.count)
+        for name in COLUMN_TYPES:
+            if columns[name].shape != shape:
+                raise RecordingError(f"{path}: steps/{name} has shape {columns[name].shape}, not {shape}; {_AGAIN}")
+            setattr(self, name, columns[name])
+        self.state_hash = columns["state_hash"]
+
+    @classmethod
+    def open(cls, path: str | os.PathLike[str]) -> Recording:
+        """Open ``path``; RecordingError where it is missing, unfinished, damaged, foreign or of a newer version."""
+        path = Path(path)
+        if path.suffix == ".part":
+            raise RecordingError(f"{path} is unfinished: its run was stopped or has not ended yet; {_AGAIN}")
+        if not path.is_file():
+            raise RecordingError(f"there is no recording {path}; write one with 'crowdsim run SCENARIO -o {path}'")
+        try:
+            # A finished file never changes, and locks fail on read-only and network folders.
+            file = h5py.File(path, "r", locking=False)
+        except OSError:
+            raise RecordingError(f"{path} is not a crowdsim recording, or is cut short; {_AGAIN}") from None
+        try:
+            _check_kind(path, file)
+            return cls(path, file)
+        except CrowdSimError:
+            file.close()
+            raise
+        except (KeyError, OSError, RuntimeError, TypeError, ValueError) as error:
+            file.close()
+            raise RecordingError(f"{path} is damaged ({error}); {_AGAIN}") from None
+
+    def close(self) -> None:
+        """Close the file; the header, versions and summary stay readable."""
+        self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def steps(self) -> int:
+        """Number of recorded steps; row i was recorded at i / steps_per_second seconds."""
+        return int(self.state_hash.shape[0])
+
+    @property
+    def agent_count(self) -> int:
+        return self.header.agents.count
+
+    @property
+    def steps_per_second(self) -> int:
+        return self.header.steps_per_second
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first recorded step to the last."""
+        return max(0, self.steps - 1) / self.steps_per_second
+
+    @cached_property
+    def paths(self) -> tuple[PlannedPath, ...]:
+        """All planned paths in the order in which they were planned."""
+        group = self._file["paths"]
+        points, behaviors = group["points"][:], group["behaviors"][:]
+        ends = np.cumsum(group["count"][:])
+        rows = zip(group["agent"][:], group["step"][:], ends - group["count"][:], ends, strict=True)
+        return tuple(
+            PlannedPath(int(agent), int(step), points[first:end], behaviors[first:end])
+            for agent, step, first, end in rows
+        )
+
+    def paths_at(self, time: float) -> tuple[PlannedPath, ...]:
+        """The path each agent follows at ``time`` seconds, the latest planned by then, in agent order."""
+        step = int(np.floor(time * self.steps_per_second + 1e-9))
+        latest = {path.agent: path for path in self.paths if path.step <= step}
+        return tuple(latest[agent] for agent in sorted(latest))
+
+    def at_step(self, step: int) -> RecordedFrame:
+        """Row ``step`` as arrays (N,); RecordingError outside the recording."""
+        if not 0 <= step < self.steps:
+            raise RecordingError(f"{self.path} has steps 0 to {self.steps - 1}; there is no step {step}")
+        return RecordedFrame(*(getattr(self, name)[step] for name in RecordedFrame._fields))
+
+    def at_time(self, time: float) -> RecordedFrame:
+        """What was to be seen at ``time`` seconds, between steps too, as arrays (N,).
+
+        Track poses are interpolated; (node, previous, frame) are those that the engine went through: it advances
+        CAPTURE_RATE / steps_per_second frames a step. RecordingError outside the recording.
+        """
+        if not -1e-9 <= time <= self.duration + 1e-9:
+            raise RecordingError(f"{self.path} lasts from 0 to {self.duration:g} s; there is nothing at {time:g} s")
+        place = min(max(time * self.steps_per_second, 0.0), float(self.steps - 1))
+        step = int(place + 1e-6)
+        share = place - step
+        now = self.at_step(step)
+        if share < 1e-6:
+            return now
+        return _between(now, self.at_step(step + 1), share, self.header.motion.node_frames, self.steps_per_second)
+
+
+def _check_kind(path: Path, file: h5py.File) -> None:
+    if file.attrs.get("format") != FORMAT_NAME:
+        raise RecordingError(f"{path} is an HDF5 file of another program, not a crowdsim recording")
+    version = int(file.attrs["version"])
+    if version > FORMAT_VERSION:
+        raise RecordingError(
+            f"{path} has format version {version}, this crowdsim reads up to {FORMAT_VERSION}; update crowdsim"
+        )
+    if not file.attrs["finished"]:
+        raise RecordingError(f"{path} is unfinished: its run was stopped; {_AGAIN}")
+
+
+def _between(
+    old: RecordedFrame, new: RecordedFrame, share: float, node_frames: NDArray[np.int32], steps_per_second: int
+) -> RecordedFrame:
+    """The frame ``share`` (0, 1) of a step from ``old`` to ``new``."""
+    advance = CAPTURE_RATE // steps_per_second
+    shown = round(share * advance)
+    moving = (old.state == AgentState.MOVING) | (old.state == AgentState.WAITING)
+    both = moving & (new.state != AgentState.ABSENT)
+
+    turn = wrap_angle(new.heading - old.heading)
+    x = np.where(both, old.x + share * (new.x - old.x), old.x)
+    y = np.where(both, old.y + share * (new.y - old.y), old.y)
+    heading = np.where(both, old.heading + share * turn, old.heading)
+
+    # Still in the old node, or in the new one already, where what is left of the step is subtracted.
+    reached = old.frame + shown
+    left = new.frame - (advance - shown)
+    same = (new.node == old.node) & (new.frame >= old.frame)
+    last = np.where(old.node == NONE, 0, node_frames[np.maximum(old.node, 0)])
+    entered = both & ~same & (reached > last) & (left >= 0)
+    frame = np.where(same, np.minimum(reached, new.frame), np.minimum(reached, last))
+    frame = np.where(both, frame, old.frame)
+    return RecordedFrame(
+        x=x,
+        y=y,
+        heading=heading,
+        node=np.where(entered, new.node, old.node),
+        previous=np.where(entered, new.previous, old.previous),
+        frame=np.where(entered, left, frame),
+        behavior=np.where(entered, new.behavior, old.behavior),
+        state=old.state,
+    )

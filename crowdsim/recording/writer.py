@@ -1,0 +1,271 @@
+"""Writing a recording while the simulation runs."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import h5py
+import numpy as np
+from numpy.typing import ArrayLike
+
+from crowdsim.errors import RecordingError
+from crowdsim.recording.header import (
+    COLUMN_TYPES,
+    FORMAT_NAME,
+    FORMAT_VERSION,
+    AgentState,
+    RecordedFrame,
+    RecordingHeader,
+)
+from crowdsim.recording.header_file import write_header
+
+STEPS_PER_CHUNK = 64
+"""Steps held in memory, and in one compressed chunk of the file."""
+
+_AGENTS_PER_CHUNK = 4096
+
+
+def part_path(path: Path) -> Path:
+    """Where a recording stands while it is being written: beside ``path``, so that renaming it is atomic."""
+    return path.with_name(path.name + ".part")
+
+
+class RecordingWriter:
+    """Context manager that writes ``path`` as a run goes on.
+
+    The file appears under its name only when :meth:`finish` has everything on the disk. Leaving the context
+    before removes what was written; a killed process leaves a ``.part`` file that no reader accepts.
+    RecordingError where the file cannot be written or the header cannot be used.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], header: RecordingHeader) -> None:
+        self.path = Path(path)
+        self._part = part_path(self.path)
+        self._header = header
+        self._file: h5py.File | None = None
+        self._steps = 0
+        self._buffered = 0
+        self._paths = 0
+        _check_header(header)
+        shape = (STEPS_PER_CHUNK, header.agents.count)
+        self._buffer = {name: np.zeros(shape, dtype) for name, dtype in COLUMN_TYPES.items()}
+        self._hashes = np.zeros(STEPS_PER_CHUNK, np.uint64)
+
+    @property
+    def steps(self) -> int:
+        """Steps appended so far."""
+        return self._steps
+
+    def __enter__(self) -> Self:
+        if self.path.suffix == ".part":
+            raise RecordingError(f"{self.path}: '.part' marks unfinished recordings; choose another name")
+        if self.path.is_dir():
+            raise RecordingError(f"{self.path} is a folder; give the name of a file")
+        try:
+            self._file = h5py.File(self._part, "w")
+        except OSError as error:
+            raise RecordingError(
+                f"cannot write {self._part} ({error}); check that the folder exists, that you may write there "
+                "and that no other run is writing the same recording"
+            ) from None
+        try:
+            self._create(self._file)
+        except BaseException:
+            self._discard()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._file is None:
+            return
+        self._discard()
+        if kind is None:
+            raise RecordingError(f"{self.path} was left without finish(); nothing of it was kept")
+
+    def append(self, frame: RecordedFrame, state_hash: int) -> None:
+        """Add one step: ``frame`` with fields (N,), and the hash of the whole state after it (64 bits, unsigned)."""
+        self._open_file()
+        row = self._buffered
+        for name, values in zip(RecordedFrame._fields, frame, strict=True):
+            values = np.asarray(values)
+            if values.shape != self._buffer[name].shape[1:]:
+                raise RecordingError(
+                    f"step {self._steps}: '{name}' has shape {values.shape}, but the header lists "
+                    f"{self._header.agents.count} agents"
+                )
+            self._buffer[name][row] = values
+        present = self._buffer["state"][row] != AgentState.ABSENT
+        for name in ("x", "y", "heading"):
+            lost = np.flatnonzero(present & ~np.isfinite(self._buffer[name][row]))
+            if lost.size:
+                raise RecordingError(f"step {self._steps}: '{name}' of agent {lost[0]} is not a finite number")
+        self._hashes[row] = state_hash
+        self._steps += 1
+        self._buffered += 1
+        if self._buffered == STEPS_PER_CHUNK:
+            self._flush()
+
+    def add_path(self, agent: int, points: ArrayLike, behaviors: ArrayLike) -> None:
+        """Add a path that ``agent`` follows from the next step: points (P, 2), behavior (P,) from each point on."""
+        group = self._open_file()["paths"]
+        where = np.asarray(points, np.float64)
+        how = np.asarray(behaviors, np.int8)
+        if not 0 <= agent < self._header.agents.count:
+            raise RecordingError(f"a path for agent {agent}, but the header lists {self._header.agents.count} agents")
+        if where.ndim != 2 or where.shape[1] != 2 or how.shape != where.shape[:1]:
+            raise RecordingError(
+                f"agent {agent}: a path needs points (P, 2) and behaviors (P,), not {where.shape}, {how.shape}"
+            )
+        for name, rows in (("points", where), ("behaviors", how)):
+            _extend(group[name], rows)
+        for name, value in (("agent", agent), ("step", self._steps), ("count", len(where))):
+            _extend(group[name], np.array([value]))
+        self._paths += 1
+
+    def finish(self, summary: Mapping[str, Any]) -> None:
+        """Write what is left and ``summary`` (anything JSON can hold), and give the file its name."""
+        file = self._open_file()
+        self._flush()
+        text = json.dumps(dict(summary), default=_plain)
+        try:
+            file.create_dataset("summary", data=text, dtype=h5py.string_dtype("utf-8"))
+            file.attrs["finished"] = True
+            file.close()
+            with open(self._part, "rb+") as written:
+                os.fsync(written.fileno())
+            os.replace(self._part, self.path)
+        except OSError as error:
+            raise self._failed(error) from None
+        self._file = None
+        _sync_folder(self.path.parent)
+
+    def _create(self, file: h5py.File) -> None:
+        file.attrs["format"] = FORMAT_NAME
+        file.attrs["version"] = FORMAT_VERSION
+        file.attrs["finished"] = False
+        write_header(file, self._header)
+        agents = self._header.agents.count
+        steps = file.create_group("steps")
+        chunk = (STEPS_PER_CHUNK, min(agents, _AGENTS_PER_CHUNK))
+        for name, dtype in COLUMN_TYPES.items():
+            _growing(steps, name, (agents,), dtype, chunk)
+        _growing(steps, "state_hash", (), "uint64", (STEPS_PER_CHUNK,))
+        paths = file.create_group("paths")
+        _growing(paths, "points", (2,), "float64", (1024, 2))
+        _growing(paths, "behaviors", (), "int8", (1024,))
+        for name in ("agent", "step", "count"):
+            _growing(paths, name, (), "int32", (256,))
+
+    def _open_file(self) -> h5py.File:
+        if self._file is None:
+            raise RecordingError(
+                f"{self.path} is not open for writing; use the writer inside its 'with' block, before finish()"
+            )
+        return self._file
+
+    def _flush(self) -> None:
+        if not self._buffered:
+            return
+        steps = self._open_file()["steps"]
+        try:
+            for name, rows in self._buffer.items():
+                _extend(steps[name], rows[: self._buffered])
+            _extend(steps["state_hash"], self._hashes[: self._buffered])
+        except OSError as error:
+            raise self._failed(error) from None
+        self._buffered = 0
+
+    def _failed(self, error: OSError) -> RecordingError:
+        return RecordingError(f"cannot write {self.path} ({error}); check that its disk has room")
+
+    def _discard(self) -> None:
+        file, self._file = self._file, None
+        try:
+            if file is not None:
+                file.close()
+        finally:
+            self._part.unlink(missing_ok=True)
+
+
+def _check_header(header: RecordingHeader) -> None:
+    count = header.agents.count
+    if count == 0:
+        raise RecordingError("a recording needs at least one agent")
+    wanted = {"start_times": (count,), "starts": (count, 3), "goals": (count, 2), "radii": (count,)}
+    for name, shape in wanted.items():
+        found = np.shape(getattr(header.agents, name))
+        if found != shape:
+            raise RecordingError(f"agents.{name} has shape {found}, not {shape}")
+    for behavior in header.behaviors:
+        if len(behavior.radii) != len(header.layers):
+            raise RecordingError(
+                f"behavior '{behavior.name}' gives {len(behavior.radii)} radii for {len(header.layers)} layers"
+            )
+    motion = header.motion
+    joints, nodes, rows = motion.skeleton.joint_count, len(motion.node_names), len(motion.pool_root)
+    shapes = {
+        "node_behavior": (nodes,),
+        "node_first": (nodes,),
+        "node_frames": (nodes,),
+        "pool_root": (rows, 3),
+        "pool_rotations": (rows, joints, 4),
+    }
+    for name, shape in shapes.items():
+        found = np.shape(getattr(motion, name))
+        if found != shape:
+            raise RecordingError(f"motion.{name} has shape {found}, not {shape}")
+    first, frames = np.asarray(motion.node_first, np.int64), np.asarray(motion.node_frames, np.int64)
+    wrong = np.flatnonzero((first < 0) | (frames < 0) | (first + frames >= rows))
+    if wrong.size:
+        raise RecordingError(f"node '{motion.node_names[wrong[0]]}' reaches beyond the {rows} poses of the pool")
+    longest = int(np.iinfo(COLUMN_TYPES["frame"]).max)
+    if np.any(frames > longest):
+        raise RecordingError(
+            f"node '{motion.node_names[int(frames.argmax())]}' has over {longest} frames; cut its clip"
+        )
+
+
+def _growing(group: h5py.Group, name: str, row: tuple[int, ...], dtype: str, chunk: tuple[int, ...]) -> None:
+    group.create_dataset(
+        name,
+        shape=(0, *row),
+        maxshape=(None, *row),
+        dtype=dtype,
+        chunks=chunk,
+        compression="gzip",
+        compression_opts=1,
+        shuffle=True,
+    )
+
+
+def _extend(dataset: h5py.Dataset, rows: np.ndarray) -> None:
+    first = dataset.shape[0]
+    dataset.resize(first + len(rows), axis=0)
+    dataset[first:] = rows
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise TypeError(f"a summary cannot hold {type(value).__name__}")
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make the rename itself survive a power cut, where the system lets a folder be synced."""
+    try:
+        handle = os.open(folder, os.O_RDONLY)
+    except OSError:
+        return
+    try:
+        os.fsync(handle)
+    except OSError:
+        pass
+    finally:
+        os.close(handle)

@@ -1,0 +1,43 @@
+"""What is lawful in a scenario but hardly meant."""
+
+from __future__ import annotations
+
+from crowdsim.environment.layers import dropped_solids
+from crowdsim.scenario.scenario import Scenario
+
+_LARGE = 1000.0
+"""Meters; a floor longer than this was probably drawn in centimeters or millimeters."""
+
+
+def check_scenario(scenario: Scenario) -> list[str]:
+    """Warnings, one a line, each beginning with the place in the file; empty if nothing stands out."""
+    floor = scenario.floor_polygon()
+    solids = scenario.solids()
+    warnings = []
+
+    def warn(path: tuple[str | int, ...], message: str) -> None:
+        warnings.append(str(scenario.problem(path, message)))
+
+    xmin, ymin, xmax, ymax = floor.bounds
+    if max(xmax - xmin, ymax - ymin) > _LARGE:
+        warn(("floor",), f"the floor is {max(xmax - xmin, ymax - ymin):g} m long; is it drawn in meters?")
+    bands = [layer.band() for layer in scenario.bands]
+    dropped = {solid.name for solid in dropped_solids(solids, bands)}
+    for number, solid in enumerate(solids):
+        path = ("obstacles", number)
+        if solid.name in dropped:
+            heights = ", ".join(f"{band.name} {band.low:g} to {band.high:g} m" for band in bands)
+            message = (
+                f"'{solid.name}' ({solid.bottom:g} to {solid.top:g} m) meets no layer ({heights}) and has no effect"
+            )
+            warn(path, message)
+        elif not solid.footprint.intersects(floor):
+            warn(path, f"'{solid.name}' lies off the floor and has no effect")
+    for number, group in enumerate(scenario.agents):
+        for key, region in (("start", group.start), ("goal", group.goal)):
+            if not floor.covers(region.shape()):
+                warn(("agents", number, key), f"part of the {key} of '{group.name}' lies off the floor and is not used")
+    for number, area in enumerate(scenario.areas):
+        if not area.shape().intersects(floor):
+            warn(("areas", number), f"'{area.name}' lies off the floor; nobody will be counted in it")
+    return warnings

@@ -1,0 +1,268 @@
+"""YAML text to plain values that remember where they stood.
+
+The values are built from the parser's events, not by its constructor, so that every entry keeps its line and column,
+nothing is resolved by other rules than the core schema of YAML 1.2, and nothing a file says can make the reader
+recurse, expand an alias or construct an object.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.events import (
+    AliasEvent,
+    DocumentStartEvent,
+    Event,
+    MappingEndEvent,
+    MappingStartEvent,
+    NodeEvent,
+    ScalarEvent,
+    SequenceEndEvent,
+    SequenceStartEvent,
+)
+
+from crowdsim.errors import Problem
+
+MAX_BYTES = 1_000_000
+MAX_DEPTH = 32
+
+Path = tuple[str | int, ...]
+
+# YAML 1.2.2, section 10.3.2. Under these "no" is text, "0123" is 123, and "1:30" is text.
+_NULL = re.compile(r"~|null|Null|NULL|")
+_TRUE = re.compile(r"true|True|TRUE")
+_FALSE = re.compile(r"false|False|FALSE")
+_INT = re.compile(r"[-+]?[0-9]+")
+_OCTAL = re.compile(r"0o[0-7]+")
+_HEX = re.compile(r"0x[0-9a-fA-F]+")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_SPECIAL = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
+_MAX_DIGITS = 400
+
+
+@dataclass(frozen=True)
+class Place:
+    """A spot of a text, line and column from 1; both None where ``file`` is no text."""
+
+    file: str
+    line: int | None = None
+    column: int | None = None
+
+
+@dataclass
+class Document:
+    """Plain value of a YAML text, with the place of each value and of each key by path.
+
+    ``broken`` holds the paths whose values could not be read; whatever else is said about them is noise. ``complete``
+    tells whether the text was read to its end.
+    """
+
+    file: str
+    value: Any = None
+    values: dict[Path, Place] = field(default_factory=dict)
+    keys: dict[Path, Place] = field(default_factory=dict)
+    broken: set[Path] = field(default_factory=set)
+    complete: bool = False
+
+    def place(self, path: Path, of_key: bool = False) -> Place:
+        """Place of the value (or key) at ``path``, or of the closest entry around it that exists."""
+        if of_key and path in self.keys:
+            return self.keys[path]
+        while path and path not in self.values:
+            path = path[:-1]
+        return self.values.get(path, Place(self.file, 1, 1))
+
+    def problem(self, path: Path, message: str, of_key: bool = False) -> Problem:
+        """What is wrong at ``path``, with its place."""
+        place = self.place(path, of_key)
+        return Problem(place.file, place.line, place.column, dotted(path), message)
+
+
+def dotted(path: Path) -> str:
+    """A path as the user types it: ``agents.0.count``."""
+    return ".".join(shorten(str(part)) for part in path)
+
+
+def shorten(text: str, limit: int = 60) -> str:
+    """Text fit for one line of a message."""
+    line = " ".join(text.encode("utf-8", "replace").decode("utf-8").split())
+    line = "".join(letter if letter.isprintable() else "?" for letter in line)
+    return line if len(line) <= limit else line[: limit - 3] + "..."
+
+
+def read_document(text: str, file: str) -> tuple[Document, list[Problem]]:
+    """Read one YAML document; what is wrong with it comes back beside whatever could be read."""
+    if len(text.encode("utf-8", "surrogatepass")) > MAX_BYTES:
+        message = f"the file is larger than {MAX_BYTES // 1_000_000} MB; is it a scenario?"
+        return Document(file), [Problem(file, 1, 1, "", message)]
+    reader = _Reader(_events(text), file)
+    try:
+        reader.read()
+    except _Stop as stop:
+        reader.problems.append(Problem(file, stop.line, stop.column, "", stop.message))
+    return reader.document, reader.problems
+
+
+class _Stop(Exception):
+    """Reading cannot go on."""
+
+    def __init__(self, line: int, column: int, message: str) -> None:
+        super().__init__(message)
+        self.line, self.column, self.message = line, column, message
+
+
+def _events(text: str) -> Iterator[Event]:
+    line, column = 1, 1
+    events = YAML(typ="safe", pure=True).parse(text)
+    while True:
+        try:
+            event = next(events)
+        except StopIteration:
+            return
+        except MarkedYAMLError as error:
+            mark = error.problem_mark or error.context_mark
+            if mark is not None:
+                line, column = mark.line + 1, mark.column + 1
+            raise _Stop(line, column, _syntax_message(error)) from None
+        except YAMLError as error:
+            offset = getattr(error, "position", None)
+            if isinstance(offset, int):
+                line, column = text.count("\n", 0, offset) + 1, offset - text.rfind("\n", 0, offset)
+            raise _Stop(line, column, f"not YAML: {shorten(str(error), 120)}") from None
+        except Exception as error:
+            # The parser lets some malformed escapes out as errors of the language; they are no less the file's.
+            raise _Stop(line, column, f"not YAML: {shorten(str(error), 120) or type(error).__name__}") from None
+        if event.start_mark is not None:
+            line, column = event.start_mark.line + 1, event.start_mark.column + 1
+        yield event
+
+
+def _syntax_message(error: MarkedYAMLError) -> str:
+    problem = shorten(str(error.problem or error.context or "malformed"), 120)
+    if "\\t" in problem:
+        return "a tab cannot indent YAML; use spaces"
+    context = f" ({shorten(str(error.context), 80)})" if error.context and error.problem else ""
+    return f"not YAML: {problem}{context}"
+
+
+class _Reader:
+    """Recursive descent over the events, no deeper than :data:`MAX_DEPTH`."""
+
+    def __init__(self, events: Iterator[Event], file: str) -> None:
+        self.events = events
+        self.document = Document(file)
+        self.problems: list[Problem] = []
+
+    def read(self) -> None:
+        documents = 0
+        for event in self.events:
+            if isinstance(event, DocumentStartEvent):
+                documents += 1
+                if documents > 1:
+                    raise _Stop(*_spot(event), "a second document begins here; a scenario is one document")
+                if event.version is not None and tuple(event.version) != (1, 2):
+                    raise _Stop(*_spot(event), "scenarios are YAML 1.2; remove the %YAML directive")
+                self.document.value = self._value(next(self.events), ())
+        self.document.complete = True
+
+    def _value(self, event: Event, path: Path) -> Any:
+        self.document.values[path] = Place(self.document.file, *_spot(event))
+        value: Any = None
+        complaint = _complaint(event)
+        if isinstance(event, ScalarEvent):
+            try:
+                value = _scalar(event)
+            except ValueError as error:
+                complaint = complaint or str(error)
+        elif isinstance(event, SequenceStartEvent | MappingStartEvent):
+            if len(path) >= MAX_DEPTH:
+                raise _Stop(*_spot(event), f"nested more than {MAX_DEPTH} levels deep")
+            value = self._list(path) if isinstance(event, SequenceStartEvent) else self._mapping(path)
+        if complaint:
+            self.document.broken.add(path)
+            self.problems.append(self.document.problem(path, complaint))
+        return value
+
+    def _list(self, path: Path) -> list[Any]:
+        values: list[Any] = []
+        while not isinstance(event := next(self.events), SequenceEndEvent):
+            values.append(self._value(event, (*path, len(values))))
+        return values
+
+    def _mapping(self, path: Path) -> dict[str, Any]:
+        values: dict[str, Any] = {}
+        while not isinstance(event := next(self.events), MappingEndEvent):
+            place = Place(self.document.file, *_spot(event))
+            key = event.value if isinstance(event, ScalarEvent) else None
+            complaint = _complaint(event)
+            if key is None:
+                self._discard(event)
+                complaint = complaint or "a key must be a plain word"
+            elif key in values:
+                complaint = f"key given twice; it stands at line {self.document.keys[(*path, key)].line} already"
+            if complaint:
+                where = dotted(path if key is None else (*path, key))
+                self.problems.append(Problem(place.file, place.line, place.column, where, complaint))
+            if key is None or key in values:
+                self._discard(next(self.events))
+            else:
+                self.document.keys[(*path, key)] = place
+                inner = next(self.events)
+                values[key] = self._value(inner, (*path, key))
+                if isinstance(inner, ScalarEvent) and inner.start_mark.index == inner.end_mark.index:
+                    self.document.values[(*path, key)] = place  # nothing is written there; its mark is the next line
+        return values
+
+    def _discard(self, event: Event) -> None:
+        """Read past the value that ``event`` begins."""
+        depth = 0
+        while True:
+            depth += isinstance(event, SequenceStartEvent | MappingStartEvent)
+            depth -= isinstance(event, SequenceEndEvent | MappingEndEvent)
+            if depth == 0:
+                return
+            event = next(self.events)
+
+
+def _spot(event: Event) -> tuple[int, int]:
+    return event.start_mark.line + 1, event.start_mark.column + 1
+
+
+def _complaint(event: Event) -> str | None:
+    """What a node may not carry in a scenario: aliases, anchors, tags, and characters that cannot be written."""
+    if isinstance(event, AliasEvent):
+        return f"aliases are not allowed ('*{shorten(event.anchor)}'); write the value out"
+    if not isinstance(event, NodeEvent):
+        return None
+    if event.anchor is not None:
+        return f"anchors are not allowed ('&{shorten(event.anchor)}')"
+    tag = getattr(event, "ctag", None)
+    if tag is not None:
+        return f"tags are not allowed ('{shorten(str(tag))}')"
+    if isinstance(event, ScalarEvent) and any("\ud800" <= letter <= "\udfff" for letter in event.value):
+        return "half of a surrogate pair is no character; write the character itself"
+    return None
+
+
+def _scalar(event: ScalarEvent) -> Any:
+    """Value of a scalar by the core schema; quoted and block scalars are text."""
+    text: str = event.value
+    if not event.implicit[0]:
+        return text
+    if _NULL.fullmatch(text):
+        return None
+    if _TRUE.fullmatch(text) or _FALSE.fullmatch(text):
+        return bool(_TRUE.fullmatch(text))
+    for pattern, base in ((_INT, 10), (_OCTAL, 8), (_HEX, 16)):
+        if pattern.fullmatch(text):
+            if len(text) > _MAX_DIGITS:
+                raise ValueError(f"a number of {len(text)} digits is too large")
+            return int(text, base)
+    if _SPECIAL.fullmatch(text):
+        return float(text.replace(".", ""))
+    return float(text) if _FLOAT.fullmatch(text) else text

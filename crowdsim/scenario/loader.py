@@ -1,0 +1,95 @@
+"""Scenario files to validated scenarios, with every problem of a file at once."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from pydantic import ValidationError
+
+from crowdsim.errors import Problem, ScenarioError
+from crowdsim.library import library_folder
+from crowdsim.scenario.document import MAX_BYTES, read_document
+from crowdsim.scenario.messages import schema_problems
+from crowdsim.scenario.overrides import apply_overrides
+from crowdsim.scenario.scenario import Scenario
+from crowdsim.scenario.schema import ScenarioFields
+from crowdsim.scenario.semantics import semantic_problems
+
+
+def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario:
+    """Read and check a scenario.
+
+    Parameters
+    ----------
+    source
+        Path of a YAML file, or the name of a built-in scenario (``"corridor"``) where no such file is.
+    overrides
+        Entries to replace, ``"agents.0.count=4"``; values are YAML.
+
+    Raises
+    ------
+    ScenarioError
+        With every problem of the file and the overrides.
+    """
+    path = _find(source)
+    try:
+        # No more than shows that the file is too large.
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise ScenarioError([Problem(str(source), None, None, "", f"cannot be read: {error.strerror}")]) from None
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        before = data[: error.start]
+        line, column = before.count(b"\n") + 1, error.start - before.rfind(b"\n")
+        if len(data) <= MAX_BYTES:
+            raise ScenarioError([Problem(str(path), line, column, "", "this is not UTF-8 text")]) from None
+        text = data.decode("utf-8", "replace")
+    return parse_scenario(text, path, overrides)
+
+
+def parse_scenario(text: str, path: Path | None = None, overrides: Sequence[str] = ()) -> Scenario:
+    """:func:`load_scenario` of a text; ``path`` names it in messages and anchors the folders it refers to."""
+    document, problems = read_document(text, "<text>" if path is None else str(path))
+    if not document.complete:
+        _refuse(problems)
+    if document.value is None and not overrides:
+        _refuse([*problems, document.problem((), "the file is empty")])
+    problems += apply_overrides(document, overrides)
+    try:
+        scenario = Scenario.from_document(document, text, path)
+    except ValidationError as error:
+        _refuse([*problems, *schema_problems(error, document, ScenarioFields)])
+    if problems or (problems := semantic_problems(scenario)):
+        _refuse(problems)
+    return scenario
+
+
+def builtin_scenarios() -> dict[str, Path]:
+    """Files of the scenario library by name, sorted."""
+    return {path.stem: path for path in sorted(library_folder("scenarios").glob("*.yaml"))}
+
+
+def _find(source: str | Path) -> Path:
+    path = Path(source)
+    if path.is_file():
+        return path
+    name = str(source).removesuffix(".yaml")
+    built_in = builtin_scenarios()
+    if name in built_in and not path.exists():
+        return built_in[name]
+    if path.is_dir():
+        message = "this is a folder; give a scenario file in it"
+    else:
+        near = difflib.get_close_matches(path.stem[:80], built_in, n=1)
+        hint = f"did you mean '{near[0]}'?" if near else f"the built-in scenarios are: {', '.join(built_in) or 'none'}"
+        message = f"there is no such file, nor a built-in scenario of the name; {hint}"
+    raise ScenarioError([Problem(str(source), None, None, "", message)])
+
+
+def _refuse(problems: Iterable[Problem]) -> NoReturn:
+    raise ScenarioError(sorted(problems, key=lambda p: (p.line is not None, p.line or 0, p.column or 0)))

@@ -1,0 +1,79 @@
+"""A validated scenario with the geometry it describes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from pydantic import PrivateAttr
+from shapely import Polygon
+
+from crowdsim.environment.layers import ClearanceLayer, clearance_layers
+from crowdsim.environment.solids import Solid
+from crowdsim.errors import Problem
+from crowdsim.scenario.document import Document
+from crowdsim.scenario.document import Path as KeyPath
+from crowdsim.scenario.schema import ScenarioFields
+
+
+class Captures(NamedTuple):
+    """A folder of motion captures and the patterns of the files to take from it."""
+
+    folder: Path
+    patterns: tuple[str, ...]
+
+
+class Scenario(ScenarioFields):
+    """The keys of a scenario file as attributes, and what they mean as shapes; see :func:`load_scenario`."""
+
+    _text: str = PrivateAttr(default="")
+    _path: Path | None = PrivateAttr(default=None)
+    _document: Document = PrivateAttr(default_factory=lambda: Document("<scenario>"))
+    _layers: tuple[ClearanceLayer, ...] | None = PrivateAttr(default=None)
+
+    @classmethod
+    def from_document(cls, document: Document, text: str, path: Path | None) -> Scenario:
+        """Validate the values of ``document``; pydantic's ``ValidationError`` if they break the schema."""
+        scenario = cls.model_validate(document.value)
+        scenario._document, scenario._text, scenario._path = document, text, path
+        return scenario
+
+    @property
+    def text(self) -> str:
+        """Source text of the file, without overrides."""
+        return self._text
+
+    @property
+    def path(self) -> Path | None:
+        """The file the scenario was read from."""
+        return self._path
+
+    def problem(self, path: KeyPath, message: str) -> Problem:
+        """What is wrong with the entry at ``path``, with its place in the file."""
+        return self._document.problem(path, message)
+
+    def floor_polygon(self) -> Polygon:
+        """The floor before anything stands on it."""
+        return self.floor.shape()
+
+    def solids(self) -> tuple[Solid, ...]:
+        """The obstacles in the order of the file."""
+        return tuple(obstacle.solid() for obstacle in self.obstacles)
+
+    def layers(self) -> tuple[ClearanceLayer, ...]:
+        """Clearance layers, the ground layer first; built once."""
+        if self._layers is None:
+            bands = [layer.band() for layer in self.bands]
+            self._layers = clearance_layers(self.floor_polygon(), self.solids(), bands)
+        return self._layers
+
+    def area_polygons(self) -> dict[str, Polygon]:
+        """Polygons of the named areas in the order of the file."""
+        return {area.name: area.shape() for area in self.areas}
+
+    def captures(self) -> Captures | None:
+        """The motion captures asked for; None for the built-in set."""
+        if self.motion.captures is None:
+            return None
+        beside = self._path.parent if self._path else Path()
+        return Captures(beside / self.motion.captures, self.motion.clips)

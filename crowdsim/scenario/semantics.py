@@ -1,0 +1,97 @@
+"""What can be wrong with a scenario whose every key is well formed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from crowdsim.environment.layers import polygons_only
+from crowdsim.errors import Problem
+from crowdsim.library import library_folder
+from crowdsim.scenario.messages import nearest
+from crowdsim.scenario.placement import NOMINAL_RADIUS, try_placement
+from crowdsim.scenario.scenario import Scenario
+
+
+def semantic_problems(scenario: Scenario) -> list[Problem]:
+    """Everything that contradicts itself, the floor or the library, with its place in the file."""
+    problems = [
+        *_duplicate_names(scenario),
+        *_behaviors(scenario),
+        *_captures(scenario),
+        *_times(scenario),
+    ]
+    names = [layer.name for layer in scenario.bands]
+    if len(set(names)) < len(names):
+        return problems
+    if polygons_only(scenario.layers()[0].free).is_empty:
+        return [*problems, scenario.problem(("floor",), "the floor is empty: obstacles cover all of it")]
+    return problems + try_placement(scenario, NOMINAL_RADIUS)[1]
+
+
+def _duplicate_names(scenario: Scenario) -> list[Problem]:
+    named: dict[str, Sequence[str]] = {
+        "obstacles": [obstacle.name for obstacle in scenario.obstacles],
+        "layers": [layer.name for layer in scenario.bands],
+        "agents": [group.name for group in scenario.agents],
+        "areas": [area.name for area in scenario.areas],
+    }
+    problems = []
+    for key, names in named.items():
+        first: dict[str, int] = {}
+        for number, name in enumerate(names):
+            if first.setdefault(name, number) != number:
+                message = f"the name '{name}' is taken by {key}.{first[name]}"
+                problems.append(scenario.problem((key, number, "name"), message))
+    return problems
+
+
+def _behaviors(scenario: Scenario) -> list[Problem]:
+    # The default set is the engine's own affair; what the file names must be there.
+    if "behaviors" not in scenario.model_fields_set:
+        return []
+    folder = library_folder("behaviors")
+    known = sorted(entry.parent.name for entry in folder.glob("*/behavior.yaml"))
+    problems = []
+    for number, name in enumerate(scenario.behaviors):
+        if name in scenario.behaviors[:number]:
+            problems.append(scenario.problem(("behaviors", number), f"'{name}' is named twice"))
+        elif name not in known:
+            message = f"unknown behavior '{name}'; {nearest(name, known, 'the library has')}"
+            problems.append(scenario.problem(("behaviors", number), message))
+    return problems
+
+
+def _captures(scenario: Scenario) -> list[Problem]:
+    captures = scenario.captures()
+    if captures is None:
+        return []
+    folder, patterns = captures
+    if not folder.is_dir():
+        message = f"there is no folder {folder}; it is sought beside the scenario file"
+        return [scenario.problem(("motion", "captures"), message)]
+    problems = []
+    for number, pattern in enumerate(patterns):
+        path = ("motion", "clips", number)
+        if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
+            problems.append(scenario.problem(path, f"'{pattern}' leaves the folder of captures"))
+        elif not _matches(folder, pattern):
+            problems.append(scenario.problem(path, f"no file in {folder} matches '{pattern}'"))
+    return problems
+
+
+def _matches(folder: Path, pattern: str) -> bool:
+    try:
+        return any(folder.glob(pattern))
+    except ValueError:  # such as "**x", which is no pattern at all
+        return False
+
+
+def _times(scenario: Scenario) -> list[Problem]:
+    problems = []
+    for group in scenario.agents:
+        last = group.start_time + (group.count - 1) * group.interval
+        if last >= scenario.duration:
+            message = f"{scenario.duration:g} s end before the last of '{group.name}' starts at {last:g} s"
+            problems.append(scenario.problem(("duration",), message))
+    return problems

@@ -1,0 +1,32 @@
+"""Running the command line in a process of its own, as a user does."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+Crowdsim = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture(scope="session")
+def environment() -> dict[str, str]:
+    """The environment of child processes: they import this checkout from whatever folder they run in."""
+    return {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "120"}
+
+
+@pytest.fixture
+def crowdsim(tmp_path: Path, environment: dict[str, str]) -> Crowdsim:
+    """``crowdsim("run", "corridor", ...)`` in an empty folder; gives the finished process."""
+
+    def call(*arguments: str, folder: Path = tmp_path, **options: object) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "crowdsim", *arguments]
+        return subprocess.run(
+            command, cwd=folder, env=environment, capture_output=True, text=True, timeout=600, **options
+        )
+
+    return call

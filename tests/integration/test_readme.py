@@ -1,0 +1,74 @@
+"""What the README says is true: its commands run, its Python runs, and CI runs its test command."""
+
+import json
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(*languages: str) -> list[str]:
+    """Contents of the fenced blocks in one of ``languages``, in order."""
+    return [
+        body for language, body in re.findall(r"^```(\w+)\n(.*?)^```", README, re.M | re.S) if language in languages
+    ]
+
+
+def command_lines() -> list[str]:
+    lines = [line for body in blocks("console", "sh") for line in body.replace("\\\n", " ").splitlines()]
+    return [line.removeprefix("$ ").partition("  #")[0].strip() for line in lines]
+
+
+def opens_a_window(arguments: list[str]) -> bool:
+    return arguments[0] == "play" and not {"--shot", "--film"} & set(arguments)
+
+
+def test_commands_of_the_readme_run(crowdsim, tmp_path):
+    for library in ("scenarios", "behaviors"):
+        (tmp_path / library).symlink_to(ROOT / library)
+    commands = [shlex.split(line)[1:] for line in command_lines() if line.startswith("crowdsim ")]
+    assert any(arguments[0] == "run" for arguments in commands)
+    draws = crowdsim("doctor", "--json").stdout.find('"backend": null') < 0
+    for arguments in commands:
+        if opens_a_window(arguments):
+            continue
+        finished = crowdsim(*arguments)
+        wanted = 3 if arguments[0] == "play" and not draws else 0
+        assert finished.returncode == wanted, f"crowdsim {shlex.join(arguments)}: {finished.stderr}"
+
+
+def test_python_of_the_readme_runs(tmp_path, environment):
+    (tmp_path / "scenarios").symlink_to(ROOT / "scenarios")
+    snippets = blocks("python")
+    assert snippets
+    finished = subprocess.run(
+        [sys.executable, "-W", "error", "-c", "\n".join(snippets)],
+        cwd=tmp_path, env=environment, capture_output=True, text=True,
+    )  # fmt: skip
+    assert finished.returncode == 0, finished.stderr
+
+
+def test_scenarios_of_the_readme_pass_check(crowdsim, tmp_path):
+    scenarios = [body for body in blocks("yaml") if body.startswith("crowdsim:")]
+    assert scenarios
+    for body in scenarios:
+        (tmp_path / "scenario.yaml").write_text(body, encoding="utf-8")
+        finished = crowdsim("check", "scenario.yaml", "--json")
+        assert finished.returncode == 0, finished.stdout
+        assert json.loads(finished.stdout)["warnings"] == []
+
+
+def test_ci_runs_the_test_command_of_the_readme():
+    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
+    (ci_command,) = [line for line in script if "tools/check.py" in line]
+    assert [line for line in command_lines() if "tools/check.py" in line] == [ci_command]
+
+
+def test_files_the_readme_points_to_exist():
+    targets = re.findall(r"\]\((?!https?:|#)([^)\s]+)\)", README)
+    assert targets
+    assert [target for target in targets if not (ROOT / target.partition("#")[0]).exists()] == []

@@ -1,0 +1,96 @@
+"""Slow, obvious twins of the crowd's kernels."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from crowdsim.geometry.planar import compose, wrap_angle
+from crowdsim.motion.graph_arrays import GraphArrays
+from crowdsim.motion.track_kernels import BLEND_FRAMES
+
+FOREVER = np.iinfo(np.int64).max
+
+
+def walking_graph() -> GraphArrays:
+    """Four nodes: 0 idle, 1 start, 2 stride (curving left), 3 stop; 1.2 m/s at full pace, one behavior."""
+    lengths = np.array([30, 40, 60, 36], np.int32)
+    tracks = []
+    for node, frames in enumerate(lengths):
+        u = np.arange(frames + 1) / 60.0
+        x = {0: 0 * u, 1: 0.9 * u**2, 2: 1.2 * u, 3: 1.2 * u - 1.0 * u**2}[node]
+        heading = 0.15 * u if node == 2 else 0 * u
+        tracks.append(np.column_stack([x, 0.05 * x**2 if node == 2 else 0 * x, heading]))
+    first = np.concatenate([[0], np.cumsum([len(t) for t in tracks])[:-1]]).astype(np.int32)
+    edges = {0: [0, 1], 1: [2, 3], 2: [2, 3], 3: [0]}
+    targets = [target for node in range(4) for target in edges[node]]
+    count = len(targets)
+    transforms = np.zeros((count, 3))
+    transforms[:, 0] = 0.01
+    transforms[:, 2] = 0.02
+    return GraphArrays(
+        node_frames=lengths,
+        node_track=first,
+        tracks=np.concatenate(tracks),
+        node_motion=np.array([t[-1] for t in tracks]),
+        node_length=np.array([np.hypot(*np.diff(t[:, :2], axis=0).T).sum() for t in tracks]),
+        node_behavior=np.zeros(4, np.int32),
+        node_ends_standing=np.array([True, False, False, True]),
+        node_idle=np.array([True, False, False, False]),
+        edge_start=np.cumsum([0] + [len(edges[node]) for node in range(4)]).astype(np.int32),
+        edge_target=np.array(targets, np.int32),
+        edge_transform=transforms,
+        edge_pivot=np.zeros((count, 2)),
+        edge_low=np.full(count, -0.1),
+        edge_high=np.full(count, 0.1),
+        stop_edge=np.array([-1, 3, 5, -1], np.int32),
+    )
+
+
+def chain_of(graph: GraphArrays, nodes: list[int], start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Origins and seams (n, 3) of nodes joined by their first matching edges, without extra rotation."""
+    origins, seams = [start], [np.zeros(3)]
+    for before, node in zip(nodes, nodes[1:], strict=False):
+        row = range(graph.edge_start[before], graph.edge_start[before + 1])
+        edge = next(e for e in row if graph.edge_target[e] == node)
+        end = compose(origins[-1], graph.node_motion[before])
+        origins.append(compose(end, graph.edge_transform[edge]))
+        seam = end - origins[-1]
+        seam[2] = wrap_angle(seam[2])
+        seams.append(seam)
+    return np.array(origins), np.array(seams)
+
+
+def pose_at(graph: GraphArrays, nodes: list[int], origins: np.ndarray, seams: np.ndarray, frame: int) -> np.ndarray:
+    """Track pose ``frame`` frames after the start of a chain; its end is held."""
+    for node, origin, seam in zip(nodes, origins, seams, strict=True):
+        length = int(graph.node_frames[node])
+        if frame < length or node is nodes[-1]:
+            at = min(frame, length)
+            pose = compose(origin, graph.tracks[graph.node_track[node] + at])
+            u = min(at / BLEND_FRAMES, 1.0)
+            return pose + (1.0 - u * u * (3.0 - 2.0 * u)) * seam
+        frame -= length
+    raise AssertionError("a chain has at least one node")
+
+
+def timelines_meet(a, b, distance: float, first_slot: int) -> bool:
+    """Dense sampling of two timelines (positions (K, 2), start, gone) that come closer than ``distance``."""
+
+    def at(timeline, slot: float) -> np.ndarray:
+        positions, start, _ = timeline
+        u = np.clip(slot - start, 0, len(positions) - 1)
+        low = int(np.floor(u))
+        high = min(low + 1, len(positions) - 1)
+        return positions[low] + (u - low) * (positions[high] - positions[low])
+
+    last = max(a[1] + len(a[0]), b[1] + len(b[0]))
+    now = np.linalg.norm(at(a, first_slot) - at(b, first_slot))
+    distance = min(distance, now - 1e-6)
+    for slot in np.arange(first_slot, last, 0.01):
+        if np.floor(slot) >= min(a[2], b[2]):
+            return False
+        if np.linalg.norm(at(a, slot) - at(b, slot)) < distance:
+            return True
+    return False
+
+

@@ -1,0 +1,39 @@
+"""Frame distance by search, and stopping by trying all paths: slow twins of the motion room."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from scipy.optimize import minimize
+
+from crowdsim.geometry.planar import transform_points
+from crowdsim.motion.graph_arrays import GraphArrays
+
+
+def distance_under(a: np.ndarray, b: np.ndarray, pose: np.ndarray) -> float:
+    """Root mean square distance of points (P, 3) when ``b`` moves by a planar pose."""
+    planar = transform_points(pose, b[:, :2]) - a[:, :2]
+    return float(np.sqrt(np.mean(np.sum(planar**2, axis=1) + (b[:, 2] - a[:, 2]) ** 2)))
+
+
+def best_distance(a: np.ndarray, b: np.ndarray) -> tuple[float, float]:
+    """Smallest distance over all planar motions of ``b``, and the rotation that gives it, by descent from 8 turns."""
+    results = [
+        minimize(lambda p: distance_under(a, b, p) ** 2, [0.0, 0.0, turn], method="BFGS", options={"gtol": 1e-12})
+        for turn in np.arange(8) * np.pi / 4
+    ]
+    best = min(results, key=lambda r: r.fun)
+    return float(np.sqrt(best.fun)), float(best.x[2])
+
+
+def shortest_stop(graph: GraphArrays, start: int, narrowing: bool) -> float:
+    """Meters, and a meter a radian turned, from the end of ``start`` to a stand, by relaxing all edges over and over."""
+    source = np.repeat(np.arange(len(graph.node_frames)), np.diff(graph.edge_start))
+    cost = np.where(graph.node_ends_standing, 0.0, np.inf)
+    for _ in range(len(graph.node_frames)):
+        for s, t in itertools.zip_longest(source, graph.edge_target):
+            if graph.node_idle[t] or (narrowing and graph.node_behavior[t] > graph.node_behavior[s]):
+                continue
+            cost[s] = min(cost[s], cost[t] + graph.node_length[t] + abs(graph.node_motion[t, 2]))
+    return float(cost[start])

@@ -1,0 +1,109 @@
+"""Slow, obvious twins of the navigation mesh, on rational numbers and shapely."""
+
+from fractions import Fraction
+
+import numpy as np
+import shapely
+
+from crowdsim.navmesh.mesh_arrays import MeshArrays
+
+
+def orient_sign(a, b, c) -> int:
+    """Sign of the area of abc."""
+    (ax, ay), (bx, by), (cx, cy) = ([Fraction(v) for v in p] for p in (a, b, c))
+    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    return (area > 0) - (area < 0)
+
+
+def incircle_sign(a, b, c, d) -> int:
+    """Sign of the in-circle determinant of d against the counter-clockwise abc."""
+    rows = []
+    for p in (a, b, c):
+        x, y = Fraction(p[0]) - Fraction(d[0]), Fraction(p[1]) - Fraction(d[1])
+        rows.append((x, y, x * x + y * y))
+    (ax, ay, al), (bx, by, bl), (cx, cy, cl) = rows
+    det = ax * (by * cl - bl * cy) - ay * (bx * cl - bl * cx) + al * (bx * cy - by * cx)
+    return (det > 0) - (det < 0)
+
+
+def free_area(mesh: MeshArrays) -> float:
+    """Area of the free triangles, square meters."""
+    corners = np.stack([mesh.vx[mesh.org], mesh.vy[mesh.org]], axis=1).reshape(-1, 3, 2)[: mesh.counts[1]]
+    ab, ac = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = 0.5 * (ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0])
+    return float(area[mesh.wind[: mesh.counts[1]] == 0].sum())
+
+
+def mesh_faults(mesh: MeshArrays) -> list[str]:
+    """What is wrong with a mesh: orientation, twins, constraints, winding, stars, Delaunay."""
+    faults = []
+    vertices, triangles = int(mesh.counts[0]), int(mesh.counts[1])
+    point = [(float(mesh.vx[v]), float(mesh.vy[v])) for v in range(vertices)]
+
+    def after(h: int) -> int:
+        return h - 2 if h % 3 == 2 else h + 1
+
+    def before(h: int) -> int:
+        return h + 2 if h % 3 == 0 else h - 1
+
+    if triangles != 2 * vertices - 6:
+        faults.append(f"{triangles} triangles for {vertices} vertices")
+    for t in range(triangles):
+        a, b, c = (int(v) for v in mesh.org[3 * t : 3 * t + 3])
+        if orient_sign(point[a], point[b], point[c]) <= 0:
+            faults.append(f"triangle {t} is not counter-clockwise")
+    for h in range(3 * triangles):
+        g = int(mesh.twin[h])
+        if g < 0:
+            if mesh.org[h] >= 4 or mesh.org[after(h)] >= 4:
+                faults.append(f"half-edge {h} has no twin")
+            continue
+        if mesh.twin[g] != h or mesh.org[g] != mesh.org[after(h)] or mesh.org[h] != mesh.org[after(g)]:
+            faults.append(f"twins {h} and {g} do not match")
+        if mesh.cst[h] != mesh.cst[g] or mesh.win[h] != -mesh.win[g] or abs(mesh.win[h]) > mesh.cst[h]:
+            faults.append(f"constraints of {h} and {g} do not match")
+        if mesh.wind[g // 3] != mesh.wind[h // 3] - mesh.win[h]:
+            faults.append(f"winding jumps across {h}")
+        if h < g and mesh.cst[h] == 0:
+            corners = [point[int(mesh.org[k])] for k in (h, after(h), before(h))]
+            if incircle_sign(*corners, point[int(mesh.org[before(g)])]) > 0:
+                faults.append(f"side {h} is not Delaunay")
+    strays = [f"vertex {v} points to a half-edge of another" for v in range(vertices) if mesh.org[mesh.vhe[v]] != v]
+    return faults + strays
+
+
+def clearances(area, points) -> np.ndarray:
+    """Distances to the boundary of the free area, 0 outside of it."""
+    distances = shapely.distance(shapely.points(points), area.boundary)
+    return np.where(shapely.contains_xy(area, points), distances, 0.0)
+
+
+def reachable_parts(area, radius: float) -> np.ndarray:
+    """Polygons of places that a disc's center can be at, one a component."""
+    return shapely.get_parts(area.buffer(-radius, quad_segs=64))
+
+
+def part_of(parts, points) -> np.ndarray:
+    """Index of the part that holds each point, -1 for none."""
+    found = np.full(len(points), -1)
+    for k, part in enumerate(parts):
+        found[shapely.contains_xy(part, points)] = k
+    return found
+
+
+def random_area(rng: np.random.Generator, kind: str, size: float = 12.0, count: int = 30):
+    """A square room with obstacles: "boxes" at any angle, "walls" thin and long, "lattice" of touching boxes."""
+    obstacles = []
+    for _ in range(count):
+        x, y = rng.uniform(0.0, size, 2)
+        if kind == "boxes":
+            box = shapely.box(x, y, x + rng.uniform(0.2, 1.5), y + rng.uniform(0.2, 1.5))
+            box = shapely.affinity.rotate(box, rng.uniform(0.0, 180.0))
+        elif kind == "walls":
+            box = shapely.box(x, y, x + rng.uniform(1.0, 4.0), y + 0.1)
+            box = shapely.affinity.rotate(box, rng.choice([0.0, 90.0, rng.uniform(0.0, 180.0)]))
+        else:
+            x, y = np.floor((x, y))
+            box = shapely.box(x, y, x + 0.5 * rng.integers(1, 4), y + 0.5 * rng.integers(1, 4))
+        obstacles.append(box)
+    return shapely.box(0.0, 0.0, size, size).difference(shapely.union_all(obstacles))

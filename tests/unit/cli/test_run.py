@@ -1,0 +1,57 @@
+"""The parts of ``crowdsim run`` that need no run."""
+
+import pytest
+
+from crowdsim.cli.run import require_writable
+from crowdsim.cli.summary import summary_rows
+from crowdsim.errors import CrowdSimError
+
+SUMMARY = {
+    "characters": 3,
+    "arrived": 2,
+    "unreachable": {"1": "no path: too narrow"},
+    "steps": 300,
+    "mean_time": 8.25,
+    "state_hash": "00ff00ff00ff00ff",
+    "behavior_share": {"frontal": 0.5, "arm_constrained": 0.25, "lateral": 0.25},
+    "behavior_share_by_area": {
+        "gap": {"frontal": 0.0, "arm_constrained": 0.0, "lateral": 1.0},
+        "attic": {"frontal": 0.0},
+    },
+    "closest_pair": 0.7125,
+    "obstacle_margin": {"legs": 0.05, "torso": 0.0625},
+    "stance_foot_speed": 0.03,
+    "lowest_foot": -0.001,
+    "real_time_factor": 12.34,
+    "recording": "corridor.h5",
+}
+
+
+def test_the_summary_is_shown_with_units():
+    rows = dict(summary_rows(SUMMARY))
+    assert rows["characters"] == "3"
+    assert rows["mean time to arrive"] == "8.2 s"
+    assert rows["share of the way"] == "frontal 50%, arm_constrained 25%, lateral 25%"
+    assert rows["  in gap"] == "lateral 100%"
+    assert rows["  in attic"] == "nobody went here"
+    assert rows["  no way for character 1"] == "no path: too narrow"
+    assert rows["body to obstacle, torso"] == "0.062 m"
+    assert rows["state hash"] == "00ff00ff00ff00ff"
+
+
+def test_a_run_without_arrivals_or_company_has_a_summary():
+    rows = dict(summary_rows({**SUMMARY, "arrived": 0, "mean_time": None, "closest_pair": None}))
+    assert rows["mean time to arrive"] == "none"
+    assert rows["closest two, center to center"] == "none"
+
+
+def test_a_place_that_can_be_written_is_accepted_and_left_untouched(tmp_path):
+    require_writable(tmp_path / "new.h5")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("place", [".", "absent/a.h5", "file/a.h5"])
+def test_a_place_that_cannot_be_written_is_refused(tmp_path, place):
+    (tmp_path / "file").touch()
+    with pytest.raises(CrowdSimError, match="cannot write"):
+        require_writable(tmp_path / place)

@@ -1,0 +1,94 @@
+"""Entities, columns and systems."""
+
+import numpy as np
+import pytest
+
+from crowdsim.ecs.schedule import Schedule, System
+from crowdsim.ecs.world import Column, World
+
+
+def make_world(capacity: int = 2) -> World:
+    return World([Column("position", np.float64, (2,)), Column("age", np.int32, (), 5)], capacity)
+
+
+def test_spawned_entities_appear_with_the_changes_and_grow_the_columns() -> None:
+    world = make_world()
+    ids = [world.spawn(position=(i, 2 * i)) for i in range(5)]
+    assert world.count == 0
+    world.apply_changes()
+    assert world.count == 5
+    assert world.column("id").tolist() == ids
+    assert world.column("position").tolist() == [[i, 2 * i] for i in range(5)]
+    assert (world.column("age") == 5).all()
+
+
+def test_removal_keeps_the_order_and_ids_are_never_reused() -> None:
+    world = make_world()
+    ids = [world.spawn(position=(i, 0)) for i in range(4)]
+    world.apply_changes()
+    world.remove(ids[1])
+    world.remove(ids[3])
+    newcomer = world.spawn(position=(9, 0))
+    world.apply_changes()
+    assert world.column("id").tolist() == [ids[0], ids[2], newcomer]
+    assert world.column("position")[:, 0].tolist() == [0, 2, 9]
+    assert newcomer not in ids
+    assert world.slot(ids[2]) == 1
+    assert world.slot(ids[1]) == -1
+    assert world.slot(newcomer + 1) == -1
+
+
+def test_a_reused_row_starts_from_the_fill_value() -> None:
+    world = make_world()
+    first = world.spawn(age=77)
+    world.apply_changes()
+    world.remove(first)
+    world.spawn()
+    world.apply_changes()
+    assert world.column("age").tolist() == [5]
+
+
+def test_unknown_columns_are_refused() -> None:
+    world = make_world()
+    with pytest.raises(KeyError, match="velocity"):
+        world.spawn(velocity=1.0)
+    with pytest.raises(KeyError, match="velocity"):
+        Schedule(world, [System("move", lambda view: None, reads=("velocity",))])
+    with pytest.raises(ValueError, match="differ"):
+        World([Column("id", np.int32)])
+
+
+def test_a_system_cannot_write_what_it_declared_to_read_nor_see_what_it_did_not_declare() -> None:
+    world = make_world()
+    world.spawn()
+    world.apply_changes()
+
+    def write_read_only(view) -> None:
+        view.position[0] = 1.0
+
+    def read_undeclared(view) -> None:
+        view.age.sum()
+
+    with pytest.raises(ValueError, match="read-only"):
+        Schedule(world, [System("bad", write_read_only, reads=("position",))]).run()
+    with pytest.raises(AttributeError, match="age"):
+        Schedule(world, [System("bad", read_undeclared, reads=("position",))]).run()
+
+
+def test_changes_are_applied_between_systems_in_order() -> None:
+    world = make_world()
+    seen = []
+
+    def spawn(view) -> None:
+        world.spawn()
+        seen.append(("spawn", world.count))
+
+    def count(view) -> None:
+        view.age += 1
+        seen.append(("count", len(view.age)))
+
+    schedule = Schedule(world, [System("spawn", spawn), System("count", count, writes=("age",))])
+    schedule.run()
+    schedule.run()
+    assert seen == [("spawn", 0), ("count", 1), ("spawn", 1), ("count", 2)]
+    assert world.column("age").tolist() == [7, 6]

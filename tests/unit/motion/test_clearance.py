@@ -1,0 +1,83 @@
+"""Room that motions need, and how feet keep to the floor."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crowdsim.motion.bvh_reader import read_bvh
+from crowdsim.motion.clearance import measure_clearances
+from crowdsim.motion.clip import Clip
+from crowdsim.motion.foot_metrics import measure_feet, planted_speed
+from tests.unit.motion.walker import walk
+
+LEGS, TORSO = (0.0, 0.5), (0.8, 1.5)
+
+
+def test_walking_torso_is_half_the_shoulders_and_legs_are_narrower() -> None:
+    legs, torso = measure_clearances(walk(sway=0.0, yaw_sway=0.0), [LEGS, TORSO])
+    assert torso == pytest.approx(0.2 + 0.06, abs=0.01)
+    assert 0.12 < legs < 0.2
+
+
+def test_side_stepping_counts_depth_and_both_ends_of_the_feet() -> None:
+    clip = walk(steps=4, step_length=0.35, facing=np.pi / 2, sway=0.0, yaw_sway=0.0)
+    feet, torso = measure_clearances(clip, [(0.0, 0.1), (0.8, 1.5)], facing=np.pi / 2)
+    assert feet == pytest.approx((0.06 + 0.13 + 0.06) / 2 + 0.02, abs=0.015)
+    assert torso < 0.22
+
+
+def test_sway_needs_room() -> None:
+    still, swaying = (measure_clearances(walk(sway=s), [TORSO])[0] for s in (0.0, 0.04))
+    assert still + 0.015 < swaying < still + 0.05
+
+
+def test_clearance_does_not_depend_on_where_the_clip_is() -> None:
+    clip = walk(steps=4, turn=0.5)
+    moved = Clip("moved", clip.skeleton, clip.root_positions + [10.0, -20.0, 0.0], clip.rotations)
+    bands = [LEGS, TORSO]
+    assert np.allclose(measure_clearances(clip, bands), measure_clearances(moved, bands), atol=1e-9)
+
+
+def test_a_turn_on_the_spot_says_nothing_about_a_passage() -> None:
+    clip = walk(steps=8, step_length=0.05, turn=2.0 * np.pi, stand=0)
+    middle = Clip("turn", clip.skeleton, clip.root_positions[60:-60], clip.rotations[60:-60])
+    assert measure_clearances(middle, [LEGS, TORSO]).tolist() == [0.0, 0.0]
+
+
+def test_gentle_turns_count() -> None:
+    gentle = measure_clearances(walk(steps=8, turn=0.8), [TORSO])[0]
+    assert gentle == pytest.approx(measure_clearances(walk(steps=8), [TORSO])[0], abs=0.03)
+
+
+def test_an_empty_band_has_no_clearance() -> None:
+    assert measure_clearances(walk(steps=4), [(5.0, 6.0)])[0] == 0.0
+
+
+def test_captured_straight_walks_need_what_the_facts_say(shared: Path) -> None:
+    legs, torso = measure_clearances(read_bvh(shared / "mocap" / "16_47_walk_straight_normal_a.bvh"), [LEGS, TORSO])
+    assert 0.13 < legs < 0.22
+    assert 0.30 < torso < 0.42
+
+
+def test_planted_feet_of_the_walker_rest_and_of_a_sliding_body_do_not() -> None:
+    clip = walk(steps=8)
+    report = measure_feet(clip.skeleton, clip.joint_positions)
+    assert report.skate_median < 0.01
+    assert report.planted_share > 0.8
+    assert report.lowest == pytest.approx(0.03, abs=1e-6)
+    sliding = clip.joint_positions + np.linspace(0, 1, clip.frame_count)[:, None, None] * [0, 1.0, 0] * 2
+    assert measure_feet(clip.skeleton, sliding).skate_median == pytest.approx(2.0 / (clip.duration), rel=0.05)
+
+
+def test_a_body_in_the_air_has_no_planted_foot() -> None:
+    clip = walk(steps=4)
+    falling = clip.joint_positions + np.arange(clip.frame_count)[:, None, None] * [0, 0, 1.0]
+    assert np.isnan(planted_speed(clip.skeleton, falling)[5:]).all()
+    assert measure_feet(clip.skeleton, falling[10:]).planted_share == 0.0
+
+
+def test_foot_metrics_scale_with_the_rate() -> None:
+    clip = walk(steps=4)
+    half = measure_feet(clip.skeleton, clip.joint_positions[::2], rate=30.0)
+    assert half.skate_median == pytest.approx(measure_feet(clip.skeleton, clip.joint_positions).skate_median, abs=0.02)

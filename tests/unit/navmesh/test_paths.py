@@ -1,0 +1,172 @@
+"""Paths keep their radius, exist where they should, are short, and obstacles can be added to a copy."""
+
+import itertools
+import json
+import math
+import threading
+
+import numpy as np
+import pytest
+import shapely
+
+from crowdsim.errors import GeometryError, PathNotFound
+from crowdsim.navmesh.navmesh import NavMesh
+from tests.reference.navmesh_reference import mesh_faults, part_of, random_area, reachable_parts
+
+CLOSE = 1e-5
+"""Meters by which a path may come closer than its radius."""
+
+
+def _find(mesh, start, goal, radius):
+    try:
+        return mesh.find_path(start, goal, radius)
+    except PathNotFound:
+        return None
+
+
+@pytest.mark.parametrize("kind", ["boxes", "walls", "lattice"])
+@pytest.mark.parametrize("seed", range(6))
+def test_paths_exist_exactly_where_the_disc_fits(kind, seed):
+    rng = np.random.default_rng(100 + seed)
+    area = random_area(rng, kind, count=40)
+    mesh = NavMesh(area)
+    for radius in (0.15, 0.3, 0.5, 0.8):
+        surely, perhaps = reachable_parts(area, radius * (1 + 5e-4)), reachable_parts(area, radius * (1 - 5e-4))
+        if len(surely) == 0:
+            continue
+        # Half of the points next to the edge of where the disc fits: the ends of a path are its critical places.
+        rim = shapely.union_all(surely).boundary
+        near = shapely.line_interpolate_point(rim, rng.uniform(0.0, 1.0, 60), normalized=True)
+        near = shapely.get_coordinates(near) + rng.normal(0.0, 0.1 * radius, (60, 2))
+        points = rng.permutation(np.concatenate([near, rng.uniform(0.0, 12.0, (60, 2))]))
+        points = points[part_of(surely, points) >= 0]
+        surely, perhaps = part_of(surely, points), part_of(perhaps, points)
+        for i in range(0, len(points) - 1, 2):
+            path = _find(mesh, points[i], points[i + 1], radius)
+            if path is None:
+                assert surely[i] != surely[i + 1], (points[i], points[i + 1], radius)
+                continue
+            assert perhaps[i] == perhaps[i + 1], (points[i], points[i + 1], radius)
+            line = shapely.LineString(path.points)
+            assert line.distance(area.boundary) >= radius - CLOSE
+            assert shapely.contains_properly(area, line)
+            assert path.length == pytest.approx(line.length)
+            np.testing.assert_array_equal(path.points[[0, -1]], points[i : i + 2])
+            assert mesh.first_violation(path.points, radius) == math.inf
+
+
+@pytest.mark.parametrize(
+    ("name", "queries", "mean_ratio"), [("clutter_200", 1000, 1.005), ("apartment_24", 150, 1.002)]
+)
+def test_oracle_maps(shared, name, queries, mean_ratio):
+    oracle = json.loads((shared / "oracles" / "maps" / f"{name}.json").read_text())
+    obstacles = shapely.union_all([shapely.Polygon(obstacle["polygon"]) for obstacle in oracle["obstacles"]])
+    area = shapely.box(*oracle["bounds"]).difference(obstacles)
+    mesh = NavMesh(area)
+    radius = oracle["radius"]
+    ratios = []
+    for query, shortest, optimum in list(
+        zip(oracle["queries"], oracle["optimum_r0"], oracle["optimum_r"], strict=True)
+    )[:queries]:
+        path = _find(mesh, query[:2], query[2:], radius)
+        if optimum is None:
+            continue
+        assert path is not None, query
+        assert shapely.LineString(path.points).distance(area.boundary) >= radius - CLOSE
+        assert path.length >= shortest * (1 - 1e-6)
+        ratios.append(path.length / optimum)
+    assert np.mean(ratios) < mean_ratio
+    assert np.max(ratios) < 1.08
+
+
+def test_a_gap_of_exactly_the_diameter_is_passed():
+    wall = shapely.union_all([shapely.box(4, 0, 5, 4.7), shapely.box(4, 5.3, 5, 10)])
+    mesh = NavMesh(shapely.box(0, 0, 10, 10).difference(wall))
+    path = mesh.find_path((2, 2), (8, 8), 0.3)
+    assert shapely.LineString(path.points).distance(wall) >= 0.3 - CLOSE
+    with pytest.raises(PathNotFound, match="no passage"):
+        mesh.find_path((2, 2), (8, 8), 0.3001)
+
+
+def test_a_corner_is_rounded_within_a_millimeter():
+    mesh = NavMesh(shapely.box(0, 0, 10, 10).difference(shapely.box(4, 0, 6, 5)))
+    path = mesh.find_path((2, 2), (8, 2), 0.5)
+    corner = shapely.MultiPoint([(4, 5), (6, 5)])
+    bends = shapely.points(path.points[1:-1])
+    assert shapely.distance(bends, corner).max() < 0.5 + 1e-3
+    turn = math.atan2(3, 2) + math.asin(0.5 / math.sqrt(13))
+    assert path.length == pytest.approx(2 * (math.sqrt(13 - 0.25) + 0.5 * turn) + 2, abs=3e-3)
+
+
+def test_reasons_are_told():
+    mesh = NavMesh(shapely.box(0, 0, 10, 10).difference(shapely.box(4, 0, 6, 10)))
+    with pytest.raises(PathNotFound, match=r"start blocked.*not in free space"):
+        mesh.find_path((5, 5), (1, 1), 0.3)
+    with pytest.raises(PathNotFound, match=r"goal blocked.*0\.1 m"):
+        mesh.find_path((1, 1), (0.1, 5), 0.3)
+    with pytest.raises(PathNotFound, match="no passage"):
+        mesh.find_path((1, 1), (9, 9), 0.3)
+    with pytest.raises(PathNotFound, match="start blocked"):
+        mesh.find_path((500, 5), (1, 1), 0.3)
+    for start, radius in (((math.nan, 1), 0.3), ((1, 1), math.nan), ((1, 1), -1.0), ((1, 1), 0.0), ((1, 1, 1), 0.3)):
+        with pytest.raises(GeometryError):
+            mesh.find_path(start, (2, 2), radius)
+
+
+def test_with_points_blocks_a_gap_in_the_copy_only():
+    wall = shapely.union_all([shapely.box(4, 0, 5, 4.5), shapely.box(4, 5.5, 5, 10)])
+    mesh = NavMesh(shapely.box(0, 0, 10, 10).difference(wall))
+    before = [column.copy() for column in mesh.arrays]
+    blocked = mesh.with_points([(4.5, 5.0), (8.0, 8.0)])
+    assert mesh_faults(blocked.arrays) == []
+    assert blocked.clearance((8.0, 8.5)) == pytest.approx(0.5, abs=1e-5)
+    assert blocked.find_path((2, 2), (8, 2), 0.2).length < 10.0
+    with pytest.raises(PathNotFound, match="no passage"):
+        blocked.find_path((2, 2), (8, 2), 0.3)
+    mesh.find_path((2, 2), (8, 2), 0.3)
+    for column, old in zip(mesh.arrays, before, strict=True):
+        np.testing.assert_array_equal(column, old)
+    with pytest.raises(GeometryError, match="outside"):
+        mesh.with_points([(500.0, 0.0)])
+
+
+def test_with_many_points_stays_exact():
+    rng = np.random.default_rng(8)
+    area = random_area(rng, "boxes", count=15)
+    posts = rng.uniform(0.5, 11.5, (40, 2))
+    mesh = NavMesh(area).with_points(posts)
+    assert mesh_faults(mesh.arrays) == []
+    solid = shapely.union_all([area.boundary, shapely.MultiPoint(posts)])
+    parts = reachable_parts(area.difference(shapely.MultiPoint(posts).buffer(1e-6)), 0.4)
+    points = rng.uniform(0.0, 12.0, (120, 2))
+    part = part_of(parts, points)
+    points, part = points[part >= 0], part[part >= 0]
+    for i in range(len(points) - 1):
+        path = _find(mesh, points[i], points[i + 1], 0.4 - 1e-3)
+        assert (path is not None) or part[i] != part[i + 1]
+        if path is not None:
+            assert shapely.LineString(path.points).distance(solid) >= 0.4 - 1e-3 - CLOSE
+
+
+def test_threads_give_the_same_paths_as_one():
+    mesh = NavMesh(random_area(np.random.default_rng(3), "boxes"))
+    rng = np.random.default_rng(0)
+    points = rng.uniform(0.0, 12.0, (80, 2))
+    points = points[mesh.clearances(points) > 0.25]
+    pairs = list(itertools.pairwise(points))
+    alone = [_find(mesh, a, b, 0.2) for a, b in pairs]
+    together: list = [None, None]
+
+    def work(k):
+        together[k] = [_find(mesh, a, b, 0.2) for a, b in pairs]
+
+    threads = [threading.Thread(target=work, args=(k,)) for k in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for found in together:
+        for one, two in zip(alone, found, strict=True):
+            assert (one is None) == (two is None)
+            if one is not None:
+                np.testing.assert_array_equal(one.points, two.points)

@@ -1,0 +1,37 @@
+"""Write the clips of the default motion set anew: ``python tools/build_default_motion.py [FOLDER]``.
+
+The clips are synthesized, not captured, and come out the same to the last bit, so a change in them is a change in
+``crowdsim/motion/gait_*.py`` or ``crowdsim/motion/arm_edit.py``. FOLDER is ``behaviors`` unless told.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from crowdsim.motion.bvh_writer import write_bvh  # noqa: E402
+from crowdsim.motion.gait_library import synthesize_default_set  # noqa: E402
+
+
+def build(folder: Path) -> int:
+    """Write every clip below ``folder``; returns the bytes written. Clips of the set that are no more are removed."""
+    wanted: dict[Path, set[str]] = {}
+    size = 0
+    for behavior, file_name, clip in synthesize_default_set():
+        clips = folder / behavior / "clips"
+        clips.mkdir(parents=True, exist_ok=True)
+        write_bvh(clip, clips / file_name)
+        wanted.setdefault(clips, set()).add(file_name)
+        size += (clips / file_name).stat().st_size
+    for clips, names in wanted.items():
+        for stale in sorted(set(clips.glob("*.bvh")) - {clips / name for name in names}):
+            stale.unlink()
+    return size
+
+
+if __name__ == "__main__":
+    target = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "behaviors"
+    print(f"{build(target) / 1e6:.2f} MB of clips in {target}")

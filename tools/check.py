@@ -1,0 +1,39 @@
+"""Every check of the repository: format, lint, types, import directions, then the tests.
+
+All of them run, whatever fails before; the exit code is 1 if any failed. The tests come last, so that their closing
+line closes the output. Arguments go to pytest: ``python tools/check.py tests/unit -x``.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+TOOLS = Path(sys.executable).parent
+CHECKS = (
+    [str(TOOLS / "ruff"), "format", "--check", "."],
+    [str(TOOLS / "ruff"), "check", "."],
+    [sys.executable, "-m", "mypy"],
+    [str(TOOLS / "lint-imports"), "--no-logo"],
+)
+
+
+def passes(command: list[str]) -> bool:
+    """Whether ``command``, run in the repository's root, ends well; its output goes to the terminal."""
+    print("==", Path(command[0]).name, *command[1:], flush=True)
+    return subprocess.run(command, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}).returncode == 0
+
+
+def main() -> int:
+    failed = [command for command in CHECKS if not passes(command)]
+    for command in failed:
+        print("FAILED:", Path(command[0]).name, *command[1:], flush=True)
+    tests_pass = passes([sys.executable, "-m", "pytest", *sys.argv[1:]])
+    return 0 if tests_pass and not failed else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
