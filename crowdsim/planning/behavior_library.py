@@ -102,7 +102,8 @@ def _require_nested(behaviors: Sequence[Behavior]) -> None:
         if narrow.cost_per_meter <= wide.cost_per_meter:
             raise BehaviorError(
                 f"'{narrow.name}' is narrower than '{wide.name}' ({narrow.radii[-1]:.3f} m, {wide.radii[-1]:.3f} m) and"
-                f" no costlier, so '{wide.name}' would never be used; raise cost_per_meter in {narrow.folder}/behavior.yaml"
+                f" no costlier, so '{wide.name}' would never be used; raise cost_per_meter"
+                f" in {narrow.folder}/behavior.yaml"
             )
 
 

@@ -1,8 +1,8 @@
 """Behaviors made from a folder of the user's own captured walks.
 
 Frontal walking is the walks as they are; arm-constrained walking is the same walks with the arms held in (2018 paper,
-section 3.1: the trajectories of the arms are modified), and what leads between the two is one walk in which that comes or
-goes.
+section 3.1: the trajectories of the arms are modified), and what leads between the two is one walk in which that comes
+or goes.
 """
 
 from __future__ import annotations

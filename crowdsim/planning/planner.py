@@ -144,8 +144,11 @@ class _Search(NamedTuple):
         return AnnotatedPath(points, arc, sections, cost)
 
     def _improved(self, points: NDArray[np.float64]) -> AnnotatedPath:
-        """Annotated path, moved off the obstacles where a more preferred behavior then fits."""
-        levels = [(room, 0.0) for room in self.rooms[:-1]]
+        """Annotated path, moved off the obstacles where a more preferred behavior then fits.
+
+        From narrow to wide, so that a detour for a wide behavior has to beat the gap walked with a narrower one.
+        """
+        levels = [(room, 0.0) for room in self.rooms[-2::-1]]
         return self._annotated(widen(self.meshes, self.need, points, levels, 0.0))
 
     def _conflict_points(self, path: AnnotatedPath) -> NDArray[np.float64]:

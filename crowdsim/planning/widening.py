@@ -33,7 +33,7 @@ def widen(
     levels: Sequence[tuple[Room, float]],
     allowance: float,
 ) -> NDArray[np.float64]:
-    """Polyline with the same ends that keeps the first of ``levels`` (room, slack) it can, stretch by stretch.
+    """Polyline with the same ends that keeps one after the other of ``levels`` (room, slack) where it can.
 
     A replacement is taken where it costs at most what it replaces and ``allowance`` meters of the preferred behavior
     (each place by the behavior that fits it; sections and switches not counted). The points given come back where
