@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import typer
 
@@ -30,8 +31,8 @@ def behaviors(as_json: Json = False, debug: Debug = False) -> None:
     from crowdsim.planning.behaviors import list_behaviors
 
     bands = (LEGS, TORSO)
-    found = load_behavior_set(list_behaviors(library_folder("behaviors")), bands).behaviors
-    rows = [
+    found = load_behavior_set(list_behaviors(library_folder("behaviors")), [(b.low, b.high) for b in bands]).behaviors
+    rows: list[dict[str, Any]] = [
         {
             "name": behavior.name,
             "description": behavior.description,

@@ -6,8 +6,8 @@ from crowdsim.motion.track_kernels import track_pose
 
 @kernel
 def advance(
-    graph, frames, node, previous, frame, origin, seam, next_node, next_origin, next_seam, next_cursor, cursor, behavior,
-    pose,
+    graph, frames, node, previous, frame, origin, seam, next_node, next_origin, next_seam, next_cursor,
+    cursor, behavior, pose,
 ):  # fmt: skip
     """Advance every row by ``frames`` frames, into its next node where the present one ends.
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.constants import NONE
-from crowdsim.recording.header import AgentState
 from crowdsim.crowd.replanning import Plans
 from crowdsim.ecs.world import View, World
+from crowdsim.recording.header import AgentState
 
 
 @dataclass

@@ -38,8 +38,7 @@ class Entering:
         step = self.plans.step
         latency = self.plans.pool.latency
         timelines, starts, gones, radii = (np.array(getattr(view, name)) for name in self.READS)
-        for agent in np.flatnonzero((self.entered < 0) & (self.cast.start_steps - latency <= step)):
-            agent = int(agent)
+        for agent in np.flatnonzero((self.entered < 0) & (self.cast.start_steps - latency <= step)).tolist():
             if agent not in self.requested:
                 self.requested.add(agent)
                 self.plans.request(

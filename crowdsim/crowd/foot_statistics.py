@@ -43,7 +43,7 @@ class FootStatistics:
             self.lowest = min(self.lowest, float((feet[..., 2] - self._rest).min()))
         if self._before is not None:
             agents, old = self._before
-            both, now, then = np.intersect1d(present, agents, assume_unique=True, return_indices=True)
+            _, now, then = np.intersect1d(present, agents, assume_unique=True, return_indices=True)
             velocity = (feet[now] - old[then]) * self._rate
             low = 0.5 * (feet[now] + old[then])[..., 2] < self._rest + NEAR_FLOOR
             planted = low & (np.linalg.norm(velocity, axis=-1) < STANCE_SPEED)

@@ -15,6 +15,10 @@ from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.planning.annotated_path import AnnotatedPath, PathSamples
 from crowdsim.planning.planner import plan_path
 
+WORTHWHILE = 2.0
+"""Meters that a motion must lead along the route to be begun though it does not reach the goal: who shuffles on the
+spot towards a place it cannot leave had better wait."""
+
 
 @dataclass(frozen=True)
 class Request:
@@ -101,14 +105,16 @@ def _follow(setting: Setting, request: Request, route: AnnotatedPath) -> MotionP
     origins = found.origins[1:]
     seams = ends - origins
     seams[:, 2] = wrap_angle(seams[:, 2])
+    arrives = found.status == FollowStatus.FOUND
+    count = len(origins) if arrives or found.reached >= WORTHWHILE else 0
     return MotionPlan(
         route=route,
         departure_node=node,
         departure=origin,
-        nodes=found.nodes[1:],
-        origins=origins,
-        seams=seams,
-        arrives=found.status == FollowStatus.FOUND,
+        nodes=found.nodes[1 : count + 1],
+        origins=origins[:count],
+        seams=seams[:count],
+        arrives=arrives,
     )
 
 

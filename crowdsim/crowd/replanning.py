@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from crowdsim.recording.header import AgentState
 from crowdsim.crowd.motion_plan import MotionPlan, Request, search_motion
 from crowdsim.crowd.setting import Setting
 from crowdsim.crowd.worker_pool import WorkerPool
 from crowdsim.ecs.world import View
 from crowdsim.errors import PathNotFound
 from crowdsim.planning.annotated_path import AnnotatedPath
+from crowdsim.recording.header import AgentState
 
 RETRY_SECONDS = 2.0
 """How long a character whose search failed stands before it searches again."""
@@ -81,7 +81,7 @@ class Replanning:
                 view.retry_step[row] = plans.step + int(RETRY_SECONDS * setting.steps_per_second)
 
         waiting = (view.state == AgentState.WAITING) & setting.graph.node_idle[view.node]
-        for row in np.flatnonzero(waiting & ~view.awaiting_plan & (view.retry_step <= plans.step)):
+        for row in np.flatnonzero(waiting & ~view.awaiting_plan & (view.retry_step <= plans.step)).tolist():
             agent = int(view.agent[row])
             if agent in plans.motions:
                 continue

@@ -22,18 +22,19 @@ _STATIC_STRIDE = 4  # frames between two samples of the test against obstacles
 
 
 @kernel
-def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, distance):
+def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, distance, present):
     """Whether two timelines come closer than ``distance`` at or after ``first_slot``.
 
-    a, b: (K, 2) positions. Exact for the piecewise linear motion, to the end of time. A pair that is
-    closer already may move as long as it never comes closer still, or it could never part.
+    a, b: (K, 2) positions. Exact for the piecewise linear motion, to the end of time. Where both are ``present``
+    in the world and closer already, they may move as long as they never come closer still, or they could never part.
     """
+    if first_slot >= a_gone or first_slot >= b_gone:
+        return False
     ia = min(max(first_slot - a_start, 0), len(a) - 1)
     ib = min(max(first_slot - b_start, 0), len(b) - 1)
-    now = math.hypot(a[ia, 0] - b[ib, 0], a[ia, 1] - b[ib, 1])
-    distance = min(distance, now - _ROUNDING)
-    if distance <= 0.0:
-        return False
+    if present:
+        now = math.hypot(a[ia, 0] - b[ib, 0], a[ia, 1] - b[ib, 1])
+        distance = max(min(distance, now - _ROUNDING), 0.0)
     last = max(a_start + len(a), b_start + len(b))
     for slot in range(first_slot, last):
         if slot >= a_gone or slot >= b_gone:
@@ -59,7 +60,7 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, distance):
 
 @kernel
 def meets_anyone(me, timeline, start, gone, first_slot, radius, timelines, starts, gones, radii):
-    """Whether a candidate timeline meets that of any other row; ``me`` is its own row, or -1."""
+    """Whether a candidate timeline meets that of any other row; ``me`` is its own row, -1 for who is yet to enter."""
     reach = 0.0
     for k in range(len(timeline)):
         dx = timeline[k, 0] - timeline[0, 0]
@@ -74,7 +75,10 @@ def meets_anyone(me, timeline, start, gone, first_slot, radius, timelines, start
         end = timelines.shape[1] - 1
         if not _within_reach(timeline[0], timelines[other], here, end, reach + distance):
             continue
-        if pair_meets(timeline, start, gone, timelines[other], starts[other], gones[other], first_slot, distance):
+        other_gone = gones[other]
+        if pair_meets(
+            timeline, start, gone, timelines[other], starts[other], other_gone, first_slot, distance, me >= 0
+        ):
             return True
     return False
 
@@ -211,9 +215,7 @@ def reserve(
             return TOO_LONG, 0, forever
         if leaves:
             gone = ended
-        if meets_anyone(
-            row, timeline, start, gone, start, body_radii[row], timelines, starts, gones, body_radii
-        ):
+        if meets_anyone(row, timeline, start, gone, start, body_radii[row], timelines, starts, gones, body_radii):
             return MEETS_SOMEONE, 0, forever
         return COMMITTED, taken, gone
     return CANNOT_STOP, 0, forever

@@ -10,20 +10,22 @@ from typing import Any
 
 import numpy as np
 
+from crowdsim.constants import NONE, TRACKING_MARGIN
 from crowdsim.crowd.advancing import Advancing
 from crowdsim.crowd.arriving import Arriving
 from crowdsim.crowd.choosing import Choosing
 from crowdsim.crowd.components import COLUMNS
 from crowdsim.crowd.entering import Entering
 from crowdsim.crowd.header import labeled_points, record_header
+from crowdsim.crowd.motion_plan import MotionPlan
 from crowdsim.crowd.replanning import Plans, Replanning
 from crowdsim.crowd.setting import prepare
 from crowdsim.crowd.state_hash import state_hash
 from crowdsim.crowd.statistics import Statistics
 from crowdsim.crowd.worker_pool import WorkerPool
-from crowdsim.constants import NONE, TRACKING_MARGIN
 from crowdsim.ecs.schedule import Schedule, System
 from crowdsim.ecs.world import World
+from crowdsim.errors import PathNotFound
 from crowdsim.planning.annotated_path import AnnotatedPath
 from crowdsim.recording.header import AgentState, RecordedFrame
 from crowdsim.recording.reader import Recording
@@ -48,10 +50,11 @@ class Simulation:
         self.scenario = scenario
         self.setting = prepare(scenario)
         rate = scenario.steps_per_second
-        self.step_limit = int(round(scenario.duration * rate))
+        self.step_limit = round(scenario.duration * rate)
         self.cast = place_agents(scenario, self.setting.personal_radius + TRACKING_MARGIN)
         self.world = World(COLUMNS, capacity=len(self.cast.starts))
-        self._pool = WorkerPool(workers, latency=max(1, round(THINKING_SECONDS * rate)))
+        latency = max(1, round(THINKING_SECONDS * rate))
+        self._pool: WorkerPool[MotionPlan | PathNotFound] = WorkerPool(workers, latency)
         self._new_routes: list[tuple[int, AnnotatedPath]] = []
         self.plans = Plans(self.setting, self._pool, lambda agent, route: self._new_routes.append((agent, route)))
         self.hash = 0

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import MotionError
 from crowdsim.following.follow_kernels import BLOCKED, FOUND, OUT_OF_BUDGET, follow
 from crowdsim.following.motion_maps import MotionMaps
@@ -42,6 +43,8 @@ class FollowOptions:
 
     goal_tolerance: meters from the path's end within which the last node must pass, or end where end_standing.
     end_standing: whether the last node must end standing.
+    overlap: meters of a section that a node of a wider behavior than the planned may cover as if it were planned.
+    margin: meters kept free beyond the body's radius by nodes of a wider behavior that cover more: what plans keep.
     transition_reach: meters around a section in which a behavior that faces off the direction of motion is allowed.
     heading_tolerance: radians between body and path at the end of each node that moves.
     deviation: meters that the end of a node may lie off the path.
@@ -52,6 +55,8 @@ class FollowOptions:
 
     goal_tolerance: float = 0.35
     end_standing: bool = False
+    overlap: float = 0.2
+    margin: float = TRACKING_MARGIN
     transition_reach: float = 2.0
     heading_tolerance: float = float(np.radians(35.0))
     deviation: float = 0.6
@@ -90,6 +95,8 @@ class _Rules(NamedTuple):
     facings: Floats
     goal_tolerance: float
     end_standing: bool
+    overlap: float
+    margin: float
     heading_tolerance: float
     deviation: float
     slack: float
@@ -100,6 +107,7 @@ class _Rules(NamedTuple):
 class _Laid(NamedTuple):
     serial: NDArray[np.int64]
     fit: NDArray[np.bool_]
+    wide: NDArray[np.bool_]
     reached: NDArray[np.bool_]
     free: NDArray[np.bool_]
     node: NDArray[np.int64]
@@ -169,6 +177,8 @@ def follow_path(
         np.ascontiguousarray(facings, np.float64),
         float(options.goal_tolerance),
         bool(options.end_standing),
+        float(options.overlap),
+        float(options.margin),
         float(options.heading_tolerance),
         float(options.deviation),
         float(options.slack),
@@ -236,6 +246,7 @@ def _workspace(graph: GraphArrays, maps: MotionMaps, length: float, rules: _Rule
     laid = _Laid(
         serial=np.zeros(entries, np.int64),
         fit=np.empty(entries, np.bool_),
+        wide=np.empty(entries, np.bool_),
         reached=np.empty(entries, np.bool_),
         free=np.empty((entries, 2), np.bool_),
         node=ints(entries),

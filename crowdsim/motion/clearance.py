@@ -50,7 +50,8 @@ def measure_clearances(clip: Clip, bands: Sequence[tuple[float, float]], facing:
 
     ``bands`` holds (low, high) heights. ``facing`` is the angle from the direction of motion to the heading
     (`Behavior.facing`): 0 for a body that walks ahead, pi/2 for one that side-steps, whose depth then counts. Frames
-    in a curve tighter than 2 m or hardly moving are left out: there is no side to a sharp turn or to a stand. Where nothing of the body is in a band, or no frame goes on, the clearance is 0.
+    in a curve tighter than 2 m or hardly moving are left out: there is no side to a sharp turn or to a stand. Where
+    nothing of the body is in a band, or no frame goes on, the clearance is 0.
     """
     track = track_of(clip)
     if len(track) < 2:

@@ -16,6 +16,7 @@ from crowdsim.motion.gait_synthesis import synthesize, synthesize_idle
 Floats = NDArray[np.float64]
 
 _IDLE_FRAMES = 121
+_ARMS_FRAMES = 37
 _MARGIN = 60
 """Frames of walking kept beyond a cut, less than a cycle so that no other cut is among them."""
 
@@ -145,16 +146,18 @@ def _quarter_turns() -> list[Clip]:
 
 
 def _arm_transitions() -> list[Clip]:
-    """Arms taken in and let go, over one cycle of walking and over one step from standing to standing."""
+    """Arms taken in and let go: over one cycle of walking, over one step from standing to standing, and on the spot."""
     plan = PlanBuilder("").start(NORMAL).cycle(NORMAL).cycle(NORMAL).cycle(NORMAL).stop().finish()
     first, last = _passing_frames(plan)[1:3]
     walking = _excerpt("", synthesize(plan), first - _MARGIN, last + _MARGIN)
     step = synthesize(_short_step("", 0.25))
+    spot = synthesize_idle("", _ARMS_FRAMES)
     clips = []
     for name, rising in (("arms_in", True), ("arms_out", False)):
         for kind, clip, start, end in (
             ("walking", walking, _MARGIN + 4, _MARGIN + last - first - 4),
             ("step", step, 14, step.frame_count - 16),
+            ("standing", spot, 0, spot.frame_count - 1),
         ):
             taken_in = ease((np.arange(clip.frame_count) - start) / (end - start))
             edited = edit_arms(clip, taken_in if rising else 1.0 - taken_in)

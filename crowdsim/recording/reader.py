@@ -7,11 +7,11 @@ import os
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.errors import CrowdSimError, RecordingError
@@ -26,6 +26,11 @@ from crowdsim.recording.header import (
     RecordingHeader,
 )
 from crowdsim.recording.header_file import read_header, read_versions
+
+if TYPE_CHECKING:
+    from crowdsim.motion.pose_table import PoseTable
+
+Joints = NDArray[np.float32]
 
 _AGAIN = "run the scenario again to the end"
 
@@ -157,6 +162,47 @@ class Recording:
         if share < 1e-6:
             return now
         return _between(now, self.at_step(step + 1), share, self.header.motion.node_frames, self.steps_per_second)
+
+    def poses(self, step: int, agents: ArrayLike | None = None) -> tuple[Joints, Joints]:
+        """World joint positions (A, J, 3) and rotations (A, J, 4) of ``agents`` (all by default) at ``step``."""
+        return self.poses_of(self.at_step(step), agents)
+
+    def poses_of(self, frame: RecordedFrame, agents: ArrayLike | None = None) -> tuple[Joints, Joints]:
+        """The same for a frame of :meth:`at_step` or :meth:`at_time`; NaN for agents that are absent in it."""
+        rows = np.arange(self.agent_count) if agents is None else np.asarray(agents, np.int64)
+        skeleton = self.header.motion.skeleton
+        positions = np.full((len(rows), skeleton.joint_count, 3), np.nan, np.float32)
+        rotations = np.full((len(rows), skeleton.joint_count, 4), np.nan, np.float32)
+        here = (frame.state[rows] != AgentState.ABSENT) & (frame.node[rows] != NONE)
+        shown = rows[here]
+        if not len(shown):
+            return positions, rotations
+        from crowdsim.motion.pose_kernels import pose_joints
+
+        track = np.stack([frame.x[shown], frame.y[shown], frame.heading[shown]], axis=1).astype(np.float64)
+        columns = (
+            np.ascontiguousarray(values[shown], np.int32) for values in (frame.node, frame.previous, frame.frame)
+        )
+        out_positions = np.empty((len(shown), *positions.shape[1:]), np.float32)
+        out_rotations = np.empty((len(shown), *rotations.shape[1:]), np.float32)
+        pose_joints(self.pose_table, *columns, track, out_positions, out_rotations)
+        positions[here], rotations[here] = out_positions, out_rotations
+        return positions, rotations
+
+    @cached_property
+    def pose_table(self) -> PoseTable:
+        """The poses of all nodes, in the form that :func:`crowdsim.motion.pose_kernels.pose_joints` reads."""
+        from crowdsim.motion.pose_table import PoseTable
+
+        motion = self.header.motion
+        return PoseTable(
+            parents=np.ascontiguousarray(motion.skeleton.parents, np.int32),
+            offsets=np.ascontiguousarray(motion.skeleton.offsets, np.float32),
+            node_first=np.ascontiguousarray(motion.node_first, np.int32),
+            node_frames=np.ascontiguousarray(motion.node_frames, np.int32),
+            pool_root=np.ascontiguousarray(motion.pool_root, np.float32),
+            pool_rotations=np.ascontiguousarray(motion.pool_rotations, np.float32),
+        )
 
 
 def _check_kind(path: Path, file: h5py.File) -> None:

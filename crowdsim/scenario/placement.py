@@ -24,6 +24,8 @@ _TRIES = 1000
 
 _BATCH = 64
 
+_PIECE_CORNERS = 2000
+
 _START_STREAM, _GOAL_STREAM = 0, 1
 
 
@@ -147,8 +149,9 @@ class _Sampler:
         self.generator = generator
         self.point = (region.x, region.y) if isinstance(region, Point) else None
         if self.point is None:
-            triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygons_only(region & room)))
-            self.corners = np.stack([shapely.get_coordinates(t)[:3] for t in triangles])
+            pieces = _pieces(polygons_only(region & room))
+            triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(pieces))
+            self.corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
             self.shares = np.cumsum(shapely.area(triangles))
 
     def draws(self) -> Iterator[tuple[float, float]]:
@@ -162,6 +165,23 @@ class _Sampler:
             root = np.sqrt(along)[:, None]
             points = a * (1.0 - root) + root * ((1.0 - across[:, None]) * b + across[:, None] * c)
             yield from ((float(x), float(y)) for x, y in points)
+
+
+def _pieces(area: MultiPolygon) -> list[MultiPolygon]:
+    """The area cut across its longer side until a piece triangulates fast, which takes the square of its corners."""
+    if shapely.get_num_coordinates(area) <= _PIECE_CORNERS:
+        return [area]
+    xmin, ymin, xmax, ymax = area.bounds
+    if xmax - xmin > ymax - ymin:
+        middle = 0.5 * (xmin + xmax)
+        halves = [(xmin, ymin, middle, ymax), (middle, ymin, xmax, ymax)]
+    else:
+        middle = 0.5 * (ymin + ymax)
+        halves = [(xmin, ymin, xmax, middle), (xmin, middle, xmax, ymax)]
+    cut = [polygons_only(area.intersection(shapely.box(*half))) for half in halves]
+    if max(shapely.get_num_coordinates(cut)) >= shapely.get_num_coordinates(area):
+        return [area]
+    return [piece for half in cut if not half.is_empty for piece in _pieces(half)]
 
 
 def _draw(sampler: _Sampler, crowds: Sequence[_Spots | None]) -> list[tuple[float, float]]:

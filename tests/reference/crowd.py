@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from crowdsim.geometry.planar import compose, wrap_angle
@@ -49,7 +51,7 @@ def walking_graph() -> GraphArrays:
 def chain_of(graph: GraphArrays, nodes: list[int], start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Origins and seams (n, 3) of nodes joined by their first matching edges, without extra rotation."""
     origins, seams = [start], [np.zeros(3)]
-    for before, node in zip(nodes, nodes[1:], strict=False):
+    for before, node in pairwise(nodes):
         row = range(graph.edge_start[before], graph.edge_start[before + 1])
         edge = next(e for e in row if graph.edge_target[e] == node)
         end = compose(origins[-1], graph.node_motion[before])
@@ -92,5 +94,3 @@ def timelines_meet(a, b, distance: float, first_slot: int) -> bool:
         if np.linalg.norm(at(a, slot) - at(b, slot)) < distance:
             return True
     return False
-
-

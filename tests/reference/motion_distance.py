@@ -28,7 +28,7 @@ def best_distance(a: np.ndarray, b: np.ndarray) -> tuple[float, float]:
 
 
 def shortest_stop(graph: GraphArrays, start: int, narrowing: bool) -> float:
-    """Meters, and a meter a radian turned, from the end of ``start`` to a stand, by relaxing all edges over and over."""
+    """Meters, and one a radian turned, from the end of ``start`` to a stand, by relaxing all edges over and over."""
     source = np.repeat(np.arange(len(graph.node_frames)), np.diff(graph.edge_start))
     cost = np.where(graph.node_ends_standing, 0.0, np.inf)
     for _ in range(len(graph.node_frames)):

@@ -27,7 +27,7 @@ def test_two_timelines_meet_exactly_when_dense_sampling_finds_it(seed: int) -> N
     rng = np.random.default_rng(seed)
     a, b = random_timeline(rng), random_timeline(rng)
     first = max(a[1], b[1])
-    found = pair_meets(*a, *b, first, 0.6)
+    found = pair_meets(*a, *b, first, 0.6, True)
     if found != timelines_meet(a, b, 0.6, first):
         # Dense sampling misses a graze between its samples: the exact answer may only be the stricter one.
         assert found
@@ -38,15 +38,16 @@ def test_those_who_stand_too_close_may_part_but_not_approach() -> None:
     standing = np.zeros((4, 2))
     parting = np.column_stack([0.5 + 0.1 * np.arange(4), np.zeros(4)])
     approaching = np.column_stack([0.5 - 0.1 * np.arange(4), np.zeros(4)])
-    assert not pair_meets(parting, 0, FOREVER, standing, 0, FOREVER, 0, 0.6)
-    assert pair_meets(approaching, 0, FOREVER, standing, 0, FOREVER, 0, 0.6)
+    assert not pair_meets(parting, 0, FOREVER, standing, 0, FOREVER, 0, 0.6, True)
+    assert pair_meets(approaching, 0, FOREVER, standing, 0, FOREVER, 0, 0.6, True)
+    assert pair_meets(parting, 0, FOREVER, standing, 0, FOREVER, 0, 0.6, False), "no one enters that close"
 
 
 def test_whoever_is_gone_is_in_no_ones_way() -> None:
     crossing = np.column_stack([np.linspace(-2, 2, 9), np.zeros(9)])
     standing = np.zeros((9, 2))
-    assert pair_meets(crossing, 0, FOREVER, standing, 0, FOREVER, 0, 0.5)
-    assert not pair_meets(crossing, 0, FOREVER, standing, 0, 2, 0, 0.5)
+    assert pair_meets(crossing, 0, FOREVER, standing, 0, FOREVER, 0, 0.5, True)
+    assert not pair_meets(crossing, 0, FOREVER, standing, 0, 2, 0, 0.5, True)
 
 
 def test_meets_anyone_skips_itself_and_finds_the_far_traveler() -> None:
@@ -102,7 +103,12 @@ def test_advancing_plays_a_chain_frame_by_frame(frames: int) -> None:
     for _ in range(int(GRAPH.node_frames[chain].sum()) // frames + 3):
         if frame[0] + frames >= GRAPH.node_frames[node[0]] and next_node[0] < 0 and place + 1 < len(chain):
             place += 1
-            next_node[0], next_origin[0], next_seam[0], next_cursor[0] = chain[place], origins[place], seams[place], place
+            next_node[0], next_origin[0], next_seam[0], next_cursor[0] = (
+                chain[place],
+                origins[place],
+                seams[place],
+                place,
+            )
         advance(
             GRAPH, frames, node, previous, frame, origin, seam, next_node, next_origin, next_seam, next_cursor, cursor,
             behavior, pose,

@@ -1,0 +1,118 @@
+"""All characters of a recording as one mesh whose vertices move."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.playback.body_mesh import BodyMesh, Tissue, build_body
+from crowdsim.recording.header import AgentState, RecordedFrame
+from crowdsim.recording.reader import Recording
+
+Colors = NDArray[np.uint8]
+
+_TROUSERS = np.array([[74, 84, 108], [112, 100, 86], [66, 76, 88], [134, 128, 118], [86, 94, 80]], np.uint8)
+_SKIN = np.array([[246, 208, 182], [226, 182, 148], [188, 136, 100], [142, 98, 72], [236, 194, 164]], np.uint8)
+_HAIR = np.array([[48, 36, 28], [86, 60, 38], [28, 26, 26], [142, 108, 66], [104, 98, 94]], np.uint8)
+_SHOES = np.array([[52, 50, 50], [92, 68, 52], [84, 86, 92]], np.uint8)
+
+_SHADOW_SIDES = 20
+_SHADOW_HEIGHT = 0.008
+
+# Rings of a body by how many characters share the picture: more look the same and cost less each.
+_SIDES = ((40, 16), (300, 10), (10**9, 6))
+
+
+def hex_color(text: str) -> Colors:
+    """(3,) RGB of ``#rrggbb``."""
+    return np.array([int(text[i : i + 2], 16) for i in (1, 3, 5)], np.uint8)
+
+
+def distinct_colors(count: int) -> Colors:
+    """(count, 3) RGB whose hues follow the golden angle: neighbors in the list differ most."""
+    hue = np.mod(np.arange(count) * 0.61803398875 + 0.58, 1.0)[:, None]
+    channel = np.clip(np.abs(np.mod(hue * 6.0 + np.array([0.0, 4.0, 2.0]), 6.0) - 3.0) - 1.0, 0.0, 1.0)
+    return (255.0 * (0.28 + 0.54 * channel)).astype(np.uint8)
+
+
+class CrowdMesh:
+    """Points, normals and colors of every character's body, and its soft shadow on the floor.
+
+    ``triangles`` (F, 3) and ``shadow_triangles`` never change; :meth:`update` rewrites the rest. Absent
+    characters shrink to a point, which draws nothing.
+    """
+
+    def __init__(self, recording: Recording, color_by: str) -> None:
+        count = recording.agent_count
+        sides = next(sides for limit, sides in _SIDES if count <= limit)
+        self._recording = recording
+        self._body: BodyMesh = build_body(recording.header.motion.skeleton, sides)
+        size = self._body.vertex_count
+        self.points = np.zeros((count, size, 3), np.float32)
+        self.normals = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (count, size, 1))
+        self.triangles = _repeat(self._body.triangles, size, count)
+        self._shirts = distinct_colors(count) if color_by == "agent" else None
+        self._behaviors = np.array([hex_color(behavior.color) for behavior in recording.header.behaviors])
+        self.colors = self._base_colors(count)
+        angle = 2.0 * np.pi * np.arange(_SHADOW_SIDES) / _SHADOW_SIDES
+        rim = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        self._shadow = np.concatenate([np.zeros((1, 2)), 0.5 * rim, rim])
+        self.shadow_points = np.zeros((count, len(self._shadow), 3), np.float32)
+        self.shadow_triangles = _repeat(_disc_triangles(), len(self._shadow), count)
+        opacity = np.concatenate([[110], np.full(_SHADOW_SIDES, 80), np.zeros(_SHADOW_SIDES)])
+        shade = np.column_stack([np.full((len(opacity), 3), 20), opacity]).astype(np.uint8)
+        self.shadow_colors = np.tile(shade, (count, 1))
+
+    def update(self, frame: RecordedFrame) -> None:
+        """Move all characters to where they are in ``frame``."""
+        here = np.flatnonzero((frame.state != AgentState.ABSENT) & (frame.node >= 0))
+        gone = np.setdiff1d(np.arange(len(self.points)), here)
+        self.points[gone] = 0.0
+        self.shadow_points[gone] = 0.0
+        if not len(here):
+            return
+        positions, rotations = self._recording.poses_of(frame, here)
+        self.points[here], self.normals[here] = self._body.place(positions, rotations)
+        self._cast_shadows(here)
+        if self._shirts is None:
+            shirt = self._body.tissue == Tissue.SHIRT
+            self.colors[np.ix_(here, shirt)] = self._behaviors[frame.behavior[here]][:, None]
+
+    def _cast_shadows(self, here: NDArray[np.int64]) -> None:
+        flat = self.points[here][:, :, :2]
+        low, high = flat.min(axis=1), flat.max(axis=1)
+        half = 0.5 * (high - low) + 0.05
+        disc = 0.5 * (low + high)[:, None] + self._shadow * half[:, None]
+        self.shadow_points[here, :, :2] = disc
+        self.shadow_points[here, :, 2] = _SHADOW_HEIGHT
+
+    def _base_colors(self, count: int) -> Colors:
+        tissue = self._body.tissue
+        colors = np.zeros((count, len(tissue), 3), np.uint8)
+        agent = np.arange(count)
+        # Strides without a common factor, so that looks do not repeat in step.
+        looks = {
+            Tissue.TROUSERS: (_TROUSERS, 1),
+            Tissue.SKIN: (_SKIN, 2),
+            Tissue.HAIR: (_HAIR, 3),
+            Tissue.SHOES: (_SHOES, 1),
+        }
+        for kind, (choices, stride) in looks.items():
+            colors[:, tissue == kind] = choices[(agent * stride + agent // len(choices)) % len(choices)][:, None]
+        if self._shirts is not None:
+            colors[:, tissue == Tissue.SHIRT] = self._shirts[:, None]
+        return colors
+
+
+def _repeat(triangles: NDArray[np.int64], size: int, count: int) -> NDArray[np.int64]:
+    return (triangles[None] + size * np.arange(count)[:, None, None]).reshape(-1, 3)
+
+
+def _disc_triangles() -> NDArray[np.int64]:
+    i = np.arange(_SHADOW_SIDES)
+    j = (i + 1) % _SHADOW_SIDES
+    inner, outer = 1 + i, 1 + _SHADOW_SIDES + i
+    inner_next, outer_next = 1 + j, 1 + _SHADOW_SIDES + j
+    fan = np.stack([np.zeros_like(i), inner, inner_next], axis=1)
+    band = [np.stack([inner, outer, outer_next], axis=1), np.stack([inner, outer_next, inner_next], axis=1)]
+    return np.concatenate([fan, *band])

@@ -1,0 +1,167 @@
+"""Finding out how this machine can draw, before VTK is given the chance to crash the process."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import subprocess
+import sys
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from crowdsim.errors import DrawingUnavailable
+
+_WINDOW_VARIABLE = "VTK_DEFAULT_OPENGL_WINDOW"
+_PROBE = Path(__file__).with_name("drawing_probe.py")
+_PROBE_SECONDS = 60
+
+_INSTALL = (
+    "install software drawing, for example with 'apt-get install libegl1 libgl1-mesa-dri' (EGL) or 'apt-get install "
+    "libosmesa6' (OSMesa), or run where there is a display"
+)
+
+
+@dataclass(frozen=True)
+class DrawingBackend:
+    """A way to draw that was tried and worked.
+
+    name: ``display``, ``egl`` or ``osmesa``. window: value for VTK_DEFAULT_OPENGL_WINDOW, None for VTK's own choice.
+    """
+
+    name: str
+    window: str | None
+
+    @property
+    def interactive(self) -> bool:
+        """Whether a window can be opened, not only a picture made."""
+        return self.name == "display"
+
+
+_DISPLAY = DrawingBackend("display", None)
+_EGL = DrawingBackend("egl", "vtkEGLRenderWindow")
+_OSMESA = DrawingBackend("osmesa", "vtkOSOpenGLRenderWindow")
+
+
+def find_backend() -> DrawingBackend:
+    """The best way to draw here, remembered until the machine, VTK or the environment changes; DrawingUnavailable."""
+    memory = _memory_file()
+    key = _situation()
+    known = _recall(memory, key)
+    if known is not None:
+        return known
+    tried = []
+    for backend in _candidates():
+        failure = _probe(backend)
+        if failure is None:
+            _remember(memory, key, backend)
+            return backend
+        tried.append(f"{backend.name}: {failure}")
+    raise DrawingUnavailable(f"nothing here can draw ({'; '.join(tried)}); {_INSTALL}")
+
+
+def load_pyvista(interactive: bool = False) -> Any:
+    """pyvista, set up for the backend of this machine; DrawingUnavailable where there is none."""
+    backend = find_backend()
+    if interactive and not backend.interactive:
+        raise DrawingUnavailable(
+            "there is no display to open a window on; make a picture or a film instead ('crowdsim play FILE --shot "
+            "out.png' or '--film out.mp4')"
+        )
+    if backend.window is not None:
+        os.environ[_WINDOW_VARIABLE] = backend.window
+    os.environ.setdefault("EGL_LOG_LEVEL", "fatal")
+    import pyvista
+    from vtkmodules.vtkCommonCore import vtkObject
+
+    vtkObject.GlobalWarningDisplayOff()
+    return pyvista
+
+
+def _candidates() -> list[DrawingBackend]:
+    if not sys.platform.startswith("linux"):
+        return [_DISPLAY]
+    has_display = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    return [_DISPLAY, _EGL, _OSMESA] if has_display else [_EGL, _OSMESA]
+
+
+def _probe(backend: DrawingBackend) -> str | None:
+    """None if ``backend`` drew in a process of its own, else what happened."""
+    environment = {name: text for name, text in os.environ.items() if name != _WINDOW_VARIABLE}
+    if backend.window is not None:
+        environment[_WINDOW_VARIABLE] = backend.window
+    try:
+        done = subprocess.run(
+            [sys.executable, "-P", str(_PROBE)],
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            timeout=_PROBE_SECONDS,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return f"no picture within {_PROBE_SECONDS} s"
+    except OSError as error:
+        return str(error)
+    if done.returncode < 0:
+        return "OpenGL crashes"
+    if done.returncode > 0:
+        last = done.stderr.strip().splitlines()[-1:]
+        return last[0] if last else "the picture stayed empty"
+    # Without a usable display VTK quietly draws through EGL, which cannot open a window.
+    drawn_by = done.stdout.strip()
+    if backend is _DISPLAY and drawn_by in (_EGL.window, _OSMESA.window):
+        return "the display does not answer"
+    return None
+
+
+def _situation() -> str:
+    """Hash of all that decides what works: the boot of the machine, VTK, the interpreter and the environment."""
+    boot = Path("/proc/sys/kernel/random/boot_id")
+    machine = boot.read_text().strip() if boot.exists() else platform.node()
+    prefixes = (
+        "DISPLAY",
+        "WAYLAND_DISPLAY",
+        "VTK_",
+        "EGL_",
+        "LIBGL_",
+        "MESA_",
+        "GALLIUM_",
+        "LD_LIBRARY_PATH",
+        "__GLX",
+        "__EGL",
+    )
+    settings = sorted((name, text) for name, text in os.environ.items() if name.startswith(prefixes))
+    settings = [(name, text) for name, text in settings if name not in (_WINDOW_VARIABLE, "EGL_LOG_LEVEL")]
+    text = repr((machine, sys.executable, version("vtk"), settings))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _memory_file() -> Path:
+    asked = os.environ.get("CROWDSIM_CACHE")
+    base = Path(asked) if asked else Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")).expanduser() / "crowdsim"
+    return base / "drawing.json"
+
+
+def _recall(memory: Path, key: str) -> DrawingBackend | None:
+    try:
+        known = json.loads(memory.read_text())
+        return DrawingBackend(**known["backend"]) if known["situation"] == key else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _remember(memory: Path, key: str, backend: DrawingBackend) -> None:
+    """Keep what worked; what failed is tried again, for the user may have installed what was missing."""
+    text = json.dumps({"situation": key, "backend": asdict(backend)})
+    written = memory.with_name(f"{memory.name}.{os.getpid()}")
+    try:
+        memory.parent.mkdir(parents=True, exist_ok=True)
+        written.write_text(text)
+        os.replace(written, memory)
+    except OSError:
+        written.unlink(missing_ok=True)

@@ -1,0 +1,182 @@
+"""A recording as a scene of pyvista: what stands still is built once, what moves is rewritten in place."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import CrowdSimError
+from crowdsim.playback.camera import FIELD_OF_VIEW, Camera, place_camera
+from crowdsim.playback.crowd_mesh import CrowdMesh, hex_color
+from crowdsim.playback.drawing_backend import load_pyvista
+from crowdsim.playback.scenery import floor_mesh, grid_lines, path_ribbons, solids_mesh
+from crowdsim.playback.surfaces import Floats
+from crowdsim.recording.header import PlannedPath
+from crowdsim.recording.reader import Recording
+
+TALL = 1.1
+"""Solids that end above this many meters are drawn as glass, or they would hide the people behind."""
+
+COLORINGS = ("behavior", "agent")
+
+_SKY = ("#dfe6ec", "#f7f8f9")
+_FLOOR = "#f1efea"
+_GRID = "#dcd8cf"
+_LOW_SOLID = "#c9b295"
+_TALL_SOLID = "#9fb0bd"
+_EDGE = "#6d7780"
+_INK = "#30363c"
+
+
+class Scene:
+    """Draws ``recording`` at any time; close it when done.
+
+    size: width and height in pixels. supersample: how many pixels a side are drawn and averaged for one of the picture.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        size: tuple[int, int],
+        color_by: str = "behavior",
+        supersample: int = 1,
+        interactive: bool = False,
+    ) -> None:
+        if color_by not in COLORINGS:
+            raise CrowdSimError(f"characters cannot be colored by '{color_by}'; choose one of {', '.join(COLORINGS)}")
+        if min(size) < 16 or max(size) * supersample > 16384:
+            raise CrowdSimError(f"a picture of {size[0]}x{size[1]} cannot be drawn; choose sides of 16 to 8192 pixels")
+        self._pv = load_pyvista(interactive)
+        self.recording = recording
+        self.size = size
+        self._supersample = supersample
+        pixels = [side * supersample for side in size]
+        self.plotter = self._pv.Plotter(off_screen=not interactive, window_size=pixels, lighting="none")
+        self.plotter.set_background(_SKY[1], top=_SKY[0])
+        self._scale = pixels[1] / 900.0
+        self._crowd = CrowdMesh(recording, color_by)
+        self._paths: tuple[PlannedPath, ...] = ()
+        self._path_actor: Any = None
+        self._light()
+        self._build_place()
+        self._build_crowd()
+        self._write_legend(color_by)
+
+    def close(self) -> None:
+        """Free the window and what it holds on the graphics side."""
+        self.plotter.close()
+
+    def show_time(self, time: float) -> None:
+        """Move characters, paths and clock to ``time`` seconds."""
+        self._crowd.update(self.recording.at_time(time))
+        for mesh, points in ((self._bodies, self._crowd.points), (self._shadows, self._crowd.shadow_points)):
+            mesh.points[:] = points.reshape(-1, 3)
+        self._bodies.point_data["normals"][:] = self._crowd.normals.reshape(-1, 3)
+        self._bodies.point_data["colors"][:] = self._crowd.colors.reshape(-1, 3)
+        for mesh in (self._bodies, self._shadows):
+            mesh.GetPoints().Modified()
+            mesh.Modified()
+        for name in ("normals", "colors"):
+            self._bodies.GetPointData().GetArray(name).Modified()
+        paths = self.recording.paths_at(time)
+        if [id(path) for path in paths] != [id(path) for path in self._paths]:
+            self._draw_paths(paths)
+        self._clock.input = f"{time:.2f} s"
+
+    def look(self, view: str, time: float, agent: int | None = None) -> None:
+        """Put the camera where ``view`` wants it at ``time``."""
+        self.set_camera(place_camera(self.recording, view, self.size[0] / self.size[1], time, agent))
+
+    def set_camera(self, camera: Camera) -> None:
+        """Look through ``camera``."""
+        self.plotter.camera.view_angle = FIELD_OF_VIEW
+        self.plotter.camera_position = [tuple(camera.eye), tuple(camera.target), tuple(camera.up)]
+        self.plotter.reset_camera_clipping_range()
+
+    def picture(self) -> NDArray[np.uint8]:
+        """What is to be seen now, (height, width, 3)."""
+        # Off-screen, a screenshot alone gives the frame before.
+        self.plotter.render()
+        pixels = np.asarray(self.plotter.screenshot(return_img=True))
+        k = self._supersample
+        if k == 1:
+            return pixels
+        width, height = self.size
+        return np.rint(pixels.reshape(height, k, width, k, 3).mean(axis=(1, 3))).astype(np.uint8)
+
+    def _light(self) -> None:
+        """A soft sky from above, and a lamp beside the eye that keeps every side that is seen from going black."""
+        for place, strength in (((-3.0, -4.0, 9.0), 0.50), ((5.0, 4.0, 6.0), 0.22)):
+            self.plotter.add_light(self._pv.Light(position=place, light_type="scene light", intensity=strength))
+        self.plotter.add_light(self._pv.Light(position=(-0.5, 0.6, 1.0), light_type="camera light", intensity=0.48))
+
+    def _build_place(self) -> None:
+        header = self.recording.header
+        floor = floor_mesh(header)
+        self._add_flat(floor.points, floor.triangles, _FLOOR, lighting=False)
+        self._add_lines(grid_lines(header), _GRID, 1.0)
+        self._add_lines(floor.outline + [0.0, 0.0, 0.004], _EDGE, 1.5)
+        low = solids_mesh([solid for solid in header.solids if solid.top <= TALL])
+        tall = solids_mesh([solid for solid in header.solids if solid.top > TALL])
+        self._add_flat(low.points, low.triangles, _LOW_SOLID, ambient=0.35, diffuse=0.75)
+        self._add_lines(low.outline, _EDGE, 1.0)
+        self._add_flat(tall.points, tall.triangles, _TALL_SOLID, ambient=0.4, diffuse=0.6, opacity=0.34, culling="back")
+        self._add_lines(tall.outline, _EDGE, 1.2)
+
+    def _build_crowd(self) -> None:
+        crowd = self._crowd
+        self._shadows = self._poly(crowd.shadow_points.reshape(-1, 3), crowd.shadow_triangles)
+        self._shadows.point_data["colors"] = crowd.shadow_colors
+        self.plotter.add_mesh(self._shadows, scalars="colors", rgb=True, lighting=False, show_scalar_bar=False)
+        self._bodies = self._poly(crowd.points.reshape(-1, 3), crowd.triangles)
+        self._bodies.point_data["colors"] = crowd.colors.reshape(-1, 3)
+        self._bodies.point_data["normals"] = crowd.normals.reshape(-1, 3)
+        self._bodies.GetPointData().SetActiveNormals("normals")
+        actor = self.plotter.add_mesh(
+            self._bodies, scalars="colors", rgb=True, ambient=0.30, diffuse=0.80, specular=0.08, specular_power=12,
+            show_scalar_bar=False,
+        )  # fmt: skip
+        actor.prop.interpolation = "Phong"
+
+    def _draw_paths(self, paths: tuple[PlannedPath, ...]) -> None:
+        if self._path_actor is not None:
+            self.plotter.remove_actor(self._path_actor, render=False)
+        self._paths, self._path_actor = paths, None
+        points, triangles, behaviors = path_ribbons(paths)
+        if not len(triangles):
+            return
+        mesh = self._poly(points, triangles)
+        palette = np.array([hex_color(behavior.color) for behavior in self.recording.header.behaviors])
+        mesh.cell_data["colors"] = palette[behaviors]
+        self._path_actor = self.plotter.add_mesh(
+            mesh, scalars="colors", rgb=True, lighting=False, opacity=0.75, show_scalar_bar=False, render=False
+        )
+
+    def _write_legend(self, color_by: str) -> None:
+        size = round(11 * self._scale)
+        left, line = 18.0 * self._scale, 26.0 * self._scale
+        if color_by == "behavior":
+            for row, behavior in enumerate(self.recording.header.behaviors):
+                words = behavior.name.replace("_", " ")
+                self.plotter.add_text(
+                    words, position=(left, 14.0 * self._scale + row * line), font_size=size, color=behavior.color
+                )
+        top = self.size[1] * self._supersample - 40.0 * self._scale
+        self.plotter.add_text(self.recording.header.scenario_name, position=(left, top), font_size=size, color=_INK)
+        self._clock = self.plotter.add_text("", position=(left, top - line), font_size=size, color=_INK)
+
+    def _poly(self, points: Floats | NDArray[np.float32], triangles: NDArray[np.int64]) -> Any:
+        faces = np.column_stack([np.full(len(triangles), 3), triangles]).ravel()
+        return self._pv.PolyData(np.ascontiguousarray(points, np.float32), faces)
+
+    def _add_flat(self, points: Floats, triangles: NDArray[np.int64], color: str, **look: Any) -> None:
+        if len(triangles):
+            self.plotter.add_mesh(self._poly(points, triangles), color=color, smooth_shading=False, **look)
+
+    def _add_lines(self, ends: Floats, color: str, width: float) -> None:
+        if len(ends):
+            cells = np.column_stack([np.full(len(ends) // 2, 2), np.arange(len(ends)).reshape(-1, 2)]).ravel()
+            mesh = self._pv.PolyData(np.ascontiguousarray(ends, np.float32), lines=cells)
+            self.plotter.add_mesh(mesh, color=color, line_width=width * self._scale, lighting=False)

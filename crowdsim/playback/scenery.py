@@ -1,0 +1,166 @@
+"""The place that characters walk in as meshes: floor, solids and planned paths."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from crowdsim.errors import RecordingError
+from crowdsim.playback.surfaces import Floats
+from crowdsim.recording.header import PlannedPath, RecordingHeader, SolidRecord
+
+PATH_HEIGHT = 0.015
+_PATH_WIDTH = 0.045
+
+
+@dataclass(frozen=True)
+class FlatMesh:
+    """Triangles (F, 3) over points (V, 3), no vertex shared across a crease; outlines as pairs of points (2L, 3)."""
+
+    points: Floats
+    triangles: NDArray[np.int64]
+    outline: Floats
+
+
+def floor_mesh(header: RecordingHeader) -> FlatMesh:
+    """The walkable floor at z = 0."""
+    polygons = _polygons(header.floor, "the floor")
+    return _merge([_cap(polygon, 0.0) for polygon in polygons], [_ring_lines(polygon, 0.0) for polygon in polygons])
+
+
+def solids_mesh(solids: Sequence[SolidRecord]) -> FlatMesh:
+    """All of ``solids`` extruded from bottom to top."""
+    parts: list[tuple[Floats, NDArray[np.int64]]] = []
+    lines: list[Floats] = []
+    for solid in solids:
+        for polygon in _polygons(solid.footprint, f"solid '{solid.name}'"):
+            polygon = shapely.remove_repeated_points(polygon, 1e-6)
+            parts += [_cap(polygon, solid.top), *_sides(polygon, solid.bottom, solid.top)]
+            lines += [
+                _ring_lines(polygon, solid.top),
+                _ring_lines(polygon, solid.bottom),
+                _corner_lines(polygon, solid),
+            ]
+    return _merge(parts, lines)
+
+
+def path_ribbons(paths: Sequence[PlannedPath]) -> tuple[Floats, NDArray[np.int64], NDArray[np.int64]]:
+    """Narrow ribbons on the floor: points (V, 3), triangles (F, 3), and the behavior of each triangle (F,)."""
+    starts, ends, behaviors = [], [], []
+    for path in paths:
+        starts.append(path.points[:-1])
+        ends.append(path.points[1:])
+        behaviors.append(path.behaviors[:-1])
+    if not starts:
+        return np.empty((0, 3)), np.empty((0, 3), np.int64), np.empty(0, np.int64)
+    start, end, behavior = np.concatenate(starts), np.concatenate(ends), np.concatenate(behaviors)
+    along = end - start
+    length = np.hypot(along[:, 0], along[:, 1])
+    keep = length > 1e-9
+    start, end, behavior = start[keep], end[keep], behavior[keep].astype(np.int64)
+    along = along[keep] / length[keep, None]
+    half = 0.5 * _PATH_WIDTH
+    side = half * np.stack([-along[:, 1], along[:, 0]], axis=1)
+    # Each piece is a little longer than its segment, so that no gap opens at a bend.
+    start, end = start - 0.5 * half * along, end + 0.5 * half * along
+    corners = np.stack([start - side, end - side, end + side, start + side], axis=1).reshape(-1, 2)
+    points = np.column_stack([corners, np.full(len(corners), PATH_HEIGHT)])
+    first = 4 * np.arange(len(start))[:, None]
+    triangles = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
+    return points, triangles, np.tile(behavior, 2)
+
+
+def grid_lines(header: RecordingHeader, spacing: float = 1.0) -> Floats:
+    """Lines on the floor every ``spacing`` meters, as pairs of points (2L, 3)."""
+    floor = shapely.union_all(_polygons(header.floor, "the floor"))
+    low_x, low_y, high_x, high_y = floor.bounds
+    xs = spacing * np.arange(np.ceil(low_x / spacing), np.floor(high_x / spacing) + 1)
+    ys = spacing * np.arange(np.ceil(low_y / spacing), np.floor(high_y / spacing) + 1)
+    lines = [shapely.LineString([(x, low_y), (x, high_y)]) for x in xs]
+    lines += [shapely.LineString([(low_x, y), (high_x, y)]) for y in ys]
+    cut = shapely.get_parts(shapely.intersection(np.array(lines, dtype=object), floor)) if lines else []
+    pieces = [np.asarray(line.coords) for line in cut if line.geom_type == "LineString"]
+    if not pieces:
+        return np.empty((0, 3))
+    ends = np.concatenate([np.stack([piece[:-1], piece[1:]], axis=1).reshape(-1, 2) for piece in pieces])
+    return np.column_stack([ends, np.full(len(ends), 0.004)])
+
+
+def _polygons(wkt: str, what: str) -> list[shapely.Polygon]:
+    try:
+        shape = shapely.from_wkt(wkt)
+    except shapely.errors.ShapelyError as error:
+        raise RecordingError(
+            f"the recording holds no usable shape for {what} ({error}); run the scenario again"
+        ) from None
+    return [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon" and not part.is_empty]
+
+
+def _cap(polygon: shapely.Polygon, height: float) -> tuple[Floats, NDArray[np.int64]]:
+    pieces = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
+    corners = np.array([np.asarray(piece.exterior.coords)[:3] for piece in pieces]).reshape(-1, 3, 2)
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    clockwise = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0] < 0.0
+    corners[clockwise] = corners[clockwise][:, ::-1]
+    points = np.column_stack([corners.reshape(-1, 2), np.full(3 * len(corners), height)])
+    return points, np.arange(len(points)).reshape(-1, 3)
+
+
+def _rings(polygon: shapely.Polygon) -> list[Floats]:
+    """Exterior counter-clockwise, holes clockwise: the solid is on the left; first point repeated at the end."""
+    polygon = shapely.geometry.polygon.orient(polygon)
+    return [np.asarray(ring.coords) for ring in (polygon.exterior, *polygon.interiors)]
+
+
+def _sides(polygon: shapely.Polygon, bottom: float, top: float) -> list[tuple[Floats, NDArray[np.int64]]]:
+    parts = []
+    for ring in _rings(polygon):
+        a, b = ring[:-1], ring[1:]
+        low, high = np.full(len(a), bottom), np.full(len(a), top)
+        corners = np.stack(
+            [
+                np.column_stack([a, low]),
+                np.column_stack([b, low]),
+                np.column_stack([b, high]),
+                np.column_stack([a, high]),
+            ],
+            axis=1,
+        )
+        first = 4 * np.arange(len(a))[:, None]
+        parts.append((corners.reshape(-1, 3), np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])))
+    return parts
+
+
+def _ring_lines(polygon: shapely.Polygon, height: float) -> Floats:
+    pieces = [np.stack([ring[:-1], ring[1:]], axis=1).reshape(-1, 2) for ring in _rings(polygon)]
+    ends = np.concatenate(pieces)
+    return np.column_stack([ends, np.full(len(ends), height)])
+
+
+def _corner_lines(polygon: shapely.Polygon, solid: SolidRecord) -> Floats:
+    """Upright edges where the outline turns by more than 25 degrees; round columns show none."""
+    uprights = []
+    for ring in _rings(polygon):
+        step = np.diff(ring, axis=0)
+        before = np.roll(step, 1, axis=0)
+        turn = np.arctan2(before[:, 0] * step[:, 1] - before[:, 1] * step[:, 0], np.sum(before * step, axis=1))
+        corner = ring[:-1][np.abs(turn) > np.radians(25.0)]
+        pair = np.repeat(corner, 2, axis=0)
+        heights = np.tile([solid.bottom, solid.top], len(corner))
+        uprights.append(np.column_stack([pair, heights]))
+    return np.concatenate(uprights)
+
+
+def _merge(parts: Sequence[tuple[Floats, NDArray[np.int64]]], lines: Sequence[Floats]) -> FlatMesh:
+    points = np.concatenate([np.empty((0, 3)), *(points for points, _ in parts)])
+    firsts = np.cumsum([0, *(len(points) for points, _ in parts)])
+    triangles = [triangles + first for (_, triangles), first in zip(parts, firsts, strict=False)]
+    return FlatMesh(
+        points,
+        np.concatenate([np.empty((0, 3), np.int64), *triangles]),
+        np.concatenate([np.empty((0, 3)), *lines]),
+    )

@@ -1,0 +1,83 @@
+"""Closed surfaces made of rings: the shapes that a body is put together from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Triangles (F, 3) int64 over points (V, 3), counter-clockwise seen from outside."""
+
+    points: Floats
+    triangles: NDArray[np.int64]
+
+
+def unit(vector: ArrayLike) -> Floats:
+    """``vector`` (..., 3) at length one; zero stays zero."""
+    vector = np.asarray(vector, np.float64)
+    length = np.linalg.norm(vector, axis=-1, keepdims=True)
+    return vector / np.where(length > 0.0, length, 1.0)
+
+
+def loft(centers: ArrayLike, across: ArrayLike, beside: ArrayLike, sides: int, squareness: float = 2.0) -> Surface:
+    """Skin over K rings and a point at each end.
+
+    centers (K, 3); across, beside (K, 3): half axes of each ring, with ``across x beside`` along the loft.
+    squareness: exponent of the superellipse, 2 for an ellipse, more for a rounded box.
+    """
+    centers, across, beside = (np.asarray(a, np.float64) for a in (centers, across, beside))
+    angle = 2.0 * np.pi * np.arange(sides) / sides
+    c, s = (np.sign(f) * np.abs(f) ** (2.0 / squareness) for f in (np.cos(angle), np.sin(angle)))
+    rings = centers[:, None] + c[:, None] * across[:, None] + s[:, None] * beside[:, None]
+    points = np.concatenate([rings.reshape(-1, 3), centers[:1], centers[-1:]])
+    count = len(centers)
+    i = np.arange(sides)
+    j = (i + 1) % sides
+    first, last = count * sides, count * sides + 1
+    faces = [np.stack([j, i, np.full(sides, first)], axis=1)]
+    for k in range(count - 1):
+        low, high = k * sides, (k + 1) * sides
+        faces.append(np.stack([low + i, low + j, high + j], axis=1))
+        faces.append(np.stack([low + i, high + j, high + i], axis=1))
+    top = (count - 1) * sides
+    faces.append(np.stack([top + i, top + j, np.full(sides, last)], axis=1))
+    return Surface(points, np.concatenate(faces))
+
+
+def limb(start: ArrayLike, end: ArrayLike, radii: ArrayLike, sides: int) -> Surface:
+    """A limb of round section from ``start`` to ``end``: ``radii`` at even spaces between, round at both ends."""
+    start, end, radii = (np.asarray(a, np.float64) for a in (start, end, radii))
+    along = unit(end - start)
+    aside = np.array([1.0, 0.0, 0.0]) if abs(along[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    u = unit(np.cross(aside, along))
+    v = np.cross(along, u)
+    bulge = np.radians([75.0, 45.0, 20.0])
+    length = np.linalg.norm(end - start)
+    places = [-radii[0] * np.sin(bulge), np.linspace(0.0, length, len(radii)), length + radii[-1] * np.sin(bulge[::-1])]
+    widths = [radii[0] * np.cos(bulge), radii, radii[-1] * np.cos(bulge[::-1])]
+    place, width = np.concatenate(places)[:, None], np.concatenate(widths)[:, None]
+    return loft(start + place * along, width * u, width * v, sides)
+
+
+def ellipsoid(center: ArrayLike, axes: ArrayLike, sides: int) -> Surface:
+    """An ellipsoid with half axes ``axes`` (3, 3), one a row, right-handed."""
+    axes = np.asarray(axes, np.float64)
+    latitude = np.radians(np.linspace(-80.0, 80.0, max(5, sides // 2 + 1)))
+    width = np.cos(latitude)[:, None]
+    return loft(np.asarray(center) + np.sin(latitude)[:, None] * axes[2], width * axes[0], width * axes[1], sides)
+
+
+def vertex_normals(points: Floats, triangles: NDArray[np.int64]) -> Floats:
+    """Unit normals (V, 3), each the sum of its triangles' normals weighted by their areas."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    total = np.zeros_like(points)
+    for k in range(3):
+        np.add.at(total, triangles[:, k], normal)
+    return unit(total)

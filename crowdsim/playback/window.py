@@ -1,0 +1,85 @@
+"""A recording in a window: played, paused and searched."""
+
+from __future__ import annotations
+
+import time as clock
+
+from crowdsim.playback.scene import Scene
+from crowdsim.recording.reader import Recording
+
+_TICK_MILLISECONDS = 16
+
+
+class Player:
+    """The time that is shown: runs while playing, stops at the end, goes where it is asked to."""
+
+    def __init__(self, duration: float) -> None:
+        self.duration = duration
+        self.time = 0.0
+        self.playing = True
+
+    def toggle(self) -> None:
+        """Pause or go on; from the end, start again."""
+        if not self.playing and self.time >= self.duration:
+            self.time = 0.0
+        self.playing = not self.playing
+
+    def seek(self, time: float) -> None:
+        """Go to ``time``, kept within the recording."""
+        self.time = min(max(time, 0.0), self.duration)
+
+    def advance(self, seconds: float) -> None:
+        """Let ``seconds`` pass."""
+        if self.playing:
+            self.seek(self.time + seconds)
+            self.playing = self.time < self.duration
+
+
+def window(
+    recording: Recording,
+    view: str = "overview",
+    agent: int | None = None,
+    size: tuple[int, int] = (1280, 720),
+    color_by: str = "behavior",
+) -> None:
+    """Open a window on ``recording`` and return when it is closed.
+
+    Space plays and pauses, the arrow keys go a second back and forth, the slider anywhere; the mouse turns the camera.
+    DrawingUnavailable where there is no display.
+    """
+    scene = Scene(recording, size, color_by, interactive=True)
+    try:
+        _play(scene, Player(recording.duration), view, agent)
+    finally:
+        scene.close()
+
+
+def _play(scene: Scene, player: Player, view: str, agent: int | None) -> None:
+    plotter = scene.plotter
+    scene.show_time(0.0)
+    scene.look(view, 0.0, agent)
+    slider = plotter.add_slider_widget(
+        player.seek, (0.0, max(player.duration, 1e-3)), value=0.0, title="seconds",
+        pointa=(0.3, 0.06), pointb=(0.97, 0.06), style="modern", interaction_event="always",
+    )  # fmt: skip
+    shown, before = -1.0, clock.perf_counter()
+
+    def tick(_step: int) -> None:
+        nonlocal shown, before
+        now = clock.perf_counter()
+        player.advance(now - before)
+        before = now
+        if player.time == shown:
+            return
+        shown = player.time
+        scene.show_time(shown)
+        if view == "follow":
+            scene.look(view, shown, agent)
+        slider.GetRepresentation().SetValue(shown)
+        plotter.render()
+
+    plotter.add_key_event("space", player.toggle)
+    plotter.add_key_event("Left", lambda: player.seek(player.time - 1.0))
+    plotter.add_key_event("Right", lambda: player.seek(player.time + 1.0))
+    plotter.add_timer_event(max_steps=2**31 - 1, duration=_TICK_MILLISECONDS, callback=tick)
+    plotter.show(auto_close=False)
