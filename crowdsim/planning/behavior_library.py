@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +19,7 @@ from crowdsim.planning.behaviors import Behavior, BehaviorFile, read_behavior
 from crowdsim.planning.captured_behaviors import CAPTURED, captured_clips
 
 LEGS_TOP = 0.60
-"""Meters up to which a body is measured for the lowest layer: below the hanging hands, which the next one holds."""
+"""Meters up to which a body is measured for the lowest layer: below the hanging hands, whose room is the next layer's."""
 
 Band = tuple[float, float]
 
@@ -67,8 +66,7 @@ def load_behavior_set(
         foreign = [name for name in names if name not in CAPTURED]
         if foreign:
             raise BehaviorError(
-                f"walks captured in {captures} give no '{foreign[0]}'; name only {' and '.join(CAPTURED)}"
-                f" in 'behaviors'"
+                f"walks captured in {captures} give no '{foreign[0]}'; name only {' and '.join(CAPTURED)} in 'behaviors'"
             )
         clips = {name: BehaviorClips(*made) for name, made in captured_clips(captures, capture_patterns, names).items()}
     radii = {name: _radii(files[name], clips[name].clips, bands) for name in names}
@@ -98,12 +96,11 @@ def _radii(file: BehaviorFile, clips: Sequence[Clip], bands: Sequence[Band]) -> 
 
 
 def _require_nested(behaviors: Sequence[Behavior]) -> None:
-    for narrow, wide in itertools.pairwise(behaviors):
+    for narrow, wide in zip(behaviors, behaviors[1:], strict=False):
         if narrow.cost_per_meter <= wide.cost_per_meter:
             raise BehaviorError(
-                f"'{narrow.name}' is narrower than '{wide.name}' ({narrow.radii[-1]:.3f} m, {wide.radii[-1]:.3f} m) and"
-                f" no costlier, so '{wide.name}' would never be used; raise cost_per_meter"
-                f" in {narrow.folder}/behavior.yaml"
+                f"'{narrow.name}' is narrower than '{wide.name}' ({narrow.radii[-1]:.3f} m, {wide.radii[-1]:.3f} m) and no "
+                f"costlier, so '{wide.name}' would never be used; raise cost_per_meter in {narrow.folder}/behavior.yaml"
             )
 
 

@@ -1,8 +1,7 @@
 """Behaviors made from a folder of the user's own captured walks.
 
-Frontal walking is the walks as they are; arm-constrained walking is the same walks with the arms held in (2018 paper,
-section 3.1: the trajectories of the arms are modified), and what leads between the two is one walk in which that comes
-or goes.
+Frontal walking is the walks as they are; arm-constrained walking is the same walks with the arms held in (2018 paper, section
+3.1: the trajectories of the arms are modified), and what leads between the two is one walk in which that comes or goes.
 """
 
 from __future__ import annotations
@@ -65,8 +64,8 @@ def _rest(walks: Clips, folder: Path) -> Clip:
     longest = max((_still_frames(walk) for walk in walks), key=len)
     if len(longest) < _SHORTEST_REST:
         raise MotionError(
-            f"nobody stands still for {_SHORTEST_REST / CAPTURE_RATE:g} s in the captures of {folder}, so no one could"
-            " wait; add a walk that starts from or ends in standing"
+            f"nobody stands still for {_SHORTEST_REST / CAPTURE_RATE:g} s in the captures of {folder}, so no one could wait; "
+            "add a walk that starts from or ends in standing"
         )
     walk = max(walks, key=lambda clip: len(_still_frames(clip)))
     there_and_back = np.concatenate([longest, longest[-2::-1]])
@@ -83,7 +82,7 @@ def _still_frames(walk: Clip) -> np.ndarray:
 
 
 def _transitions(walks: Clips) -> list[tuple[Clip, str, str]]:
-    """Of every walk with a stride in motion, that stride with the arms coming in over it and with them going out."""
+    """For every kind of stride that occurs, one walk with the arms coming in over a stride and one with them going out."""
     transitions = []
     for walk in walks:
         strides = [s for s in segment_clip(walk, _DETECTORS) if not (s.starts_standing or s.ends_standing)]
