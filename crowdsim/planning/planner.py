@@ -8,7 +8,7 @@ path. A path is a heuristic optimum, like the paper's: its topology comes from a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +21,7 @@ from crowdsim.planning.clear_ends import clear_end, joined_to
 from crowdsim.planning.labelling import label_path
 from crowdsim.planning.labelling_kernels import MIN_SECTION
 from crowdsim.planning.requirements import TOUCH, Requirements
+from crowdsim.planning.rooms import Room, make_rooms
 from crowdsim.planning.widening import widen
 
 if TYPE_CHECKING:
@@ -29,11 +30,8 @@ if TYPE_CHECKING:
 MAX_DETOURS = 48
 """Detours that one plan tries at most."""
 
-SLACK = 0.1
-"""Meters of clearance beyond the planned that a path takes where it costs (almost) nothing."""
-
-SLACK_STEP = 0.025
-"""Meters between the clearances that are tried in a narrow place."""
+SLACKS = (0.1, 0.075, 0.05, 0.025)
+"""Meters of clearance beyond the planned that a path takes where they cost (almost) nothing, the first that fits."""
 
 LEAST_WAY = 0.01
 """Clearance in meters below which a way is not looked for when the narrowest place is to be named."""
@@ -52,6 +50,7 @@ def plan_path(
     goal: ArrayLike,
     *,
     margin: float = TRACKING_MARGIN,
+    rooms: Sequence[NavMesh | None] | None = None,
 ) -> AnnotatedPath:
     """Cheapest found path from ``start`` to ``goal`` with the behavior for each stretch of it.
 
@@ -61,6 +60,8 @@ def plan_path(
     behaviors: least preferred and narrowest first; ``radii`` has one entry for each mesh.
     start, goal: x, y in meters.
     margin: meters added to every body radius. Start and goal alone may be that much nearer to obstacles.
+    rooms: meshes of :func:`~crowdsim.planning.rooms.room_polygons`, with which a path passes close to low obstacles
+        where high ones ask for it; without them the lowest mesh is searched with the largest clearance of any layer.
 
     Raises
     ------
@@ -72,126 +73,125 @@ def plan_path(
     need = Requirements.of(behaviors, len(meshes), margin)
     given = np.array([start, goal], dtype=np.float64)
     ends = np.array([clear_end(meshes, need, end) for end in given])
-    best = _cheapest_uniform(meshes, need, ends)
+    search = _Search(tuple(meshes), need, make_rooms(meshes, need, rooms), ends)
+    best = search.cheapest_uniform()
     if need.count > 1:
-        best = _with_detours(meshes, need, ends, best)
+        best = search.with_detours(best)
     if not best.sections:
-        raise PathNotFound(_too_narrow_above(meshes, need, best))
-    return joined_to(_with_slack(meshes, need, best), given, need.costs)
+        raise PathNotFound(search.too_narrow_above(best))
+    return joined_to(search.with_slack(best), given, need.costs)
 
 
-def annotate(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np.float64]) -> AnnotatedPath:
-    """The polyline (n, 2) with its cheapest sections; no sections and infinite cost where no behavior fits.
+class _Search(NamedTuple):
+    """One query: layers, what the behaviors need, rooms from wide to narrow, start and goal as ends (2, 2)."""
 
-    The layer searched is not tested again: every path is found with the clearance of the legs.
-    """
-    arc = arc_lengths(points)
-    sections, cost = label_path(need.blocked(meshes, points), need.costs, need.turned, float(arc[-1]))
-    return AnnotatedPath(points, arc, sections, cost)
+    meshes: tuple[NavMesh, ...]
+    need: Requirements
+    rooms: tuple[Room, ...]
+    ends: NDArray[np.float64]
 
-
-def _cheapest_uniform(meshes: Sequence[NavMesh], need: Requirements, ends: NDArray[np.float64]) -> AnnotatedPath:
-    """Incumbent: the cheapest of the paths with one clearance throughout, wide ones preferred."""
-    best: AnnotatedPath | None = None
-    failure: PathNotFound | None = None
-    for radius in need.radii_to_search():
-        try:
-            found = meshes[0].find_path(ends[0], ends[1], radius)
-        except PathNotFound as error:
-            failure = error
-            continue
-        path = _improved(meshes, need, found.points)
-        if best is None or path.cost < best.cost * (1.0 - ROOM_WORTH):
-            best = path
-    if best is None:
-        raise PathNotFound(_too_narrow_below(meshes[0], need, ends, failure)) from None
-    return best
-
-
-def _improved(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np.float64]) -> AnnotatedPath:
-    """Annotated path, moved off the obstacles where a more preferred behavior then fits."""
-    widened = widen(meshes, need, points, need.radii_to_search()[:-1], 0.0)
-    path = annotate(meshes, need, widened)
-    if path.sections or widened is points:
-        return path
-    return annotate(meshes, need, points)
-
-
-def _with_detours(
-    meshes: Sequence[NavMesh], need: Requirements, ends: NDArray[np.float64], best: AnnotatedPath
-) -> AnnotatedPath:
-    """Algorithm 1: block the places that only the narrowest behavior passes, one by one, while that lowers the cost.
-
-    A blocker that paid off stays, so that several detours can be combined; the paper removes it, and so keeps but one.
-    """
-    blockers: list[NDArray[np.float64]] = []
-    budget = MAX_DETOURS
-    improved = True
-    while improved and budget > 0:
-        improved = False
-        current, kept = best, list(blockers)
-        for point in _conflict_points(need, current, ends)[:budget]:
-            budget -= 1
-            mesh = meshes[0].with_points(np.array([*kept, point]))
+    def cheapest_uniform(self) -> AnnotatedPath:
+        """Incumbent: the cheapest of the shortest paths of each room, wide ones preferred."""
+        best: AnnotatedPath | None = None
+        failure: PathNotFound | None = None
+        for room in self.rooms:
             try:
-                found = mesh.find_path(ends[0], ends[1], need.search_radius)
+                path = self._improved(room.find_path(self.ends))
+            except PathNotFound as error:
+                failure = error
+                continue
+            if best is None or path.cost < best.cost * (1.0 - ROOM_WORTH):
+                best = path
+        if best is None:
+            raise PathNotFound(self._too_narrow_below(failure)) from None
+        return best
+
+    def with_detours(self, best: AnnotatedPath) -> AnnotatedPath:
+        """Algorithm 1: block the places that only the narrowest behavior passes, one by one, while the cost falls.
+
+        A blocker that paid off stays, so that several detours can be combined; the paper removes it, and so keeps but
+        one.
+        """
+        narrowest = self.rooms[-1]
+        blockers: list[NDArray[np.float64]] = []
+        budget = MAX_DETOURS
+        improved = True
+        while improved and budget > 0:
+            improved = False
+            kept = blockers
+            for point in self._conflict_points(best)[:budget]:
+                budget -= 1
+                room = narrowest._replace(mesh=narrowest.mesh.with_points(np.array([*kept, point])))
+                try:
+                    found = room.find_path(self.ends)
+                except PathNotFound:
+                    continue
+                if arc_lengths(found)[-1] * self.need.costs[-1] >= best.cost * (1.0 - ROOM_WORTH):
+                    continue
+                path = self._improved(found)
+                if path.cost < best.cost * (1.0 - ROOM_WORTH):
+                    best, blockers, improved = path, [*kept, point], True
+        return best
+
+    def with_slack(self, path: AnnotatedPath) -> AnnotatedPath:
+        """The same way with more clearance where there is some: through the middle of gaps, wide around corners."""
+        levels = [(room, slack) for room in self.rooms for slack in (*SLACKS, 0.0) if slack < room.growth]
+        roomy = self._annotated(widen(self.meshes, self.need, path.points, levels[:-1], SLACK_WORTH))
+        return roomy if roomy.sections and roomy.cost <= path.cost * (1.0 + SLACK_WORTH) else path
+
+    def _annotated(self, points: NDArray[np.float64]) -> AnnotatedPath:
+        """Algorithm 2: the polyline (n, 2) with its cheapest sections; none and infinite cost where nothing fits.
+
+        The layer of the legs is not tested again: every path is found with their clearance.
+        """
+        arc = arc_lengths(points)
+        blocked = self.need.blocked(self.meshes, points)
+        sections, cost = label_path(blocked, self.need.costs, self.need.turned, float(arc[-1]))
+        return AnnotatedPath(points, arc, sections, cost)
+
+    def _improved(self, points: NDArray[np.float64]) -> AnnotatedPath:
+        """Annotated path, moved off the obstacles where a more preferred behavior then fits.
+
+        From narrow to wide, so that a detour for a wide behavior has to beat the gap walked with a narrower one.
+        """
+        levels = [(room, 0.0) for room in self.rooms[-2::-1]]
+        return self._annotated(widen(self.meshes, self.need, points, levels, 0.0))
+
+    def _conflict_points(self, path: AnnotatedPath) -> NDArray[np.float64]:
+        """Points (k, 2) every ``MIN_SECTION`` along the stretches for the narrowest behavior, clear of both ends."""
+        narrow = [section for section in path.sections if section.behavior == 0]
+        if not path.sections:
+            narrow = [Section(0, 0.0, path.length)]
+        arcs = [np.arange(s.start + 0.5 * min(MIN_SECTION, s.end - s.start), s.end, MIN_SECTION) for s in narrow]
+        points = path.at(np.concatenate([np.empty(0), *arcs]))
+        away = np.hypot(*(points[:, None, :] - self.ends).transpose(2, 0, 1)).min(axis=1)
+        return points[away > 2.0 * self.need.search_radius]
+
+    def _too_narrow_below(self, failure: PathNotFound | None) -> str:
+        """Why the lowest layer has no path: an end that is not free, or where its widest way is narrowest."""
+        mesh, radius = self.meshes[0], self.need.search_radius
+        if (mesh.clearances(self.ends, radius) < radius - TOUCH).any():
+            return f"{failure}; choose a place with more room"
+        low, high = LEAST_WAY, radius
+        widest = None
+        for _ in range(10):
+            middle = (low + high) / 2.0
+            try:
+                widest = mesh.find_path(self.ends[0], self.ends[1], middle)
+                low = middle
             except PathNotFound:
-                continue
-            if found.length * need.costs[-1] >= best.cost * (1.0 - ROOM_WORTH):
-                continue
-            path = _improved(meshes, need, found.points)
-            if path.cost < best.cost * (1.0 - ROOM_WORTH):
-                best, blockers, improved = path, [*kept, point], True
-    return best
+                high = middle
+        if widest is None:
+            return f"{failure}; nothing wider than {2.0 * LEAST_WAY:g} m leads there at all: make a passage"
+        return _narrowest_place("legs layer", mesh, widest.points, radius)
 
-
-def _conflict_points(need: Requirements, path: AnnotatedPath, ends: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (k, 2) every ``MIN_SECTION`` along the stretches for the narrowest behavior, clear of both ends."""
-    narrow = [section for section in path.sections if section.behavior == 0]
-    if not path.sections:
-        narrow = [Section(0, 0.0, path.length)]
-    arcs = [np.arange(s.start + 0.5 * min(MIN_SECTION, s.end - s.start), s.end, MIN_SECTION) for s in narrow]
-    points = path.at(np.concatenate([np.empty(0), *arcs]))
-    away = np.hypot(*(points[:, None, :] - ends[None, :, :]).transpose(2, 0, 1)).min(axis=1)
-    return points[away > 2.0 * need.search_radius]
-
-
-def _with_slack(meshes: Sequence[NavMesh], need: Requirements, path: AnnotatedPath) -> AnnotatedPath:
-    """The same way with more clearance where there is some: through the middle of gaps, wide around corners."""
-    widest = need.radii_to_search()[0] + SLACK
-    steps = int(np.floor((widest - need.search_radius) / SLACK_STEP - 1e-9))
-    ladder = widest - SLACK_STEP * np.arange(steps + 1)
-    roomy = annotate(meshes, need, widen(meshes, need, path.points, ladder, SLACK_WORTH))
-    return roomy if roomy.sections and roomy.cost <= path.cost * (1.0 + SLACK_WORTH) else path
-
-
-def _too_narrow_below(
-    mesh: NavMesh, need: Requirements, ends: NDArray[np.float64], failure: PathNotFound | None
-) -> str:
-    """Why the searched layer has no path: an end that is not free, or where its widest way is narrowest."""
-    if (mesh.clearances(ends, need.search_radius) < need.search_radius - TOUCH).any():
-        return f"{failure}; choose a place with more room"
-    low, high = LEAST_WAY, need.search_radius
-    widest = None
-    for _ in range(10):
-        radius = (low + high) / 2.0
-        try:
-            widest = mesh.find_path(ends[0], ends[1], radius)
-            low = radius
-        except PathNotFound:
-            high = radius
-    if widest is None:
-        return f"{failure}; nothing wider than {2.0 * LEAST_WAY:g} m leads there at all: make a passage"
-    return _narrowest_place("legs layer", mesh, widest.points, need.search_radius)
-
-
-def _too_narrow_above(meshes: Sequence[NavMesh], need: Requirements, path: AnnotatedPath) -> str:
-    """Why no behavior fits along the best path, though the legs pass."""
-    for layer in range(1, len(meshes)):
-        radius = float(need.radii[0, layer])
-        if len(meshes[layer].violations(path.points, radius)):
-            return _narrowest_place(f"layer {layer}", meshes[layer], path.points, radius)
-    raise AssertionError("a path without sections violates some layer")
+    def too_narrow_above(self, path: AnnotatedPath) -> str:
+        """Why no behavior fits along the best path, though the legs pass."""
+        for layer in range(1, len(self.meshes)):
+            radius = float(self.need.radii[0, layer])
+            if len(self.meshes[layer].violations(path.points, radius - TOUCH)):
+                return _narrowest_place(f"layer {layer}", self.meshes[layer], path.points, radius)
+        raise AssertionError("a path without sections violates some layer")
 
 
 def _narrowest_place(layer: str, mesh: NavMesh, points: NDArray[np.float64], radius: float) -> str:

@@ -61,14 +61,6 @@ class Requirements:
         """Clearance of the legs, the least that a path must keep from everything."""
         return float(self.radii[0, 0])
 
-    def reach(self) -> NDArray[np.float64]:
-        """(n,) clearance on the searched layer that lets each behavior pass whatever the layers above hold."""
-        return self.radii.max(axis=1)
-
-    def radii_to_search(self) -> NDArray[np.float64]:
-        """Clearances worth a search of the lowest layer, descending; the last is that of the legs."""
-        return np.unique(np.append(self.reach(), self.search_radius))[::-1]
-
     def blocked(self, meshes: Sequence[NavMesh], points: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         """For each behavior the arc-length intervals (k, 2) of a polyline where an upper layer is too narrow for it."""
         return [

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from crowdsim.errors import PathNotFound
 from crowdsim.planning.annotated_path import arc_lengths, points_at
 from crowdsim.planning.labelling import union
-from crowdsim.planning.requirements import TOUCH, Requirements
+from crowdsim.planning.requirements import Requirements
+from crowdsim.planning.rooms import Room
 
 if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
@@ -29,35 +30,34 @@ def widen(
     meshes: Sequence[NavMesh],
     need: Requirements,
     points: NDArray[np.float64],
-    radii: NDArray[np.float64],
+    levels: Sequence[tuple[Room, float]],
     allowance: float,
 ) -> NDArray[np.float64]:
-    """Polyline with the same ends that keeps the largest of ``radii`` (descending) it can, stretch by stretch.
+    """Polyline with the same ends that keeps one after the other of ``levels`` (room, slack) where it can.
 
     A replacement is taken where it costs at most what it replaces and ``allowance`` meters of the preferred behavior
     (each place by the behavior that fits it; sections and switches not counted). The points given come back where
     nothing was replaced.
     """
-    for radius in radii:
-        close = union(meshes[0].violations(points, float(radius) - TOUCH))
+    for room, slack in levels:
+        close = room.too_close(points, slack)
         if not len(close):
             continue
         arc = arc_lengths(points)
-        stretches = _with_run_up(close, float(arc[-1]))
         blocked = _blocked(meshes, need, points)
         pieces, position = [], 0.0
-        for low, high in stretches:
-            ends = points_at(points, arc, np.array([low, high]))
+        for low, high in _with_run_up(close, float(arc[-1])):
             try:
-                detour = meshes[0].find_path(ends[0], ends[1], float(radius))
+                detour = room.find_path(points_at(points, arc, np.array([low, high])), slack)
             except PathNotFound:
                 continue
             limit = _cost(blocked, need.costs, low, high) + allowance * need.costs[-1]
-            if detour.length * need.costs[-1] > limit:
+            length = float(arc_lengths(detour)[-1])
+            if length * need.costs[-1] > limit:
                 continue
-            if _cost(_blocked(meshes, need, detour.points), need.costs, 0.0, detour.length) > limit + 1e-9:
+            if _cost(_blocked(meshes, need, detour), need.costs, 0.0, length) > limit + 1e-9:
                 continue
-            pieces += [_part(points, arc, position, low), detour.points]
+            pieces += [_part(points, arc, position, low), detour]
             position = high
         if pieces:
             points = _joined([*pieces, _part(points, arc, position, float(arc[-1]))])

@@ -6,6 +6,7 @@ from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import BehaviorError, PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.planner import plan_path
+from crowdsim.planning.rooms import room_polygons
 from tests.reference.plan_mesh import SlowNavMesh
 
 ROOM = shapely.box(0, -1.2, 22, 1.2)
@@ -80,16 +81,30 @@ def test_cheaper_detour_is_taken(behaviors):
 
 
 def test_two_blockers_are_combined(behaviors):
-    """Two walls with a side-stepping gap ahead and a way for held arms or wider beside it."""
+    """Two walls, each with a side-stepping gap ahead and a way between benches beside it that only blockers lead to."""
     room = shapely.box(0, 0, 20, 6)
-    walls = []
-    for x in (5.0, 12.0):
-        wall = shapely.box(x, 0, x + 2.0, 6)
-        walls.append(wall.difference(shapely.box(x, 1.76, x + 2, 2.24)).difference(shapely.box(x, 3.2, x + 2, 3.84)))
-    polygons = layers(room, walls)
+    walls, benches = [], []
+    for x in (5.0, 13.0):
+        wall = shapely.box(x, 0, x + 3.0, 6)
+        walls.append(wall.difference(shapely.box(x, 1.76, x + 3, 2.24)).difference(shapely.box(x, 2.6, x + 3, 3.8)))
+        benches += [shapely.box(x, 2.6, x + 3, 2.95), shapely.box(x, 3.45, x + 3, 3.8)]
+    polygons = layers(room, walls, benches)
     path = plan_path([SlowNavMesh(p) for p in polygons], behaviors, (1.0, 2.0), (19.0, 2.0))
-    assert {s.behavior for s in path.sections} == {1, 2}
+    assert [s.behavior for s in path.sections] == [2]
     assert_sound(path, behaviors, polygons, (1.0, 2.0), (19.0, 2.0))
+
+
+def test_a_path_is_moved_off_obstacles_before_it_is_judged(behaviors):
+    """Held arms pass the gap ahead, though the shortest path through it is too close to its side for them."""
+    room = shapely.box(0, 0, 16, 8)
+    wall = shapely.box(5, 0, 7, 8).difference(shapely.box(5, 1.66, 7, 2.34)).difference(shapely.box(5, 4.2, 7, 6.6))
+    bench = shapely.box(12, 0, 12.5, 8).difference(shapely.box(12, 1.75, 12.5, 2.25))
+    polygons = layers(room, [wall], [bench])
+    start, goal = (1.0, 2.2), (15.0, 2.2)
+    path = plan_path([SlowNavMesh(p) for p in polygons], behaviors, start, goal)
+    assert [s.behavior for s in path.sections] == [2, 1, 2]
+    assert path.length < 14.2
+    assert_sound(path, behaviors, polygons, start, goal)
 
 
 def test_long_detour_is_not_taken(behaviors):
@@ -103,6 +118,39 @@ def test_long_detour_is_not_taken(behaviors):
 def test_low_obstacles_leave_the_preferred_behavior(behaviors):
     path = plan_path(meshes(ROOM, [shapely.box(30, 0, 31, 1)], [gap(8, 12, 0.25)]), behaviors, (1, 0), (21, 0))
     assert [s.behavior for s in path.sections] == [2]
+
+
+def rooms(polygons, behaviors):
+    return [None if p.is_empty else SlowNavMesh(p) for p in room_polygons(polygons, behaviors)]
+
+
+def test_rooms_pass_close_to_low_obstacles_where_high_ones_ask_for_it(behaviors):
+    """0.62 m between a bench and a cabinet: enough to walk beside the bench, not in the middle."""
+    polygons = layers(ROOM, [shapely.box(8, 0.31, 12, 1.2)], [shapely.box(8, -1.2, 12, -0.31)])
+    layered = [SlowNavMesh(p) for p in polygons]
+    path = plan_path(layered, behaviors, (1, 0), (21, 0), rooms=rooms(polygons, behaviors))
+    assert [s.behavior for s in path.sections] == [2]
+    assert_sound(path, behaviors, polygons, (1, 0), (21, 0))
+    middle = plan_path(layered, behaviors, (1, 0), (21, 0))
+    assert 1 in {s.behavior for s in middle.sections}
+    assert_sound(middle, behaviors, polygons, (1, 0), (21, 0))
+
+
+def test_rooms_in_the_corridor(behaviors):
+    polygons = layers(ROOM, [gap(4, 6, 0.34), gap(16, 17.5, 0.26)], [gap(10, 12, 0.30)])
+    layered = [SlowNavMesh(p) for p in polygons]
+    path = plan_path(layered, behaviors, (1.0, 0.8), (21.0, -0.8), rooms=rooms(polygons, behaviors))
+    assert [s.behavior for s in path.sections] == [2, 1, 2, 0, 2]
+    assert_sound(path, behaviors, polygons, (1.0, 0.8), (21.0, -0.8))
+
+
+@pytest.mark.parametrize("given", [False, True])
+def test_torso_too_narrow_names_the_layer(behaviors, given):
+    wide = [b for b in behaviors if b.name != "lateral"]
+    polygons = layers(ROOM, [gap(4, 6, 0.27)])
+    layered = [SlowNavMesh(p) for p in polygons]
+    with pytest.raises(PathNotFound, match=r"layer 1 is too narrow.*\([3-6]\.\d\d, .*radius 0\.31 m"):
+        plan_path(layered, wide, (1, 0), (21, 0), rooms=rooms(polygons, wide) if given else None)
 
 
 def test_gap_too_narrow_says_where_and_by_how_much(behaviors):
@@ -124,12 +172,6 @@ def test_place_within_an_obstacle_is_named(behaviors, start, goal, what):
         PathNotFound, match=rf"{what} blocked: .* is not in free space.*; choose a place with more room"
     ):
         plan_path(room, behaviors, start, goal)
-
-
-def test_torso_too_narrow_names_the_layer(behaviors):
-    wide = [b for b in behaviors if b.name != "lateral"]
-    with pytest.raises(PathNotFound, match="layer 1 is too narrow"):
-        plan_path(meshes(ROOM, [gap(4, 6, 0.27)]), wide, (1, 0), (21, 0))
 
 
 def test_start_is_goal(behaviors):

@@ -1,0 +1,94 @@
+"""Where each behavior may go: the meshes that are searched for paths.
+
+The lowest layer alone cannot tell a bench from a wall: a body with swinging arms passes closer to the one than to the
+other. So each behavior has a room, the walkable area in which a disc of the legs' clearance moves just where the
+behavior fits on all layers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from crowdsim.constants import TRACKING_MARGIN
+from crowdsim.planning.behaviors import Behavior
+from crowdsim.planning.labelling import union
+from crowdsim.planning.requirements import TOUCH, Requirements
+
+if TYPE_CHECKING:
+    from crowdsim.navmesh.navmesh import NavMesh
+
+_ARC_STEPS = 4
+"""Chords of a quarter circle around a corner; they stay outside of the circle."""
+
+
+class Room(NamedTuple):
+    """Where to search for paths that fit a behavior.
+
+    radius: clearance with which a path on ``mesh`` does. keeps: what such a path keeps, as (layer's mesh, clearance).
+    growth: meters up to which more clearance is not yet that of the next wider room.
+    """
+
+    mesh: NavMesh
+    radius: float
+    keeps: tuple[tuple[NavMesh, float], ...]
+    growth: float
+
+    def find_path(self, ends: NDArray[np.float64], slack: float = 0.0) -> NDArray[np.float64]:
+        """Points of the shortest path that keeps ``slack`` more than needed; PathNotFound where there is none."""
+        return self.mesh.find_path(ends[0], ends[1], self.radius + slack).points
+
+    def too_close(self, points: NDArray[np.float64], slack: float = 0.0) -> NDArray[np.float64]:
+        """Arc-length intervals (k, 2) of a polyline that keep less than the room's clearance and ``slack``."""
+        return union(np.concatenate([mesh.violations(points, radius + slack - TOUCH) for mesh, radius in self.keeps]))
+
+
+def room_polygons(
+    layers: Sequence[shapely.Geometry], behaviors: Sequence[Behavior], margin: float = TRACKING_MARGIN
+) -> tuple[shapely.Geometry, ...]:
+    """Walkable area of each behavior's room, from those of the layers, the legs' first.
+
+    The obstacles of the upper layers grow by what the behavior needs there beyond the legs' clearance. A room may fall
+    apart or be empty.
+    """
+    need = Requirements.of(behaviors, len(layers), margin)
+    rooms = []
+    for radii in need.radii:
+        room = layers[0]
+        for layer, radius in zip(layers[1:], radii[1:], strict=True):
+            growth = (radius - need.search_radius) / np.cos(np.pi / 4.0 / _ARC_STEPS)
+            if growth > 0.0:
+                room = room.intersection(layer.buffer(-growth, quad_segs=_ARC_STEPS))
+        rooms.append(room)
+    return tuple(rooms)
+
+
+def make_rooms(
+    meshes: Sequence[NavMesh], need: Requirements, given: Sequence[NavMesh | None] | None
+) -> tuple[Room, ...]:
+    """Rooms from the widest behavior to the narrowest.
+
+    ``given`` holds a mesh of each of :func:`room_polygons`, None for one that is empty. Without, a room is the lowest
+    layer with the largest clearance that the behavior asks of any. The last room has the legs' clearance, whether a
+    behavior fits there or not.
+    """
+    order = range(need.count - 1, -1, -1)
+    growths = [np.inf, *(need.radii[1:] - need.radii[:-1]).max(axis=1)[::-1]]
+    if given is not None:
+        rooms = [
+            Room(mesh, need.search_radius, tuple(zip(meshes, need.radii[i].tolist(), strict=True)), float(growth))
+            for i, growth in zip(order, growths, strict=True)
+            if (mesh := given[i]) is not None
+        ]
+        legs = Room(meshes[0], need.search_radius, ((meshes[0], need.search_radius),), 0.0)
+        return (*rooms, legs) if need.radii[0].max() > need.search_radius or not rooms else tuple(rooms)
+    reach = np.unique(np.append(need.radii.max(axis=1), need.search_radius))[::-1]
+    growths = [np.inf, *(reach[:-1] - reach[1:])]
+    return tuple(
+        Room(meshes[0], radius, ((meshes[0], radius),), float(growth))
+        for radius, growth in zip(reach.tolist(), growths, strict=True)
+    )
