@@ -75,7 +75,7 @@ def search_motion(setting: Setting, request: Request) -> MotionPlan | PathNotFou
         if plan.arrives:
             return plan
     try:
-        route = plan_path(setting.meshes, setting.behaviors, request.position, request.goal)
+        route = plan_path(setting.meshes, setting.behaviors, request.position, request.goal, rooms=setting.rooms)
     except PathNotFound as error:
         return error
     return _follow(setting, request, route)

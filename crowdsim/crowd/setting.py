@@ -17,15 +17,20 @@ from crowdsim.motion.motion_graph import MotionGraph
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.behavior_library import load_behavior_set
 from crowdsim.planning.behaviors import Behavior
+from crowdsim.planning.rooms import room_polygons
 from crowdsim.scenario.scenario import Scenario
 
 
 @dataclass(frozen=True)
 class Setting:
-    """Layers and their meshes (legs first), behaviors (least preferred first), the motion graph and its maps."""
+    """Layers and their meshes (legs first), behaviors (least preferred first), the motion graph and its maps.
+
+    rooms: the mesh of the room of each behavior (:mod:`crowdsim.planning.rooms`), None where it has none.
+    """
 
     layers: tuple[ClearanceLayer, ...]
     meshes: tuple[NavMesh, ...]
+    rooms: tuple[NavMesh | None, ...]
     behaviors: tuple[Behavior, ...]
     motion: MotionGraph
     maps: MotionMaps
@@ -96,6 +101,10 @@ def prepare(scenario: Scenario) -> Setting:
     return Setting(
         layers=layers,
         meshes=tuple(NavMesh(layer.free) for layer in layers),
+        rooms=tuple(
+            None if room.is_empty else NavMesh(room)
+            for room in room_polygons([layer.free for layer in layers], behavior_set.behaviors)
+        ),
         behaviors=behavior_set.behaviors,
         motion=behavior_set.graph,
         maps=MotionMaps.build(behavior_set.graph.arrays),

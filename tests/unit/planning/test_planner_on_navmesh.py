@@ -9,6 +9,7 @@ import shapely
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.planning.clear_ends import REACH
 from crowdsim.planning.planner import plan_path
 from crowdsim.planning.rooms import room_polygons
 
@@ -30,16 +31,23 @@ def free_points(area, count, seed):
 
 
 def intrusion(path, behaviors, polygons):
-    """Meters by which the disc of any section's behavior reaches into an obstacle of any layer."""
+    """Meters by which the disc of any section's behavior reaches into an obstacle of any layer.
+
+    Near the ends, which may be given with less, only the body's own disc counts.
+    """
     legs = max(behavior.radii[0] for behavior in behaviors) + TRACKING_MARGIN
     worst = -np.inf
     for section in path.sections:
         inner = path.arc[(path.arc > section.start) & (path.arc < section.end)]
-        line = shapely.LineString(path.at(np.concatenate([[section.start], inner, [section.end]])))
         torso = behaviors[section.behavior].radii[1] + TRACKING_MARGIN
+        line = shapely.LineString(path.at(np.concatenate([[section.start], inner, [section.end]])))
+        bounds = np.clip([REACH, path.length - REACH], section.start, section.end)
+        middle = path.at(np.concatenate([bounds[:1], inner[(inner > bounds[0]) & (inner < bounds[1])], bounds[1:]]))
         for polygon, radius in zip(polygons, (legs, torso), strict=True):
             assert polygon.covers(line)
-            worst = max(worst, radius - polygon.boundary.distance(line))
+            worst = max(worst, radius - TRACKING_MARGIN - polygon.boundary.distance(line))
+            if bounds[0] < bounds[1]:
+                worst = max(worst, radius - polygon.boundary.distance(shapely.LineString(middle)))
     return worst
 
 
