@@ -31,7 +31,7 @@ class Choosing:
 
     READS = ("agent", "frame", "body_radius", "node", "origin", "seam", "stays")
     WRITES = (
-        "state", "next_node", "next_origin", "next_seam", "next_cursor", "cursor", "reserved",
+        "state", "next_node", "next_origin", "next_seam", "next_cursor", "cursor", "reserved", "blocked_since",
         "timeline", "timeline_start", "gone_slot",
     )  # fmt: skip
 
@@ -57,9 +57,12 @@ class Choosing:
             if following < plan.count:
                 if following <= view.reserved[row] or self._extend(view, row, plan, following):
                     view.state[row] = AgentState.MOVING
+                    view.blocked_since[row] = NONE
                     node = int(plan.nodes[following])
                     _take(view, row, node, plan.origins[following], plan.seams[following], following)
                     return
+                if view.blocked_since[row] == NONE:
+                    view.blocked_since[row] = self.plans.step
             elif plan.arrives:
                 if not view.stays[row]:
                     return  # it leaves the world at the end of this node

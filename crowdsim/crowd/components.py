@@ -36,6 +36,7 @@ COLUMNS = (
     Column("reserved", np.int32, (), NONE),
     Column("plan_digest", np.uint64),
     Column("awaiting_plan", np.bool_),
+    Column("blocked_since", np.int64, (), NONE),  # step of the first refusal in a row, -1 while nothing is refused
     Column("retry_step", np.int64),
     # The reserved timeline: track positions every SLOT_FRAMES frames from a slot on, then parked or gone.
     Column("timeline", np.float64, (TIMELINE_SLOTS, 2)),

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +13,19 @@ from crowdsim.crowd.setting import Setting
 from crowdsim.errors import PathNotFound
 from crowdsim.following.path_follower import FollowOptions, FollowStatus, follow_path
 from crowdsim.geometry.planar import compose, wrap_angle
+from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.annotated_path import AnnotatedPath, PathSamples
 from crowdsim.planning.planner import plan_path
 
 WORTHWHILE = 2.0
 """Meters that a motion must lead along the route to be begun though it does not reach the goal: who shuffles on the
 spot towards a place it cannot leave had better wait."""
+
+PASSING_ROOM = 0.02
+"""Meters beyond both bodies kept from those who are passed."""
+
+_RING = 12  # points that stand for someone: closer together than any body is wide
+_OFF_WALLS = 0.02  # meters
 
 
 @dataclass(frozen=True)
@@ -26,7 +34,7 @@ class Request:
 
     position, goal: (2,) meters. stays: whether the motion must end standing. standing: the idle node the
     character is in and the pose (3,) it started from, or None before it entered the world. route: the path it
-    follows already, or None to plan one.
+    follows already, or None to plan one. around: (k, 2) places of others who stand in the way and to be passed.
     """
 
     position: NDArray[np.float64]
@@ -34,6 +42,7 @@ class Request:
     stays: bool
     standing: tuple[int, NDArray[np.float64]] | None = None
     route: AnnotatedPath | None = None
+    around: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
 
 
 @dataclass(frozen=True)
@@ -67,21 +76,46 @@ class MotionPlan:
 def search_motion(setting: Setting, request: Request) -> MotionPlan | PathNotFound:
     """Plan a route where there is none, and follow it; where an old route cannot be followed, plan a new one.
 
+    First of all a way around those who stand in it is looked for, where there are any.
+
     A plan without nodes says that no motion was found. PathNotFound is returned, not raised: it is a result that
     the run carries on with. Pure: runs on any thread.
     """
+    if len(request.around):
+        passing = _passing(setting, request)
+        if passing is not None:
+            return passing
     if request.route is not None:
-        plan = _follow(setting, request, request.route)
+        plan = _follow(setting, request, request.route, setting.meshes)
         if plan.arrives:
             return plan
     try:
         route = plan_path(setting.meshes, setting.behaviors, request.position, request.goal, rooms=setting.rooms)
     except PathNotFound as error:
         return error
-    return _follow(setting, request, route)
+    return _follow(setting, request, route, setting.meshes)
 
 
-def _follow(setting: Setting, request: Request, route: AnnotatedPath) -> MotionPlan:
+def _passing(setting: Setting, request: Request) -> MotionPlan | None:
+    """A motion to the goal that keeps clear of the places ``request.around``, or None."""
+    legs = setting.meshes[0]
+    radius = 2.0 * setting.personal_radius + PASSING_ROOM - float(setting.body_radii[:, 0].max())
+    turn = np.arange(_RING) * 2.0 * np.pi / _RING
+    ring = radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    points = (request.around[:, None] + ring).reshape(-1, 2)
+    points = points[legs.clearances(points, 1.0) > _OFF_WALLS]
+    if not len(points):
+        return None
+    meshes = (legs.with_points(points), *setting.meshes[1:])
+    try:
+        route = plan_path(meshes, setting.behaviors, request.position, request.goal)
+    except PathNotFound:
+        return None
+    plan = _follow(setting, request, route, meshes)
+    return plan if plan.arrives else None
+
+
+def _follow(setting: Setting, request: Request, route: AnnotatedPath, meshes: Sequence[NavMesh]) -> MotionPlan:
     samples = _rest_of(route.sample(), request.position)
     if request.standing is not None:
         node, origin = request.standing
@@ -94,7 +128,7 @@ def _follow(setting: Setting, request: Request, route: AnnotatedPath) -> MotionP
         graph,
         setting.maps,
         samples,
-        (setting.meshes[0].arrays, setting.meshes[1].arrays),
+        (meshes[0].arrays, meshes[1].arrays),
         setting.body_radii,
         setting.facings,
         start_pose=origin,

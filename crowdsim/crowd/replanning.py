@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crowdsim.crowd.motion_plan import MotionPlan, Request, search_motion
 from crowdsim.crowd.setting import Setting
@@ -17,6 +18,12 @@ from crowdsim.recording.header import AgentState
 
 RETRY_SECONDS = 2.0
 """How long a character whose search failed stands before it searches again."""
+
+PATIENCE_SECONDS = 8.0
+"""How long a character waits for others before it looks for a way around those who stand near."""
+
+NEARBY = 2.5
+"""Meters within which others count as near."""
 
 
 @dataclass
@@ -65,7 +72,7 @@ class Replanning:
     plans: Plans
 
     READS = ("agent", "state", "node", "pose", "origin", "goal", "stays")
-    WRITES = ("awaiting_plan", "retry_step", "cursor", "reserved", "plan_digest")
+    WRITES = ("awaiting_plan", "retry_step", "blocked_since", "cursor", "reserved", "plan_digest")
 
     def run(self, view: View) -> None:
         plans, setting = self.plans, self.plans.setting
@@ -83,8 +90,14 @@ class Replanning:
         waiting = (view.state == AgentState.WAITING) & setting.graph.node_idle[view.node]
         for row in np.flatnonzero(waiting & ~view.awaiting_plan & (view.retry_step <= plans.step)).tolist():
             agent = int(view.agent[row])
+            around = np.empty((0, 2))
             if agent in plans.motions:
-                continue
+                blocked = view.blocked_since[row]
+                if blocked < 0 or plans.step - blocked < PATIENCE_SECONDS * setting.steps_per_second:
+                    continue
+                del plans.motions[agent]
+                view.blocked_since[row] = plans.step
+                around = _standing_near(view, row)
             view.awaiting_plan[row] = True
             plans.request(
                 agent,
@@ -94,5 +107,13 @@ class Replanning:
                     stays=bool(view.stays[row]),
                     standing=(int(view.node[row]), view.origin[row].copy()),
                     route=plans.routes.get(agent),
+                    around=around,
                 ),
             )
+
+
+def _standing_near(view: View, row: int) -> NDArray[np.float64]:
+    """(k, 2) places of the others who stand within NEARBY meters."""
+    others = (view.state != AgentState.MOVING) & (np.arange(len(view.agent)) != row)
+    places = view.pose[others, :2]
+    return places[np.hypot(*(places - view.pose[row, :2]).T) < NEARBY]
