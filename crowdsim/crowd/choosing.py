@@ -9,7 +9,7 @@ from crowdsim.constants import NONE
 from crowdsim.crowd.components import SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.motion_plan import MotionPlan
 from crowdsim.crowd.replanning import Plans
-from crowdsim.crowd.reservation_kernels import COMMITTED, append_stop, reserve
+from crowdsim.crowd.reservation_kernels import append_stop, reserve
 from crowdsim.ecs.world import View
 from crowdsim.motion.track_kernels import node_end
 from crowdsim.recording.header import AgentState
@@ -88,12 +88,12 @@ class Choosing:
         seams[1 : available + 1] = plan.seams[ahead]
         leaves = plan.arrives and not view.stays[row] and following + available == plan.count
         clock = self.plans.step * setting.frames_per_step
-        status, taken, gone = reserve(
+        taken, gone = reserve(
             setting.graph, setting.meshes[0].arrays, setting.meshes[1].arrays, setting.body_radii,
             row, int(view.frame[row]), clock, SLOT_FRAMES, chain, origins, seams, 1, available, leaves,
             view.timeline, view.timeline_start, view.gone_slot, view.body_radius, self._timeline,
         )  # fmt: skip
-        if status != COMMITTED:
+        if not taken:
             return False
         view.timeline[row] = self._timeline
         view.timeline_start[row] = clock // SLOT_FRAMES

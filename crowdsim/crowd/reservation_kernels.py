@@ -14,11 +14,6 @@ from crowdsim.jit import kernel
 from crowdsim.motion.track_kernels import next_origin, node_end, track_pose
 from crowdsim.navmesh.clearance_kernels import disc_clearance
 
-COMMITTED = 0
-MEETS_SOMEONE = 1
-CANNOT_STOP = 2
-TOO_LONG = 3
-
 FOREVER = 9223372036854775807
 """The slot from which on a character is gone that never leaves."""
 
@@ -87,7 +82,7 @@ def meets_anyone(me, timeline, start, gone, first_slot, radius, timelines, start
         distance = radius + radii[other]
         here = min(max(first_slot - starts[other], 0), timelines.shape[1] - 1)
         end = timelines.shape[1] - 1
-        if not _within_reach(timeline[0], timelines[other], here, end, reach + distance):
+        if not _within_reach(timeline[0], timelines[other], here, end, reach + distance + ELBOW_ROOM):
             continue
         other_gone = gones[other]
         if pair_meets(
@@ -198,7 +193,7 @@ def reserve(
     chain, origins, seams: buffers (C,), (C, 3), (C, 3); entry 0 is the present node, entries 1 to
     ``available`` the next nodes of the plan; at least ``first`` of them must be taken. ``ends_plan`` says that
     the last of them leaves the world. ``body`` (B, 2) are the body radii per behavior and layer.
-    Returns (status, nodes taken, gone slot) and leaves the new timeline in ``timeline`` (K, 2).
+    Returns (nodes taken, gone slot), no nodes where there is none, and leaves the timeline in ``timeline`` (K, 2).
     """
     nodes = chain.copy()
     spots = origins.copy()
@@ -206,30 +201,24 @@ def reserve(
     forever = np.int64(FOREVER)
     start = clock // slot_frames
     for taken in range(first, available + 1):
-        gone = forever
-        count = taken + 1
+        nodes[taken + 1 :] = chain[taken + 1 :]
+        spots[taken + 1 :] = origins[taken + 1 :]
+        jumps[taken + 1 :] = seams[taken + 1 :]
         leaves = ends_plan and taken == available
+        count = taken + 1
         if not leaves:
             count = append_stop(graph, nodes, spots, jumps, taken + 1)
-            if count < 0:
-                return TOO_LONG, 0, forever
-            clear = True
             for c in range(taken + 1, count):
                 if not node_is_free(graph, nodes[c], spots[c], jumps[c], legs, torso, body):
-                    clear = False
+                    count = -1
                     break
-            if not clear:
-                # It cannot stand down after this node; perhaps it can after the next.
-                nodes[taken + 1 :] = chain[taken + 1 :]
-                spots[taken + 1 :] = origins[taken + 1 :]
-                jumps[taken + 1 :] = seams[taken + 1 :]
-                continue
+            if count < 0:
+                continue  # it cannot stand down after this node; perhaps it can after the next
         ended = sample_chain(graph, nodes, spots, jumps, count, frame, clock, slot_frames, timeline)
         if ended < 0:
-            return TOO_LONG, 0, forever
-        if leaves:
-            gone = ended
-        if meets_anyone(row, timeline, start, gone, start, body_radii[row], timelines, starts, gones, body_radii):
-            return MEETS_SOMEONE, 0, forever
-        return COMMITTED, taken, gone
-    return CANNOT_STOP, 0, forever
+            break
+        gone = ended if leaves else forever
+        if not meets_anyone(row, timeline, start, gone, start, body_radii[row], timelines, starts, gones, body_radii):
+            return taken, gone
+        # There may be no place to stand here, but one beyond whoever is in the way.
+    return 0, forever
