@@ -21,6 +21,12 @@ WORTHWHILE = 2.0
 """Meters that a motion must lead along the route to be begun though it does not reach the goal: who shuffles on the
 spot towards a place it cannot leave had better wait."""
 
+SEARCH_BUDGET = 2000
+"""Map queries until a search for motion gives up: several times what any that succeeds has been seen to need."""
+
+PASSING_BUDGET = 200
+"""The same for a way around others, which is a try among several."""
+
 PASSING_ROOM = 0.02
 """Meters beyond both bodies kept from those who are passed."""
 
@@ -111,11 +117,13 @@ def _passing(setting: Setting, request: Request) -> MotionPlan | None:
         route = plan_path(meshes, setting.behaviors, request.position, request.goal)
     except PathNotFound:
         return None
-    plan = _follow(setting, request, route, meshes)
+    plan = _follow(setting, request, route, meshes, PASSING_BUDGET)
     return plan if plan.arrives else None
 
 
-def _follow(setting: Setting, request: Request, route: AnnotatedPath, meshes: Sequence[NavMesh]) -> MotionPlan:
+def _follow(
+    setting: Setting, request: Request, route: AnnotatedPath, meshes: Sequence[NavMesh], budget: int = SEARCH_BUDGET
+) -> MotionPlan:
     samples = _rest_of(route.sample(), request.position)
     if request.standing is not None:
         node, origin = request.standing
@@ -133,7 +141,7 @@ def _follow(setting: Setting, request: Request, route: AnnotatedPath, meshes: Se
         setting.facings,
         start_pose=origin,
         start_node=node,
-        options=FollowOptions(end_standing=request.stays),
+        options=FollowOptions(end_standing=request.stays, budget=budget),
     )
     ends = compose(found.origins[:-1], graph.node_motion[found.nodes[:-1]])
     origins = found.origins[1:]
