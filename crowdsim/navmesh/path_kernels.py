@@ -232,38 +232,39 @@ def _pull(m, nodes, count, radius, least, hint):
 @kernel
 def plan_path(m, sx, sy, gx, gy, radius, tolerance):
     """(status, points (n, 2)) of a short path of a disc; nothing comes closer than ``radius - tolerance``."""
-    points = np.empty((2, 2))
+    points = np.empty((0, 2))
     least = radius - tolerance
-    distance, goal = disc_clearance(m, gx, gy, 2.0 * radius + 1.0, NONE)
-    status = GOAL_BLOCKED if distance < least else OK
     distance, start = disc_clearance(m, sx, sy, 2.0 * radius + 1.0, NONE)
     if distance < least:
-        status = START_BLOCKED
-    if status != OK:
-        return status, points[:0]
+        return START_BLOCKED, points
+    distance, goal = disc_clearance(m, gx, gy, 2.0 * radius + 1.0, NONE)
+    if distance < least:
+        return GOAL_BLOCKED, points
     distance, _, _, _ = capsule_nearest(m, sx, sy, gx, gy, 1.01 * least + tolerance, start)
     if distance >= least:
-        points[0, 0] = sx
-        points[0, 1] = sy
-        points[1, 0] = gx
-        points[1, 1] = gy
-        return OK, points
+        straight = np.empty((2, 2))
+        straight[0, 0] = sx
+        straight[0, 1] = sy
+        straight[1, 0] = gx
+        straight[1, 1] = gy
+        return OK, straight
     # Within one triangle the string may need no side; otherwise it goes through the channel.
     channel = np.empty(0, np.int64)
-    for attempt in range(0 if start == goal else 1, 2):
+    for attempt in range(2):
         if attempt == 1:
             channel = find_channel(m, start, sx, sy, goal, gx, gy, radius, 2.0 * least)
             if channel.size == 0:
-                return NO_PASSAGE, points[:0]
+                return NO_PASSAGE, points
+        elif start != goal:
+            continue
         nodes, count = _funnel(m, channel, sx, sy, gx, gy, radius)
-        done, found = _pull(m, nodes, count, radius, least, start)
+        done, points = _pull(m, nodes, count, radius, least, start)
         if done:
-            return OK, found
+            return OK, points
     # One string in a few thousand is tangled by repair; the tangent graph is slow and sure.
     nodes, count = nodes_near_channel(m, channel, sx, sy, gx, gy, radius)
     nodes = shortest_around(m, nodes, count, least)
-    if nodes.size > 0:
-        found, i, _, _, _, _, _, _, _, _ = _trace(m, nodes, nodes.size, least, _FINE, start)
-        if i < 0:
-            return OK, found
-    return TANGLED, points[:0]
+    if nodes.size == 0:
+        return TANGLED, points
+    points, i, _, _, _, _, _, _, _, _ = _trace(m, nodes, nodes.size, least, _FINE, start)
+    return OK if i < 0 else TANGLED, points

@@ -18,9 +18,11 @@ q: +radius with the obstacle on the left, -radius on the right; start and goal h
 _RINGS = 3
 """How many rings of triangles around the channel the tangent graph sees, the channel being the first."""
 
-_MOST_NODES = 3000
-_EXPANSIONS = 4000
-"""Most nodes of a tangent graph and most tangents that its search expands: beyond, it gives up."""
+MOST_NODES = 3000
+"""Nodes of the largest tangent graph that is searched; its tables grow with the square."""
+
+_EFFORT = 1_000_000
+"""Tangents considered and pieces of arcs checked before the search gives up, after about a second."""
 
 
 @kernel
@@ -68,7 +70,7 @@ def arc_corners(q, dx, dy, angle, bulge):
 
 @kernel
 def _arc_is_free(m, node, dx, dy, angle, least):
-    """Whether the arc around a node from direction d on keeps ``least``."""
+    """Whether the arc around a node from direction d on keeps ``least``, and the pieces checked."""
     steps, bearing, step, reach = arc_corners(node.q, dx, dy, angle, 2e-6)
     px = node.x + node.q * dy
     py = node.y - node.q * dx
@@ -78,10 +80,10 @@ def _arc_is_free(m, node, dx, dy, angle, least):
         y = node.y + reach * math.sin(bearing + k * step)
         distance, hint, _, _ = capsule_nearest(m, px, py, x, y, 1.01 * least, hint)
         if distance < least:
-            return False
+            return False, k
         px = x
         py = y
-    return True
+    return True, steps
 
 
 @kernel
@@ -127,7 +129,7 @@ def shortest_around(m, nodes, n, least):
 
     A* over the tangents that lead to each node; slow and sure up to its limits.
     """
-    if n > _MOST_NODES:
+    if n > MOST_NODES:
         return np.empty(0, NODE)
     checked = np.zeros((n, n), np.int8)  # 1 free, 2 blocked, 0 not known yet
     cost = np.empty((n, n))
@@ -140,9 +142,9 @@ def shortest_around(m, nodes, n, least):
     found = False
     i = 0
     j = 0
-    for _ in range(_EXPANSIONS):
-        if count == 0:
-            break
+    effort = 0
+    while count > 0 and effort < _EFFORT:
+        effort += n
         pop(heap, count)
         count -= 1
         i = heap[count].item // n
@@ -180,8 +182,11 @@ def shortest_around(m, nodes, n, least):
                 checked[j, k] = 1 if distance >= least else 2
                 if distance < least:
                     continue
-            if j != 0 and not _arc_is_free(m, node, ax, ay, angle, least):
-                continue
+            if j != 0:
+                free, pieces = _arc_is_free(m, node, ax, ay, angle, least)
+                effort += pieces
+                if not free:
+                    continue
             cost[j, k] = total
             before[j, k] = i + 1
             rest = math.hypot(goal.x - other.x, goal.y - other.y)
