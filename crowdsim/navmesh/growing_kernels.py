@@ -6,19 +6,19 @@ from crowdsim.jit import kernel
 
 
 @kernel
-def longer_rows(rows):
-    """A float64 array of twice the rows of ``rows`` (n, k), which it starts with."""
-    copy = np.empty((2 * rows.shape[0] + 1, rows.shape[1]))
-    for i in range(rows.shape[0]):
-        for k in range(rows.shape[1]):
-            copy[i, k] = rows[i, k]
+def longer(items):
+    """An array of more than twice the length of the one-dimensional ``items``, which it starts with."""
+    copy = np.empty(2 * items.size + 1, items.dtype)
+    for i in range(items.size):
+        copy[i] = items[i]
     return copy
 
 
 @kernel
-def longer_list(items):
-    """An int64 array of twice the length of ``items``, which it starts with."""
-    copy = np.empty(2 * items.size + 1, np.int64)
-    for i in range(items.size):
-        copy[i] = items[i]
+def longer_rows(rows):
+    """A float64 array of more than twice the rows of ``rows`` (n, 2), which it starts with."""
+    copy = np.empty((2 * rows.shape[0] + 1, 2))
+    for i in range(rows.shape[0]):
+        copy[i, 0] = rows[i, 0]
+        copy[i, 1] = rows[i, 1]
     return copy

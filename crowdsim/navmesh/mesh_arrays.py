@@ -1,81 +1,79 @@
 """The arrays of one navigation mesh, which kernels take as their single mesh argument.
 
-Half-edge h = 3 * t + i is the i-th side of the counter-clockwise triangle t and runs from ``org[h]`` to the origin of
+Half-edge h = 3 * t + i is the i-th side of the counter-clockwise triangle t and runs from its ``org`` to the origin of
 the next side. Everything lies inside a box somewhat larger than the walkable area, whose two outer sides are the hull.
+The columns are fields of few arrays of records because every array of an argument costs compile time in every kernel.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+NONE = np.int64(-1)
+"""No half-edge, triangle or vertex; typed, as a bare -1 would make numba compile what it is passed to once more."""
+
 BOX_CORNERS = 4
 """The first vertices are the corners of the box; they are no obstacles and no free triangle touches them."""
 
+SIDE = np.dtype(
+    [("org", np.int64), ("twin", np.int64), ("cst", np.int32), ("win", np.int32), ("clr", np.float32)], align=True
+)
+"""A half-edge.
+
+org: origin vertex. twin: opposite half-edge, -1 on the hull. cst: how many obstacle edges run along it, the same on
+both halves. win: signed count of obstacle boundaries along it with the obstacle on their left. clr: width (a diameter,
+meters) that a turn around the corner at ``org`` leaves; 0 where a side of the corner is closed.
+"""
+
+VERTEX = np.dtype([("x", np.float64), ("y", np.float64), ("vhe", np.int64), ("vref", np.int64)], align=True)
+"""A vertex.
+
+x, y: meters, multiples of the grid cell. vhe: one half-edge that leaves the vertex. vref: how many obstacle corners and
+point obstacles own it; 0 for vertices that refinement added.
+"""
+
+FRAME = np.dtype(
+    [(name, np.float64) for name in ("cell", "x0", "y0", "x1", "y1", "hint_cell")]
+    + [(name, np.int64) for name in ("vertices", "triangles", "nx", "ny")],
+    align=True,
+)
+"""Grid cell, box and hint cell in meters; how many vertices and triangles are filled; cells of the hint grid."""
+
 
 class MeshArrays(NamedTuple):
-    """C-contiguous columns of a mesh (nv vertices, nt triangles; while building, longer than filled)."""
+    """C-contiguous arrays of a mesh (nv vertices, nt triangles; while building, longer than filled)."""
 
-    vx: NDArray[np.float64]
-    """(nv,) x of the vertices, meters, multiples of the grid cell."""
-    vy: NDArray[np.float64]
-    """(nv,) y of the vertices."""
-    vhe: NDArray[np.int32]
-    """(nv,) one half-edge that leaves the vertex."""
-    vref: NDArray[np.int32]
-    """(nv,) how many obstacle corners and point obstacles own the vertex; 0 for vertices that refinement added."""
-    org: NDArray[np.int32]
-    """(3 nt,) origin vertex."""
-    twin: NDArray[np.int32]
-    """(3 nt,) opposite half-edge, -1 on the hull."""
-    cst: NDArray[np.int32]
-    """(3 nt,) how many obstacle edges run along the half-edge, the same on both halves."""
-    win: NDArray[np.int32]
-    """(3 nt,) signed count of obstacle boundaries along h with the obstacle on their left."""
-    clr: NDArray[np.float32]
-    """(3 nt,) width (a diameter, meters) that a turn around the corner at org[h] leaves; 0 where a side is closed."""
-    wind: NDArray[np.int32]
+    sides: NDArray[Any]
+    """(3 nt,) records :data:`SIDE`."""
+    vertices: NDArray[Any]
+    """(nv,) records :data:`VERTEX`."""
+    wind: NDArray[np.int64]
     """(nt,) how many obstacles cover the triangle; it is free where this is 0."""
-    hints: NDArray[np.int32]
+    hints: NDArray[np.int64]
     """(nx * ny,) the triangle at the center of each cell of a coarse grid, row by row."""
-    counts: NDArray[np.int64]
-    """(4,) nv, nt, nx, ny."""
-    frame: NDArray[np.float64]
-    """(6,) grid cell, box x0, y0, x1, y1, hint cell; meters."""
+    frame: NDArray[Any]
+    """(1,) record :data:`FRAME`."""
 
 
-def empty_mesh(vertices: int, frame: NDArray[np.float64], hint_shape: tuple[int, int]) -> MeshArrays:
-    """Columns with room for ``vertices`` vertices in the box of ``frame``, and an empty hint grid of nx x ny cells."""
-    triangles = 2 * vertices
-    return MeshArrays(
-        vx=np.zeros(vertices),
-        vy=np.zeros(vertices),
-        vhe=np.full(vertices, -1, np.int32),
-        vref=np.zeros(vertices, np.int32),
-        org=np.zeros(3 * triangles, np.int32),
-        twin=np.full(3 * triangles, -1, np.int32),
-        cst=np.zeros(3 * triangles, np.int32),
-        win=np.zeros(3 * triangles, np.int32),
-        clr=np.zeros(3 * triangles, np.float32),
-        wind=np.zeros(triangles, np.int32),
-        hints=np.zeros(hint_shape[0] * hint_shape[1], np.int32),
-        counts=np.array([0, 0, *hint_shape], np.int64),
-        frame=frame,
-    )
+def empty_mesh(vertices: int, frame: NDArray[Any]) -> MeshArrays:
+    """Arrays with room for ``vertices`` vertices in the box of ``frame`` (1,), which is copied, and empty hints."""
+    sides = np.zeros(6 * vertices, SIDE)
+    sides["twin"] = -1
+    columns = np.zeros(vertices, VERTEX)
+    columns["vhe"] = -1
+    hints = np.zeros(int(frame["nx"][0]) * int(frame["ny"][0]), np.int64)
+    return MeshArrays(sides, columns, np.zeros(2 * vertices, np.int64), hints, frame.copy())
 
 
 def resized(mesh: MeshArrays, vertices: int) -> MeshArrays:
     """A copy with room for exactly ``vertices`` vertices, not fewer than are filled, and twice as many triangles."""
-    filled = int(mesh.counts[0])
-    filled_triangles = int(mesh.counts[1])
-    copy = empty_mesh(vertices, mesh.frame.copy(), (int(mesh.counts[2]), int(mesh.counts[3])))
-    for name in ("vx", "vy", "vhe", "vref"):
-        getattr(copy, name)[:filled] = getattr(mesh, name)[:filled]
-    for name in ("org", "twin", "cst", "win", "clr"):
-        getattr(copy, name)[: 3 * filled_triangles] = getattr(mesh, name)[: 3 * filled_triangles]
-    copy.wind[:filled_triangles] = mesh.wind[:filled_triangles]
+    filled, triangles = int(mesh.frame["vertices"][0]), int(mesh.frame["triangles"][0])
+    copy = empty_mesh(vertices, mesh.frame)
+    copy.vertices[:filled] = mesh.vertices[:filled]
+    copy.sides[: 3 * triangles] = mesh.sides[: 3 * triangles]
+    copy.wind[:triangles] = mesh.wind[:triangles]
     copy.hints[:] = mesh.hints
-    copy.counts[:] = mesh.counts
     return copy

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import shapely
@@ -12,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from crowdsim.errors import GeometryError, PathNotFound
 from crowdsim.geometry.polygons import clean_polygon
 from crowdsim.geometry.snapping import grid_cell, snap
-from crowdsim.navmesh import clearance_kernels, path_kernels
+from crowdsim.navmesh import clearance_kernels, path_kernels, violation_kernels
 from crowdsim.navmesh.build_kernels import build
-from crowdsim.navmesh.mesh_arrays import MeshArrays, empty_mesh, resized
+from crowdsim.navmesh.mesh_arrays import FRAME, MeshArrays, empty_mesh, resized
 from crowdsim.navmesh.triangulation_kernels import FULL
 
 Floats = NDArray[np.float64]
@@ -23,26 +24,24 @@ MIN_RADIUS = 1e-3
 """Least radius of a path, meters: less would drown in rounding."""
 
 
-def _box(points: Floats) -> Floats:
-    """Frame (6,) around ``points``, see :attr:`MeshArrays.frame`; the last entry, the hint cell, is left 0."""
+def mesh_frame(points: Floats) -> NDArray[Any]:
+    """The frame (1,) of an empty mesh around ``points``, with a hint cell for about two of them."""
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.05 * float((high - low).max())
-    cell = grid_cell(float((high - low).max()) + 2.0 * margin)
-    corners = snap(np.stack([low - margin, high + margin]), cell)
-    return np.array([cell, *corners[0], *corners[1], 0.0])
+    frame = np.zeros(1, FRAME)
+    frame["cell"] = cell = grid_cell(float((high - low).max()) + 2.0 * margin)
+    (x0, y0), (x1, y1) = snap(np.stack([low - margin, high + margin]), cell)
+    width, height = x1 - x0, y1 - y0
+    hint_cell = max(math.sqrt(2.0 * width * height / len(points)), max(width, height) / 1024.0)
+    frame["x0"], frame["y0"], frame["x1"], frame["y1"], frame["hint_cell"] = x0, y0, x1, y1, hint_cell
+    frame["nx"], frame["ny"] = max(1, math.ceil(width / hint_cell)), max(1, math.ceil(height / hint_cell))
+    return frame
 
 
-def _hint_shape(frame: Floats, vertices: int) -> tuple[int, int]:
-    """Cells of a hint grid with about two vertices each; sets the cell size in ``frame``."""
-    width, height = frame[3] - frame[1], frame[4] - frame[2]
-    frame[5] = max(math.sqrt(2.0 * width * height / vertices), max(width, height) / 1024.0)
-    return max(1, math.ceil(width / frame[5])), max(1, math.ceil(height / frame[5]))
-
-
-def _snake_order(points: Floats, frame: Floats) -> NDArray[np.int64]:
-    """Order that visits ``points`` row by row, back and forth, so that each is near the one before."""
+def _snake_order(points: Floats, y0: float, y1: float) -> NDArray[np.int64]:
+    """Order that visits ``points`` row by row between y0 and y1, back and forth, each near the one before."""
     rows = max(1, math.isqrt(len(points)) // 2)
-    row = np.minimum(((points[:, 1] - frame[2]) / (frame[4] - frame[2]) * rows).astype(np.int64), rows - 1)
+    row = np.minimum(((points[:, 1] - y0) / (y1 - y0) * rows).astype(np.int64), rows - 1)
     return np.lexsort((np.where(row % 2 == 0, points[:, 0], -points[:, 0]), row)).astype(np.int64)
 
 
@@ -54,15 +53,15 @@ def triangulate(area: shapely.Polygon | shapely.MultiPolygon) -> MeshArrays:
     last = np.flatnonzero(np.append(np.diff(ring_of), 1))  # the closing point repeats the first one
     points = np.delete(coordinates, last, axis=0)
     ring_ends = np.cumsum(np.bincount(ring_of, minlength=len(rings)) - 1).astype(np.int64)
-    frame = _box(points)
-    points = np.ascontiguousarray(snap(points, frame[0]))
-    order = _snake_order(points, frame)
+    frame = mesh_frame(points)
+    points = np.ascontiguousarray(snap(points, frame["cell"][0]))
+    order = _snake_order(points, frame["y0"][0], frame["y1"][0])
     room = 2 * len(points) + 64
     while True:
-        mesh = empty_mesh(room, frame, _hint_shape(frame, len(points)))
+        mesh = empty_mesh(room, frame)
         status = build(mesh, points, ring_ends, order, np.zeros(room, np.uint8))
         if status == 0:
-            return resized(mesh, int(mesh.counts[0]))
+            return resized(mesh, int(mesh.frame["vertices"][0]))
         if status != FULL or room > 100 * len(points) + 6400:
             raise GeometryError(
                 f"the walkable area of {len(points)} corners cannot be triangulated; simplify or repair it "
@@ -132,7 +131,7 @@ class NavMesh:
 
     def tolerance(self, radius: float) -> float:
         """How much less than ``radius`` still counts as clear: a millionth of it, and the grid corners moved to."""
-        return 1e-6 * radius + 2.0 * float(self.arrays.frame[0])
+        return 1e-6 * radius + 2.0 * float(self.arrays.frame["cell"][0])
 
     def find_path(self, start: ArrayLike, goal: ArrayLike, radius: float) -> Path:
         """A short path from ``start`` to ``goal`` (x, y) that keeps ``radius`` from every obstacle.
@@ -195,7 +194,7 @@ class NavMesh:
         if len(array) == 0:
             raise GeometryError("points: a polyline has at least one point")
         radius = _as_radius(radius)
-        return clearance_kernels.violations(self.arrays, array, max(radius - self.tolerance(radius), 0.0))
+        return violation_kernels.violations(self.arrays, array, max(radius - self.tolerance(radius), 0.0))
 
     def first_violation(self, points: ArrayLike, radius: float) -> float:
         """Arc length of the first point of the polyline (n, 2) with less clearance than ``radius``; inf if none."""
@@ -211,13 +210,13 @@ class NavMesh:
             If a point is not finite or lies outside of the mesh's box (the walkable area and a margin around it).
         """
         array = _as_points(points, "points")
-        frame = self.arrays.frame
-        array = np.ascontiguousarray(snap(array, frame[0]))
-        inside = ((array > frame[1:3]) & (array < frame[3:5])).all(axis=1)
+        cell, x0, y0, x1, y1 = self.arrays.frame[["cell", "x0", "y0", "x1", "y1"]][0].item()
+        array = np.ascontiguousarray(snap(array, cell))
+        inside = ((array > (x0, y0)) & (array < (x1, y1))).all(axis=1)
         if not inside.all():
             row = int(np.flatnonzero(~inside)[0])
             raise GeometryError(f"points: obstacle {row} at {tuple(array[row].tolist())} is outside of the mesh")
-        filled = int(self.arrays.counts[0])
+        filled = int(self.arrays.frame["vertices"][0])
         extra = 8 * len(array) + 16
         while True:
             mesh = resized(self.arrays, filled + extra)
@@ -226,5 +225,5 @@ class NavMesh:
                 break
             extra *= 2
         copy = object.__new__(NavMesh)
-        copy.arrays = resized(mesh, int(mesh.counts[0]))
+        copy.arrays = resized(mesh, int(mesh.frame["vertices"][0]))
         return copy

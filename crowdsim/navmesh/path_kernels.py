@@ -1,6 +1,6 @@
 """From a channel to the path of a disc: funnel over discs, exact swept check, repair, polyline.
 
-Nodes are those of :mod:`crowdsim.navmesh.tangent_kernels`; the first is the start, the last the goal.
+Nodes are records :data:`crowdsim.navmesh.tangent_kernels.NODE`; the first is the start, the last the goal.
 """
 
 import math
@@ -9,10 +9,18 @@ import numpy as np
 
 from crowdsim.jit import kernel
 from crowdsim.navmesh.clearance_kernels import capsule_nearest, disc_clearance
-from crowdsim.navmesh.growing_kernels import longer_rows
+from crowdsim.navmesh.growing_kernels import longer, longer_rows
+from crowdsim.navmesh.half_edge_kernels import nxt
+from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.search_kernels import find_channel
-from crowdsim.navmesh.tangent_kernels import arc_corners, copy_node, nodes_near_channel, shortest_around, tangent
-from crowdsim.navmesh.triangulation_kernels import nxt
+from crowdsim.navmesh.tangent_kernels import (
+    NODE,
+    arc_corners,
+    nodes_near_channel,
+    set_node,
+    shortest_around,
+    tangent,
+)
 
 OK = 0
 START_BLOCKED = 1
@@ -29,92 +37,72 @@ _FINE = 2e-6
 
 @kernel
 def _funnel(m, channel, sx, sy, gx, gy, radius):
-    """Nodes of the taut string through the channel, rows x, y, q, vertex with room for more, and their number."""
+    """Nodes of the taut string through the channel, with room for more, and their number."""
     # The funnel is a deque: left chain (outwards to lower places), apex, right chain (outwards to higher places).
+    sides = m.sides
+    vertices = m.vertices
     room = 2 * channel.size + 4
-    chain = np.empty((2 * room + 1, 4))
+    chain = np.empty(2 * room + 2, NODE)
     heading = np.empty((2 * room + 1, 2))  # of the tangent from the node nearer to the apex
-    nodes = np.empty((room + 64, 4))
+    nodes = np.empty(room + 64, NODE)
     apex = room
     low = room
     high = room
-    chain[apex, 0] = sx
-    chain[apex, 1] = sy
-    chain[apex, 2] = 0.0
-    chain[apex, 3] = -1.0
-    copy_node(nodes, np.int64(0), chain, apex)
+    set_node(chain[apex], sx, sy, 0.0, NONE)
+    nodes[0] = chain[apex]
     count = 1
-    before_left = np.int64(-1)
-    before_right = np.int64(-1)
-    work = np.empty((2, 4))
-    for k in range(channel.size + 1):
-        for turn in range(2):
-            if k == channel.size:
-                if turn == 1:
-                    break
-                v = np.int64(-1)
-                work[1, 0] = gx
-                work[1, 1] = gy
-                work[1, 2] = 0.0
-                sign = 1
-            else:
-                h = channel[k]
-                if turn == 0:
-                    v = np.int64(m.org[nxt(h)])
-                    if v == before_left:
-                        continue
-                    before_left = v
-                    sign = 1
-                else:
-                    v = np.int64(m.org[h])
-                    if v == before_right:
-                        continue
-                    before_right = v
-                    sign = -1
-                work[1, 0] = m.vx[v]
-                work[1, 1] = m.vy[v]
-                work[1, 2] = sign * radius
-            work[1, 3] = v
-            while True:
-                end = low if sign > 0 else high
-                other = high if sign > 0 else low
-                copy_node(work, np.int64(0), chain, end)
-                _, dx, dy = tangent(work, np.int64(0), np.int64(1))
-                if end != apex:
-                    rx = heading[end, 0]
-                    ry = heading[end, 1]
-                elif other != apex:
-                    rx = heading[apex + sign, 0]
-                    ry = heading[apex + sign, 1]
-                else:
-                    rx = dx
-                    ry = dy
-                if sign * (rx * dy - ry * dx) >= 0.0:
-                    break
-                if end != apex:
-                    if sign > 0:
-                        low += 1
-                    else:
-                        high -= 1
-                else:
-                    apex += sign
-                    copy_node(nodes, count, chain, apex)
-                    count += 1
-                    if sign > 0:
-                        low = apex
-                    else:
-                        high = apex
+    before_left = NONE
+    before_right = NONE
+    target = chain[2 * room + 1]
+    for k in range(2 * channel.size + 1):
+        sign = 1 if k % 2 == 0 else -1
+        if k == 2 * channel.size:
+            set_node(target, gx, gy, 0.0, NONE)
+        else:
+            h = channel[k // 2]
+            v = sides[nxt(h) if sign > 0 else h].org
+            if v == (before_left if sign > 0 else before_right):
+                continue
             if sign > 0:
-                low -= 1
-                end = low
+                before_left = v
             else:
-                high += 1
-                end = high
-            copy_node(chain, end, work, np.int64(1))
-            heading[end, 0] = dx
-            heading[end, 1] = dy
+                before_right = v
+            set_node(target, vertices[v].x, vertices[v].y, sign * radius, v)
+        while True:
+            end = low if sign > 0 else high
+            _, dx, dy = tangent(chain[end], target)
+            if end != apex:
+                at = end
+            elif low != high:  # the other chain has a first node
+                at = apex + sign
+            else:
+                break
+            if sign * (heading[at, 0] * dy - heading[at, 1] * dx) >= 0.0:
+                break
+            if end != apex:
+                if sign > 0:
+                    low += 1
+                else:
+                    high -= 1
+            else:
+                apex += sign
+                nodes[count] = chain[apex]
+                count += 1
+                if sign > 0:
+                    low = apex
+                else:
+                    high = apex
+        if sign > 0:
+            low -= 1
+            end = low
+        else:
+            high += 1
+            end = high
+        chain[end] = target
+        heading[end, 0] = dx
+        heading[end, 1] = dy
     for i in range(apex - 1, low - 1, -1):
-        copy_node(nodes, count, chain, i)
+        nodes[count] = chain[i]
         count += 1
     return nodes, count
 
@@ -124,18 +112,18 @@ def _tighten(nodes, count):
     """Drop the nodes at which the string turns away from its obstacle; the new number, or -1 if nodes are pinched."""
     i = 1
     while i < count - 1:
-        before, ax, ay = tangent(nodes, i - 1, i)
-        after, bx, by = tangent(nodes, i, i + 1)
-        if nodes[i, 2] * (ax * by - ay * bx) < 0.0:
+        before, ax, ay = tangent(nodes[i - 1], nodes[i])
+        after, bx, by = tangent(nodes[i], nodes[i + 1])
+        if nodes[i].q * (ax * by - ay * bx) < 0.0:
             for k in range(i, count - 1):
-                copy_node(nodes, k, nodes, k + 1)
+                nodes[k] = nodes[k + 1]
             count -= 1
             i = max(1, i - 1)
         elif before and after:
             i += 1
         else:
             return -1
-    exists, _, _ = tangent(nodes, np.int64(0), np.int64(1))
+    exists, _, _ = tangent(nodes[0], nodes[1])
     return count if exists else -1
 
 
@@ -148,47 +136,35 @@ def _trace(m, nodes, count, least, bulge, hint):
     too close to a vertex or an edge.
     """
     points = np.empty((2 * count + 16, 2))
-    points[0, 0] = nodes[0, 0]
-    points[0, 1] = nodes[0, 1]
+    px = nodes[0].x
+    py = nodes[0].y
+    points[0, 0] = px
+    points[0, 1] = py
     n = 1
     for i in range(1, count):
+        node = nodes[i]
         angle = 0.0
-        _, ax, ay = tangent(nodes, i - 1, i)
+        _, ax, ay = tangent(nodes[i - 1], node)
         if i < count - 1:
-            _, bx, by = tangent(nodes, i, i + 1)
+            _, bx, by = tangent(node, nodes[i + 1])
             angle = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
-            if nodes[i, 2] * angle < -1e-6:
-                angle += math.copysign(2.0 * math.pi, nodes[i, 2])
-        steps, bearing, step, reach = arc_corners(nodes[i, 2], ax, ay, angle, bulge)
+            if node.q * angle < -1e-6:
+                angle += math.copysign(2.0 * math.pi, node.q)
+        steps, bearing, step, reach = arc_corners(node.q, ax, ay, angle, bulge)
         while n + steps > points.shape[0]:
             points = longer_rows(points)
         for k in range(steps):
-            x = nodes[i, 0] + reach * math.cos(bearing + k * step)
-            y = nodes[i, 1] + reach * math.sin(bearing + k * step)
-            px = points[n - 1, 0]
-            py = points[n - 1, 1]
+            x = node.x + reach * math.cos(bearing + k * step)
+            y = node.y + reach * math.sin(bearing + k * step)
             distance, hint, vertex, edge = capsule_nearest(m, px, py, x, y, 1.01 * least, hint)
             if distance < least:
                 return points, i if k > 0 else i - 1, k > 0, vertex, edge, distance, px, py, x, y
             points[n, 0] = x
             points[n, 1] = y
+            px = x
+            py = y
             n += 1
-    none = np.int64(-1)
-    return points[:n], -1, False, none, none, math.inf, 0.0, 0.0, 0.0, 0.0
-
-
-@kernel
-def _insert(m, nodes, count, at, vertex, q):
-    """Nodes with (vertex, q) inserted at place ``at``."""
-    if count == nodes.shape[0]:
-        nodes = longer_rows(nodes)
-    for k in range(count, at, -1):
-        copy_node(nodes, k, nodes, k - 1)
-    nodes[at, 0] = m.vx[vertex]
-    nodes[at, 1] = m.vy[vertex]
-    nodes[at, 2] = q
-    nodes[at, 3] = vertex
-    return nodes
+    return points[:n], -1, False, -1, -1, math.inf, 0.0, 0.0, 0.0, 0.0
 
 
 @kernel
@@ -196,53 +172,59 @@ def _turns_right(nodes, count, i):
     """Whether the string turns towards its obstacle at node i."""
     if i <= 0 or i >= count - 1:
         return True
-    before, ax, ay = tangent(nodes, i - 1, i)
-    after, bx, by = tangent(nodes, i, i + 1)
-    return before and after and nodes[i, 2] * (ax * by - ay * bx) >= 0.0
+    before, ax, ay = tangent(nodes[i - 1], nodes[i])
+    after, bx, by = tangent(nodes[i], nodes[i + 1])
+    return before and after and nodes[i].q * (ax * by - ay * bx) >= 0.0
 
 
 @kernel
 def _pull(m, nodes, count, radius, least, hint):
     """Check and repair until nothing is too close; (repaired, points)."""
+    sides = m.sides
+    vertices = m.vertices
     count = _tighten(nodes, count)
     bulge = _COARSE
     points = np.empty((0, 2))
     for _ in range(_REPAIRS):
         if count < 0:
-            return False, points
+            break
         points, i, inside, vertex, edge, distance, px, py, x, y = _trace(m, nodes, count, least, bulge, hint)
         if i < 0:
             return True, points
         if distance < 0.0:
-            return False, points
+            break
         if bulge == _COARSE and distance > least - 2.0 * _COARSE:
             bulge = _FINE
             continue
+        dx = x - px
+        dy = y - py
         crossed = False
         if vertex < 0:
             # The end of the side nearer to the piece, or the far one if the string is around the near one already.
-            a = np.int64(m.org[edge])
-            b = np.int64(m.org[nxt(edge)])
-            da = abs((x - px) * (m.vy[a] - py) - (y - py) * (m.vx[a] - px))
-            db = abs((x - px) * (m.vy[b] - py) - (y - py) * (m.vx[b] - px))
-            vertex = a if da <= db else b
-            if nodes[i, 3] == vertex or nodes[i + 1, 3] == vertex:
-                vertex = b if da <= db else a
+            vertex = sides[edge].org
+            far = sides[nxt(edge)].org
+            near_off = abs(dx * (vertices[vertex].y - py) - dy * (vertices[vertex].x - px))
+            far_off = abs(dx * (vertices[far].y - py) - dy * (vertices[far].x - px))
+            if near_off > far_off:
+                vertex, far = far, vertex
+            if nodes[i].vertex == vertex or nodes[i + 1].vertex == vertex:
+                vertex = far
             crossed = distance == 0.0
-        left = (x - px) * (m.vy[vertex] - py) - (y - py) * (m.vx[vertex] - px) > 0.0
+        vx = vertices[vertex].x
+        vy = vertices[vertex].y
+        left = dx * (vy - py) - dy * (vx - px) > 0.0
         q = radius if left != crossed else -radius
-        if nodes[i, 3] == vertex or nodes[i + 1, 3] == vertex:
-            return False, points
-        if inside and q * nodes[i, 2] < 0.0:
-            return False, points
-        nodes = _insert(m, nodes, count, i + 1, vertex, q)
+        if nodes[i].vertex == vertex or nodes[i + 1].vertex == vertex or (inside and q * nodes[i].q < 0.0):
+            break
+        if count == nodes.size:
+            nodes = longer(nodes)
+        for k in range(count, i + 1, -1):
+            nodes[k] = nodes[k - 1]
+        set_node(nodes[i + 1], vx, vy, q, vertex)
         count += 1
         if inside and not (_turns_right(nodes, count, i) and _turns_right(nodes, count, i + 1)):
-            copy_node(nodes, i + 1, nodes, i)
-            nodes[i, 0] = m.vx[vertex]
-            nodes[i, 1] = m.vy[vertex]
-            nodes[i, 2] = q
-            nodes[i, 3] = vertex
+            nodes[i + 1] = nodes[i]
+            set_node(nodes[i], vx, vy, q, vertex)
         count = _tighten(nodes, count)
     return False, points
 
@@ -250,38 +232,39 @@ def _pull(m, nodes, count, radius, least, hint):
 @kernel
 def plan_path(m, sx, sy, gx, gy, radius, tolerance):
     """(status, points (n, 2)) of a short path of a disc; nothing comes closer than ``radius - tolerance``."""
-    none = np.empty((0, 2))
+    points = np.empty((0, 2))
     least = radius - tolerance
-    distance, start = disc_clearance(m, sx, sy, 2.0 * radius + 1.0, np.int64(-1))
+    distance, start = disc_clearance(m, sx, sy, 2.0 * radius + 1.0, NONE)
     if distance < least:
-        return START_BLOCKED, none
-    distance, goal = disc_clearance(m, gx, gy, 2.0 * radius + 1.0, np.int64(-1))
+        return START_BLOCKED, points
+    distance, goal = disc_clearance(m, gx, gy, 2.0 * radius + 1.0, NONE)
     if distance < least:
-        return GOAL_BLOCKED, none
+        return GOAL_BLOCKED, points
     distance, _, _, _ = capsule_nearest(m, sx, sy, gx, gy, 1.01 * least + tolerance, start)
     if distance >= least:
-        points = np.empty((2, 2))
-        points[0, 0] = sx
-        points[0, 1] = sy
-        points[1, 0] = gx
-        points[1, 1] = gy
-        return OK, points
-    if start == goal:
-        nodes, count = _funnel(m, np.empty(0, np.int64), sx, sy, gx, gy, radius)
+        straight = np.empty((2, 2))
+        straight[0, 0] = sx
+        straight[0, 1] = sy
+        straight[1, 0] = gx
+        straight[1, 1] = gy
+        return OK, straight
+    # Within one triangle the string may need no side; otherwise it goes through the channel.
+    channel = np.empty(0, np.int64)
+    for attempt in range(2):
+        if attempt == 1:
+            channel = find_channel(m, start, sx, sy, goal, gx, gy, radius, 2.0 * least)
+            if channel.size == 0:
+                return NO_PASSAGE, points
+        elif start != goal:
+            continue
+        nodes, count = _funnel(m, channel, sx, sy, gx, gy, radius)
         done, points = _pull(m, nodes, count, radius, least, start)
         if done:
             return OK, points
-    channel = find_channel(m, start, sx, sy, goal, gx, gy, radius, 2.0 * least)
-    if channel.size == 0:
-        return NO_PASSAGE, none
-    nodes, count = _funnel(m, channel, sx, sy, gx, gy, radius)
-    done, points = _pull(m, nodes, count, radius, least, start)
-    if done:
-        return OK, points
     # One string in a few thousand is tangled by repair; the tangent graph is slow and sure.
-    nodes = shortest_around(m, nodes_near_channel(m, channel, sx, sy, gx, gy, radius), least)
-    if nodes.shape[0] > 0:
-        points, i, _, _, _, _, _, _, _, _ = _trace(m, nodes, nodes.shape[0], least, _FINE, start)
-        if i < 0:
-            return OK, points
-    return TANGLED, none
+    nodes, count = nodes_near_channel(m, channel, sx, sy, gx, gy, radius)
+    nodes = shortest_around(m, nodes, count, least)
+    if nodes.size == 0:
+        return TANGLED, points
+    points, i, _, _, _, _, _, _, _, _ = _trace(m, nodes, nodes.size, least, _FINE, start)
+    return OK if i < 0 else TANGLED, points

@@ -10,48 +10,53 @@ import numpy as np
 
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import kernel
-from crowdsim.navmesh.growing_kernels import longer_rows
-from crowdsim.navmesh.triangulation_kernels import nxt, prv
+from crowdsim.navmesh.growing_kernels import longer
+from crowdsim.navmesh.half_edge_kernels import nxt, prv
+from crowdsim.navmesh.mesh_arrays import NONE
+
+HEAP_ROW = np.dtype([("key", np.float64), ("item", np.int64)], align=True)
+"""An element of a binary heap; equal keys leave in the order of their items."""
+
+_STATE = np.dtype([("cost", np.float64), ("x", np.float64), ("y", np.float64)], align=True)
+"""Meters spent up to the point where a half-edge is crossed, and that point."""
 
 
 @kernel
-def can_leave(m, h, x, y, width):
+def can_leave(sides, vertices, h, x, y, width):
     """Whether a disc of diameter ``width`` that stands free at (x, y) in the triangle of side h fits out through h."""
-    if m.cst[h] != 0:
+    if sides[h].cst != 0:
         return False
-    a = np.int64(m.org[h])
-    b = np.int64(m.org[nxt(h)])
-    if math.hypot(m.vx[b] - m.vx[a], m.vy[b] - m.vy[a]) < width:
+    a = vertices[sides[h].org]
+    b = vertices[sides[nxt(h)].org]
+    if math.hypot(b.x - a.x, b.y - a.y) < width:
         return False
     # A closed base with the corner opposite of it may leave too little between the disc and h.
     for base in (nxt(h), prv(h)):
-        if m.cst[base] == 0:
+        if sides[base].cst == 0:
             continue
-        a = np.int64(m.org[base])
-        b = np.int64(m.org[nxt(base)])
-        v = np.int64(m.org[prv(base)])
-        px = m.vx[v]
-        py = m.vy[v]
-        if point_segment_distance2(px, py, m.vx[a], m.vy[a], m.vx[b], m.vy[b]) < width * width:
-            ux = m.vx[b] - m.vx[a]
-            uy = m.vy[b] - m.vy[a]
-            foot = (px - m.vx[a]) * ux + (py - m.vy[a]) * uy
+        a = vertices[sides[base].org]
+        b = vertices[sides[nxt(base)].org]
+        v = vertices[sides[prv(base)].org]
+        if point_segment_distance2(v.x, v.y, a.x, a.y, b.x, b.y) < width * width:
+            ux = b.x - a.x
+            uy = b.y - a.y
+            foot = (v.x - a.x) * ux + (v.y - a.y) * uy
             if foot > 0.0 and foot < ux * ux + uy * uy:
-                along = (x - px) * ux + (y - py) * uy
+                along = (x - v.x) * ux + (y - v.y) * uy
                 if (along < 0.0) != (h == prv(base)):
                     return False
     return True
 
 
 @kernel
-def _crossing_point(m, h, radius, px, py, gx, gy):
+def _crossing_point(sides, vertices, h, radius, px, py, gx, gy):
     """Point of side h, a ``radius`` off its ends, on the shortest way from p over h to g."""
-    a = np.int64(m.org[h])
-    b = np.int64(m.org[nxt(h)])
-    ax = m.vx[a]
-    ay = m.vy[a]
-    ux = m.vx[b] - ax
-    uy = m.vy[b] - ay
+    a = vertices[sides[h].org]
+    b = vertices[sides[nxt(h)].org]
+    ax = a.x
+    ay = a.y
+    ux = b.x - ax
+    uy = b.y - ay
     length = math.hypot(ux, uy)
     ux /= length
     uy /= length
@@ -68,19 +73,18 @@ def _crossing_point(m, h, radius, px, py, gx, gy):
 
 @kernel
 def push(heap, count, key, item):
-    """Add a row (key, item) to the binary heap; (heap, count). Equal keys leave in the order of their items."""
-    if count == heap.shape[0]:
-        heap = longer_rows(heap)
+    """Add a row (key, item) to the binary heap; (heap, count)."""
+    if count == heap.size:
+        heap = longer(heap)
     i = count
     while i > 0:
-        up = (i - 1) // 2
-        if heap[up, 0] < key or (heap[up, 0] == key and heap[up, 1] <= item):
+        up = heap[(i - 1) // 2]
+        if up.key < key or (up.key == key and up.item <= item):
             break
-        heap[i, 0] = heap[up, 0]
-        heap[i, 1] = heap[up, 1]
-        i = up
-    heap[i, 0] = key
-    heap[i, 1] = item
+        heap[i] = up
+        i = (i - 1) // 2
+    heap[i].key = key
+    heap[i].item = item
     return heap, count + 1
 
 
@@ -88,28 +92,27 @@ def push(heap, count, key, item):
 def pop(heap, count):
     """Take the least of ``count`` heap rows away, which is left in place ``count - 1``."""
     last = count - 1
-    key = heap[last, 0]
-    item = heap[last, 1]
-    heap[last, 0] = heap[0, 0]
-    heap[last, 1] = heap[0, 1]
+    key = heap[last].key
+    item = heap[last].item
+    heap[last] = heap[0]
     i = 0
     while True:
         child = 2 * i + 1
         if child >= last:
             break
-        right = child + 1
-        if right < last and (
-            heap[right, 0] < heap[child, 0] or (heap[right, 0] == heap[child, 0] and heap[right, 1] < heap[child, 1])
-        ):
-            child = right
-        if key < heap[child, 0] or (key == heap[child, 0] and item <= heap[child, 1]):
+        low = heap[child]
+        if child + 1 < last:
+            right = heap[child + 1]
+            if right.key < low.key or (right.key == low.key and right.item < low.item):
+                child += 1
+                low = right
+        if key < low.key or (key == low.key and item <= low.item):
             break
-        heap[i, 0] = heap[child, 0]
-        heap[i, 1] = heap[child, 1]
+        heap[i] = low
         i = child
     if last > 0:
-        heap[i, 0] = key
-        heap[i, 1] = item
+        heap[i].key = key
+        heap[i].item = item
 
 
 @kernel
@@ -118,54 +121,66 @@ def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
 
     ``width`` is the least width passed, that of the disc of ``radius`` less what rounding may take.
     """
-    states = np.empty((3 * m.counts[1], 3))  # cost and crossing point
-    before = np.zeros(3 * m.counts[1], np.int32)  # the half-edge before, plus 2; 0 where not reached
-    heap = np.empty((256, 2))
+    sides = m.sides
+    vertices = m.vertices
+    room = 3 * m.frame[0].triangles
+    states = np.empty(room, _STATE)
+    before = np.zeros(room, np.int32)  # the half-edge before, plus 2; 0 where not reached
+    heap = np.empty(256, HEAP_ROW)
     count = np.int64(0)
-    for h in range(3 * start, 3 * start + 3):
-        if can_leave(m, h, sx, sy, width):
-            x, y = _crossing_point(m, h, radius, sx, sy, gx, gy)
-            cost = math.hypot(x - sx, y - sy)
-            states[h, 0] = cost
-            states[h, 1] = x
-            states[h, 2] = y
-            before[h] = 1
-            heap, count = push(heap, count, cost + math.hypot(gx - x, gy - y), float(h))
-    found = np.int64(-1)
-    while count > 0:
-        pop(heap, count)
-        count -= 1
-        h = np.int64(heap[count, 1])
-        px = states[h, 1]
-        py = states[h, 2]
-        spent = states[h, 0]
-        if heap[count, 0] > spent + math.hypot(gx - px, gy - py) + 1e-9:
-            continue  # reached at less cost since
-        g = np.int64(m.twin[h])
-        if g // 3 == goal and can_leave(m, g, gx, gy, width):
+    found = NONE
+    h = NONE  # the start
+    px = sx
+    py = sy
+    spent = 0.0
+    while True:
+        for i in range(3 if h < 0 else 2):
+            if h < 0:
+                e = 3 * start + i
+                if not can_leave(sides, vertices, e, sx, sy, width):
+                    continue
+            else:
+                g = sides[h].twin
+                e = nxt(g) if i == 0 else prv(g)
+                corner = e if i == 0 else g  # the turn is around the vertex that e and g share
+                if sides[e].cst != 0 or sides[corner].clr < width:
+                    continue
+            x, y = _crossing_point(sides, vertices, e, radius, px, py, gx, gy)
+            cost = spent + math.hypot(x - px, y - py)
+            if before[e] == 0 or cost < states[e].cost - 1e-9:
+                state = states[e]
+                state.cost = cost
+                state.x = x
+                state.y = y
+                before[e] = h + 2
+                heap, count = push(heap, count, cost + math.hypot(gx - x, gy - y), e)
+        # The next state is the first one of the heap that was not reached at less cost since.
+        h = NONE
+        while count > 0 and h < 0:
+            pop(heap, count)
+            count -= 1
+            e = heap[count].item
+            state = states[e]
+            if heap[count].key <= state.cost + math.hypot(gx - state.x, gy - state.y) + 1e-9:
+                h = e
+                px = state.x
+                py = state.y
+                spent = state.cost
+        if h < 0:
+            break
+        g = sides[h].twin
+        if g // 3 == goal and can_leave(sides, vertices, g, gx, gy, width):
             found = h
             break
-        for e in (nxt(g), prv(g)):
-            corner = e if e == nxt(g) else g  # the turn is around the vertex that e and g share
-            if m.cst[e] != 0 or m.clr[corner] < width:
-                continue
-            x, y = _crossing_point(m, e, radius, px, py, gx, gy)
-            cost = spent + math.hypot(x - px, y - py)
-            if before[e] == 0 or cost < states[e, 0] - 1e-9:
-                states[e, 0] = cost
-                states[e, 1] = x
-                states[e, 2] = y
-                before[e] = h + 2
-                heap, count = push(heap, count, cost + math.hypot(gx - x, gy - y), float(e))
     length = 0
     h = found
     while h >= 0:
         length += 1
-        h = np.int64(before[h]) - 2
+        h = before[h] - 2
     channel = np.empty(length, np.int64)
     h = found
     while h >= 0:
         length -= 1
         channel[length] = h
-        h = np.int64(before[h]) - 2
+        h = before[h] - 2
     return channel

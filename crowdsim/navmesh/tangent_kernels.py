@@ -1,8 +1,4 @@
-"""Taut strings around discs: tangents, arcs, and the tangent graph.
-
-A node is a row x, y, q, vertex: q = +radius with the obstacle on the left, -radius on the right; start and goal have
-q = 0 and vertex -1.
-"""
+"""Taut strings around discs: tangents, arcs, and the tangent graph."""
 
 import math
 
@@ -10,28 +6,44 @@ import numpy as np
 
 from crowdsim.jit import kernel
 from crowdsim.navmesh.clearance_kernels import capsule_nearest
-from crowdsim.navmesh.growing_kernels import longer_list, longer_rows
-from crowdsim.navmesh.search_kernels import pop, push
+from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.search_kernels import HEAP_ROW, pop, push
+
+NODE = np.dtype([("x", np.float64), ("y", np.float64), ("q", np.float64), ("vertex", np.int64)], align=True)
+"""What a string bends around.
+
+q: +radius with the obstacle on the left, -radius on the right; start and goal have q = 0 and vertex -1.
+"""
+
+_RINGS = 3
+"""How many rings of triangles around the channel the tangent graph sees, the channel being the first."""
+
+MOST_NODES = 3000
+"""Nodes of the largest tangent graph that is searched; its tables grow with the square."""
+
+_EFFORT = 1_000_000
+"""Tangents considered and pieces of arcs checked before the search gives up, after about a second."""
 
 
 @kernel
-def copy_node(target, i, source, j):
-    """Node i of ``target`` becomes node j of ``source``."""
-    for k in range(4):
-        target[i, k] = source[j, k]
+def set_node(node, x, y, q, vertex):
+    node.x = x
+    node.y = y
+    node.q = q
+    node.vertex = vertex
 
 
 @kernel
-def tangent(nodes, i, j):
-    """(exists, direction x, y) of the taut string from node i to node j."""
-    ex = nodes[j, 0] - nodes[i, 0]
-    ey = nodes[j, 1] - nodes[i, 1]
+def tangent(a, b):
+    """(exists, direction x, y) of the taut string from node a to node b."""
+    ex = b.x - a.x
+    ey = b.y - a.y
     distance = math.hypot(ex, ey)
     if distance == 0.0:
         return False, 1.0, 0.0
     ex /= distance
     ey /= distance
-    s = (nodes[j, 2] - nodes[i, 2]) / distance
+    s = (b.q - a.q) / distance
     exists = abs(s) <= 1.0 + 1e-4
     s = min(max(s, -1.0), 1.0)
     c = math.sqrt(1.0 - s * s)
@@ -57,103 +69,99 @@ def arc_corners(q, dx, dy, angle, bulge):
 
 
 @kernel
-def _arc_is_free(m, nodes, j, dx, dy, angle, least, hint):
-    """Whether the arc around node j from direction d on keeps ``least``."""
-    bulge = 2e-6
-    steps, bearing, step, reach = arc_corners(nodes[j, 2], dx, dy, angle, bulge)
-    px = nodes[j, 0] + nodes[j, 2] * dy
-    py = nodes[j, 1] - nodes[j, 2] * dx
+def _arc_is_free(m, node, dx, dy, angle, least):
+    """Whether the arc around a node from direction d on keeps ``least``, and the pieces checked."""
+    steps, bearing, step, reach = arc_corners(node.q, dx, dy, angle, 2e-6)
+    px = node.x + node.q * dy
+    py = node.y - node.q * dx
+    hint = NONE
     for k in range(steps):
-        x = nodes[j, 0] + reach * math.cos(bearing + k * step)
-        y = nodes[j, 1] + reach * math.sin(bearing + k * step)
+        x = node.x + reach * math.cos(bearing + k * step)
+        y = node.y + reach * math.sin(bearing + k * step)
         distance, hint, _, _ = capsule_nearest(m, px, py, x, y, 1.01 * least, hint)
         if distance < least:
-            return False
+            return False, k
         px = x
         py = y
-    return True
+    return True, steps
 
 
 @kernel
 def nodes_near_channel(m, channel, sx, sy, gx, gy, radius):
-    """Start, goal and both sides of every vertex around the channel, as rows of nodes."""
-    seen_triangle = np.zeros(m.counts[1], np.uint8)
-    seen_vertex = np.zeros(m.counts[0], np.uint8)
-    triangles = np.empty(256, np.int64)
-    nodes = np.empty((64, 4))
-    for k in range(2):
-        nodes[k, 0] = sx if k == 0 else gx
-        nodes[k, 1] = sy if k == 0 else gy
-        nodes[k, 2] = 0.0
-        nodes[k, 3] = -1.0
+    """Start, goal and both sides of every vertex around the channel, and their number."""
+    sides = m.sides
+    ring = np.zeros(m.frame[0].triangles, np.int64)  # of each triangle, 0 where not found
+    triangles = np.empty(ring.size, np.int64)
+    seen = np.zeros(m.frame[0].vertices, np.uint8)
+    nodes = np.empty(2 * seen.size + 2, NODE)
+    set_node(nodes[0], sx, sy, 0.0, NONE)
+    set_node(nodes[1], gx, gy, 0.0, NONE)
     count = 2
-    found = np.int64(0)
+    found = 0
     for k in range(channel.size + 1):
-        t = channel[k] // 3 if k < channel.size else np.int64(m.twin[channel[channel.size - 1]]) // 3
-        if seen_triangle[t] == 0:
-            seen_triangle[t] = 1
-            if found == triangles.size:
-                triangles = longer_list(triangles)
+        t = channel[k] // 3 if k < channel.size else sides[channel[k - 1]].twin // 3
+        if ring[t] == 0:
+            ring[t] = 1
             triangles[found] = t
             found += 1
-    first = np.int64(0)
-    for ring in range(3):
-        last = found
-        for i in range(first, last):
-            t = triangles[i]
-            for h in range(3 * t, 3 * t + 3):
-                v = np.int64(m.org[h])
-                if seen_vertex[v] == 0:
-                    seen_vertex[v] = 1
-                    if count + 2 > nodes.shape[0]:
-                        nodes = longer_rows(nodes)
-                    for sign in (1, -1):
-                        nodes[count, 0] = m.vx[v]
-                        nodes[count, 1] = m.vy[v]
-                        nodes[count, 2] = sign * radius
-                        nodes[count, 3] = v
-                        count += 1
-                g = np.int64(m.twin[h])
-                if ring < 2 and m.cst[h] == 0 and seen_triangle[g // 3] == 0:
-                    seen_triangle[g // 3] = 1
-                    if found == triangles.size:
-                        triangles = longer_list(triangles)
-                    triangles[found] = g // 3
-                    found += 1
-        first = last
-    return nodes[:count]
+    i = 0
+    while i < found:
+        t = triangles[i]
+        i += 1
+        for h in range(3 * t, 3 * t + 3):
+            v = sides[h].org
+            if seen[v] == 0:
+                seen[v] = 1
+                for q in (radius, -radius):
+                    set_node(nodes[count], m.vertices[v].x, m.vertices[v].y, q, v)
+                    count += 1
+            g = sides[h].twin // 3
+            if ring[t] < _RINGS and sides[h].cst == 0 and ring[g] == 0:
+                ring[g] = ring[t] + 1
+                triangles[found] = g
+                found += 1
+    return nodes, count
 
 
 @kernel
-def shortest_around(m, nodes, least):
-    """The shortest free string from node 0 to node 1 around the others: its nodes, none if there is no such string.
+def shortest_around(m, nodes, n, least):
+    """The shortest free string from node 0 to node 1 of ``n``, around the others; no nodes if none was found.
 
-    A* over the tangents that lead to each node; slow and sure.
+    A* over the tangents that lead to each node; slow and sure up to its limits.
     """
-    n = nodes.shape[0]
-    tangents = np.zeros((n, n), np.uint8)  # 1 free, 2 blocked, 0 not known yet
+    if n > MOST_NODES:
+        return np.empty(0, NODE)
+    checked = np.zeros((n, n), np.int8)  # 1 free, 2 blocked, 0 not known yet
     cost = np.empty((n, n))
     before = np.zeros((n, n), np.int32)  # the node before the tangent, plus 1; 0 where the tangent is not reached
-    heap = np.empty((256, 2))
-    heap, count = push(heap, np.int64(0), 0.0, 0.0)
+    heap = np.empty(256, HEAP_ROW)
+    heap, count = push(heap, np.int64(0), 0.0, np.int64(0))
     cost[0, 0] = 0.0
     before[0, 0] = 1
-    none = np.int64(-1)
-    while count > 0:
+    goal = nodes[1]
+    found = False
+    i = 0
+    j = 0
+    effort = 0
+    while count > 0 and effort < _EFFORT:
+        effort += n
         pop(heap, count)
         count -= 1
-        i = np.int64(heap[count, 1]) // n
-        j = np.int64(heap[count, 1]) % n
+        i = heap[count].item // n
+        j = heap[count].item % n
         spent = cost[i, j]
         if j == 1:
+            found = True
             break
-        if heap[count, 0] > spent + math.hypot(nodes[1, 0] - nodes[j, 0], nodes[1, 1] - nodes[j, 1]) + 1e-9:
+        node = nodes[j]
+        if heap[count].key > spent + math.hypot(goal.x - node.x, goal.y - node.y) + 1e-9:
             continue
-        _, ax, ay = tangent(nodes, i, j)
-        q = nodes[j, 2]
+        _, ax, ay = tangent(nodes[i], node)
+        q = node.q
         for k in range(1, n):
-            exists, bx, by = tangent(nodes, j, k)
-            if not exists or tangents[j, k] == 2 or k == j:
+            other = nodes[k]
+            exists, bx, by = tangent(node, other)
+            if not exists or checked[j, k] == 2 or k == j:
                 continue
             angle = 0.0
             if j != 0:
@@ -162,44 +170,42 @@ def shortest_around(m, nodes, least):
                     angle += math.copysign(2.0 * math.pi, q)
                 if abs(angle) > 1.5 * math.pi:
                     continue
-            px = nodes[j, 0] + q * by
-            py = nodes[j, 1] - q * bx
-            x = nodes[k, 0] + nodes[k, 2] * by
-            y = nodes[k, 1] - nodes[k, 2] * bx
+            px = node.x + q * by
+            py = node.y - q * bx
+            x = other.x + other.q * by
+            y = other.y - other.q * bx
             total = spent + abs(q * angle) + math.hypot(x - px, y - py)
             if before[j, k] != 0 and total >= cost[j, k] - 1e-9:
                 continue
-            if tangents[j, k] == 0:
-                distance, _, _, _ = capsule_nearest(m, px, py, x, y, 1.01 * least, none)
-                tangents[j, k] = 1 if distance >= least else 2
-                if tangents[j, k] == 2:
+            if checked[j, k] == 0:
+                distance, _, _, _ = capsule_nearest(m, px, py, x, y, 1.01 * least, NONE)
+                checked[j, k] = 1 if distance >= least else 2
+                if distance < least:
                     continue
-            if j != 0 and not _arc_is_free(m, nodes, j, ax, ay, angle, least, none):
-                continue
+            if j != 0:
+                free, pieces = _arc_is_free(m, node, ax, ay, angle, least)
+                effort += pieces
+                if not free:
+                    continue
             cost[j, k] = total
             before[j, k] = i + 1
-            rest = math.hypot(nodes[1, 0] - nodes[k, 0], nodes[1, 1] - nodes[k, 1])
-            heap, count = push(heap, count, total + rest, float(j * n + k))
-    else:
-        return nodes[:0]
-    length = 2
+            rest = math.hypot(goal.x - other.x, goal.y - other.y)
+            heap, count = push(heap, count, total + rest, j * n + k)
+    if not found:
+        return np.empty(0, NODE)
+    length = 0
     a = i
     b = j
-    while a != 0:
+    while b != 0:
         c = np.int64(before[a, b]) - 1
         b = a
         a = c
         length += 1
-    string = np.empty((length, 4))
-    a = i
-    b = j
-    while True:
-        length -= 1
-        copy_node(string, length, nodes, b)
-        if a == 0:
-            break
-        c = np.int64(before[a, b]) - 1
-        b = a
-        a = c
-    copy_node(string, np.int64(0), nodes, np.int64(0))
+    string = np.empty(length + 1, NODE)
+    for place in range(length, -1, -1):
+        string[place] = nodes[j]
+        if place > 0:
+            c = np.int64(before[i, j]) - 1
+            j = i
+            i = c
     return string

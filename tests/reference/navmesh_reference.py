@@ -28,17 +28,21 @@ def incircle_sign(a, b, c, d) -> int:
 
 def free_area(mesh: MeshArrays) -> float:
     """Area of the free triangles, square meters."""
-    corners = np.stack([mesh.vx[mesh.org], mesh.vy[mesh.org]], axis=1).reshape(-1, 3, 2)[: mesh.counts[1]]
+    triangles = mesh.frame["triangles"][0]
+    corners = mesh.vertices[mesh.sides["org"][: 3 * triangles]]
+    corners = np.stack([corners["x"], corners["y"]], axis=1).reshape(-1, 3, 2)
     ab, ac = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     area = 0.5 * (ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0])
-    return float(area[mesh.wind[: mesh.counts[1]] == 0].sum())
+    return float(area[mesh.wind[:triangles] == 0].sum())
 
 
 def mesh_faults(mesh: MeshArrays) -> list[str]:
     """What is wrong with a mesh: orientation, twins, constraints, winding, stars, Delaunay."""
     faults = []
-    vertices, triangles = int(mesh.counts[0]), int(mesh.counts[1])
-    point = [(float(mesh.vx[v]), float(mesh.vy[v])) for v in range(vertices)]
+    vertices, triangles = int(mesh.frame["vertices"][0]), int(mesh.frame["triangles"][0])
+    point = [(float(vertex["x"]), float(vertex["y"])) for vertex in mesh.vertices[:vertices]]
+    org, twin, cst, win = (mesh.sides[name][: 3 * triangles].tolist() for name in ("org", "twin", "cst", "win"))
+    wind = mesh.wind.tolist()
 
     def after(h: int) -> int:
         return h - 2 if h % 3 == 2 else h + 1
@@ -49,26 +53,27 @@ def mesh_faults(mesh: MeshArrays) -> list[str]:
     if triangles != 2 * vertices - 6:
         faults.append(f"{triangles} triangles for {vertices} vertices")
     for t in range(triangles):
-        a, b, c = (int(v) for v in mesh.org[3 * t : 3 * t + 3])
+        a, b, c = org[3 * t : 3 * t + 3]
         if orient_sign(point[a], point[b], point[c]) <= 0:
             faults.append(f"triangle {t} is not counter-clockwise")
     for h in range(3 * triangles):
-        g = int(mesh.twin[h])
+        g = twin[h]
         if g < 0:
-            if mesh.org[h] >= 4 or mesh.org[after(h)] >= 4:
+            if org[h] >= 4 or org[after(h)] >= 4:
                 faults.append(f"half-edge {h} has no twin")
             continue
-        if mesh.twin[g] != h or mesh.org[g] != mesh.org[after(h)] or mesh.org[h] != mesh.org[after(g)]:
+        if twin[g] != h or org[g] != org[after(h)] or org[h] != org[after(g)]:
             faults.append(f"twins {h} and {g} do not match")
-        if mesh.cst[h] != mesh.cst[g] or mesh.win[h] != -mesh.win[g] or abs(mesh.win[h]) > mesh.cst[h]:
+        if cst[h] != cst[g] or win[h] != -win[g] or abs(win[h]) > cst[h]:
             faults.append(f"constraints of {h} and {g} do not match")
-        if mesh.wind[g // 3] != mesh.wind[h // 3] - mesh.win[h]:
+        if wind[g // 3] != wind[h // 3] - win[h]:
             faults.append(f"winding jumps across {h}")
-        if h < g and mesh.cst[h] == 0:
-            corners = [point[int(mesh.org[k])] for k in (h, after(h), before(h))]
-            if incircle_sign(*corners, point[int(mesh.org[before(g)])]) > 0:
+        if h < g and cst[h] == 0:
+            corners = [point[org[k]] for k in (h, after(h), before(h))]
+            if incircle_sign(*corners, point[org[before(g)]]) > 0:
                 faults.append(f"side {h} is not Delaunay")
-    strays = [f"vertex {v} points to a half-edge of another" for v in range(vertices) if mesh.org[mesh.vhe[v]] != v]
+    vhe = mesh.vertices["vhe"]
+    strays = [f"vertex {v} points to a half-edge of another" for v in range(vertices) if org[vhe[v]] != v]
     return faults + strays
 
 

@@ -8,17 +8,16 @@ import shapely
 
 from crowdsim.errors import GeometryError, PathNotFound
 from crowdsim.geometry.snapping import snap
-from crowdsim.navmesh import navmesh
 from crowdsim.navmesh.build_kernels import build
 from crowdsim.navmesh.mesh_arrays import empty_mesh
-from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.navmesh.navmesh import NavMesh, mesh_frame
 from tests.reference.navmesh_reference import free_area, mesh_faults, random_area
 
 
 def _check(area):
     mesh = NavMesh(area).arrays
     assert mesh_faults(mesh) == []
-    assert free_area(mesh) == pytest.approx(area.area, abs=2.0 * area.length * mesh.frame[0] + 1e-12)
+    assert free_area(mesh) == pytest.approx(area.area, abs=2.0 * area.length * mesh.frame["cell"][0] + 1e-12)
     return mesh
 
 
@@ -44,20 +43,20 @@ def test_far_from_the_origin():
 
 def test_refinement_splits_walls_only():
     mesh = _check(random_area(np.random.default_rng(1), "walls"))
-    added = np.flatnonzero(mesh.vref[4:] == 0) + 4
+    added = np.flatnonzero(mesh.vertices["vref"][4:] == 0) + 4
     assert added.size > 0
-    walls = {int(v) for v in mesh.org[np.flatnonzero(mesh.cst > 0)]}
+    walls = set(mesh.sides["org"][mesh.sides["cst"] > 0].tolist())
     assert walls.issuperset(added.tolist())
 
 
 def _segments_mesh(points, segments):
     """A mesh of bare segments, each a ring of two points; returns it with the snapped points."""
-    frame = navmesh._box(points)
-    snapped = snap(points, frame[0])
+    frame = mesh_frame(points)
+    snapped = snap(points, frame["cell"][0])
     ends = np.ascontiguousarray(snapped[segments].reshape(-1, 2))
     loose = np.concatenate([ends, snapped])
     room = 64 * len(loose) + 1000
-    mesh = empty_mesh(room, frame, navmesh._hint_shape(frame, len(loose)))
+    mesh = empty_mesh(room, frame)
     ring_ends = np.arange(2, len(ends) + 1, 2, dtype=np.int64)
     assert build(mesh, loose, ring_ends, np.arange(len(loose)), np.zeros(room, np.uint8)) == 0
     return mesh, ends.reshape(-1, 2, 2)
@@ -66,16 +65,16 @@ def _segments_mesh(points, segments):
 def _check_segments(points, segments):
     mesh, ends = _segments_mesh(np.asarray(points, float), np.asarray(segments, np.int64).reshape(-1, 2))
     assert mesh_faults(mesh) == []
-    half_edges = np.flatnonzero(mesh.cst[: 3 * mesh.counts[1]] > 0)
+    half_edges = np.flatnonzero(mesh.sides["cst"][: 3 * mesh.frame["triangles"][0]] > 0)
     following = np.where(half_edges % 3 == 2, half_edges - 2, half_edges + 1)
-    a, b = mesh.org[half_edges], mesh.org[following]
-    lines = shapely.linestrings(np.stack([mesh.vx[a], mesh.vy[a], mesh.vx[b], mesh.vy[b]], axis=1).reshape(-1, 2, 2))
+    ends_of = mesh.vertices[mesh.sides["org"][np.stack([half_edges, following], axis=1)]]
+    lines = shapely.linestrings(np.stack([ends_of["x"], ends_of["y"]], axis=2))
     walls = shapely.union_all(lines) if len(lines) else shapely.GeometryCollection()
     # Every point of every segment is on a constraint, up to the bends that snapped crossings make.
     for segment in ends:
         along = segment[0] + np.linspace(0.0, 1.0, 200)[:, None] * (segment[1] - segment[0])
         if (segment[0] != segment[1]).any():
-            assert shapely.distance(shapely.points(along), walls).max() < 8.0 * mesh.frame[0]
+            assert shapely.distance(shapely.points(along), walls).max() < 8.0 * mesh.frame["cell"][0]
     return mesh
 
 

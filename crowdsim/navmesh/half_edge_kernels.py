@@ -1,0 +1,80 @@
+"""Steps on half-edges, and the search for a triangle or a side."""
+
+import numpy as np
+
+from crowdsim.geometry.predicates_kernels import orient2d
+from crowdsim.jit import kernel
+from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
+
+
+@kernel
+def nxt(h):
+    """Next half-edge around the triangle."""
+    return h - 2 if h % 3 == 2 else h + 1
+
+
+@kernel
+def prv(h):
+    """Previous half-edge around the triangle."""
+    return h + 2 if h % 3 == 0 else h - 1
+
+
+@kernel
+def side(vertices, a, b, x, y):
+    """Twice the signed area of vertices a, b and the point (x, y)."""
+    p = vertices[a]
+    q = vertices[b]
+    return orient2d(p.x, p.y, q.x, q.y, x, y)
+
+
+@kernel
+def locate(m, x, y, hint):
+    """Triangle whose closure holds the grid point (x, y), from triangle ``hint`` on, or -1 outside of the box.
+
+    A visibility walk; the first side it tests changes from step to step, because a fixed order may circle forever in a
+    triangulation with constraints.
+    """
+    sides = m.sides
+    vertices = m.vertices
+    frame = m.frame[0]
+    if not (x >= frame.x0 and x <= frame.x1 and y >= frame.y0 and y <= frame.y1):
+        return -1
+    t = hint
+    if t < 0 or t >= frame.triangles:
+        column = min(int((x - frame.x0) / frame.hint_cell), frame.nx - 1)
+        row = min(int((y - frame.y0) / frame.hint_cell), frame.ny - 1)
+        t = m.hints[row * frame.nx + column]
+    came = NONE
+    random = np.uint32(2463534242)
+    while True:
+        random ^= random << np.uint32(13)
+        random ^= random >> np.uint32(17)
+        random ^= random << np.uint32(5)
+        h = 3 * t + np.int64(random % np.uint32(3))
+        tested = 0
+        while tested < 3 and (h == came or side(vertices, sides[h].org, sides[nxt(h)].org, x, y) >= 0.0):
+            h = nxt(h)
+            tested += 1
+        if tested == 3:
+            return t
+        came = sides[h].twin
+        t = came // 3
+
+
+@kernel
+def find_half_edge(sides, vertices, a, b):
+    """The half-edge from vertex a to vertex b, or -1; sides of the box are not found."""
+    turned = False
+    if a < BOX_CORNERS:  # its star is open
+        if b < BOX_CORNERS:
+            return -1
+        a, b = b, a
+        turned = True
+    first = vertices[a].vhe
+    h = first
+    while True:
+        if sides[nxt(h)].org == b:
+            return sides[h].twin if turned else h
+        h = sides[prv(h)].twin
+        if h == first:
+            return -1
