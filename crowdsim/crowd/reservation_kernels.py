@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from crowdsim.geometry.planar_kernels import wrap_angle
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 from crowdsim.motion.track_kernels import next_origin, node_end, track_pose
 from crowdsim.navmesh.clearance_kernels import disc_clearance
 
@@ -97,7 +97,7 @@ def meets_anyone(me, timeline, start, gone, first_slot, radius, timelines, start
     return False
 
 
-@kernel
+@helper
 def _within_reach(center, other, first, last, reach):
     for k in range(first, last + 1):
         dx = other[k, 0] - center[0]
@@ -107,7 +107,7 @@ def _within_reach(center, other, first, last, reach):
     return False
 
 
-@kernel
+@helper
 def node_is_free(graph, node, origin, seam, legs, torso, radii):
     """Whether the body disc of a node's behavior keeps clear of both layers along the whole node."""
     behavior = graph.node_behavior[node]

@@ -14,7 +14,7 @@ from crowdsim.following.branch_kernels import branch_is_free, lay_branch
 from crowdsim.following.map_kernels import BIN, CELL, pack_cell
 from crowdsim.following.path_kernels import path_point, project, sample_index
 from crowdsim.geometry.planar_kernels import to_local, wrap_angle
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 from crowdsim.motion.track_kernels import node_end
 
 GOAL_FIRST = 1e6
@@ -36,7 +36,7 @@ _ARC_GRAIN = 0.1
 """Two stages within one grain of place (m), heading (rad) and arc (m) and of one family count as the same."""
 
 
-@kernel
+@helper
 def _load_branch(maps, search, root, entry):
     """List the entries from the root of a map (left out) to ``entry`` in ``search.branch``; their number."""
     if root < 0:
@@ -50,7 +50,7 @@ def _load_branch(maps, search, root, entry):
     return depth
 
 
-@kernel
+@helper
 def _keep(search, begin, count, capacity, score, entry):
     """Sort a candidate into the stage's list of at most ``capacity``; ties by entry. Returns the new count."""
     at = begin + count
@@ -68,7 +68,7 @@ def _keep(search, begin, count, capacity, score, entry):
     return count + 1
 
 
-@kernel
+@helper
 def _faces_along(rules, turn):
     """Whether a body turned by ``turn`` from the direction of motion may face that way in some behavior."""
     for b in range(rules.facings.shape[0]):
@@ -78,7 +78,7 @@ def _faces_along(rules, turn):
     return False
 
 
-@kernel
+@helper
 def _mark_along_path(maps, guide, rules, search, root, origin, arc, serial):
     """Mark the entries of the map in and around the cells that the path crosses from ``arc`` on.
 
@@ -110,7 +110,7 @@ def _mark_along_path(maps, guide, rules, search, root, origin, arc, serial):
                 begin += 1
 
 
-@kernel
+@helper
 def _collect(graph, maps, guide, rules, search, laid, root, origin, end, arc, begin, serial):
     """Score the candidates of a stage into its list, which starts at ``begin``; returns their number.
 
@@ -157,7 +157,7 @@ def _collect(graph, maps, guide, rules, search, laid, root, origin, end, arc, be
     return count
 
 
-@kernel
+@helper
 def _seen(search, family, end, arc):
     """Enter a stage into the memory of visited ones; whether one like it was there."""
     key = np.int64(family)
@@ -176,7 +176,7 @@ def _seen(search, family, end, arc):
     return False
 
 
-@kernel
+@helper
 def _open_stage(search, top, node, origin, end, arc, count, still):
     """Put a stage on top of the stack: the last of ``count`` nodes of the solution, its place, its end's arc length.
 
@@ -193,7 +193,7 @@ def _open_stage(search, top, node, origin, end, arc, count, still):
     search.stage_next[top] = 0
 
 
-@kernel
+@helper
 def _record_best(search, count):
     """Remember the present solution as the best."""
     for i in range(count):

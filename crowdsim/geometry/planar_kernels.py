@@ -2,16 +2,16 @@
 
 import math
 
-from crowdsim.jit import kernel
+from crowdsim.jit import helper
 
 
-@kernel
+@helper
 def wrap_angle(angle):
     """Angle in (-pi, pi]."""
     return math.pi - (math.pi - angle) % (2.0 * math.pi)
 
 
-@kernel
+@helper
 def compose(x0, y0, h0, x1, y1, h1):
     """Pose 1 seen from outside the frame of pose 0; returns (x, y, heading)."""
     c = math.cos(h0)
@@ -19,7 +19,7 @@ def compose(x0, y0, h0, x1, y1, h1):
     return x0 + c * x1 - s * y1, y0 + s * x1 + c * y1, wrap_angle(h0 + h1)
 
 
-@kernel
+@helper
 def to_local(x0, y0, h0, x1, y1, h1):
     """Pose 1 expressed in the frame of pose 0; returns (x, y, heading)."""
     c = math.cos(h0)

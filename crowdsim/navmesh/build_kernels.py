@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from crowdsim.geometry.segments_kernels import point_segment_distance2
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance_kernels import disc_clearance
 from crowdsim.navmesh.mesh_arrays import BOX_CORNERS
 from crowdsim.navmesh.triangulation_kernels import (
@@ -22,7 +22,7 @@ from crowdsim.navmesh.triangulation_kernels import (
 _UNKNOWN = -(1 << 30)
 
 
-@kernel
+@helper
 def _start_box(m):
     """Two triangles that fill the box."""
     f = m.frame
@@ -38,7 +38,7 @@ def _start_box(m):
     m.counts[1] = 2
 
 
-@kernel
+@helper
 def _flood(m, stack):
     """Winding numbers of all triangles: 1 outside of the walkable area, 0 where nothing covers it."""
     for t in range(m.counts[1]):
@@ -58,7 +58,7 @@ def _flood(m, stack):
                 top += 1
 
 
-@kernel
+@helper
 def _cut(lo, hi, at0, at1):
     """Part lo..hi of a segment where a function, linear from at0 to at1 along the segment, is not positive."""
     if at0 > 0.0 and at1 > 0.0:
@@ -70,7 +70,7 @@ def _cut(lo, hi, at0, at1):
     return lo, hi
 
 
-@kernel
+@helper
 def _find_bottleneck(m, v, sides, rays):
     """A constrained side seen from vertex v across other sides, where the passage between v and its foot is narrowest.
 
@@ -165,7 +165,7 @@ def _find_bottleneck(m, v, sides, rays):
             return np.int64(-1), 0.0, 0.0
 
 
-@kernel
+@helper
 def _refine(m, waiting, queued, stack):
     """Add the foot of every bottleneck that runs across a side, for the ``queued`` vertices and what changes; status.
 
@@ -211,7 +211,7 @@ def _refine(m, waiting, queued, stack):
     return 0
 
 
-@kernel
+@helper
 def _measure_corners(m):
     """Fill ``clr``: what a turn around each corner leaves, the shorter side or the height over a constrained base."""
     for h in range(3 * m.counts[1]):
@@ -231,7 +231,7 @@ def _measure_corners(m):
         m.clr[h] = width
 
 
-@kernel
+@helper
 def _fill_hints(m):
     f = m.frame
     cell = f[0]

@@ -9,12 +9,12 @@ import math
 import numpy as np
 
 from crowdsim.geometry.segments_kernels import point_segment_distance2, segment_segment_distance2
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.growing_kernels import longer_list, longer_rows
 from crowdsim.navmesh.triangulation_kernels import locate, nxt, prv
 
 
-@kernel
+@helper
 def snapped(frame, v):
     """Coordinate v on the grid of the mesh."""
     cell = frame[0]
@@ -83,7 +83,7 @@ def disc_clearance(m, x, y, limit, hint):
     return math.sqrt(best), root
 
 
-@kernel
+@helper
 def capsule_nearest(m, x0, y0, x1, y1, limit, hint):
     """Nearest obstacle feature of the segment (x0, y0) -> (x1, y1): (distance, triangle, vertex, half-edge).
 
@@ -154,7 +154,7 @@ def clearances(m, points, limit, out):
         out[i] = max(distance, 0.0)
 
 
-@kernel
+@helper
 def _widen(span, lo, hi):
     """The smallest interval that holds ``span`` and lo..hi (which may be empty)."""
     if lo < hi:
@@ -162,7 +162,7 @@ def _widen(span, lo, hi):
     return span
 
 
-@kernel
+@helper
 def _disc_span(px, py, ux, uy, radius, vx, vy):
     """Interval of s where p + s u (u of unit length) is closer than ``radius`` to v; lo > hi if none."""
     along = (vx - px) * ux + (vy - py) * uy
@@ -174,7 +174,7 @@ def _disc_span(px, py, ux, uy, radius, vx, vy):
     return along - half, along + half
 
 
-@kernel
+@helper
 def _strip_span(px, py, ux, uy, radius, ax, ay, bx, by):
     """Interval of s where p + s u is closer than ``radius`` to the inside of segment ab; lo > hi if none."""
     ex = bx - ax
@@ -200,7 +200,7 @@ def _strip_span(px, py, ux, uy, radius, ax, ay, bx, by):
     return lo, hi
 
 
-@kernel
+@helper
 def _triangle_span(m, t, px, py, ux, uy):
     """Interval of s where p + s u is inside triangle t; lo > hi if none."""
     lo = -math.inf
@@ -221,7 +221,7 @@ def _triangle_span(m, t, px, py, ux, uy):
     return lo, hi
 
 
-@kernel
+@helper
 def _record(spans, count, lo, hi):
     """Append an interval to ``spans`` (k, 2), which grows as needed; the array and the new count."""
     if count == spans.shape[0]:
@@ -231,7 +231,7 @@ def _record(spans, count, lo, hi):
     return spans, count + 1
 
 
-@kernel
+@helper
 def _merged(spans, count):
     """The union of the first ``count`` intervals as disjoint ones (k, 2) in order."""
     for i in range(1, count):  # they come nearly in order

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from crowdsim.jit import kernel
+from crowdsim.jit import helper
 
 
-@kernel
+@helper
 def longer_rows(rows):
     """A float64 array of twice the rows of ``rows`` (n, k), which it starts with."""
     copy = np.empty((2 * rows.shape[0] + 1, rows.shape[1]))
@@ -15,7 +15,7 @@ def longer_rows(rows):
     return copy
 
 
-@kernel
+@helper
 def longer_list(items):
     """An int64 array of twice the length of ``items``, which it starts with."""
     copy = np.empty(2 * items.size + 1, np.int64)

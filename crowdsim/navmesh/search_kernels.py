@@ -9,12 +9,12 @@ import math
 import numpy as np
 
 from crowdsim.geometry.segments_kernels import point_segment_distance2
-from crowdsim.jit import kernel
+from crowdsim.jit import helper
 from crowdsim.navmesh.growing_kernels import longer_rows
 from crowdsim.navmesh.triangulation_kernels import nxt, prv
 
 
-@kernel
+@helper
 def can_leave(m, h, x, y, width):
     """Whether a disc of diameter ``width`` that stands free at (x, y) in the triangle of side h fits out through h."""
     if m.cst[h] != 0:
@@ -43,7 +43,7 @@ def can_leave(m, h, x, y, width):
     return True
 
 
-@kernel
+@helper
 def _crossing_point(m, h, radius, px, py, gx, gy):
     """Point of side h, a ``radius`` off its ends, on the shortest way from p over h to g."""
     a = np.int64(m.org[h])
@@ -66,7 +66,7 @@ def _crossing_point(m, h, radius, px, py, gx, gy):
     return ax + at * ux, ay + at * uy
 
 
-@kernel
+@helper
 def push(heap, count, key, item):
     """Add a row (key, item) to the binary heap; (heap, count). Equal keys leave in the order of their items."""
     if count == heap.shape[0]:
@@ -84,7 +84,7 @@ def push(heap, count, key, item):
     return heap, count + 1
 
 
-@kernel
+@helper
 def pop(heap, count):
     """Take the least of ``count`` heap rows away, which is left in place ``count - 1``."""
     last = count - 1
@@ -112,7 +112,7 @@ def pop(heap, count):
         heap[i, 1] = item
 
 
-@kernel
+@helper
 def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
     """Half-edges (k,) crossed from triangle ``start`` to ``goal`` on about the shortest way; none if too narrow.
 

@@ -8,20 +8,20 @@ import math
 
 import numpy as np
 
-from crowdsim.jit import kernel
+from crowdsim.jit import helper
 from crowdsim.navmesh.clearance_kernels import capsule_nearest
 from crowdsim.navmesh.growing_kernels import longer_list, longer_rows
 from crowdsim.navmesh.search_kernels import pop, push
 
 
-@kernel
+@helper
 def copy_node(target, i, source, j):
     """Node i of ``target`` becomes node j of ``source``."""
     for k in range(4):
         target[i, k] = source[j, k]
 
 
-@kernel
+@helper
 def tangent(nodes, i, j):
     """(exists, direction x, y) of the taut string from node i to node j."""
     ex = nodes[j, 0] - nodes[i, 0]
@@ -38,7 +38,7 @@ def tangent(nodes, i, j):
     return exists, ex * c + ey * s, ey * c - ex * s
 
 
-@kernel
+@helper
 def arc_corners(q, dx, dy, angle, bulge):
     """Corners around a node that the string reaches in direction d and leaves turned by ``angle``.
 
@@ -56,7 +56,7 @@ def arc_corners(q, dx, dy, angle, bulge):
     return steps, start + 0.5 * step, step, radius / math.cos(0.5 * step)
 
 
-@kernel
+@helper
 def _arc_is_free(m, nodes, j, dx, dy, angle, least, hint):
     """Whether the arc around node j from direction d on keeps ``least``."""
     bulge = 2e-6
@@ -74,7 +74,7 @@ def _arc_is_free(m, nodes, j, dx, dy, angle, least, hint):
     return True
 
 
-@kernel
+@helper
 def nodes_near_channel(m, channel, sx, sy, gx, gy, radius):
     """Start, goal and both sides of every vertex around the channel, as rows of nodes."""
     seen_triangle = np.zeros(m.counts[1], np.uint8)
@@ -124,7 +124,7 @@ def nodes_near_channel(m, channel, sx, sy, gx, gy, radius):
     return nodes[:count]
 
 
-@kernel
+@helper
 def shortest_around(m, nodes, least):
     """The shortest free string from node 0 to node 1 around the others: its nodes, none if there is no such string.
 

@@ -6,7 +6,7 @@ Half-edge numbers change under flips, so whatever must survive a flip is kept as
 import numpy as np
 
 from crowdsim.geometry.predicates_kernels import incircle, orient2d
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.mesh_arrays import BOX_CORNERS
 
 FULL = -2
@@ -16,13 +16,13 @@ STUCK = -3
 """Status: a segment could not be inserted within the step limit."""
 
 
-@kernel
+@helper
 def nxt(h):
     """Next half-edge around the triangle."""
     return h - 2 if h % 3 == 2 else h + 1
 
 
-@kernel
+@helper
 def prv(h):
     """Previous half-edge around the triangle."""
     return h + 2 if h % 3 == 0 else h - 1
@@ -34,7 +34,7 @@ def side(vx, vy, a, b, x, y):
     return orient2d(vx[a], vy[a], vx[b], vy[b], x, y)
 
 
-@kernel
+@helper
 def locate(m, x, y, hint):
     """Triangle whose closure holds the grid point (x, y), from triangle ``hint`` on, or -1 outside of the box.
 
@@ -71,7 +71,7 @@ def locate(m, x, y, hint):
             return t
 
 
-@kernel
+@helper
 def find_half_edge(m, a, b):
     """The half-edge from vertex a to vertex b, or -1; sides of the box are not found."""
     turned = False
@@ -90,14 +90,14 @@ def find_half_edge(m, a, b):
             return np.int64(-1)
 
 
-@kernel
+@helper
 def _link(twin, h, g):
     twin[h] = g
     if g >= 0:
         twin[g] = h
 
 
-@kernel
+@helper
 def _take(m, h, source):
     """Half-edge h takes over twin and constraint of ``source``."""
     m.cst[h] = m.cst[source]
@@ -105,7 +105,7 @@ def _take(m, h, source):
     _link(m.twin, h, np.int64(m.twin[source]))
 
 
-@kernel
+@helper
 def _flip(m, e):
     """Replace the shared side of two triangles by the other diagonal.
 
@@ -133,7 +133,7 @@ def _flip(m, e):
     _link(m.twin, en, fn)
 
 
-@kernel
+@helper
 def _not_delaunay(m, h):
     """Whether the far corner beyond the unconstrained side h is strictly inside the circle of its triangle."""
     g = np.int64(m.twin[h])
@@ -148,7 +148,7 @@ def _not_delaunay(m, h):
     return incircle(vx[a], vy[a], vx[b], vy[b], vx[c], vy[c], vx[d], vy[d], 1.0 / m.frame[0]) > 0
 
 
-@kernel
+@helper
 def _fill(m, t, u, v, w):
     h = 3 * t
     m.org[h] = u
@@ -163,7 +163,7 @@ def _fill(m, t, u, v, w):
     m.win[h + 2] = 0
 
 
-@kernel
+@helper
 def _legalize(m, stack, top):
     """Restore the Delaunay property around a new vertex, the corner opposite of each of the ``top`` stacked sides."""
     while top > 0:
@@ -177,7 +177,7 @@ def _legalize(m, stack, top):
             top += 2
 
 
-@kernel
+@helper
 def split_edge(m, h, x, y, stack):
     """Put a new vertex at (x, y) on side h and split both of its triangles; the vertex, or FULL."""
     p = m.counts[0]
@@ -226,7 +226,7 @@ def split_edge(m, h, x, y, stack):
     return p
 
 
-@kernel
+@helper
 def insert_point(m, x, y, hint, stack):
     """Vertex at the grid point (x, y), a new one unless there is one; or FULL. The point must be inside the box."""
     t = locate(m, x, y, hint)
@@ -268,7 +268,7 @@ def insert_point(m, x, y, hint, stack):
     return p
 
 
-@kernel
+@helper
 def split_is_robust(m, h, x, y):
     """Whether (x, y) near side h is strictly inside the union of its two triangles, so that a split inverts none."""
     g = np.int64(m.twin[h])
@@ -278,7 +278,7 @@ def split_is_robust(m, h, x, y):
     return inside
 
 
-@kernel
+@helper
 def _crossed_split(m, e, a, b, stack):
     """Vertex where the segment from vertex a to b crosses the constrained side e: a new one, or one next to it."""
     u = np.int64(m.org[e])
@@ -303,7 +303,7 @@ def _crossed_split(m, e, a, b, stack):
     return nearest
 
 
-@kernel
+@helper
 def _clear_way(m, a, b, crossed, pairs):
     """Flip the ``crossed`` pairs of ``pairs`` until vertices a and b are joined, then restore Delaunay around the join.
 
@@ -381,7 +381,7 @@ def _clear_way(m, a, b, crossed, pairs):
     return 0
 
 
-@kernel
+@helper
 def insert_segment(m, a, b, winding, stack, pairs):
     """Constrain the way from vertex a to b, with ``winding`` on the half-edges along it; 0 or FULL or STUCK.
 
