@@ -116,7 +116,9 @@ def node_is_free(graph, node, origin, seam, legs, torso, radii):
     hint_torso = -1
     frame = 0
     while True:
-        x, y, _ = track_pose(graph, node, frame, origin[0], origin[1], origin[2], seam[0], seam[1], seam[2])
+        x, y, _ = track_pose(
+            graph, np.int64(node), np.int64(frame), origin[0], origin[1], origin[2], seam[0], seam[1], seam[2]
+        )
         need = radii[behavior, 0]
         distance, hint_legs = disc_clearance(legs, x, y, need, hint_legs)
         if distance < need:
@@ -170,7 +172,7 @@ def sample_chain(graph, nodes, origins, seams, count, frame, clock, slot_frames,
             at = max(slot * slot_frames, clock) - begin
             o = origins[c]
             s = seams[c]
-            x, y, _ = track_pose(graph, node, at, o[0], o[1], o[2], s[0], s[1], s[2])
+            x, y, _ = track_pose(graph, np.int64(node), np.int64(at), o[0], o[1], o[2], s[0], s[1], s[2])
             out[k, 0] = x
             out[k, 1] = y
             k += 1
