@@ -10,14 +10,27 @@ from __future__ import annotations
 import hashlib
 import os
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numba
 from numba import njit, prange
 
-__all__ = ["cache_folder", "is_cold", "kernel", "parallel_kernel", "prange"]
+__all__ = ["cache_folder", "helper", "is_cold", "kernel", "parallel_kernel", "prange"]
 
-_OPTIONS = {"cache": True, "fastmath": False, "error_model": "numpy", "boundscheck": False}
+_OPTIONS = {
+    "cache": True,
+    "fastmath": False,
+    "error_model": "numpy",
+    "boundscheck": False,
+    "no_cfunc_wrapper": True,  # no kernel is called from C
+}
+
+# Most of the time of a first run goes into compiling. LLVM's first level without vectorizing takes half the time
+# of the third, and branchy geometry like ours runs no slower.
+numba.config.OPT = type(numba.config.OPT)(1)
+numba.config.LOOP_VECTORIZE = 0
 
 
 def _sources_key() -> str:
@@ -63,3 +76,20 @@ kernel = njit(nogil=True, **_OPTIONS)
 
 parallel_kernel = njit(parallel=True, **_OPTIONS)
 """Decorator of a kernel with ``prange`` loops: called on the simulation's own thread only."""
+
+
+def helper(function: Callable[..., Any]) -> Any:
+    """Decorator of a function that kernels alone call.
+
+    It has no entry from Python, which for arguments of many arrays takes longer to compile than the function itself.
+    TypeError where Python calls it all the same.
+    """
+
+    def refuse(*_: object, **__: object) -> None:
+        raise TypeError(f"{function.__name__} is a helper of kernels; to call it from Python, make it a kernel")
+
+    dispatcher = njit(nogil=True, no_cpython_wrapper=True, **_OPTIONS)(function)
+    # What is compiled for a kernel is not entered for Python: numba would jump to the entry that is not there.
+    dispatcher._insert = lambda *_: None
+    dispatcher._compile_for_args = refuse
+    return dispatcher

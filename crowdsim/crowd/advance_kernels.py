@@ -1,5 +1,7 @@
 """Playing the nodes: one step of frames for every character."""
 
+import numpy as np
+
 from crowdsim.jit import kernel
 from crowdsim.motion.track_kernels import track_pose
 
@@ -30,7 +32,15 @@ def advance(
                 at = length
         frame[i] = at
         x, y, h = track_pose(
-            graph, node[i], at, origin[i, 0], origin[i, 1], origin[i, 2], seam[i, 0], seam[i, 1], seam[i, 2]
+            graph,
+            np.int64(node[i]),
+            np.int64(at),
+            origin[i, 0],
+            origin[i, 1],
+            origin[i, 2],
+            seam[i, 0],
+            seam[i, 1],
+            seam[i, 2],
         )
         pose[i, 0] = x
         pose[i, 1] = y

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from crowdsim.geometry.planar_kernels import wrap_angle
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 from crowdsim.motion.track_kernels import next_origin, node_end, track_pose
 from crowdsim.navmesh.clearance_kernels import disc_clearance
 
@@ -92,7 +92,7 @@ def meets_anyone(me, timeline, start, gone, first_slot, radius, timelines, start
     return False
 
 
-@kernel
+@helper
 def _within_reach(center, other, first, last, reach):
     for k in range(first, last + 1):
         dx = other[k, 0] - center[0]
@@ -102,7 +102,7 @@ def _within_reach(center, other, first, last, reach):
     return False
 
 
-@kernel
+@helper
 def node_is_free(graph, node, origin, seam, legs, torso, radii):
     """Whether the body disc of a node's behavior keeps clear of both layers along the whole node."""
     behavior = graph.node_behavior[node]
@@ -111,7 +111,9 @@ def node_is_free(graph, node, origin, seam, legs, torso, radii):
     hint_torso = -1
     frame = 0
     while True:
-        x, y, _ = track_pose(graph, node, frame, origin[0], origin[1], origin[2], seam[0], seam[1], seam[2])
+        x, y, _ = track_pose(
+            graph, np.int64(node), np.int64(frame), origin[0], origin[1], origin[2], seam[0], seam[1], seam[2]
+        )
         need = radii[behavior, 0]
         distance, hint_legs = disc_clearance(legs, x, y, need, hint_legs)
         if distance < need:
@@ -165,7 +167,7 @@ def sample_chain(graph, nodes, origins, seams, count, frame, clock, slot_frames,
             at = max(slot * slot_frames, clock) - begin
             o = origins[c]
             s = seams[c]
-            x, y, _ = track_pose(graph, node, at, o[0], o[1], o[2], s[0], s[1], s[2])
+            x, y, _ = track_pose(graph, np.int64(node), np.int64(at), o[0], o[1], o[2], s[0], s[1], s[2])
             out[k, 0] = x
             out[k, 1] = y
             k += 1

@@ -11,7 +11,7 @@ import numpy as np
 from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.following.path_kernels import path_point, project, sample_index
 from crowdsim.geometry.planar_kernels import compose, wrap_angle
-from crowdsim.jit import kernel
+from crowdsim.jit import helper
 from crowdsim.motion.track_kernels import next_origin, node_end, track_pose
 from crowdsim.navmesh.clearance_kernels import disc_clearance
 
@@ -49,7 +49,7 @@ _END_COST = 0.25
 """Weight (meters) of what the end of a branch is off the path: meters aside, and half of the radians."""
 
 
-@kernel
+@helper
 def _fit_heading(maps, guide, rules, node, heading, arc, window):
     """Smallest turn that makes the heading of a body at the end of ``node`` fit the path at ``arc``.
 
@@ -74,7 +74,7 @@ def _fit_heading(maps, guide, rules, node, heading, arc, window):
     return best
 
 
-@kernel
+@helper
 def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
     """Extra rotation about the planted foot of ``edge`` that brings the end of its target nearest to the path.
 
@@ -98,7 +98,7 @@ def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
     return min(max((lever * toward + weight * mend) / (lever + weight), low), high)
 
 
-@kernel
+@helper
 def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, stage_arc, serial):
     """Lay the first ``depth`` entries of ``search.branch`` after the end pose of a stage; how many are to be taken.
 
@@ -194,7 +194,7 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
     return depth
 
 
-@kernel
+@helper
 def branch_is_free(graph, rules, mesh, layer, search, laid, depth, stage_end, joined, hints):
     """Whether the body's discs are free on one layer all along a laid branch.
 

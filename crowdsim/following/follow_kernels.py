@@ -14,7 +14,7 @@ from crowdsim.following.branch_kernels import branch_is_free, lay_branch
 from crowdsim.following.map_kernels import BIN, CELL, pack_cell
 from crowdsim.following.path_kernels import path_point, project, sample_index
 from crowdsim.geometry.planar_kernels import to_local, wrap_angle
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 from crowdsim.motion.track_kernels import node_end
 
 GOAL_FIRST = 1e6
@@ -23,6 +23,16 @@ GOAL_FIRST = 1e6
 FOUND = 0
 OUT_OF_BUDGET = 1
 BLOCKED = 2
+
+NODE = 0
+COUNT = 1
+STILL = 2
+SIZE = 3
+NEXT = 4
+SERIAL = 5
+STAGE_COLUMNS = 6
+"""Columns of ``search.stage``: last node, nodes of the solution up to it, how many of them since the path was last
+gained on, candidates, the next of them, and serial (0 until the candidates are collected)."""
 
 _GAIN = 0.05
 """Meters of path that count as gained: a branch that gains less stands still."""
@@ -36,7 +46,7 @@ _ARC_GRAIN = 0.1
 """Two stages within one grain of place (m), heading (rad) and arc (m) and of one family count as the same."""
 
 
-@kernel
+@helper
 def _load_branch(maps, search, root, entry):
     """List the entries from the root of a map (left out) to ``entry`` in ``search.branch``; their number."""
     if root < 0:
@@ -50,7 +60,7 @@ def _load_branch(maps, search, root, entry):
     return depth
 
 
-@kernel
+@helper
 def _keep(search, begin, count, capacity, score, entry):
     """Sort a candidate into the stage's list of at most ``capacity``; ties by entry. Returns the new count."""
     at = begin + count
@@ -68,7 +78,7 @@ def _keep(search, begin, count, capacity, score, entry):
     return count + 1
 
 
-@kernel
+@helper
 def _faces_along(rules, turn):
     """Whether a body turned by ``turn`` from the direction of motion may face that way in some behavior."""
     for b in range(rules.facings.shape[0]):
@@ -78,7 +88,7 @@ def _faces_along(rules, turn):
     return False
 
 
-@kernel
+@helper
 def _mark_along_path(maps, guide, rules, search, root, origin, arc, serial):
     """Mark the entries of the map in and around the cells that the path crosses from ``arc`` on.
 
@@ -110,7 +120,7 @@ def _mark_along_path(maps, guide, rules, search, root, origin, arc, serial):
                 begin += 1
 
 
-@kernel
+@helper
 def _collect(graph, maps, guide, rules, search, laid, root, origin, end, arc, begin, serial):
     """Score the candidates of a stage into its list, which starts at ``begin``; returns their number.
 
@@ -157,7 +167,7 @@ def _collect(graph, maps, guide, rules, search, laid, root, origin, end, arc, be
     return count
 
 
-@kernel
+@helper
 def _seen(search, family, end, arc):
     """Enter a stage into the memory of visited ones; whether one like it was there."""
     key = np.int64(family)
@@ -176,32 +186,31 @@ def _seen(search, family, end, arc):
     return False
 
 
-@kernel
+@helper
 def _open_stage(search, top, node, origin, end, arc, count, still):
     """Put a stage on top of the stack: the last of ``count`` nodes of the solution, its place, its end's arc length.
 
     ``still`` counts the nodes since the path was last gained on.
     """
-    search.stage_still[top] = still
-    search.stage_node[top] = node
+    search.stage[top, STILL] = still
+    search.stage[top, NODE] = node
     for k in range(3):
         search.stage_origin[top, k] = origin[k]
         search.stage_end[top, k] = end[k]
     search.stage_arc[top] = arc
-    search.stage_count[top] = count
-    search.stage_serial[top] = 0
-    search.stage_next[top] = 0
+    search.stage[top, COUNT] = count
+    search.stage[top, SERIAL] = 0
+    search.stage[top, NEXT] = 0
 
 
-@kernel
+@helper
 def _record_best(search, count):
     """Remember the present solution as the best."""
     for i in range(count):
-        search.best_node[i] = search.node[i]
-        search.best_edge[i] = search.edge[i]
-        search.best_twist[i] = search.twist[i]
-        for k in range(3):
-            search.best_origin[i, k] = search.origin[i, k]
+        for k in range(2):
+            search.best_step[i, k] = search.step[i, k]
+        for k in range(4):
+            search.best_place[i, k] = search.place[i, k]
     return count
 
 
@@ -214,7 +223,7 @@ def follow(graph, maps, guide, rules, legs, torso, start_pose, start_node, searc
     """
     hints = np.zeros(2, np.int64)
     hints[0] = hints[1] = NONE
-    room = search.candidate.shape[0] // search.stage_node.shape[0]
+    room = search.candidate.shape[0] // search.stage.shape[0]
     end = np.empty(3)
     for k in range(3):
         end[k] = start_pose[k]
@@ -223,11 +232,11 @@ def follow(graph, maps, guide, rules, legs, torso, start_pose, start_node, searc
     if start_node >= 0:
         end[0], end[1], end[2] = node_end(graph, start_node, start_pose[0], start_pose[1], start_pose[2])
         travel = graph.node_length[start_node]
-        search.node[0] = start_node
-        search.edge[0] = NONE
-        search.twist[0] = 0.0
+        search.step[0, 0] = start_node
+        search.step[0, 1] = NONE
         for k in range(3):
-            search.origin[0, k] = start_pose[k]
+            search.place[0, k] = start_pose[k]
+        search.place[0, 3] = 0.0
         count = 1
     arc, _ = project(guide, end[0], end[1], 0.0, travel + 1.0)
     top = np.int64(0)
@@ -236,47 +245,47 @@ def follow(graph, maps, guide, rules, legs, torso, start_pose, start_node, searc
     best_count = 0
     queries = 0
     while top >= 0:
-        root = search.stage_node[top]
+        root = search.stage[top, NODE]
         end = search.stage_end[top]
         arc = search.stage_arc[top]
         begin = top * room
-        if search.stage_serial[top] == 0:
+        if search.stage[top, SERIAL] == 0:
             if arc > best_arc + _GAIN:
                 best_arc = arc
-                best_count = _record_best(search, search.stage_count[top])
+                best_count = _record_best(search, search.stage[top, COUNT])
             if queries == rules.budget:
                 return OUT_OF_BUDGET, best_count, best_arc, queries
             queries += 1
-            search.stage_serial[top] = queries
-            search.stage_size[top] = _collect(
+            search.stage[top, SERIAL] = queries
+            search.stage[top, SIZE] = _collect(
                 graph, maps, guide, rules, search, laid, root, search.stage_origin[top], end, arc, begin, queries
             )
-        if search.stage_next[top] == search.stage_size[top]:
+        if search.stage[top, NEXT] == search.stage[top, SIZE]:
             top -= 1
             continue
-        entry = search.candidate[begin + search.stage_next[top]]
-        search.stage_next[top] += 1
+        entry = search.candidate[begin + search.stage[top, NEXT]]
+        search.stage[top, NEXT] += 1
         depth = _load_branch(maps, search, root, entry)
-        depth = lay_branch(graph, maps, guide, rules, search, laid, root, depth, end, arc, search.stage_serial[top])
+        depth = lay_branch(graph, maps, guide, rules, search, laid, root, depth, end, arc, search.stage[top, SERIAL])
         if not (
             depth > 0
             and branch_is_free(graph, rules, legs, np.int64(0), search, laid, depth, end, root >= 0, hints)
             and branch_is_free(graph, rules, torso, np.int64(1), search, laid, depth, end, root >= 0, hints)
         ):
             continue
-        count = search.stage_count[top]
+        count = search.stage[top, COUNT]
         for d in range(depth):
             entry = search.branch[d]
-            search.node[count] = laid.node[entry]
-            search.edge[count] = laid.edge[entry]
-            search.twist[count] = laid.twist[entry]
+            search.step[count, 0] = laid.node[entry]
+            search.step[count, 1] = laid.edge[entry]
             for k in range(3):
-                search.origin[count, k] = laid.origin[entry, k]
+                search.place[count, k] = laid.origin[entry, k]
+            search.place[count, 3] = laid.twist[entry]
             count += 1
         if laid.reached[entry]:
             return FOUND, _record_best(search, count), laid.arc[entry], queries
-        still = search.stage_still[top] + depth if laid.arc[entry] - arc < _GAIN else 0
-        if top + 1 == search.stage_node.shape[0] or still > _MOST_STILL:
+        still = search.stage[top, STILL] + depth if laid.arc[entry] - arc < _GAIN else 0
+        if top + 1 == search.stage.shape[0] or still > _MOST_STILL:
             continue
         last = laid.node[entry]
         if not _seen(search, maps.family[last], laid.end[entry], laid.arc[entry]):

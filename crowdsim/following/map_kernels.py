@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 from crowdsim.motion.track_kernels import next_origin, node_end
 
 CELL = 0.1
@@ -26,13 +26,13 @@ NODE_COST = 0.1
 _OFFSET = 1 << 19
 
 
-@kernel
+@helper
 def pack_cell(ix, iy, heading_bin):
     """One int64 that sorts cells by x, then y, then heading bin."""
     return ((np.int64(ix) + _OFFSET) << 20 | (np.int64(iy) + _OFFSET)) * 16 + np.int64(heading_bin)
 
 
-@kernel
+@helper
 def cell_key(x, y, heading):
     """Cell of a pose; cells and bins are centered on multiples of their size, so that straight ahead is one bin."""
     ix = math.floor(x / CELL + 0.5)
@@ -40,7 +40,7 @@ def cell_key(x, y, heading):
     return pack_cell(ix, iy, math.floor(heading / BIN + 0.5) % 12)
 
 
-@kernel
+@helper
 def _occupy(table_key, table_node, table_stamp, stamp, key, node):
     """Enter (cell, node) into the frontier; False where it stood there already."""
     mask = table_key.shape[0] - 1
@@ -56,7 +56,7 @@ def _occupy(table_key, table_node, table_stamp, stamp, key, node):
     return True
 
 
-@kernel
+@helper
 def _sift_up(heap, cost, at):
     """Restore the heap of entries ordered by (cost, entry) after one was put at position ``at``."""
     entry = heap[at]
@@ -70,7 +70,7 @@ def _sift_up(heap, cost, at):
     heap[at] = entry
 
 
-@kernel
+@helper
 def _sift_down(heap, cost, size):
     """Restore the heap after its top was replaced."""
     entry = heap[0]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import MotionError
-from crowdsim.following.follow_kernels import BLOCKED, FOUND, OUT_OF_BUDGET, follow
+from crowdsim.following.follow_kernels import BLOCKED, FOUND, OUT_OF_BUDGET, STAGE_COLUMNS, follow
 from crowdsim.following.motion_maps import MotionMaps
 from crowdsim.motion.graph_arrays import GraphArrays
 
@@ -118,28 +118,25 @@ class _Laid(NamedTuple):
 
 
 class _Search(NamedTuple):
-    stage_node: NDArray[np.int64]
+    """Stack of stages, their candidates, and the present and the best solution.
+
+    stage: (S, STAGE_COLUMNS); stage_origin, stage_end: (S, 3); stage_arc: (S,); candidate, score: S equal shares.
+    step, best_step: (K, 2) node and the edge taken into it; place, best_place: (K, 4) its origin and twist.
+    """
+
+    stage: NDArray[np.int64]
     stage_origin: Floats
     stage_end: Floats
     stage_arc: Floats
-    stage_count: NDArray[np.int64]
-    stage_still: NDArray[np.int64]
-    stage_size: NDArray[np.int64]
-    stage_next: NDArray[np.int64]
-    stage_serial: NDArray[np.int64]
     candidate: NDArray[np.int64]
     score: Floats
     marked: NDArray[np.int64]
     branch: NDArray[np.int64]
     memory: NDArray[np.int64]
-    node: NDArray[np.int64]
-    edge: NDArray[np.int64]
-    twist: Floats
-    origin: Floats
-    best_node: NDArray[np.int64]
-    best_edge: NDArray[np.int64]
-    best_twist: Floats
-    best_origin: Floats
+    step: NDArray[np.int64]
+    place: Floats
+    best_step: NDArray[np.int64]
+    best_place: Floats
 
 
 def follow_path(
@@ -188,10 +185,10 @@ def follow_path(
     )
     return FollowResult(
         FollowStatus(status),
-        search.best_node[:count].astype(np.int32),
-        search.best_edge[:count].astype(np.int32),
-        search.best_twist[:count].copy(),
-        search.best_origin[:count].copy(),
+        search.best_step[:count, 0].astype(np.int32),
+        search.best_step[:count, 1].astype(np.int32),
+        search.best_place[:count, 3].copy(),
+        search.best_place[:count, :3].copy(),
         float(reached),
         int(expansions),
     )
@@ -233,12 +230,20 @@ def _workspace(graph: GraphArrays, maps: MotionMaps, length: float, rules: _Rule
         return np.empty(n, np.int64)
 
     search = _Search(
-        ints(stages), np.empty((stages, 3)), np.empty((stages, 3)), np.empty(stages),
-        ints(stages), ints(stages), ints(stages), ints(stages), ints(stages),
-        ints(pool), np.empty(pool), np.zeros(entries, np.int64), ints(depth), np.zeros(memory, np.int64),
-        ints(nodes), ints(nodes), np.empty(nodes), np.empty((nodes, 3)),
-        ints(nodes), ints(nodes), np.empty(nodes), np.empty((nodes, 3)),
-    )  # fmt: skip
+        stage=np.empty((stages, STAGE_COLUMNS), np.int64),
+        stage_origin=np.empty((stages, 3)),
+        stage_end=np.empty((stages, 3)),
+        stage_arc=np.empty(stages),
+        candidate=ints(pool),
+        score=np.empty(pool),
+        marked=np.zeros(entries, np.int64),
+        branch=ints(depth),
+        memory=np.zeros(memory, np.int64),
+        step=np.empty((nodes, 2), np.int64),
+        place=np.empty((nodes, 4)),
+        best_step=np.empty((nodes, 2), np.int64),
+        best_place=np.empty((nodes, 4)),
+    )
     laid = _Laid(
         serial=np.zeros(entries, np.int64),
         fit=np.empty(entries, np.bool_),

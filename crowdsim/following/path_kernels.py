@@ -6,10 +6,10 @@ it or overshoots it still has somewhere to aim.
 
 import math
 
-from crowdsim.jit import kernel
+from crowdsim.jit import helper
 
 
-@kernel
+@helper
 def sample_index(guide, arc):
     """Index of the path sample nearest to ``arc``."""
     last = guide.arc.shape[0] - 1
@@ -17,7 +17,7 @@ def sample_index(guide, arc):
     return min(max(i, 0), last)
 
 
-@kernel
+@helper
 def path_point(guide, arc):
     """Point (x, y) at ``arc``."""
     last = guide.arc.shape[0] - 1
@@ -29,7 +29,7 @@ def path_point(guide, arc):
     )
 
 
-@kernel
+@helper
 def project(guide, x, y, low, high):
     """Arc length of the point nearest to (x, y) between the arcs ``low`` and ``high``, and its distance."""
     last = guide.arc.shape[0] - 1

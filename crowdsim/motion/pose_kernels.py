@@ -2,11 +2,11 @@
 
 import math
 
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 from crowdsim.motion.track_kernels import BLEND_FRAMES, blend_weight
 
 
-@kernel
+@helper
 def _multiply(a0, a1, a2, a3, b0, b1, b2, b3):
     """Hamilton product: the rotation b followed by a."""
     return (
@@ -17,7 +17,7 @@ def _multiply(a0, a1, a2, a3, b0, b1, b2, b3):
     )
 
 
-@kernel
+@helper
 def _faded_difference(pool, old_row, first_row, joint, w):
     """The share ``w`` of the rotation that turns ``joint`` at ``first_row`` into itself at ``old_row``."""
     p = pool[old_row, joint]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from crowdsim.geometry.segments_kernels import point_segment_distance2
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance_kernels import disc_clearance
 from crowdsim.navmesh.half_edge_kernels import locate, nxt, prv
 from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
@@ -18,7 +18,7 @@ _WEDGE = np.dtype([("side", np.int64)] + [(name, np.float64) for name in ("rx", 
 """A half-edge still to cross and the rays right and left of what is seen through it."""
 
 
-@kernel
+@helper
 def _start_box(m):
     """Two triangles that fill the box."""
     sides = m.sides
@@ -36,7 +36,7 @@ def _start_box(m):
     frame.triangles = 2
 
 
-@kernel
+@helper
 def _flood(m, stack):
     """Winding numbers of all triangles: 1 outside of the walkable area, 0 where nothing covers it."""
     sides = m.sides
@@ -59,7 +59,7 @@ def _flood(m, stack):
                 top += 1
 
 
-@kernel
+@helper
 def _cut(lo, hi, at0, at1):
     """Part lo..hi of a segment where a function, linear from at0 to at1 along the segment, is not positive."""
     if at0 > 0.0 and at1 > 0.0:
@@ -71,7 +71,7 @@ def _cut(lo, hi, at0, at1):
     return lo, hi
 
 
-@kernel
+@helper
 def _find_bottleneck(m, v, wedges):
     """A constrained side seen from vertex v across other sides, where the passage between v and its foot is narrowest.
 
@@ -172,7 +172,7 @@ def _find_bottleneck(m, v, wedges):
             return NONE, 0.0, 0.0
 
 
-@kernel
+@helper
 def _refine(m, waiting, queued, stack):
     """Add the foot of every bottleneck that runs across a side, for the ``queued`` vertices and what changes; status.
 
@@ -219,7 +219,7 @@ def _refine(m, waiting, queued, stack):
     return 0
 
 
-@kernel
+@helper
 def _measure_corners(m):
     """Fill ``clr``: what a turn around each corner leaves, the shorter side or the height over a constrained base."""
     sides = m.sides
@@ -239,7 +239,7 @@ def _measure_corners(m):
         sides[h].clr = width
 
 
-@kernel
+@helper
 def _fill_hints(m):
     frame = m.frame[0]
     cell = frame.cell

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from crowdsim.geometry.segments_kernels import point_segment_distance2, segment_segment_distance2
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.growing_kernels import longer
 from crowdsim.navmesh.half_edge_kernels import locate, nxt, prv
 from crowdsim.navmesh.mesh_arrays import NONE
@@ -86,7 +86,7 @@ def disc_clearance(m, x, y, limit, hint):
     return math.sqrt(best), root
 
 
-@kernel
+@helper
 def capsule_nearest(m, x0, y0, x1, y1, limit, hint):
     """Nearest obstacle feature of the segment (x0, y0) -> (x1, y1): (distance, triangle, vertex, half-edge).
 

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance_kernels import capsule_nearest, disc_clearance
 from crowdsim.navmesh.growing_kernels import longer, longer_rows
 from crowdsim.navmesh.half_edge_kernels import nxt
@@ -35,7 +35,7 @@ _FINE = 2e-6
 """How far corners of the polyline may stand off an arc, meters: normally, and in passages that leave no more room."""
 
 
-@kernel
+@helper
 def _funnel(m, channel, sx, sy, gx, gy, radius):
     """Nodes of the taut string through the channel, with room for more, and their number."""
     # The funnel is a deque: left chain (outwards to lower places), apex, right chain (outwards to higher places).
@@ -107,7 +107,7 @@ def _funnel(m, channel, sx, sy, gx, gy, radius):
     return nodes, count
 
 
-@kernel
+@helper
 def _tighten(nodes, count):
     """Drop the nodes at which the string turns away from its obstacle; the new number, or -1 if nodes are pinched."""
     i = 1
@@ -127,7 +127,7 @@ def _tighten(nodes, count):
     return count if exists else -1
 
 
-@kernel
+@helper
 def _trace(m, nodes, count, least, bulge, hint):
     """Polyline around the nodes and its first piece closer than ``least`` to an obstacle.
 
@@ -167,7 +167,7 @@ def _trace(m, nodes, count, least, bulge, hint):
     return points[:n], -1, False, -1, -1, math.inf, 0.0, 0.0, 0.0, 0.0
 
 
-@kernel
+@helper
 def _turns_right(nodes, count, i):
     """Whether the string turns towards its obstacle at node i."""
     if i <= 0 or i >= count - 1:
@@ -177,7 +177,7 @@ def _turns_right(nodes, count, i):
     return before and after and nodes[i].q * (ax * by - ay * bx) >= 0.0
 
 
-@kernel
+@helper
 def _pull(m, nodes, count, radius, least, hint):
     """Check and repair until nothing is too close; (repaired, points)."""
     sides = m.sides

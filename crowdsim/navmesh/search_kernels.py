@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from crowdsim.geometry.segments_kernels import point_segment_distance2
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.growing_kernels import longer
 from crowdsim.navmesh.half_edge_kernels import nxt, prv
 from crowdsim.navmesh.mesh_arrays import NONE
@@ -21,7 +21,7 @@ _STATE = np.dtype([("cost", np.float64), ("x", np.float64), ("y", np.float64)], 
 """Meters spent up to the point where a half-edge is crossed, and that point."""
 
 
-@kernel
+@helper
 def can_leave(sides, vertices, h, x, y, width):
     """Whether a disc of diameter ``width`` that stands free at (x, y) in the triangle of side h fits out through h."""
     if sides[h].cst != 0:
@@ -48,7 +48,7 @@ def can_leave(sides, vertices, h, x, y, width):
     return True
 
 
-@kernel
+@helper
 def _crossing_point(sides, vertices, h, radius, px, py, gx, gy):
     """Point of side h, a ``radius`` off its ends, on the shortest way from p over h to g."""
     a = vertices[sides[h].org]

@@ -5,7 +5,7 @@ Half-edge numbers change under flips, so whatever must survive a flip is kept as
 
 import numpy as np
 
-from crowdsim.jit import kernel
+from crowdsim.jit import helper
 from crowdsim.navmesh.half_edge_kernels import find_half_edge, nxt, prv, side
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.triangulation_kernels import FULL, flip, not_delaunay, split_edge, split_is_robust
@@ -14,7 +14,7 @@ STUCK = -3
 """Status: a segment could not be inserted within the step limit."""
 
 
-@kernel
+@helper
 def _crossed_split(m, e, a, b, stack):
     """Vertex where the segment from vertex a to b crosses the constrained side e: a new one, or one next to it."""
     sides = m.sides
@@ -43,7 +43,7 @@ def _crossed_split(m, e, a, b, stack):
     return nearest
 
 
-@kernel
+@helper
 def _clear_way(sides, vertices, cell, a, b, crossed, pairs):
     """Flip the ``crossed`` pairs of ``pairs`` until vertices a and b are joined, then restore Delaunay around the join.
 
@@ -118,7 +118,7 @@ def _clear_way(sides, vertices, cell, a, b, crossed, pairs):
     return 0
 
 
-@kernel
+@helper
 def insert_segment(m, a, b, winding, stack, pairs):
     """Constrain the way from vertex a to b, with ``winding`` on the half-edges along it; 0 or FULL or STUCK.
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance_kernels import capsule_nearest
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.search_kernels import HEAP_ROW, pop, push
@@ -25,7 +25,7 @@ _EFFORT = 1_000_000
 """Tangents considered and pieces of arcs checked before the search gives up, after about a second."""
 
 
-@kernel
+@helper
 def set_node(node, x, y, q, vertex):
     node.x = x
     node.y = y
@@ -50,7 +50,7 @@ def tangent(a, b):
     return exists, ex * c + ey * s, ey * c - ex * s
 
 
-@kernel
+@helper
 def arc_corners(q, dx, dy, angle, bulge):
     """Corners around a node that the string reaches in direction d and leaves turned by ``angle``.
 
@@ -68,7 +68,7 @@ def arc_corners(q, dx, dy, angle, bulge):
     return steps, start + 0.5 * step, step, radius / math.cos(0.5 * step)
 
 
-@kernel
+@helper
 def _arc_is_free(m, node, dx, dy, angle, least):
     """Whether the arc around a node from direction d on keeps ``least``, and the pieces checked."""
     steps, bearing, step, reach = arc_corners(node.q, dx, dy, angle, 2e-6)

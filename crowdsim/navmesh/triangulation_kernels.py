@@ -3,7 +3,7 @@
 import numpy as np
 
 from crowdsim.geometry.predicates_kernels import incircle
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.half_edge_kernels import locate, nxt, prv, side
 from crowdsim.navmesh.mesh_arrays import NONE
 
@@ -11,7 +11,7 @@ FULL = -2
 """Status: the arrays have no room for another vertex; build again in larger ones."""
 
 
-@kernel
+@helper
 def _link(sides, h, g):
     sides[h].twin = g
     if g >= 0:
@@ -54,7 +54,7 @@ def flip(sides, vertices, e):
     _link(sides, en, fn)
 
 
-@kernel
+@helper
 def not_delaunay(sides, vertices, h, cell):
     """Whether the far corner beyond the unconstrained side h is strictly inside the circle of its triangle."""
     g = sides[h].twin
@@ -67,7 +67,7 @@ def not_delaunay(sides, vertices, h, cell):
     return incircle(a.x, a.y, b.x, b.y, c.x, c.y, d.x, d.y, 1.0 / cell) > 0
 
 
-@kernel
+@helper
 def _fill(sides, vertices, t, u, v, w):
     """Corners of triangle t, and no constraint on its second and third side."""
     h = 3 * t
@@ -80,7 +80,7 @@ def _fill(sides, vertices, t, u, v, w):
         h += 1
 
 
-@kernel
+@helper
 def _legalize(sides, vertices, cell, stack, top):
     """Restore the Delaunay property around a new vertex, the corner opposite of each of the ``top`` stacked sides."""
     while top > 0:
@@ -94,7 +94,7 @@ def _legalize(sides, vertices, cell, stack, top):
             top += 2
 
 
-@kernel
+@helper
 def _new_vertex(m, x, y):
     """A vertex at (x, y) that no triangle has yet, and two triangles without corners; the vertex, or FULL."""
     frame = m.frame[0]
@@ -110,7 +110,7 @@ def _new_vertex(m, x, y):
     return p
 
 
-@kernel
+@helper
 def split_edge(m, h, x, y, stack):
     """Put a new vertex at (x, y) on side h and split both of its triangles; the vertex, or FULL."""
     sides = m.sides
@@ -151,7 +151,7 @@ def split_edge(m, h, x, y, stack):
     return p
 
 
-@kernel
+@helper
 def insert_point(m, x, y, hint, stack):
     """Vertex at the grid point (x, y), a new one unless there is one; or FULL. The point must be inside the box."""
     sides = m.sides
@@ -192,7 +192,7 @@ def insert_point(m, x, y, hint, stack):
     return p
 
 
-@kernel
+@helper
 def split_is_robust(sides, vertices, h, x, y):
     """Whether (x, y) near side h is strictly inside the union of its two triangles, so that a split inverts none."""
     g = sides[h].twin

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from crowdsim.geometry.segments_kernels import segment_segment_distance2
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance_kernels import snapped
 from crowdsim.navmesh.growing_kernels import longer
 from crowdsim.navmesh.half_edge_kernels import locate, nxt
@@ -15,7 +15,7 @@ _SPAN = np.dtype([("lo", np.float64), ("hi", np.float64)], align=True)
 """An interval of arc length."""
 
 
-@kernel
+@helper
 def _widen(span, lo, hi):
     """The smallest interval that holds ``span`` and lo..hi (which may be empty)."""
     if lo < hi:
@@ -23,7 +23,7 @@ def _widen(span, lo, hi):
     return span
 
 
-@kernel
+@helper
 def _disc_span(px, py, ux, uy, radius, vx, vy):
     """Interval of s where p + s u (u of unit length) is closer than ``radius`` to v; lo > hi if none."""
     along = (vx - px) * ux + (vy - py) * uy
@@ -35,7 +35,7 @@ def _disc_span(px, py, ux, uy, radius, vx, vy):
     return along - half, along + half
 
 
-@kernel
+@helper
 def _strip_span(px, py, ux, uy, radius, ax, ay, bx, by):
     """Interval of s where p + s u is closer than ``radius`` to the inside of segment ab; lo > hi if none."""
     ex = bx - ax
@@ -61,7 +61,7 @@ def _strip_span(px, py, ux, uy, radius, ax, ay, bx, by):
     return lo, hi
 
 
-@kernel
+@helper
 def _triangle_span(m, t, px, py, ux, uy):
     """Interval of s where p + s u is inside triangle t; lo > hi if none."""
     lo = -math.inf
@@ -82,7 +82,7 @@ def _triangle_span(m, t, px, py, ux, uy):
     return lo, hi
 
 
-@kernel
+@helper
 def _record(spans, count, lo, hi):
     """Append an interval to ``spans``, which grow as needed; the array and the new count."""
     if count == spans.size:
@@ -92,7 +92,7 @@ def _record(spans, count, lo, hi):
     return spans, count + 1
 
 
-@kernel
+@helper
 def _merged(spans, count):
     """The union of the first ``count`` intervals as disjoint ones (k, 2) in order."""
     for i in range(1, count):  # they come nearly in order

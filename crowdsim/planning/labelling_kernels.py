@@ -2,7 +2,7 @@
 
 import math
 
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 
 MIN_SECTION = 0.6
 """Meters a section lasts at least: the shortest movement worth changing the behavior for."""
@@ -20,7 +20,7 @@ ROUNDING = 1e-9
 """Meters that a section may fall short of what it needs."""
 
 
-@kernel
+@helper
 def required_length(before, label, after, turned):
     """Meters a section of ``label`` needs between sections ``before`` and ``after`` (n where the path ends).
 
