@@ -203,9 +203,9 @@ def reserve(
     forever = np.int64(FOREVER)
     start = clock // slot_frames
     for taken in range(first, available + 1):
-        nodes[taken + 1 :] = chain[taken + 1 :]
-        spots[taken + 1 :] = origins[taken + 1 :]
-        jumps[taken + 1 :] = seams[taken + 1 :]
+        nodes[:] = chain
+        spots[:] = origins
+        jumps[:] = seams
         leaves = ends_plan and taken == available
         count = taken + 1
         if not leaves:

@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crowdsim.crowd.advance_kernels import advance
 from crowdsim.crowd.components import SLOT_FRAMES
-from crowdsim.crowd.reservation_kernels import append_stop, meets_anyone, pair_meets, sample_chain
+from crowdsim.crowd.reservation_kernels import append_stop, meets_anyone, pair_meets, reserve, sample_chain
+from crowdsim.navmesh.navmesh import NavMesh
 from tests.reference.crowd import FOREVER, chain_of, pose_at, timelines_meet, walking_graph
 
 GRAPH = walking_graph()
@@ -117,3 +119,56 @@ def test_advancing_plays_a_chain_frame_by_frame(frames: int) -> None:
         assert pose[0] == pytest.approx(pose_at(GRAPH, chain, origins, seams, played), abs=1e-12)
     assert (node[0], previous[0], cursor[0]) == (3, 2, 2)
     assert frame[0] == GRAPH.node_frames[3]
+
+
+def reserved(other: tuple[float, float], room: shapely.Polygon | None = None):
+    """What a walker that starts at START along three strides may reserve where ``other`` stands.
+
+    Returns (nodes taken, gone slot, timeline).
+    """
+    plan = [1, 2, 2, 2]
+    chain, origins, seams = np.zeros(12, np.int32), np.zeros((12, 3)), np.zeros((12, 3))
+    chain[:4] = plan
+    origins[:4], seams[:4] = chain_of(GRAPH, plan, START)
+    mesh = NavMesh(room or shapely.box(-5, -5, 10, 10)).arrays
+    timelines = np.zeros((2, 48, 2))
+    timelines[0] = START[:2]
+    timelines[1] = other
+    out = np.zeros((48, 2))
+    taken, gone = reserve(
+        GRAPH, mesh, mesh, np.array([[0.2, 0.3]]), 0, 0, 0, SLOT_FRAMES, chain, origins, seams, 1, 3, False,
+        timelines, np.zeros(2, np.int64), np.full(2, FOREVER), np.full(2, 0.3), out,
+    )  # fmt: skip
+    return taken, gone, out
+
+
+def walked(taken: int) -> tuple[np.ndarray, np.ndarray]:
+    """Track positions at the slots of START, ``taken`` strides and the stop behind them; and where that ends."""
+    nodes = [1, *[2] * taken, 3]
+    origins, seams = chain_of(GRAPH, nodes, START)
+    path = np.array([pose_at(GRAPH, nodes, origins, seams, k * SLOT_FRAMES)[:2] for k in range(48)])
+    return path, path[-1]
+
+
+def test_one_stride_is_reserved_with_the_stop_behind_it() -> None:
+    taken, gone, timeline = reserved((50.0, 50.0))
+    assert (taken, gone) == (1, FOREVER)
+    assert timeline == pytest.approx(walked(1)[0], abs=1e-12)
+
+
+def test_more_strides_are_reserved_where_someone_stands_in_the_place_to_stop() -> None:
+    place = walked(1)[1] + np.array([0.4, -0.75])
+    taken, _, timeline = reserved(tuple(place))
+    assert taken > 1
+    assert timeline == pytest.approx(walked(taken)[0], abs=1e-12)
+    assert np.hypot(*(timeline - place).T).min() >= 0.6
+
+
+def test_nothing_is_reserved_through_someone_who_stands() -> None:
+    assert reserved(tuple(walked(3)[0][9]))[0] == 0
+
+
+def test_a_wall_behind_the_stop_asks_for_a_stride_more_or_refuses() -> None:
+    end = walked(1)[1]
+    post = shapely.Point(end).buffer(0.25)
+    assert reserved((50.0, 50.0), room=shapely.box(-5, -5, 10, 10).difference(post))[0] != 1
