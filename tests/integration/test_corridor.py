@@ -1,4 +1,4 @@
-"""The corridor of the 2018 paper (figure 5), run whole with twelve characters and judged from its recording by shapely."""
+"""The corridor of the 2018 paper (figure 5), run whole with twelve characters and judged from its recording."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_each_character_holds_its_arms_walks_and_steps_sideways_where_it_must(sc
 
 
 def test_narrow_stretches_are_passed_in_the_behavior_that_fits(recording, columns) -> None:
-    """Between the cabinets no one swings the arms; between the benches no one holds them; between the shelves all step."""
+    """Between cabinets no one swings the arms, between benches no one holds them, between shelves all step aside."""
     for low, high, behavior in [(5.5, 8.0, "arm_constrained"), (11.0, 13.5, "frontal"), (16.5, 18.0, "lateral")]:
         inside = (columns["state"] == AgentState.MOVING) & (columns["x"] > low) & (columns["x"] < high)
         share = (columns["behavior"][inside] == index(recording, behavior)).mean()

@@ -1,4 +1,4 @@
-"""The small parts of the follower against plain twins; those without an entry from Python are called by kernels here."""
+"""The small parts of the follower against plain twins; those without a Python entry are called by kernels here."""
 
 from typing import NamedTuple
 
