@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from numba import njit, prange
+from numba import njit
 
-__all__ = ["cache_folder", "helper", "is_cold", "kernel", "parallel_kernel", "prange"]
+__all__ = ["cache_folder", "helper", "is_cold", "kernel"]
 
 _OPTIONS = {
     "cache": True,
@@ -73,9 +73,6 @@ def is_cold() -> bool:
 
 kernel = njit(nogil=True, **_OPTIONS)
 """Decorator of a serial kernel: releases the GIL, callable from worker threads."""
-
-parallel_kernel = njit(parallel=True, **_OPTIONS)
-"""Decorator of a kernel with ``prange`` loops: called on the simulation's own thread only."""
 
 
 def helper(function: Callable[..., Any]) -> Any:

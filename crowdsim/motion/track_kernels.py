@@ -6,13 +6,13 @@ Units are meters and radians; a pose is (x, y, heading).
 import math
 
 from crowdsim.geometry.planar_kernels import compose, wrap_angle
-from crowdsim.jit import helper, kernel
+from crowdsim.jit import kernel
 
 BLEND_FRAMES = 12
 """Frames over which the difference between two joined nodes fades out (0.2 s)."""
 
 
-@helper
+@kernel
 def blend_weight(frame):
     """Share of the old node left ``frame`` frames after a seam: 1 at the seam, smoothly 0 at BLEND_FRAMES."""
     if frame >= BLEND_FRAMES:
@@ -44,7 +44,7 @@ def node_end(graph, node, x, y, heading):
     return compose(x, y, heading, graph.node_motion[node, 0], graph.node_motion[node, 1], graph.node_motion[node, 2])
 
 
-@helper
+@kernel
 def track_pose(graph, node, frame, x, y, heading, dx, dy, dheading):
     """World track pose of a character ``frame`` frames into ``node``.
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crowdsim.jit import helper, kernel
+from crowdsim.jit import kernel
 
 
 @kernel
@@ -14,7 +14,7 @@ def longer(items):
     return copy
 
 
-@helper
+@kernel
 def longer_rows(rows):
     """A float64 array of more than twice the rows of ``rows`` (n, 2), which it starts with."""
     copy = np.empty((2 * rows.shape[0] + 1, 2))

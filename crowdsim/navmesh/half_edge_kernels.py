@@ -3,17 +3,17 @@
 import numpy as np
 
 from crowdsim.geometry.predicates_kernels import orient2d
-from crowdsim.jit import helper, kernel
+from crowdsim.jit import kernel
 from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
 
 
-@helper
+@kernel
 def nxt(h):
     """Next half-edge around the triangle."""
     return h - 2 if h % 3 == 2 else h + 1
 
 
-@helper
+@kernel
 def prv(h):
     """Previous half-edge around the triangle."""
     return h + 2 if h % 3 == 0 else h - 1
@@ -27,7 +27,7 @@ def side(vertices, a, b, x, y):
     return orient2d(p.x, p.y, q.x, q.y, x, y)
 
 
-@helper
+@kernel
 def locate(m, x, y, hint):
     """Triangle whose closure holds the grid point (x, y), from triangle ``hint`` on, or -1 outside of the box.
 
@@ -68,7 +68,7 @@ def locate(m, x, y, hint):
     return -1
 
 
-@helper
+@kernel
 def find_half_edge(sides, vertices, a, b):
     """The half-edge from vertex a to vertex b, or -1; sides of the box are not found."""
     turned = False

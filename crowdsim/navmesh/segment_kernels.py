@@ -5,7 +5,7 @@ Half-edge numbers change under flips, so whatever must survive a flip is kept as
 
 import numpy as np
 
-from crowdsim.jit import helper
+from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.half_edge_kernels import find_half_edge, nxt, prv, side
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.triangulation_kernels import FULL, flip, not_delaunay, split_edge, split_is_robust
@@ -118,7 +118,7 @@ def _clear_way(sides, vertices, cell, a, b, crossed, pairs):
     return 0
 
 
-@helper
+@kernel
 def insert_segment(m, a, b, winding, stack, pairs):
     """Constrain the way from vertex a to b, with ``winding`` on the half-edges along it; 0 or FULL or STUCK.
 

@@ -151,7 +151,7 @@ def split_edge(m, h, x, y, stack):
     return p
 
 
-@helper
+@kernel
 def insert_point(m, x, y, hint, stack):
     """Vertex at the grid point (x, y), a new one unless there is one; or FULL. The point must be inside the box."""
     sides = m.sides
