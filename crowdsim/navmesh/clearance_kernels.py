@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from crowdsim.geometry.segments_kernels import point_segment_distance2, segment_segment_distance2
+from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.growing_kernels import longer
 from crowdsim.navmesh.half_edge_kernels import locate, nxt, prv
@@ -87,11 +87,38 @@ def disc_clearance(m, x, y, limit, hint):
 
 
 @helper
+def _inner_distance2(x0, y0, x1, y1, a, b):
+    """Squared distance from segment 0-1 to side ab where the nearest place is inside of the side, inf elsewhere."""
+    ux = b.x - a.x
+    uy = b.y - a.y
+    length2 = ux * ux + uy * uy
+    along0 = ux * (x0 - a.x) + uy * (y0 - a.y)
+    along1 = ux * (x1 - a.x) + uy * (y1 - a.y)
+    side0 = ux * (y0 - a.y) - uy * (x0 - a.x)
+    side1 = ux * (y1 - a.y) - uy * (x1 - a.x)
+    if (side0 > 0.0 and side1 < 0.0) or (side0 < 0.0 and side1 > 0.0):
+        # How far along the side segment 0-1 meets the line of ab.
+        meeting = (along0 * side1 - along1 * side0) / (side1 - side0)
+        if meeting > 0.0 and meeting < length2:
+            return 0.0
+    best = math.inf
+    if along0 > 0.0 and along0 < length2:
+        best = side0 * side0 / length2
+    if along1 > 0.0 and along1 < length2:
+        best = min(best, side1 * side1 / length2)
+    return best
+
+
+@helper
 def capsule_nearest(m, x0, y0, x1, y1, limit, hint):
     """Nearest obstacle feature of the segment (x0, y0) -> (x1, y1): (distance, triangle, vertex, half-edge).
 
     The distance is capped at ``limit``, with no feature then; -1.0 where the segment starts outside of free space. The
     triangle holds the start. One of vertex and half-edge (a constrained side, nearest inside) is -1.
+
+    The ends of a side are measured before the side, so only its inside counts from then on. Otherwise, a side that
+    turns away from the segment measures the same as its end, less by rounding now and then, and the walk would circle
+    around a point obstacle, where no constraint stops it.
     """
     sides = m.sides
     vertices = m.vertices
@@ -113,12 +140,11 @@ def capsule_nearest(m, x0, y0, x1, y1, limit, hint):
     stack[1] = 3 * root + 1
     stack[2] = 3 * root + 2
     top = 3
+    crossed = 0
     while top > 0:
         top -= 1
         h = stack[top]
-        a = vertices[sides[h].org]
-        b = vertices[sides[nxt(h)].org]
-        distance2 = segment_segment_distance2(x0, y0, x1, y1, a.x, a.y, b.x, b.y)
+        distance2 = _inner_distance2(x0, y0, x1, y1, vertices[sides[h].org], vertices[sides[nxt(h)].org])
         if distance2 >= best:
             continue
         if sides[h].cst != 0:
@@ -126,6 +152,9 @@ def capsule_nearest(m, x0, y0, x1, y1, limit, hint):
             edge = h
             vertex = -1
             continue
+        crossed += 1
+        if crossed > m.wind.size:  # a tree has no more; whatever rounding did, the answer is on the safe side
+            return -1.0, root, -1, -1
         g = sides[h].twin
         v = sides[prv(g)].org
         distance2 = point_segment_distance2(vertices[v].x, vertices[v].y, x0, y0, x1, y1)

@@ -32,7 +32,7 @@ def locate(m, x, y, hint):
     """Triangle whose closure holds the grid point (x, y), from triangle ``hint`` on, or -1 outside of the box.
 
     A visibility walk; the first side it tests changes from step to step, because a fixed order may circle forever in a
-    triangulation with constraints.
+    triangulation with constraints. Should chance fail for long, each triangle is tried.
     """
     sides = m.sides
     vertices = m.vertices
@@ -46,7 +46,7 @@ def locate(m, x, y, hint):
         t = m.hints[row * frame.nx + column]
     came = NONE
     random = np.uint32(2463534242)
-    while True:
+    for _ in range(8 * frame.triangles + 64):
         random ^= random << np.uint32(13)
         random ^= random >> np.uint32(17)
         random ^= random << np.uint32(5)
@@ -59,6 +59,13 @@ def locate(m, x, y, hint):
             return t
         came = sides[h].twin
         t = came // 3
+    for t in range(frame.triangles):
+        inside = True
+        for h in range(3 * t, 3 * t + 3):
+            inside = inside and side(vertices, sides[h].org, sides[nxt(h)].org, x, y) >= 0.0
+        if inside:
+            return t
+    return -1
 
 
 @kernel

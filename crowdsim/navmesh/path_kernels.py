@@ -68,7 +68,7 @@ def _funnel(m, channel, sx, sy, gx, gy, radius):
             else:
                 before_right = v
             set_node(target, vertices[v].x, vertices[v].y, sign * radius, v)
-        while True:
+        while True:  # each round takes a node off the deque
             end = low if sign > 0 else high
             _, dx, dy = tangent(chain[end], target)
             if end != apex:

@@ -17,6 +17,9 @@ from crowdsim.navmesh.mesh_arrays import NONE
 HEAP_ROW = np.dtype([("key", np.float64), ("item", np.int64)], align=True)
 """An element of a binary heap; equal keys leave in the order of their items."""
 
+_IMPROVING = 8
+"""Expansions, per half-edge of the mesh, while a half-edge reached before may be reached again at less cost."""
+
 _STATE = np.dtype([("cost", np.float64), ("x", np.float64), ("y", np.float64)], align=True)
 """Meters spent up to the point where a half-edge is crossed, and that point."""
 
@@ -119,7 +122,8 @@ def pop(heap, count):
 def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
     """Half-edges (k,) crossed from triangle ``start`` to ``goal`` on about the shortest way; none if too narrow.
 
-    ``width`` is the least width passed, that of the disc of ``radius`` less what rounding may take.
+    ``width`` is the least width passed, that of the disc of ``radius`` less what rounding may take. A channel is found
+    wherever there is one; only how short its way is depends on the limit on expansions.
     """
     sides = m.sides
     vertices = m.vertices
@@ -128,6 +132,7 @@ def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
     before = np.zeros(room, np.int32)  # the half-edge before, plus 2; 0 where not reached
     heap = np.empty(256, HEAP_ROW)
     count = np.int64(0)
+    expanded = 0
     found = NONE
     h = NONE  # the start
     px = sx
@@ -147,7 +152,7 @@ def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
                     continue
             x, y = _crossing_point(sides, vertices, e, radius, px, py, gx, gy)
             cost = spent + math.hypot(x - px, y - py)
-            if before[e] == 0 or cost < states[e].cost - 1e-9:
+            if before[e] == 0 or (cost < states[e].cost - 1e-9 and expanded < _IMPROVING * room):
                 state = states[e]
                 state.cost = cost
                 state.x = x
@@ -163,6 +168,7 @@ def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
             state = states[e]
             if heap[count].key <= state.cost + math.hypot(gx - state.x, gy - state.y) + 1e-9:
                 h = e
+                expanded += 1
                 px = state.x
                 py = state.y
                 spent = state.cost

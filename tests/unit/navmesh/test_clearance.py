@@ -62,6 +62,23 @@ def test_capsules_are_those_of_shapely():
             assert distance == pytest.approx(min(expected, 9.0), abs=EXACT)
 
 
+def test_capsules_between_point_obstacles_are_those_of_shapely():
+    rng = np.random.default_rng(5)
+    area = random_area(rng, "boxes", count=8)
+    posts = rng.uniform(0.5, 11.5, (60, 2))
+    mesh = NavMesh(area).with_points(posts).arrays
+    solid = shapely.union_all([area.boundary, shapely.MultiPoint(posts)])
+    starts, steps = rng.uniform(0.0, 12.0, (2000, 2)), rng.normal(0.0, 1.0, (2000, 2))
+    steps[::2] *= 1e-3  # about as long as pieces of arcs
+    starts[::5] = posts[rng.integers(0, len(posts), 400)]
+    for start, end in zip(starts, starts + steps, strict=True):
+        distance, _ = capsule_clearance(mesh, *start, *end, 9.0, -1)
+        if not shapely.contains_xy(area, *start):
+            assert distance == -1.0
+        else:
+            assert distance == pytest.approx(shapely.LineString([start, end]).distance(solid), abs=EXACT)
+
+
 def _sampled(area, line, radius, step):
     at = np.arange(0.0, line.length, step)
     points = shapely.get_coordinates(shapely.line_interpolate_point(line, at))

@@ -203,6 +203,84 @@ def test_with_many_points_stays_exact():
             assert shapely.LineString(path.points).distance(solid) >= 0.4 - 1e-3 - CLOSE
 
 
+def _in_time(call, seconds=60.0):
+    """The result of ``call``, which may raise; AssertionError where it does not return (kernels release the GIL)."""
+    results: list = []
+    thread = threading.Thread(target=lambda: results.append(call()), daemon=True)
+    thread.start()
+    thread.join(seconds)
+    assert not thread.is_alive(), "the call does not return"
+    assert results, "the call failed, see above"
+    return results[0]
+
+
+# Two standing people as twelve points each, one point inside of the other ring left out. The distance from a piece of
+# an arc to sides that turn away from it was less by rounding than to the point they share.
+_TWO_RINGS = """
+    5.008736731995443 2.1624221616669246  4.949223870184268 2.3845271856500556  4.786631708012312 2.5471193478220115
+    4.34242166004605 2.5471193478220115   4.179829497874094 2.3845271856500556  4.120316636062919 2.1624221616669246
+    4.179829497874094 1.9403171376837938  4.34242166004605 1.7777249755118378   4.564526684029181 1.7182121137006625
+    4.786631708012312 1.7777249755118376  4.949223870184268 1.9403171376837933  5.800528575609228 1.5037546272315632
+    5.741015713798053 1.7258596512146942  5.578423551626097 1.88845181338665    5.356318527642966 1.947964675197825
+    5.134213503659835 1.8884518133866501  4.971621341487879 1.7258596512146942  4.912108479676704 1.5037546272315632
+    4.971621341487879 1.2816496032484324  5.134213503659835 1.1190574410764764  5.356318527642966 1.0595445792653013
+    5.578423551626097 1.1190574410764764  5.741015713798053 1.281649603248432
+"""
+
+
+def _room_with_a_pillar():
+    """A room of 14 x 6 m with a box from one wall and a round pillar that its polygon surrounds."""
+    pillar = shapely.Point(9.0, 2.2).buffer(0.5 / math.cos(math.pi / 36), quad_segs=9)
+    return shapely.box(0, 0, 14, 6).difference(shapely.box(4.5, 2.6, 5.5, 6)).difference(pillar)
+
+
+def test_no_walk_circles_around_a_point_obstacle():
+    area = _room_with_a_pillar()
+    posts = np.array(_TWO_RINGS.split(), float).reshape(-1, 2)
+    start, goal, radius = (
+        (4.383769383603178, 1.2752928694129848),
+        (6.386999051807728, 0.880988029830405),
+        0.4522972101765478,
+    )
+    mesh = NavMesh(area).with_points(posts)
+    path = _in_time(lambda: mesh.find_path(start, goal, radius))
+    solid = shapely.union_all([area.boundary, shapely.MultiPoint(posts)])
+    assert shapely.LineString(path.points).distance(solid) >= radius - CLOSE
+    assert 2.1 < path.length < 2.4
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_paths_around_standing_people(seed):
+    rng = np.random.default_rng(200 + seed)
+    area = _room_with_a_pillar() if seed % 2 else random_area(rng, "boxes", size=6.0, count=5)
+    empty = NavMesh(area)
+    low, high = np.reshape(area.bounds, (2, 2))
+    bearings = np.arange(12) * math.pi / 6
+    ring = 0.44 * np.column_stack([np.cos(bearings), np.sin(bearings)])
+    found = 0
+    for people in (1, 2, 3, 4, 5) * 2:
+        places = rng.uniform(low, high, (people, 2))
+        places[1:2] = places[0] + rng.normal(0.0, 0.3, 2)  # two of them overlap
+        posts = (places[:, None] + ring).reshape(-1, 2)
+        posts = posts[((posts > low) & (posts < high)).all(axis=1)]
+        mesh = empty.with_points(posts)
+        solid = shapely.union_all([area.boundary, shapely.MultiPoint(posts)])
+        radius = rng.uniform(0.15, 0.5)
+        # Polygons around the posts, like those of the walls, are inside of the true discs by up to 1e-4 of the radius.
+        taken = shapely.MultiPoint(posts).buffer(radius * (1 + 5e-4), quad_segs=64)
+        surely = shapely.get_parts(area.buffer(-radius * (1 + 5e-4), quad_segs=64).difference(taken))
+        points = rng.uniform(low, high, (40, 2))
+        part = part_of(surely, points)
+        points, part = points[part >= 0], part[part >= 0]
+        for i in range(len(points) - 1):
+            path = _in_time(lambda a=points[i], b=points[i + 1]: [_find(mesh, a, b, radius)])[0]  # noqa: B023
+            assert path is not None or part[i] != part[i + 1], (posts.tolist(), points[i : i + 2].tolist(), radius)
+            if path is not None:
+                found += 1
+                assert shapely.LineString(path.points).distance(solid) >= radius - CLOSE
+    assert found > 40
+
+
 def test_threads_give_the_same_paths_as_one():
     mesh = NavMesh(random_area(np.random.default_rng(3), "boxes"))
     rng = np.random.default_rng(0)
