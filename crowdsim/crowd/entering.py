@@ -15,6 +15,8 @@ from crowdsim.crowd.setting import Setting
 from crowdsim.ecs.world import View, World
 from crowdsim.scenario.placement import Placement
 
+NO_MOTION = "there is a path, but no motion of the set follows it; add clips that turn, start or step as it asks"
+
 
 @dataclass
 class Entering:
@@ -24,7 +26,7 @@ class Entering:
     setting: Setting
     cast: Placement
     plans: Plans
-    requested: set[int] = field(default_factory=set)
+    requested: dict[int, int] = field(default_factory=dict)
     entered: NDArray[np.int64] = field(init=False)
 
     READS = ("timeline", "timeline_start", "gone_slot", "body_radius")
@@ -38,13 +40,17 @@ class Entering:
         timelines, starts, gones, radii = (np.array(getattr(view, name)) for name in self.READS)
         for agent in np.flatnonzero((self.entered < 0) & (self.cast.start_steps - latency <= step)).tolist():
             if agent not in self.requested:
-                self.requested.add(agent)
+                self.requested[agent] = step
                 self.plans.request(
                     agent, Request(self.cast.starts[agent], self.cast.goals[agent], bool(self.cast.stays[agent]))
                 )
                 continue
             plan = self.plans.motions.get(agent)
-            if plan is None or self.cast.start_steps[agent] > step:
+            if plan is None:
+                if step >= self.requested[agent] + latency:
+                    self.plans.unreachable.setdefault(agent, NO_MOTION)
+                continue
+            if self.cast.start_steps[agent] > step:
                 continue
             pose = plan.departure
             slot = step * self.setting.frames_per_step // SLOT_FRAMES

@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from crowdsim.jit import kernel
 from crowdsim.navmesh.clearance_kernels import disc_clearance
 
@@ -25,7 +27,7 @@ def obstacle_margin(pose, behavior, mesh, radii, limit):
     pose: (N, 3); behavior: (N,) int32; radii: (B,) meters on this layer. Distances are capped at ``limit``.
     """
     best = limit
-    hint = -1
+    hint = np.int64(-1)
     for i in range(len(pose)):
         radius = radii[behavior[i]]
         distance, hint = disc_clearance(mesh, pose[i, 0], pose[i, 1], radius + limit, hint)

@@ -30,8 +30,8 @@ NEARBY = 2.5
 class Plans:
     """The motion plan of every character that has one, its route, and the searches under way.
 
-    on_route is told (agent, route) of every route that is newly planned; unreachable collects the reason for
-    agents to whose goal no path leads.
+    on_route is told (agent, route) of every route that is newly planned; unreachable holds the reason for
+    agents to whose goal no path was found when they last asked.
     """
 
     setting: Setting
@@ -54,6 +54,7 @@ class Plans:
                 self.unreachable[agent] = str(found)
                 results.append((agent, None))
                 continue
+            self.unreachable.pop(agent, None)
             if self.routes.get(agent) is not found.route:
                 self.routes[agent] = found.route
                 self.on_route(agent, found.route)
