@@ -13,6 +13,7 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [
         ("characters", str(summary["characters"])),
         ("arrived", str(summary["arrived"])),
+        *([("  still waiting at the end", str(summary["waiting"]))] if summary["waiting"] else []),
         *((f"  no way for character {agent}", reason) for agent, reason in summary["unreachable"].items()),
         ("steps", str(summary["steps"])),
         ("mean time to arrive", _quantity(summary["mean_time"], "{:.1f} s")),

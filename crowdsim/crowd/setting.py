@@ -85,9 +85,8 @@ def prepare(scenario: Scenario) -> Setting:
     """
     layers = scenario.layers()
     if len(layers) != 2:
-        raise ScenarioError(
-            f"{scenario.path}: layers: {len(layers)} layers are given, but characters have two: legs, then torso"
-        )
+        message = f"{len(layers)} layers are given, but characters have two: legs, then torso"
+        raise ScenarioError([scenario.problem(("layers",), message)])
     bands = [(layer.low, layer.high) for layer in layers]
     captures = scenario.captures()
     if captures is None:
@@ -98,6 +97,13 @@ def prepare(scenario: Scenario) -> Setting:
         )
     if not behavior_set.graph.arrays.node_ends_standing.any():
         raise MotionError("no clip of the motion set ends standing, so no character could ever wait; add one that does")
+    shortest = int(behavior_set.graph.arrays.node_frames.min())
+    if scenario.steps_per_second * shortest < CAPTURE_RATE:
+        message = (
+            f"a step of {1.0 / scenario.steps_per_second:g} s is longer than the shortest movement of the motion set "
+            f"({shortest / CAPTURE_RATE:.2f} s); take more steps"
+        )
+        raise ScenarioError([scenario.problem(("steps_per_second",), message)])
     return Setting(
         layers=layers,
         meshes=tuple(NavMesh(layer.free) for layer in layers),

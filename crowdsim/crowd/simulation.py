@@ -142,6 +142,7 @@ class Simulation:
         return {
             "characters": len(self.cast.starts),
             "arrived": int(done.sum()),
+            "waiting": int((self.world.column("state") == AgentState.WAITING).sum()),
             "unreachable": {str(agent): reason for agent, reason in sorted(self.plans.unreachable.items())},
             "steps": self.step_count,
             "mean_time": float(times.mean()) if len(times) else None,

@@ -70,7 +70,13 @@ def _captures(scenario: Scenario) -> list[Problem]:
     if not folder.is_dir():
         message = f"there is no folder {folder}; it is sought beside the scenario file"
         return [scenario.problem(("motion", "captures"), message)]
+    from crowdsim.planning.captured_behaviors import CAPTURED
+
     problems = []
+    for name in scenario.behaviors:
+        if name not in CAPTURED:
+            message = f"captured walks give no '{name}'; list only {' and '.join(CAPTURED)} under 'behaviors'"
+            problems.append(scenario.problem(("behaviors",), message))
     for number, pattern in enumerate(patterns):
         path = ("motion", "clips", number)
         if Path(pattern).is_absolute() or ".." in Path(pattern).parts:

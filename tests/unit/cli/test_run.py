@@ -9,6 +9,7 @@ from crowdsim.errors import CrowdSimError
 SUMMARY = {
     "characters": 3,
     "arrived": 2,
+    "waiting": 1,
     "unreachable": {"1": "no path: too narrow"},
     "steps": 300,
     "mean_time": 8.25,

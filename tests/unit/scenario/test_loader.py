@@ -295,14 +295,18 @@ def test_captures_are_found_beside_the_scenario(tmp_path):
     for name in ("16_12.bvh", "16_11.bvh", "17_03.bvh"):
         (folder / name).touch()
     file = tmp_path / "mine.yaml"
-    file.write_text(change(("set: default", "captures: mocap, clips: ['17*', '1*.bvh']")))
+    walks = "\nbehaviors: [frontal]\n"
+    file.write_text(change(("set: default", "captures: mocap, clips: ['17*', '1*.bvh']")) + walks)
     scenario = load_scenario(file)
     assert scenario.captures() == (folder, ("17*", "1*.bvh"))
-    file.write_text(change(("set: default", "captures: mocap, clips: ['x*', '../*', '**x', '/etc/*']")))
+    file.write_text(change(("set: default", "captures: mocap, clips: ['x*', '../*', '**x', '/etc/*']")) + walks)
     with pytest.raises(ScenarioError) as caught:
         load_scenario(file)
     assert [problem.key for problem in caught.value.problems] == [f"motion.clips.{n}" for n in range(4)]
     assert str(caught.value).startswith(f"{file}:13:35: motion.clips.0: no file in {folder} matches 'x*'")
+    file.write_text(change(("set: default", "captures: mocap")))
+    with pytest.raises(ScenarioError, match="behaviors: captured walks give no 'lateral'"):
+        load_scenario(file)
 
 
 def test_overrides_replace_values_in_order():
