@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from types import TracebackType
+import signal
+from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 import typer
@@ -32,13 +33,16 @@ def progress_bar() -> Progress:
 class RunProgress:
     """A bar where stderr is a terminal; elsewhere nothing but one line when kernels have to be compiled.
 
-    Used as a context manager. ``step`` has the form ``Simulation.run`` calls back.
+    Used as a context manager. ``step`` has the form ``Simulation.run`` calls back. After ``begin_steps`` a first Ctrl-C
+    ends the run at the end of its step: a KeyboardInterrupt in the midst of locks and callbacks can be lost or leave
+    them shut.
     """
 
     def __init__(self, title: str) -> None:
         self._title = title
         self._compiled = 0
         self._steps = (0, 0)
+        self._interrupted = self._stepping = False
 
     @property
     def steps_done(self) -> int:
@@ -63,6 +67,9 @@ class RunProgress:
         self._watcher = Watcher()
         event.register("numba:compile", self._watcher)
         self._bar.start()
+        self._heeds_interrupts = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        if self._heeds_interrupts:
+            signal.signal(signal.SIGINT, self._interrupt)
         return self
 
     def __exit__(
@@ -70,13 +77,26 @@ class RunProgress:
     ) -> None:
         from numba.core import event
 
+        if self._heeds_interrupts:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         event.unregister("numba:compile", self._watcher)
         self._bar.stop()
 
+    def begin_steps(self) -> None:
+        """From now on ``step`` is called again and again."""
+        self._stepping = True
+
     def step(self, step: int, steps: int, simulation: Any) -> None:
-        """Show that ``step`` of ``steps`` is done."""
+        """Show that ``step`` of ``steps`` is done; KeyboardInterrupt where Ctrl-C asked for it."""
+        if self._interrupted:
+            raise KeyboardInterrupt
         self._steps = (step, steps)
         self._bar.update(self._task, completed=step, total=steps, description=self._title)
+
+    def _interrupt(self, number: int, frame: FrameType | None) -> None:
+        if self._interrupted or not self._stepping:
+            raise KeyboardInterrupt
+        self._interrupted = True
 
     def _compiling(self, dispatcher: Any) -> None:
         """numba calls this when the cache does not hold a kernel, and not once it does."""

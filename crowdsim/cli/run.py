@@ -44,6 +44,7 @@ def run(
 
         try:
             simulation = Simulation(loaded, workers=workers)
+            progress.begin_steps()
             with simulation.run(file, progress=progress.step) as recording:
                 summary = {**recording.summary, "recording": str(file)}
         except KeyboardInterrupt:
