@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 from crowdsim.errors import GeometryError, PathNotFound
 from crowdsim.geometry.polygons import clean_polygon
 from crowdsim.geometry.snapping import grid_cell, snap
-from crowdsim.navmesh import clearance_kernels, path_kernels, violation_kernels
+from crowdsim.navmesh import clearance_kernels, component_kernels, half_edge_kernels, path_kernels, violation_kernels
 from crowdsim.navmesh.build_kernels import build
-from crowdsim.navmesh.mesh_arrays import FRAME, MeshArrays, empty_mesh, resized
+from crowdsim.navmesh.mesh_arrays import FRAME, NONE, MeshArrays, empty_mesh, resized
+from crowdsim.navmesh.reachability import ComponentCache
 from crowdsim.navmesh.triangulation_kernels import FULL
 
 Floats = NDArray[np.float64]
@@ -82,10 +84,11 @@ class Path:
     """Clearance the path keeps, meters."""
 
 
-def _as_points(points: ArrayLike, what: str) -> Floats:
+def _as_points(points: ArrayLike, what: str, *, with_bulge: bool = False) -> Floats:
     array = np.ascontiguousarray(points, np.float64)
-    if array.ndim != 2 or array.shape[1] != 2:
-        raise GeometryError(f"{what}: expected points of shape (n, 2), got {array.shape}")
+    if array.ndim != 2 or not (array.shape[1] == 2 or (with_bulge and array.shape[1] == 3)):
+        shapes = "(n, 2) or (n, 3)" if with_bulge else "(n, 2)"
+        raise GeometryError(f"{what}: expected points of shape {shapes}, got {array.shape}")
     if not np.isfinite(array).all():
         row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
         raise GeometryError(f"{what}: coordinates must be finite, point {row} is {tuple(array[row].tolist())}")
@@ -125,6 +128,8 @@ class NavMesh:
 
     arrays: MeshArrays
     """What kernels take as their mesh argument."""
+    revision = 0
+    """Grows with every edit of the mesh."""
 
     def __init__(self, walkable: shapely.Polygon | shapely.MultiPolygon) -> None:
         self.arrays = triangulate(clean_polygon(walkable))
@@ -185,19 +190,52 @@ class NavMesh:
         clearance = self.clearance(point, 2.0 * radius + 1.0)
         return clearance > 0.0 and clearance >= radius - self.tolerance(radius)
 
-    def violations(self, points: ArrayLike, radius: float) -> Floats:
-        """All maximal intervals [s0, s1] of arc length where the polyline (n, 2) has less than ``radius``, (k, 2).
+    def locate(self, point: ArrayLike) -> int:
+        """Index of a triangle that holds ``point`` (x, y), free or not; -1 outside of the mesh's box."""
+        x, y = _as_point(point, "point")
+        x, y = snap(np.array([x, y]), float(self.arrays.frame["cell"][0])).tolist()
+        return int(half_edge_kernels.locate(self.arrays, x, y, NONE))
 
-        Exact for the swept disc, in ascending order; touching within rounding is no violation.
+    @cached_property
+    def _component_cache(self) -> ComponentCache:
+        return ComponentCache()
+
+    def components(self, points: ArrayLike, radius: float) -> NDArray[np.int64]:
+        """Component (n,) of the disc of ``radius`` around each of ``points`` (n, 2), -1 where it is not free.
+
+        A disc can go from one point to another exactly where both have the same number.
         """
         array = _as_points(points, "points")
+        radius = _as_radius(radius)
+        least = max(radius - self.tolerance(radius), 0.25 * float(self.arrays.frame["cell"][0]))  # a point fits all gaps
+        labels, count = self._component_cache.labels(self.arrays, self.revision, 2.0 * least)
+        out = np.empty(len(array), np.int64)
+        component_kernels.components(self.arrays, labels, count, array, radius, least, out)
+        return out
+
+    def reachable(self, start: ArrayLike, goal: ArrayLike, radius: float) -> bool:
+        """Whether :meth:`find_path` finds a path; False, too, where the disc is not free at an end."""
+        one, other = self.components([_as_point(start, "start"), _as_point(goal, "goal")], radius)
+        return bool(one == other and one >= 0)
+
+    def violations(self, points: ArrayLike, radius: float) -> Floats:
+        """All maximal intervals [s0, s1] of arc length where a way has less clearance than ``radius``, (k, 2).
+
+        The way is a polyline (n, 2), or a chain of arcs (n, 3): x, y and the bulge of the piece to the next point, which
+        is the tangent of a quarter of its angle, positive counter-clockwise, and 0 for a straight piece. Exact for
+        the swept disc, in ascending order; touching within rounding is no violation.
+        """
+        array = _as_points(points, "points", with_bulge=True)
         if len(array) == 0:
             raise GeometryError("points: a polyline has at least one point")
         radius = _as_radius(radius)
         return violation_kernels.violations(self.arrays, array, max(radius - self.tolerance(radius), 0.0))
 
     def first_violation(self, points: ArrayLike, radius: float) -> float:
-        """Arc length of the first point of the polyline (n, 2) with less clearance than ``radius``; inf if none."""
+        """Arc length of the first point of a way with less clearance than ``radius``; inf if none.
+
+        The way is a polyline (n, 2) or a chain of arcs (n, 3), as in :meth:`violations`.
+        """
         found = self.violations(points, radius)
         return float(found[0, 0]) if len(found) else math.inf
 
