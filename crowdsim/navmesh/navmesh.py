@@ -14,7 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 from crowdsim.errors import GeometryError, PathNotFound
 from crowdsim.geometry.polygons import clean_polygon
 from crowdsim.geometry.snapping import grid_cell, snap
-from crowdsim.navmesh import clearance_kernels, component_kernels, half_edge_kernels, path_kernels, violation_kernels
+from crowdsim.navmesh import (
+    arc_violation_kernels,
+    clearance_kernels,
+    component_kernels,
+    half_edge_kernels,
+    path_kernels,
+    violation_kernels,
+)
 from crowdsim.navmesh.build_kernels import build
 from crowdsim.navmesh.mesh_arrays import FRAME, NONE, MeshArrays, empty_mesh, resized
 from crowdsim.navmesh.reachability import ComponentCache
@@ -229,7 +236,8 @@ class NavMesh:
         if len(array) == 0:
             raise GeometryError("points: a polyline has at least one point")
         radius = _as_radius(radius)
-        return violation_kernels.violations(self.arrays, array, max(radius - self.tolerance(radius), 0.0))
+        find = violation_kernels.violations if array.shape[1] == 2 else arc_violation_kernels.arc_violations
+        return find(self.arrays, array, max(radius - self.tolerance(radius), 0.0))
 
     def first_violation(self, points: ArrayLike, radius: float) -> float:
         """Arc length of the first point of a way with less clearance than ``radius``; inf if none.

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crowdsim.errors import GeometryError
-from crowdsim.navmesh import straight_span_kernels, violation_kernels  # noqa: F401
 from crowdsim.navmesh.arc_span_kernels import ARC, FLAT, arc_point, set_arc
+from crowdsim.navmesh.arc_violation_kernels import arc_violations
 from crowdsim.navmesh.navmesh import NavMesh
 from tests.reference.arcs import arc_length, sampled
 from tests.reference.navmesh_reference import clearances, random_area
@@ -74,6 +74,8 @@ def test_flat_arcs_are_the_limit_of_straight_pieces():
     for bulge in (0.0, 0.5 * FLAT, 2.0 * FLAT, -2.0 * FLAT, 1e-7):
         arcs = mesh.violations(np.column_stack([ends, (bulge, 0.0)]), 0.3)
         np.testing.assert_allclose(arcs, straight, atol=1e-4)
+    chain = np.array([(0.5, 0.5, 0.0), (11.0, 9.0, 0.0)])
+    np.testing.assert_array_equal(arc_violations(mesh.arrays, chain, 0.3 - mesh.tolerance(0.3)), straight)
 
 
 def test_an_arc_that_leaves_the_mesh_is_blocked_outside():
