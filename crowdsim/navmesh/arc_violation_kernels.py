@@ -110,7 +110,7 @@ def arc_violations(m, points, radius):
     stack = np.empty(256, np.int64)
     spans = np.empty(64, SPAN)
     count = np.int64(0)
-    arc = np.empty(1, ARC)[0]
+    arc = np.empty(1, ARC)  # not its record, which would not keep the memory alive
     roots = np.empty(MOST_ROOTS)
     cuts = np.empty(MOST_ROOTS)
     straight = np.empty((2, 2))
@@ -131,18 +131,18 @@ def arc_violations(m, points, radius):
                 spans, count = record(spans, count, start + found[k, 0], start + found[k, 1])
             start += length
             continue
-        set_arc(arc, points[i, 0], points[i, 1], points[last, 0], points[last, 1], points[i, 2])
-        turn = abs(arc.turn)
-        cut = add_line_roots(arc, 1.0, 0.0, frame.x0, 0.0, turn, cuts, np.int64(0))
-        cut = add_line_roots(arc, 1.0, 0.0, frame.x1, 0.0, turn, cuts, cut)
-        cut = add_line_roots(arc, 0.0, 1.0, frame.y0, 0.0, turn, cuts, cut)
-        cut = add_line_roots(arc, 0.0, 1.0, frame.y1, 0.0, turn, cuts, cut)
+        set_arc(arc[0], points[i, 0], points[i, 1], points[last, 0], points[last, 1], points[i, 2])
+        turn = abs(arc[0].turn)
+        cut = add_line_roots(arc[0], 1.0, 0.0, frame.x0, 0.0, turn, cuts, np.int64(0))
+        cut = add_line_roots(arc[0], 1.0, 0.0, frame.x1, 0.0, turn, cuts, cut)
+        cut = add_line_roots(arc[0], 0.0, 1.0, frame.y0, 0.0, turn, cuts, cut)
+        cut = add_line_roots(arc[0], 0.0, 1.0, frame.y1, 0.0, turn, cuts, cut)
         lo = 0.0
         for k in range(cut + 1):
             hi = cuts[k] if k < cut else turn
-            x, y = arc_point(arc, 0.5 * (lo + hi))
+            x, y = arc_point(arc[0], 0.5 * (lo + hi))
             if x < frame.x0 or x > frame.x1 or y < frame.y0 or y > frame.y1:
-                spans, count = record(spans, count, start + arc.radius * lo, start + arc.radius * hi)
+                spans, count = record(spans, count, start + arc[0].radius * lo, start + arc[0].radius * hi)
             else:
                 pieces = max(1, math.ceil((hi - lo) / _PIECE))
                 step = (hi - lo) / pieces
@@ -151,8 +151,8 @@ def arc_violations(m, points, radius):
                     u1 = u0 + step if piece < pieces - 1 else hi
                     mark += 1
                     spans, count, stack, hint = _arc_piece(
-                        m, arc, u0, u1, radius, start, spans, count, marks, mark, stack, hint, roots
+                        m, arc[0], u0, u1, radius, start, spans, count, marks, mark, stack, hint, roots
                     )
             lo = hi
-        start += arc.radius * turn
+        start += arc[0].radius * turn
     return merged(spans, count)

@@ -2,7 +2,8 @@
 
 Two sides of a triangle belong together where the disc passes from one to the other around their common corner. A
 triangle may hold places of more than one component (a corner close to a wall parts it), so sides carry the labels.
-The relation is that of :func:`crowdsim.navmesh.search_kernels.find_channel`: a path is found exactly within a component.
+The relation is that of :func:`crowdsim.navmesh.search_kernels.find_channel`, so a path is found exactly within a
+component.
 """
 
 import numpy as np

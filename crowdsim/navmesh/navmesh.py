@@ -19,6 +19,7 @@ from crowdsim.navmesh import (
     clearance_kernels,
     component_kernels,
     half_edge_kernels,
+    nearest_kernels,
     path_kernels,
     violation_kernels,
 )
@@ -203,6 +204,22 @@ class NavMesh:
         x, y = snap(np.array([x, y]), float(self.arrays.frame["cell"][0])).tolist()
         return int(half_edge_kernels.locate(self.arrays, x, y, NONE))
 
+    def nearest_free(self, point: ArrayLike, radius: float, limit: float = math.inf) -> tuple[float, float] | None:
+        """The place nearest to ``point`` (x, y) where a disc of ``radius`` is free; None if none is within ``limit``.
+
+        The point itself where it is free, in the sense of :meth:`is_free`; otherwise a place with a clearance of
+        ``radius`` less half the tolerance, exactly. The point may be in an obstacle or outside of the mesh.
+        """
+        x, y = _as_point(point, "point")
+        radius = _as_radius(radius)
+        if self.is_free((x, y), radius):
+            return x, y
+        half = 0.5 * self.tolerance(radius)
+        distance, x, y = nearest_kernels.nearest_free(
+            self.arrays, x, y, max(radius - half, half), 1e-3 * half, float(limit)
+        )
+        return (x, y) if distance < math.inf else None
+
     @cached_property
     def _component_cache(self) -> ComponentCache:
         return ComponentCache()
@@ -214,7 +231,9 @@ class NavMesh:
         """
         array = _as_points(points, "points")
         radius = _as_radius(radius)
-        least = max(radius - self.tolerance(radius), 0.25 * float(self.arrays.frame["cell"][0]))  # a point fits all gaps
+        least = max(
+            radius - self.tolerance(radius), 0.25 * float(self.arrays.frame["cell"][0])
+        )  # a point fits all gaps
         labels, count = self._component_cache.labels(self.arrays, self.revision, 2.0 * least)
         out = np.empty(len(array), np.int64)
         component_kernels.components(self.arrays, labels, count, array, radius, least, out)
@@ -228,9 +247,9 @@ class NavMesh:
     def violations(self, points: ArrayLike, radius: float) -> Floats:
         """All maximal intervals [s0, s1] of arc length where a way has less clearance than ``radius``, (k, 2).
 
-        The way is a polyline (n, 2), or a chain of arcs (n, 3): x, y and the bulge of the piece to the next point, which
-        is the tangent of a quarter of its angle, positive counter-clockwise, and 0 for a straight piece. Exact for
-        the swept disc, in ascending order; touching within rounding is no violation.
+        The way is a polyline (n, 2), or a chain of arcs (n, 3): x, y and the bulge of the piece to the next point,
+        which is the tangent of a quarter of its angle, positive counter-clockwise, and 0 for a straight piece. Exact
+        for the swept disc, in ascending order; touching within rounding is no violation.
         """
         array = _as_points(points, "points", with_bulge=True)
         if len(array) == 0:

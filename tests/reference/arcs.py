@@ -1,6 +1,7 @@
 """Slow, obvious twins of chains of arcs."""
 
 import cmath
+import itertools
 import math
 
 import numpy as np
@@ -8,13 +9,13 @@ import numpy as np
 
 def arc_length(points) -> float:
     """Length of the chain of arcs (n, 3)."""
-    return sum(_length(p, q) for p, q in zip(points[:-1], points[1:], strict=True))
+    return sum(_length(p, q) for p, q in itertools.pairwise(points))
 
 
 def sampled(points, step: float):
     """Arc lengths (k,) and places (k, 2) about every ``step`` meters along the chain of arcs (n, 3)."""
     at, places, before = [], [], 0.0
-    for p, q in zip(points[:-1], points[1:], strict=True):
+    for p, q in itertools.pairwise(points):
         length = _length(p, q)
         parts = (np.arange(max(1, math.ceil(length / step))) + 0.5) / max(1, math.ceil(length / step))
         at.append(before + parts * length)
