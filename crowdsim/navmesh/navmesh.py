@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
@@ -27,6 +28,9 @@ from crowdsim.navmesh.build_kernels import build
 from crowdsim.navmesh.mesh_arrays import FRAME, NONE, MeshArrays, empty_mesh, resized
 from crowdsim.navmesh.reachability import ComponentCache
 from crowdsim.navmesh.triangulation_kernels import FULL
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Floats = NDArray[np.float64]
 
@@ -265,6 +269,35 @@ class NavMesh:
         """
         found = self.violations(points, radius)
         return float(found[0, 0]) if len(found) else math.inf
+
+    def picture(
+        self,
+        path: Path | ArrayLike | None = None,
+        radius: float | None = None,
+        file: str | os.PathLike[str] | None = None,
+    ) -> Figure:
+        """A matplotlib figure of the mesh, written to ``file`` (.png, .svg or .pdf), too, if one is given.
+
+        Shown are obstacles, triangles, the width of each corner, the vertices that refinement added, for a ``radius``
+        where its disc is free, and a ``path`` (also as points (n, 2)) with what its disc sweeps.
+
+        Raises
+        ------
+        CrowdSimError
+            If the file cannot have that name.
+        """
+        from crowdsim.navmesh.picture import draw_mesh, write_figure
+
+        if isinstance(path, Path):
+            radius = path.radius if radius is None else radius
+            path = path.points
+        points = None if path is None else _as_points(path, "path")
+        if points is not None and len(points) < 2:
+            raise GeometryError(f"path: expected at least two points, got {len(points)}")
+        figure = draw_mesh(self.arrays, points, None if radius is None else _as_radius(radius))
+        if file is not None:
+            write_figure(figure, file)
+        return figure
 
     def with_points(self, points: ArrayLike) -> NavMesh:
         """A copy with point obstacles (n, 2) added; this mesh stays as it is.
