@@ -24,6 +24,7 @@ def _start_box(m):
     for h, v in enumerate((0, 1, 2, 0, 2, 3)):
         sides[h].org = v
         vertices[v].vhe = h
+        sides[h].twin = NONE
     sides[2].twin = 3
     sides[3].twin = 2
     frame.vertices = BOX_CORNERS
@@ -57,7 +58,7 @@ def _flood(m, stack):
 def _fill_hints(m):
     frame = m.frame[0]
     cell = frame.cell
-    t = NONE
+    t = np.int64(0)
     nx = frame.nx
     for row in range(frame.ny):
         for step in range(nx):
@@ -69,21 +70,21 @@ def _fill_hints(m):
 
 
 @kernel
-def build(m, points, ring_ends, order, queued):
+def build(m, points, ids, ring_ends, order, queued):
     """Add rings or single points, ``points`` (n, 2) on the grid, to an empty or a finished mesh; 0, FULL or STUCK.
 
     Ring k is points[ring_ends[k-1]:ring_ends[k]] with blocked space on the left of each side; points past the last ring
-    are obstacles of their own. ``order`` (n,) is a good order of insertion; ``queued`` has a 0 for each vertex there is
-    room for. After FULL or STUCK the mesh is useless.
+    are obstacles of their own. ``order`` (k,) is a good order of insertion; points that it leaves out are in the mesh
+    already, as vertices ``ids`` (n,). ``queued`` has a 0 for each vertex there is room for. After FULL or STUCK the
+    mesh is useless.
     """
     sides = m.sides
     vertices = m.vertices
     frame = m.frame[0]
     stack = np.empty(3 * m.wind.size + 64, np.int64)
     pairs = np.empty((3 * m.wind.size + 64, 2), np.int64)
-    ids = np.empty(points.shape[0], np.int64)
-    fresh = frame.vertices == 0
-    if fresh:
+    fresh = m.hints[0] < 0
+    if frame.vertices == 0:
         _start_box(m)
     hint = np.int64(0) if fresh else NONE
     for k in order:
