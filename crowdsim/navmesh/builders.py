@@ -7,7 +7,7 @@ only where four corners lie on one circle and either diagonal is Delaunay.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import shapely
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from crowdsim.errors import GeometryError
 from crowdsim.geometry.snapping import grid_cell, snap
 from crowdsim.navmesh.build_kernels import build
-from crowdsim.navmesh.mesh_arrays import FRAME, MeshArrays, empty_mesh, trimmed
+from crowdsim.navmesh.mesh_arrays import FRAME, MeshArrays, Rings, empty_mesh, trimmed
 from crowdsim.navmesh.triangulation_kernels import FULL
 
 Floats = NDArray[np.float64]
@@ -24,15 +24,6 @@ Ints = NDArray[np.int64]
 
 BUILDERS = ("own", "triangle")
 """What triangulates: the engine itself, or the package `triangle`."""
-
-
-class Rings(NamedTuple):
-    """Corners of closed rings that have what is not walkable on the left of each side."""
-
-    points: Floats
-    """(n, 2) on the grid, ring after ring."""
-    ends: Ints
-    """(k,) ring i is points[ends[i - 1] : ends[i]]."""
 
 
 def mesh_frame(points: Floats) -> NDArray[Any]:
@@ -97,16 +88,19 @@ def triangulate(area: shapely.Polygon | shapely.MultiPolygon, builder: str = "ow
         raise GeometryError(f"builder: expected {' or '.join(map(repr, BUILDERS))}, got {builder!r}")
     rings, frame = _rings(area)
     order = insertion_order(rings.points, frame)
-    ids = np.empty(len(rings.points), np.int64)
+    if builder == "triangle":
+        # Imported here: whoever may not ship the package does without it.
+        from crowdsim.navmesh import triangle_builder
+
+        found = triangle_builder.triangulation(rings, order, frame)
+        rings, ids, order = found.rings, found.ids, order[:0]
+    else:
+        ids = np.empty(len(rings.points), np.int64)
     room = 2 * len(rings.points) + 64
     while True:
         mesh = empty_mesh(room, frame)
         if builder == "triangle":
-            # Imported here: whoever may not ship the package does without it.
-            from crowdsim.navmesh.triangle_builder import fill_with_triangle
-
-            rings, ids = fill_with_triangle(mesh, rings, order)
-            order = order[:0]
+            triangle_builder.fill(mesh, found)
         status = build(mesh, rings.points, ids, rings.ends, order, np.zeros(room, np.uint8))
         if status == 0:
             return trimmed(mesh)

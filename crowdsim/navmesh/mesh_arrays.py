@@ -43,6 +43,15 @@ FRAME = np.dtype(
 """Grid cell, box and hint cell in meters; how many vertices and triangles are filled; cells of the hint grid."""
 
 
+class Rings(NamedTuple):
+    """Corners of closed rings that have what is not walkable on the left of each side."""
+
+    points: NDArray[np.float64]
+    """(n, 2) on the grid, ring after ring."""
+    ends: NDArray[np.int64]
+    """(k,) ring i is points[ends[i - 1] : ends[i]]."""
+
+
 class MeshArrays(NamedTuple):
     """C-contiguous arrays of a mesh (nv vertices, nt triangles; while building, longer than filled)."""
 
