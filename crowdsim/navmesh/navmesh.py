@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from crowdsim.errors import GeometryError, PathNotFound
-from crowdsim.geometry.polygons import clean_polygon
+from crowdsim.errors import GeometryError, GeometryWarning, PathNotFound
+from crowdsim.geometry.polygons import LARGE_EXTENT, clean_polygon
 from crowdsim.geometry.snapping import snap
 from crowdsim.navmesh import clearance_kernels, path_kernels, violation_kernels
 from crowdsim.navmesh.build_kernels import build
@@ -79,13 +79,24 @@ class NavMesh:
     GeometryError
         If ``walkable`` is no polygon, has no area or coordinates that are not finite; for an unknown ``builder``, or
         "triangle" where it is not installed.
+
+    Warns
+    -----
+    GeometryWarning
+        If ``walkable`` is wider than a kilometer, as a house drawn in centimeters is.
     """
 
     arrays: MeshArrays
     """What kernels take as their mesh argument."""
 
     def __init__(self, walkable: shapely.Polygon | shapely.MultiPolygon, builder: str = "own") -> None:
-        self.arrays = triangulate(clean_polygon(walkable), builder)
+        area = clean_polygon(walkable)
+        x0, y0, x1, y1 = area.bounds
+        if max(x1 - x0, y1 - y0) > LARGE_EXTENT:
+            # A warning and not an error, as there are places as wide as that.
+            message = f"the walkable area is {max(x1 - x0, y1 - y0):g} m wide; is it drawn in meters?"
+            warnings.warn(message, GeometryWarning, stacklevel=2)
+        self.arrays = triangulate(area, builder)
 
     def tolerance(self, radius: float) -> float:
         """How much less than ``radius`` still counts as clear: a millionth of it, and the grid corners moved to."""
@@ -101,13 +112,15 @@ class NavMesh:
         PathNotFound
             If start or goal is closer than ``radius`` to an obstacle, or no passage is wide enough.
         GeometryError
-            If an argument is not finite, or ``radius`` below :data:`MIN_RADIUS`.
+            If an argument is not finite, or ``radius`` below :data:`MIN_RADIUS` or, in areas of many kilometers, below
+            four cells of the grid.
         """
         sx, sy = _as_point(start, "start")
         gx, gy = _as_point(goal, "goal")
         radius = _as_radius(radius)
-        if radius < MIN_RADIUS:
-            raise GeometryError(f"radius: a path keeps at least {MIN_RADIUS:g} m off obstacles, got {radius:g} m")
+        least = max(MIN_RADIUS, 2.0 * self.tolerance(0.0))
+        if radius < least:
+            raise GeometryError(f"radius: a path keeps at least {least:g} m off obstacles, got {radius:g} m")
         status, points = path_kernels.plan_path(self.arrays, sx, sy, gx, gy, radius, self.tolerance(radius))
         if status == path_kernels.NO_PASSAGE:
             raise PathNotFound(
