@@ -55,6 +55,10 @@ class GeometryError(CrowdSimError):
     """A polygon, solid or layer cannot be used as given."""
 
 
+class GeometryWarning(UserWarning):
+    """A polygon is used as given but looks like a mistake, such as one not drawn in meters."""
+
+
 class PathNotFound(CrowdSimError):
     """No path of the wanted clearance joins start and goal."""
 

@@ -43,6 +43,15 @@ FRAME = np.dtype(
 """Grid cell, box and hint cell in meters; how many vertices and triangles are filled; cells of the hint grid."""
 
 
+class Rings(NamedTuple):
+    """Corners of closed rings that have what is not walkable on the left of each side."""
+
+    points: NDArray[np.float64]
+    """(n, 2) on the grid, ring after ring."""
+    ends: NDArray[np.int64]
+    """(k,) ring i is points[ends[i - 1] : ends[i]]."""
+
+
 class MeshArrays(NamedTuple):
     """C-contiguous arrays of a mesh (nv vertices, nt triangles; while building, longer than filled)."""
 
@@ -60,12 +69,18 @@ class MeshArrays(NamedTuple):
 
 def empty_mesh(vertices: int, frame: NDArray[Any]) -> MeshArrays:
     """Arrays with room for ``vertices`` vertices in the box of ``frame`` (1,), which is copied, and empty hints."""
-    sides = np.zeros(6 * vertices, SIDE)
-    sides["twin"] = -1
-    columns = np.zeros(vertices, VERTEX)
-    columns["vhe"] = -1
-    hints = np.zeros(int(frame["nx"][0]) * int(frame["ny"][0]), np.int64)
-    return MeshArrays(sides, columns, np.zeros(2 * vertices, np.int64), hints, frame.copy())
+    # Kernels write every field of what they fill, and memory that nobody touches costs nothing.
+    hints = np.full(int(frame["nx"][0]) * int(frame["ny"][0]), NONE)
+    wind = np.zeros(2 * vertices, np.int64)
+    return MeshArrays(np.zeros(6 * vertices, SIDE), np.zeros(vertices, VERTEX), wind, hints, frame.copy())
+
+
+def trimmed(mesh: MeshArrays) -> MeshArrays:
+    """The same mesh without room for more: views of what is filled."""
+    vertices, triangles = int(mesh.frame["vertices"][0]), int(mesh.frame["triangles"][0])
+    return mesh._replace(
+        sides=mesh.sides[: 3 * triangles], vertices=mesh.vertices[:vertices], wind=mesh.wind[:triangles]
+    )
 
 
 def resized(mesh: MeshArrays, vertices: int) -> MeshArrays:
