@@ -140,7 +140,7 @@ def measure_edits(table: _Table, where: BenchMap, mesh: Any) -> None:
         for k in range(_EDITS + _FIRST_EDITS):
             corners = shapely.get_coordinates(where.obstacles[k % len(where.obstacles)])[:-1]
             center = rng.uniform((x0, y0), (x1, y1))
-            shape = corners - corners.mean(axis=0) + center if what == "polygon" else center[None]
+            shape = corners - corners.mean(axis=0) + center if what == "polygon" else shapely.Point(center)
             begin = time.perf_counter()
             handle = mesh.insert_obstacle(shape)
             middle = time.perf_counter()
