@@ -55,6 +55,10 @@ class GeometryError(CrowdSimError):
     """A polygon, solid or layer cannot be used as given."""
 
 
+class StaleHandle(CrowdSimError):
+    """A handle of an obstacle that is not in the mesh, or no longer."""
+
+
 class PathNotFound(CrowdSimError):
     """No path of the wanted clearance joins start and goal."""
 

@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
+from shapely.geometry.base import BaseGeometry
 
 from crowdsim.errors import GeometryError, PathNotFound
 from crowdsim.geometry.polygons import clean_polygon
 from crowdsim.geometry.snapping import grid_cell, snap
 from crowdsim.navmesh import clearance_kernels, path_kernels, violation_kernels
 from crowdsim.navmesh.build_kernels import build
-from crowdsim.navmesh.mesh_arrays import FRAME, MeshArrays, empty_mesh, resized
+from crowdsim.navmesh.mesh_arrays import FRAME, MeshArrays, empty_mesh, resized, workspace
+from crowdsim.navmesh.obstacles import Handle, Obstacles
 from crowdsim.navmesh.triangulation_kernels import FULL
 
 Floats = NDArray[np.float64]
@@ -59,7 +61,7 @@ def triangulate(area: shapely.Polygon | shapely.MultiPolygon) -> MeshArrays:
     room = 2 * len(points) + 64
     while True:
         mesh = empty_mesh(room, frame)
-        status = build(mesh, points, ring_ends, order, np.zeros(room, np.uint8))
+        status = build(mesh, points, ring_ends, order, workspace(room))
         if status == 0:
             return resized(mesh, int(mesh.frame["vertices"][0]))
         if status != FULL or room > 100 * len(points) + 6400:
@@ -124,10 +126,14 @@ class NavMesh:
     """
 
     arrays: MeshArrays
-    """What kernels take as their mesh argument."""
+    """What kernels take as their mesh argument; other arrays after an edit."""
+    revision: int
+    """How many edits there were. What was worked out from the mesh holds as long as this is the same."""
 
     def __init__(self, walkable: shapely.Polygon | shapely.MultiPolygon) -> None:
         self.arrays = triangulate(clean_polygon(walkable))
+        self.revision = 0
+        self._obstacles: Obstacles | None = None
 
     def tolerance(self, radius: float) -> float:
         """How much less than ``radius`` still counts as clear: a millionth of it, and the grid corners moved to."""
@@ -201,6 +207,66 @@ class NavMesh:
         found = self.violations(points, radius)
         return float(found[0, 0]) if len(found) else math.inf
 
+    def insert_obstacle(self, geometry: BaseGeometry | Floats) -> Handle:
+        """Block what ``geometry`` covers, and repair the mesh around it; obstacles may overlap.
+
+        Parameters
+        ----------
+        geometry
+            Polygons (with holes, if any), lines or points, meters, or an array (n, 2) of the corners of a polygon,
+            which takes the least time. What lies outside of the mesh's box, 5 % around the walkable area, has no
+            effect, but counts again when the obstacle is moved. Invalid polygons are repaired.
+
+        Raises
+        ------
+        GeometryError
+            If ``geometry`` is something else, empty or not finite, or a polygon without area.
+        """
+        obstacles = self._edited()
+        try:
+            return obstacles.insert(geometry)
+        finally:
+            self._update(obstacles)
+
+    def remove(self, handle: Handle) -> None:
+        """Take an obstacle out that :meth:`insert_obstacle` put in, and repair the mesh around it.
+
+        Raises
+        ------
+        StaleHandle
+            If the obstacle is not in the mesh, or no longer.
+        """
+        obstacles = self._edited()
+        try:
+            obstacles.remove(handle)
+        finally:
+            self._update(obstacles)
+
+    def move(self, handle: Handle, *place: Any) -> None:
+        """``move(handle, dx, dy)`` or ``move(handle, geometry)``: the obstacle elsewhere; its handle stays valid.
+
+        Raises
+        ------
+        StaleHandle
+            If the obstacle is not in the mesh, or no longer.
+        GeometryError
+            As for :meth:`insert_obstacle`; the obstacle stays where it was then.
+        """
+        obstacles = self._edited()
+        try:
+            obstacles.move(handle, *place)
+        finally:
+            self._update(obstacles)
+
+    def _edited(self) -> Obstacles:
+        if self._obstacles is None:
+            self._obstacles = Obstacles(self.arrays)
+        return self._obstacles
+
+    def _update(self, obstacles: Obstacles) -> None:
+        self.arrays = obstacles.mesh
+        self.revision += 1
+
     def with_points(self, points: ArrayLike) -> NavMesh:
         """A copy with point obstacles (n, 2) added; this mesh stays as it is.
 
@@ -216,14 +282,10 @@ class NavMesh:
         if not inside.all():
             row = int(np.flatnonzero(~inside)[0])
             raise GeometryError(f"points: obstacle {row} at {tuple(array[row].tolist())} is outside of the mesh")
-        filled = int(self.arrays.frame["vertices"][0])
-        extra = 8 * len(array) + 16
-        while True:
-            mesh = resized(self.arrays, filled + extra)
-            no_rings, order = np.zeros(0, np.int64), np.arange(len(array))
-            if build(mesh, array, no_rings, order, np.zeros(filled + extra, np.uint8)) == 0:
-                break
-            extra *= 2
         copy = object.__new__(NavMesh)
-        copy.arrays = resized(mesh, int(mesh.frame["vertices"][0]))
+        copy._obstacles = self._edited().copy() if self._obstacles else Obstacles(self.arrays)
+        copy.revision = self.revision
+        if len(array):
+            copy._obstacles.insert(shapely.multipoints(array))
+        copy.arrays = copy._obstacles.mesh
         return copy

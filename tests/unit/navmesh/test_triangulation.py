@@ -9,7 +9,7 @@ import shapely
 from crowdsim.errors import GeometryError, PathNotFound
 from crowdsim.geometry.snapping import snap
 from crowdsim.navmesh.build_kernels import build
-from crowdsim.navmesh.mesh_arrays import empty_mesh
+from crowdsim.navmesh.mesh_arrays import empty_mesh, workspace
 from crowdsim.navmesh.navmesh import NavMesh, mesh_frame
 from tests.reference.navmesh_reference import free_area, mesh_faults, random_area
 
@@ -58,7 +58,7 @@ def _segments_mesh(points, segments):
     room = 64 * len(loose) + 1000
     mesh = empty_mesh(room, frame)
     ring_ends = np.arange(2, len(ends) + 1, 2, dtype=np.int64)
-    assert build(mesh, loose, ring_ends, np.arange(len(loose)), np.zeros(room, np.uint8)) == 0
+    assert build(mesh, loose, ring_ends, np.arange(len(loose)), workspace(room)) == 0
     return mesh, ends.reshape(-1, 2, 2)
 
 
