@@ -24,6 +24,8 @@ def _start_box(m):
     for h, v in enumerate((0, 1, 2, 0, 2, 3)):
         sides[h].org = v
         vertices[v].vhe = h
+        sides[h].twin = NONE
+        sides[h].use = -1
     sides[2].twin = 3
     sides[3].twin = 2
     frame.vertices = BOX_CORNERS
@@ -34,7 +36,7 @@ def _start_box(m):
 def _fill_hints(m):
     frame = m.frame[0]
     cell = frame.cell
-    t = NONE
+    t = np.int64(0)
     nx = frame.nx
     for row in range(frame.ny):
         for step in range(nx):
@@ -46,16 +48,17 @@ def _fill_hints(m):
 
 
 @kernel
-def build(m, points, ring_ends, order, w):
-    """Fill an empty mesh with rings and single points, ``points`` (n, 2) on the grid; 0, FULL or STUCK.
+def build(m, points, ids, ring_ends, order, w):
+    """Fill an empty or merely triangulated mesh with rings, ``points`` (n, 2) on the grid; 0, FULL or STUCK.
 
     Ring k is points[ring_ends[k-1]:ring_ends[k]] with blocked space on the left of each side; points past the last ring
-    are obstacles of their own. ``order`` (n,) is a good order of insertion. After FULL or STUCK the mesh is useless.
+    are obstacles of their own. ``order`` (k,) is a good order of insertion; points that it leaves out are in the mesh
+    already, as vertices ``ids`` (n,). After FULL or STUCK the mesh is useless.
     """
     vertices = m.vertices
     frame = m.frame[0]
-    ids = np.empty(points.shape[0], np.int64)
-    _start_box(m)
+    if frame.vertices == 0:
+        _start_box(m)
     hint = np.int64(0)
     for k in order:
         v = insert_point(m, points[k, 0], points[k, 1], hint, w.stack)

@@ -195,7 +195,7 @@ def _touch_corners(m, w):
 def settle(m, w):
     """Bring refinement and widths of corners up to date around touched vertices; 0, or FULL: once more, with more room.
 
-    After FULL what still waits is in the workspace.
+    After FULL what still waits is in the workshop.
     """
     sides = m.sides
     vertices = m.vertices

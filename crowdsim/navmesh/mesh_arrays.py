@@ -72,6 +72,15 @@ PROGRESS = np.dtype(
 where it was too short) and of the stack ``pairs``. Whether a crossing made other obstacles take another way."""
 
 
+class Rings(NamedTuple):
+    """Corners of closed rings that have what is not walkable on the left of each side."""
+
+    points: NDArray[np.float64]
+    """(n, 2) on the grid, ring after ring."""
+    ends: NDArray[np.int64]
+    """(k,) ring i is points[ends[i - 1] : ends[i]]."""
+
+
 class MeshArrays(NamedTuple):
     """C-contiguous arrays of a mesh (nv vertices, nt triangles; while building, longer than filled)."""
 
@@ -87,7 +96,7 @@ class MeshArrays(NamedTuple):
     """(1,) record :data:`FRAME`."""
 
 
-class Workspace(NamedTuple):
+class Workshop(NamedTuple):
     """What kernels that change a mesh of room for nv vertices work with."""
 
     stack: NDArray[np.int64]
@@ -102,23 +111,28 @@ class Workspace(NamedTuple):
     """(1,) record :data:`PROGRESS`."""
 
 
-def workspace(vertices: int, uses: int = 0) -> Workspace:
-    """An empty workspace for a mesh with room for ``vertices``, with a pool of ``uses``."""
+def workshop(vertices: int, uses: int = 0) -> Workshop:
+    """An empty workshop for a mesh with room for ``vertices``, with a pool of ``uses``."""
     room = 6 * vertices + 64
     pairs = np.empty((room, 2), np.int64)
     to_do = np.zeros(vertices, TO_DO)
-    return Workspace(np.empty(room, np.int64), pairs, to_do, np.zeros(uses, USE), np.zeros(1, PROGRESS))
+    return Workshop(np.empty(room, np.int64), pairs, to_do, np.zeros(uses, USE), np.zeros(1, PROGRESS))
 
 
 def empty_mesh(vertices: int, frame: NDArray[Any]) -> MeshArrays:
     """Arrays with room for ``vertices`` vertices in the box of ``frame`` (1,), which is copied, and empty hints."""
-    sides = np.zeros(6 * vertices, SIDE)
-    sides["twin"] = -1
-    sides["use"] = -1
-    columns = np.zeros(vertices, VERTEX)
-    columns["vhe"] = -1
-    hints = np.zeros(int(frame["nx"][0]) * int(frame["ny"][0]), np.int64)
-    return MeshArrays(sides, columns, np.zeros(2 * vertices, np.int64), hints, frame.copy())
+    # Kernels write every field of what they fill, and memory that nobody touches costs nothing.
+    hints = np.full(int(frame["nx"][0]) * int(frame["ny"][0]), NONE)
+    wind = np.zeros(2 * vertices, np.int64)
+    return MeshArrays(np.zeros(6 * vertices, SIDE), np.zeros(vertices, VERTEX), wind, hints, frame.copy())
+
+
+def trimmed(mesh: MeshArrays) -> MeshArrays:
+    """The same mesh without room for more: views of what is filled."""
+    vertices, triangles = int(mesh.frame["vertices"][0]), int(mesh.frame["triangles"][0])
+    return mesh._replace(
+        sides=mesh.sides[: 3 * triangles], vertices=mesh.vertices[:vertices], wind=mesh.wind[:triangles]
+    )
 
 
 def resized(mesh: MeshArrays, vertices: int) -> MeshArrays:

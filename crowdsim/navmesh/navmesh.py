@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,65 +12,18 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from crowdsim.errors import GeometryError, PathNotFound
-from crowdsim.geometry.polygons import clean_polygon
-from crowdsim.geometry.snapping import grid_cell, snap
+from crowdsim.errors import GeometryError, GeometryWarning, PathNotFound
+from crowdsim.geometry.polygons import LARGE_EXTENT, clean_polygon
+from crowdsim.geometry.snapping import snap
 from crowdsim.navmesh import clearance_kernels, path_kernels, violation_kernels
-from crowdsim.navmesh.build_kernels import build
-from crowdsim.navmesh.mesh_arrays import FRAME, MeshArrays, empty_mesh, resized, workspace
+from crowdsim.navmesh.builders import triangulate
+from crowdsim.navmesh.mesh_arrays import MeshArrays
 from crowdsim.navmesh.obstacles import Handle, Obstacles
-from crowdsim.navmesh.triangulation_kernels import FULL
 
 Floats = NDArray[np.float64]
 
 MIN_RADIUS = 1e-3
 """Least radius of a path, meters: less would drown in rounding."""
-
-
-def mesh_frame(points: Floats) -> NDArray[Any]:
-    """The frame (1,) of an empty mesh around ``points``, with a hint cell for about two of them."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    margin = 0.05 * float((high - low).max())
-    frame = np.zeros(1, FRAME)
-    frame["cell"] = cell = grid_cell(float((high - low).max()) + 2.0 * margin)
-    (x0, y0), (x1, y1) = snap(np.stack([low - margin, high + margin]), cell)
-    width, height = x1 - x0, y1 - y0
-    hint_cell = max(math.sqrt(2.0 * width * height / len(points)), max(width, height) / 1024.0)
-    frame["x0"], frame["y0"], frame["x1"], frame["y1"], frame["hint_cell"] = x0, y0, x1, y1, hint_cell
-    frame["nx"], frame["ny"] = max(1, math.ceil(width / hint_cell)), max(1, math.ceil(height / hint_cell))
-    return frame
-
-
-def _snake_order(points: Floats, y0: float, y1: float) -> NDArray[np.int64]:
-    """Order that visits ``points`` row by row between y0 and y1, back and forth, each near the one before."""
-    rows = max(1, math.isqrt(len(points)) // 2)
-    row = np.minimum(((points[:, 1] - y0) / (y1 - y0) * rows).astype(np.int64), rows - 1)
-    return np.lexsort((np.where(row % 2 == 0, points[:, 0], -points[:, 0]), row)).astype(np.int64)
-
-
-def triangulate(area: shapely.Polygon | shapely.MultiPolygon) -> MeshArrays:
-    """The finished mesh of a valid polygonal area (see :func:`crowdsim.geometry.polygons.clean_polygon`)."""
-    oriented = shapely.orient_polygons(area, exterior_cw=True)  # what is not walkable lies left of every side
-    rings = shapely.get_rings(shapely.get_parts(oriented))
-    coordinates, ring_of = shapely.get_coordinates(shapely.get_rings(shapely.get_parts(oriented)), return_index=True)
-    last = np.flatnonzero(np.append(np.diff(ring_of), 1))  # the closing point repeats the first one
-    points = np.delete(coordinates, last, axis=0)
-    ring_ends = np.cumsum(np.bincount(ring_of, minlength=len(rings)) - 1).astype(np.int64)
-    frame = mesh_frame(points)
-    points = np.ascontiguousarray(snap(points, frame["cell"][0]))
-    order = _snake_order(points, frame["y0"][0], frame["y1"][0])
-    room = 2 * len(points) + 64
-    while True:
-        mesh = empty_mesh(room, frame)
-        status = build(mesh, points, ring_ends, order, workspace(room))
-        if status == 0:
-            return resized(mesh, int(mesh.frame["vertices"][0]))
-        if status != FULL or room > 100 * len(points) + 6400:
-            raise GeometryError(
-                f"the walkable area of {len(points)} corners cannot be triangulated; simplify or repair it "
-                f"(shapely.set_precision with a grid of 1e-4 m often helps)"
-            )
-        room *= 2
 
 
 @dataclass(frozen=True)
@@ -118,11 +72,20 @@ class NavMesh:
     walkable
         The free area, meters; its holes and whatever lies outside of it are obstacles. An invalid polygon is repaired
         so that no obstacle becomes free. Corners move to a grid of 2**-25 of the extent (3 micrometers at 100 m).
+    builder
+        What triangulates: "own", the engine itself, or "triangle", the package of that name, which is not for
+        commercial distribution. The meshes differ only in the diagonals of corners on one circle.
 
     Raises
     ------
     GeometryError
-        If ``walkable`` is no polygon, has no area or coordinates that are not finite.
+        If ``walkable`` is no polygon, has no area or coordinates that are not finite; for an unknown ``builder``, or
+        "triangle" where it is not installed.
+
+    Warns
+    -----
+    GeometryWarning
+        If ``walkable`` is wider than a kilometer, as a house drawn in centimeters is.
     """
 
     arrays: MeshArrays
@@ -130,8 +93,14 @@ class NavMesh:
     revision: int
     """How many edits there were. What was worked out from the mesh holds as long as this is the same."""
 
-    def __init__(self, walkable: shapely.Polygon | shapely.MultiPolygon) -> None:
-        self.arrays = triangulate(clean_polygon(walkable))
+    def __init__(self, walkable: shapely.Polygon | shapely.MultiPolygon, builder: str = "own") -> None:
+        area = clean_polygon(walkable)
+        x0, y0, x1, y1 = area.bounds
+        if max(x1 - x0, y1 - y0) > LARGE_EXTENT:
+            # A warning and not an error, as there are places as wide as that.
+            message = f"the walkable area is {max(x1 - x0, y1 - y0):g} m wide; is it drawn in meters?"
+            warnings.warn(message, GeometryWarning, stacklevel=2)
+        self.arrays = triangulate(area, builder)
         self.revision = 0
         self._obstacles: Obstacles | None = None
 
@@ -149,13 +118,15 @@ class NavMesh:
         PathNotFound
             If start or goal is closer than ``radius`` to an obstacle, or no passage is wide enough.
         GeometryError
-            If an argument is not finite, or ``radius`` below :data:`MIN_RADIUS`.
+            If an argument is not finite, or ``radius`` below :data:`MIN_RADIUS` or, in areas of many kilometers, below
+            four cells of the grid.
         """
         sx, sy = _as_point(start, "start")
         gx, gy = _as_point(goal, "goal")
         radius = _as_radius(radius)
-        if radius < MIN_RADIUS:
-            raise GeometryError(f"radius: a path keeps at least {MIN_RADIUS:g} m off obstacles, got {radius:g} m")
+        least = max(MIN_RADIUS, 2.0 * self.tolerance(0.0))
+        if radius < least:
+            raise GeometryError(f"radius: a path keeps at least {least:g} m off obstacles, got {radius:g} m")
         status, points = path_kernels.plan_path(self.arrays, sx, sy, gx, gy, radius, self.tolerance(radius))
         if status == path_kernels.NO_PASSAGE:
             raise PathNotFound(

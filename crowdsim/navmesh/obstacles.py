@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.errors import GeometryError, StaleHandle
-from crowdsim.geometry.polygons import clean_polygon, polygonal_parts
+from crowdsim.geometry.polygons import clean_polygon
 from crowdsim.navmesh import edit_kernels, outline_kernels
-from crowdsim.navmesh.mesh_arrays import USE, MeshArrays, resized, workspace
+from crowdsim.navmesh.mesh_arrays import USE, MeshArrays, resized, workshop
 from crowdsim.navmesh.use_kernels import keep_used
 
 Floats = NDArray[np.float64]
@@ -55,7 +55,7 @@ def _chains(parts: list[Floats], winding: int) -> Shape:
 
 
 def shape_of(geometry: Any) -> Shape:
-    """The shape of a geometry of shapely, or of the corners (n, 2) of a polygon; cleaned as walkable areas are.
+    """The shape of a geometry of shapely, or of the corners (n, 2) of a polygon; invalid ones are repaired.
 
     Raises
     ------
@@ -72,6 +72,10 @@ def shape_of(geometry: Any) -> Shape:
             raise GeometryError("obstacle: coordinates must be finite; the corners hold NaN or infinity")
         geometry = shapely.Polygon(corners)
     if isinstance(geometry, shapely.Polygon | shapely.MultiPolygon):
+        if not geometry.is_valid and np.isfinite(shapely.get_coordinates(geometry)).all():
+            # What the ring goes around twice, the middle of a pentagram say, is blocked as well.
+            repaired = shapely.make_valid(geometry, method="structure", keep_collapsed=False)
+            geometry = shapely.MultiPolygon([part for part in shapely.get_parts(repaired) if part.area > 0.0])
         oriented = shapely.orient_polygons(clean_polygon(geometry, "obstacle"))
         rings = shapely.get_rings(shapely.get_parts(oriented))
         return _chains([shapely.get_coordinates(ring)[:-1] for ring in rings], 1)
@@ -125,7 +129,7 @@ class Obstacles:
         self._slots: list[_Slot] = []
         self._free: list[int] = []
         self.mesh = mesh
-        self._work = workspace(len(mesh.vertices))
+        self._work = workshop(len(mesh.vertices))
         self._grow(256)
 
     def copy(self) -> Obstacles:
@@ -220,8 +224,9 @@ class Obstacles:
                 parts = [part for part in shapely.get_parts(geometry) if not part.is_empty]
                 inside = _chains([shapely.get_coordinates(part) for part in parts], 0)
             else:
-                geometry = polygonal_parts(geometry)
-                inside = _NOTHING if geometry.is_empty else shape_of(geometry)
+                parts = shapely.get_parts(shapely.get_parts(geometry))  # twice: collections may hold multipolygons
+                parts = parts[shapely.area(parts) > 0.0]
+                inside = shape_of(shapely.MultiPolygon(list(parts))) if len(parts) else _NOTHING
             points = np.ascontiguousarray(inside.points)
             snapped = np.empty_like(points)
             outline_kernels.snap_inside(self.mesh, points, snapped)
@@ -271,7 +276,7 @@ class Obstacles:
         mesh = resized(self.mesh, max(len(self.mesh.vertices), filled + filled // 4 + 2 * wanted))
         kept = np.zeros(len(self._work.uses), USE)
         count = keep_used(mesh, self._work.uses, kept)
-        work = workspace(len(mesh.vertices), max(len(kept), 2 * count + 4 * wanted))
+        work = workshop(len(mesh.vertices), max(len(kept), 2 * count + 4 * wanted))
         work.uses[:count] = kept[:count]
         # Ring buffers do not grow where they are: what waits is put in order.
         progress = self._work.progress[0]
@@ -286,7 +291,7 @@ class Obstacles:
     def _rebuild(self) -> None:
         """The mesh anew, with all obstacles that are in it, in arrays twice as large."""
         self.mesh = resized(self._base, 2 * len(self.mesh.vertices))
-        self._work = workspace(len(self.mesh.vertices), 2 * len(self._work.uses))
+        self._work = workshop(len(self.mesh.vertices), 2 * len(self._work.uses))
         for number, slot in enumerate(self._slots):
             if slot.ids is not None and not self._edit(edit_kernels.insert, number, slot):
                 raise GeometryError(f"obstacle {number} cannot be put into the mesh again; simplify or repair it")

@@ -4,7 +4,7 @@ import numpy as np
 import shapely
 
 from crowdsim.navmesh import edit_kernels
-from crowdsim.navmesh.mesh_arrays import MeshArrays, resized, workspace
+from crowdsim.navmesh.mesh_arrays import MeshArrays, resized, workshop
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.work_kernels import QUEUED
 from tests.reference.navmesh_reference import free_area, mesh_faults
@@ -36,7 +36,7 @@ def edited_parts(area, obstacles, radius: float):
 def feet_missing(mesh: MeshArrays) -> int:
     """How many feet the refinement of the whole mesh adds to it."""
     copy = resized(mesh, 2 * len(mesh.vertices))
-    work = workspace(len(copy.vertices))
+    work = workshop(len(copy.vertices))
     corners = np.flatnonzero((copy.vertices["vhe"] >= 0) & (copy.vertices["vref"] > 0))
     work.to_do["waiting"][: len(corners)] = corners
     work.to_do["mark"][corners] = QUEUED
@@ -59,7 +59,9 @@ def wrong_widths(mesh: MeshArrays) -> int:
         base, last = (i + 1) % 3, (i + 2) % 3
         width = np.minimum(length[:, i], length[:, last])
         height = double / length[:, base]
-        width = np.where(closed[:, base], np.minimum(width, height), width)  # feet outside of a base: a side is as short
+        width = np.where(
+            closed[:, base], np.minimum(width, height), width
+        )  # feet outside of a base: a side is as short
         width = np.where(closed[:, i] | closed[:, last] | (mesh.wind[: count // 3] != 0), 0.0, width)
         # The nearest place of a base can be its end, then the side to it is longer than the height.
         along = ((place[:, last] - place[:, base]) * (place[:, i] - place[:, base])).sum(axis=1)

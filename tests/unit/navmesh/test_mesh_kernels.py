@@ -5,7 +5,7 @@ import shapely
 
 from crowdsim.navmesh.growing_kernels import longer, longer_rows
 from crowdsim.navmesh.half_edge_kernels import find_half_edge, locate, nxt, prv
-from crowdsim.navmesh.mesh_arrays import NONE, resized, workspace
+from crowdsim.navmesh.mesh_arrays import NONE, resized, workshop
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.segment_kernels import insert_segment
 from crowdsim.navmesh.triangulation_kernels import FULL, insert_point
@@ -35,9 +35,9 @@ def test_steps_go_around_triangles_and_find_what_is_there():
 
 def test_points_and_segments_enter_a_mesh_until_it_is_full():
     mesh = NavMesh(shapely.box(0, 0, 8, 8)).arrays
-    assert insert_point(mesh, 2.0, 3.0, -1, workspace(100).stack) == FULL
+    assert insert_point(mesh, 2.0, 3.0, -1, workshop(100).stack) == FULL
     mesh = resized(mesh, len(mesh.vertices) + 40)
-    w = workspace(len(mesh.vertices))
+    w = workshop(len(mesh.vertices))
     points = [(1.0, 4.0), (7.0, 4.0), (2.0, 3.0), (3.0, 5.0), (5.0, 4.0)]
     a, b, *_, between = (insert_point(mesh, x, y, -1, w.stack) for x, y in points)
     assert insert_point(mesh, 1.0, 4.0, -1, w.stack) == a
