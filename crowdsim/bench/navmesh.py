@@ -149,6 +149,11 @@ def measure_edits(table: _Table, where: BenchMap, mesh: Any) -> None:
             removed.append(time.perf_counter() - middle)
         table.add(where, f"insert a {what}", np.array(inserted[_FIRST_EDITS:]))
         table.add(where, f"remove a {what}", np.array(removed[_FIRST_EDITS:]))
+    seconds = []
+    for start, goal in zip(where.queries[:50, :2], where.queries[:50, 2:], strict=True):
+        mesh.remove(mesh.insert_obstacle(shapely.Point(start)))
+        seconds.append(_seconds([partial(mesh.find_paths, [start], [goal], where.radius, workers=1)])[0])
+    table.add(where, "path, fast, the first after an edit", np.array(seconds))
 
 
 def best_of(calls: list[Callable[[], Any]]) -> Floats:

@@ -13,8 +13,8 @@ from crowdsim.bench.machine import describe_machine, describe_versions
 from crowdsim.errors import CrowdSimError
 
 _BENCHES = {
-    "navmesh": ("crowdsim.bench.navmesh", "navigation meshes: build, paths, clearances and edits; lengths, violations"),
     "startup": ("crowdsim.bench.startup", "seconds until something happens: help, import, kernels, first step"),
+    "navmesh": ("crowdsim.bench.navmesh", "navigation meshes: build, paths, clearances and edits; lengths, violations"),
 }
 """Name -> (module with a ``measure`` function, one line on what it measures)."""
 

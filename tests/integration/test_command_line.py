@@ -52,6 +52,8 @@ def test_wrong_usage_exits_with_2(crowdsim, arguments):
         (["run", "corridor", "-o", "."], "folder"),
         (["play", "absent.h5", "--shot", "a.png"], "absent.h5"),
         (["bench", "absent"], "startup"),
+        (["bench", "navmesh", "--maps", "absent"], "clutter_200.json"),
+        (["bench", "startup", "--maps", "."], "takes no maps"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else value,
 )
@@ -219,4 +221,4 @@ def test_doctor_reports_versions_threads_cache_and_drawing(crowdsim):
 def test_bench_lists_its_names(crowdsim):
     finished = crowdsim("bench")
     assert finished.returncode == 0
-    assert finished.stdout.startswith("startup")
+    assert [line.split()[0] for line in finished.stdout.splitlines()] == ["startup", "navmesh"]
