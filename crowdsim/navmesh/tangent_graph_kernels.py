@@ -1,0 +1,157 @@
+"""Tangents between the arcs of a mesh that a disc of one radius can follow."""
+
+import math
+
+import numpy as np
+
+from crowdsim.jit import helper, kernel
+from crowdsim.navmesh.clearance_kernels import capsule_clearance
+from crowdsim.navmesh.growing_kernels import longer
+from crowdsim.navmesh.half_edge_kernels import nxt, prv
+from crowdsim.navmesh.tangent_graph_arrays import LINK
+from crowdsim.navmesh.visibility_kernels import SEEN, SIGHT, SLACK, see_corners
+
+_TANGENT = np.dtype([("i", np.int64), ("j", np.int64)] + [(n, np.float64) for n in ("length", "leave", "arrive")], align=True)
+"""A tangent from node i to node j, which leaves and arrives turned by so much."""
+
+
+@helper
+def touches(arc, nx, ny):
+    """Whether the place in direction n of the arc's corner is off both walls of the corner."""
+    return nx * arc.ax + ny * arc.ay <= SLACK and nx * arc.bx + ny * arc.by <= SLACK
+
+
+@helper
+def turned_to(arc, nx, ny):
+    """Radians from the begin of the arc to its place in direction n, or -1.0 if that is not on the arc."""
+    angle = math.atan2(arc.nx * ny - arc.ny * nx, arc.nx * nx + arc.ny * ny)
+    if angle < -SLACK:
+        angle += 2.0 * math.pi
+    if angle > arc.extent + SLACK:
+        return -1.0
+    return min(max(angle, 0.0), arc.extent)
+
+
+@helper
+def _add_tangent(m, arcs, i, b, end, radius, least, tangents, count):
+    """Add the tangent ``end`` of node i to arc b, if it is free and meets the arc; (tangents, count)."""
+    one = arcs[i >> 1]
+    other = arcs[b]
+    q = 1 - 2 * (i & 1)
+    p = 1 if end.q > 0.0 or (end.q == 0.0 and not math.copysign(1.0, end.q) < 0.0) else -1
+    tx = end.tx
+    ty = end.ty
+    if not (touches(one, q * ty, -q * tx) and touches(other, p * ty, -p * tx)):
+        return tangents, count
+    leave = turned_to(one, q * ty, -q * tx)
+    arrive = turned_to(other, p * ty, -p * tx)
+    if leave < 0.0 or arrive < 0.0:
+        return tangents, count
+    if least > 0.0:
+        x0 = one.x + q * radius * ty
+        y0 = one.y - q * radius * tx
+        x1 = other.x + p * radius * ty
+        y1 = other.y - p * radius * tx
+        free, _ = capsule_clearance(m, x0, y0, x1, y1, 1.01 * least, m.vertices[one.vertex].vhe // 3)
+        if free < least:
+            return tangents, count
+    if count == tangents.size:
+        tangents = longer(tangents)
+    link = tangents[count]
+    link.i = i
+    link.j = 2 * b if p > 0 else 2 * b + 1
+    link.length = end.length
+    link.leave = leave if q > 0 else one.extent - leave
+    link.arrive = arrive if p > 0 else other.extent - arrive
+    return tangents, count + 1
+
+
+@kernel
+def find_tangents(m, arcs, begin, radius, least, slack):
+    """Free tangents between arcs (na,) whose vertices v own arcs[begin[v]:begin[v + 1]], one a pair of opposite ones."""
+    sides = m.sides
+    triangles = m.frame[0].triangles
+    tangents = np.empty(8 * arcs.size + 64, _TANGENT)
+    count = np.int64(0)
+    sights = np.empty(triangles + 8, SIGHT)
+    seen = np.empty(4 * m.vertices.size + 64, SEEN)
+    stamps = np.zeros(2 * m.vertices.size, np.int64)
+    stamp = 0
+    for i in range(2 * arcs.size):
+        arc = arcs[i >> 1]
+        q = 1 - 2 * (i & 1)
+        parts = max(1, math.ceil(arc.extent / (0.5 * math.pi)))
+        stamp += 1
+        for part in range(parts):
+            # Headings from a to b, turned from the place on the arc by a right angle.
+            angle = arc.extent * part / parts
+            c = math.cos(angle)
+            s = math.sin(angle)
+            ax = -q * (arc.ny * c + arc.nx * s)
+            ay = q * (arc.nx * c - arc.ny * s)
+            angle = arc.extent * (part + 1) / parts
+            c = math.cos(angle)
+            s = math.sin(angle)
+            bx = -q * (arc.ny * c + arc.nx * s)
+            by = q * (arc.nx * c - arc.ny * s)
+            h = m.vertices[arc.vertex].vhe
+            first = h
+            while True:
+                if m.wind[h // 3] == 0:
+                    found = see_corners(
+                        m, arc.x, arc.y, q * radius, radius, nxt(h), slack, ax, ay, bx, by, sights, seen, np.int64(0)
+                    )
+                    for k in range(found):
+                        end = seen[k]
+                        w = end.vertex
+                        left = math.copysign(1.0, end.q) > 0.0
+                        # One of the two ways is enough: from left to left here and, by its number, from side to side.
+                        if not left if q > 0 else left:
+                            if w < arc.vertex:
+                                continue
+                        elif q < 0:
+                            continue
+                        mark = 2 * w + (1 if left else 0)
+                        if stamps[mark] == stamp:
+                            continue
+                        old = count
+                        for b in range(begin[w], begin[w + 1]):
+                            tangents, count = _add_tangent(m, arcs, np.int64(i), b, end, radius, least, tangents, count)
+                        if count > old:
+                            stamps[mark] = stamp
+                h = sides[prv(h)].twin
+                if h == first:
+                    break
+    return tangents[:count].copy()
+
+
+@kernel
+def link_arcs(arcs, tangents, radius):
+    """(links, link_begin, starts) of :class:`TangentGraph` from the tangents of :func:`find_tangents`."""
+    nodes = 2 * arcs.size
+    begin = np.zeros(nodes + 2, np.int64)
+    for tangent in tangents:
+        begin[tangent.i + 2] += 1
+        begin[(tangent.j ^ 1) + 2] += 1
+    for n in range(nodes):
+        begin[n + 2] += begin[n + 1]
+    links = np.empty(2 * tangents.size, LINK)
+    for tangent in tangents:
+        for way in range(2):
+            i = tangent.i if way == 0 else tangent.j ^ 1
+            j = tangent.j if way == 0 else tangent.i ^ 1
+            link = links[begin[i + 1]]
+            begin[i + 1] += 1
+            link.to = j
+            link.leave = tangent.leave if way == 0 else arcs[i >> 1].extent - tangent.arrive
+            link.arrive = tangent.arrive if way == 0 else arcs[j >> 1].extent - tangent.leave
+            link.cost = tangent.length + radius * (link.leave - link.arrive)
+    starts = np.empty((nodes, 2))
+    for n in range(nodes):
+        arc = arcs[n >> 1]
+        angle = arc.extent if n & 1 else 0.0
+        nx = arc.nx * math.cos(angle) - arc.ny * math.sin(angle)
+        ny = arc.ny * math.cos(angle) + arc.nx * math.sin(angle)
+        starts[n, 0] = arc.x + radius * nx
+        starts[n, 1] = arc.y + radius * ny
+    return links, begin[: nodes + 1].copy(), starts
