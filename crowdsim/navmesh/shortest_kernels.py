@@ -34,7 +34,7 @@ def _tangents_of(m, graph, x, y, triangle, radius, slack, sign, sights, seen, en
     arcs = graph.arcs
     found = np.int64(0)
     for h in range(3 * triangle, 3 * triangle + 3):
-        found = see_corners(m, x, y, 0.0, radius, h, slack, 0.0, 0.0, 0.0, 0.0, sights, seen, found)
+        found = see_corners(m, graph.arc_begin, x, y, 0.0, radius, h, slack, 0.0, 0.0, 0.0, 0.0, sights, seen, found)
     count = 0
     for i in range(found):
         sight = seen[i]

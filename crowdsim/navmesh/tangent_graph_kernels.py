@@ -9,7 +9,7 @@ from crowdsim.navmesh.clearance_kernels import capsule_clearance
 from crowdsim.navmesh.growing_kernels import longer
 from crowdsim.navmesh.half_edge_kernels import nxt, prv
 from crowdsim.navmesh.tangent_graph_arrays import LINK
-from crowdsim.navmesh.visibility_kernels import SEEN, SIGHT, SLACK, see_corners
+from crowdsim.navmesh.visibility_kernels import ELLIPSE, SEEN, SIGHT, SLACK, see_corners
 
 _TANGENT = np.dtype([("i", np.int64), ("j", np.int64)] + [(n, np.float64) for n in ("length", "leave", "arrive")], align=True)
 """A tangent from node i to node j, which leaves and arrives turned by so much."""
@@ -75,6 +75,7 @@ def find_tangents(m, arcs, begin, radius, least, slack):
     count = np.int64(0)
     sights = np.empty(triangles + 8, SIGHT)
     seen = np.empty(4 * m.vertices.size + 64, SEEN)
+    everywhere = np.zeros(1, ELLIPSE)[0]
     stamps = np.zeros(2 * m.vertices.size, np.int64)
     stamp = 0
     for i in range(2 * arcs.size):
@@ -99,7 +100,8 @@ def find_tangents(m, arcs, begin, radius, least, slack):
             while True:
                 if m.wind[h // 3] == 0:
                     found = see_corners(
-                        m, arc.x, arc.y, q * radius, radius, nxt(h), slack, ax, ay, bx, by, sights, seen, np.int64(0)
+                        m, begin, arc.x, arc.y, q * radius, radius, nxt(h), slack, ax, ay, bx, by, everywhere,
+                        sights, seen, np.int64(0),
                     )
                     for k in range(found):
                         end = seen[k]

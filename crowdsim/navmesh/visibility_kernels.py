@@ -11,6 +11,9 @@ from crowdsim.navmesh.half_edge_kernels import nxt, prv
 SLACK = 1e-6
 """Radians by which a tangent may miss the end of an arc or a vertex in its way for rounding; exact checks follow."""
 
+_PINCH = 1e-4
+"""How much less than the radius may lie between a point and a corner, as a part of it, before they have no tangent."""
+
 SIGHT = np.dtype(
     [("side", np.int64), ("clipped", np.int64)]
     + [(name, np.float64) for name in ("rx", "ry", "lx", "ly", "ax", "ay", "bx", "by", "a_from", "b_from")],
@@ -23,8 +26,26 @@ right and left, for corners that are at least ``a_from``, ``b_from`` (meters) aw
 within what the headings can reach.
 """
 
+ELLIPSE = np.dtype(
+    [(name, np.float64) for name in ("x", "y", "ux", "uy", "per_major", "per_minor")], align=True
+)
+"""Places on ways of at most one length between two points: center, direction of the long axis, 1 / half axes (0: all)."""
+
 SEEN = np.dtype([("vertex", np.int64), ("q", np.float64)] + [(n, np.float64) for n in ("length", "tx", "ty")], align=True)
 """A tangent to a vertex that it leaves on its left (q = radius) or right (-radius): length and heading."""
+
+
+_AIM = np.dtype(
+    [
+        (name, np.float64)
+        for name in (
+            *("distance", "dx", "dy", "left_s", "left_c", "left_x", "left_y"),
+            *("right_s", "right_c", "right_x", "right_y"),
+        )
+    ],
+    align=True,
+)
+"""A vertex seen: distance and direction; sine and cosine of the turn and heading of the tangents left and right of it."""
 
 
 @helper
@@ -90,74 +111,114 @@ def look_around(m, px, py, h, reach2, sights, found, count):
 
 
 @helper
-def _heading(dx, dy, s):
-    """Heading of the tangent between circles whose centers lie in direction d, with s the turn's sine."""
-    c = math.sqrt(max(1.0 - s * s, 0.0))
-    return dx * c + dy * s, dy * c - dx * s
+def _aim(aim, x, y, q0, radius):
+    """Set the tangents from the circle q0 around the origin to both sides of the circle around (x, y)."""
+    distance = math.sqrt(x * x + y * y)
+    scale = 1.0 / max(distance, 1e-300)
+    dx = x * scale
+    dy = y * scale
+    aim.distance = distance
+    aim.dx = dx
+    aim.dy = dy
+    s = (radius - q0) * scale
+    c = 1.0 if s == 0.0 else math.sqrt(max(1.0 - s * s, 0.0))
+    aim.left_s = s
+    aim.left_c = c
+    s = min(s, 1.0)
+    aim.left_x = dx * c + dy * s
+    aim.left_y = dy * c - dx * s
+    s = (-radius - q0) * scale
+    c = 1.0 if s == 0.0 else math.sqrt(max(1.0 - s * s, 0.0))
+    aim.right_s = s
+    aim.right_c = c
+    s = max(s, -1.0)
+    aim.right_x = dx * c + dy * s
+    aim.right_y = dy * c - dx * s
 
 
 @helper
-def _report(seen, count, v, q, q0, distance, dx, dy, sight):
-    """Add the tangent to vertex v with the corner at q, if the headings allow it; the new count."""
-    s = (q - q0) / distance
-    if abs(s) > 1.0 + SLACK:
-        return count
-    s = min(max(s, -1.0), 1.0)
-    tx, ty = _heading(dx, dy, s)
-    if distance >= sight.a_from and sight.ax * ty - sight.ay * tx < -SLACK:
-        return count
-    if distance >= sight.b_from and tx * sight.by - ty * sight.bx < -SLACK:
-        return count
-    end = seen[count]
-    end.vertex = v
-    end.q = q
-    end.length = distance * math.sqrt(1.0 - s * s)
-    end.tx = tx
-    end.ty = ty
-    return count + 1
+def _report(seen, count, v, radius, aim, sight):
+    """Add the tangents to both sides of vertex v that the headings allow; the new count."""
+    right_bound = aim.distance >= sight.a_from
+    left_bound = aim.distance >= sight.b_from
+    for left in (True, False):
+        tx = aim.left_x if left else aim.right_x
+        ty = aim.left_y if left else aim.right_y
+        if abs(aim.left_s if left else aim.right_s) > 1.0 + _PINCH:
+            continue
+        if right_bound and sight.ax * ty - sight.ay * tx < -SLACK:
+            continue
+        if left_bound and tx * sight.by - ty * sight.bx < -SLACK:
+            continue
+        end = seen[count]
+        count += 1
+        end.vertex = v
+        end.q = radius if left else -radius
+        end.length = aim.distance * (aim.left_c if left else aim.right_c)
+        end.tx = tx
+        end.ty = ty
+    return count
 
 
 @helper
-def _add_vertex(seen, count, v, px, py, vertices, q0, radius, sight):
-    dx = vertices[v].x - px
-    dy = vertices[v].y - py
+def _tighten_right(sight, aim, reach):
+    """Bound the headings by a vertex that tangents leave on their right."""
+    if aim.right_s >= -1.0 and sight.ax * aim.right_y - sight.ay * aim.right_x > 0.0:
+        sight.ax = aim.right_x
+        sight.ay = aim.right_y
+        sight.a_from = aim.distance + reach
+
+
+@helper
+def _tighten_left(sight, aim, reach):
+    """Bound the headings by a vertex that tangents leave on their left."""
+    if aim.left_s <= 1.0 and aim.left_x * sight.by - aim.left_y * sight.bx > 0.0:
+        sight.bx = aim.left_x
+        sight.by = aim.left_y
+        sight.b_from = aim.distance + reach
+
+
+@helper
+def set_ellipse(ellipse, x0, y0, x1, y1, length):
+    """Set the ellipse of ways of at most ``length`` from point 0 to point 1; all places for an infinite length."""
+    dx = x1 - x0
+    dy = y1 - y0
     distance = math.sqrt(dx * dx + dy * dy)
-    if distance == 0.0:
-        return count
-    dx /= distance
-    dy /= distance
-    count = _report(seen, count, v, radius, q0, distance, dx, dy, sight)
-    return _report(seen, count, v, -radius, q0, distance, dx, dy, sight)
+    ellipse.x = 0.5 * (x0 + x1)
+    ellipse.y = 0.5 * (y0 + y1)
+    ellipse.per_major = 0.0
+    ellipse.per_minor = 0.0
+    if length < np.inf:
+        ellipse.ux = dx / distance
+        ellipse.uy = dy / distance
+        ellipse.per_major = 2.0 / length
+        ellipse.per_minor = 2.0 / math.sqrt(length * length - distance * distance)
 
 
 @helper
-def _tighten_right(sight, dx, dy, distance, q0, radius):
-    """Bound the headings by a vertex in direction d that tangents leave on their right."""
-    s = (-radius - q0) / distance
-    if s >= -1.0:
-        tx, ty = _heading(dx, dy, s)
-        if sight.ax * ty - sight.ay * tx > 0.0:
-            sight.ax = tx
-            sight.ay = ty
-            sight.a_from = distance + radius + abs(q0)
+def _meets(ellipse, a, b):
+    """Whether the side from vertex a to vertex b meets the ellipse."""
+    ax = a.x - ellipse.x
+    ay = a.y - ellipse.y
+    bx = b.x - ellipse.x
+    by = b.y - ellipse.y
+    ux = ellipse.ux * ellipse.per_major
+    uy = ellipse.uy * ellipse.per_major
+    vx = -ellipse.uy * ellipse.per_minor
+    vy = ellipse.ux * ellipse.per_minor
+    x0 = ax * ux + ay * uy
+    y0 = ax * vx + ay * vy
+    x1 = bx * ux + by * uy
+    y1 = bx * vx + by * vy
+    return point_segment_distance2(0.0, 0.0, x0, y0, x1, y1) <= 1.0
 
 
 @helper
-def _tighten_left(sight, dx, dy, distance, q0, radius):
-    """Bound the headings by a vertex in direction d that tangents leave on their left."""
-    s = (radius - q0) / distance
-    if s <= 1.0:
-        tx, ty = _heading(dx, dy, s)
-        if tx * sight.by - ty * sight.bx > 0.0:
-            sight.bx = tx
-            sight.by = ty
-            sight.b_from = distance + radius + abs(q0)
-
-
-@helper
-def _leads_on(sight, a, b, px, py):
+def _leads_on(sight, a, b, px, py, ellipse):
     """Whether a tangent may lead across the side from vertex a to vertex b."""
     if sight.rx * sight.ly - sight.ry * sight.lx <= 0.0:
+        return False
+    if ellipse.per_major > 0.0 and not _meets(ellipse, a, b):
         return False
     if sight.ax * sight.by - sight.ay * sight.bx >= -SLACK:
         return True
@@ -166,7 +227,7 @@ def _leads_on(sight, a, b, px, py):
 
 
 @helper
-def see_corners(m, px, py, q0, radius, h, slack, ax, ay, bx, by, sights, seen, count):
+def see_corners(m, has_arcs, px, py, q0, radius, h, slack, ax, ay, bx, by, ellipse, sights, seen, count):
     """Add the tangents to corners that are seen across side ``h`` of a triangle at (px, py) to ``seen``; the new count.
 
     They leave from the point (q0 = 0) or from the circle of ``radius`` around it, with the center on their left (q0 =
@@ -206,11 +267,18 @@ def see_corners(m, px, py, q0, radius, h, slack, ax, ay, bx, by, sights, seen, c
         sight.by = sight.ly / left
         sight.a_from = right + radius
         sight.b_from = left + radius
-    count = _add_vertex(seen, count, v, px, py, vertices, q0, radius, sight)
-    count = _add_vertex(seen, count, w, px, py, vertices, q0, radius, sight)
-    _tighten_right(sight, sight.rx / right, sight.ry / right, right, q0, radius)
-    _tighten_left(sight, sight.lx / left, sight.ly / left, left, q0, radius)
-    top = 1 if sides[h].cst == 0 and _leads_on(sight, vertices[v], vertices[w], px, py) else 0
+    aims = np.empty(1, _AIM)
+    aim = aims[0]
+    reach = radius + abs(q0)
+    _aim(aim, vertices[w].x - px, vertices[w].y - py, q0, radius)
+    if has_arcs[w] != has_arcs[w + 1] and left > 0.0:
+        count = _report(seen, count, w, radius, aim, sight)
+    _tighten_left(sight, aim, reach)
+    _aim(aim, vertices[v].x - px, vertices[v].y - py, q0, radius)
+    if has_arcs[v] != has_arcs[v + 1] and right > 0.0:
+        count = _report(seen, count, v, radius, aim, sight)
+    _tighten_right(sight, aim, reach)
+    top = 1 if sides[h].cst == 0 and _leads_on(sight, vertices[v], vertices[w], px, py, ellipse) else 0
     near = 4.0 * radius
     # The headings, less and more by 30 degrees, hold the directions of corners that are farther than ``near``.
     c = math.sqrt(0.75)
@@ -242,15 +310,15 @@ def see_corners(m, px, py, q0, radius, h, slack, ax, ay, bx, by, sights, seen, c
         z = vertices[w]
         zx = z.x - px
         zy = z.y - py
-        distance = math.sqrt(zx * zx + zy * zy)
-        dx = zx / distance
-        dy = zy / distance
+        _aim(aim, zx, zy, q0, radius)
+        dx = aim.dx
+        dy = aim.dy
         left_of_right = sight.rx * (zy + slack * dx) - sight.ry * (zx - slack * dy) >= 0.0
         right_of_left = (zx + slack * dy) * sight.ly - (zy - slack * dx) * sight.lx >= 0.0
         visible = left_of_right and right_of_left
         if visible:
-            count = _report(seen, count, w, radius, q0, distance, dx, dy, sight)
-            count = _report(seen, count, w, -radius, q0, distance, dx, dy, sight)
+            if has_arcs[w] != has_arcs[w + 1]:
+                count = _report(seen, count, w, radius, aim, sight)
         if visible:
             other = sights[top + 1]
             other.side = prv(g)
@@ -273,11 +341,11 @@ def see_corners(m, px, py, q0, radius, h, slack, ax, ay, bx, by, sights, seen, c
             if zx * sight.ly - zy * sight.lx > 0.0:
                 sight.lx = zx
                 sight.ly = zy
-            _tighten_left(sight, dx, dy, distance, q0, radius)
-            _tighten_right(other, dx, dy, distance, q0, radius)
+            _tighten_left(sight, aim, reach)
+            _tighten_right(other, aim, reach)
             sight.side = nxt(g)
-            first = sides[nxt(g)].cst == 0 and _leads_on(sight, a, z, px, py)
-            second = sides[prv(g)].cst == 0 and _leads_on(other, z, b, px, py)
+            first = sides[nxt(g)].cst == 0 and _leads_on(sight, a, z, px, py, ellipse)
+            second = sides[prv(g)].cst == 0 and _leads_on(other, z, b, px, py, ellipse)
             if first:
                 top += 2 if second else 1
             elif second:
@@ -285,10 +353,10 @@ def see_corners(m, px, py, q0, radius, h, slack, ax, ay, bx, by, sights, seen, c
                 top += 1
         elif left_of_right:
             sight.side = nxt(g)
-            if sides[nxt(g)].cst == 0 and _leads_on(sight, a, z, px, py):
+            if sides[nxt(g)].cst == 0 and _leads_on(sight, a, z, px, py, ellipse):
                 top += 1
         elif right_of_left:
             sight.side = prv(g)
-            if sides[prv(g)].cst == 0 and _leads_on(sight, z, b, px, py):
+            if sides[prv(g)].cst == 0 and _leads_on(sight, z, b, px, py, ellipse):
                 top += 1
     return count
