@@ -3,25 +3,31 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from crowdsim.errors import GeometryError, PathNotFound
+from crowdsim.errors import GeometryError
 from crowdsim.geometry.polygons import clean_polygon
 from crowdsim.geometry.snapping import grid_cell, snap
-from crowdsim.navmesh import clearance_kernels, path_kernels, violation_kernels
+from crowdsim.navmesh import clearance_kernels, violation_kernels
 from crowdsim.navmesh.build_kernels import build
 from crowdsim.navmesh.mesh_arrays import FRAME, MeshArrays, empty_mesh, resized
+from crowdsim.navmesh.path_search import PathSearch
+from crowdsim.navmesh.paths import (
+    MIN_RADIUS,
+    Floats,
+    Path,
+    Paths,
+    as_optimality,
+    as_path_radii,
+    as_point,
+    as_points,
+    as_radius,
+)
 from crowdsim.navmesh.triangulation_kernels import FULL
-
-Floats = NDArray[np.float64]
-
-MIN_RADIUS = 1e-3
-"""Least radius of a path, meters: less would drown in rounding."""
 
 
 def mesh_frame(points: Floats) -> NDArray[Any]:
@@ -70,44 +76,6 @@ def triangulate(area: shapely.Polygon | shapely.MultiPolygon) -> MeshArrays:
         room *= 2
 
 
-@dataclass(frozen=True)
-class Path:
-    """A way for a disc of one radius through one layer."""
-
-    points: Floats
-    """(n, 2) polyline from start to goal, meters; arcs stand as circumscribed corners at most 1 mm off."""
-    length: float
-    """Meters along ``points``."""
-    radius: float
-    """Clearance the path keeps, meters."""
-
-
-def _as_points(points: ArrayLike, what: str) -> Floats:
-    array = np.ascontiguousarray(points, np.float64)
-    if array.ndim != 2 or array.shape[1] != 2:
-        raise GeometryError(f"{what}: expected points of shape (n, 2), got {array.shape}")
-    if not np.isfinite(array).all():
-        row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
-        raise GeometryError(f"{what}: coordinates must be finite, point {row} is {tuple(array[row].tolist())}")
-    return array
-
-
-def _as_point(point: ArrayLike, what: str) -> tuple[float, float]:
-    array = np.asarray(point, np.float64)
-    if array.shape != (2,):
-        raise GeometryError(f"{what}: expected x and y, got an array of shape {array.shape}")
-    x, y = array.tolist()
-    if not (math.isfinite(x) and math.isfinite(y)):
-        raise GeometryError(f"{what}: coordinates must be finite, got ({x}, {y})")
-    return x, y
-
-
-def _as_radius(radius: float) -> float:
-    if not (math.isfinite(radius) and radius >= 0.0):
-        raise GeometryError(f"radius must be a finite number of meters of at least 0, got {radius}")
-    return float(radius)
-
-
 class NavMesh:
     """A constrained Delaunay triangulation of a walkable area, refined so that it answers any clearance.
 
@@ -125,63 +93,75 @@ class NavMesh:
 
     arrays: MeshArrays
     """What kernels take as their mesh argument."""
+    _search: PathSearch | None = None
+    """For path searches on ``arrays`` as they are; None where not made yet, or after ``arrays`` changed."""
 
     def __init__(self, walkable: shapely.Polygon | shapely.MultiPolygon) -> None:
         self.arrays = triangulate(clean_polygon(walkable))
 
-    def tolerance(self, radius: float) -> float:
+    def tolerance(self, radius: Any) -> Any:
         """How much less than ``radius`` still counts as clear: a millionth of it, and the grid corners moved to."""
         return 1e-6 * radius + 2.0 * float(self.arrays.frame["cell"][0])
 
-    def find_path(self, start: ArrayLike, goal: ArrayLike, radius: float) -> Path:
+    def find_path(self, start: ArrayLike, goal: ArrayLike, radius: float, optimality: str = "fast") -> Path:
         """A short path from ``start`` to ``goal`` (x, y) that keeps ``radius`` from every obstacle.
 
-        Found whenever one exists; a few tenths of a percent longer than the shortest on average.
+        Found whenever one exists; "fast" is two tenths of a percent longer than the shortest on average.
 
         Raises
         ------
         PathNotFound
             If start or goal is closer than ``radius`` to an obstacle, or no passage is wide enough.
         GeometryError
-            If an argument is not finite, or ``radius`` below :data:`MIN_RADIUS`.
+            If an argument is not finite, ``radius`` is below :data:`crowdsim.navmesh.paths.MIN_RADIUS`, or
+            ``optimality`` is unknown.
         """
-        sx, sy = _as_point(start, "start")
-        gx, gy = _as_point(goal, "goal")
-        radius = _as_radius(radius)
-        if radius < MIN_RADIUS:
-            raise GeometryError(f"radius: a path keeps at least {MIN_RADIUS:g} m off obstacles, got {radius:g} m")
-        status, points = path_kernels.plan_path(self.arrays, sx, sy, gx, gy, radius, self.tolerance(radius))
-        if status == path_kernels.NO_PASSAGE:
-            raise PathNotFound(
-                f"no passage from ({sx:g}, {sy:g}) to ({gx:g}, {gy:g}) is wide enough for a radius of {radius:g} m"
-            )
-        if status == path_kernels.TANGLED:
-            raise PathNotFound(
-                f"a passage of radius {radius:g} m leads from ({sx:g}, {sy:g}) to ({gx:g}, {gy:g}), but no path "
-                f"through it could be traced; a slightly other radius helps, and a report would too"
-            )
-        if status != path_kernels.OK:
-            name, x, y = ("start", sx, sy) if status == path_kernels.START_BLOCKED else ("goal", gx, gy)
-            clearance = self.clearance((x, y))
-            where = f"{clearance:.3g} m from the nearest obstacle" if clearance > 0.0 else "not in free space"
-            raise PathNotFound(f"{name} blocked: ({x:g}, {y:g}) is {where}; the path needs {radius:g} m")
-        length = float(np.hypot(*np.diff(points, axis=0).T).sum())
-        return Path(points=points, length=length, radius=radius)
+        ends = as_point(start, "start"), as_point(goal, "goal")
+        return self.find_paths([ends[0]], [ends[1]], radius, optimality, workers=1)[0]
+
+    def find_paths(
+        self,
+        starts: ArrayLike,
+        goals: ArrayLike,
+        radii: ArrayLike,
+        optimality: str = "fast",
+        workers: int | None = None,
+    ) -> Paths:
+        """Paths from ``starts`` (n, 2) to ``goals`` (n, 2), each the same as of :meth:`find_path`.
+
+        ``radii`` is one for all or (n,). Results are the same for any number of ``workers`` (threads); by default,
+        there is one for few paths and one a processor for many. Paths that are not found raise where they are taken.
+
+        Raises
+        ------
+        GeometryError
+            If an argument has another shape or is not finite, a radius is below
+            :data:`crowdsim.navmesh.paths.MIN_RADIUS`, or ``optimality`` is unknown.
+        """
+        as_optimality(optimality)
+        sources, targets = as_points(starts, "starts"), as_points(goals, "goals")
+        if len(sources) != len(targets):
+            raise GeometryError(f"goals: expected {len(sources)} points, one for each start, got {len(targets)}")
+        sizes = as_path_radii(radii, len(sources), MIN_RADIUS)
+        if self._search is None:
+            self._search = PathSearch(self.arrays)
+        least = sizes - self.tolerance(sizes)
+        return self._search.find(sources, targets, sizes, least, optimality, workers, self.clearance)
 
     def clearances(self, points: ArrayLike, limit: float = math.inf) -> Floats:
         """Distances (n,) from points (n, 2) to the nearest obstacle, capped at ``limit``; 0 where not free."""
-        array = _as_points(points, "points")
+        array = as_points(points, "points")
         out = np.empty(len(array))
         clearance_kernels.clearances(self.arrays, array, float(limit), out)
         return out
 
     def clearance(self, point: ArrayLike, limit: float = math.inf) -> float:
         """Distance from ``point`` (x, y) to the nearest obstacle, capped at ``limit``; 0 where not free."""
-        return float(self.clearances([_as_point(point, "point")], limit)[0])
+        return float(self.clearances([as_point(point, "point")], limit)[0])
 
     def is_free(self, point: ArrayLike, radius: float) -> bool:
         """Whether a disc of ``radius`` around ``point`` touches no obstacle more than within rounding."""
-        radius = _as_radius(radius)
+        radius = as_radius(radius)
         clearance = self.clearance(point, 2.0 * radius + 1.0)
         return clearance > 0.0 and clearance >= radius - self.tolerance(radius)
 
@@ -190,10 +170,10 @@ class NavMesh:
 
         Exact for the swept disc, in ascending order; touching within rounding is no violation.
         """
-        array = _as_points(points, "points")
+        array = as_points(points, "points")
         if len(array) == 0:
             raise GeometryError("points: a polyline has at least one point")
-        radius = _as_radius(radius)
+        radius = as_radius(radius)
         return violation_kernels.violations(self.arrays, array, max(radius - self.tolerance(radius), 0.0))
 
     def first_violation(self, points: ArrayLike, radius: float) -> float:
@@ -209,7 +189,7 @@ class NavMesh:
         GeometryError
             If a point is not finite or lies outside of the mesh's box (the walkable area and a margin around it).
         """
-        array = _as_points(points, "points")
+        array = as_points(points, "points")
         cell, x0, y0, x1, y1 = self.arrays.frame[["cell", "x0", "y0", "x1", "y1"]][0].item()
         array = np.ascontiguousarray(snap(array, cell))
         inside = ((array > (x0, y0)) & (array < (x1, y1))).all(axis=1)

@@ -8,11 +8,13 @@ import math
 import numpy as np
 
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.clearance_kernels import capsule_nearest, disc_clearance
+from crowdsim.navmesh.clearance_kernels import capsule_nearest, disc_clearance, snapped
 from crowdsim.navmesh.growing_kernels import longer, longer_rows
-from crowdsim.navmesh.half_edge_kernels import nxt
+from crowdsim.navmesh.half_edge_kernels import locate, nxt
+from crowdsim.navmesh.interval_kernels import find_way, string_along
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.search_kernels import find_channel
+from crowdsim.navmesh.sweep_kernels import sweep
 from crowdsim.navmesh.tangent_kernels import (
     NODE,
     arc_corners,
@@ -128,23 +130,27 @@ def _tighten(nodes, count):
 
 
 @helper
-def _trace(m, nodes, count, least, bulge, hint):
+def _trace(m, stack, nodes, count, least, bulge, start):
     """Polyline around the nodes and its first piece closer than ``least`` to an obstacle.
 
     Returns (points (n, 2), node, inside, vertex, edge, distance, x0, y0, x1, y1): ``node`` is -1 where nothing is too
     close; otherwise the piece x0, y0 -> x1, y1 runs along node ``node`` (``inside``) or from it to the next, and comes
     too close to a vertex or an edge.
     """
+    cell = m.frame[0].cell
     points = np.empty((2 * count + 16, 2))
     px = nodes[0].x
     py = nodes[0].y
     points[0, 0] = px
     points[0, 1] = py
     n = 1
+    triangle = start
+    _, bx, by = tangent(nodes[0], nodes[1])
     for i in range(1, count):
         node = nodes[i]
         angle = 0.0
-        _, ax, ay = tangent(nodes[i - 1], node)
+        ax = bx
+        ay = by
         if i < count - 1:
             _, bx, by = tangent(node, nodes[i + 1])
             angle = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
@@ -156,9 +162,13 @@ def _trace(m, nodes, count, least, bulge, hint):
         for k in range(steps):
             x = node.x + reach * math.cos(bearing + k * step)
             y = node.y + reach * math.sin(bearing + k * step)
-            distance, hint, vertex, edge = capsule_nearest(m, px, py, x, y, 1.01 * least, hint)
-            if distance < least:
-                return points, i if k > 0 else i - 1, k > 0, vertex, edge, distance, px, py, x, y
+            free, end = sweep(m, stack, triangle, px, py, x, y, least)
+            if not free:
+                distance, _, vertex, edge = capsule_nearest(m, px, py, x, y, 1.01 * least, triangle)
+                if distance < least:
+                    return points, i if k > 0 else i - 1, k > 0, vertex, edge, distance, px, py, x, y
+                end = locate(m, snapped(cell, x), snapped(cell, y), triangle)
+            triangle = end
             points[n, 0] = x
             points[n, 1] = y
             px = x
@@ -178,7 +188,7 @@ def _turns_right(nodes, count, i):
 
 
 @helper
-def _pull(m, nodes, count, radius, least, hint):
+def _pull(m, stack, nodes, count, radius, least, start):
     """Check and repair until nothing is too close; (repaired, points)."""
     sides = m.sides
     vertices = m.vertices
@@ -188,7 +198,7 @@ def _pull(m, nodes, count, radius, least, hint):
     for _ in range(_REPAIRS):
         if count < 0:
             break
-        points, i, inside, vertex, edge, distance, px, py, x, y = _trace(m, nodes, count, least, bulge, hint)
+        points, i, inside, vertex, edge, distance, px, py, x, y = _trace(m, stack, nodes, count, least, bulge, start)
         if i < 0:
             return True, points
         if distance < 0.0:
@@ -229,42 +239,95 @@ def _pull(m, nodes, count, radius, least, hint):
     return False, points
 
 
+@helper
+def _place(m, stack, x, y, least):
+    """The triangle of (x, y), or -1 where a disc of radius ``least`` is not free there."""
+    cell = m.frame[0].cell
+    t = locate(m, snapped(cell, x), snapped(cell, y), NONE)
+    if t < 0 or m.wind[t] != 0:
+        return NONE
+    free, _ = sweep(m, stack, t, x, y, x, y, least)
+    if not free:
+        distance, _ = disc_clearance(m, x, y, 2.0 * least, t)
+        if distance < least:
+            return NONE
+    return t
+
+
 @kernel
-def plan_path(m, sx, sy, gx, gy, radius, tolerance):
-    """(status, points (n, 2)) of a short path of a disc; nothing comes closer than ``radius - tolerance``."""
+def plan_path(m, regions, work, sx, sy, gx, gy, radius, least):
+    """(status, points (n, 2)) of a short path of a disc of ``radius`` that comes nowhere closer than ``least``.
+
+    Found whenever one exists. ``regions`` (nt,) are those of :func:`crowdsim.navmesh.region_kernels.find_regions`,
+    ``work`` is a :class:`crowdsim.navmesh.workspace.Workspace`.
+    """
     points = np.empty((0, 2))
-    least = radius - tolerance
-    distance, start = disc_clearance(m, sx, sy, 2.0 * radius + 1.0, NONE)
-    if distance < least:
+    stack = np.empty(256, np.int64)
+    start = _place(m, stack, sx, sy, least)
+    if start < 0:
         return START_BLOCKED, points
-    distance, goal = disc_clearance(m, gx, gy, 2.0 * radius + 1.0, NONE)
-    if distance < least:
+    goal = _place(m, stack, gx, gy, least)
+    if goal < 0:
         return GOAL_BLOCKED, points
-    distance, _, _, _ = capsule_nearest(m, sx, sy, gx, gy, 1.01 * least + tolerance, start)
-    if distance >= least:
+    free, _ = sweep(m, stack, start, sx, sy, gx, gy, least)
+    if free:
         straight = np.empty((2, 2))
         straight[0, 0] = sx
         straight[0, 1] = sy
         straight[1, 0] = gx
         straight[1, 1] = gy
         return OK, straight
-    # Within one triangle the string may need no side; otherwise it goes through the channel.
     channel = np.empty(0, np.int64)
-    for attempt in range(2):
-        if attempt == 1:
-            channel = find_channel(m, start, sx, sy, goal, gx, gy, radius, 2.0 * least)
-            if channel.size == 0:
-                return NO_PASSAGE, points
-        elif start != goal:
-            continue
+    if start == goal:  # within one triangle the string may need no side
         nodes, count = _funnel(m, channel, sx, sy, gx, gy, radius)
-        done, points = _pull(m, nodes, count, radius, least, start)
+        done, points = _pull(m, stack, nodes, count, radius, least, start)
         if done:
             return OK, points
-    # One string in a few thousand is tangled by repair; the tangent graph is slow and sure.
+    last = find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, 2.0 * least)
+    if last >= 0:
+        nodes, count = string_along(m, work.labels, last, sx, sy, gx, gy, radius)
+        done, points = _pull(m, stack, nodes, count, radius, least, start)
+        if done:
+            return OK, points
+    # What is left is rare: a way that only the complete search finds, and strings that repair has tangled.
+    channel = find_channel(m, start, sx, sy, goal, gx, gy, radius, 2.0 * least)
+    if channel.size == 0:
+        return NO_PASSAGE, points
+    nodes, count = _funnel(m, channel, sx, sy, gx, gy, radius)
+    done, points = _pull(m, stack, nodes, count, radius, least, start)
+    if done:
+        return OK, points
     nodes, count = nodes_near_channel(m, channel, sx, sy, gx, gy, radius)
     nodes = shortest_around(m, nodes, count, least)
     if nodes.size == 0:
         return TANGLED, points
-    points, i, _, _, _, _, _, _, _, _ = _trace(m, nodes, nodes.size, least, _FINE, start)
+    points, i, _, _, _, _, _, _, _, _ = _trace(m, stack, nodes, nodes.size, least, _FINE, start)
     return OK if i < 0 else TANGLED, points
+
+
+@kernel
+def plan_paths(m, regions, work, starts, goals, radii, least, status, lengths, counts):
+    """The points (k, 2) of the paths of :func:`plan_path` for rows of ``starts`` and ``goals`` (n, 2), one by one.
+
+    Fills ``status`` (n,), ``lengths`` (n,), nan where there is no path, and ``counts`` (n,) of points of each path.
+    """
+    points = np.empty((16 * status.size, 2))
+    filled = 0
+    for i in range(status.size):
+        found, path = plan_path(
+            m, regions, work, starts[i, 0], starts[i, 1], goals[i, 0], goals[i, 1], radii[i], least[i]
+        )
+        n = path.shape[0] if found == OK else 0
+        status[i] = found
+        counts[i] = n
+        while filled + n > points.shape[0]:
+            points = longer_rows(points)
+        length = 0.0
+        for k in range(n):
+            points[filled + k, 0] = path[k, 0]
+            points[filled + k, 1] = path[k, 1]
+            if k > 0:
+                length += math.hypot(path[k, 0] - path[k - 1, 0], path[k, 1] - path[k - 1, 1])
+        lengths[i] = length if found == OK else math.nan
+        filled += n
+    return points[:filled].copy()

@@ -13,9 +13,7 @@ from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.growing_kernels import longer
 from crowdsim.navmesh.half_edge_kernels import nxt, prv
 from crowdsim.navmesh.mesh_arrays import NONE
-
-HEAP_ROW = np.dtype([("key", np.float64), ("item", np.int64)], align=True)
-"""An element of a binary heap; equal keys leave in the order of their items."""
+from crowdsim.navmesh.workspace import HEAP_ROW
 
 _IMPROVING = 8
 """Expansions, per half-edge of the mesh, while a half-edge reached before may be reached again at less cost."""

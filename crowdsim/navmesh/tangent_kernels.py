@@ -7,7 +7,8 @@ import numpy as np
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance_kernels import capsule_nearest
 from crowdsim.navmesh.mesh_arrays import NONE
-from crowdsim.navmesh.search_kernels import HEAP_ROW, pop, push
+from crowdsim.navmesh.search_kernels import pop, push
+from crowdsim.navmesh.workspace import HEAP_ROW
 
 NODE = np.dtype([("x", np.float64), ("y", np.float64), ("q", np.float64), ("vertex", np.int64)], align=True)
 """What a string bends around.
