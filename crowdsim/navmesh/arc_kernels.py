@@ -109,14 +109,16 @@ def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spa
         bx /= length
         by /= length
         across = ax * by - ay * bx
-        if first != last and (across > 0.0 or (ax * bx + ay * by <= 0.0 and across >= -_FLAT)):
+        # Nothing bends at a flat corner; but a point that moves along its walls meets it.
+        flat = radius > 0.0 and ax * bx + ay * by <= 0.0
+        if first != last and across > (-_FLAT if flat else _FLAT):
             return arcs, count
         nx = -ay
         ny = ax
         extent = math.pi
         if first != last:
             # From a + 90 degrees to b - 90 degrees.
-            extent = math.atan2(-ax * by + ay * bx, -ax * bx - ay * by)
+            extent = max(math.atan2(-across, -ax * bx - ay * by), 0.0)
     taken = 0
     if radius > 0.0:
         h = begin

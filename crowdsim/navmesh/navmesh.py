@@ -142,7 +142,7 @@ class NavMesh:
         sources, targets = as_points(starts, "starts"), as_points(goals, "goals")
         if len(sources) != len(targets):
             raise GeometryError(f"goals: expected {len(sources)} points, one for each start, got {len(targets)}")
-        sizes = as_path_radii(radii, len(sources), MIN_RADIUS)
+        sizes = as_path_radii(radii, len(sources), MIN_RADIUS if optimality == "fast" else 0.0)
         if self._search is None:
             self._search = PathSearch(self.arrays)
         least = sizes - self.tolerance(sizes)

@@ -31,6 +31,10 @@ LINK = np.dtype(
 where ``arrive`` is turned already. cost: its length, plus radius * leave, less radius * arrive (meters)."""
 
 
+NODE = np.dtype([("begin", np.int64), ("x", np.float64), ("y", np.float64)], align=True)
+"""A way around an arc: its first link, and where the disc stands at the begin (meters)."""
+
+
 class TangentGraph(NamedTuple):
     """Arcs and tangents for one radius (na arcs, nl links)."""
 
@@ -38,9 +42,7 @@ class TangentGraph(NamedTuple):
     """(na,) records :data:`ARC`, in order of their vertices."""
     arc_begin: NDArray[np.int64]
     """(nv + 1,) arcs of vertex v are arcs[arc_begin[v]:arc_begin[v + 1]]."""
+    nodes: NDArray[Any]
+    """(2 na + 1,) records :data:`NODE`; the last one only ends the links of the one before."""
     links: NDArray[Any]
-    """(nl,) records :data:`LINK`, in order of the nodes they leave."""
-    link_begin: NDArray[np.int64]
-    """(2 na + 1,) links of node n are links[link_begin[n]:link_begin[n + 1]]."""
-    starts: NDArray[np.float64]
-    """(2 na, 2) where the disc stands at the begin of each node's arc, meters."""
+    """(nl,) records :data:`LINK`; those of node n are links[nodes[n].begin:nodes[n + 1].begin]."""

@@ -5,10 +5,11 @@ import math
 import numpy as np
 
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.clearance_kernels import capsule_clearance
+from crowdsim.navmesh.clearance_kernels import snapped
 from crowdsim.navmesh.growing_kernels import longer
-from crowdsim.navmesh.half_edge_kernels import nxt, prv
-from crowdsim.navmesh.tangent_graph_arrays import LINK
+from crowdsim.navmesh.half_edge_kernels import locate, nxt, prv
+from crowdsim.navmesh.sweep_kernels import is_free_way
+from crowdsim.navmesh.tangent_graph_arrays import LINK, NODE
 from crowdsim.navmesh.visibility_kernels import ELLIPSE, SEEN, SIGHT, SLACK, see_corners
 
 _TANGENT = np.dtype([("i", np.int64), ("j", np.int64)] + [(n, np.float64) for n in ("length", "leave", "arrive")], align=True)
@@ -33,12 +34,12 @@ def turned_to(arc, nx, ny):
 
 
 @helper
-def _add_tangent(m, arcs, i, b, end, radius, least, tangents, count):
+def _add_tangent(m, stack, arcs, i, b, end, radius, least, tangents, count):
     """Add the tangent ``end`` of node i to arc b, if it is free and meets the arc; (tangents, count)."""
     one = arcs[i >> 1]
     other = arcs[b]
     q = 1 - 2 * (i & 1)
-    p = 1 if end.q > 0.0 or (end.q == 0.0 and not math.copysign(1.0, end.q) < 0.0) else -1
+    p = int(math.copysign(1.0, end.q))
     tx = end.tx
     ty = end.ty
     if not (touches(one, q * ty, -q * tx) and touches(other, p * ty, -p * tx)):
@@ -52,8 +53,9 @@ def _add_tangent(m, arcs, i, b, end, radius, least, tangents, count):
         y0 = one.y - q * radius * tx
         x1 = other.x + p * radius * ty
         y1 = other.y - p * radius * tx
-        free, _ = capsule_clearance(m, x0, y0, x1, y1, 1.01 * least, m.vertices[one.vertex].vhe // 3)
-        if free < least:
+        cell = m.frame[0].cell
+        triangle = locate(m, snapped(cell, x0), snapped(cell, y0), m.vertices[one.vertex].vhe // 3)
+        if triangle < 0 or not is_free_way(m, stack, triangle, x0, y0, x1, y1, least):
             return tangents, count
     if count == tangents.size:
         tangents = longer(tangents)
@@ -67,8 +69,12 @@ def _add_tangent(m, arcs, i, b, end, radius, least, tangents, count):
 
 
 @kernel
-def find_tangents(m, arcs, begin, radius, least, slack):
-    """Free tangents between arcs (na,) whose vertices v own arcs[begin[v]:begin[v + 1]], one a pair of opposite ones."""
+def find_tangents(m, arcs, begin, radius, least, slack, first_node, last_node):
+    """Free tangents from nodes first_node up to last_node, one a pair of opposite ones.
+
+    Vertex v owns arcs[begin[v]:begin[v + 1]]. Nothing comes closer than ``least`` to the disc of ``radius``;
+    ``slack`` (meters) is what corners may be off their places.
+    """
     sides = m.sides
     triangles = m.frame[0].triangles
     tangents = np.empty(8 * arcs.size + 64, _TANGENT)
@@ -78,7 +84,8 @@ def find_tangents(m, arcs, begin, radius, least, slack):
     everywhere = np.zeros(1, ELLIPSE)[0]
     stamps = np.zeros(2 * m.vertices.size, np.int64)
     stamp = 0
-    for i in range(2 * arcs.size):
+    stack = np.empty(256, np.int64)
+    for i in range(first_node, last_node):
         arc = arcs[i >> 1]
         q = 1 - 2 * (i & 1)
         parts = max(1, math.ceil(arc.extent / (0.5 * math.pi)))
@@ -118,7 +125,7 @@ def find_tangents(m, arcs, begin, radius, least, slack):
                             continue
                         old = count
                         for b in range(begin[w], begin[w + 1]):
-                            tangents, count = _add_tangent(m, arcs, np.int64(i), b, end, radius, least, tangents, count)
+                            tangents, count = _add_tangent(m, stack, arcs, np.int64(i), b, end, radius, least, tangents, count)
                         if count > old:
                             stamps[mark] = stamp
                 h = sides[prv(h)].twin
@@ -129,31 +136,28 @@ def find_tangents(m, arcs, begin, radius, least, slack):
 
 @kernel
 def link_arcs(arcs, tangents, radius):
-    """(links, link_begin, starts) of :class:`TangentGraph` from the tangents of :func:`find_tangents`."""
-    nodes = 2 * arcs.size
-    begin = np.zeros(nodes + 2, np.int64)
+    """(nodes, links) of :class:`TangentGraph` from the tangents of :func:`find_tangents`."""
+    count = 2 * arcs.size
+    nodes = np.zeros(count + 2, NODE)
     for tangent in tangents:
-        begin[tangent.i + 2] += 1
-        begin[(tangent.j ^ 1) + 2] += 1
-    for n in range(nodes):
-        begin[n + 2] += begin[n + 1]
+        nodes[tangent.i + 2].begin += 1
+        nodes[(tangent.j ^ 1) + 2].begin += 1
+    for n in range(count):
+        nodes[n + 2].begin += nodes[n + 1].begin
     links = np.empty(2 * tangents.size, LINK)
     for tangent in tangents:
         for way in range(2):
             i = tangent.i if way == 0 else tangent.j ^ 1
             j = tangent.j if way == 0 else tangent.i ^ 1
-            link = links[begin[i + 1]]
-            begin[i + 1] += 1
+            link = links[nodes[i + 1].begin]
+            nodes[i + 1].begin += 1
             link.to = j
             link.leave = tangent.leave if way == 0 else arcs[i >> 1].extent - tangent.arrive
             link.arrive = tangent.arrive if way == 0 else arcs[j >> 1].extent - tangent.leave
             link.cost = tangent.length + radius * (link.leave - link.arrive)
-    starts = np.empty((nodes, 2))
-    for n in range(nodes):
+    for n in range(count):
         arc = arcs[n >> 1]
         angle = arc.extent if n & 1 else 0.0
-        nx = arc.nx * math.cos(angle) - arc.ny * math.sin(angle)
-        ny = arc.ny * math.cos(angle) + arc.nx * math.sin(angle)
-        starts[n, 0] = arc.x + radius * nx
-        starts[n, 1] = arc.y + radius * ny
-    return links, begin[: nodes + 1].copy(), starts
+        nodes[n].x = arc.x + radius * (arc.nx * math.cos(angle) - arc.ny * math.sin(angle))
+        nodes[n].y = arc.y + radius * (arc.ny * math.cos(angle) + arc.nx * math.sin(angle))
+    return nodes[: count + 1].copy(), links
