@@ -188,7 +188,7 @@ def _find_ends(m, graph, scratch, x, y, triangle, others, radius, slack, to_goal
 
 @helper
 def _search(m, graph, scratch, start, start_others, sx, sy, goal, goal_others, gx, gy, radius, least, slack, longest):
-    """Last node of the shortest path of at most ``longest`` meters, or -1; the labels lead back from it."""
+    """(last node, length) of the shortest path of at most ``longest`` meters, or -1; the labels lead back from it."""
     links = graph.links
     nodes = graph.nodes
     labels = scratch.labels
@@ -233,7 +233,7 @@ def _search(m, graph, scratch, start, start_others, sx, sy, goal, goal_others, g
             n = item - total
             end = goals[n]
             if least <= 0.0 or is_free_way(m, scratch.stack, goal, gx, gy, end.x, end.y, least):
-                return n
+                return n, key
             end.stamp = -1
             continue
         else:
@@ -259,7 +259,7 @@ def _search(m, graph, scratch, start, start_others, sx, sy, goal, goal_others, g
             to.before = n
             node = nodes[link.to]
             heap, size = push(heap, size, through + _distance(gx - node.x, gy - node.y), link.to)
-    return NONE
+    return NONE, np.inf
 
 
 @helper
@@ -283,7 +283,7 @@ def _string(graph, labels, last, sx, sy, gx, gy, radius):
 
 @helper
 def shortest_path(m, graph, scratch, sx, sy, gx, gy, radius, least, slack):
-    """(status, points (n, 2)) of the shortest path of a disc that comes nowhere closer than ``least``.
+    """(status, points (n, 2), length) of the shortest path of a disc that comes nowhere closer than ``least``.
 
     ``graph`` is that of ``radius``, ``least`` and ``slack``; ``scratch`` a
     :class:`crowdsim.navmesh.shortest_scratch.ShortestScratch`.
@@ -291,10 +291,10 @@ def shortest_path(m, graph, scratch, sx, sy, gx, gy, radius, least, slack):
     points = np.empty((0, 2))
     start, start_others = _free_triangle(m, sx, sy, least)
     if start < 0:
-        return START_BLOCKED, points
+        return START_BLOCKED, points, math.nan
     goal, goal_others = _free_triangle(m, gx, gy, least)
     if goal < 0:
-        return GOAL_BLOCKED, points
+        return GOAL_BLOCKED, points, math.nan
     straight = False
     if least > 0.0:
         straight = is_free_way(m, scratch.stack, start, sx, sy, gx, gy, least)
@@ -310,22 +310,23 @@ def shortest_path(m, graph, scratch, sx, sy, gx, gy, radius, least, slack):
         points[0, 1] = sy
         points[1, 0] = gx
         points[1, 1] = gy
-        return OK, points
+        return OK, points, _distance(gx - sx, gy - sy)
     last = NONE
+    length = np.inf
     for longest in (_DETOUR * _distance(gx - sx, gy - sy), np.inf):
-        last = _search(
+        last, length = _search(
             m, graph, scratch, start, start_others, sx, sy, goal, goal_others, gx, gy, radius, least, slack, longest
         )
         if last >= 0:
             break
     if last < 0:
-        return NO_PASSAGE, points
+        return NO_PASSAGE, points, math.nan
     string = _string(graph, scratch.labels, last, sx, sy, gx, gy, radius)
     for bulge in (COARSE, FINE):
         points, i, _, _, _, _, _, _, _, _ = trace(m, scratch.stack, string, string.size, max(least, 0.0), bulge, start)
         if i < 0:
-            return OK, points
-    return TANGLED, points
+            return OK, points, length
+    return TANGLED, points, math.nan
 
 
 @kernel
@@ -337,14 +338,14 @@ def shortest_paths(m, graph, scratch, starts, goals, radius, least, slack, statu
     points = np.empty((16 * status.size, 2))
     filled = 0
     for i in range(status.size):
-        found, path = shortest_path(
+        found, path, length = shortest_path(
             m, graph, scratch, starts[i, 0], starts[i, 1], goals[i, 0], goals[i, 1], radius, least, slack
         )
         status[i] = found
         counts[i] = 0
-        lengths[i] = math.nan
+        lengths[i] = length
         if found == OK:
-            points, lengths[i] = append_path(points, filled, path)
+            points, _ = append_path(points, filled, path)
             counts[i] = path.shape[0]
             filled += path.shape[0]
     return points[:filled].copy()
