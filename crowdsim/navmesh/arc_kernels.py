@@ -4,12 +4,13 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.growing_kernels import longer
 from crowdsim.navmesh.half_edge_kernels import nxt, prv
-from crowdsim.navmesh.mesh_arrays import BOX_CORNERS
+from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
 from crowdsim.navmesh.tangent_graph_arrays import ARC
-from crowdsim.navmesh.visibility_kernels import SIGHT, look_around
+from crowdsim.navmesh.visibility_kernels import SIGHT
 
 _TURN = 2.0 * math.pi
 
@@ -18,6 +19,68 @@ _FLAT = 1e-9
 
 _SPAN = np.dtype([("lo", np.float64), ("hi", np.float64)], align=True)
 """An interval of angles, radians."""
+
+
+@helper
+def _look_around(m, px, py, h, reach2, sights, found, count):
+    """Add what is seen from (px, py) across side ``h`` of its triangle to ``found``; the new count.
+
+    A vertex v is added as v, a constrained side s as -1 - s. Sides whose squared distance is ``reach2`` or more are
+    not crossed. ``sights`` has room for all triangles.
+    """
+    sides = m.sides
+    vertices = m.vertices
+    sight = sights[0]
+    sight.side = h
+    sight.rx = vertices[sides[h].org].x - px
+    sight.ry = vertices[sides[h].org].y - py
+    sight.lx = vertices[sides[nxt(h)].org].x - px
+    sight.ly = vertices[sides[nxt(h)].org].y - py
+    top = 1
+    while top > 0:
+        top -= 1
+        sight = sights[top]
+        h = sight.side
+        if sides[h].cst != 0:
+            found[count] = -1 - h
+            count += 1
+            continue
+        g = sides[h].twin
+        a = vertices[sides[h].org]
+        b = vertices[sides[g].org]
+        if point_segment_distance2(px, py, a.x, a.y, b.x, b.y) >= reach2:
+            continue
+        rx = sight.rx
+        ry = sight.ry
+        lx = sight.lx
+        ly = sight.ly
+        w = sides[prv(g)].org
+        zx = vertices[w].x - px
+        zy = vertices[w].y - py
+        left_of_right = rx * zy - ry * zx >= 0.0
+        right_of_left = zx * ly - zy * lx >= 0.0
+        if left_of_right and right_of_left:
+            found[count] = w
+            count += 1
+        if left_of_right:
+            sight = sights[top]
+            sight.side = nxt(g)
+            sight.rx = rx
+            sight.ry = ry
+            sight.lx = zx if right_of_left else lx
+            sight.ly = zy if right_of_left else ly
+            if sight.rx * sight.ly - sight.ry * sight.lx > 0.0:
+                top += 1
+        if right_of_left:
+            sight = sights[top]
+            sight.side = prv(g)
+            sight.rx = zx if left_of_right else rx
+            sight.ry = zy if left_of_right else ry
+            sight.lx = lx
+            sight.ly = ly
+            if sight.rx * sight.ly - sight.ry * sight.lx > 0.0:
+                top += 1
+    return count
 
 
 @helper
@@ -80,6 +143,44 @@ def _wedge_end(sides, vertices, first):
 
 
 @helper
+def _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights, found, spans):
+    """(spans, count) of angles from direction n on where other obstacles take the places around the corner p.
+
+    The wedge of the corner lies between the spokes ``begin`` and ``last`` (-1: all around).
+    """
+    sides = m.sides
+    vertices = m.vertices
+    taken = 0
+    h = begin
+    while True:
+        found[0] = sides[nxt(h)].org
+        seen = _look_around(m, px, py, nxt(h), 4.0 * least * least, sights, found, np.int64(1))
+        h = sides[prv(h)].twin
+        if h == last:
+            found[seen] = sides[nxt(h)].org
+            seen += 1
+        for i in range(seen):
+            if taken + 9 > spans.size:
+                spans = longer(spans)
+            if found[i] < 0:
+                wall = -1 - found[i]
+                a = vertices[sides[wall].org]
+                b = vertices[sides[nxt(wall)].org]
+                taken = _block_wall(spans, taken, nx, ny, extent, px, py, radius, least, a, b)
+                continue
+            w = vertices[found[i]]
+            dx = w.x - px
+            dy = w.y - py
+            distance2 = dx * dx + dy * dy
+            if distance2 < 4.0 * least * least:
+                cosine = (radius * radius + distance2 - least * least) / (2.0 * radius * math.sqrt(distance2))
+                half = math.acos(min(max(cosine, -1.0), 1.0))
+                taken = _block(spans, taken, nx, ny, extent, dx, dy, half)
+        if h in (last, begin):
+            return spans, taken
+
+
+@helper
 def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spans):
     """Add the arcs of the wedge of vertex v between the spokes ``first`` and ``last``; all around if they are -1."""
     sides = m.sides
@@ -121,40 +222,14 @@ def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spa
             extent = max(math.atan2(-across, -ax * bx - ay * by), 0.0)
     taken = 0
     if radius > 0.0:
-        h = begin
-        while True:
-            found[0] = sides[nxt(h)].org
-            seen = look_around(m, px, py, nxt(h), 4.0 * least * least, sights, found, np.int64(1))
-            h = sides[prv(h)].twin
-            if h == last:
-                found[seen] = sides[nxt(h)].org
-                seen += 1
-            for i in range(seen):
-                if taken + 9 > spans.size:
-                    spans = longer(spans)
-                if found[i] >= 0:
-                    w = vertices[found[i]]
-                    dx = w.x - px
-                    dy = w.y - py
-                    distance2 = dx * dx + dy * dy
-                    if distance2 >= 4.0 * least * least or distance2 == 0.0:
-                        continue
-                    cosine = (radius * radius + distance2 - least * least) / (2.0 * radius * math.sqrt(distance2))
-                    half = math.acos(min(max(cosine, -1.0), 1.0))
-                    taken = _block(spans, taken, nx, ny, extent, dx, dy, half)
-                else:
-                    wall = -1 - found[i]
-                    taken = _block_wall(
-                        spans, taken, nx, ny, extent, px, py, radius, least,
-                        vertices[sides[wall].org], vertices[sides[nxt(wall)].org],
-                    )  # fmt: skip
-            if h == last or h == begin:
-                break
+        spans, taken = _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights, found, spans)
     at = 0.0
     for i in range(taken + 1):
         end = min(spans[i].lo, extent) if i < taken else extent
         if end >= at and (first >= 0 or at < _TURN):
-            whole = first < 0 and end - at > _TURN  # a second arc, half a turn on, holds what crosses the first one's end
+            whole = (
+                first < 0 and end - at > _TURN
+            )  # a second arc, half a turn on, holds what crosses the first one's end
             for k in range(2 if whole else 1):
                 if count == arcs.size:
                     arcs = longer(arcs)
@@ -205,6 +280,6 @@ def find_arcs(m, radius, least):
             if h == vertices[v].vhe:
                 break
         if walls == 0 and m.wind[h // 3] == 0:
-            arcs, count = _free_arcs(m, v, np.int64(-1), np.int64(-1), radius, least, arcs, count, sights, found, spans)
+            arcs, count = _free_arcs(m, v, NONE, NONE, radius, least, arcs, count, sights, found, spans)
     begin[vertices.size] = count
     return arcs[:count].copy(), begin

@@ -307,7 +307,7 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least):
 
 @helper
 def append_path(points, filled, path):
-    """Copy the polyline ``path`` (k, 2) behind the first ``filled`` rows of points, grown if needed; (points, length)."""
+    """Copy the polyline ``path`` (k, 2) behind the first ``filled`` rows; (points, grown where needed, length)."""
     n = path.shape[0]
     while filled + n > points.shape[0]:
         points = longer_rows(points)

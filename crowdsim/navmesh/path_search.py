@@ -57,7 +57,7 @@ class PathSearch:
         self._lock = threading.Lock()
 
     def graph(self, radius: float, least: float) -> RadiusGraph:
-        """The tangent graph for ``radius``, made at the first call; ``least`` is the clearance that counts as enough."""
+        """The tangent graph for ``radius``, made at the first call; ``least`` meters of clearance count as enough."""
         with self._lock:
             if radius not in self._graphs:
                 self._graphs[radius] = RadiusGraph(self._mesh, radius, least, _processors())

@@ -10,12 +10,22 @@ import math
 
 import numpy as np
 
-from crowdsim.jit import helper, kernel
 from crowdsim.geometry.predicates_kernels import orient2d
+from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance_kernels import disc_clearance, snapped
 from crowdsim.navmesh.half_edge_kernels import locate, nxt, prv, side
 from crowdsim.navmesh.mesh_arrays import NONE
-from crowdsim.navmesh.path_kernels import COARSE, FINE, GOAL_BLOCKED, NO_PASSAGE, OK, START_BLOCKED, TANGLED, append_path, trace
+from crowdsim.navmesh.path_kernels import (
+    COARSE,
+    FINE,
+    GOAL_BLOCKED,
+    NO_PASSAGE,
+    OK,
+    START_BLOCKED,
+    TANGLED,
+    append_path,
+    trace,
+)
 from crowdsim.navmesh.search_kernels import pop, push
 from crowdsim.navmesh.sweep_kernels import is_free_way
 from crowdsim.navmesh.tangent_graph_kernels import touches, turned_to

@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 from crowdsim.navmesh.visibility_kernels import ELLIPSE, SEEN, SIGHT
 from crowdsim.navmesh.workspace import HEAP_ROW
 
-LABEL = np.dtype(
-    [("cost", np.float64), ("turned", np.float64), ("before", np.int64), ("stamp", np.int64)], align=True
-)
+LABEL = np.dtype([("cost", np.float64), ("turned", np.float64), ("before", np.int64), ("stamp", np.int64)], align=True)
 """How a node of the tangent graph is reached best, in the query that ``stamp`` tells.
 
 cost: meters up to the arc less radius * ``turned``. turned: radians turned of the arc on arrival. before: the node

@@ -1,8 +1,8 @@
 """The arrays of the tangent graph of one mesh and one radius.
 
-A disc's shortest path is made of arcs around corners and of tangents between them. Arc k can be passed in two ways: node
-2 k passes it counter-clockwise, with the corner on the left, node 2 k + 1 clockwise. Going backwards turns a node n into
-n ^ 1 and a link i -> j into j ^ 1 -> i ^ 1.
+A disc's shortest path is made of arcs around corners and of tangents between them. Arc k can be passed in two ways:
+node 2 k passes it counter-clockwise, with the corner on the left, node 2 k + 1 clockwise. Going backwards turns a node
+n into n ^ 1 and a link i -> j into j ^ 1 -> i ^ 1.
 """
 
 from __future__ import annotations
@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 ARC = np.dtype(
-    [(name, np.float64) for name in ("x", "y", "ax", "ay", "bx", "by", "nx", "ny", "extent")]
-    + [("vertex", np.int64)],
+    [(name, np.float64) for name in ("x", "y", "ax", "ay", "bx", "by", "nx", "ny", "extent")] + [("vertex", np.int64)],
     align=True,
 )
 """Places around a corner where the disc touches it alone.

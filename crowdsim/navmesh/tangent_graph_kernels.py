@@ -12,7 +12,9 @@ from crowdsim.navmesh.sweep_kernels import is_free_way
 from crowdsim.navmesh.tangent_graph_arrays import LINK, NODE
 from crowdsim.navmesh.visibility_kernels import ELLIPSE, SEEN, SIGHT, SLACK, see_corners
 
-_TANGENT = np.dtype([("i", np.int64), ("j", np.int64)] + [(n, np.float64) for n in ("length", "leave", "arrive")], align=True)
+_TANGENT = np.dtype(
+    [("i", np.int64), ("j", np.int64)] + [(n, np.float64) for n in ("length", "leave", "arrive")], align=True
+)
 """A tangent from node i to node j, which leaves and arrives turned by so much."""
 
 
@@ -107,8 +109,22 @@ def find_tangents(m, arcs, begin, radius, least, slack, first_node, last_node):
             while True:
                 if m.wind[h // 3] == 0:
                     found = see_corners(
-                        m, begin, arc.x, arc.y, q * radius, radius, nxt(h), slack, ax, ay, bx, by, everywhere,
-                        sights, seen, np.int64(0),
+                        m,
+                        begin,
+                        arc.x,
+                        arc.y,
+                        q * radius,
+                        radius,
+                        nxt(h),
+                        slack,
+                        ax,
+                        ay,
+                        bx,
+                        by,
+                        everywhere,
+                        sights,
+                        seen,
+                        np.int64(0),
                     )
                     for k in range(found):
                         end = seen[k]
@@ -125,7 +141,9 @@ def find_tangents(m, arcs, begin, radius, least, slack, first_node, last_node):
                             continue
                         old = count
                         for b in range(begin[w], begin[w + 1]):
-                            tangents, count = _add_tangent(m, stack, arcs, np.int64(i), b, end, radius, least, tangents, count)
+                            tangents, count = _add_tangent(
+                                m, stack, arcs, np.int64(i), b, end, radius, least, tangents, count
+                            )
                         if count > old:
                             stamps[mark] = stamp
                 h = sides[prv(h)].twin

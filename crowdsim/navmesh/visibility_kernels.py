@@ -1,4 +1,4 @@
-"""What a point sees: the vertices and constrained sides around it, and the corners a disc can go to straight."""
+"""What corners a disc can go to straight: the view from a point or an arc across the triangles around it."""
 
 import math
 
@@ -21,18 +21,18 @@ SIGHT = np.dtype(
 )
 """A half-edge still to look across.
 
-r, l: directions that bound the view on the right and left. a, b: unit vectors that bound the headings of tangents on the
-right and left, for corners that are at least ``a_from``, ``b_from`` (meters) away. clipped: whether the view is
+r, l: directions that bound the view on the right and left. a, b: unit vectors that bound the headings of tangents on
+the right and left, for corners that are at least ``a_from``, ``b_from`` (meters) away. clipped: whether the view is
 within what the headings can reach.
 """
 
-ELLIPSE = np.dtype(
-    [(name, np.float64) for name in ("x", "y", "ux", "uy", "per_major", "per_minor")], align=True
-)
-"""Places on ways of at most one length between two points: center, direction of the long axis, 1 / half axes (0: all)."""
+ELLIPSE = np.dtype([(name, np.float64) for name in ("x", "y", "ux", "uy", "per_major", "per_minor")], align=True)
+"""Places on ways of limited length between two points: center, direction of the long axis, 1 / half axes (0: all)."""
 
-SEEN = np.dtype([("vertex", np.int64), ("q", np.float64)] + [(n, np.float64) for n in ("length", "tx", "ty")], align=True)
-"""A tangent to a vertex that it leaves on its left (q = radius) or right (-radius): length and heading."""
+SEEN = np.dtype(
+    [("vertex", np.int64), ("q", np.float64)] + [(n, np.float64) for n in ("length", "tx", "ty")], align=True
+)
+"""A tangent to a vertex that it leaves on its left (q = radius) or right (-radius): length (meters) and heading t."""
 
 
 _AIM = np.dtype(
@@ -45,69 +45,7 @@ _AIM = np.dtype(
     ],
     align=True,
 )
-"""A vertex seen: distance and direction; sine and cosine of the turn and heading of the tangents left and right of it."""
-
-
-@helper
-def look_around(m, px, py, h, reach2, sights, found, count):
-    """Add what is seen from (px, py) across side ``h`` of its triangle to ``found``; the new count.
-
-    A vertex v is added as v, a constrained side s as -1 - s. Sides whose squared distance is ``reach2`` or more are
-    not crossed. ``sights`` has room for all triangles.
-    """
-    sides = m.sides
-    vertices = m.vertices
-    sight = sights[0]
-    sight.side = h
-    sight.rx = vertices[sides[h].org].x - px
-    sight.ry = vertices[sides[h].org].y - py
-    sight.lx = vertices[sides[nxt(h)].org].x - px
-    sight.ly = vertices[sides[nxt(h)].org].y - py
-    top = 1
-    while top > 0:
-        top -= 1
-        sight = sights[top]
-        h = sight.side
-        if sides[h].cst != 0:
-            found[count] = -1 - h
-            count += 1
-            continue
-        g = sides[h].twin
-        a = vertices[sides[h].org]
-        b = vertices[sides[g].org]
-        if point_segment_distance2(px, py, a.x, a.y, b.x, b.y) >= reach2:
-            continue
-        rx = sight.rx
-        ry = sight.ry
-        lx = sight.lx
-        ly = sight.ly
-        w = sides[prv(g)].org
-        zx = vertices[w].x - px
-        zy = vertices[w].y - py
-        left_of_right = rx * zy - ry * zx >= 0.0
-        right_of_left = zx * ly - zy * lx >= 0.0
-        if left_of_right and right_of_left:
-            found[count] = w
-            count += 1
-        if left_of_right:
-            sight = sights[top]
-            sight.side = nxt(g)
-            sight.rx = rx
-            sight.ry = ry
-            sight.lx = zx if right_of_left else lx
-            sight.ly = zy if right_of_left else ly
-            if sight.rx * sight.ly - sight.ry * sight.lx > 0.0:
-                top += 1
-        if right_of_left:
-            sight = sights[top]
-            sight.side = prv(g)
-            sight.rx = zx if left_of_right else rx
-            sight.ry = zy if left_of_right else ry
-            sight.lx = lx
-            sight.ly = ly
-            if sight.rx * sight.ly - sight.ry * sight.lx > 0.0:
-                top += 1
-    return count
+"""A vertex seen: distance, direction; sine and cosine of the turn and heading of tangents left and right of it."""
 
 
 @helper
@@ -227,13 +165,15 @@ def _leads_on(sight, a, b, px, py, ellipse):
 
 
 @helper
-def see_corners(m, has_arcs, px, py, q0, radius, h, slack, ax, ay, bx, by, ellipse, sights, seen, count):
+def see_corners(m, arc_begin, px, py, q0, radius, h, slack, ax, ay, bx, by, ellipse, sights, seen, count):
     """Add the tangents to corners that are seen across side ``h`` of a triangle at (px, py) to ``seen``; the new count.
 
     They leave from the point (q0 = 0) or from the circle of ``radius`` around it, with the center on their left (q0 =
     radius) or right (-radius), at headings from the unit vector a counter-clockwise to b, less than half a turn; for a
     point a and b may be zero, and all headings count. ``slack`` (meters) lets one see past vertices that hide less.
-    No free tangent is left out, but some are added that other obstacles cut, and some twice.
+    Vertex v has the arcs arc_begin[v]:arc_begin[v + 1]; those without are no corners. No free tangent is left out, but
+    some are added that other obstacles cut, and some twice. ``ellipse`` bounds the places of interest; ``sights`` has
+    room for all triangles.
 
     A free tangent and the line between the centers of its ends have no vertex between them. So who looks from center to
     center sees all corners there are tangents to; a tangent to a corner beyond a vertex by more than the radii keeps
@@ -271,11 +211,11 @@ def see_corners(m, has_arcs, px, py, q0, radius, h, slack, ax, ay, bx, by, ellip
     aim = aims[0]
     reach = radius + abs(q0)
     _aim(aim, vertices[w].x - px, vertices[w].y - py, q0, radius)
-    if has_arcs[w] != has_arcs[w + 1] and left > 0.0:
+    if arc_begin[w] != arc_begin[w + 1] and left > 0.0:
         count = _report(seen, count, w, radius, aim, sight)
     _tighten_left(sight, aim, reach)
     _aim(aim, vertices[v].x - px, vertices[v].y - py, q0, radius)
-    if has_arcs[v] != has_arcs[v + 1] and right > 0.0:
+    if arc_begin[v] != arc_begin[v + 1] and right > 0.0:
         count = _report(seen, count, v, radius, aim, sight)
     _tighten_right(sight, aim, reach)
     top = 1 if sides[h].cst == 0 and _leads_on(sight, vertices[v], vertices[w], px, py, ellipse) else 0
@@ -316,9 +256,8 @@ def see_corners(m, has_arcs, px, py, q0, radius, h, slack, ax, ay, bx, by, ellip
         left_of_right = sight.rx * (zy + slack * dx) - sight.ry * (zx - slack * dy) >= 0.0
         right_of_left = (zx + slack * dy) * sight.ly - (zy - slack * dx) * sight.lx >= 0.0
         visible = left_of_right and right_of_left
-        if visible:
-            if has_arcs[w] != has_arcs[w + 1]:
-                count = _report(seen, count, w, radius, aim, sight)
+        if visible and arc_begin[w] != arc_begin[w + 1]:
+            count = _report(seen, count, w, radius, aim, sight)
         if visible:
             other = sights[top + 1]
             other.side = prv(g)

@@ -26,7 +26,7 @@ def _tangents(circles):
 
 
 def shortest_length(area, points, start, goal, radius: float, tolerance: float) -> float:
-    """Length of the shortest path of a disc in ``area`` less the obstacles ``points`` (n, 2); inf where there is none."""
+    """Length of the shortest path of a disc in ``area`` with point obstacles (n, 2); inf where there is none."""
     obstacles = shapely.union_all([area.boundary, shapely.MultiPoint(points)])
     places = shapely.points([start, goal])
     if (shapely.distance(places, obstacles) < radius - tolerance).any() or not shapely.contains(area, places).all():
