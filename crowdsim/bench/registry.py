@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from crowdsim.bench.machine import describe_machine, describe_versions
 from crowdsim.errors import CrowdSimError
 
 _BENCHES = {
+    "navmesh": ("crowdsim.bench.navmesh", "navigation meshes: build, paths, clearances and edits; lengths, violations"),
     "startup": ("crowdsim.bench.startup", "seconds until something happens: help, import, kernels, first step"),
 }
 """Name -> (module with a ``measure`` function, one line on what it measures)."""
@@ -44,10 +47,15 @@ def bench_names() -> dict[str, str]:
     return {name: line for name, (_, line) in _BENCHES.items()}
 
 
-def run_bench(name: str) -> BenchResult:
-    """Run the benchmark called ``name``; raises :class:`CrowdSimError` for a name that is not there."""
+def run_bench(name: str, maps: Path | None = None) -> BenchResult:
+    """Run the benchmark called ``name``, on the files in the folder ``maps`` if one is given.
+
+    Raises :class:`CrowdSimError` for a name that is not there, and for maps where the benchmark takes none.
+    """
     if name not in _BENCHES:
         raise CrowdSimError(f"there is no benchmark '{name}'; there are: {', '.join(_BENCHES)}")
-    measure: Callable[[], Measurement] = importlib.import_module(_BENCHES[name][0]).measure
-    measured = measure()
+    measure: Callable[..., Measurement] = importlib.import_module(_BENCHES[name][0]).measure
+    if maps is not None and "maps" not in inspect.signature(measure).parameters:
+        raise CrowdSimError(f"the benchmark '{name}' takes no maps; run it without")
+    measured = measure() if maps is None else measure(maps=maps)
     return BenchResult(name, describe_machine(), describe_versions(), measured.rows, measured.figures)

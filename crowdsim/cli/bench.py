@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -12,6 +13,9 @@ from crowdsim.cli.options import Debug, Json
 
 def bench(
     name: Annotated[str | None, typer.Argument(metavar="[NAME]", help="Benchmark to run; none lists them.")] = None,
+    maps: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="For navmesh: a folder of maps with known shortest lengths.")
+    ] = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
@@ -27,7 +31,7 @@ def bench(
         else:
             print_table(list(bench_names().items()))
         return
-    result = run_bench(name)
+    result = run_bench(name, maps)
     if as_json:
         typer.echo(json.dumps(asdict(result)))
         return

@@ -24,14 +24,15 @@ def print_table(rows: Sequence[tuple[str, str]]) -> None:
 
 
 def print_rows(rows: Sequence[Mapping[str, Any]]) -> None:
-    """Print mappings of the same keys under a header line."""
+    """Print mappings of the same keys under a header line; None shows as nothing."""
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, header_style="cyan")
-    for key, value in rows[0].items():
-        table.add_column(key, justify="right" if isinstance(value, int | float) else "left", overflow="fold")
+    for key in rows[0]:
+        number = any(isinstance(row[key], int | float) for row in rows)
+        table.add_column(key, justify="right" if number else "left", overflow="fold")
     for row in rows:
-        table.add_row(*(str(value) for value in row.values()))
+        table.add_row(*("" if value is None else str(value) for value in row.values()))
     _print(table)
 
 

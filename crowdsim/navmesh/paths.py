@@ -94,11 +94,12 @@ class Paths:
         return f"{name} blocked: ({x:g}, {y:g}) is {where}; the path needs {radius:g} m"
 
 
-def as_points(points: ArrayLike, what: str) -> Floats:
-    """A C-contiguous (n, 2) array of finite coordinates, or GeometryError."""
+def as_points(points: ArrayLike, what: str, *, with_bulge: bool = False) -> Floats:
+    """A C-contiguous (n, 2) array of finite coordinates, with bulges perhaps (n, 3), or GeometryError."""
     array = np.ascontiguousarray(points, np.float64)
-    if array.ndim != 2 or array.shape[1] != 2:
-        raise GeometryError(f"{what}: expected points of shape (n, 2), got {array.shape}")
+    if array.ndim != 2 or not (array.shape[1] == 2 or (with_bulge and array.shape[1] == 3)):
+        shapes = "(n, 2) or (n, 3)" if with_bulge else "(n, 2)"
+        raise GeometryError(f"{what}: expected points of shape {shapes}, got {array.shape}")
     if not np.isfinite(array).all():
         row = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
         raise GeometryError(f"{what}: coordinates must be finite, point {row} is {tuple(array[row].tolist())}")

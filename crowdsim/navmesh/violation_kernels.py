@@ -11,7 +11,7 @@ from crowdsim.navmesh.growing_kernels import longer
 from crowdsim.navmesh.half_edge_kernels import locate, nxt
 from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
 
-_SPAN = np.dtype([("lo", np.float64), ("hi", np.float64)], align=True)
+SPAN = np.dtype([("lo", np.float64), ("hi", np.float64)], align=True)
 """An interval of arc length."""
 
 
@@ -83,7 +83,7 @@ def _triangle_span(m, t, px, py, ux, uy):
 
 
 @helper
-def _record(spans, count, lo, hi):
+def record(spans, count, lo, hi):
     """Append an interval to ``spans``, which grow as needed; the array and the new count."""
     if count == spans.size:
         spans = longer(spans)
@@ -93,7 +93,7 @@ def _record(spans, count, lo, hi):
 
 
 @helper
-def _merged(spans, count):
+def merged(spans, count):
     """The union of the first ``count`` intervals as disjoint ones (k, 2) in order."""
     for i in range(1, count):  # they come nearly in order
         lo = spans[i].lo
@@ -112,11 +112,11 @@ def _merged(spans, count):
         else:
             spans[kept] = spans[i]
             kept += 1
-    merged = np.empty((kept, 2))
+    union = np.empty((kept, 2))
     for i in range(kept):
-        merged[i, 0] = spans[i].lo
-        merged[i, 1] = spans[i].hi
-    return merged
+        union[i, 0] = spans[i].lo
+        union[i, 1] = spans[i].hi
+    return union
 
 
 @kernel
@@ -132,7 +132,7 @@ def violations(m, points, radius):
     cell = frame.cell
     marks = np.zeros(frame.triangles, np.int64)
     stack = np.empty(256, np.int64)
-    spans = np.empty(64, _SPAN)
+    spans = np.empty(64, SPAN)
     count = np.int64(0)
     start = 0.0
     hint = NONE
@@ -160,13 +160,13 @@ def violations(m, points, radius):
                 enter = max(enter, min((least - at) / rate, (most - at) / rate))
                 leave = min(leave, max((least - at) / rate, (most - at) / rate))
         if leave < enter:
-            spans, count = _record(spans, count, start, start + length)
+            spans, count = record(spans, count, start, start + length)
             start += length
             continue
         if enter > 0.0:
-            spans, count = _record(spans, count, start, start + enter)
+            spans, count = record(spans, count, start, start + enter)
         if leave < length:
-            spans, count = _record(spans, count, start + leave, start + length)
+            spans, count = record(spans, count, start + leave, start + length)
         qx = px + enter * ux
         qy = py + enter * uy
         ex = px + leave * ux
@@ -188,7 +188,7 @@ def violations(m, points, radius):
                 lo = max(lo, enter)
                 hi = min(hi, leave)
                 if lo < hi or (length == 0.0 and lo <= hi):
-                    spans, count = _record(spans, count, start + lo, start + hi)
+                    spans, count = record(spans, count, start + lo, start + hi)
             for h in range(3 * t, 3 * t + 3):
                 a = sides[h].org
                 b = sides[nxt(h)].org
@@ -206,7 +206,7 @@ def violations(m, points, radius):
                     lo = max(span[0], enter)
                     hi = min(span[1], leave)
                     if lo < hi or (length == 0.0 and lo <= hi):
-                        spans, count = _record(spans, count, start + lo, start + hi)
+                        spans, count = record(spans, count, start + lo, start + hi)
                 g = sides[h].twin
                 if g < 0 or marks[g // 3] == i + 1:
                     continue
@@ -215,4 +215,4 @@ def violations(m, points, radius):
                     stack[top] = g // 3
                     top += 1
         start += length
-    return _merged(spans, count)
+    return merged(spans, count)

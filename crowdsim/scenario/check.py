@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from crowdsim.environment.layers import dropped_solids
+from crowdsim.geometry.polygons import LARGE_EXTENT
 from crowdsim.scenario.scenario import Scenario
-
-_LARGE = 1000.0
-"""Meters; a floor longer than this was probably drawn in centimeters or millimeters."""
 
 
 def check_scenario(scenario: Scenario) -> list[str]:
@@ -19,7 +17,7 @@ def check_scenario(scenario: Scenario) -> list[str]:
         warnings.append(str(scenario.problem(path, message)))
 
     xmin, ymin, xmax, ymax = floor.bounds
-    if max(xmax - xmin, ymax - ymin) > _LARGE:
+    if max(xmax - xmin, ymax - ymin) > LARGE_EXTENT:
         warn(("floor",), f"the floor is {max(xmax - xmin, ymax - ymin):g} m long; is it drawn in meters?")
     bands = [layer.band() for layer in scenario.bands]
     dropped = {solid.name for solid in dropped_solids(solids, bands)}

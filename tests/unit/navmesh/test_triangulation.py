@@ -9,8 +9,9 @@ import shapely
 from crowdsim.errors import GeometryError, PathNotFound
 from crowdsim.geometry.snapping import snap
 from crowdsim.navmesh.build_kernels import build
-from crowdsim.navmesh.mesh_arrays import empty_mesh
-from crowdsim.navmesh.navmesh import NavMesh, mesh_frame
+from crowdsim.navmesh.builders import mesh_frame
+from crowdsim.navmesh.mesh_arrays import empty_mesh, workshop
+from crowdsim.navmesh.navmesh import NavMesh
 from tests.reference.navmesh_reference import free_area, mesh_faults, random_area
 
 
@@ -58,7 +59,8 @@ def _segments_mesh(points, segments):
     room = 64 * len(loose) + 1000
     mesh = empty_mesh(room, frame)
     ring_ends = np.arange(2, len(ends) + 1, 2, dtype=np.int64)
-    assert build(mesh, loose, ring_ends, np.arange(len(loose)), np.zeros(room, np.uint8)) == 0
+    order = np.arange(len(loose))
+    assert build(mesh, loose, order.copy(), ring_ends, order, workshop(room)) == 0
     return mesh, ends.reshape(-1, 2, 2)
 
 

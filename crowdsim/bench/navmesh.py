@@ -1,0 +1,187 @@
+"""What a navigation mesh costs: to build, to search, to ask and to edit; how long its paths are, and what they violate.
+
+Times are microseconds of one thread, the best of :data:`PASSES` for each query; the rows give their median and 95th
+percentile. Searches are timed in a batch of one, less what a batch of none takes: what a query costs in a batch.
+"""
+
+from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Callable, Iterable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from crowdsim.bench.navmesh_maps import BenchMap, clutter, read_maps
+from crowdsim.bench.registry import Measurement
+from crowdsim.errors import PathNotFound
+from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.navmesh.paths import FOUND, OPTIMALITIES, Paths
+
+Floats = NDArray[np.float64]
+
+PASSES = 3
+LARGE = (18_000, 150.0)
+"""Polygons and side in meters of a map of about 100,000 corners."""
+
+_EDITS = 300
+_FIRST_EDITS = 20
+"""Edits that are not counted: the first ones make room for more."""
+
+_CLOSE = 1e-5
+"""Meters by which a path may come closer than its radius before that counts as a violation."""
+
+_COLUMNS = {"median_us": 1, "p95_us": 1, "ratio": 5, "found": None, "violations": None}
+"""What a row tells, and to how many digits; ``ratio`` is the mean length over the shortest."""
+
+
+class _Table:
+    """Rows as they are measured."""
+
+    def __init__(self) -> None:
+        self.rows: list[dict[str, Any]] = []
+        self.figures: dict[str, float] = {}
+
+    def add(self, where: BenchMap, what: str, seconds: Floats, **more: float) -> None:
+        """A row for the ``seconds`` of one query each."""
+        figures = {"median_us": float(np.median(seconds) * 1e6)}
+        if len(seconds) > PASSES:
+            figures["p95_us"] = float(np.quantile(seconds, 0.95) * 1e6)
+        figures |= more
+        row: dict[str, Any] = {"map": where.name, "what": what, "radius": where.radius}
+        for key, digits in _COLUMNS.items():
+            row[key] = round(figures[key], digits) if key in figures else None
+        self.rows.append(row)
+        name = f"{where.name} {what}".replace(",", "").replace(" ", "_")
+        self.figures |= {f"{name}_{key}": value for key, value in figures.items()}
+
+
+def measure(maps: Path | None = None) -> Measurement:
+    """Measure on the maps in the folder ``maps``, by default on generated ones, and build a large one."""
+    table = _Table()
+    for where in read_maps(maps) if maps else [clutter(200, 50.0, 0.3, 1000), clutter(2000, 50.0, 0.2, 1000)]:
+        measure_map(table, where)
+    measure_builds(table, clutter(*LARGE, radius=0.2, queries=1))
+    return Measurement(table.rows, table.figures)
+
+
+def measure_map(table: _Table, where: BenchMap) -> None:
+    """Everything on one map."""
+    measure_builds(table, where)
+    mesh = NavMesh(where.area)
+    for optimality in OPTIMALITIES:
+        measure_paths(table, where, mesh, optimality)
+    measure_queries(table, where, mesh)
+    measure_edits(table, where, mesh)
+
+
+def measure_builds(table: _Table, where: BenchMap) -> None:
+    """The mesh of a whole area, refinement and widths included, by either builder."""
+    for builder in ("own", "triangle"):
+        table.add(where, f"build, {builder}", best_of([partial(NavMesh, where.area, builder)]))
+
+
+def measure_paths(table: _Table, where: BenchMap, mesh: NavMesh, optimality: str) -> None:
+    """All queries of a map, one by one and in a batch with one and two threads."""
+    starts, goals = (np.ascontiguousarray(where.queries[:, part]) for part in (slice(0, 2), slice(2, 4)))
+
+    def find(first: int, last: int, workers: int = 1) -> Paths:
+        return mesh.find_paths(starts[first:last], goals[first:last], where.radius, optimality, workers)
+
+    paths = find(0, len(starts))
+    found = np.flatnonzero(paths.status == FOUND)
+    more: dict[str, Any] = {"found": len(found), "violations": _violations(where, paths, found)}
+    ratios = (paths.lengths / where.optimum)[np.isfinite(paths.lengths) & np.isfinite(where.optimum)]
+    if len(ratios):
+        more["ratio"] = float(ratios.mean())
+    none = float(np.median(_seconds([partial(find, 0, 0)] * 100)))
+    seconds = best_of([partial(find, i, i + 1) for i in range(len(starts))])
+    table.add(where, f"path, {optimality}", np.maximum(seconds - none, 0.0), **more)
+    for workers in (1, 2):
+        seconds = best_of([partial(find, 0, len(starts), workers)]) / len(starts)
+        table.add(where, f"path, {optimality}, mean of a batch, workers {workers}", seconds)
+
+
+def measure_queries(table: _Table, where: BenchMap, mesh: NavMesh) -> None:
+    """Single calls from Python, at the starts of the map's queries."""
+    radius, starts = where.radius, where.queries[:, :2]
+    ends = list(zip(starts, where.queries[:, 2:], strict=True))
+    narrow = [point for point in starts if not mesh.is_free(point, 2.0 * radius)]
+    ways = [path.points for path in (_found(mesh, *pair, radius) for pair in ends[:200]) if path is not None]
+    queries: dict[str, list[Callable[[], Any]]] = {
+        "clearance": [partial(mesh.clearance, point) for point in starts],
+        "free disc": [partial(mesh.is_free, point, radius) for point in starts],
+        "locate": [partial(mesh.locate, point) for point in starts],
+        "nearest free, twice the radius": [partial(mesh.nearest_free, point, 2.0 * radius) for point in narrow],
+        "reachable": [partial(mesh.reachable, one, other, radius) for one, other in ends],
+        "first violation of a path": [partial(mesh.first_violation, way, radius) for way in ways],
+    }
+    for what, calls in queries.items():
+        if calls:
+            table.add(where, what, best_of(calls))
+    table.add(where, "clearance, mean of a batch", best_of([partial(mesh.clearances, starts)]) / len(starts))
+    fresh = radius * (1.0 + 1e-3 * np.arange(1, 21))  # radii that were not asked for yet
+    table.add(where, "components of a new radius", _seconds([partial(mesh.components, starts[:1], r) for r in fresh]))
+
+
+def measure_edits(table: _Table, where: BenchMap, mesh: Any) -> None:
+    """Insert and remove polygons of the map at other places, and points."""
+    if not hasattr(mesh, "insert_obstacle"):
+        return
+    rng = np.random.default_rng(7)
+    x0, y0, x1, y1 = where.area.bounds
+    for what in ("polygon", "point"):
+        inserted, removed = [], []
+        for k in range(_EDITS + _FIRST_EDITS):
+            corners = shapely.get_coordinates(where.obstacles[k % len(where.obstacles)])[:-1]
+            center = rng.uniform((x0, y0), (x1, y1))
+            shape = corners - corners.mean(axis=0) + center if what == "polygon" else shapely.Point(center)
+            begin = time.perf_counter()
+            handle = mesh.insert_obstacle(shape)
+            middle = time.perf_counter()
+            mesh.remove(handle)
+            inserted.append(middle - begin)
+            removed.append(time.perf_counter() - middle)
+        table.add(where, f"insert a {what}", np.array(inserted[_FIRST_EDITS:]))
+        table.add(where, f"remove a {what}", np.array(removed[_FIRST_EDITS:]))
+
+
+def best_of(calls: list[Callable[[], Any]]) -> Floats:
+    """Least seconds (n,) of each of ``calls`` over :data:`PASSES` passes through all of them."""
+    return np.min([_seconds(calls) for _ in range(PASSES)], axis=0)
+
+
+def _seconds(calls: Iterable[Callable[[], Any]]) -> Floats:
+    seconds = []
+    gc.collect()
+    gc.disable()
+    try:
+        for call in calls:
+            begin = time.perf_counter()
+            call()
+            seconds.append(time.perf_counter() - begin)
+    finally:
+        gc.enable()
+    return np.array(seconds)
+
+
+def _found(mesh: NavMesh, start: Floats, goal: Floats, radius: float) -> Any:
+    try:
+        return mesh.find_path(start, goal, radius)
+    except PathNotFound:
+        return None
+
+
+def _violations(where: BenchMap, paths: Paths, found: NDArray[np.int64]) -> int:
+    """How many paths come closer than the radius to an obstacle, as shapely sees it."""
+    boundary = where.area.boundary
+    shapely.prepare(boundary)
+    lines = [shapely.LineString(paths[int(i)].points) for i in found]
+    outside = [not where.area.contains(shapely.Point(line.coords[0])) for line in lines]
+    close = shapely.dwithin(boundary, lines, max(where.radius - _CLOSE, 0.0))
+    return int(np.count_nonzero(close | outside))

@@ -1,0 +1,168 @@
+"""A mesh as a picture: what is closed, how wide each corner is, where a disc fits, and a path."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from crowdsim.errors import CrowdSimError
+from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, MeshArrays
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Floats = NDArray[np.float64]
+
+_SUFFIXES = (".png", ".svg", ".pdf")
+_INCHES = (10.0, 7.0)
+_DPI = 100
+
+# Blue and vermilion of Okabe and Ito and matplotlib's cividis: the color-blind tell them apart.
+_BLOCKED = "#4a4e55"
+_WALL = "#15171a"
+_OPEN = "#ffffff"
+_SIDE = "#b4b8bd"
+_FREE = "#0072b2"
+_PATH = "#d55e00"
+_WIDTHS = "cividis"
+
+
+class _Shapes:
+    """What a mesh consists of, as points and polygons."""
+
+    def __init__(self, mesh: MeshArrays) -> None:
+        triangles = int(mesh.frame["triangles"][0])
+        free = mesh.wind[:triangles] == 0
+        sides = mesh.sides[: 3 * triangles].reshape(-1, 3)
+        org: NDArray[np.int64] = sides["org"]
+        place = np.column_stack([mesh.vertices["x"], mesh.vertices["y"]])
+        self.free = place[org[free]]
+        """(nf, 3, 2) corners of the free triangles."""
+        ends = np.stack([place[org], place[np.roll(org, -1, axis=1)]], axis=2)
+        """(nt, 3, 2, 2) both ends of each side."""
+        closed = sides["cst"] != 0
+        self.walls = ends[closed & (free[:, None] | free[np.maximum(sides["twin"], 0) // 3])]
+        self.sides = ends[free][~closed[free]]
+        self.widths = sides["clr"][free].astype(np.float64)
+        """(nf, 3) width of each corner of the free triangles, meters."""
+        used = np.unique(org[free])
+        used = used[used >= BOX_CORNERS]
+        added = mesh.vertices["vref"][used] == 0
+        self.added, self.corners = place[used[added]], place[used[~added]]
+
+    def sectors(self) -> tuple[Floats, Floats]:
+        """A sector (k, m, 2) at each corner that can be turned around, within its triangle, and its width (k,)."""
+        before, after = (np.roll(self.free, shift, axis=1) - self.free for shift in (1, -1))
+        shorter = np.minimum(np.hypot(*np.moveaxis(before, -1, 0)), np.hypot(*np.moveaxis(after, -1, 0)))
+        base = np.hypot(*np.moveaxis(after - before, -1, 0))
+        height = np.abs(before[..., 0] * after[..., 1] - before[..., 1] * after[..., 0]) / base
+        reach = np.minimum(np.minimum(0.3 * shorter, 0.8 * height), 0.025 * float(np.ptp(self.free, axis=(0, 1)).max()))
+        start = np.arctan2(after[..., 1], after[..., 0])
+        turn = (np.arctan2(before[..., 1], before[..., 0]) - start) % (2.0 * np.pi)
+        bearing = start[..., None] + turn[..., None] * np.linspace(0.0, 1.0, 9)
+        arc = self.free[:, :, None] + reach[..., None, None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
+        sectors = np.concatenate([self.free[:, :, None], arc], axis=2)
+        passed = self.widths > 0.0
+        return sectors[passed], self.widths[passed]
+
+    def fits(self, radius: float) -> Any:
+        """The area of places where a disc of ``radius`` fits (shapely)."""
+        solid = shapely.union_all([shapely.multilinestrings(list(self.walls)), shapely.multipoints(self.corners)])
+        return shapely.union_all(shapely.polygons(self.free)).difference(solid.buffer(radius, quad_segs=24))
+
+
+def draw_mesh(mesh: MeshArrays, points: Floats | None = None, radius: float | None = None) -> Figure:
+    """A figure of a mesh with free space, and perhaps a path of ``points`` (n, 2) for a disc of ``radius`` meters."""
+    from matplotlib.figure import Figure
+
+    shapes = _Shapes(mesh)
+    if len(shapes.free) == 0:
+        raise CrowdSimError("the mesh has no free space to draw; every place of it is covered by an obstacle")
+    figure = Figure(figsize=_INCHES, dpi=_DPI, layout="constrained")
+    axes = figure.add_subplot()
+    _draw_triangles(figure, axes, shapes)
+    if radius:
+        _draw_fits(axes, shapes.fits(radius), radius)
+    if points is not None:
+        _draw_path(axes, points, radius or 0.0)
+    low, high = shapes.free.min(axis=(0, 1)), shapes.free.max(axis=(0, 1))
+    margin = 0.02 * float((high - low).max())
+    axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin), aspect="equal")
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    figure.legend(loc="outside lower center", ncols=3, frameon=False)
+    return figure
+
+
+def _draw_triangles(figure: Figure, axes: Axes, shapes: _Shapes) -> None:
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    axes.set_facecolor(_BLOCKED)
+    axes.add_collection(PolyCollection(list(shapes.free), facecolor=_OPEN, edgecolor=_OPEN, linewidth=0.5))
+    axes.add_collection(LineCollection(list(shapes.sides), colors=_SIDE, linewidths=0.6))
+    sectors, widths = shapes.sectors()
+    colors = PolyCollection(list(sectors), array=widths, cmap=_WIDTHS, edgecolor="none")
+    colors.set_clim(0.0, float(np.quantile(widths, 0.98)) if len(widths) else 1.0)
+    axes.add_collection(colors)
+    axes.add_collection(LineCollection(list(shapes.walls), colors=_WALL, linewidths=1.4, label="obstacle"))
+    axes.plot(*shapes.corners.T, ".", color=_WALL, markersize=3.0)
+    if len(shapes.added):
+        style: dict[str, Any] = {
+            "markerfacecolor": "white",
+            "markeredgecolor": _WALL,
+            "markeredgewidth": 0.8,
+            "markersize": 4.0,
+        }
+        axes.plot(*shapes.added.T, "o", linestyle="none", label="vertex added by refinement", **style)
+    figure.colorbar(colors, ax=axes, label="width of a turn around a corner [m]", extend="max", shrink=0.8)
+
+
+def _draw_fits(axes: Axes, area: Any, radius: float) -> None:
+    from matplotlib.colors import to_rgb
+
+    fill = (*to_rgb(_FREE), 0.08)
+    _fill(axes, area, facecolor=fill, edgecolor=_FREE, linewidth=1.3, label=f"where a radius of {radius:g} m is free")
+
+
+def _draw_path(axes: Axes, points: Floats, radius: float) -> None:
+    if radius > 0.0:
+        swept = shapely.LineString(points).buffer(radius, quad_segs=24)
+        _fill(axes, swept, facecolor=_PATH, alpha=0.3, edgecolor="none", label="swept by the disc")
+    axes.plot(*points.T, color=_PATH, linewidth=2.0, label="path")
+    for end, marker in ((points[0], "o"), (points[-1], "s")):
+        axes.plot(*end, marker, color="white", markeredgecolor=_PATH, markeredgewidth=2.0, markersize=8.0)
+
+
+def _fill(axes: Axes, area: Any, **style: Any) -> None:
+    """Draw an area (shapely) with its holes."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path as Outline
+
+    rings = [shapely.get_coordinates(ring) for ring in shapely.get_rings(shapely.get_parts(area))]
+    if rings:
+        axes.add_patch(PathPatch(Outline.make_compound_path(*[Outline(ring, closed=True) for ring in rings]), **style))
+
+
+def write_figure(figure: Figure, file: str | os.PathLike[str]) -> None:
+    """Write a figure as .png, .svg or .pdf; the file appears under its name when it is complete."""
+    path = Path(file)
+    if path.suffix.lower() not in _SUFFIXES:
+        raise CrowdSimError(f"{path}: pictures of meshes are written as .png, .svg or .pdf; choose such a name")
+    if not path.parent.is_dir():
+        raise CrowdSimError(f"the folder {path.parent} does not exist; make it first")
+    handle, written = tempfile.mkstemp(suffix=path.suffix, prefix=f".{path.stem}-", dir=path.parent)
+    os.close(handle)
+    try:
+        figure.savefig(written)
+        os.chmod(written, 0o644)
+        os.replace(written, path)
+    except BaseException:
+        Path(written).unlink(missing_ok=True)
+        raise

@@ -1,0 +1,131 @@
+"""The constrained triangulation of Shewchuk's Triangle in the engine's own arrays.
+
+The package `triangle` compiles code whose license excludes commercial distribution, so it is imported only when it is
+asked for. It ends the process on NaN, fails on collinear points and leaves duplicate vertices unconnected; what it gets
+from here is finite, distinct and inside a box whose corners it gets, too.
+"""
+
+from __future__ import annotations
+
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from crowdsim.errors import GeometryError
+from crowdsim.geometry.snapping import snap
+from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, MeshArrays, Rings
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_MOST_PASSES = 16
+"""Triangulations until no segments cross: crossings are moved to the grid, which may make new ones, ever fewer."""
+
+
+class Triangulation(NamedTuple):
+    """What Triangle found for rings, which got a corner more at each crossing."""
+
+    rings: Rings
+    ids: Ints
+    """(n,) vertex of each point of the rings."""
+    vertices: Floats
+    """(nv, 2) corners of the box first."""
+    triangles: Ints
+    """(nt, 3) vertices, counter-clockwise."""
+    neighbors: Ints
+    """(nt, 3) triangle opposite of each corner, -1 outside of the box."""
+
+
+def _package() -> ModuleType:
+    try:
+        import triangle
+    except ImportError as error:
+        raise GeometryError(
+            "builder: 'triangle' needs the package of that name (pip install triangle; not for commercial "
+            "distribution); builder='own' gives the same mesh without it"
+        ) from error
+    return triangle
+
+
+def _distinct(points: Floats, order: Ints, frame: NDArray[Any]) -> tuple[Floats, Ints]:
+    """Distinct ``points`` (n, 2) as ``order`` (n,) first meets them, and which of those each point is (n,)."""
+    x0, y0, cell = frame[["x0", "y0", "cell"]][0].item()
+    x, y = ((points[order] - (x0, y0)) / cell).astype(np.int64).T
+    _, first, same = np.unique(x << 31 | y, return_index=True, return_inverse=True)
+    by_order = np.argsort(first)
+    rank = np.empty(len(first), np.int64)
+    rank[by_order] = np.arange(len(first))
+    ids = np.empty(len(points), np.int64)
+    ids[order] = rank[same]
+    return points[order[first[by_order]]], ids
+
+
+def _next_points(rings: Rings) -> Ints:
+    """(n,) the point that follows each point around its ring."""
+    following = np.arange(1, len(rings.points) + 1)
+    following[rings.ends - 1] = np.append(0, rings.ends[:-1])
+    return following
+
+
+def _through(rings: Rings, order: Ints, crossings: Floats, cell: float) -> tuple[Rings, Ints]:
+    """The rings, and their order, with each side led through those ``crossings`` (k, 2) whose grid cells it meets."""
+    ends = rings.points[_next_points(rings)]
+    tree = shapely.STRtree(shapely.linestrings(np.stack([rings.points, ends], axis=1)))
+    low, high = crossings - 0.5 * cell, crossings + 0.5 * cell
+    which, side = tree.query(shapely.box(*low.T, *high.T), predicate="intersects")
+    at = crossings[which]
+    inner = (at != rings.points[side]).any(axis=1) & (at != ends[side]).any(axis=1)
+    at, side = at[inner], side[inner].astype(np.int64)
+    along = ((at - rings.points[side]) * (ends[side] - rings.points[side])).sum(axis=1)
+    by_place = np.lexsort((along, side))
+    at, after = at[by_place], side[by_place] + 1
+    points = np.insert(rings.points, after, at, axis=0)
+    moved = order + np.searchsorted(after, order, side="right")
+    new = after + np.arange(len(after))
+    return Rings(points, rings.ends + np.searchsorted(after, rings.ends, side="right")), np.append(moved, new)
+
+
+def triangulation(rings: Rings, order: Ints, frame: NDArray[Any]) -> Triangulation:
+    """Triangulate the box of ``frame`` (1,) with the sides of ``rings``; vertices are numbered in ``order`` (n,).
+
+    Raises
+    ------
+    GeometryError
+        If `triangle` is not installed, or crossings on the grid keep making new ones.
+    """
+    package = _package()
+    x0, y0, x1, y1, cell = frame[["x0", "y0", "x1", "y1", "cell"]][0].item()
+    box = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
+    border = np.array([(0, 1), (1, 2), (2, 3), (0, 3)])  # without it, Triangle drops what no ring encloses
+    for _ in range(_MOST_PASSES):
+        corners, ids = _distinct(rings.points, order, frame)
+        vertices, ids = np.concatenate([box, corners]), ids + BOX_CORNERS
+        sides = np.sort(np.column_stack([ids, ids[_next_points(rings)]]), axis=1)
+        sides = sides[sides[:, 0] != sides[:, 1]]
+        found = package.triangulate({"vertices": vertices, "segments": np.concatenate([border, sides])}, "pn")
+        crossings = found["vertices"][len(vertices) :]
+        if len(crossings) == 0:
+            return Triangulation(rings, ids, vertices, found["triangles"], found["neighbors"])
+        rings, order = _through(rings, order, np.unique(snap(crossings, cell), axis=0), cell)
+    raise GeometryError(
+        f"builder: 'triangle' still finds crossing sides after {_MOST_PASSES} passes; use builder='own', or simplify "
+        f"the walkable area"
+    )
+
+
+def fill(mesh: MeshArrays, found: Triangulation) -> None:
+    """Enter vertices and triangles into an empty mesh with room for them; constraints are left to ``build``."""
+    count, triangles = len(found.vertices), found.triangles.astype(np.int64)
+    opposite = found.neighbors.astype(np.int64)[:, [2, 0, 1]]  # across the side that starts at each corner
+    starts_there = triangles[opposite] == triangles[:, [1, 2, 0], None]
+    twins = np.where(opposite < 0, -1, 3 * opposite + starts_there.argmax(axis=2))
+    vertices, sides = mesh.vertices[:count], mesh.sides[: triangles.size]
+    vertices["x"], vertices["y"] = found.vertices.T
+    vertices["vref"] = np.bincount(found.ids, minlength=count)
+    sides["org"], sides["twin"] = triangles.ravel(), twins.ravel()
+    sides["use"] = -1
+    vertices["vhe"][triangles.ravel()] = np.arange(triangles.size)
+    mesh.frame["vertices"], mesh.frame["triangles"] = count, len(triangles)
