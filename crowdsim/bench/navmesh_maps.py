@@ -39,10 +39,11 @@ class BenchMap:
 
 def read_maps(folder: Path) -> list[BenchMap]:
     """The maps of ``folder``; raises CrowdSimError where one is missing or has another form."""
-    return [_read_map(folder / f"{name}.json") for name in FILES]
+    return [read_map(folder / f"{name}.json") for name in FILES]
 
 
-def _read_map(file: Path) -> BenchMap:
+def read_map(file: Path) -> BenchMap:
+    """The map of one file; raises CrowdSimError where it is missing or has another form."""
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
         obstacles = [shapely.Polygon(obstacle["polygon"]) for obstacle in content["obstacles"]]

@@ -94,7 +94,9 @@ class NavMesh:
     def find_path(self, start: ArrayLike, goal: ArrayLike, radius: float, optimality: str = "fast") -> Path:
         """A short path from ``start`` to ``goal`` (x, y) that keeps ``radius`` from every obstacle.
 
-        Found whenever one exists; "fast" is two tenths of a percent longer than the shortest on average.
+        Found whenever one exists. With ``optimality`` "fast" it is two tenths of a percent longer than the shortest on
+        average, and any mesh answers at once; "best" is the shortest, for which the first call for a radius makes a
+        graph of all tangents around corners (a fifth of a second for ten thousand corners) that lasts until an edit.
 
         Raises
         ------
@@ -130,7 +132,8 @@ class NavMesh:
         sources, targets = as_points(starts, "starts"), as_points(goals, "goals")
         if len(sources) != len(targets):
             raise GeometryError(f"goals: expected {len(sources)} points, one for each start, got {len(targets)}")
-        sizes = as_path_radii(radii, len(sources), max(MIN_RADIUS, 2.0 * self.tolerance(0.0)))
+        smallest = 0.0 if optimality == "best" else max(MIN_RADIUS, 2.0 * self.tolerance(0.0))
+        sizes = as_path_radii(radii, len(sources), smallest)
         if self._search is None:
             self._search = PathSearch(self.arrays)
         least = sizes - self.tolerance(sizes)

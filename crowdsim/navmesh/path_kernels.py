@@ -32,8 +32,8 @@ TANGLED = 4
 """A wide enough passage exists and no path through it was found."""
 
 _REPAIRS = 60
-_COARSE = 1e-3
-_FINE = 2e-6
+COARSE = 1e-3
+FINE = 2e-6
 """How far corners of the polyline may stand off an arc, meters: normally, and in passages that leave no more room."""
 
 
@@ -130,7 +130,7 @@ def _tighten(nodes, count):
 
 
 @helper
-def _trace(m, stack, nodes, count, least, bulge, start):
+def trace(m, stack, nodes, count, least, bulge, start):
     """Polyline around the nodes and its first piece closer than ``least`` to an obstacle.
 
     Returns (points (n, 2), node, inside, vertex, edge, distance, x0, y0, x1, y1): ``node`` is -1 where nothing is too
@@ -193,18 +193,18 @@ def _pull(m, stack, nodes, count, radius, least, start):
     sides = m.sides
     vertices = m.vertices
     count = _tighten(nodes, count)
-    bulge = _COARSE
+    bulge = COARSE
     points = np.empty((0, 2))
     for _ in range(_REPAIRS):
         if count < 0:
             break
-        points, i, inside, vertex, edge, distance, px, py, x, y = _trace(m, stack, nodes, count, least, bulge, start)
+        points, i, inside, vertex, edge, distance, px, py, x, y = trace(m, stack, nodes, count, least, bulge, start)
         if i < 0:
             return True, points
         if distance < 0.0:
             break
-        if bulge == _COARSE and distance > least - 2.0 * _COARSE:
-            bulge = _FINE
+        if bulge == COARSE and distance > least - 2.0 * COARSE:
+            bulge = FINE
             continue
         dx = x - px
         dy = y - py
@@ -301,8 +301,25 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least):
     nodes = shortest_around(m, nodes, count, least)
     if nodes.size == 0:
         return TANGLED, points
-    points, i, _, _, _, _, _, _, _, _ = _trace(m, stack, nodes, nodes.size, least, _FINE, start)
+    points, i, _, _, _, _, _, _, _, _ = trace(m, stack, nodes, nodes.size, least, FINE, start)
     return OK if i < 0 else TANGLED, points
+
+
+@helper
+def append_path(points, filled, path):
+    """Copy the polyline ``path`` (k, 2) behind the first ``filled`` rows; (points, grown where needed, length)."""
+    n = path.shape[0]
+    while filled + n > points.shape[0]:
+        points = longer_rows(points)
+    length = 0.0
+    for k in range(n):
+        points[filled + k, 0] = path[k, 0]
+        points[filled + k, 1] = path[k, 1]
+        if k > 0:
+            dx = path[k, 0] - path[k - 1, 0]
+            dy = path[k, 1] - path[k - 1, 1]
+            length += math.sqrt(dx * dx + dy * dy)
+    return points, length
 
 
 @kernel
@@ -317,17 +334,11 @@ def plan_paths(m, regions, work, starts, goals, radii, least, status, lengths, c
         found, path = plan_path(
             m, regions, work, starts[i, 0], starts[i, 1], goals[i, 0], goals[i, 1], radii[i], least[i]
         )
-        n = path.shape[0] if found == OK else 0
         status[i] = found
-        counts[i] = n
-        while filled + n > points.shape[0]:
-            points = longer_rows(points)
-        length = 0.0
-        for k in range(n):
-            points[filled + k, 0] = path[k, 0]
-            points[filled + k, 1] = path[k, 1]
-            if k > 0:
-                length += math.hypot(path[k, 0] - path[k - 1, 0], path[k, 1] - path[k - 1, 1])
-        lengths[i] = length if found == OK else math.nan
-        filled += n
+        counts[i] = 0
+        lengths[i] = math.nan
+        if found == OK:
+            points, lengths[i] = append_path(points, filled, path)
+            counts[i] = path.shape[0]
+            filled += path.shape[0]
     return points[:filled].copy()

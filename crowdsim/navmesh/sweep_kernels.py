@@ -3,6 +3,7 @@
 import math
 
 from crowdsim.jit import helper, kernel
+from crowdsim.navmesh.clearance_kernels import capsule_clearance
 from crowdsim.navmesh.half_edge_kernels import nxt, prv
 
 
@@ -99,3 +100,13 @@ def sweep(m, stack, root, x0, y0, x1, y1, least):
         stack[top + 1] = nxt(g)
         top += 2
     return True, end
+
+
+@helper
+def is_free_way(m, stack, triangle, x0, y0, x1, y1, least):
+    """Whether a disc of radius ``least`` moves from (x0, y0) in ``triangle`` to (x1, y1); arguments as of `sweep`."""
+    free, _ = sweep(m, stack, triangle, x0, y0, x1, y1, least)
+    if free:
+        return True
+    distance, _ = capsule_clearance(m, x0, y0, x1, y1, 1.01 * least, triangle)
+    return distance >= least

@@ -1,0 +1,126 @@
+"""Shortest paths of discs against exact lengths of others, brute force, and themselves."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+
+from crowdsim.errors import PathNotFound
+from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.navmesh.tangent_graph import RadiusGraph
+from tests.reference.navmesh_reference import random_area
+from tests.reference.shortest_reference import shortest_length
+from tests.support.oracle_maps import MAPS, arena, load_map
+
+ROOM = shapely.box(0, 0, 10, 10).difference(shapely.box(4, 4, 6, 6))
+
+
+def test_all_lengths_of_the_arena_are_the_exact_ones(shared):
+    area, starts, goals, lengths = arena(shared)
+    paths = NavMesh(area).find_paths(starts, goals, 0.0, "best")
+    assert len(lengths) == 130
+    np.testing.assert_allclose(paths.lengths, lengths, rtol=0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_lengths_of_points_are_the_exact_ones(shared, name):
+    world = load_map(shared, name)
+    paths = NavMesh(world.area).find_paths(world.starts, world.goals, 0.0, "best")
+    np.testing.assert_allclose(paths.lengths, world.optimum_r0, rtol=0.0, atol=1e-4)
+    for path in list(paths)[::10]:  # a point may touch corners; it enters none by more than the grid rounds them
+        assert world.area.buffer(1e-5).covers(shapely.LineString(path.points))
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_discs_keep_their_radius_on_paths_as_short_as_the_best_known(shared, name):
+    world = load_map(shared, name)
+    mesh = NavMesh(world.area)
+    best = mesh.find_paths(world.starts, world.goals, world.radius, "best")
+    fast = mesh.find_paths(world.starts, world.goals, world.radius)
+    assert (best.lengths <= fast.lengths + 1e-9).all()
+    # The reference has 8 segments a quarter circle: its obstacles are smaller by up to 0.5 % of the radius, so that it
+    # passes a few gaps that the disc does not, and where gaps of exactly the disc's width are closed it is longer.
+    assert np.mean(best.lengths / world.optimum_r) == pytest.approx(1.0, abs=2e-4)
+    assert np.quantile(np.abs(best.lengths / world.optimum_r - 1.0), 0.98) < 1e-3
+    boundary = world.area.boundary
+    for path in list(best)[::7]:
+        line = shapely.LineString(path.points)
+        assert line.distance(boundary) >= world.radius - 1e-5
+        # The polyline runs around arcs, by a millimeter at most.
+        assert path.length <= line.length <= 1.003 * path.length
+
+
+@pytest.mark.parametrize("kind", ["boxes", "walls", "lattice"])
+def test_no_shorter_path_is_found_by_brute_force(kind):
+    rng = np.random.default_rng(["boxes", "walls", "lattice"].index(kind))
+    found = 0
+    for _ in range(12):
+        area = random_area(rng, kind, size=6.0, count=int(rng.integers(2, 8)))
+        obstacles = np.round(64.0 * rng.uniform(0.0, 6.0, (int(rng.integers(0, 4)), 2))) / 64.0
+        mesh = NavMesh(area).with_points(obstacles) if len(obstacles) else NavMesh(area)
+        radius = float(rng.choice([0.0, 0.07, 0.23, 0.41]))
+        starts, goals = rng.uniform(0.0, 6.0, (2, 4, 2))
+        paths = mesh.find_paths(starts, goals, radius, "best")
+        for start, goal, length in zip(starts, goals, paths.lengths, strict=True):
+            expected = shortest_length(area, obstacles, start, goal, radius, 2.0 * mesh.tolerance(radius))
+            assert (math.isnan(length) and expected == math.inf) or length == pytest.approx(expected, abs=1e-5)
+            found += not math.isnan(length)
+    assert found > 10
+
+
+def test_a_point_leaves_and_meets_walls_and_corners():
+    paths = NavMesh(ROOM).find_paths(
+        [(4, 4), (4, 4), (5, 4), (4, 5), (0, 0), (4, 5), (0, 3)],
+        [(6, 6), (6, 4), (5, 6), (6, 5), (10, 10), (0, 5), (0, 7)],
+        0.0,
+        "best",
+    )
+    around = 2.0 + 2.0 * math.hypot(1.0, 0.0)
+    expected = [4.0, 2.0, around, around, 2.0 * math.hypot(6.0, 4.0), 4.0, 4.0]
+    np.testing.assert_allclose(paths.lengths, expected, atol=1e-6)
+
+
+def test_a_wall_without_thickness_is_walked_around():
+    mesh = NavMesh(shapely.box(0, 0, 10, 10)).with_points([(5.0, 5.0)])
+    path = mesh.find_path((2.0, 5.0), (8.0, 5.0), 1.0, "best")
+    turn = 2.0 * math.asin(1.0 / 3.0)
+    assert path.length == pytest.approx(2.0 * math.sqrt(8.0) + turn, abs=1e-9)
+
+
+def test_no_length_falls_as_the_radius_grows():
+    area = random_area(np.random.default_rng(5), "boxes")
+    mesh = NavMesh(area)
+    starts, goals = np.random.default_rng(6).uniform(0.0, 12.0, (2, 40, 2))
+    before = np.zeros(40)
+    for radius in (0.0, 0.05, 0.1, 0.2, 0.3, 0.4):
+        paths = mesh.find_paths(starts, goals, radius, "best")
+        lengths = np.where(np.isnan(paths.lengths), math.inf, paths.lengths)
+        assert (lengths >= before - 1e-9).all()
+        before = lengths
+
+
+def test_results_are_the_same_for_any_number_of_workers(shared):
+    world = load_map(shared, "clutter_200")
+    mesh = NavMesh(world.area)
+    radii = np.resize([0.3, 0.2], len(world.starts))
+    one, two = (mesh.find_paths(world.starts, world.goals, radii, "best", workers=count) for count in (1, 2))
+    for name in ("status", "lengths", "offsets", "points"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+    alone = mesh.find_path(world.starts[1], world.goals[1], 0.2, "best")
+    np.testing.assert_array_equal(alone.points, one[1].points)
+    one, two = (RadiusGraph(mesh.arrays, 0.3, 0.299, count).arrays for count in (1, 2))
+    for here, there in zip(one, two, strict=True):
+        np.testing.assert_array_equal(here, there)
+
+
+def test_what_is_not_reached_is_said():
+    halves = shapely.box(0, 0, 10, 10).difference(shapely.box(4.9, 0, 5.1, 9.5))
+    mesh = NavMesh(halves)
+    assert mesh.find_path((1, 1), (9, 1), 0.2, "best").length > 19.0
+    with pytest.raises(PathNotFound, match="wide enough"):
+        mesh.find_path((1, 1), (9, 1), 0.26, "best")
+    with pytest.raises(PathNotFound, match="start blocked"):
+        mesh.find_path((5, 5), (9, 1), 0.0, "best")
+    with pytest.raises(PathNotFound, match="goal blocked"):
+        mesh.find_path((1, 1), (9.9, 9.9), 0.2, "best")
