@@ -55,6 +55,10 @@ class GeometryError(CrowdSimError):
     """A polygon, solid or layer cannot be used as given."""
 
 
+class StaleHandle(CrowdSimError):
+    """A handle of an obstacle that is not in the mesh, or no longer."""
+
+
 class GeometryWarning(UserWarning):
     """A polygon is used as given but looks like a mistake, such as one not drawn in meters."""
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from crowdsim.errors import GeometryError
 from crowdsim.geometry.snapping import grid_cell, snap
 from crowdsim.navmesh.build_kernels import build
-from crowdsim.navmesh.mesh_arrays import FRAME, MeshArrays, Rings, empty_mesh, trimmed
+from crowdsim.navmesh.mesh_arrays import FRAME, MeshArrays, Rings, empty_mesh, trimmed, workshop
 from crowdsim.navmesh.triangulation_kernels import FULL
 
 Floats = NDArray[np.float64]
@@ -101,7 +101,7 @@ def triangulate(area: shapely.Polygon | shapely.MultiPolygon, builder: str = "ow
         mesh = empty_mesh(room, frame)
         if builder == "triangle":
             triangle_builder.fill(mesh, found)
-        status = build(mesh, rings.points, ids, rings.ends, order, np.zeros(room, np.uint8))
+        status = build(mesh, rings.points, ids, rings.ends, order, workshop(room))
         if status == 0:
             return trimmed(mesh)
         if status != FULL or room > 100 * len(rings.points) + 6400:

@@ -43,7 +43,7 @@ def locate(m, x, y, hint):
     if t < 0 or t >= frame.triangles:
         column = min(int((x - frame.x0) / frame.hint_cell), frame.nx - 1)
         row = min(int((y - frame.y0) / frame.hint_cell), frame.ny - 1)
-        t = m.hints[row * frame.nx + column]
+        t = min(m.hints[row * frame.nx + column], frame.triangles - 1)
     came = NONE
     random = np.uint32(2463534242)
     for _ in range(8 * frame.triangles + 64):

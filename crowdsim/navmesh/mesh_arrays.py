@@ -19,28 +19,57 @@ BOX_CORNERS = 4
 """The first vertices are the corners of the box; they are no obstacles and no free triangle touches them."""
 
 SIDE = np.dtype(
-    [("org", np.int64), ("twin", np.int64), ("cst", np.int32), ("win", np.int32), ("clr", np.float32)], align=True
+    [
+        ("org", np.int64),
+        ("twin", np.int64),
+        ("cst", np.int32),
+        ("win", np.int32),
+        ("clr", np.float32),
+        ("use", np.int32),
+    ],
+    align=True,
 )
 """A half-edge.
 
 org: origin vertex. twin: opposite half-edge, -1 on the hull. cst: how many obstacle edges run along it, the same on
 both halves. win: signed count of obstacle boundaries along it with the obstacle on their left. clr: width (a diameter,
-meters) that a turn around the corner at ``org`` leaves; 0 where a side of the corner is closed.
+meters) that a turn around the corner at ``org`` leaves; 0 where a side of the corner is closed, and less on a side of
+every triangle that changed since it was measured. use: which inserted obstacles run along it in this direction, the
+head of a list of :data:`USE`, -1 for none; obstacles that the mesh was built with are counted in cst and win alone.
 """
 
 VERTEX = np.dtype([("x", np.float64), ("y", np.float64), ("vhe", np.int64), ("vref", np.int64)], align=True)
 """A vertex.
 
 x, y: meters, multiples of the grid cell. vhe: one half-edge that leaves the vertex. vref: how many obstacle corners and
-point obstacles own it; 0 for vertices that refinement added.
+point obstacles own it; 0 for vertices that refinement added and for crossings of inserted obstacles.
+
+Vertices keep their numbers when others are removed. A removed one has a negative vhe, from which `spare` of
+:data:`FRAME` starts a list: -1 minus the next removed one, or minus 0 at the end.
 """
 
 FRAME = np.dtype(
     [(name, np.float64) for name in ("cell", "x0", "y0", "x1", "y1", "hint_cell")]
-    + [(name, np.int64) for name in ("vertices", "triangles", "nx", "ny")],
+    + [(name, np.int64) for name in ("vertices", "triangles", "nx", "ny", "spare")],
     align=True,
 )
-"""Grid cell, box and hint cell in meters; how many vertices and triangles are filled; cells of the hint grid."""
+"""Grid cell, box and hint cell in meters; how many vertices and triangles are filled; cells of the hint grid; the
+first removed vertex, 0 for none."""
+
+USE = np.dtype([("owner", np.int32), ("next", np.int32)], align=True)
+"""One inserted obstacle along a half-edge: twice its slot, plus its winding, and the next item of the list or -1.
+
+Lists are sorted by owner and never changed, so that halves of a split side share one.
+"""
+
+TO_DO = np.dtype([("waiting", np.int64), ("touched", np.int64), ("mark", np.int64)], align=True)
+"""Two lists of vertices side by side, and marks of which vertex is in them (see work_kernels)."""
+
+PROGRESS = np.dtype(
+    [(name, np.int64) for name in ("head", "waiting", "touched", "uses", "pairs", "full", "rerouted")], align=True
+)
+"""Ring buffer ``waiting``: its first item and its length. Length of the list ``touched``, of the pool of uses (full: 1
+where it was too short) and of the stack ``pairs``. Whether a crossing made other obstacles take another way."""
 
 
 class Rings(NamedTuple):
@@ -62,9 +91,32 @@ class MeshArrays(NamedTuple):
     wind: NDArray[np.int64]
     """(nt,) how many obstacles cover the triangle; it is free where this is 0."""
     hints: NDArray[np.int64]
-    """(nx * ny,) the triangle at the center of each cell of a coarse grid, row by row."""
+    """(nx * ny,) a triangle near the center of each cell of a coarse grid, row by row; any number of an older mesh."""
     frame: NDArray[Any]
     """(1,) record :data:`FRAME`."""
+
+
+class Workshop(NamedTuple):
+    """What kernels that change a mesh of room for nv vertices work with."""
+
+    stack: NDArray[np.int64]
+    """(6 nv + 64,) half-edges or vertices."""
+    pairs: NDArray[np.int64]
+    """(6 nv + 64, 2) sides as pairs of vertices, which outlive flips."""
+    to_do: NDArray[Any]
+    """(nv,) records :data:`TO_DO`."""
+    uses: NDArray[Any]
+    """(k,) records :data:`USE`."""
+    progress: NDArray[Any]
+    """(1,) record :data:`PROGRESS`."""
+
+
+def workshop(vertices: int, uses: int = 0) -> Workshop:
+    """An empty workshop for a mesh with room for ``vertices``, with a pool of ``uses``."""
+    room = 6 * vertices + 64
+    pairs = np.empty((room, 2), np.int64)
+    to_do = np.zeros(vertices, TO_DO)
+    return Workshop(np.empty(room, np.int64), pairs, to_do, np.zeros(uses, USE), np.zeros(1, PROGRESS))
 
 
 def empty_mesh(vertices: int, frame: NDArray[Any]) -> MeshArrays:

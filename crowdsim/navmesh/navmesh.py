@@ -5,18 +5,20 @@ from __future__ import annotations
 import math
 import warnings
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
+from shapely.geometry.base import BaseGeometry
 
 from crowdsim.errors import GeometryError, GeometryWarning, PathNotFound
 from crowdsim.geometry.polygons import LARGE_EXTENT, clean_polygon
 from crowdsim.geometry.snapping import snap
 from crowdsim.navmesh import clearance_kernels, path_kernels, violation_kernels
-from crowdsim.navmesh.build_kernels import build
 from crowdsim.navmesh.builders import triangulate
-from crowdsim.navmesh.mesh_arrays import MeshArrays, resized, trimmed
+from crowdsim.navmesh.mesh_arrays import MeshArrays
+from crowdsim.navmesh.obstacles import Handle, Obstacles
 
 Floats = NDArray[np.float64]
 
@@ -87,7 +89,9 @@ class NavMesh:
     """
 
     arrays: MeshArrays
-    """What kernels take as their mesh argument."""
+    """What kernels take as their mesh argument; other arrays after an edit."""
+    revision: int
+    """How many edits there were. What was worked out from the mesh holds as long as this is the same."""
 
     def __init__(self, walkable: shapely.Polygon | shapely.MultiPolygon, builder: str = "own") -> None:
         area = clean_polygon(walkable)
@@ -97,6 +101,8 @@ class NavMesh:
             message = f"the walkable area is {max(x1 - x0, y1 - y0):g} m wide; is it drawn in meters?"
             warnings.warn(message, GeometryWarning, stacklevel=2)
         self.arrays = triangulate(area, builder)
+        self.revision = 0
+        self._obstacles: Obstacles | None = None
 
     def tolerance(self, radius: float) -> float:
         """How much less than ``radius`` still counts as clear: a millionth of it, and the grid corners moved to."""
@@ -172,6 +178,66 @@ class NavMesh:
         found = self.violations(points, radius)
         return float(found[0, 0]) if len(found) else math.inf
 
+    def insert_obstacle(self, geometry: BaseGeometry | Floats) -> Handle:
+        """Block what ``geometry`` covers, and repair the mesh around it; obstacles may overlap.
+
+        Parameters
+        ----------
+        geometry
+            Polygons (with holes, if any), lines or points, meters, or an array (n, 2) of the corners of a polygon,
+            which takes the least time. What lies outside of the mesh's box, 5 % around the walkable area, has no
+            effect, but counts again when the obstacle is moved. Invalid polygons are repaired.
+
+        Raises
+        ------
+        GeometryError
+            If ``geometry`` is something else, empty or not finite, or a polygon without area.
+        """
+        obstacles = self._edited()
+        try:
+            return obstacles.insert(geometry)
+        finally:
+            self._update(obstacles)
+
+    def remove(self, handle: Handle) -> None:
+        """Take an obstacle out that :meth:`insert_obstacle` put in, and repair the mesh around it.
+
+        Raises
+        ------
+        StaleHandle
+            If the obstacle is not in the mesh, or no longer.
+        """
+        obstacles = self._edited()
+        try:
+            obstacles.remove(handle)
+        finally:
+            self._update(obstacles)
+
+    def move(self, handle: Handle, *place: Any) -> None:
+        """``move(handle, dx, dy)`` or ``move(handle, geometry)``: the obstacle elsewhere; its handle stays valid.
+
+        Raises
+        ------
+        StaleHandle
+            If the obstacle is not in the mesh, or no longer.
+        GeometryError
+            As for :meth:`insert_obstacle`; the obstacle stays where it was then.
+        """
+        obstacles = self._edited()
+        try:
+            obstacles.move(handle, *place)
+        finally:
+            self._update(obstacles)
+
+    def _edited(self) -> Obstacles:
+        if self._obstacles is None:
+            self._obstacles = Obstacles(self.arrays)
+        return self._obstacles
+
+    def _update(self, obstacles: Obstacles) -> None:
+        self.arrays = obstacles.mesh
+        self.revision += 1
+
     def with_points(self, points: ArrayLike) -> NavMesh:
         """A copy with point obstacles (n, 2) added; this mesh stays as it is.
 
@@ -187,14 +253,10 @@ class NavMesh:
         if not inside.all():
             row = int(np.flatnonzero(~inside)[0])
             raise GeometryError(f"points: obstacle {row} at {tuple(array[row].tolist())} is outside of the mesh")
-        filled = int(self.arrays.frame["vertices"][0])
-        extra = 8 * len(array) + 16
-        while True:
-            mesh = resized(self.arrays, filled + extra)
-            no_rings, order = np.zeros(0, np.int64), np.arange(len(array))
-            if build(mesh, array, order.copy(), no_rings, order, np.zeros(filled + extra, np.uint8)) == 0:
-                break
-            extra *= 2
         copy = object.__new__(NavMesh)
-        copy.arrays = trimmed(mesh)
+        copy._obstacles = self._edited().copy() if self._obstacles else Obstacles(self.arrays)
+        copy.revision = self.revision
+        if len(array):
+            copy._obstacles.insert(shapely.multipoints(array))
+        copy.arrays = copy._obstacles.mesh
         return copy

@@ -8,8 +8,9 @@ from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper
 from crowdsim.navmesh.clearance_kernels import disc_clearance
 from crowdsim.navmesh.half_edge_kernels import nxt, prv
-from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
+from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.triangulation_kernels import FULL, split_edge, split_is_robust
+from crowdsim.navmesh.work_kernels import dequeue, enqueue, touch
 
 _WEDGE = np.dtype([("side", np.int64)] + [(name, np.float64) for name in ("rx", "ry", "lx", "ly")], align=True)
 """A half-edge still to cross and the rays right and left of what is seen through it."""
@@ -129,8 +130,8 @@ def find_bottleneck(m, v, wedges):
 
 
 @helper
-def refine(m, waiting, queued, stack):
-    """Add the foot of every bottleneck that runs across a side, for the ``queued`` vertices and what changes; status.
+def refine(m, w):
+    """Add the foot of every bottleneck that runs across a side, for the waiting vertices and what changes; 0 or FULL.
 
     Afterwards each narrowest place between two obstacles is a side or the height of a corner over a constrained
     side, so that widths of sides and corners decide what fits where.
@@ -138,40 +139,26 @@ def refine(m, waiting, queued, stack):
     sides = m.sides
     vertices = m.vertices
     wedges = np.empty(256, _WEDGE)
-    room = waiting.size
-    head = 0
-    count = 0
-    for v in range(BOX_CORNERS, m.frame[0].vertices):
-        if queued[v]:
-            waiting[count] = v
-            count += 1
-    while count > 0:
-        v = waiting[head]
-        head = (head + 1) % room
-        count -= 1
-        queued[v] = 0
+    while w.progress[0].waiting > 0:
+        v = dequeue(w)
         h, x, y = find_bottleneck(m, v, wedges)
         if h < 0:
             continue
-        f = split_edge(m, h, x, y, stack)
+        enqueue(w, v)
+        f = split_edge(m, h, x, y, w.stack)
         if f < 0:
             return FULL
+        touch(w, f)
         # What changed is the star of the new vertex.
         first = vertices[f].vhe
         g = first
         while True:
-            w = sides[nxt(g)].org
-            if vertices[w].vref > 0 and not queued[w]:
-                queued[w] = 1
-                waiting[(head + count) % room] = w
-                count += 1
+            u = sides[nxt(g)].org
+            if vertices[u].vref > 0:
+                enqueue(w, u)
             g = sides[prv(g)].twin
             if g == first:
                 break
-        if not queued[v]:
-            queued[v] = 1
-            waiting[(head + count) % room] = v
-            count += 1
     return 0
 
 

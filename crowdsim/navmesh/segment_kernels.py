@@ -6,49 +6,140 @@ Half-edge numbers change under flips, so whatever must survive a flip is kept as
 import numpy as np
 
 from crowdsim.jit import helper, kernel
+from crowdsim.navmesh.growing_kernels import longer
 from crowdsim.navmesh.half_edge_kernels import find_half_edge, nxt, prv, side
 from crowdsim.navmesh.mesh_arrays import NONE
-from crowdsim.navmesh.triangulation_kernels import FULL, flip, not_delaunay, split_edge, split_is_robust
+from crowdsim.navmesh.triangulation_kernels import (
+    FULL,
+    flip,
+    insert_point,
+    not_delaunay,
+    split_edge,
+    split_is_robust,
+)
+from crowdsim.navmesh.use_kernels import joined
+from crowdsim.navmesh.work_kernels import touch, touch_triangle
 
 STUCK = -3
 """Status: a segment could not be inserted within the step limit."""
 
+_WAY = np.dtype(
+    [("start", np.int64), ("goal", np.int64)] + [(name, np.int64) for name in ("cst", "win", "use", "back")], align=True
+)
+"""Vertices still to join, and the load of the join: what its sides get added (``back``: the use of their twins)."""
+
 
 @helper
-def _crossed_split(m, e, a, b, stack):
-    """Vertex where the segment from vertex a to b crosses the constrained side e: a new one, or one next to it."""
+def _set_way(way, start, goal, cst, win, use, back):
+    way.start = start
+    way.goal = goal
+    way.cst = cst
+    way.win = win
+    way.use = use
+    way.back = back
+
+
+@helper
+def restore_delaunay(m, w, top):
+    """Flip what is not Delaunay among the first ``top`` of ``pairs``, and what that leads to; 0 or FULL."""
     sides = m.sides
     vertices = m.vertices
+    pairs = w.pairs
+    cell = m.frame[0].cell
+    while top > 0:
+        top -= 1
+        u = pairs[top, 0]
+        v = pairs[top, 1]
+        if vertices[u].vhe < 0 or vertices[v].vhe < 0:  # removed meanwhile
+            continue
+        e = find_half_edge(sides, vertices, u, v)
+        if e < 0 or not not_delaunay(sides, vertices, e, cell):
+            continue
+        g = sides[e].twin
+        u = sides[e].org
+        v = sides[g].org
+        p = sides[prv(e)].org
+        q = sides[prv(g)].org
+        flip(sides, vertices, e)
+        touch_triangle(sides, w, e // 3)
+        touch_triangle(sides, w, g // 3)
+        if top + 4 > pairs.shape[0]:
+            return FULL
+        for c, d in ((u, q), (q, v), (v, p), (p, u)):
+            pairs[top, 0] = c
+            pairs[top, 1] = d
+            top += 1
+    return 0
+
+
+@helper
+def _cross(m, e, ways, top, w):
+    """Let the last of the ``top`` ways meet the constrained side e that it crosses; how many ways there are then.
+
+    The place where they cross moves to the grid. Where that is not next to e, or on another vertex, e takes the way
+    over it as well (snap rounding: Hobby 1999), so that the two never cross again.
+    """
+    sides = m.sides
+    vertices = m.vertices
+    cell = m.frame[0].cell
+    way = ways[top - 1]
+    a = way.start
+    b = way.goal
+    cst = way.cst
+    win = way.win
+    use = way.use
+    back = way.back
     u = sides[e].org
-    w = sides[nxt(e)].org
+    v = sides[nxt(e)].org
     ux = vertices[u].x
     uy = vertices[u].y
     su = side(vertices, a, b, ux, uy)
-    sw = side(vertices, a, b, vertices[w].x, vertices[w].y)
-    part = su / (su - sw)
-    cell = m.frame[0].cell
-    x = np.rint((ux + part * (vertices[w].x - ux)) / cell) * cell
-    y = np.rint((uy + part * (vertices[w].y - uy)) / cell) * cell
+    part = su / (su - side(vertices, a, b, vertices[v].x, vertices[v].y))
+    x = np.rint((ux + part * (vertices[v].x - ux)) / cell) * cell
+    y = np.rint((uy + part * (vertices[v].y - uy)) / cell) * cell
+    rest = ways[top - 1]
     if split_is_robust(sides, vertices, e, x, y):
-        return split_edge(m, e, x, y, stack)
-    # The crossing is within rounding of a corner of the two triangles: that corner stands for it.
-    nearest = u
-    best = np.inf
-    for v in (u, w, sides[prv(e)].org, sides[prv(sides[e].twin)].org):
-        dx = vertices[v].x - x
-        dy = vertices[v].y - y
-        if v != a and dx * dx + dy * dy < best:
-            best = dx * dx + dy * dy
-            nearest = v
-    return nearest
+        p = split_edge(m, e, x, y, w.stack)
+        if p < 0:
+            return p
+    else:
+        f = sides[e].twin
+        forth = sides[e]
+        way = ways[top]
+        _set_way(way, u, NONE, np.int64(forth.cst), np.int64(forth.win), np.int64(forth.use), np.int64(sides[f].use))
+        for h in (e, f):
+            sides[h].cst = 0
+            sides[h].win = 0
+            sides[h].use = -1
+            sides[h].clr = -1.0
+        touch(w, u)
+        w.progress[0].rerouted = 1
+        w.pairs[0, 0] = u
+        w.pairs[0, 1] = v
+        status = restore_delaunay(m, w, np.int64(1))
+        if status < 0:
+            return status
+        p = insert_point(m, x, y, vertices[u].vhe // 3, w.stack)
+        if p < 0:
+            return p
+        way.goal = p
+        _set_way(ways[top + 1], p, v, way.cst, way.win, way.use, way.back)
+        top += 2
+    touch(w, p)
+    rest.start = p
+    _set_way(ways[top], a, p, cst, win, use, back)
+    return top + 1
 
 
 @helper
-def _clear_way(sides, vertices, cell, a, b, crossed, pairs):
+def _clear_way(m, w, a, b, crossed):
     """Flip the ``crossed`` pairs of ``pairs`` until vertices a and b are joined, then restore Delaunay around the join.
 
-    ``pairs`` (k, 2) is a ring buffer of the crossed sides first and the stack of the new ones afterwards.
+    ``pairs`` is a ring buffer of the crossed sides first and the stack of the new ones afterwards.
     """
+    sides = m.sides
+    vertices = m.vertices
+    pairs = w.pairs
     room = pairs.shape[0]
     fresh = np.empty((2 * crossed + 8, 2), np.int64)
     made = 0
@@ -60,20 +151,22 @@ def _clear_way(sides, vertices, cell, a, b, crossed, pairs):
         if steps > 64 * (crossed + 8) * (crossed + 8):
             return STUCK
         u = pairs[head, 0]
-        w = pairs[head, 1]
+        v = pairs[head, 1]
         head = (head + 1) % room
         left -= 1
-        e = find_half_edge(sides, vertices, u, w)
+        e = find_half_edge(sides, vertices, u, v)
         p = sides[prv(e)].org
         q = sides[prv(sides[e].twin)].org
         px = vertices[p].x
         py = vertices[p].y
         qx = vertices[q].x
         qy = vertices[q].y
-        if side(vertices, p, u, qx, qy) > 0.0 and side(vertices, q, w, px, py) > 0.0:
+        if side(vertices, p, u, qx, qy) > 0.0 and side(vertices, q, v, px, py) > 0.0:
+            touch(w, p)
+            touch(w, q)
             flip(sides, vertices, e)
             u = p
-            w = q
+            v = q
             p_ends = p in (a, b)
             q_ends = q in (a, b)
             if p_ends or q_ends or side(vertices, a, b, px, py) * side(vertices, a, b, qx, qy) >= 0.0:
@@ -84,7 +177,7 @@ def _clear_way(sides, vertices, cell, a, b, crossed, pairs):
                 continue
         tail = (head + left) % room
         pairs[tail, 0] = u
-        pairs[tail, 1] = w
+        pairs[tail, 1] = v
         left += 1
     h = find_half_edge(sides, vertices, a, b)
     if h < 0:
@@ -94,24 +187,9 @@ def _clear_way(sides, vertices, cell, a, b, crossed, pairs):
     for i in range(made):
         pairs[i, 0] = fresh[i, 0]
         pairs[i, 1] = fresh[i, 1]
-    top = made
-    while top > 0:
-        top -= 1
-        e = find_half_edge(sides, vertices, pairs[top, 0], pairs[top, 1])
-        if e < 0 or not not_delaunay(sides, vertices, e, cell):
-            continue
-        g = sides[e].twin
-        u = sides[e].org
-        w = sides[g].org
-        p = sides[prv(e)].org
-        q = sides[prv(g)].org
-        flip(sides, vertices, e)
-        if top + 4 > room:
-            return FULL
-        for c, d in ((u, q), (q, w), (w, p), (p, u)):
-            pairs[top, 0] = c
-            pairs[top, 1] = d
-            top += 1
+    status = restore_delaunay(m, w, np.int64(made))
+    if status < 0:
+        return status
     h = find_half_edge(sides, vertices, a, b)
     sides[h].cst -= 1
     sides[sides[h].twin].cst -= 1
@@ -119,20 +197,21 @@ def _clear_way(sides, vertices, cell, a, b, crossed, pairs):
 
 
 @kernel
-def insert_segment(m, a, b, winding, stack, pairs):
-    """Constrain the way from vertex a to b, with ``winding`` on the half-edges along it; 0 or FULL or STUCK.
+def insert_segment(m, a, b, winding, use, w):
+    """Constrain the way from vertex a to b, with ``winding`` and ``use`` on half-edges along it; 0 or FULL or STUCK.
 
     Vertices met on the way split the segment; constrained sides met are split where they cross.
     """
     sides = m.sides
     vertices = m.vertices
-    targets = np.empty(64, np.int64)
-    targets[0] = b
-    count = 1
-    cur = a
+    pairs = w.pairs
+    ways = np.empty(32, _WAY)
+    _set_way(ways[0], a, b, np.int64(1), winding, use, NONE)
+    count = np.int64(1)
     steps = 0
     while count > 0:
-        goal = targets[count - 1]
+        cur = ways[count - 1].start
+        goal = ways[count - 1].goal
         if cur == goal:
             count -= 1
             continue
@@ -164,13 +243,11 @@ def insert_segment(m, a, b, winding, stack, pairs):
         e = crossing
         while along < 0:
             if sides[e].cst != 0:
-                meeting = _crossed_split(m, e, cur, goal, stack)
-                if meeting < 0:
-                    return meeting
-                if count == targets.size:
-                    return STUCK
-                targets[count] = meeting
-                count += 1
+                if count + 3 > ways.size:
+                    ways = longer(ways)
+                count = _cross(m, e, ways, count, w)
+                if count < 0:
+                    return count
                 break
             if crossed == pairs.shape[0]:
                 return FULL
@@ -181,7 +258,7 @@ def insert_segment(m, a, b, winding, stack, pairs):
             z = sides[prv(f)].org
             sz = side(vertices, cur, goal, vertices[z].x, vertices[z].y)
             if sz == 0.0:
-                status = _clear_way(sides, vertices, m.frame[0].cell, cur, z, crossed, pairs)
+                status = _clear_way(m, w, cur, z, crossed)
                 if status < 0:
                     return status
                 along = find_half_edge(sides, vertices, cur, z)
@@ -189,11 +266,20 @@ def insert_segment(m, a, b, winding, stack, pairs):
             e = nxt(f) if sz > 0.0 else prv(f)
         if along < 0:
             continue
+        way = ways[count - 1]
         forth = sides[along]
         back = sides[forth.twin]
-        forth.cst += 1
-        back.cst += 1
-        forth.win += winding
-        back.win -= winding
-        cur = back.org
+        forth.cst += way.cst
+        back.cst += way.cst
+        forth.win += way.win
+        back.win -= way.win
+        forth.clr = -1.0
+        back.clr = -1.0
+        if way.use >= 0 or way.back >= 0:
+            forth.use = joined(w, forth.use, way.use)
+            back.use = joined(w, back.use, way.back)
+            if w.progress[0].full != 0:
+                return FULL
+        touch(w, cur)
+        way.start = back.org
     return 0

@@ -12,19 +12,20 @@ FULL = -2
 
 
 @helper
-def _link(sides, h, g):
+def link(sides, h, g):
     sides[h].twin = g
     if g >= 0:
         sides[g].twin = h
 
 
-@kernel
-def _take(sides, h, source):
+@helper
+def take(sides, h, source):
     """Half-edge h takes over twin and constraint of ``source``."""
     target = sides[h]
     target.cst = sides[source].cst
     target.win = sides[source].win
-    _link(sides, h, sides[source].twin)
+    target.use = sides[source].use
+    link(sides, h, sides[source].twin)
 
 
 @kernel
@@ -46,12 +47,14 @@ def flip(sides, vertices, e):
     vertices[q].vhe = fp
     sides[en].org = q
     sides[fn].org = p
-    _take(sides, e, fn)
-    _take(sides, f, en)
+    take(sides, e, fn)
+    take(sides, f, en)
     for h in (en, fn):
         sides[h].cst = 0
         sides[h].win = 0
-    _link(sides, en, fn)
+        sides[h].use = -1
+        sides[h].clr = -1.0
+    link(sides, en, fn)
 
 
 @helper
@@ -77,7 +80,9 @@ def _fill(sides, vertices, t, u, v, w):
         if h > 3 * t:
             sides[h].cst = 0
             sides[h].win = 0
+            sides[h].use = -1
         h += 1
+    sides[3 * t].clr = -1.0
 
 
 @helper
@@ -98,10 +103,14 @@ def _legalize(sides, vertices, cell, stack, top):
 def _new_vertex(m, x, y):
     """A vertex at (x, y) that no triangle has yet, and two triangles without corners; the vertex, or FULL."""
     frame = m.frame[0]
-    p = frame.vertices
-    if p + 1 > m.vertices.size or frame.triangles + 2 > m.wind.size:
+    p = frame.spare
+    if (p == 0 and frame.vertices == m.vertices.size) or frame.triangles + 2 > m.wind.size:
         return FULL
-    frame.vertices += 1
+    if p == 0:
+        p = frame.vertices
+        frame.vertices += 1
+    else:
+        frame.spare = -1 - m.vertices[p].vhe
     frame.triangles += 2
     vertex = m.vertices[p]
     vertex.x = x
@@ -130,10 +139,12 @@ def split_edge(m, h, x, y, stack):
     d = sides[prv(f)].org
     count = sides[h].cst
     winding = sides[h].win
-    _take(sides, 3 * t1, nxt(h))
-    _take(sides, 3 * t3, nxt(f))
-    _take(sides, 3 * t0, prv(h))
-    _take(sides, 3 * t2, prv(f))
+    along = sides[h].use
+    against = sides[f].use
+    take(sides, 3 * t1, nxt(h))
+    take(sides, 3 * t3, nxt(f))
+    take(sides, 3 * t0, prv(h))
+    take(sides, 3 * t2, prv(f))
     _fill(sides, vertices, t0, c, a, p)
     _fill(sides, vertices, t1, b, c, p)
     _fill(sides, vertices, t2, d, b, p)
@@ -142,11 +153,12 @@ def split_edge(m, h, x, y, stack):
     wind[t3] = wind[t2]
     for i, (t, after) in enumerate(((t0, t1), (t1, t2), (t2, t3), (t3, t0))):
         # The third side of each new triangle is the second one of the next around the new vertex.
-        _link(sides, 3 * t + 2, 3 * after + 1)
+        link(sides, 3 * t + 2, 3 * after + 1)
         stack[i] = 3 * t
     for e, sign in ((3 * t0 + 1, 1), (3 * t3 + 2, -1), (3 * t1 + 2, 1), (3 * t2 + 1, -1)):
         sides[e].cst = count
         sides[e].win = sign * winding
+        sides[e].use = along if sign > 0 else against
     _legalize(sides, vertices, m.frame[0].cell, stack, np.int64(4))
     return p
 
@@ -175,16 +187,16 @@ def insert_point(m, x, y, hint, stack):
     a = sides[h].org
     b = sides[h + 1].org
     c = sides[h + 2].org
-    _take(sides, 3 * t1, h + 1)
-    _take(sides, 3 * t2, h + 2)
+    take(sides, 3 * t1, h + 1)
+    take(sides, 3 * t2, h + 2)
     _fill(sides, vertices, t, a, b, p)
     _fill(sides, vertices, t1, b, c, p)
     _fill(sides, vertices, t2, c, a, p)
     m.wind[t1] = m.wind[t]
     m.wind[t2] = m.wind[t]
-    _link(sides, h + 1, 3 * t1 + 2)
-    _link(sides, 3 * t1 + 1, 3 * t2 + 2)
-    _link(sides, 3 * t2 + 1, h + 2)
+    link(sides, h + 1, 3 * t1 + 2)
+    link(sides, 3 * t1 + 1, 3 * t2 + 2)
+    link(sides, 3 * t2 + 1, h + 2)
     stack[0] = h
     stack[1] = 3 * t1
     stack[2] = 3 * t2

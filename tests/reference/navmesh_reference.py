@@ -50,8 +50,15 @@ def mesh_faults(mesh: MeshArrays) -> list[str]:
     def before(h: int) -> int:
         return h + 2 if h % 3 == 0 else h - 1
 
-    if triangles != 2 * vertices - 6:
-        faults.append(f"{triangles} triangles for {vertices} vertices")
+    vhe = mesh.vertices["vhe"]
+    present = [v for v in range(vertices) if vhe[v] >= 0]
+    if triangles != 2 * len(present) - 6:
+        faults.append(f"{triangles} triangles for {len(present)} vertices")
+    spare, removed = int(mesh.frame["spare"][0]), 0
+    while spare > 0 and removed <= vertices:
+        spare, removed = -1 - int(vhe[spare]), removed + 1
+    if spare != 0 or removed != vertices - len(present):
+        faults.append("the list of removed vertices is broken")
     for t in range(triangles):
         a, b, c = org[3 * t : 3 * t + 3]
         if orient_sign(point[a], point[b], point[c]) <= 0:
@@ -72,8 +79,7 @@ def mesh_faults(mesh: MeshArrays) -> list[str]:
             corners = [point[org[k]] for k in (h, after(h), before(h))]
             if incircle_sign(*corners, point[org[before(g)]]) > 0:
                 faults.append(f"side {h} is not Delaunay")
-    vhe = mesh.vertices["vhe"]
-    strays = [f"vertex {v} points to a half-edge of another" for v in range(vertices) if org[vhe[v]] != v]
+    strays = [f"vertex {v} points to a half-edge of another" for v in present if org[vhe[v]] != v]
     return faults + strays
 
 

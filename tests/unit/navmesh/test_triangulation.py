@@ -10,7 +10,7 @@ from crowdsim.errors import GeometryError, PathNotFound
 from crowdsim.geometry.snapping import snap
 from crowdsim.navmesh.build_kernels import build
 from crowdsim.navmesh.builders import mesh_frame
-from crowdsim.navmesh.mesh_arrays import empty_mesh
+from crowdsim.navmesh.mesh_arrays import empty_mesh, workshop
 from crowdsim.navmesh.navmesh import NavMesh
 from tests.reference.navmesh_reference import free_area, mesh_faults, random_area
 
@@ -60,7 +60,7 @@ def _segments_mesh(points, segments):
     mesh = empty_mesh(room, frame)
     ring_ends = np.arange(2, len(ends) + 1, 2, dtype=np.int64)
     order = np.arange(len(loose))
-    assert build(mesh, loose, order.copy(), ring_ends, order, np.zeros(room, np.uint8)) == 0
+    assert build(mesh, loose, order.copy(), ring_ends, order, workshop(room)) == 0
     return mesh, ends.reshape(-1, 2, 2)
 
 

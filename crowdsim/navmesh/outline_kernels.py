@@ -1,0 +1,82 @@
+"""Outlines of obstacles, checked before they enter a mesh."""
+
+from crowdsim.geometry.predicates_kernels import orient2d
+from crowdsim.jit import helper, kernel
+
+OK, BACKWARD, UNSURE, OUTSIDE, NOT_FINITE = range(5)
+
+_MOST_CORNERS = 64
+"""Longer outlines are left to a test that takes less time than the square of their corners."""
+
+
+@helper
+def _touch_each_other(points, i, j, k, n):
+    """Whether the segments from points i to j and k to n have a point in common."""
+    ax = points[i, 0]
+    ay = points[i, 1]
+    bx = points[j, 0]
+    by = points[j, 1]
+    cx = points[k, 0]
+    cy = points[k, 1]
+    dx = points[n, 0]
+    dy = points[n, 1]
+    if max(ax, bx) < min(cx, dx) or max(cx, dx) < min(ax, bx):
+        return False
+    if max(ay, by) < min(cy, dy) or max(cy, dy) < min(ay, by):
+        return False
+    c = orient2d(ax, ay, bx, by, cx, cy)
+    d = orient2d(ax, ay, bx, by, dx, dy)
+    a = orient2d(cx, cy, dx, dy, ax, ay)
+    b = orient2d(cx, cy, dx, dy, bx, by)
+    return c * d <= 0.0 and a * b <= 0.0
+
+
+@kernel
+def snap_inside(m, points, snapped):
+    """Move ``points`` (n, 2) to the grid, into ``snapped`` (n, 2): OK, NOT_FINITE, or OUTSIDE of the box."""
+    frame = m.frame[0]
+    cell = frame.cell
+    status = OK
+    for i in range(points.shape[0]):
+        for axis in range(2):
+            value = points[i, axis]
+            if not abs(value) < 1e300:
+                return NOT_FINITE
+            low = frame.x0 if axis == 0 else frame.y0
+            high = frame.x1 if axis == 0 else frame.y1
+            if not (value >= low + cell and value <= high - cell):
+                status = OUTSIDE
+            snapped[i, axis] = round(value / cell) * cell
+    return status
+
+
+@kernel
+def check_outline(m, points, snapped):
+    """:func:`snap_inside`, and whether the corners (n, 2) go around a simple polygon: OK, BACKWARD or UNSURE.
+
+    OK is counter-clockwise. Where sides meet except in common corners, or cannot be told quickly, the answer is UNSURE.
+    """
+    status = snap_inside(m, points, snapped)
+    if status != OK:
+        return status
+    count = snapped.shape[0]
+    if count < 3 or count > _MOST_CORNERS:
+        return UNSURE
+    area = 0.0
+    for i in range(count):
+        j = i + 1 if i + 1 < count else 0
+        after = j + 1 if j + 1 < count else 0
+        turn = orient2d(
+            snapped[i, 0], snapped[i, 1], snapped[j, 0], snapped[j, 1], snapped[after, 0], snapped[after, 1]
+        )
+        ux = snapped[j, 0] - snapped[i, 0]
+        uy = snapped[j, 1] - snapped[i, 1]
+        if turn == 0.0 and ux * (snapped[after, 0] - snapped[j, 0]) + uy * (snapped[after, 1] - snapped[j, 1]) <= 0.0:
+            return UNSURE
+        area += orient2d(snapped[0, 0], snapped[0, 1], snapped[i, 0], snapped[i, 1], snapped[j, 0], snapped[j, 1])
+        for k in range(i + 2, count):
+            if (i > 0 or k + 1 < count) and _touch_each_other(snapped, i, j, k, k + 1 if k + 1 < count else 0):
+                return UNSURE
+    if area == 0.0:
+        return UNSURE
+    return OK if area > 0.0 else BACKWARD

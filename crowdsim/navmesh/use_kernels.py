@@ -1,0 +1,119 @@
+"""Which inserted obstacles run along a half-edge: sorted lists in a pool, never changed, so that any may share them."""
+
+import numpy as np
+
+from crowdsim.jit import helper, kernel
+from crowdsim.navmesh.mesh_arrays import NONE
+
+
+@helper
+def new_use(w, owner, following):
+    """The list of ``owner`` and the items of list ``following``; where the pool is full, that is noted."""
+    progress = w.progress[0]
+    if progress.uses == w.uses.size:
+        progress.full = 1
+        return NONE
+    k = progress.uses
+    w.uses[k].owner = owner
+    w.uses[k].next = following
+    progress.uses += 1
+    return k
+
+
+@helper
+def joined(w, one, other):
+    """The items of both lists."""
+    a = np.int64(one)
+    b = np.int64(other)
+    if a < 0:
+        return b
+    if b < 0:
+        return a
+    # Lists run one way only: items of both in descending order are stacked by turning the merged list around.
+    turned = NONE
+    while a >= 0 or b >= 0:
+        if b < 0 or (a >= 0 and w.uses[a].owner <= w.uses[b].owner):
+            turned = new_use(w, w.uses[a].owner, turned)
+            a = np.int64(w.uses[a].next)
+        else:
+            turned = new_use(w, w.uses[b].owner, turned)
+            b = np.int64(w.uses[b].next)
+    whole = NONE
+    while turned >= 0:
+        whole = new_use(w, w.uses[turned].owner, whole)
+        turned = np.int64(w.uses[turned].next)
+    return whole
+
+
+@helper
+def without(w, use, owner):
+    """The items of list ``use`` but for those of ``owner``."""
+    k = np.int64(use)
+    while k >= 0 and w.uses[k].owner == owner:
+        k = np.int64(w.uses[k].next)
+    i = k
+    while i >= 0 and w.uses[i].owner != owner:
+        i = np.int64(w.uses[i].next)
+    if i < 0:
+        return k
+    turned = NONE
+    while k >= 0:
+        if w.uses[k].owner != owner:
+            turned = new_use(w, w.uses[k].owner, turned)
+        k = np.int64(w.uses[k].next)
+    whole = NONE
+    while turned >= 0:
+        whole = new_use(w, w.uses[turned].owner, whole)
+        turned = np.int64(w.uses[turned].next)
+    return whole
+
+
+@helper
+def count_use(uses, use, owner):
+    """How often ``owner`` is in list ``use``."""
+    count = 0
+    k = np.int64(use)
+    while k >= 0:
+        if uses[k].owner == owner:
+            count += 1
+        k = np.int64(uses[k].next)
+    return count
+
+
+@helper
+def same_uses(uses, one, other):
+    """Whether two lists have the same items."""
+    a = np.int64(one)
+    b = np.int64(other)
+    while a != b:
+        if a < 0 or b < 0 or uses[a].owner != uses[b].owner:
+            return False
+        a = np.int64(uses[a].next)
+        b = np.int64(uses[b].next)
+    return True
+
+
+@kernel
+def keep_used(m, uses, kept):
+    """Copy the lists of ``uses`` (k,) that half-edges have to the start of ``kept`` (k,); how many items they have."""
+    sides = m.sides
+    place = np.full(uses.size, -1, np.int32)
+    count = 0
+    for h in range(3 * m.frame[0].triangles):
+        head = np.int64(sides[h].use)
+        before = NONE
+        k = head
+        while k >= 0 and place[k] < 0:
+            place[k] = count
+            kept[count].owner = uses[k].owner
+            kept[count].next = -1
+            if before >= 0:
+                kept[before].next = count
+            before = np.int64(count)
+            count += 1
+            k = np.int64(uses[k].next)
+        if k >= 0 and before >= 0:
+            kept[before].next = place[k]
+        if head >= 0:
+            sides[h].use = place[head]
+    return count

@@ -1,0 +1,55 @@
+"""Lists of vertices that an edit still has to look at, each vertex at most once in each."""
+
+from crowdsim.jit import helper
+from crowdsim.navmesh.mesh_arrays import BOX_CORNERS
+
+QUEUED = 1
+"""Mark: the vertex waits for refinement."""
+TOUCHED = 2
+"""Mark: triangles around the vertex may have changed."""
+KEPT = 8
+"""Mark: the vertex is touched and cannot be taken out."""
+VISITED = 4
+"""Mark of a walk, which clears it."""
+
+
+@helper
+def touch(w, v):
+    """Note that triangles around vertex v may have changed."""
+    item = w.to_do[v]
+    if item.mark & TOUCHED == 0:
+        item.mark |= TOUCHED
+        progress = w.progress[0]
+        w.to_do[progress.touched].touched = v
+        progress.touched += 1
+
+
+@helper
+def touch_triangle(sides, w, t):
+    """Note that triangle t changed, at a corner that is not one of the box."""
+    for h in range(3 * t, 3 * t + 3):
+        touch(w, sides[h].org)
+        if sides[h].org >= BOX_CORNERS:
+            break
+
+
+@helper
+def enqueue(w, v):
+    """Let vertex v wait for refinement."""
+    item = w.to_do[v]
+    if item.mark & QUEUED == 0:
+        item.mark |= QUEUED
+        progress = w.progress[0]
+        w.to_do[(progress.head + progress.waiting) % w.to_do.size].waiting = v
+        progress.waiting += 1
+
+
+@helper
+def dequeue(w):
+    """The vertex that waited longest."""
+    progress = w.progress[0]
+    v = w.to_do[progress.head].waiting
+    progress.head = (progress.head + 1) % w.to_do.size
+    progress.waiting -= 1
+    w.to_do[v].mark &= ~QUEUED
+    return v

@@ -1,0 +1,87 @@
+"""Slow, obvious twins of edits: everything anew from the list of obstacles."""
+
+import numpy as np
+import shapely
+
+from crowdsim.navmesh import edit_kernels
+from crowdsim.navmesh.mesh_arrays import MeshArrays, resized, workshop
+from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.navmesh.work_kernels import QUEUED
+from tests.reference.navmesh_reference import free_area, mesh_faults
+
+
+def free_space(area, obstacles):
+    """What of ``area`` no polygon among ``obstacles`` covers."""
+    return area.difference(shapely.union_all([o for o in obstacles if o.area > 0.0]))
+
+
+def walls_of(area, obstacles):
+    """Boundary of the free space, and the lines and points in it."""
+    return shapely.union_all([free_space(area, obstacles).boundary, *(o for o in obstacles if not o.area > 0.0)])
+
+
+def edited_clearances(area, obstacles, points):
+    """Distances to walls, 0 where a polygon covers a point."""
+    distances = shapely.distance(shapely.points(points), walls_of(area, obstacles))
+    return np.where(shapely.contains_xy(free_space(area, obstacles), points), distances, 0.0)
+
+
+def edited_parts(area, obstacles, radius: float):
+    """Polygons of places that a disc's center can be at, one a component."""
+    centers = free_space(area, obstacles).buffer(-radius, quad_segs=64)
+    thin = [o.buffer(radius, quad_segs=64) for o in obstacles if not o.area > 0.0]
+    return [part for part in shapely.get_parts(centers.difference(shapely.union_all(thin))) if part.area > 0.0]
+
+
+def feet_missing(mesh: MeshArrays) -> int:
+    """How many feet the refinement of the whole mesh adds to it."""
+    copy = resized(mesh, 2 * len(mesh.vertices))
+    work = workshop(len(copy.vertices))
+    corners = np.flatnonzero((copy.vertices["vhe"] >= 0) & (copy.vertices["vref"] > 0))
+    work.to_do["waiting"][: len(corners)] = corners
+    work.to_do["mark"][corners] = QUEUED
+    work.progress["waiting"] = len(corners)
+    assert edit_kernels.settle(copy, work) == 0
+    return (int(copy.frame["triangles"][0]) - int(mesh.frame["triangles"][0])) // 2
+
+
+def wrong_widths(mesh: MeshArrays) -> int:
+    """How many corners have another width than their triangle gives."""
+    count = 3 * int(mesh.frame["triangles"][0])
+    sides = mesh.sides[:count].reshape(-1, 3)
+    at = mesh.vertices[sides["org"]]
+    place = np.stack([at["x"], at["y"]], axis=2)
+    length = np.hypot(*np.moveaxis(np.roll(place, -1, axis=1) - place, 2, 0))
+    double = np.abs(np.linalg.det(place[:, 1:] - place[:, :1]))
+    closed = sides["cst"] != 0
+    wrong = 0
+    for i in range(3):
+        base, last = (i + 1) % 3, (i + 2) % 3
+        width = np.minimum(length[:, i], length[:, last])
+        height = double / length[:, base]
+        width = np.where(
+            closed[:, base], np.minimum(width, height), width
+        )  # feet outside of a base: a side is as short
+        width = np.where(closed[:, i] | closed[:, last] | (mesh.wind[: count // 3] != 0), 0.0, width)
+        # The nearest place of a base can be its end, then the side to it is longer than the height.
+        along = ((place[:, last] - place[:, base]) * (place[:, i] - place[:, base])).sum(axis=1)
+        inside = (along >= 0.0) & (along <= length[:, base] ** 2)
+        compared = inside | ~closed[:, base]
+        wrong += int((np.abs(sides["clr"][:, i] - width) > 1e-5 * (1.0 + width))[compared].sum())
+    return wrong
+
+
+def edit_faults(mesh: NavMesh, area, obstacles) -> list[str]:
+    """What is wrong with an edited mesh."""
+    faults = mesh_faults(mesh.arrays)
+    if faults:
+        return faults
+    expected = free_space(area, obstacles).area
+    slack = 4.0 * mesh.arrays.frame["cell"][0] * (area.length + sum(o.length for o in obstacles)) + 1e-9
+    if abs(free_area(mesh.arrays) - expected) > slack:
+        faults.append(f"free area {free_area(mesh.arrays)} instead of {expected}")
+    if wrong_widths(mesh.arrays):
+        faults.append(f"{wrong_widths(mesh.arrays)} corners have wrong widths")
+    if feet_missing(mesh.arrays):
+        faults.append(f"{feet_missing(mesh.arrays)} feet are missing")
+    return faults
