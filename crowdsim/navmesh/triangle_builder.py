@@ -64,9 +64,11 @@ def _distinct(points: Floats, order: Ints, frame: NDArray[Any]) -> tuple[Floats,
 
 
 def _next_points(rings: Rings) -> Ints:
-    """(n,) the point that follows each point around its ring."""
-    following = np.arange(1, len(rings.points) + 1)
-    following[rings.ends - 1] = np.append(0, rings.ends[:-1])
+    """(n,) the point that follows each point around its ring; points of no ring follow themselves."""
+    begins = np.append(0, rings.ends)
+    following = np.arange(len(rings.points))
+    following[: begins[-1]] += 1
+    following[rings.ends - 1] = begins[:-1]
     return following
 
 
