@@ -1,23 +1,17 @@
 """Obstacles put into a finished mesh and taken out again, with repairs around them alone."""
 
-import math
-
 import numpy as np
 
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.half_edge_kernels import nxt, prv
 from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
-from crowdsim.navmesh.refine_kernels import measure_triangle, refine
+from crowdsim.navmesh.refine_kernels import WEDGE, add_foot, find_bottleneck, inside_circle, measure_triangle, refine
 from crowdsim.navmesh.removal_kernels import hint_cell, removable, remove_vertex
 from crowdsim.navmesh.segment_kernels import insert_segment, restore_delaunay
 from crowdsim.navmesh.triangulation_kernels import FULL, insert_point
 from crowdsim.navmesh.use_kernels import count_use, new_use, without
 from crowdsim.navmesh.winding_kernels import flood_again, follow
-from crowdsim.navmesh.work_kernels import KEPT, TOUCHED, VISITED, enqueue, touch
-
-_SIGHT = np.dtype([("side", np.int64), ("lo", np.float64), ("hi", np.float64)], align=True)
-"""A half-edge still to cross and the part of the first side that a disc from beyond may reach through it."""
-
+from crowdsim.navmesh.work_kernels import KEPT, LOOKING, TOUCHED, VISITED, enqueue, touch
 
 NO_ROOM = -4
 """Status: make the arrays larger and try again."""
@@ -82,78 +76,38 @@ def _collect(m, owner, ids, w):
 
 
 @helper
-def _inside_circle(m, t, ax, ay, bx, by, lo, hi):
-    """Part of lo..hi of the segment ab (0 at a, 1 at b) inside the circle of triangle t, a little more for rounding."""
-    sides = m.sides
-    vertices = m.vertices
-    p = vertices[sides[3 * t].org]
-    q = vertices[sides[3 * t + 1].org]
-    r = vertices[sides[3 * t + 2].org]
-    ux = q.x - p.x
-    uy = q.y - p.y
-    vx = r.x - p.x
-    vy = r.y - p.y
-    double = 2.0 * (ux * vy - uy * vx)
-    u2 = ux * ux + uy * uy
-    v2 = vx * vx + vy * vy
-    cx = (vy * u2 - uy * v2) / double
-    cy = (ux * v2 - vx * u2) / double
-    radius2 = (cx * cx + cy * cy) * (1.0 + 1e-6)
-    ex = bx - ax
-    ey = by - ay
-    wx = ax - p.x - cx
-    wy = ay - p.y - cy
-    length2 = ex * ex + ey * ey
-    half = (wx * ex + wy * ey) / length2
-    root = half * half - (wx * wx + wy * wy - radius2) / length2
-    if not root > 0.0:
-        return 1.0, 0.0
-    root = math.sqrt(root)
-    return max(lo, -half - root), min(hi, -half + root)
+def _seen_from_gone(m, t, w):
+    """Whether the circle of triangle t meets a side that was removed, of those in ``gone``."""
+    for i in range(w.progress[0].gone):
+        side = w.gone[i]
+        least, most = inside_circle(m, t, side.ax, side.ay, side.bx, side.by, 0.0, 1.0)
+        if least < most:
+            return True
+    return False
 
 
 @helper
-def _enqueue_sighted(m, w, h, sights):
-    """Let vertices beyond side h of a changed triangle wait for refinement that a free disc joins with what changed.
+def _look_out(m, w, h):
+    """Let vertices beyond side h of a changed triangle look for bottlenecks where removed sides were in the way.
 
-    A free disc on the way from a vertex to its foot that reaches through a chain of sides, from beyond them, is on this
-    side of each within the circle of the triangle beyond it, as it holds none of that triangle's corners and the
-    vertex is beyond. So the circles that such a disc needs must all meet side h at one place.
+    A free disc that crosses such a side, on the way from a vertex to its foot, and whose ends it does not hold: see
+    `_find_foot` for why all triangles from there to the vertex have that side in their circles.
     """
     sides = m.sides
-    vertices = m.vertices
-    a = vertices[sides[h].org]
-    b = vertices[sides[nxt(h)].org]
-    ax = a.x
-    ay = a.y
-    bx = b.x
-    by = b.y
-    sight = sights[0]
-    sight.side = h
-    sight.lo = 0.0
-    sight.hi = 1.0
+    stack = w.stack
+    stack[0] = h
     top = 1
     while top > 0:
         top -= 1
-        sight = sights[top]
-        lo = sight.lo
-        hi = sight.hi
-        g = sides[sight.side].twin
+        g = sides[stack[top]].twin
+        if _is_dirty(sides, g // 3) or not _seen_from_gone(m, g // 3, w):
+            continue
         z = sides[prv(g)].org
-        if vertices[z].vref > 0:
-            enqueue(w, z)
+        touch(w, z)
+        w.to_do[z].mark |= LOOKING
         for e in (nxt(g), prv(g)):
-            if sides[e].cst != 0 or top == sights.size:
-                continue
-            t = sides[e].twin // 3
-            if _is_dirty(sides, t):
-                continue
-            least, most = _inside_circle(m, t, ax, ay, bx, by, lo, hi)
-            if least < most:
-                sight = sights[top]
-                sight.side = e
-                sight.lo = least
-                sight.hi = most
+            if sides[e].cst == 0 and top < stack.size:
+                stack[top] = e
                 top += 1
 
 
@@ -195,30 +149,46 @@ def _touch_corners(m, w):
 def settle(m, w):
     """Bring refinement and widths of corners up to date around touched vertices; 0, or FULL: once more, with more room.
 
-    After FULL what still waits is in the workshop.
+    A bottleneck is new only where the triangle at its side is, or at a new corner, or where something was removed: then
+    its vertex is at a changed triangle, or sees a removed side. After FULL what still waits is in the workshop.
     """
     sides = m.sides
     vertices = m.vertices
     status = _touch_corners(m, w)
     if status < 0:
         return status
-    sights = np.empty(64, _SIGHT)
+    removal = w.progress[0].removal != 0
     for i in range(w.progress[0].touched):
         v = w.to_do[i].touched
         if vertices[v].vhe < 0 or v < BOX_CORNERS:
             continue
-        if vertices[v].vref > 0:
-            enqueue(w, v)
+        if removal:
+            w.to_do[v].mark |= LOOKING
         first = vertices[v].vhe
         h = first
         while True:
             # Each side once: from its origin.
-            inner = sides[h].cst == 0 and m.wind[h // 3] == 0
-            if inner and _is_dirty(sides, h // 3) and not _is_dirty(sides, sides[h].twin // 3):
-                _enqueue_sighted(m, w, h, sights)
+            if m.wind[h // 3] == 0 and _is_dirty(sides, h // 3):
+                if sides[h].cst != 0:
+                    enqueue(w, v)
+                elif removal and not _is_dirty(sides, sides[h].twin // 3):
+                    _look_out(m, w, h)
             h = sides[prv(h)].twin
             if h == first:
                 break
+    wedges = np.empty(256, WEDGE)
+    i = 0
+    while i < w.progress[0].touched:
+        v = w.to_do[i].touched
+        looking = w.to_do[v].mark & LOOKING != 0 and vertices[v].vhe >= 0 and vertices[v].vref > 0
+        if looking and v >= BOX_CORNERS:
+            h, x, y = find_bottleneck(m, v, wedges)
+            if h >= 0:
+                if add_foot(m, h, x, y, w) < 0:
+                    return FULL
+                continue
+        w.to_do[v].mark &= ~LOOKING
+        i += 1
     status = refine(m, w)
     if status < 0:
         return status
@@ -239,6 +209,8 @@ def settle(m, w):
             if h == first or h < 0:
                 break
     progress.touched = 0
+    progress.removal = 0
+    progress.gone = 0
     return 0
 
 
@@ -255,6 +227,7 @@ def _put(m, w, points, ends, winding, slot, ids):
         ids[i] = v
         m.vertices[v].vref += 1
         touch(w, v)
+        w.to_do[v].mark |= LOOKING
         hint = m.vertices[v].vhe // 3
     owner = 2 * slot + winding
     use = new_use(w, owner, NONE)
@@ -302,6 +275,8 @@ def remove(m, w, points, ends, winding, slot, ids):
     sides = m.sides
     owner = 2 * slot + winding
     count, found = _collect(m, owner, ids, w)
+    if count > w.gone.size:
+        return NO_ROOM
     for i in range(count):
         h = w.pairs[i, 0]
         forth = sides[h]
@@ -322,9 +297,19 @@ def remove(m, w, points, ends, winding, slot, ids):
         m.vertices[v].vref -= 1
     if winding != 0 and not follow(m, w, count, found):
         flood_again(m, w)
-    w.progress[0].pairs = count
+    progress = w.progress[0]
+    progress.removal = 1
+    progress.pairs = count
+    progress.gone = count
     for i in range(count):
         h = w.pairs[i, 0]
+        a = m.vertices[sides[h].org]
+        b = m.vertices[sides[nxt(h)].org]
+        gone = w.gone[i]
+        gone.ax = a.x
+        gone.ay = a.y
+        gone.bx = b.x
+        gone.by = b.y
         w.pairs[i, 0] = sides[h].org
         w.pairs[i, 1] = sides[nxt(h)].org
     return 0 if settle(m, w) == 0 else UNSETTLED

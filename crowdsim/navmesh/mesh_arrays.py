@@ -66,10 +66,18 @@ TO_DO = np.dtype([("waiting", np.int64), ("touched", np.int64), ("mark", np.int6
 """Two lists of vertices side by side, and marks of which vertex is in them (see work_kernels)."""
 
 PROGRESS = np.dtype(
-    [(name, np.int64) for name in ("head", "waiting", "touched", "uses", "pairs", "full", "rerouted")], align=True
+    [
+        (name, np.int64)
+        for name in ("head", "waiting", "touched", "uses", "pairs", "full", "rerouted", "removal", "gone")
+    ],
+    align=True,
 )
-"""Ring buffer ``waiting``: its first item and its length. Length of the list ``touched``, of the pool of uses (full: 1
-where it was too short) and of the stack ``pairs``. Whether a crossing made other obstacles take another way."""
+"""Ring buffer ``waiting``: its first item and its length. Lengths of the list ``touched``, of the pool of uses (full: 1
+where it was too short), of the stack ``pairs`` and of ``gone``. Whether a crossing made other obstacles take another
+way, and whether the edit is a removal."""
+
+SEGMENT = np.dtype([(name, np.float64) for name in ("ax", "ay", "bx", "by")], align=True)
+"""Two points."""
 
 
 class Rings(NamedTuple):
@@ -107,6 +115,8 @@ class Workshop(NamedTuple):
     """(nv,) records :data:`TO_DO`."""
     uses: NDArray[Any]
     """(k,) records :data:`USE`."""
+    gone: NDArray[Any]
+    """(k,) records :data:`SEGMENT`: sides that were constrained before the edit."""
     progress: NDArray[Any]
     """(1,) record :data:`PROGRESS`."""
 
@@ -116,7 +126,9 @@ def workshop(vertices: int, uses: int = 0) -> Workshop:
     room = 6 * vertices + 64
     pairs = np.empty((room, 2), np.int64)
     to_do = np.zeros(vertices, TO_DO)
-    return Workshop(np.empty(room, np.int64), pairs, to_do, np.zeros(uses, USE), np.zeros(1, PROGRESS))
+    return Workshop(
+        np.empty(room, np.int64), pairs, to_do, np.zeros(uses, USE), np.zeros(uses, SEGMENT), np.zeros(1, PROGRESS)
+    )
 
 
 def empty_mesh(vertices: int, frame: NDArray[Any]) -> MeshArrays:

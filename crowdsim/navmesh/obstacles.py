@@ -17,6 +17,9 @@ from crowdsim.navmesh import edit_kernels, outline_kernels
 from crowdsim.navmesh.mesh_arrays import USE, MeshArrays, resized, workshop
 from crowdsim.navmesh.use_kernels import keep_used
 
+_LEAST_USES = 4096
+"""Room for uses, of which each edit makes about one; when it is full those that nothing refers to any longer go."""
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
@@ -259,33 +262,38 @@ class Obstacles:
 
     def _edit(self, kernel: Any, number: int, slot: _Slot) -> bool:
         """Run a kernel of edits, in larger arrays where it asks for them; False where it left the mesh useless."""
-        snapped = slot.snapped
+        snapped, wanted = slot.snapped, 8 * len(slot.snapped.points) + 64
         while True:
             status = kernel(self.mesh, self._work, snapped.points, snapped.ends, snapped.winding, number, slot.ids)
             if status != edit_kernels.NO_ROOM:
                 break
-            self._grow(8 * len(snapped.points) + 64)
+            self._grow(wanted)
+            wanted *= 2
         while status == edit_kernels.UNSETTLED:
-            self._grow(len(self.mesh.vertices) // 2)
-            status = edit_kernels.settle(self.mesh, self._work)
+            self._grow(len(self.mesh.vertices))
+            status = edit_kernels.UNSETTLED if edit_kernels.settle(self.mesh, self._work) < 0 else 0
         return bool(status == 0)
 
     def _grow(self, wanted: int) -> None:
-        """Make room for ``wanted`` more vertices and uses, and some to spare."""
-        filled = int(self.mesh.frame["vertices"][0])
-        mesh = resized(self.mesh, max(len(self.mesh.vertices), filled + filled // 4 + 2 * wanted))
-        kept = np.zeros(len(self._work.uses), USE)
-        count = keep_used(mesh, self._work.uses, kept)
-        work = workshop(len(mesh.vertices), max(len(kept), 2 * count + 4 * wanted))
-        work.uses[:count] = kept[:count]
-        # Ring buffers do not grow where they are: what waits is put in order.
-        progress = self._work.progress[0]
-        head, waiting, touched = int(progress["head"]), int(progress["waiting"]), int(progress["touched"])
-        rows = len(self._work.to_do)
-        work.to_do["mark"][:rows] = self._work.to_do["mark"]
-        work.to_do["touched"][:touched] = self._work.to_do["touched"][:touched]
-        work.to_do["waiting"][:waiting] = np.roll(self._work.to_do["waiting"], -head)[:waiting]
-        work.progress["waiting"], work.progress["touched"], work.progress["uses"] = waiting, touched, count
+        """Make room for ``wanted`` more vertices and uses."""
+        mesh, work = self.mesh, self._work
+        filled, present = int(mesh.frame["vertices"][0]), int(mesh.frame["triangles"][0]) // 2 + 3
+        if present + wanted >= len(mesh.vertices):
+            mesh = resized(mesh, filled + filled // 4 + 2 * wanted)
+        kept = np.zeros(len(work.uses), USE)
+        count = keep_used(mesh, work.uses, kept)
+        room = max(len(kept), _LEAST_USES, 2 * (count + wanted))
+        if len(mesh.vertices) != len(self.mesh.vertices) or room != len(kept):
+            work = workshop(len(mesh.vertices), room)
+            work.progress[:] = self._work.progress
+            work.gone[: len(kept)] = self._work.gone
+            work.to_do[["mark", "touched"]][: len(self._work.to_do)] = self._work.to_do[["mark", "touched"]]
+            # The ring buffer is put in order, as it does not grow where it is.
+            waiting = np.roll(self._work.to_do["waiting"], -int(work.progress["head"][0]))
+            work.to_do["waiting"][: len(waiting)] = waiting
+            work.progress["head"] = 0
+        work.uses[: len(kept)] = kept
+        work.progress["uses"] = count
         self.mesh, self._work = mesh, work
 
     def _rebuild(self) -> None:

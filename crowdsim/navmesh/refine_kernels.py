@@ -8,12 +8,18 @@ from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper
 from crowdsim.navmesh.clearance_kernels import disc_clearance
 from crowdsim.navmesh.half_edge_kernels import nxt, prv
-from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
 from crowdsim.navmesh.triangulation_kernels import FULL, split_edge, split_is_robust
 from crowdsim.navmesh.work_kernels import dequeue, enqueue, touch
 
-_WEDGE = np.dtype([("side", np.int64)] + [(name, np.float64) for name in ("rx", "ry", "lx", "ly")], align=True)
+_SLACK = 1e-9
+"""Share of a side by which the bounds of a search give way: what is found is told by the clearance between its ends."""
+
+WEDGE = np.dtype([("side", np.int64)] + [(name, np.float64) for name in ("rx", "ry", "lx", "ly")], align=True)
 """A half-edge still to cross and the rays right and left of what is seen through it."""
+
+SIGHT = np.dtype([("side", np.int64), ("lo", np.float64), ("hi", np.float64)], align=True)
+"""A half-edge still to cross and the part of a first side that a disc from beyond may reach through it."""
 
 
 @helper
@@ -96,7 +102,7 @@ def find_bottleneck(m, v, wedges):
                     wy = vertices[w].y - py
                     most = wx * wx + wy * wy
                     lo, hi = _cut(lo, hi, ax * wx + ay * wy - most, bx * wx + by * wy - most)
-                if lo > hi:
+                if lo > hi + _SLACK:
                     continue
                 if sides[h].cst == 0:
                     if top < wedges.size:
@@ -112,7 +118,7 @@ def find_bottleneck(m, v, wedges):
                 ey = by - ay
                 length2 = ex * ex + ey * ey
                 part = -(ax * ex + ay * ey) / length2
-                if part <= lo or part >= hi:
+                if part < lo - _SLACK or part > hi + _SLACK:
                     continue
                 fx = np.rint((px + ax + part * ex) / cell) * cell
                 fy = np.rint((py + ay + part * ey) / cell) * cell
@@ -130,34 +136,143 @@ def find_bottleneck(m, v, wedges):
 
 
 @helper
+def inside_circle(m, t, ax, ay, bx, by, lo, hi):
+    """Part of lo..hi of the segment ab (0 at a, 1 at b) inside the circle of triangle t, a little more for rounding."""
+    sides = m.sides
+    vertices = m.vertices
+    p = vertices[sides[3 * t].org]
+    q = vertices[sides[3 * t + 1].org]
+    r = vertices[sides[3 * t + 2].org]
+    ux = q.x - p.x
+    uy = q.y - p.y
+    vx = r.x - p.x
+    vy = r.y - p.y
+    half = 0.5 / (ux * vy - uy * vx)
+    u2 = ux * ux + uy * uy
+    v2 = vx * vx + vy * vy
+    cx = (vy * u2 - uy * v2) * half
+    cy = (ux * v2 - vx * u2) * half
+    ex = bx - ax
+    ey = by - ay
+    wx = ax - p.x
+    wy = ay - p.y
+    # The power of a point at t is length2 t2 + 2 middle t + first; written so that large circles lose no digits.
+    length2 = ex * ex + ey * ey
+    middle = (wx - cx) * ex + (wy - cy) * ey
+    first = wx * (wx - 2.0 * cx) + wy * (wy - 2.0 * cy)
+    root = middle * middle - length2 * first
+    root += _SLACK * (middle * middle + length2 * abs(first))
+    if root < 0.0:
+        return 1.0, 0.0
+    root = math.sqrt(root)
+    return max(lo, (-middle - root) / length2), min(hi, (-middle + root) / length2)
+
+
+@helper
+def _find_foot(m, s, sights):
+    """The place on the constrained side s where the passage to a vertex seen across other sides is narrowest.
+
+    Returns (whether there is one, x, y): what :func:`find_bottleneck` finds from the vertex. A disc between the two
+    that touches nothing else lies, before each side that it crosses on the way to the vertex, inside of the circle of
+    the triangle behind, as it holds none of its corners. So the foot is in all these circles, which bounds the search.
+    ``sights`` (k,) is room for the sides still to cross.
+    """
+    sides = m.sides
+    vertices = m.vertices
+    cell = m.frame[0].cell
+    a = vertices[sides[s].org]
+    b = vertices[sides[nxt(s)].org]
+    ax = a.x
+    ay = a.y
+    bx = b.x
+    by = b.y
+    ex = bx - ax
+    ey = by - ay
+    length2 = ex * ex + ey * ey
+    top = 0
+    for e in (nxt(s), prv(s)):
+        if sides[e].cst == 0:
+            sight = sights[top]
+            sight.side = e
+            sight.lo = 0.0
+            sight.hi = 1.0
+            top += 1
+    while top > 0:
+        top -= 1
+        sight = sights[top]
+        e = sight.side
+        g = sides[e].twin
+        lo, hi = inside_circle(m, g // 3, ax, ay, bx, by, sight.lo, sight.hi)
+        if lo > hi:
+            continue
+        z = vertices[sides[prv(g)].org]
+        zx = z.x
+        zy = z.y
+        part = ((zx - ax) * ex + (zy - ay) * ey) / length2
+        if z.vref > 0 and part >= lo - _SLACK and part <= hi + _SLACK:
+            fx = np.rint((ax + part * ex) / cell) * cell
+            fy = np.rint((ay + part * ey) / cell) * cell
+            width = math.hypot(fx - zx, fy - zy)
+            # Next to an end of the side, the edge to that end measures the passage as well.
+            aside = min(part, 1.0 - part) * math.sqrt(length2)
+            if aside >= 8.0 * cell and aside * aside >= 1e-7 * width * width:
+                middle, _ = disc_clearance(m, 0.5 * (zx + fx), 0.5 * (zy + fy), width, g // 3)
+                if middle >= 0.5 * width - cell and split_is_robust(sides, vertices, s, fx, fy):
+                    return True, fx, fy
+        for f in (nxt(g), prv(g)):
+            if sides[f].cst == 0 and top < sights.size:
+                sight = sights[top]
+                sight.side = f
+                sight.lo = lo
+                sight.hi = hi
+                top += 1
+    return False, 0.0, 0.0
+
+
+@helper
+def add_foot(m, h, x, y, w):
+    """Split the constrained side h at (x, y) and let the sides around wait; the new vertex, or FULL."""
+    sides = m.sides
+    f = split_edge(m, h, x, y, w.stack)
+    if f < 0:
+        return f
+    touch(w, f)
+    enqueue(w, f)
+    # What changed is the star of the new vertex.
+    first = m.vertices[f].vhe
+    g = first
+    while True:
+        enqueue(w, sides[nxt(g)].org)
+        g = sides[prv(g)].twin
+        if g == first:
+            return f
+
+
+@helper
 def refine(m, w):
-    """Add the foot of every bottleneck that runs across a side, for the waiting vertices and what changes; 0 or FULL.
+    """Add the foot of every bottleneck, for constrained sides from the waiting vertices and what changes; 0 or FULL.
 
     Afterwards each narrowest place between two obstacles is a side or the height of a corner over a constrained
     side, so that widths of sides and corners decide what fits where.
     """
     sides = m.sides
-    vertices = m.vertices
-    wedges = np.empty(256, _WEDGE)
+    sights = np.empty(256, SIGHT)
     while w.progress[0].waiting > 0:
         v = dequeue(w)
-        h, x, y = find_bottleneck(m, v, wedges)
-        if h < 0:
+        if v < BOX_CORNERS:
             continue
-        enqueue(w, v)
-        f = split_edge(m, h, x, y, w.stack)
-        if f < 0:
-            return FULL
-        touch(w, f)
-        # What changed is the star of the new vertex.
-        first = vertices[f].vhe
-        g = first
+        first = m.vertices[v].vhe
+        h = first
         while True:
-            u = sides[nxt(g)].org
-            if vertices[u].vref > 0:
-                enqueue(w, u)
-            g = sides[prv(g)].twin
-            if g == first:
+            if sides[h].cst != 0 and m.wind[h // 3] == 0:
+                found, x, y = _find_foot(m, h, sights)
+                if found:
+                    enqueue(w, v)
+                    if add_foot(m, h, x, y, w) < 0:
+                        return FULL
+                    break
+            h = sides[prv(h)].twin
+            if h == first:
                 break
     return 0
 

@@ -1,5 +1,6 @@
 """Vertices taken out of a constrained triangulation."""
 
+from crowdsim.geometry.predicates_kernels import incircle
 from crowdsim.jit import helper
 from crowdsim.navmesh.half_edge_kernels import nxt, prv, side
 from crowdsim.navmesh.triangulation_kernels import flip, link, take
@@ -189,8 +190,36 @@ def remove_vertex(m, w, v):
 
 
 @helper
+def _takes_over(m, v, far, a, b):
+    """Whether ``far`` is in one triangle with a and b once v, between them, is out; then its height tells all."""
+    sides = m.sides
+    vertices = m.vertices
+    p = vertices[far]
+    where = side(vertices, a, b, p.x, p.y)
+    if where < 0.0:
+        a, b = b, a
+    elif where == 0.0:
+        return False
+    ax = vertices[a].x
+    ay = vertices[a].y
+    bx = vertices[b].x
+    by = vertices[b].y
+    first = vertices[v].vhe
+    h = first
+    while True:
+        c = sides[nxt(h)].org
+        q = vertices[c]
+        other = c != a and c != b and c != far and side(vertices, a, b, q.x, q.y) > 0.0
+        if other and incircle(ax, ay, bx, by, p.x, p.y, q.x, q.y, 1.0 / m.frame[0].cell) > 0:
+            return False
+        h = sides[prv(h)].twin
+        if h == first:
+            return True
+
+
+@helper
 def removable(m, w, v):
-    """Whether vertex v, no corner of an obstacle, is neither a bend nor a crossing nor the foot of a neighbor."""
+    """Whether vertex v, no corner of an obstacle, is neither a crossing nor the foot that a neighbor needs."""
     sides = m.sides
     vertices = m.vertices
     first = vertices[v].vhe
@@ -229,7 +258,8 @@ def removable(m, w, v):
     while True:
         if sides[h].cst == 0 and m.wind[h // 3] == 0:
             far = vertices[sides[nxt(h)].org]
-            if far.vref > 0 and abs((far.x - x) * ux + (far.y - y) * uy) <= slack:
+            is_foot = far.vref > 0 and abs((far.x - x) * ux + (far.y - y) * uy) <= slack
+            if is_foot and not _takes_over(m, v, sides[nxt(h)].org, from_one.org, from_other.org):
                 return False
         h = sides[prv(h)].twin
         if h == first:

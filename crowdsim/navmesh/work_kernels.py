@@ -4,11 +4,13 @@ from crowdsim.jit import helper
 from crowdsim.navmesh.mesh_arrays import BOX_CORNERS
 
 QUEUED = 1
-"""Mark: the vertex waits for refinement."""
+"""Mark: the constrained sides from the vertex wait for refinement."""
 TOUCHED = 2
 """Mark: triangles around the vertex may have changed."""
 KEPT = 8
 """Mark: the vertex is touched and cannot be taken out."""
+LOOKING = 16
+"""Mark: the vertex is touched, and may be the near end of a bottleneck that is new."""
 VISITED = 4
 """Mark of a walk, which clears it."""
 
@@ -35,7 +37,7 @@ def touch_triangle(sides, w, t):
 
 @helper
 def enqueue(w, v):
-    """Let vertex v wait for refinement."""
+    """Let the constrained sides from vertex v wait for refinement."""
     item = w.to_do[v]
     if item.mark & QUEUED == 0:
         item.mark |= QUEUED

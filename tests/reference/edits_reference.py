@@ -6,7 +6,7 @@ import shapely
 from crowdsim.navmesh import edit_kernels
 from crowdsim.navmesh.mesh_arrays import MeshArrays, resized, workshop
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.navmesh.work_kernels import QUEUED
+from crowdsim.navmesh.work_kernels import KEPT, LOOKING, QUEUED, TOUCHED
 from tests.reference.navmesh_reference import free_area, mesh_faults
 
 
@@ -37,10 +37,11 @@ def feet_missing(mesh: MeshArrays) -> int:
     """How many feet the refinement of the whole mesh adds to it."""
     copy = resized(mesh, 2 * len(mesh.vertices))
     work = workshop(len(copy.vertices))
-    corners = np.flatnonzero((copy.vertices["vhe"] >= 0) & (copy.vertices["vref"] > 0))
-    work.to_do["waiting"][: len(corners)] = corners
-    work.to_do["mark"][corners] = QUEUED
-    work.progress["waiting"] = len(corners)
+    corners = np.flatnonzero(copy.vertices["vhe"][: int(copy.frame["vertices"][0])] >= 0)
+    # From each side and, as a twin, from each vertex.
+    work.to_do["waiting"][: len(corners)] = work.to_do["touched"][: len(corners)] = corners
+    work.to_do["mark"][corners] = QUEUED | TOUCHED | LOOKING | KEPT
+    work.progress["waiting"] = work.progress["touched"] = len(corners)
     assert edit_kernels.settle(copy, work) == 0
     return (int(copy.frame["triangles"][0]) - int(mesh.frame["triangles"][0])) // 2
 
