@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 
 PASSES = 3
 LARGE = (18_000, 150.0)
-"""Polygons and side in meters of a map of about 100,000 corners."""
+"""Polygons and side in meters of a map of about 110,000 corners."""
 
 _EDITS = 300
 _FIRST_EDITS = 20
