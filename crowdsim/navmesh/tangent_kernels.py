@@ -10,11 +10,16 @@ from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.search_kernels import pop, push
 from crowdsim.navmesh.workspace import HEAP_ROW
 
-NODE = np.dtype([("x", np.float64), ("y", np.float64), ("q", np.float64), ("vertex", np.int64)], align=True)
+NODE = np.dtype([(n, np.float64) for n in ("x", "y", "q", "bulge")] + [("vertex", np.int64)], align=True)
 """What a string bends around.
 
-q: +radius with the obstacle on the left, -radius on the right; start and goal have q = 0 and vertex -1.
+q: +radius with the obstacle on the left, -radius on the right; start and goal have q = 0 and vertex -1. bulge: how far
+corners of the polyline may stand off the arc, meters.
 """
+
+COARSE = 1e-3
+FINE = 2e-6
+"""Bulges, meters: normally, and in passages that leave no more room."""
 
 _RINGS = 3
 """How many rings of triangles around the channel the tangent graph sees, the channel being the first."""
@@ -31,6 +36,7 @@ def set_node(node, x, y, q, vertex):
     node.x = x
     node.y = y
     node.q = q
+    node.bulge = COARSE
     node.vertex = vertex
 
 
@@ -72,7 +78,7 @@ def arc_corners(q, dx, dy, angle, bulge):
 @helper
 def _arc_is_free(m, node, dx, dy, angle, least):
     """Whether the arc around a node from direction d on keeps ``least``, and the pieces checked."""
-    steps, bearing, step, reach = arc_corners(node.q, dx, dy, angle, 2e-6)
+    steps, bearing, step, reach = arc_corners(node.q, dx, dy, angle, FINE)
     px = node.x + node.q * dy
     py = node.y - node.q * dx
     hint = NONE
