@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from crowdsim.jit import helper, kernel
+from crowdsim.jit import helper
 from crowdsim.navmesh.half_edge_kernels import nxt, prv
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.region_kernels import lay_waypoints
@@ -88,7 +88,7 @@ def _estimate(label, x, y):
     return label.spent + math.sqrt(x * x + y * y) * (part + _GREED * (1.0 - part))
 
 
-@kernel
+@helper
 def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
     """The last label of a short way from triangle ``start`` to ``goal``, -1 where none is found.
 
@@ -250,7 +250,7 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
     return NONE
 
 
-@kernel
+@helper
 def string_along(m, labels, last, sx, sy, gx, gy, radius):
     """The nodes that the way to label ``last`` bends around, with room for more, and their number."""
     label = labels[last]

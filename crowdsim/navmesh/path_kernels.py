@@ -118,8 +118,8 @@ def _tighten(nodes, count, i, last):
     Returns the new number, or -1 if nodes are pinched, and the first node whose neighbors have changed.
     """
     first = i
+    before, ax, ay = tangent(nodes[i - 1], nodes[i])
     while i < count - 1 and i <= last:
-        before, ax, ay = tangent(nodes[i - 1], nodes[i])
         after, bx, by = tangent(nodes[i], nodes[i + 1])
         if nodes[i].q * (ax * by - ay * bx) < 0.0:
             for k in range(i, count - 1):
@@ -127,8 +127,12 @@ def _tighten(nodes, count, i, last):
             count -= 1
             i = max(1, i - 1)
             first = min(first, i)
+            before, ax, ay = tangent(nodes[i - 1], nodes[i])
         elif before and after:
             i += 1
+            before = after
+            ax = bx
+            ay = by
         else:
             return -1, first
     exists, _, _ = tangent(nodes[0], nodes[1])
@@ -211,16 +215,17 @@ def _trace(m, stack, nodes, count, least, marks, points, first):
             angle = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
             if node.q * angle < -1e-6:
                 angle += math.copysign(2.0 * math.pi, node.q)
-        steps, bearing, step, reach = arc_corners(node.q, ax, ay, angle, node.bulge)
+        steps, cx, cy, c, s = arc_corners(node.q, ax, ay, angle, node.bulge)
         while n + steps > points.shape[0]:
             points = longer_rows(points)
         is_open = False
         for k in range(steps):
-            x = node.x + reach * math.cos(bearing + k * step)
-            y = node.y + reach * math.sin(bearing + k * step)
+            x = node.x + cx
+            y = node.y + cy
+            cx, cy = c * cx - s * cy, s * cx + c * cy
             if k == 1 and abs(angle) < 3.0:
                 # The tangents keep clear of what is not between the ends of the arc, and so does the arc then.
-                room = abs(node.q) + reach
+                room = abs(node.q) + math.sqrt(cx * cx + cy * cy)
                 if node.q < 0.0:
                     is_open, fan = _arc_is_open(sides, vertices, node.vertex, -by, bx, -ay, ax, room)
                 else:
@@ -339,7 +344,7 @@ def _stand(m, stack, x, y, least):
     return t
 
 
-@kernel
+@helper
 def plan_path(m, regions, work, sx, sy, gx, gy, radius, least):
     """(status, points (n, 2)) of a short path of a disc of ``radius`` that comes nowhere closer than ``least``.
 

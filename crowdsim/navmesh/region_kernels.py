@@ -99,7 +99,7 @@ def _lay(m, waypoints, stamp, region, following, h, radius):
     point.stamp = stamp
 
 
-@kernel
+@helper
 def lay_waypoints(m, regions, waypoints, stack, stamp, start, goal, gx, gy, radius):
     """Fill the ``waypoints`` of the regions from triangle ``start`` to ``goal``; whether free space joins the two.
 

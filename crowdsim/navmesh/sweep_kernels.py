@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from crowdsim.jit import helper, kernel
+from crowdsim.jit import helper
 from crowdsim.navmesh.half_edge_kernels import nxt, prv
 
 SWEPT = np.dtype([("h", np.int64)] + [(name, np.float64) for name in ("ax", "ay", "bx", "by")], align=True)
@@ -44,7 +44,7 @@ def _is_met(ax, ay, bx, by, length, least):
     return along > 0.0 and along < length2 and off * off < limit
 
 
-@kernel
+@helper
 def sweep(sides, vertices, stack, root, x0, y0, x1, y1, least):
     """(free, triangle of the end) of a disc of radius ``least`` that moves from (x0, y0) in triangle ``root``.
 

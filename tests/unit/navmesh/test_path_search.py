@@ -7,6 +7,7 @@ import pytest
 import shapely
 
 from crowdsim.errors import GeometryError, PathNotFound
+from crowdsim.jit import kernel
 from crowdsim.navmesh.clearance_kernels import capsule_clearance, disc_clearance
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.paths import FOUND, GOAL_BLOCKED, NO_PASSAGE, START_BLOCKED
@@ -109,6 +110,11 @@ def test_regions_are_what_is_left_without_bridges(kind):
             assert (top, depth) == (regions["root"][t], 0)
 
 
+@kernel
+def _sweep(m, stack, root, x0, y0, x1, y1, least):
+    return sweep(m.sides, m.vertices, stack, root, x0, y0, x1, y1, least)
+
+
 @pytest.mark.parametrize("kind", ["boxes", "walls", "lattice"])
 def test_a_sweep_tells_what_the_distance_does(kind):
     rng = np.random.default_rng(9)
@@ -123,11 +129,11 @@ def test_a_sweep_tells_what_the_distance_does(kind):
         _, end = disc_clearance(mesh, x1, y1, 9.0, -1)
         least = rng.choice([0.01, 0.1, 0.3])
         distance, _ = capsule_clearance(mesh, x0, y0, x1, y1, 9.0, start)
-        free, triangle = sweep(mesh.sides, mesh.vertices, stack, start, x0, y0, x1, y1, least)
+        free, triangle = _sweep(mesh, stack, start, x0, y0, x1, y1, least)
         assert free == (distance >= least)
         assert triangle == (end if free else start)
         found[free] += 1
     assert min(found.values()) > 100
     # With hardly any scratch memory it is on the safe side.
-    free, _ = sweep(mesh.sides, mesh.vertices, stack[:3], start, x0, y0, x1, y1, 5.0)
+    free, _ = _sweep(mesh, stack[:3], start, x0, y0, x1, y1, 5.0)
     assert not free

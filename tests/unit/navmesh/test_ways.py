@@ -5,13 +5,25 @@ import math
 import numpy as np
 import pytest
 
+from crowdsim.jit import kernel
 from crowdsim.navmesh.clearance_kernels import disc_clearance
 from crowdsim.navmesh.interval_kernels import find_way, string_along
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.region_kernels import REGION, find_regions
+from crowdsim.navmesh.tangent_kernels import NODE
 from crowdsim.navmesh.workspace import empty_workspace
 from tests.reference.navmesh_reference import random_area
 from tests.reference.way_reference import shortest_way
+
+
+@kernel
+def _search(m, regions, work, start, sx, sy, goal, gx, gy, radius):
+    """The last label, the nodes and their number."""
+    last = find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, 2.0 * radius)
+    if last < 0:
+        return last, np.empty(0, NODE), 0
+    nodes, count = string_along(m, work.labels, last, sx, sy, gx, gy, radius)
+    return last, nodes, count
 
 
 def _way_length(labels, last, start, goal):
@@ -46,13 +58,12 @@ def test_ways_are_about_the_shortest(kind):
             continue
         (_, start), (_, goal) = ends
         shortest = shortest_way(mesh, (sx, sy), start, (gx, gy), goal, radius, 2.0 * radius)
-        last = find_way(mesh, regions, work, start, sx, sy, goal, gx, gy, radius, 2.0 * radius)
+        last, nodes, count = _search(mesh, regions, work, start, sx, sy, goal, gx, gy, radius)
         assert (last >= 0) == math.isfinite(shortest)
         if last < 0:
             blocked += 1
             continue
         ratios.append(_way_length(work.labels, last, (sx, sy), (gx, gy)) / shortest)
-        nodes, count = string_along(mesh, work.labels, last, sx, sy, gx, gy, radius)
         assert nodes["vertex"][[0, count - 1]].tolist() == [-1, -1]
         assert (nodes["vertex"][1 : count - 1] >= 0).all()
     assert len(ratios) > 10
