@@ -263,7 +263,7 @@ def _turns_right(nodes, count, i):
 
 
 @helper
-def _pull(m, stack, nodes, count, radius, least, start):
+def pull(m, stack, nodes, count, radius, least, start):
     """Check and repair until nothing is too close; (repaired, points)."""
     sides = m.sides
     vertices = m.vertices
@@ -370,13 +370,13 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least):
     channel = np.empty(0, np.int64)
     if start == goal:  # within one triangle the string may need no side
         nodes, count = _funnel(m, channel, sx, sy, gx, gy, radius)
-        done, points = _pull(m, stack, nodes, count, radius, least, start)
+        done, points = pull(m, stack, nodes, count, radius, least, start)
         if done:
             return OK, points
     last = find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, 2.0 * least)
     if last >= 0:
         nodes, count = string_along(m, work.labels, last, sx, sy, gx, gy, radius)
-        done, points = _pull(m, stack, nodes, count, radius, least, start)
+        done, points = pull(m, stack, nodes, count, radius, least, start)
         if done:
             return OK, points
     # What is left is rare: a way that only the complete search finds, and strings that repair has tangled.
@@ -384,7 +384,7 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least):
     if channel.size == 0:
         return NO_PASSAGE, points
     nodes, count = _funnel(m, channel, sx, sy, gx, gy, radius)
-    done, points = _pull(m, stack, nodes, count, radius, least, start)
+    done, points = pull(m, stack, nodes, count, radius, least, start)
     if done:
         return OK, points
     nodes, count = nodes_near_channel(m, channel, sx, sy, gx, gy, radius)
@@ -393,13 +393,13 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least):
         return TANGLED, points
     for i in range(nodes.size):
         nodes[i].bulge = FINE
-    done, points = _pull(m, stack, nodes, nodes.size, radius, least, start)
+    done, points = pull(m, stack, nodes, nodes.size, radius, least, start)
     return OK if done else TANGLED, points
 
 
 @helper
 def append_path(points, filled, path):
-    """Copy the polyline ``path`` (k, 2) behind the first ``filled`` rows of points, grown if needed; (points, length)."""
+    """Copy the polyline ``path`` (k, 2) behind the first ``filled`` rows; (points, grown where needed, length)."""
     n = path.shape[0]
     while filled + n > points.shape[0]:
         points = longer_rows(points)

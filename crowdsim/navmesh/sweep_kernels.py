@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from crowdsim.jit import helper
+from crowdsim.navmesh.clearance_kernels import capsule_clearance
 from crowdsim.navmesh.half_edge_kernels import nxt, prv
 
 SWEPT = np.dtype([("h", np.int64)] + [(name, np.float64) for name in ("ax", "ay", "bx", "by")], align=True)
@@ -164,3 +165,13 @@ def walk(sides, vertices, t, x, y):
         if t < 0:
             break
     return -1
+
+
+@helper
+def is_free_way(m, stack, triangle, x0, y0, x1, y1, least):
+    """Whether a disc of radius ``least`` moves from (x0, y0) in ``triangle`` to (x1, y1), also where `sweep` doubts."""
+    free, _ = sweep(m.sides, m.vertices, stack, triangle, x0, y0, x1, y1, least)
+    if not free:
+        distance, _ = capsule_clearance(m, x0, y0, x1, y1, 1.01 * least, triangle)
+        free = distance >= least
+    return free

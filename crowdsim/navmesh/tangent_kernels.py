@@ -21,6 +21,12 @@ COARSE = 1e-3
 FINE = 2e-6
 """Bulges, meters: normally, and in passages that leave no more room."""
 
+PINCH = 1e-2
+"""How much less than the radii may lie between two circles, as a part of them, before they have no tangent.
+
+Rounding leaves so much of the tolerance at the smallest radii; what it means is decided by an exact sweep.
+"""
+
 _RINGS = 3
 """How many rings of triangles around the channel the tangent graph sees, the channel being the first."""
 
@@ -51,7 +57,7 @@ def tangent(a, b):
     ex /= distance
     ey /= distance
     s = (b.q - a.q) / distance
-    exists = abs(s) <= 1.0 + 1e-4
+    exists = abs(s) <= 1.0 + PINCH
     s = min(max(s, -1.0), 1.0)
     c = math.sqrt(1.0 - s * s)
     return exists, ex * c + ey * s, ey * c - ex * s
