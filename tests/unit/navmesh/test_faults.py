@@ -12,7 +12,7 @@ from crowdsim.geometry.snapping import snap
 from crowdsim.navmesh import triangle_builder
 from crowdsim.navmesh.build_kernels import build
 from crowdsim.navmesh.builders import BUILDERS, mesh_frame
-from crowdsim.navmesh.mesh_arrays import Rings, empty_mesh, trimmed
+from crowdsim.navmesh.mesh_arrays import Rings, empty_mesh, trimmed, workshop
 from crowdsim.navmesh.navmesh import NavMesh
 from tests.reference.navmesh_reference import free_area, mesh_faults
 
@@ -43,7 +43,7 @@ def segments_mesh(points, segments, builder):
         found = triangle_builder.triangulation(rings, order, frame)
         triangle_builder.fill(mesh, found)
         rings, ids, order = found.rings, found.ids, order[:0]
-    assert build(mesh, rings.points, ids, rings.ends, order, np.zeros(room, np.uint8)) == 0
+    assert build(mesh, rings.points, ids, rings.ends, order, workshop(room)) == 0
     return trimmed(mesh)
 
 
