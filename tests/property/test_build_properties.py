@@ -18,7 +18,7 @@ few = settings(max_examples=15, derandomize=True, deadline=None)
 snapped = st.tuples(st.integers(-1, 7), st.integers(-1, 7), st.integers(1, 4), st.integers(1, 4)).map(
     lambda box: shapely.box(box[0], box[1], box[0] + box[2], box[1] + box[3])
 )
-number = st.floats(-1.0, 9.0, allow_nan=False)
+number = st.integers(-1000, 9000).map(lambda millimeters: 1e-3 * millimeters)
 triangles = st.tuples(*[st.tuples(number, number)] * 3).map(shapely.Polygon)
 soup = st.lists(st.one_of(snapped, triangles), min_size=1, max_size=7)
 
