@@ -25,6 +25,10 @@ from crowdsim.navmesh.work_kernels import touch
 STUCK = -3
 """Status: a segment could not be inserted within the step limit."""
 
+_NEAR = 0.75
+"""Cells: a vertex this close to a segment is on it (snap rounding: Hobby 1999), so that two segments that hardly differ
+do not cross again and again. A segment always gets nearer to its end by that, as vertices are a cell apart."""
+
 _WAY = np.dtype(
     [("start", np.int64), ("goal", np.int64)] + [(name, np.int64) for name in ("cst", "win", "use", "back")], align=True
 )
@@ -46,7 +50,7 @@ def _cross(m, e, ways, top, w):
     """Let the last of the ``top`` ways meet the constrained side e that it crosses; how many ways there are then.
 
     The place where they cross moves to the grid. Where that is not next to e, or a vertex is about there, both take
-    the way over it (snap rounding: Hobby 1999), so that the two never cross again.
+    the way over it, so that the two never cross again.
     """
     sides = m.sides
     vertices = m.vertices
@@ -180,7 +184,7 @@ def _clear_way(m, w, a, b, crossed):
 def insert_segment(m, a, b, winding, use, w):
     """Constrain the way from vertex a to b, with ``winding`` and ``use`` on half-edges along it; 0 or FULL or STUCK.
 
-    Vertices met on the way split the segment; constrained sides met are split where they cross.
+    Vertices about on the way split the segment; constrained sides met are split where they cross.
     """
     sides = m.sides
     vertices = m.vertices
@@ -198,8 +202,12 @@ def insert_segment(m, a, b, winding, use, w):
         steps += 1
         if steps > 16 * vertices.size:
             return STUCK
-        gx = vertices[goal].x - vertices[cur].x
-        gy = vertices[goal].y - vertices[cur].y
+        cx = vertices[cur].x
+        cy = vertices[cur].y
+        gx = vertices[goal].x - cx
+        gy = vertices[goal].y - cy
+        length2 = gx * gx + gy * gy
+        near = _NEAR * m.frame[0].cell * math.sqrt(length2)
         # The star of cur: a neighbor in the direction of the goal, or the side across which the goal lies.
         along = NONE
         crossing = NONE
@@ -207,15 +215,21 @@ def insert_segment(m, a, b, winding, use, w):
         h = first
         while True:
             x = vertices[sides[nxt(h)].org]
-            y = vertices[sides[prv(h)].org]
             sx = side(vertices, cur, goal, x.x, x.y)
-            if sx == 0.0:
-                if (x.x - vertices[cur].x) * gx + (x.y - vertices[cur].y) * gy > 0.0:
+            if abs(sx) <= near:
+                ahead = (x.x - cx) * gx + (x.y - cy) * gy
+                if ahead > 0.0 and (sx == 0.0 or ahead < length2):
                     along = h
                     break
-            elif sx < 0.0 and side(vertices, cur, goal, y.x, y.y) > 0.0:
-                crossing = nxt(h)
-                break
+            if sx < 0.0:
+                y = vertices[sides[prv(h)].org]
+                sy = side(vertices, cur, goal, y.x, y.y)
+                if sy > 0.0:
+                    crossing = nxt(h)
+                    ahead = (y.x - cx) * gx + (y.y - cy) * gy
+                    if sy <= near and ahead > 0.0 and ahead < length2:
+                        along = sides[prv(h)].twin
+                    break
             h = sides[prv(h)].twin
             if h == first:
                 return STUCK
@@ -243,6 +257,16 @@ def insert_segment(m, a, b, winding, use, w):
                     return status
                 along = find_half_edge(sides, vertices, cur, z)
                 break
+            if abs(sz) <= near:
+                ahead = (vertices[z].x - cx) * gx + (vertices[z].y - cy) * gy
+                if ahead > 0.0 and ahead < length2:
+                    if count + 1 > ways.size:
+                        ways = longer(ways)
+                    way = ways[count - 1]
+                    _set_way(ways[count], cur, z, way.cst, way.win, way.use, way.back)
+                    way.start = z
+                    count += 1
+                    break
             e = nxt(f) if sz > 0.0 else prv(f)
         if along < 0:
             continue
