@@ -125,13 +125,21 @@ def _touch_corners(m, w):
                 continue
             first = vertices[v].vhe
             h = first
+            changed = False
             while True:
                 if _is_dirty(sides, h // 3):
+                    changed = True
                     touch(w, sides[nxt(h)].org)
                     touch(w, sides[prv(h)].org)
                 h = sides[prv(h)].twin
                 if h == first:
                     break
+            while changed:
+                u = sides[nxt(h)].org
+                if vertices[u].vref == 0:
+                    touch(w, u)
+                h = sides[prv(h)].twin
+                changed = h != first
             unneeded = vertices[v].vref == 0 and w.to_do[v].mark & KEPT == 0 and removable(m, w, v)
             if unneeded and not remove_vertex(m, w, v):
                 w.to_do[v].mark |= KEPT
