@@ -131,9 +131,9 @@ class Obstacles:
         self._base = mesh
         self._slots: list[_Slot] = []
         self._free: list[int] = []
-        self.mesh = mesh
-        self._work = workshop(len(mesh.vertices))
-        self._grow(256)
+        room = len(mesh.vertices) + len(mesh.vertices) // 4 + 256
+        self.mesh = resized(mesh, room)
+        self._work = workshop(room, _LEAST_USES)
 
     def copy(self) -> Obstacles:
         """A copy that is edited on its own, with the same handles."""
@@ -141,8 +141,9 @@ class Obstacles:
         twin._base = self._base
         twin._slots = [replace(slot) for slot in self._slots]
         twin._free = list(self._free)
-        twin.mesh, twin._work = self.mesh, self._work
-        twin._grow(256)
+        twin.mesh = resized(self.mesh, len(self.mesh.vertices))
+        twin._work = workshop(len(self.mesh.vertices), len(self._work.uses))
+        twin._work.uses[:], twin._work.progress[:] = self._work.uses, self._work.progress
         return twin
 
     def insert(self, geometry: Any) -> Handle:
