@@ -31,8 +31,7 @@ class Handle(NamedTuple):
     generation: int
 
 
-@dataclass(frozen=True)
-class Shape:
+class Shape(NamedTuple):
     """What an obstacle is made of: rings with it on their left, or polylines and points."""
 
     points: Floats
@@ -44,9 +43,10 @@ class Shape:
 
     def moved(self, dx: float, dy: float) -> Shape:
         """The same at another place."""
-        return replace(self, points=self.points + (dx, dy))
+        return self._replace(points=self.points + (dx, dy))
 
 
+_ONE_END = np.array([1])
 _NOTHING = Shape(np.zeros((0, 2)), np.zeros(0, np.int64), 0)
 
 
@@ -201,6 +201,15 @@ class Obstacles:
 
     def _read(self, geometry: Any) -> tuple[Shape, Shape]:
         """The shape of ``geometry``, and what of it lies in the box, on the grid."""
+        if isinstance(geometry, shapely.Point) and not geometry.is_empty:
+            geometry = np.array((geometry.x, geometry.y))
+        if isinstance(geometry, np.ndarray) and geometry.shape == (2,):
+            points = geometry.astype(np.float64).reshape(1, 2)
+            shape = Shape(points, _ONE_END, 0)
+            snapped = np.empty((1, 2))
+            if outline_kernels.snap_inside(self.mesh, points, snapped) == outline_kernels.OK:
+                return shape, Shape(snapped, _ONE_END, 0)
+            return shape, self._cut(shape)
         if isinstance(geometry, np.ndarray) and geometry.ndim == 2 and geometry.shape[1] == 2:
             points = np.ascontiguousarray(geometry, np.float64)
             snapped = np.empty_like(points)
