@@ -258,8 +258,8 @@ class NavMesh:
         Parameters
         ----------
         geometry
-            Polygons (with holes, if any), lines or points, meters, or an array (n, 2) of the corners of a polygon,
-            which takes the least time. What lies outside of the mesh's box, 5 % around the walkable area, has no
+            Polygons (with holes, if any), lines or points, meters. Quicker are arrays: the corners (n, 2) of a polygon,
+            or a point (2,). What lies outside of the mesh's box, 5 % around the walkable area, has no
             effect, but counts again when the obstacle is moved. Invalid polygons are repaired.
 
         Raises

@@ -31,8 +31,7 @@ class Handle(NamedTuple):
     generation: int
 
 
-@dataclass(frozen=True)
-class Shape:
+class Shape(NamedTuple):
     """What an obstacle is made of: rings with it on their left, or polylines and points."""
 
     points: Floats
@@ -44,9 +43,10 @@ class Shape:
 
     def moved(self, dx: float, dy: float) -> Shape:
         """The same at another place."""
-        return replace(self, points=self.points + (dx, dy))
+        return self._replace(points=self.points + (dx, dy))
 
 
+_ONE_END = np.array([1])
 _NOTHING = Shape(np.zeros((0, 2)), np.zeros(0, np.int64), 0)
 
 
@@ -131,9 +131,9 @@ class Obstacles:
         self._base = mesh
         self._slots: list[_Slot] = []
         self._free: list[int] = []
-        self.mesh = mesh
-        self._work = workshop(len(mesh.vertices))
-        self._grow(256)
+        room = len(mesh.vertices) + len(mesh.vertices) // 4 + 256
+        self.mesh = resized(mesh, room)
+        self._work = workshop(room, _LEAST_USES)
 
     def copy(self) -> Obstacles:
         """A copy that is edited on its own, with the same handles."""
@@ -141,8 +141,9 @@ class Obstacles:
         twin._base = self._base
         twin._slots = [replace(slot) for slot in self._slots]
         twin._free = list(self._free)
-        twin.mesh, twin._work = self.mesh, self._work
-        twin._grow(256)
+        twin.mesh = resized(self.mesh, len(self.mesh.vertices))
+        twin._work = workshop(len(self.mesh.vertices), len(self._work.uses))
+        twin._work.uses[:], twin._work.progress[:] = self._work.uses, self._work.progress
         return twin
 
     def insert(self, geometry: Any) -> Handle:
@@ -200,6 +201,15 @@ class Obstacles:
 
     def _read(self, geometry: Any) -> tuple[Shape, Shape]:
         """The shape of ``geometry``, and what of it lies in the box, on the grid."""
+        if isinstance(geometry, shapely.Point) and not geometry.is_empty:
+            geometry = np.array((geometry.x, geometry.y))
+        if isinstance(geometry, np.ndarray) and geometry.shape == (2,):
+            points = geometry.astype(np.float64).reshape(1, 2)
+            shape = Shape(points, _ONE_END, 0)
+            snapped = np.empty((1, 2))
+            if outline_kernels.snap_inside(self.mesh, points, snapped) == outline_kernels.OK:
+                return shape, Shape(snapped, _ONE_END, 0)
+            return shape, self._cut(shape)
         if isinstance(geometry, np.ndarray) and geometry.ndim == 2 and geometry.shape[1] == 2:
             points = np.ascontiguousarray(geometry, np.float64)
             snapped = np.empty_like(points)
