@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from crowdsim.jit import helper, kernel
+from crowdsim.jit import helper
 from crowdsim.navmesh.half_edge_kernels import nxt, prv
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.region_kernels import lay_waypoints
@@ -88,7 +88,7 @@ def _estimate(label, x, y):
     return label.spent + math.sqrt(x * x + y * y) * (part + _GREED * (1.0 - part))
 
 
-@kernel
+@helper
 def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
     """The last label of a short way from triangle ``start`` to ``goal``, -1 where none is found.
 
@@ -106,6 +106,7 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
     stamp = work.stamp[0]
     if not lay_waypoints(m, regions, waypoints, heap, stamp, start, goal, gx, gy, radius):
         return NONE
+    width = max(width, 1e-30)  # that of the corners of closed sides is 0
     most = 6 * m.frame[0].triangles - 6
     count = np.int64(0)
     used = np.int64(0)
@@ -136,10 +137,10 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
             i = heap[count].item
         following = NONE
         label = labels[i]
-        corner = np.int64(label.corner)
         rx = label.rx
         ry = label.ry
         spent = label.spent
+        corner = np.int64(label.corner)
         if corner >= 0 and reached[corner].spent < spent - _SAME:
             continue
         h = np.int64(label.h)
@@ -178,10 +179,14 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
         for turn in range(2):
             e = nxt(g) if turn == 0 else prv(g)
             around = e if turn == 0 else g  # the corner that h and e share is at the origin of this
-            if sides[e].cst != 0 or sides[around].clr < width:
+            if sides[around].clr < width:
                 continue
-            if waypoints[regions[sides[e].twin // 3].top].stamp != stamp:
+            f = sides[e].twin
+            t = f // 3
+            aim = waypoints[regions[t].top]
+            if aim.stamp != stamp or (sides[f].clr < width and sides[nxt(f)].clr < width and t != goal):
                 continue
+            made = used
             o = vertices[sides[around].org]
             ux = vx - o.x
             uy = vy - o.y
@@ -202,15 +207,15 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
             slx = elx
             sly = ely
             if ll > 0.0:
-                t = ll / (ll - lr) if lr < 0.0 else 1.0
-                slx += t * (erx - elx)
-                sly += t * (ery - ely)
+                at = ll / (ll - lr) if lr < 0.0 else 1.0
+                slx += at * (erx - elx)
+                sly += at * (ery - ely)
             srx = erx
             sry = ery
             if rr < 0.0:
-                t = rr / (rr - rl) if rl > 0.0 else 1.0
-                srx += t * (elx - erx)
-                sry += t * (ely - ery)
+                at = rr / (rr - rl) if rl > 0.0 else 1.0
+                srx += at * (elx - erx)
+                sry += at * (ely - ery)
             if not (ll > 0.0 and lr >= 0.0) and not (rr < 0.0 and rl <= 0.0):
                 ends = np.int64(ll <= 0.0) + 2 * np.int64(rr >= 0.0)
                 _set_label(labels[used], rx, ry, spent, slx, sly, srx, sry, e, before, corner, ends)
@@ -227,10 +232,11 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
                 used += 1
                 reached[2 * h + 1].spent = spent_right
                 reached[2 * h + 1].stamp = stamp
+            for k in range(made, used):
+                labels[k].key = _GREED * aim.rest + _estimate(labels[k], aim.x, aim.y)
         best = math.inf
         for k in range(first, used):
-            aim = waypoints[regions[sides[labels[k].h].twin // 3].top]
-            key = _GREED * aim.rest + _estimate(labels[k], aim.x, aim.y)
+            key = labels[k].key
             if key < best:
                 if following >= 0:
                     count = _place(heap, count, best, following)
@@ -244,7 +250,7 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
     return NONE
 
 
-@kernel
+@helper
 def string_along(m, labels, last, sx, sy, gx, gy, radius):
     """The nodes that the way to label ``last`` bends around, with room for more, and their number."""
     label = labels[last]

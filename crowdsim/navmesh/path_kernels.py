@@ -9,13 +9,15 @@ import numpy as np
 
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance_kernels import capsule_nearest, disc_clearance, snapped
-from crowdsim.navmesh.growing_kernels import longer, longer_rows
-from crowdsim.navmesh.half_edge_kernels import locate, nxt
+from crowdsim.navmesh.growing_kernels import longer_rows
+from crowdsim.navmesh.half_edge_kernels import locate, nxt, prv
 from crowdsim.navmesh.interval_kernels import find_way, string_along
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.search_kernels import find_channel
-from crowdsim.navmesh.sweep_kernels import sweep
+from crowdsim.navmesh.sweep_kernels import SWEPT, sweep, walk
 from crowdsim.navmesh.tangent_kernels import (
+    COARSE,
+    FINE,
     NODE,
     arc_corners,
     nodes_near_channel,
@@ -32,9 +34,9 @@ TANGLED = 4
 """A wide enough passage exists and no path through it was found."""
 
 _REPAIRS = 60
-COARSE = 1e-3
-FINE = 2e-6
-"""How far corners of the polyline may stand off an arc, meters: normally, and in passages that leave no more room."""
+
+_MARK = np.dtype([("points", np.int64), ("triangle", np.int64)], align=True)
+"""Where the polyline is before it bends around a node: how many points it has, and the triangle of the last."""
 
 
 @helper
@@ -110,71 +112,144 @@ def _funnel(m, channel, sx, sy, gx, gy, radius):
 
 
 @helper
-def _tighten(nodes, count):
-    """Drop the nodes at which the string turns away from its obstacle; the new number, or -1 if nodes are pinched."""
-    i = 1
-    while i < count - 1:
-        before, ax, ay = tangent(nodes[i - 1], nodes[i])
+def _tighten(nodes, count, i, last):
+    """Drop nodes from i to ``last`` at which the string turns away from its obstacle, and more as it moves by that.
+
+    Returns the new number, or -1 if nodes are pinched, and the first node whose neighbors have changed.
+    """
+    first = i
+    before, ax, ay = tangent(nodes[i - 1], nodes[i])
+    while i < count - 1 and i <= last:
         after, bx, by = tangent(nodes[i], nodes[i + 1])
         if nodes[i].q * (ax * by - ay * bx) < 0.0:
             for k in range(i, count - 1):
                 nodes[k] = nodes[k + 1]
             count -= 1
             i = max(1, i - 1)
+            first = min(first, i)
+            before, ax, ay = tangent(nodes[i - 1], nodes[i])
         elif before and after:
             i += 1
+            before = after
+            ax = bx
+            ay = by
         else:
-            return -1
+            return -1, first
     exists, _, _ = tangent(nodes[0], nodes[1])
-    return count if exists else -1
+    return count if exists else -1, first
 
 
 @helper
-def trace(m, stack, nodes, count, least, bulge, start):
-    """Polyline around the nodes and its first piece closer than ``least`` to an obstacle.
+def _arc_is_open(sides, vertices, v, ax, ay, bx, by, room):
+    """Whether nothing but vertex v is closer to it than ``room`` between the bearings a and b, counter-clockwise.
 
-    Returns (points (n, 2), node, inside, vertex, edge, distance, x0, y0, x1, y1): ``node`` is -1 where nothing is too
-    close; otherwise the piece x0, y0 -> x1, y1 runs along node ``node`` (``inside``) or from it to the next, and comes
-    too close to a vertex or an edge.
+    Returns a triangle of the fan as well, the one of b if so. False in doubt.
     """
+    vx = vertices[v].x
+    vy = vertices[v].y
+    first = vertices[v].vhe
+    h = first
+    rounds = 0
+    inside = False
+    p = vertices[sides[nxt(h)].org]
+    rx = p.x - vx
+    ry = p.y - vy
+    while True:
+        back = prv(h)
+        p = vertices[sides[back].org]
+        lx = p.x - vx
+        ly = p.y - vy
+        inside = inside or (rx * ay - ry * ax >= 0.0 and lx * ay - ly * ax < 0.0)
+        if inside:
+            ux = lx - rx
+            uy = ly - ry
+            off = rx * uy - ry * ux
+            if sides[h].clr < room and off * off < room * room * (ux * ux + uy * uy):
+                return False, h // 3
+            if lx * by - ly * bx < 0.0 and rx * by - ry * bx >= 0.0:
+                return True, h // 3
+            if sides[back].cst != 0:
+                return False, h // 3
+        h = sides[back].twin
+        rx = lx
+        ry = ly
+        if h == first:
+            rounds += 1
+            if rounds == 2 or not inside:
+                return False, h // 3
+
+
+@helper
+def _triangle_of(m, x, y, hint):
+    """The triangle that holds (x, y), from triangle ``hint`` on; -1 outside of the box."""
     cell = m.frame[0].cell
-    points = np.empty((2 * count + 16, 2))
-    px = nodes[0].x
-    py = nodes[0].y
-    points[0, 0] = px
-    points[0, 1] = py
-    n = 1
-    triangle = start
-    _, bx, by = tangent(nodes[0], nodes[1])
-    for i in range(1, count):
+    return locate(m, snapped(cell, x), snapped(cell, y), hint)
+
+
+@helper
+def _trace(m, stack, nodes, count, least, marks, points, first):
+    """Polyline around the nodes from ``first`` on and its first piece closer than ``least`` to an obstacle.
+
+    What was traced before stands in ``marks`` and ``points``; these are filled.
+
+    Returns (points, their number, node, inside, vertex, edge, distance, x0, y0, x1, y1): ``node`` is -1 where nothing
+    is too close; otherwise the piece x0, y0 -> x1, y1 runs along node ``node`` (``inside``) or from it to the next, and
+    comes too close to a vertex or an edge.
+    """
+    sides = m.sides
+    vertices = m.vertices
+    n = marks[first].points
+    triangle = marks[first].triangle
+    px = points[n - 1, 0]
+    py = points[n - 1, 1]
+    _, bx, by = tangent(nodes[first - 1], nodes[first])
+    for i in range(first, count):
         node = nodes[i]
-        angle = 0.0
+        marks[i].points = n
+        marks[i].triangle = triangle
         ax = bx
         ay = by
+        angle = 0.0
         if i < count - 1:
             _, bx, by = tangent(node, nodes[i + 1])
             angle = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
             if node.q * angle < -1e-6:
                 angle += math.copysign(2.0 * math.pi, node.q)
-        steps, bearing, step, reach = arc_corners(node.q, ax, ay, angle, bulge)
+        steps, cx, cy, c, s = arc_corners(node.q, ax, ay, angle, node.bulge)
         while n + steps > points.shape[0]:
             points = longer_rows(points)
+        is_open = False
         for k in range(steps):
-            x = node.x + reach * math.cos(bearing + k * step)
-            y = node.y + reach * math.sin(bearing + k * step)
-            free, end = sweep(m, stack, triangle, px, py, x, y, least)
-            if not free:
-                distance, _, vertex, edge = capsule_nearest(m, px, py, x, y, 1.01 * least, triangle)
-                if distance < least:
-                    return points, i if k > 0 else i - 1, k > 0, vertex, edge, distance, px, py, x, y
-                end = locate(m, snapped(cell, x), snapped(cell, y), triangle)
-            triangle = end
+            x = node.x + cx
+            y = node.y + cy
+            cx, cy = c * cx - s * cy, s * cx + c * cy
+            if k == 1 and abs(angle) < 3.0:
+                # The tangents keep clear of what is not between the ends of the arc, and so does the arc then.
+                room = abs(node.q) + math.sqrt(cx * cx + cy * cy)
+                if node.q < 0.0:
+                    is_open, fan = _arc_is_open(sides, vertices, node.vertex, -by, bx, -ay, ax, room)
+                else:
+                    is_open, fan = _arc_is_open(sides, vertices, node.vertex, ay, -ax, by, -bx, room)
+                if is_open:
+                    triangle = fan
+            if not is_open:
+                free, end = sweep(sides, vertices, stack, triangle, px, py, x, y, least)
+                if not free:
+                    distance, _, vertex, edge = capsule_nearest(m, px, py, x, y, 1.01 * least, triangle)
+                    if distance < least:
+                        return points, n, i if k > 0 else i - 1, k > 0, vertex, edge, distance, px, py, x, y
+                    end = _triangle_of(m, x, y, triangle)
+                triangle = end
             points[n, 0] = x
             points[n, 1] = y
             px = x
             py = y
             n += 1
-    return points[:n], -1, False, -1, -1, math.inf, 0.0, 0.0, 0.0, 0.0
+        if is_open:
+            triangle = walk(sides, vertices, triangle, px, py)
+            if triangle < 0:
+                triangle = _triangle_of(m, px, py, NONE)
+    return points, n, -1, False, -1, -1, math.inf, 0.0, 0.0, 0.0, 0.0
 
 
 @helper
@@ -188,24 +263,38 @@ def _turns_right(nodes, count, i):
 
 
 @helper
-def _pull(m, stack, nodes, count, radius, least, start):
+def pull(m, stack, nodes, count, radius, least, start):
     """Check and repair until nothing is too close; (repaired, points)."""
     sides = m.sides
     vertices = m.vertices
-    count = _tighten(nodes, count)
-    bulge = COARSE
-    points = np.empty((0, 2))
+    points = np.empty((2 * nodes.size + 64, 2))
+    marks = np.empty(2 * nodes.size, _MARK)
+    points[0, 0] = nodes[0].x
+    points[0, 1] = nodes[0].y
+    marks[1].points = 1
+    marks[1].triangle = start
+    count, _ = _tighten(nodes, count, 1, count)
+    first = 1
     for _ in range(_REPAIRS):
         if count < 0:
             break
-        points, i, inside, vertex, edge, distance, px, py, x, y = trace(m, stack, nodes, count, least, bulge, start)
+        points, n, i, inside, vertex, edge, distance, px, py, x, y = _trace(
+            m, stack, nodes, count, least, marks, points, first
+        )
         if i < 0:
-            return True, points
+            return True, points[:n]
         if distance < 0.0:
             break
-        if bulge == COARSE and distance > least - 2.0 * COARSE:
-            bulge = FINE
-            continue
+        if distance > least - 2.0 * COARSE:
+            # Corners that stand off an arc may be all that is wrong.
+            fine = False
+            for k in range(i, i + 1 if inside else i + 2):
+                if nodes[k].q != 0.0 and nodes[k].bulge == COARSE:
+                    nodes[k].bulge = FINE
+                    fine = True
+            if fine:
+                first = max(1, i)
+                continue
         dx = x - px
         dy = y - py
         crossed = False
@@ -227,7 +316,7 @@ def _pull(m, stack, nodes, count, radius, least, start):
         if nodes[i].vertex == vertex or nodes[i + 1].vertex == vertex or (inside and q * nodes[i].q < 0.0):
             break
         if count == nodes.size:
-            nodes = longer(nodes)
+            break
         for k in range(count, i + 1, -1):
             nodes[k] = nodes[k - 1]
         set_node(nodes[i + 1], vx, vy, q, vertex)
@@ -235,18 +324,19 @@ def _pull(m, stack, nodes, count, radius, least, start):
         if inside and not (_turns_right(nodes, count, i) and _turns_right(nodes, count, i + 1)):
             nodes[i + 1] = nodes[i]
             set_node(nodes[i], vx, vy, q, vertex)
-        count = _tighten(nodes, count)
-    return False, points
+        i = max(1, i - 1)
+        count, first = _tighten(nodes, count, i, i + 4)
+        first = max(1, first - 1)
+    return False, points[:0]
 
 
 @helper
-def _place(m, stack, x, y, least):
+def _stand(m, stack, x, y, least):
     """The triangle of (x, y), or -1 where a disc of radius ``least`` is not free there."""
-    cell = m.frame[0].cell
-    t = locate(m, snapped(cell, x), snapped(cell, y), NONE)
+    t = _triangle_of(m, x, y, NONE)
     if t < 0 or m.wind[t] != 0:
         return NONE
-    free, _ = sweep(m, stack, t, x, y, x, y, least)
+    free, _ = sweep(m.sides, m.vertices, stack, t, x, y, x, y, least)
     if not free:
         distance, _ = disc_clearance(m, x, y, 2.0 * least, t)
         if distance < least:
@@ -254,7 +344,7 @@ def _place(m, stack, x, y, least):
     return t
 
 
-@kernel
+@helper
 def plan_path(m, regions, work, sx, sy, gx, gy, radius, least):
     """(status, points (n, 2)) of a short path of a disc of ``radius`` that comes nowhere closer than ``least``.
 
@@ -262,14 +352,14 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least):
     ``work`` is a :class:`crowdsim.navmesh.workspace.Workspace`.
     """
     points = np.empty((0, 2))
-    stack = np.empty(256, np.int64)
-    start = _place(m, stack, sx, sy, least)
+    stack = np.empty(64, SWEPT)
+    start = _stand(m, stack, sx, sy, least)
     if start < 0:
         return START_BLOCKED, points
-    goal = _place(m, stack, gx, gy, least)
+    goal = _stand(m, stack, gx, gy, least)
     if goal < 0:
         return GOAL_BLOCKED, points
-    free, _ = sweep(m, stack, start, sx, sy, gx, gy, least)
+    free, _ = sweep(m.sides, m.vertices, stack, start, sx, sy, gx, gy, least)
     if free:
         straight = np.empty((2, 2))
         straight[0, 0] = sx
@@ -280,13 +370,13 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least):
     channel = np.empty(0, np.int64)
     if start == goal:  # within one triangle the string may need no side
         nodes, count = _funnel(m, channel, sx, sy, gx, gy, radius)
-        done, points = _pull(m, stack, nodes, count, radius, least, start)
+        done, points = pull(m, stack, nodes, count, radius, least, start)
         if done:
             return OK, points
     last = find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, 2.0 * least)
     if last >= 0:
         nodes, count = string_along(m, work.labels, last, sx, sy, gx, gy, radius)
-        done, points = _pull(m, stack, nodes, count, radius, least, start)
+        done, points = pull(m, stack, nodes, count, radius, least, start)
         if done:
             return OK, points
     # What is left is rare: a way that only the complete search finds, and strings that repair has tangled.
@@ -294,15 +384,17 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least):
     if channel.size == 0:
         return NO_PASSAGE, points
     nodes, count = _funnel(m, channel, sx, sy, gx, gy, radius)
-    done, points = _pull(m, stack, nodes, count, radius, least, start)
+    done, points = pull(m, stack, nodes, count, radius, least, start)
     if done:
         return OK, points
     nodes, count = nodes_near_channel(m, channel, sx, sy, gx, gy, radius)
     nodes = shortest_around(m, nodes, count, least)
     if nodes.size == 0:
         return TANGLED, points
-    points, i, _, _, _, _, _, _, _, _ = trace(m, stack, nodes, nodes.size, least, FINE, start)
-    return OK if i < 0 else TANGLED, points
+    for i in range(nodes.size):
+        nodes[i].bulge = FINE
+    done, points = pull(m, stack, nodes, nodes.size, radius, least, start)
+    return OK if done else TANGLED, points
 
 
 @helper

@@ -16,8 +16,8 @@ REGION = np.dtype([(name, np.int32) for name in ("top", "up", "depth", "root")],
 """A free triangle.
 
 top: the triangle of its region that is nearest to the root of the tree, by which the region is known. up: half-edge
-towards the root, -1 there; that of a top triangle is a bridge. depth: how many bridges there are to the root.
-root: the same for all triangles that free space joins, -1 where not free.
+towards the root, -1 there; that of a top triangle is a bridge. depth: of a top triangle, how many bridges there are to
+the root. root: the same for all triangles that free space joins, -1 where not free.
 """
 
 
@@ -99,7 +99,7 @@ def _lay(m, waypoints, stamp, region, following, h, radius):
     point.stamp = stamp
 
 
-@kernel
+@helper
 def lay_waypoints(m, regions, waypoints, stack, stamp, start, goal, gx, gy, radius):
     """Fill the ``waypoints`` of the regions from triangle ``start`` to ``goal``; whether free space joins the two.
 

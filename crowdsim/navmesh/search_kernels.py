@@ -29,7 +29,7 @@ def can_leave(sides, vertices, h, x, y, width):
         return False
     a = vertices[sides[h].org]
     b = vertices[sides[nxt(h)].org]
-    if math.hypot(b.x - a.x, b.y - a.y) < width:
+    if (b.x - a.x) ** 2 + (b.y - a.y) ** 2 < width * width:
         return False
     # A closed base with the corner opposite of it may leave too little between the disc and h.
     for base in (nxt(h), prv(h)):

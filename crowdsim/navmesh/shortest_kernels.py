@@ -15,17 +15,7 @@ from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance_kernels import disc_clearance, snapped
 from crowdsim.navmesh.half_edge_kernels import locate, nxt, prv, side
 from crowdsim.navmesh.mesh_arrays import NONE
-from crowdsim.navmesh.path_kernels import (
-    COARSE,
-    FINE,
-    GOAL_BLOCKED,
-    NO_PASSAGE,
-    OK,
-    START_BLOCKED,
-    TANGLED,
-    append_path,
-    trace,
-)
+from crowdsim.navmesh.path_kernels import GOAL_BLOCKED, NO_PASSAGE, OK, START_BLOCKED, TANGLED, append_path, pull
 from crowdsim.navmesh.search_kernels import pop, push
 from crowdsim.navmesh.sweep_kernels import is_free_way
 from crowdsim.navmesh.tangent_graph_kernels import touches, turned_to
@@ -332,11 +322,8 @@ def shortest_path(m, graph, scratch, sx, sy, gx, gy, radius, least, slack):
     if last < 0:
         return NO_PASSAGE, points, math.nan
     string = _string(graph, scratch.labels, last, sx, sy, gx, gy, radius)
-    for bulge in (COARSE, FINE):
-        points, i, _, _, _, _, _, _, _, _ = trace(m, scratch.stack, string, string.size, max(least, 0.0), bulge, start)
-        if i < 0:
-            return OK, points, length
-    return TANGLED, points, math.nan
+    done, points = pull(m, scratch.stack, string, string.size, radius, least, start)
+    return (OK, points, length) if done else (TANGLED, points, math.nan)
 
 
 @kernel

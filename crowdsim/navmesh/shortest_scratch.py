@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.navmesh.sweep_kernels import SWEPT
 from crowdsim.navmesh.visibility_kernels import ELLIPSE, SEEN, SIGHT
 from crowdsim.navmesh.workspace import HEAP_ROW
 
@@ -42,8 +43,8 @@ class ShortestScratch(NamedTuple):
     """(1,) record of the same: ELLIPSE."""
     heap: NDArray[Any]
     """(k,) records HEAP_ROW to begin with."""
-    stack: NDArray[np.int64]
-    """(k,) half-edges of a sweep."""
+    stack: NDArray[Any]
+    """(k,) records of :mod:`crowdsim.navmesh.sweep_kernels`: SWEPT."""
     stamp: NDArray[np.int64]
     """(1,) number of the last query."""
 
@@ -58,6 +59,6 @@ def shortest_scratch(nodes: int, vertices: int, triangles: int) -> ShortestScrat
         np.empty(triangles + 8, SIGHT),
         np.zeros(1, ELLIPSE),
         np.empty(4096, HEAP_ROW),
-        np.empty(256, np.int64),
+        np.empty(64, SWEPT),
         np.zeros(1, np.int64),
     )

@@ -8,7 +8,7 @@ from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance_kernels import snapped
 from crowdsim.navmesh.growing_kernels import longer
 from crowdsim.navmesh.half_edge_kernels import locate, nxt, prv
-from crowdsim.navmesh.sweep_kernels import is_free_way
+from crowdsim.navmesh.sweep_kernels import SWEPT, is_free_way
 from crowdsim.navmesh.tangent_graph_arrays import LINK, NODE
 from crowdsim.navmesh.visibility_kernels import ELLIPSE, SEEN, SIGHT, SLACK, see_corners
 
@@ -86,7 +86,7 @@ def find_tangents(m, arcs, begin, radius, least, slack, first_node, last_node):
     everywhere = np.zeros(1, ELLIPSE)[0]
     stamps = np.zeros(2 * m.vertices.size, np.int64)
     stamp = 0
-    stack = np.empty(256, np.int64)
+    stack = np.empty(64, SWEPT)
     for i in range(first_node, last_node):
         arc = arcs[i >> 1]
         q = 1 - 2 * (i & 1)

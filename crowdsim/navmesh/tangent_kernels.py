@@ -10,10 +10,21 @@ from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.search_kernels import pop, push
 from crowdsim.navmesh.workspace import HEAP_ROW
 
-NODE = np.dtype([("x", np.float64), ("y", np.float64), ("q", np.float64), ("vertex", np.int64)], align=True)
+NODE = np.dtype([(n, np.float64) for n in ("x", "y", "q", "bulge")] + [("vertex", np.int64)], align=True)
 """What a string bends around.
 
-q: +radius with the obstacle on the left, -radius on the right; start and goal have q = 0 and vertex -1.
+q: +radius with the obstacle on the left, -radius on the right; start and goal have q = 0 and vertex -1. bulge: how far
+corners of the polyline may stand off the arc, meters.
+"""
+
+COARSE = 1e-3
+FINE = 2e-6
+"""Bulges, meters: normally, and in passages that leave no more room."""
+
+PINCH = 1e-2
+"""How much less than the radii may lie between two circles, as a part of them, before they have no tangent.
+
+Rounding leaves so much of the tolerance at the smallest radii; what it means is decided by an exact sweep.
 """
 
 _RINGS = 3
@@ -31,6 +42,7 @@ def set_node(node, x, y, q, vertex):
     node.x = x
     node.y = y
     node.q = q
+    node.bulge = COARSE
     node.vertex = vertex
 
 
@@ -39,13 +51,13 @@ def tangent(a, b):
     """(exists, direction x, y) of the taut string from node a to node b."""
     ex = b.x - a.x
     ey = b.y - a.y
-    distance = math.hypot(ex, ey)
+    distance = math.sqrt(ex * ex + ey * ey)
     if distance == 0.0:
         return False, 1.0, 0.0
     ex /= distance
     ey /= distance
     s = (b.q - a.q) / distance
-    exists = abs(s) <= 1.0 + 1e-4
+    exists = abs(s) <= 1.0 + PINCH
     s = min(max(s, -1.0), 1.0)
     c = math.sqrt(1.0 - s * s)
     return exists, ex * c + ey * s, ey * c - ex * s
@@ -55,35 +67,39 @@ def tangent(a, b):
 def arc_corners(q, dx, dy, angle, bulge):
     """Corners around a node that the string reaches in direction d and leaves turned by ``angle``.
 
-    Returns (count, first bearing from the node, step, distance from the node): the circumscribed polyline stands off
-    the arc by at most ``bulge``.
+    Returns (count, first x, first y from the node, cosine, sine of the step to the next): the circumscribed polyline
+    stands off the arc by at most ``bulge``.
     """
     radius = abs(q)
     if radius == 0.0:
-        return 1, 0.0, 0.0, 0.0
-    most = min(2.0 * math.acos(radius / (radius + bulge)), 0.35)
+        return 1, 0.0, 0.0, 1.0, 0.0
+    most = min(math.sqrt(8.0 * bulge / (radius + bulge)), 0.35)  # hardly less than 2 acos(radius / (radius + bulge))
     steps = max(1, math.ceil(abs(angle) / most))
-    step = angle / steps
+    half = 0.5 * angle / steps
+    c = math.cos(half)
+    s = math.sin(half)
     # The string touches the disc on its right side where the node is on the left, and the other way round.
-    start = math.atan2(dx, -dy) if q < 0.0 else math.atan2(-dx, dy)
-    return steps, start + 0.5 * step, step, radius / math.cos(0.5 * step)
+    x = q * dy / c
+    y = -q * dx / c
+    return steps, c * x - s * y, s * x + c * y, c * c - s * s, 2.0 * s * c
 
 
 @helper
 def _arc_is_free(m, node, dx, dy, angle, least):
     """Whether the arc around a node from direction d on keeps ``least``, and the pieces checked."""
-    steps, bearing, step, reach = arc_corners(node.q, dx, dy, angle, 2e-6)
+    steps, cx, cy, c, s = arc_corners(node.q, dx, dy, angle, FINE)
     px = node.x + node.q * dy
     py = node.y - node.q * dx
     hint = NONE
     for k in range(steps):
-        x = node.x + reach * math.cos(bearing + k * step)
-        y = node.y + reach * math.sin(bearing + k * step)
+        x = node.x + cx
+        y = node.y + cy
         distance, hint, _, _ = capsule_nearest(m, px, py, x, y, 1.01 * least, hint)
         if distance < least:
             return False, k
         px = x
         py = y
+        cx, cy = c * cx - s * cy, s * cx + c * cy
     return True, steps
 
 

@@ -7,12 +7,10 @@ import numpy as np
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper
 from crowdsim.navmesh.half_edge_kernels import nxt, prv
+from crowdsim.navmesh.tangent_kernels import PINCH
 
 SLACK = 1e-6
 """Radians by which a tangent may miss the end of an arc or a vertex in its way for rounding; exact checks follow."""
-
-_PINCH = 1e-4
-"""How much less than the radius may lie between a point and a corner, as a part of it, before they have no tangent."""
 
 SIGHT = np.dtype(
     [("side", np.int64), ("clipped", np.int64)]
@@ -82,7 +80,7 @@ def _report(seen, count, v, radius, aim, sight):
     for left in (True, False):
         tx = aim.left_x if left else aim.right_x
         ty = aim.left_y if left else aim.right_y
-        if abs(aim.left_s if left else aim.right_s) > 1.0 + _PINCH:
+        if abs(aim.left_s if left else aim.right_s) > 1.0 + PINCH:
             continue
         if right_bound and sight.ax * ty - sight.ay * tx < -SLACK:
             continue

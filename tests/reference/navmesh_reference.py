@@ -118,3 +118,40 @@ def random_area(rng: np.random.Generator, kind: str, size: float = 12.0, count: 
             box = shapely.box(x, y, x + 0.5 * rng.integers(1, 4), y + 0.5 * rng.integers(1, 4))
         obstacles.append(box)
     return shapely.box(0.0, 0.0, size, size).difference(shapely.union_all(obstacles))
+
+
+def region_tops(mesh: MeshArrays) -> tuple[np.ndarray, np.ndarray]:
+    """A name for each free triangle's component, and for its region; -1 where not free.
+
+    Triangles are of one region if no single side parts them: each side is taken away in turn.
+    """
+    triangles = int(mesh.frame["triangles"][0])
+    free = mesh.wind[:triangles] == 0
+    twin, cst = mesh.sides["twin"].tolist(), mesh.sides["cst"].tolist()
+    open_sides = [h for h in range(3 * triangles) if free[h // 3] and cst[h] == 0]
+
+    def flood(start: int, closed: set[int], name: int, names: np.ndarray) -> None:
+        stack = [start]
+        names[start] = name
+        while stack:
+            t = stack.pop()
+            for h in range(3 * t, 3 * t + 3):
+                if cst[h] == 0 and h not in closed and names[twin[h] // 3] != name:
+                    names[twin[h] // 3] = name
+                    stack.append(twin[h] // 3)
+
+    def floods(closed: set[int]) -> np.ndarray:
+        names = np.full(triangles, -1)
+        for t in np.flatnonzero(free):
+            if names[t] < 0:
+                flood(int(t), closed, int(t), names)
+        return names
+
+    bridges = set()
+    for h in open_sides:
+        if h < twin[h]:
+            names = np.full(triangles, -1)
+            flood(h // 3, {h, twin[h]}, 0, names)
+            if names[twin[h] // 3] < 0:
+                bridges |= {h, twin[h]}
+    return floods(set()), floods(bridges)

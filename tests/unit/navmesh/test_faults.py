@@ -69,7 +69,9 @@ def check_segments(points, segments, builder):
     else:
         assert made.is_empty
     # Corners are the points given and the crossings, no more; refinement adds to them.
-    corners = shapely.points(np.column_stack([mesh.vertices["x"], mesh.vertices["y"]])[4:][mesh.vertices["vref"][4:] > 0])
+    corners = shapely.points(
+        np.column_stack([mesh.vertices["x"], mesh.vertices["y"]])[4:][mesh.vertices["vref"][4:] > 0]
+    )
     nodes = shapely.points(np.concatenate([points, shapely.get_coordinates(given)]))
     assert shapely.distance(corners, shapely.union_all(nodes)).max() < 4.0 * cell
     assert shapely.distance(nodes, shapely.union_all(corners)).max() < 4.0 * cell

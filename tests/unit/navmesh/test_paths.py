@@ -13,6 +13,7 @@ from crowdsim.errors import GeometryError, PathNotFound
 from crowdsim.navmesh import path_kernels
 from crowdsim.navmesh.clearance_kernels import disc_clearance
 from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.navmesh.paths import FOUND, TANGLED
 from crowdsim.navmesh.search_kernels import find_channel
 from crowdsim.navmesh.tangent_kernels import MOST_NODES, NODE, nodes_near_channel, shortest_around, tangent
 from tests.reference.navmesh_reference import mesh_faults, part_of, random_area, reachable_parts
@@ -59,28 +60,27 @@ def test_paths_exist_exactly_where_the_disc_fits(kind, seed):
             assert mesh.first_violation(path.points, radius) == math.inf
 
 
-@pytest.mark.parametrize(
-    ("name", "queries", "mean_ratio"), [("clutter_200", 1000, 1.005), ("apartment_24", 150, 1.002)]
-)
-def test_oracle_maps(shared, name, queries, mean_ratio):
+@pytest.mark.parametrize("name", ["clutter_200", "clutter_2000", "apartment_24"])
+def test_oracle_maps(shared, name):
     oracle = json.loads((shared / "oracles" / "maps" / f"{name}.json").read_text())
     obstacles = shapely.union_all([shapely.Polygon(obstacle["polygon"]) for obstacle in oracle["obstacles"]])
     area = shapely.box(*oracle["bounds"]).difference(obstacles)
     mesh = NavMesh(area)
     radius = oracle["radius"]
-    ratios = []
-    for query, shortest, optimum in list(
-        zip(oracle["queries"], oracle["optimum_r0"], oracle["optimum_r"], strict=True)
-    )[:queries]:
-        path = _find(mesh, query[:2], query[2:], radius)
-        if optimum is None:
-            continue
-        assert path is not None, query
-        assert shapely.LineString(path.points).distance(area.boundary) >= radius - CLOSE
-        assert path.length >= shortest * (1 - 1e-6)
-        ratios.append(path.length / optimum)
-    assert np.mean(ratios) < mean_ratio
-    assert np.max(ratios) < 1.08
+    queries = np.array(oracle["queries"])
+    paths = mesh.find_paths(queries[:, :2], queries[:, 2:], radius)
+    shortest = np.array(oracle["optimum_r0"], float)
+    optimum = np.array(oracle["optimum_r"], float)  # an upper bound; none is nan
+    possible = np.isfinite(optimum)
+    assert (paths.status[possible] == FOUND).all()
+    assert (paths.lengths >= shortest * (1 - 1e-6))[possible].all()
+    ratios = (paths.lengths / optimum)[possible]
+    assert ratios.mean() < 1.003
+    assert ratios.max() < 1.08
+    walls = area.boundary
+    shapely.prepare(walls)
+    for path in itertools.islice(paths, 200):
+        assert shapely.LineString(path.points).distance(walls) >= radius - CLOSE
 
 
 def test_a_gap_of_exactly_the_diameter_is_passed():
@@ -161,9 +161,9 @@ def test_the_tangent_graph_gives_up_rather_than_run_for_long(monkeypatch):
     nodes = np.zeros(MOST_NODES, NODE)
     nodes["x"], nodes["y"], nodes["vertex"] = rng.uniform(1.0, 3.0, len(nodes)), rng.uniform(1.0, 9.0, len(nodes)), 9
     nodes["q"][2::2], nodes["q"][3::2] = 0.2, -0.2
-    nodes[0], nodes[1] = (1.0, 1.0, 0.0, -1), (5.0, 5.0, 0.0, -1)  # the goal is blocked
+    nodes[0], nodes[1] = (1.0, 1.0, 0.0, 0.0, -1), (5.0, 5.0, 0.0, 0.0, -1)  # the goal is blocked
     assert len(shortest_around(mesh.arrays, nodes, len(nodes), 0.3)) == 0
-    monkeypatch.setattr(path_kernels, "plan_path", lambda *_: (path_kernels.TANGLED, np.empty((0, 2))))
+    monkeypatch.setattr(path_kernels, "plan_paths", lambda *arguments: arguments[-3].fill(TANGLED) or np.empty((0, 2)))
     with pytest.raises(PathNotFound, match="could be traced"):
         mesh.find_path((1, 1), (9, 9), 0.3)
 

@@ -1,0 +1,49 @@
+"""Slow, obvious twin of the search over intervals: Dijkstra's algorithm over some points of each side."""
+
+import heapq
+import math
+
+import numpy as np
+
+from crowdsim.navmesh.mesh_arrays import MeshArrays
+from crowdsim.navmesh.search_kernels import can_leave
+
+
+def shortest_way(mesh: MeshArrays, start, triangle, goal, last, radius: float, width: float, points: int = 7) -> float:
+    """Meters from ``start`` in ``triangle`` to ``goal`` in ``last`` over ``points`` of each side; inf if none."""
+    sides, vertices = mesh.sides.view(np.recarray), mesh.vertices.view(np.recarray)
+
+    def after(h: int) -> int:
+        return h - 2 if h % 3 == 2 else h + 1
+
+    def places(h: int) -> np.ndarray:
+        a, b = (np.array([vertices[v].x, vertices[v].y]) for v in (sides[h].org, sides[after(h)].org))
+        inset = min(radius / math.dist(a, b), 0.5)
+        return a + np.linspace(inset, 1.0 - inset, points)[:, None] * (b - a)
+
+    best: dict[tuple[int, int], float] = {}
+    heap = []
+
+    def reach(h: int, spent: float, place) -> None:
+        for k, point in enumerate(places(h)):
+            total = spent + math.dist(place, point)
+            if total < best.get((h, k), math.inf):
+                best[h, k] = total
+                heapq.heappush(heap, (total, h, k))
+
+    for h in range(3 * triangle, 3 * triangle + 3):
+        if can_leave.py_func(sides, vertices, h, *start, width):
+            reach(h, 0.0, start)
+    shortest = math.inf
+    while heap:
+        spent, h, k = heapq.heappop(heap)
+        if spent > best[h, k] or spent >= shortest:
+            continue
+        place = places(h)[k]
+        g = int(sides[h].twin)
+        if g // 3 == last and can_leave.py_func(sides, vertices, g, *goal, width):
+            shortest = min(shortest, spent + math.dist(place, goal))
+        for e, around in ((after(g), after(g)), (after(after(g)), g)):
+            if sides[e].cst == 0 and sides[around].clr >= width:
+                reach(e, spent, place)
+    return shortest
