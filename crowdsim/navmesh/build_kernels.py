@@ -61,7 +61,7 @@ def build(m, points, ids, ring_ends, order, w):
         _start_box(m)
     hint = np.int64(0)
     for k in order:
-        v = insert_point(m, points[k, 0], points[k, 1], hint, w.stack)
+        v = insert_point(m, points[k, 0], points[k, 1], hint, w)
         if v < 0:
             return v
         ids[k] = v

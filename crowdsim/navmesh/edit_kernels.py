@@ -7,8 +7,8 @@ from crowdsim.navmesh.half_edge_kernels import nxt, prv
 from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
 from crowdsim.navmesh.refine_kernels import WEDGE, add_foot, find_bottleneck, inside_circle, measure_triangle, refine
 from crowdsim.navmesh.removal_kernels import hint_cell, removable, remove_vertex
-from crowdsim.navmesh.segment_kernels import insert_segment, restore_delaunay
-from crowdsim.navmesh.triangulation_kernels import FULL, insert_point
+from crowdsim.navmesh.segment_kernels import insert_segment
+from crowdsim.navmesh.triangulation_kernels import FULL, insert_point, restore_delaunay
 from crowdsim.navmesh.use_kernels import count_use, new_use, without
 from crowdsim.navmesh.winding_kernels import flood_again, follow
 from crowdsim.navmesh.work_kernels import KEPT, LOOKING, TOUCHED, VISITED, enqueue, touch
@@ -221,7 +221,7 @@ def _put(m, w, points, ends, winding, slot, ids):
     progress.rerouted = 0
     hint = NONE
     for i in range(points.shape[0]):
-        v = insert_point(m, points[i, 0], points[i, 1], hint, w.stack)
+        v = insert_point(m, points[i, 0], points[i, 1], hint, w)
         if v < 0:
             return v
         ids[i] = v

@@ -233,7 +233,7 @@ def _find_foot(m, s, sights):
 def add_foot(m, h, x, y, w):
     """Split the constrained side h at (x, y) and let the sides around wait; the new vertex, or FULL."""
     sides = m.sides
-    f = split_edge(m, h, x, y, w.stack)
+    f = split_edge(m, h, x, y, w)
     if f < 0:
         return f
     touch(w, f)

@@ -3,6 +3,8 @@
 Half-edge numbers change under flips, so whatever must survive a flip is kept as a pair of vertices.
 """
 
+import math
+
 import numpy as np
 
 from crowdsim.jit import helper, kernel
@@ -13,15 +15,19 @@ from crowdsim.navmesh.triangulation_kernels import (
     FULL,
     flip,
     insert_point,
-    not_delaunay,
+    restore_delaunay,
     split_edge,
     split_is_robust,
 )
 from crowdsim.navmesh.use_kernels import joined
-from crowdsim.navmesh.work_kernels import touch, touch_triangle
+from crowdsim.navmesh.work_kernels import touch
 
 STUCK = -3
 """Status: a segment could not be inserted within the step limit."""
+
+_NEAR = 0.75
+"""Cells: a vertex this close to a segment is on it (snap rounding: Hobby 1999), so that two segments that hardly differ
+do not cross again and again. A segment always gets nearer to its end by that, as vertices are a cell apart."""
 
 _WAY = np.dtype(
     [("start", np.int64), ("goal", np.int64)] + [(name, np.int64) for name in ("cst", "win", "use", "back")], align=True
@@ -40,44 +46,11 @@ def _set_way(way, start, goal, cst, win, use, back):
 
 
 @helper
-def restore_delaunay(m, w, top):
-    """Flip what is not Delaunay among the first ``top`` of ``pairs``, and what that leads to; 0 or FULL."""
-    sides = m.sides
-    vertices = m.vertices
-    pairs = w.pairs
-    cell = m.frame[0].cell
-    while top > 0:
-        top -= 1
-        u = pairs[top, 0]
-        v = pairs[top, 1]
-        if vertices[u].vhe < 0 or vertices[v].vhe < 0:  # removed meanwhile
-            continue
-        e = find_half_edge(sides, vertices, u, v)
-        if e < 0 or not not_delaunay(sides, vertices, e, cell):
-            continue
-        g = sides[e].twin
-        u = sides[e].org
-        v = sides[g].org
-        p = sides[prv(e)].org
-        q = sides[prv(g)].org
-        flip(sides, vertices, e)
-        touch_triangle(sides, w, e // 3)
-        touch_triangle(sides, w, g // 3)
-        if top + 4 > pairs.shape[0]:
-            return FULL
-        for c, d in ((u, q), (q, v), (v, p), (p, u)):
-            pairs[top, 0] = c
-            pairs[top, 1] = d
-            top += 1
-    return 0
-
-
-@helper
 def _cross(m, e, ways, top, w):
     """Let the last of the ``top`` ways meet the constrained side e that it crosses; how many ways there are then.
 
-    The place where they cross moves to the grid. Where that is not next to e, or on another vertex, e takes the way
-    over it as well (snap rounding: Hobby 1999), so that the two never cross again.
+    The place where they cross moves to the grid. Where that is not next to e, or a vertex is about there, both take
+    the way over it, so that the two never cross again.
     """
     sides = m.sides
     vertices = m.vertices
@@ -95,15 +68,25 @@ def _cross(m, e, ways, top, w):
     uy = vertices[u].y
     su = side(vertices, a, b, ux, uy)
     part = su / (su - side(vertices, a, b, vertices[v].x, vertices[v].y))
-    x = np.rint((ux + part * (vertices[v].x - ux)) / cell) * cell
-    y = np.rint((uy + part * (vertices[v].y - uy)) / cell) * cell
+    mx = ux + part * (vertices[v].x - ux)
+    my = uy + part * (vertices[v].y - uy)
+    x = np.rint(mx / cell) * cell
+    y = np.rint(my / cell) * cell
     rest = ways[top - 1]
     if split_is_robust(sides, vertices, e, x, y):
-        p = split_edge(m, e, x, y, w.stack)
+        p = split_edge(m, e, x, y, w)
         if p < 0:
             return p
     else:
         f = sides[e].twin
+        # A vertex next to the crossing will do: new ones beside it could go on crossing for long.
+        p = NONE
+        least = 1.5 * cell
+        for c in (a, b, u, v, sides[prv(e)].org, sides[prv(f)].org):
+            distance = math.hypot(vertices[c].x - mx, vertices[c].y - my)
+            if distance < least:
+                least = distance
+                p = c
         forth = sides[e]
         way = ways[top]
         _set_way(way, u, NONE, np.int64(forth.cst), np.int64(forth.win), np.int64(forth.use), np.int64(sides[f].use))
@@ -119,9 +102,10 @@ def _cross(m, e, ways, top, w):
         status = restore_delaunay(m, w, np.int64(1))
         if status < 0:
             return status
-        p = insert_point(m, x, y, vertices[u].vhe // 3, w.stack)
         if p < 0:
-            return p
+            p = insert_point(m, x, y, vertices[u].vhe // 3, w)
+            if p < 0:
+                return p
         way.goal = p
         _set_way(ways[top + 1], p, v, way.cst, way.win, way.use, way.back)
         top += 2
@@ -200,7 +184,7 @@ def _clear_way(m, w, a, b, crossed):
 def insert_segment(m, a, b, winding, use, w):
     """Constrain the way from vertex a to b, with ``winding`` and ``use`` on half-edges along it; 0 or FULL or STUCK.
 
-    Vertices met on the way split the segment; constrained sides met are split where they cross.
+    Vertices about on the way split the segment; constrained sides met are split where they cross.
     """
     sides = m.sides
     vertices = m.vertices
@@ -218,8 +202,12 @@ def insert_segment(m, a, b, winding, use, w):
         steps += 1
         if steps > 16 * vertices.size:
             return STUCK
-        gx = vertices[goal].x - vertices[cur].x
-        gy = vertices[goal].y - vertices[cur].y
+        cx = vertices[cur].x
+        cy = vertices[cur].y
+        gx = vertices[goal].x - cx
+        gy = vertices[goal].y - cy
+        length2 = gx * gx + gy * gy
+        near = _NEAR * m.frame[0].cell * math.sqrt(length2)
         # The star of cur: a neighbor in the direction of the goal, or the side across which the goal lies.
         along = NONE
         crossing = NONE
@@ -227,15 +215,21 @@ def insert_segment(m, a, b, winding, use, w):
         h = first
         while True:
             x = vertices[sides[nxt(h)].org]
-            y = vertices[sides[prv(h)].org]
             sx = side(vertices, cur, goal, x.x, x.y)
-            if sx == 0.0:
-                if (x.x - vertices[cur].x) * gx + (x.y - vertices[cur].y) * gy > 0.0:
+            if abs(sx) <= near:
+                ahead = (x.x - cx) * gx + (x.y - cy) * gy
+                if ahead > 0.0 and (sx == 0.0 or ahead < length2):
                     along = h
                     break
-            elif sx < 0.0 and side(vertices, cur, goal, y.x, y.y) > 0.0:
-                crossing = nxt(h)
-                break
+            if sx < 0.0:
+                y = vertices[sides[prv(h)].org]
+                sy = side(vertices, cur, goal, y.x, y.y)
+                if sy > 0.0:
+                    crossing = nxt(h)
+                    ahead = (y.x - cx) * gx + (y.y - cy) * gy
+                    if sy <= near and ahead > 0.0 and ahead < length2:
+                        along = sides[prv(h)].twin
+                    break
             h = sides[prv(h)].twin
             if h == first:
                 return STUCK
@@ -263,6 +257,16 @@ def insert_segment(m, a, b, winding, use, w):
                     return status
                 along = find_half_edge(sides, vertices, cur, z)
                 break
+            if abs(sz) <= near:
+                ahead = (vertices[z].x - cx) * gx + (vertices[z].y - cy) * gy
+                if ahead > 0.0 and ahead < length2:
+                    if count + 1 > ways.size:
+                        ways = longer(ways)
+                    way = ways[count - 1]
+                    _set_way(ways[count], cur, z, way.cst, way.win, way.use, way.back)
+                    way.start = z
+                    count += 1
+                    break
             e = nxt(f) if sz > 0.0 else prv(f)
         if along < 0:
             continue

@@ -4,8 +4,9 @@ import numpy as np
 
 from crowdsim.geometry.predicates_kernels import incircle
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.half_edge_kernels import locate, nxt, prv, side
+from crowdsim.navmesh.half_edge_kernels import find_half_edge, locate, nxt, prv, side
 from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.work_kernels import touch_triangle
 
 FULL = -2
 """Status: the arrays have no room for another vertex; build again in larger ones."""
@@ -100,6 +101,39 @@ def _legalize(sides, vertices, cell, stack, top):
 
 
 @helper
+def restore_delaunay(m, w, top):
+    """Flip what is not Delaunay among the first ``top`` of ``pairs``, and what that leads to; 0 or FULL."""
+    sides = m.sides
+    vertices = m.vertices
+    pairs = w.pairs
+    cell = m.frame[0].cell
+    while top > 0:
+        top -= 1
+        u = pairs[top, 0]
+        v = pairs[top, 1]
+        if vertices[u].vhe < 0 or vertices[v].vhe < 0:  # removed meanwhile
+            continue
+        e = find_half_edge(sides, vertices, u, v)
+        if e < 0 or not not_delaunay(sides, vertices, e, cell):
+            continue
+        g = sides[e].twin
+        u = sides[e].org
+        v = sides[g].org
+        p = sides[prv(e)].org
+        q = sides[prv(g)].org
+        flip(sides, vertices, e)
+        touch_triangle(sides, w, e // 3)
+        touch_triangle(sides, w, g // 3)
+        if top + 4 > pairs.shape[0]:
+            return FULL
+        for c, d in ((u, q), (q, v), (v, p), (p, u)):
+            pairs[top, 0] = c
+            pairs[top, 1] = d
+            top += 1
+    return 0
+
+
+@helper
 def _new_vertex(m, x, y):
     """A vertex at (x, y) that no triangle has yet, and two triangles without corners; the vertex, or FULL."""
     frame = m.frame[0]
@@ -120,7 +154,7 @@ def _new_vertex(m, x, y):
 
 
 @helper
-def split_edge(m, h, x, y, stack):
+def split_edge(m, h, x, y, w):
     """Put a new vertex at (x, y) on side h and split both of its triangles; the vertex, or FULL."""
     sides = m.sides
     vertices = m.vertices
@@ -154,17 +188,25 @@ def split_edge(m, h, x, y, stack):
     for i, (t, after) in enumerate(((t0, t1), (t1, t2), (t2, t3), (t3, t0))):
         # The third side of each new triangle is the second one of the next around the new vertex.
         link(sides, 3 * t + 2, 3 * after + 1)
-        stack[i] = 3 * t
+        w.stack[i] = 3 * t
     for e, sign in ((3 * t0 + 1, 1), (3 * t3 + 2, -1), (3 * t1 + 2, 1), (3 * t2 + 1, -1)):
         sides[e].cst = count
         sides[e].win = sign * winding
         sides[e].use = along if sign > 0 else against
-    _legalize(sides, vertices, m.frame[0].cell, stack, np.int64(4))
+    _legalize(sides, vertices, m.frame[0].cell, w.stack, np.int64(4))
+    if count != 0:
+        # A constraint bends by up to a cell where it is split: the new side across may not be Delaunay then.
+        w.pairs[0, 0] = p
+        w.pairs[0, 1] = c
+        w.pairs[1, 0] = p
+        w.pairs[1, 1] = d
+        if restore_delaunay(m, w, np.int64(2)) < 0:
+            return FULL
     return p
 
 
 @kernel
-def insert_point(m, x, y, hint, stack):
+def insert_point(m, x, y, hint, w):
     """Vertex at the grid point (x, y), a new one unless there is one; or FULL. The point must be inside the box."""
     sides = m.sides
     vertices = m.vertices
@@ -178,7 +220,7 @@ def insert_point(m, x, y, hint, stack):
         if on < 0 and side(vertices, v, sides[nxt(e)].org, x, y) == 0.0:
             on = e
     if on >= 0:
-        return split_edge(m, on, x, y, stack)
+        return split_edge(m, on, x, y, w)
     p = _new_vertex(m, x, y)
     if p < 0:
         return p
@@ -197,10 +239,10 @@ def insert_point(m, x, y, hint, stack):
     link(sides, h + 1, 3 * t1 + 2)
     link(sides, 3 * t1 + 1, 3 * t2 + 2)
     link(sides, 3 * t2 + 1, h + 2)
-    stack[0] = h
-    stack[1] = 3 * t1
-    stack[2] = 3 * t2
-    _legalize(sides, vertices, m.frame[0].cell, stack, np.int64(3))
+    w.stack[0] = h
+    w.stack[1] = 3 * t1
+    w.stack[2] = 3 * t2
+    _legalize(sides, vertices, m.frame[0].cell, w.stack, np.int64(3))
     return p
 
 

@@ -35,12 +35,12 @@ def test_steps_go_around_triangles_and_find_what_is_there():
 
 def test_points_and_segments_enter_a_mesh_until_it_is_full():
     mesh = NavMesh(shapely.box(0, 0, 8, 8)).arrays
-    assert insert_point(mesh, 2.0, 3.0, -1, workshop(100).stack) == FULL
+    assert insert_point(mesh, 2.0, 3.0, -1, workshop(100)) == FULL
     mesh = resized(mesh, len(mesh.vertices) + 40)
     w = workshop(len(mesh.vertices))
     points = [(1.0, 4.0), (7.0, 4.0), (2.0, 3.0), (3.0, 5.0), (5.0, 4.0)]
-    a, b, *_, between = (insert_point(mesh, x, y, -1, w.stack) for x, y in points)
-    assert insert_point(mesh, 1.0, 4.0, -1, w.stack) == a
+    a, b, *_, between = (insert_point(mesh, x, y, -1, w) for x, y in points)
+    assert insert_point(mesh, 1.0, 4.0, -1, w) == a
     assert insert_segment(mesh, a, b, 0, NONE, w) == 0
     assert find_half_edge(mesh.sides, mesh.vertices, a, b) == -1  # a vertex on the way splits it
     for start, end in ((a, between), (between, b)):
