@@ -186,7 +186,6 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
             aim = waypoints[regions[t].top]
             if aim.stamp != stamp or (sides[f].clr < width and sides[nxt(f)].clr < width and t != goal):
                 continue
-            made = used
             o = vertices[sides[around].org]
             ux = vx - o.x
             uy = vy - o.y
@@ -232,11 +231,13 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
                 used += 1
                 reached[2 * h + 1].spent = spent_right
                 reached[2 * h + 1].stamp = stamp
-            for k in range(made, used):
-                labels[k].key = _GREED * aim.rest + _estimate(labels[k], aim.x, aim.y)
+        if used == first + 1:  # nothing to choose from
+            following = first
+            continue
         best = math.inf
         for k in range(first, used):
-            key = labels[k].key
+            aim = waypoints[regions[sides[labels[k].h].twin // 3].top]
+            key = _GREED * aim.rest + _estimate(labels[k], aim.x, aim.y)
             if key < best:
                 if following >= 0:
                     count = _place(heap, count, best, following)

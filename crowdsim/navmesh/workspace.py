@@ -14,7 +14,7 @@ HEAP_ROW = np.dtype([("key", np.float64), ("item", np.int64)], align=True)
 """An element of a binary heap; equal keys leave in the order of their items."""
 
 LABEL = np.dtype(
-    [(name, np.float64) for name in ("rx", "ry", "spent", "lx", "ly", "px", "py", "key")]
+    [(name, np.float64) for name in ("rx", "ry", "spent", "lx", "ly", "px", "py")]
     + [(name, np.int32) for name in ("h", "before", "corner", "ends")],
     align=True,
 )
@@ -23,7 +23,7 @@ LABEL = np.dtype(
 rx, ry: the root, the last place where the way bends. spent: meters up to it. lx, ly, px, py: the left and the right end
 of the part of side h. corner: twice the half-edge that the root is an end of, plus 1 for its right end; -1 for the
 start. before: the label whose end became the root, or -1. ends: +1 if the left end is that of the passable side, so
-that the way may bend there; +2 if the right end is. key: estimated meters from start to goal.
+that the way may bend there; +2 if the right end is.
 """
 
 REACHED = np.dtype([("spent", np.float64), ("stamp", np.int64)], align=True)
