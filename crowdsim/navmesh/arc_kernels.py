@@ -10,7 +10,7 @@ from crowdsim.navmesh.growing_kernels import longer
 from crowdsim.navmesh.half_edge_kernels import nxt, prv
 from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
 from crowdsim.navmesh.tangent_graph_arrays import ARC
-from crowdsim.navmesh.visibility_kernels import SIGHT
+from crowdsim.navmesh.view_arrays import SIGHT
 
 _TURN = 2.0 * math.pi
 

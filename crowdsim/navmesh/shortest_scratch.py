@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.navmesh.sweep_kernels import SWEPT
-from crowdsim.navmesh.visibility_kernels import ELLIPSE, SEEN, SIGHT
+from crowdsim.navmesh.view_arrays import View, empty_view
 from crowdsim.navmesh.workspace import HEAP_ROW
 
 LABEL = np.dtype([("cost", np.float64), ("turned", np.float64), ("before", np.int64), ("stamp", np.int64)], align=True)
@@ -35,12 +35,8 @@ class ShortestScratch(NamedTuple):
     """(nodes,) records :data:`END`: the tangent to the goal."""
     ends: NDArray[Any]
     """(k,) records :data:`END`: what the start or the goal sees."""
-    seen: NDArray[Any]
-    """(k,) records of :mod:`crowdsim.navmesh.visibility_kernels`: SEEN."""
-    sights: NDArray[Any]
-    """(nt,) records of the same: SIGHT."""
-    ellipse: NDArray[Any]
-    """(1,) record of the same: ELLIPSE."""
+    view: View
+    """What is seen from the start or the goal."""
     heap: NDArray[Any]
     """(k,) records HEAP_ROW to begin with."""
     stack: NDArray[Any]
@@ -55,9 +51,7 @@ def shortest_scratch(nodes: int, vertices: int, triangles: int) -> ShortestScrat
         np.zeros(nodes, LABEL),
         np.zeros(nodes, END),
         np.empty(8 * vertices + 4 * nodes, END),
-        np.empty(8 * vertices + 64, SEEN),
-        np.empty(triangles + 8, SIGHT),
-        np.zeros(1, ELLIPSE),
+        empty_view(vertices, triangles),
         np.empty(4096, HEAP_ROW),
         np.empty(64, SWEPT),
         np.zeros(1, np.int64),

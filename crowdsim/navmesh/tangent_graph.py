@@ -13,6 +13,7 @@ from crowdsim.navmesh import arc_kernels, tangent_graph_kernels
 from crowdsim.navmesh.mesh_arrays import MeshArrays
 from crowdsim.navmesh.shortest_scratch import ShortestScratch, shortest_scratch
 from crowdsim.navmesh.tangent_graph_arrays import TangentGraph
+from crowdsim.navmesh.view_arrays import empty_view
 
 _SLACK_CELLS = 4.0
 """Grid cells by which walls may hide what lies along them, as their middles are rounded to the grid."""
@@ -36,14 +37,15 @@ class RadiusGraph:
         self.radius, self.least, self.slack = radius, least, _SLACK_CELLS * float(mesh.frame["cell"][0])
         if least <= 0.0:
             self.radius = self.least = self.slack = 0.0
-        self._mesh = mesh
+        self._vertices, self._triangles = len(mesh.vertices), int(mesh.frame["triangles"][0])
         self._idle: list[ShortestScratch] = []
         self._lock = threading.Lock()
         arcs, begin = arc_kernels.find_arcs(mesh, self.radius, self.least)
 
         def tangents(first: int, last: int) -> np.ndarray:
+            view = empty_view(self._vertices, self._triangles)
             return tangent_graph_kernels.find_tangents(
-                mesh, arcs, begin, self.radius, self.least, self.slack, first, last
+                mesh, arcs, begin, self.radius, self.least, self.slack, view, first, last
             )
 
         ends = np.linspace(0, 2 * len(arcs), max(workers, 1) + 1).astype(np.int64).tolist()
@@ -61,8 +63,7 @@ class RadiusGraph:
         with self._lock:
             found = self._idle.pop() if self._idle else None
         if found is None:
-            frame = self._mesh.frame
-            found = shortest_scratch(len(self.arrays.nodes), int(frame["vertices"][0]), int(frame["triangles"][0]))
+            found = shortest_scratch(len(self.arrays.nodes), self._vertices, self._triangles)
         yield found
         with self._lock:
             self._idle.append(found)

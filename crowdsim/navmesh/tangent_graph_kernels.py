@@ -10,7 +10,7 @@ from crowdsim.navmesh.growing_kernels import longer
 from crowdsim.navmesh.half_edge_kernels import locate, nxt, prv
 from crowdsim.navmesh.sweep_kernels import SWEPT, is_free_way
 from crowdsim.navmesh.tangent_graph_arrays import LINK, NODE
-from crowdsim.navmesh.visibility_kernels import ELLIPSE, SEEN, SIGHT, SLACK, see_corners
+from crowdsim.navmesh.visibility_kernels import SLACK, see_corners
 
 _TANGENT = np.dtype(
     [("i", np.int64), ("j", np.int64)] + [(n, np.float64) for n in ("length", "leave", "arrive")], align=True
@@ -71,19 +71,17 @@ def _add_tangent(m, stack, arcs, i, b, end, radius, least, tangents, count):
 
 
 @kernel
-def find_tangents(m, arcs, begin, radius, least, slack, first_node, last_node):
+def find_tangents(m, arcs, begin, radius, least, slack, view, first_node, last_node):
     """Free tangents from nodes first_node up to last_node, one a pair of opposite ones.
 
     Vertex v owns arcs[begin[v]:begin[v + 1]]. Nothing comes closer than ``least`` to the disc of ``radius``;
-    ``slack`` (meters) is what corners may be off their places.
+    ``slack`` (meters) is what corners may be off their places; ``view`` a :class:`crowdsim.navmesh.view_arrays.View` whose
+    ellipse is that of all places.
     """
     sides = m.sides
-    triangles = m.frame[0].triangles
     tangents = np.empty(8 * arcs.size + 64, _TANGENT)
     count = np.int64(0)
-    sights = np.empty(triangles + 8, SIGHT)
-    seen = np.empty(4 * m.vertices.size + 64, SEEN)
-    everywhere = np.zeros(1, ELLIPSE)[0]
+    seen = view.seen
     stamps = np.zeros(2 * m.vertices.size, np.int64)
     stamp = 0
     stack = np.empty(64, SWEPT)
@@ -109,22 +107,7 @@ def find_tangents(m, arcs, begin, radius, least, slack, first_node, last_node):
             while True:
                 if m.wind[h // 3] == 0:
                     found = see_corners(
-                        m,
-                        begin,
-                        arc.x,
-                        arc.y,
-                        q * radius,
-                        radius,
-                        nxt(h),
-                        slack,
-                        ax,
-                        ay,
-                        bx,
-                        by,
-                        everywhere,
-                        sights,
-                        seen,
-                        np.int64(0),
+                        m, begin, arc.x, arc.y, q * radius, radius, nxt(h), slack, ax, ay, bx, by, view, np.int64(0)
                     )
                     for k in range(found):
                         end = seen[k]

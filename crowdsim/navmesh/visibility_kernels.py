@@ -12,39 +12,6 @@ from crowdsim.navmesh.tangent_kernels import PINCH
 SLACK = 1e-6
 """Radians by which a tangent may miss the end of an arc or a vertex in its way for rounding; exact checks follow."""
 
-SIGHT = np.dtype(
-    [("side", np.int64), ("clipped", np.int64)]
-    + [(name, np.float64) for name in ("rx", "ry", "lx", "ly", "ax", "ay", "bx", "by", "a_from", "b_from")],
-    align=True,
-)
-"""A half-edge still to look across.
-
-r, l: directions that bound the view on the right and left. a, b: unit vectors that bound the headings of tangents on
-the right and left, for corners that are at least ``a_from``, ``b_from`` (meters) away. clipped: whether the view is
-within what the headings can reach.
-"""
-
-ELLIPSE = np.dtype([(name, np.float64) for name in ("x", "y", "ux", "uy", "per_major", "per_minor")], align=True)
-"""Places on ways of limited length between two points: center, direction of the long axis, 1 / half axes (0: all)."""
-
-SEEN = np.dtype(
-    [("vertex", np.int64), ("q", np.float64)] + [(n, np.float64) for n in ("length", "tx", "ty")], align=True
-)
-"""A tangent to a vertex that it leaves on its left (q = radius) or right (-radius): length (meters) and heading t."""
-
-
-_AIM = np.dtype(
-    [
-        (name, np.float64)
-        for name in (
-            *("distance", "dx", "dy", "left_s", "left_c", "left_x", "left_y"),
-            *("right_s", "right_c", "right_x", "right_y"),
-        )
-    ],
-    align=True,
-)
-"""A vertex seen: distance, direction; sine and cosine of the turn and heading of tangents left and right of it."""
-
 
 @helper
 def _aim(aim, x, y, q0, radius):
@@ -163,15 +130,14 @@ def _leads_on(sight, a, b, px, py, ellipse):
 
 
 @helper
-def see_corners(m, arc_begin, px, py, q0, radius, h, slack, ax, ay, bx, by, ellipse, sights, seen, count):
-    """Add the tangents to corners that are seen across side ``h`` of a triangle at (px, py) to ``seen``; the new count.
+def see_corners(m, arc_begin, px, py, q0, radius, h, slack, ax, ay, bx, by, view, count):
+    """Add the tangents to corners that are seen across side ``h`` of a triangle at (px, py) to the view; the new count.
 
     They leave from the point (q0 = 0) or from the circle of ``radius`` around it, with the center on their left (q0 =
     radius) or right (-radius), at headings from the unit vector a counter-clockwise to b, less than half a turn; for a
     point a and b may be zero, and all headings count. ``slack`` (meters) lets one see past vertices that hide less.
     Vertex v has the arcs arc_begin[v]:arc_begin[v + 1]; those without are no corners. No free tangent is left out, but
-    some are added that other obstacles cut, and some twice. ``ellipse`` bounds the places of interest; ``sights`` has
-    room for all triangles.
+    some are added that other obstacles cut, and some twice. Places outside of the view's ellipse do not matter.
 
     A free tangent and the line between the centers of its ends have no vertex between them. So who looks from center to
     center sees all corners there are tangents to; a tangent to a corner beyond a vertex by more than the radii keeps
@@ -179,6 +145,10 @@ def see_corners(m, arc_begin, px, py, q0, radius, h, slack, ax, ay, bx, by, elli
     """
     sides = m.sides
     vertices = m.vertices
+    sights = view.sights
+    seen = view.seen
+    ellipse = view.ellipse[0]
+    aim = view.aim[0]
     v = sides[h].org
     w = sides[nxt(h)].org
     sight = sights[0]
@@ -205,8 +175,6 @@ def see_corners(m, arc_begin, px, py, q0, radius, h, slack, ax, ay, bx, by, elli
         sight.by = sight.ly / left
         sight.a_from = right + radius
         sight.b_from = left + radius
-    aims = np.empty(1, _AIM)
-    aim = aims[0]
     reach = radius + abs(q0)
     _aim(aim, vertices[w].x - px, vertices[w].y - py, q0, radius)
     if arc_begin[w] != arc_begin[w + 1] and left > 0.0:
