@@ -126,12 +126,12 @@ def _see_each_other(m, t, x0, y0, x1, y1):
 
 @helper
 def _look(m, graph, scratch, x, y, t, radius, slack, found):
-    """Add what (x, y) in the closure of triangle t sees across its other sides to ``scratch.view``; the new count."""
+    """Add what (x, y) in the closure of triangle t sees across its other sides to ``scratch.outlook``; the new count."""
     for h in range(3 * t, 3 * t + 3):
         if side(m.vertices, m.sides[h].org, m.sides[nxt(h)].org, x, y) > 0.0:
             found = see_corners(
                 m, graph.arc_begin, x, y, 0.0, radius, h, slack, 0.0, 0.0, 0.0, 0.0,
-                scratch.view, found,
+                scratch.outlook, found,
             )  # fmt: skip
     return found
 
@@ -144,7 +144,7 @@ def _find_ends(m, graph, scratch, x, y, triangle, others, radius, slack, to_goal
     """
     sides = m.sides
     vertices = m.vertices
-    seen = scratch.view.seen
+    seen = scratch.outlook.seen
     ends = scratch.ends
     found = _look(m, graph, scratch, x, y, triangle, radius, slack, np.int64(0))
     if others:
@@ -196,7 +196,7 @@ def _search(m, graph, scratch, start, start_others, sx, sy, goal, goal_others, g
     ends = scratch.ends
     scratch.stamp[0] += 1
     stamp = scratch.stamp[0]
-    set_ellipse(scratch.view.ellipse[0], sx, sy, gx, gy, longest + 2.0 * radius)
+    set_ellipse(scratch.outlook.ellipse[0], sx, sy, gx, gy, longest + 2.0 * radius)
     count = _find_ends(m, graph, scratch, gx, gy, goal, goal_others, radius, slack, True)
     for i in range(count):
         goals[ends[i].node] = ends[i]

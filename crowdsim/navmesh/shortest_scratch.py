@@ -35,7 +35,7 @@ class ShortestScratch(NamedTuple):
     """(nodes,) records :data:`END`: the tangent to the goal."""
     ends: NDArray[Any]
     """(k,) records :data:`END`: what the start or the goal sees."""
-    view: View
+    outlook: View
     """What is seen from the start or the goal."""
     heap: NDArray[Any]
     """(k,) records HEAP_ROW to begin with."""

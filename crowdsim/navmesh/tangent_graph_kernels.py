@@ -75,8 +75,8 @@ def find_tangents(m, arcs, begin, radius, least, slack, view, first_node, last_n
     """Free tangents from nodes first_node up to last_node, one a pair of opposite ones.
 
     Vertex v owns arcs[begin[v]:begin[v + 1]]. Nothing comes closer than ``least`` to the disc of ``radius``;
-    ``slack`` (meters) is what corners may be off their places; ``view`` a :class:`crowdsim.navmesh.view_arrays.View` whose
-    ellipse is that of all places.
+    ``slack`` (meters) is what corners may be off their places; the ellipse of ``view``
+    (:class:`crowdsim.navmesh.view_arrays.View`) is that of all places.
     """
     sides = m.sides
     tangents = np.empty(8 * arcs.size + 64, _TANGENT)
