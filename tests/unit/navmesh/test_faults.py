@@ -150,7 +150,7 @@ ROOM = [(0, 0), (10, 0), (10, 10), (0, 10)]
 CLOSED = {
     "wall as thin as a nanometer": ([[(5, 0), (5 + NANO, 0), (5 + NANO, 10), (5, 10)]], math.inf),
     "wall from below": ([[(5, 0), (5 + NANO, 0), (5, 9)]], 10.127),
-    "slanted needle": ([[(2, 0), (8, 9.3), (8, 9.3 + NANO)]], 10.39),
+    "slanted needle": ([[(2, 0), (8, 9.3), (8, 9.3 + NANO)]], 11.687),
     "corner on corner": ([[(4, 0), (6, 0), (5, 5)], [(5, 5), (6, 10), (4, 10)]], math.inf),
     "corner a nanometer off a corner": ([[(4, 0), (6, 0), (5, 5)], [(5, 5 + NANO), (6, 10), (4, 10)]], math.inf),
     "corner a nanometer into a corner": ([[(4, 0), (6, 0), (5, 5 + NANO)], [(5, 5), (6, 10), (4, 10)]], math.inf),
