@@ -64,9 +64,11 @@ def _distinct(points: Floats, order: Ints, frame: NDArray[Any]) -> tuple[Floats,
 
 
 def _next_points(rings: Rings) -> Ints:
-    """(n,) the point that follows each point around its ring."""
-    following = np.arange(1, len(rings.points) + 1)
-    following[rings.ends - 1] = np.append(0, rings.ends[:-1])
+    """(n,) the point that follows each point around its ring; points of no ring follow themselves."""
+    begins = np.append(0, rings.ends)
+    following = np.arange(len(rings.points))
+    following[: begins[-1]] += 1
+    following[rings.ends - 1] = begins[:-1]
     return following
 
 
@@ -88,6 +90,14 @@ def _through(rings: Rings, order: Ints, crossings: Floats, cell: float) -> tuple
     return Rings(points, rings.ends + np.searchsorted(after, rings.ends, side="right")), np.append(moved, new)
 
 
+def _crossings(rings: Rings) -> Floats:
+    """(k, 2) where sides of ``rings`` cross each other; Triangle finds them, too, but may never end on them."""
+    lines = shapely.linestrings(np.stack([rings.points, rings.points[_next_points(rings)]], axis=1))
+    one, other = shapely.STRtree(lines).query(lines, predicate="crosses")
+    once = one < other
+    return shapely.get_coordinates(shapely.intersection(lines[one[once]], lines[other[once]]))
+
+
 def triangulation(rings: Rings, order: Ints, frame: NDArray[Any]) -> Triangulation:
     """Triangulate the box of ``frame`` (1,) with the sides of ``rings``; vertices are numbered in ``order`` (n,).
 
@@ -101,6 +111,10 @@ def triangulation(rings: Rings, order: Ints, frame: NDArray[Any]) -> Triangulati
     box = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
     border = np.array([(0, 1), (1, 2), (2, 3), (0, 3)])  # without it, Triangle drops what no ring encloses
     for _ in range(_MOST_PASSES):
+        crossings = _crossings(rings)
+        if len(crossings):
+            rings, order = _through(rings, order, np.unique(snap(crossings, cell), axis=0), cell)
+            continue
         corners, ids = _distinct(rings.points, order, frame)
         vertices, ids = np.concatenate([box, corners]), ids + BOX_CORNERS
         sides = np.sort(np.column_stack([ids, ids[_next_points(rings)]]), axis=1)

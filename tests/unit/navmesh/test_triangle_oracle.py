@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import triangle
 
+from crowdsim.errors import GeometryError
 from crowdsim.navmesh.navmesh import NavMesh
 from tests.reference.navmesh_reference import random_area
 
@@ -24,3 +25,20 @@ def test_free_triangles_are_those_of_another_triangulator(seed: int) -> None:
     theirs = {tuple(t) for t in np.sort(other["triangles"], axis=1).tolist()}
     assert len(free) > 50
     assert {tuple(t) for t in free.tolist()} <= theirs
+
+
+@pytest.mark.parametrize("kind", ["boxes", "walls"])
+def test_builders_give_the_same_triangles_where_no_four_corners_are_on_a_circle(kind: str) -> None:
+    area = random_area(np.random.default_rng(3), kind)
+    meshes = [NavMesh(area, builder=builder).arrays for builder in ("own", "triangle")]
+    found = []
+    for mesh in meshes:
+        origins = np.sort(mesh.sides["org"].reshape(-1, 3)[mesh.wind == 0], axis=1)
+        found.append({tuple(t) for t in origins.tolist()})
+        assert (mesh.vertices[["x", "y"]] == meshes[0].vertices[["x", "y"]]).all()
+    assert found[0] == found[1]
+
+
+def test_an_unknown_builder_is_refused() -> None:
+    with pytest.raises(GeometryError, match="'own' or 'triangle', got 'delaunay'"):
+        NavMesh(random_area(np.random.default_rng(0), "boxes"), builder="delaunay")

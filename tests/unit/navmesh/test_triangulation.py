@@ -1,12 +1,10 @@
 """The triangulation is exact, Delaunay and covers the free area, whatever the input."""
 
-import json
-
 import numpy as np
 import pytest
 import shapely
 
-from crowdsim.errors import GeometryError, PathNotFound
+from crowdsim.errors import GeometryError
 from crowdsim.geometry.snapping import snap
 from crowdsim.navmesh.build_kernels import build
 from crowdsim.navmesh.builders import mesh_frame
@@ -86,38 +84,6 @@ def test_crossing_and_collinear_segments(seed):
     _check_segments(rng.uniform(0, 8, (10, 2)), np.arange(10).reshape(-1, 2))
     line = np.repeat(rng.integers(0, 9, (8, 1)), 2, axis=1).astype(float)  # overlaps on one line
     _check_segments(line, np.arange(8).reshape(-1, 2))
-
-
-FILES = [
-    "Capital A", "Hanging", "HangingIntersection", "OnEdge", "cdt", "crossing-edges", "ditch", "double-hanging",
-    "guitar no box", "island", "issue-148-crossing-edges", "issue-42-hole-overlaps-bondary",
-    "issue-42-multiple-boundary-overlaps", "kidney", "overlapping constraints2",
-    "regression_issue_38_wrong_hull_small", "test_data_small", "triple-hanging",
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("name", FILES)
-def test_fault_files(shared, name):
-    numbers = (shared / "faults" / "cdt" / f"{name}.txt").read_text().split()
-    count, edges = int(numbers[0]), int(numbers[1])
-    points = np.array(numbers[2 : 2 + 2 * count], float).reshape(-1, 2)
-    segments = np.array(numbers[2 + 2 * count : 2 + 2 * count + 2 * edges], np.int64)
-    _check_segments(points, segments)
-
-
-def test_fault_polygons(shared):
-    for fault in json.loads((shared / "faults" / "polygons.json").read_text()):
-        if fault["expect"] == "reject":
-            continue
-        area = shapely.from_wkt(fault["wkt"])
-        mesh = NavMesh(area)
-        assert mesh_faults(mesh.arrays) == [], fault["id"]
-        if fault["id"] == "disconnected":
-            with pytest.raises(PathNotFound, match="no passage"):
-                mesh.find_path((2, 2), (12, 2), 0.3)
-        if fault["id"] == "goal_on_wall":
-            with pytest.raises(PathNotFound, match="goal"):
-                mesh.find_path((2, 2), (10, 5), 0.3)
 
 
 def test_same_input_gives_the_same_arrays():
