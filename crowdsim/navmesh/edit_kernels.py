@@ -3,7 +3,7 @@
 import numpy as np
 
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.half_edge_kernels import nxt, prv
+from crowdsim.navmesh.half_edge_kernels import is_dirty, nxt, prv
 from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
 from crowdsim.navmesh.refine_kernels import WEDGE, add_foot, find_bottleneck, inside_circle, measure_triangle, refine
 from crowdsim.navmesh.removal_kernels import hint_cell, removable, remove_vertex
@@ -25,12 +25,6 @@ def _has_room(m, w, corners):
     wanted = 8 * corners + 64
     frame = m.frame[0]
     return frame.triangles // 2 + wanted < m.vertices.size and w.progress[0].uses + wanted < w.uses.size
-
-
-@helper
-def _is_dirty(sides, t):
-    """Whether triangle t changed since it was measured."""
-    return sides[3 * t].clr < 0.0 or sides[3 * t + 1].clr < 0.0 or sides[3 * t + 2].clr < 0.0
 
 
 @helper
@@ -100,7 +94,7 @@ def _look_out(m, w, h):
     while top > 0:
         top -= 1
         g = sides[stack[top]].twin
-        if _is_dirty(sides, g // 3) or not _seen_from_gone(m, g // 3, w):
+        if is_dirty(sides, g // 3) or not _seen_from_gone(m, g // 3, w):
             continue
         z = sides[prv(g)].org
         touch(w, z)
@@ -127,7 +121,7 @@ def _touch_corners(m, w):
             h = first
             changed = False
             while True:
-                if _is_dirty(sides, h // 3):
+                if is_dirty(sides, h // 3):
                     changed = True
                     touch(w, sides[nxt(h)].org)
                     touch(w, sides[prv(h)].org)
@@ -176,10 +170,10 @@ def settle(m, w):
         h = first
         while True:
             # Each side once: from its origin.
-            if m.wind[h // 3] == 0 and _is_dirty(sides, h // 3):
+            if m.wind[h // 3] == 0 and is_dirty(sides, h // 3):
                 if sides[h].cst != 0:
                     enqueue(w, v)
-                elif removal and not _is_dirty(sides, sides[h].twin // 3):
+                elif removal and not is_dirty(sides, sides[h].twin // 3):
                     _look_out(m, w, h)
             h = sides[prv(h)].twin
             if h == first:
@@ -210,7 +204,7 @@ def settle(m, w):
         h = first
         while True:
             t = h // 3
-            if _is_dirty(sides, t):
+            if is_dirty(sides, t):
                 measure_triangle(m, t)
                 m.hints[hint_cell(m, t)] = t
             h = sides[prv(h)].twin

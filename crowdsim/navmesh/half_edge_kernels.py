@@ -3,7 +3,7 @@
 import numpy as np
 
 from crowdsim.geometry.predicates_kernels import orient2d
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
 
 
@@ -17,6 +17,12 @@ def nxt(h):
 def prv(h):
     """Previous half-edge around the triangle."""
     return h + 2 if h % 3 == 0 else h - 1
+
+
+@helper
+def is_dirty(sides, t):
+    """Whether triangle t changed since it was measured."""
+    return sides[3 * t].clr < 0.0 or sides[3 * t + 1].clr < 0.0 or sides[3 * t + 2].clr < 0.0
 
 
 @kernel

@@ -7,7 +7,7 @@ import numpy as np
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper
 from crowdsim.navmesh.clearance_kernels import disc_clearance
-from crowdsim.navmesh.half_edge_kernels import nxt, prv
+from crowdsim.navmesh.half_edge_kernels import is_dirty, nxt, prv
 from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
 from crowdsim.navmesh.triangulation_kernels import FULL, split_edge, split_is_robust
 from crowdsim.navmesh.work_kernels import dequeue, enqueue, touch
@@ -253,7 +253,8 @@ def refine(m, w):
     """Add the foot of every bottleneck, for constrained sides from the waiting vertices and what changes; 0 or FULL.
 
     Afterwards each narrowest place between two obstacles is a side or the height of a corner over a constrained
-    side, so that widths of sides and corners decide what fits where.
+    side, so that widths of sides and corners decide what fits where. A side whose triangle has been measured since it
+    changed is left out.
     """
     sides = m.sides
     sights = np.empty(256, SIGHT)
@@ -264,7 +265,7 @@ def refine(m, w):
         first = m.vertices[v].vhe
         h = first
         while True:
-            if sides[h].cst != 0 and m.wind[h // 3] == 0:
+            if sides[h].cst != 0 and m.wind[h // 3] == 0 and is_dirty(sides, h // 3):
                 found, x, y = _find_foot(m, h, sights)
                 if found:
                     enqueue(w, v)

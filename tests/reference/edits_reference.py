@@ -37,6 +37,7 @@ def feet_missing(mesh: MeshArrays) -> int:
     """How many feet the refinement of the whole mesh adds to it."""
     copy = resized(mesh, 2 * len(mesh.vertices))
     work = workshop(len(copy.vertices))
+    copy.sides["clr"] = -1.0  # all triangles are to be looked at
     corners = np.flatnonzero(copy.vertices["vhe"][: int(copy.frame["vertices"][0])] >= 0)
     # From each side and, as a twin, from each vertex.
     work.to_do["waiting"][: len(corners)] = work.to_do["touched"][: len(corners)] = corners
