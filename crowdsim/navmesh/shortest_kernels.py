@@ -126,7 +126,7 @@ def _see_each_other(m, t, x0, y0, x1, y1):
 
 @helper
 def _look(m, graph, scratch, x, y, t, radius, slack, found):
-    """Add what (x, y) in the closure of triangle t sees across its other sides to ``scratch.outlook``; the new count."""
+    """Add what (x, y) in the closure of triangle t sees across its other sides to the outlook; the new count."""
     for h in range(3 * t, 3 * t + 3):
         if side(m.vertices, m.sides[h].org, m.sides[nxt(h)].org, x, y) > 0.0:
             found = see_corners(
