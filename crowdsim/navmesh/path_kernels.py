@@ -422,4 +422,4 @@ def plan_paths(m, regions, work, starts, goals, radii, least, status, lengths, c
                 length += math.hypot(path[k, 0] - path[k - 1, 0], path[k, 1] - path[k - 1, 1])
         lengths[i] = length if found == OK else math.nan
         filled += n
-    return points[:filled].copy()
+    return points[:filled]
