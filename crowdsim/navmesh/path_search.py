@@ -51,8 +51,8 @@ class PathSearch:
     ) -> Paths:
         """Paths between ``starts`` and ``goals`` (n, 2) of ``radii`` (n,) that keep ``least`` (n,) of them.
 
-        All arrays are C-contiguous. ``clearance`` of a point is for the words of an error. So far, "best" is searched as
-        "fast" is.
+        All arrays are C-contiguous. ``clearance`` of a point is for the words of an error. So far, "best" is searched
+        as "fast" is.
         """
         count = len(starts)
         if workers is None:
