@@ -1,4 +1,4 @@
-"""From a channel to the path of a disc: funnel over discs, exact swept check, repair, polyline.
+"""Paths of discs, one or many: the straight one if it is free, else the way that the search finds, pulled taut.
 
 Nodes are records :data:`crowdsim.navmesh.tangent_kernels.NODE`; the first is the start, the last the goal.
 """
@@ -8,21 +8,17 @@ import math
 import numpy as np
 
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.clearance_kernels import capsule_nearest, disc_clearance, snapped
+from crowdsim.navmesh.clearance_kernels import disc_clearance
 from crowdsim.navmesh.growing_kernels import longer_rows
-from crowdsim.navmesh.half_edge_kernels import locate, nxt, prv
+from crowdsim.navmesh.half_edge_kernels import nxt
 from crowdsim.navmesh.interval_kernels import find_way, string_along
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.search_kernels import find_channel
-from crowdsim.navmesh.sweep_kernels import SWEPT, sweep, walk
+from crowdsim.navmesh.string_kernels import pull, triangle_of
+from crowdsim.navmesh.sweep_kernels import SWEPT, sweep
 from crowdsim.navmesh.tangent_kernels import (
-    COARSE,
-    FINE,
     NODE,
-    arc_corners,
-    nodes_near_channel,
     set_node,
-    shortest_around,
     tangent,
 )
 
@@ -31,12 +27,7 @@ START_BLOCKED = 1
 GOAL_BLOCKED = 2
 NO_PASSAGE = 3
 TANGLED = 4
-"""A wide enough passage exists and no path through it was found."""
-
-_REPAIRS = 60
-
-_MARK = np.dtype([("points", np.int64), ("triangle", np.int64)], align=True)
-"""Where the polyline is before it bends around a node: how many points it has, and the triangle of the last."""
+"""A wide enough passage exists, and repair found no path through it; a search for the shortest path does."""
 
 
 @helper
@@ -112,228 +103,9 @@ def _funnel(m, channel, sx, sy, gx, gy, radius):
 
 
 @helper
-def _tighten(nodes, count, i, last):
-    """Drop nodes from i to ``last`` at which the string turns away from its obstacle, and more as it moves by that.
-
-    Returns the new number, or -1 if nodes are pinched, and the first node whose neighbors have changed.
-    """
-    first = i
-    before, ax, ay = tangent(nodes[i - 1], nodes[i])
-    while i < count - 1 and i <= last:
-        after, bx, by = tangent(nodes[i], nodes[i + 1])
-        if nodes[i].q * (ax * by - ay * bx) < 0.0:
-            for k in range(i, count - 1):
-                nodes[k] = nodes[k + 1]
-            count -= 1
-            i = max(1, i - 1)
-            first = min(first, i)
-            before, ax, ay = tangent(nodes[i - 1], nodes[i])
-        elif before and after:
-            i += 1
-            before = after
-            ax = bx
-            ay = by
-        else:
-            return -1, first
-    exists, _, _ = tangent(nodes[0], nodes[1])
-    return count if exists else -1, first
-
-
-@helper
-def _arc_is_open(sides, vertices, v, ax, ay, bx, by, room):
-    """Whether nothing but vertex v is closer to it than ``room`` between the bearings a and b, counter-clockwise.
-
-    Returns a triangle of the fan as well, the one of b if so. False in doubt.
-    """
-    vx = vertices[v].x
-    vy = vertices[v].y
-    first = vertices[v].vhe
-    h = first
-    rounds = 0
-    inside = False
-    p = vertices[sides[nxt(h)].org]
-    rx = p.x - vx
-    ry = p.y - vy
-    while True:
-        back = prv(h)
-        p = vertices[sides[back].org]
-        lx = p.x - vx
-        ly = p.y - vy
-        inside = inside or (rx * ay - ry * ax >= 0.0 and lx * ay - ly * ax < 0.0)
-        if inside:
-            ux = lx - rx
-            uy = ly - ry
-            off = rx * uy - ry * ux
-            if sides[h].clr < room and off * off < room * room * (ux * ux + uy * uy):
-                return False, h // 3
-            if lx * by - ly * bx < 0.0 and rx * by - ry * bx >= 0.0:
-                return True, h // 3
-            if sides[back].cst != 0:
-                return False, h // 3
-        h = sides[back].twin
-        rx = lx
-        ry = ly
-        if h == first:
-            rounds += 1
-            if rounds == 2 or not inside:
-                return False, h // 3
-
-
-@helper
-def _triangle_of(m, x, y, hint):
-    """The triangle that holds (x, y), from triangle ``hint`` on; -1 outside of the box."""
-    cell = m.frame[0].cell
-    return locate(m, snapped(cell, x), snapped(cell, y), hint)
-
-
-@helper
-def _trace(m, stack, nodes, count, least, marks, points, first):
-    """Polyline around the nodes from ``first`` on and its first piece closer than ``least`` to an obstacle.
-
-    What was traced before stands in ``marks`` and ``points``; these are filled.
-
-    Returns (points, their number, node, inside, vertex, edge, distance, x0, y0, x1, y1): ``node`` is -1 where nothing
-    is too close; otherwise the piece x0, y0 -> x1, y1 runs along node ``node`` (``inside``) or from it to the next, and
-    comes too close to a vertex or an edge.
-    """
-    sides = m.sides
-    vertices = m.vertices
-    n = marks[first].points
-    triangle = marks[first].triangle
-    px = points[n - 1, 0]
-    py = points[n - 1, 1]
-    _, bx, by = tangent(nodes[first - 1], nodes[first])
-    for i in range(first, count):
-        node = nodes[i]
-        marks[i].points = n
-        marks[i].triangle = triangle
-        ax = bx
-        ay = by
-        angle = 0.0
-        if i < count - 1:
-            _, bx, by = tangent(node, nodes[i + 1])
-            angle = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
-            if node.q * angle < -1e-6:
-                angle += math.copysign(2.0 * math.pi, node.q)
-        steps, cx, cy, c, s = arc_corners(node.q, ax, ay, angle, node.bulge)
-        while n + steps > points.shape[0]:
-            points = longer_rows(points)
-        is_open = False
-        for k in range(steps):
-            x = node.x + cx
-            y = node.y + cy
-            cx, cy = c * cx - s * cy, s * cx + c * cy
-            if k == 1 and abs(angle) < 3.0:
-                # The tangents keep clear of what is not between the ends of the arc, and so does the arc then.
-                room = abs(node.q) + math.sqrt(cx * cx + cy * cy)
-                if node.q < 0.0:
-                    is_open, fan = _arc_is_open(sides, vertices, node.vertex, -by, bx, -ay, ax, room)
-                else:
-                    is_open, fan = _arc_is_open(sides, vertices, node.vertex, ay, -ax, by, -bx, room)
-                if is_open:
-                    triangle = fan
-            if not is_open:
-                free, end = sweep(sides, vertices, stack, triangle, px, py, x, y, least)
-                if not free:
-                    distance, _, vertex, edge = capsule_nearest(m, px, py, x, y, 1.01 * least, triangle)
-                    if distance < least:
-                        return points, n, i if k > 0 else i - 1, k > 0, vertex, edge, distance, px, py, x, y
-                    end = _triangle_of(m, x, y, triangle)
-                triangle = end
-            points[n, 0] = x
-            points[n, 1] = y
-            px = x
-            py = y
-            n += 1
-        if is_open:
-            triangle = walk(sides, vertices, triangle, px, py)
-            if triangle < 0:
-                triangle = _triangle_of(m, px, py, NONE)
-    return points, n, -1, False, -1, -1, math.inf, 0.0, 0.0, 0.0, 0.0
-
-
-@helper
-def _turns_right(nodes, count, i):
-    """Whether the string turns towards its obstacle at node i."""
-    if i <= 0 or i >= count - 1:
-        return True
-    before, ax, ay = tangent(nodes[i - 1], nodes[i])
-    after, bx, by = tangent(nodes[i], nodes[i + 1])
-    return before and after and nodes[i].q * (ax * by - ay * bx) >= 0.0
-
-
-@helper
-def pull(m, stack, nodes, count, radius, least, start):
-    """Check and repair until nothing is too close; (repaired, points)."""
-    sides = m.sides
-    vertices = m.vertices
-    points = np.empty((2 * nodes.size + 64, 2))
-    marks = np.empty(2 * nodes.size, _MARK)
-    points[0, 0] = nodes[0].x
-    points[0, 1] = nodes[0].y
-    marks[1].points = 1
-    marks[1].triangle = start
-    count, _ = _tighten(nodes, count, 1, count)
-    first = 1
-    for _ in range(_REPAIRS):
-        if count < 0:
-            break
-        points, n, i, inside, vertex, edge, distance, px, py, x, y = _trace(
-            m, stack, nodes, count, least, marks, points, first
-        )
-        if i < 0:
-            return True, points[:n]
-        if distance < 0.0:
-            break
-        if distance > least - 2.0 * COARSE:
-            # Corners that stand off an arc may be all that is wrong.
-            fine = False
-            for k in range(i, i + 1 if inside else i + 2):
-                if nodes[k].q != 0.0 and nodes[k].bulge == COARSE:
-                    nodes[k].bulge = FINE
-                    fine = True
-            if fine:
-                first = max(1, i)
-                continue
-        dx = x - px
-        dy = y - py
-        crossed = False
-        if vertex < 0:
-            # The end of the side nearer to the piece, or the far one if the string is around the near one already.
-            vertex = sides[edge].org
-            far = sides[nxt(edge)].org
-            near_off = abs(dx * (vertices[vertex].y - py) - dy * (vertices[vertex].x - px))
-            far_off = abs(dx * (vertices[far].y - py) - dy * (vertices[far].x - px))
-            if near_off > far_off:
-                vertex, far = far, vertex
-            if nodes[i].vertex == vertex or nodes[i + 1].vertex == vertex:
-                vertex = far
-            crossed = distance == 0.0
-        vx = vertices[vertex].x
-        vy = vertices[vertex].y
-        left = dx * (vy - py) - dy * (vx - px) > 0.0
-        q = radius if left != crossed else -radius
-        if nodes[i].vertex == vertex or nodes[i + 1].vertex == vertex or (inside and q * nodes[i].q < 0.0):
-            break
-        if count == nodes.size:
-            break
-        for k in range(count, i + 1, -1):
-            nodes[k] = nodes[k - 1]
-        set_node(nodes[i + 1], vx, vy, q, vertex)
-        count += 1
-        if inside and not (_turns_right(nodes, count, i) and _turns_right(nodes, count, i + 1)):
-            nodes[i + 1] = nodes[i]
-            set_node(nodes[i], vx, vy, q, vertex)
-        i = max(1, i - 1)
-        count, first = _tighten(nodes, count, i, i + 4)
-        first = max(1, first - 1)
-    return False, points[:0]
-
-
-@helper
 def _stand(m, stack, x, y, least):
     """The triangle of (x, y), or -1 where a disc of radius ``least`` is not free there."""
-    t = _triangle_of(m, x, y, NONE)
+    t = triangle_of(m, x, y, NONE)
     if t < 0 or m.wind[t] != 0:
         return NONE
     free, _ = sweep(m.sides, m.vertices, stack, t, x, y, x, y, least)
@@ -348,8 +120,8 @@ def _stand(m, stack, x, y, least):
 def plan_path(m, regions, work, sx, sy, gx, gy, radius, least):
     """(status, points (n, 2)) of a short path of a disc of ``radius`` that comes nowhere closer than ``least``.
 
-    Found whenever one exists. ``regions`` (nt,) are those of :func:`crowdsim.navmesh.region_kernels.find_regions`,
-    ``work`` is a :class:`crowdsim.navmesh.workspace.Workspace`.
+    Found whenever one exists, but for the few that end TANGLED. ``regions`` (nt,) are those of
+    :func:`crowdsim.navmesh.region_kernels.find_regions`, ``work`` is a :class:`crowdsim.navmesh.workspace.Workspace`.
     """
     points = np.empty((0, 2))
     stack = np.empty(64, SWEPT)
@@ -379,7 +151,7 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least):
         done, points = pull(m, stack, nodes, count, radius, least, start)
         if done:
             return OK, points
-    # What is left is rare: a way that only the complete search finds, and strings that repair has tangled.
+    # What is left is rare: a way that only the complete search finds, or a string that repair has tangled.
     channel = find_channel(m, start, sx, sy, goal, gx, gy, radius, 2.0 * least)
     if channel.size == 0:
         return NO_PASSAGE, points
@@ -387,14 +159,7 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least):
     done, points = pull(m, stack, nodes, count, radius, least, start)
     if done:
         return OK, points
-    nodes, count = nodes_near_channel(m, channel, sx, sy, gx, gy, radius)
-    nodes = shortest_around(m, nodes, count, least)
-    if nodes.size == 0:
-        return TANGLED, points
-    for i in range(nodes.size):
-        nodes[i].bulge = FINE
-    done, points = pull(m, stack, nodes, nodes.size, radius, least, start)
-    return OK if done else TANGLED, points
+    return TANGLED, points
 
 
 @helper
@@ -433,4 +198,4 @@ def plan_paths(m, regions, work, starts, goals, radii, least, status, lengths, c
             points, lengths[i] = append_path(points, filled, path)
             counts[i] = path.shape[0]
             filled += path.shape[0]
-    return points[:filled].copy()
+    return points[:filled]

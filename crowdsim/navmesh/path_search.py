@@ -7,6 +7,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,6 +39,39 @@ def _in_parts(work: Callable[[int, int], Floats], count: int, workers: int | Non
     ends: list[int] = np.linspace(0, count, workers + 1).astype(np.int64).tolist()
     with ThreadPoolExecutor(workers) as pool:
         return np.concatenate(list(pool.map(work, ends[:-1], ends[1:])))
+
+
+@dataclass(frozen=True)
+class _Batch:
+    """Searches and where their answers go, all C-contiguous: see :class:`crowdsim.navmesh.paths.Paths`."""
+
+    starts: Floats
+    goals: Floats
+    radii: Floats
+    least: Floats
+    """(n,) clearance that counts as enough."""
+    status: NDArray[np.int8]
+    lengths: Floats
+    counts: NDArray[np.int64]
+    """(n,) points of each path."""
+
+    def part(self, first: int, last: int) -> _Batch:
+        """Rows ``first`` up to ``last``, whose answers are those of this batch."""
+        return _Batch(*(getattr(self, field.name)[first:last] for field in fields(self)))
+
+    def copy(self, rows: NDArray[np.int64]) -> _Batch:
+        """The searches of some rows, to be answered on their own."""
+        return _Batch(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+    def take(self, pieces: list[Floats], rows: NDArray[np.int64], other: _Batch, points: Floats) -> None:
+        """Take the answers for ``rows`` from those of ``other``, and their ``points`` apart into ``pieces``."""
+        self.status[rows], self.lengths[rows], self.counts[rows] = other.status, other.lengths, other.counts
+        for row, piece in zip(rows.tolist(), other.pieces(points), strict=True):
+            pieces[row] = piece
+
+    def pieces(self, points: Floats) -> list[Floats]:
+        """The points of all paths, path by path."""
+        return np.split(points, np.cumsum(self.counts)[:-1])
 
 
 class PathSearch:
@@ -78,91 +112,60 @@ class PathSearch:
     ) -> Paths:
         """Paths between ``starts`` and ``goals`` (n, 2) of ``radii`` (n,) that keep ``least`` (n,) of them.
 
-        All arrays are C-contiguous. ``clearance`` of a point is for the words of an error.
+        All arrays are C-contiguous. ``clearance`` of a point is for the words of an error. So far, "best" is searched
+        as "fast" is.
         """
         count = len(starts)
         status, lengths = np.empty(count, np.int8), np.empty(count)
         offsets = np.zeros(count + 1, np.int64)
+        batch = _Batch(starts, goals, radii, least, status, lengths, offsets[1:])
         find = self._find_best if optimality == "best" else self._find_fast
-        points = find(starts, goals, radii, least, workers, status, lengths, offsets[1:])
+        points = find(batch, workers)
         np.cumsum(offsets, out=offsets)
         return Paths(status, lengths, offsets, points, starts, goals, radii, clearance)
 
-    def _find_fast(
-        self,
-        starts: Floats,
-        goals: Floats,
-        radii: Floats,
-        least: Floats,
-        workers: int | None,
-        status: NDArray[np.int8],
-        lengths: Floats,
-        counts: NDArray[np.int64],
-    ) -> Floats:
+    def _find_fast(self, batch: _Batch, workers: int | None) -> Floats:
         with self._lock:
             if self._regions is None:
                 self._regions = np.empty(self._triangles, REGION)
                 find_regions(self._mesh, self._regions)
 
         def work(first: int, last: int) -> Floats:
+            part = batch.part(first, last)
             with workspace(self._triangles) as scratch:
-                part = slice(first, last)
                 return path_kernels.plan_paths(
-                    self._mesh, self._regions, scratch, starts[part], goals[part], radii[part], least[part],
-                    status[part], lengths[part], counts[part],
+                    self._mesh, self._regions, scratch, part.starts, part.goals, part.radii, part.least,
+                    part.status, part.lengths, part.counts,
                 )  # fmt: skip
 
-        return _in_parts(work, len(starts), workers)
+        points = _in_parts(work, len(batch.starts), workers)
+        tangled = np.flatnonzero(batch.status == path_kernels.TANGLED)
+        if len(tangled) == 0:
+            return points
+        # One in many thousands; the shortest path is found another way, which takes longer.
+        pieces, again = batch.pieces(points), batch.copy(tangled)
+        batch.take(pieces, tangled, again, self._find_best(again, 1))
+        return np.concatenate(pieces)
 
-    def _find_best(
-        self,
-        starts: Floats,
-        goals: Floats,
-        radii: Floats,
-        least: Floats,
-        workers: int | None,
-        status: NDArray[np.int8],
-        lengths: Floats,
-        counts: NDArray[np.int64],
-    ) -> Floats:
-        distinct = np.unique(radii)
-        if len(distinct) > 1:
-            return self._find_best_of_many(distinct, starts, goals, radii, least, workers, status, lengths, counts)
+    def _find_best(self, batch: _Batch, workers: int | None) -> Floats:
+        distinct = np.unique(batch.radii)
         if len(distinct) == 0:
             return np.empty((0, 2))
-        graph = self.graph(float(radii[0]), float(least[0]))
+        if len(distinct) > 1:  # a graph serves one radius
+            pieces = [np.empty((0, 2))] * len(batch.radii)
+            for radius in distinct:
+                rows = np.flatnonzero(batch.radii == radius)
+                own = batch.copy(rows)
+                batch.take(pieces, rows, own, self._find_best(own, workers))
+            return np.concatenate(pieces)
+        graph = self.graph(float(batch.radii[0]), float(batch.least[0]))
 
         def work(first: int, last: int) -> Floats:
+            part = batch.part(first, last)
             with graph.scratch() as scratch:
-                part = slice(first, last)
                 return shortest_kernels.shortest_paths(
-                    self._mesh, graph.arrays, scratch, starts[part], goals[part], graph.radius, graph.least,
-                    graph.slack, status[part], lengths[part], counts[part],
+                    self._mesh, graph.arrays, scratch, part.starts, part.goals, graph.radius, graph.least,
+                    graph.slack, part.status, part.lengths, part.counts,
                 )  # fmt: skip
 
-        return _in_parts(work, len(starts), workers)
-
-    def _find_best_of_many(
-        self,
-        distinct: Floats,
-        starts: Floats,
-        goals: Floats,
-        radii: Floats,
-        least: Floats,
-        workers: int | None,
-        status: NDArray[np.int8],
-        lengths: Floats,
-        counts: NDArray[np.int64],
-    ) -> Floats:
-        """One radius after the other, as a graph serves one; the points in the order of the searches again."""
-        pieces: list[Floats] = [np.empty((0, 2))] * len(starts)
-        for radius in distinct:
-            rows = np.flatnonzero(radii == radius)
-            own_status, own_lengths, own_counts = status[rows], lengths[rows], counts[rows]
-            points = self._find_best(
-                starts[rows], goals[rows], radii[rows], least[rows], workers, own_status, own_lengths, own_counts
-            )
-            status[rows], lengths[rows], counts[rows] = own_status, own_lengths, own_counts
-            for row, piece in zip(rows.tolist(), np.split(points, np.cumsum(own_counts)[:-1]), strict=True):
-                pieces[row] = piece
-        return np.concatenate(pieces)
+        return _in_parts(work, len(batch.starts), workers)

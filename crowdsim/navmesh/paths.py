@@ -136,7 +136,7 @@ def as_path_radii(radii: ArrayLike, count: int, least: float) -> Floats:
     array = np.asarray(radii, np.float64)
     if array.shape not in ((), (count,)):
         raise GeometryError(f"radii: expected one number or {count}, one for each start, got shape {array.shape}")
-    array = np.ascontiguousarray(np.broadcast_to(array, (count,)))
+    array = np.full(count, array) if array.ndim == 0 else np.ascontiguousarray(array)
     wrong = ~(np.isfinite(array) & (array >= least))
     if wrong.any():
         found = float(array[wrong][0])

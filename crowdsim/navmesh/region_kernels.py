@@ -21,60 +21,71 @@ the root. root: the same for all triangles that free space joins, -1 where not f
 """
 
 
+_WALK = np.dtype([(name, np.int32) for name in ("number", "low", "turn", "order")], align=True)
+"""A triangle in a walk through free space, depth first.
+
+number: when it was found. low: least number next to what was found from it on, but for its way up. turn: sides seen.
+order: the triangle that has this number.
+"""
+
+
 @kernel
 def find_regions(m, regions):
     """Fill ``regions`` (nt,) of :data:`REGION`."""
     sides = m.sides
     triangles = m.frame[0].triangles
-    number = np.full(triangles, -1, np.int32)  # in the order of the walk
-    low = np.empty(triangles, np.int32)  # least number next to the triangle's subtree, but for the way up
-    order = np.empty(triangles, np.int32)
-    turn = np.zeros(triangles, np.int8)
+    walk = np.empty(triangles, _WALK)
+    for t in range(triangles):
+        walk[t].number = -1
+        walk[t].turn = 0
     found = 0
     for root in range(triangles):
         if m.wind[root] != 0:
             regions[root].top = -1
             regions[root].root = -1
-        if m.wind[root] != 0 or number[root] >= 0:
+        if m.wind[root] != 0 or walk[root].number >= 0:
             continue
         first = found
         t = np.int64(root)
         regions[t].up = -1
-        number[t] = low[t] = found
-        order[found] = t
+        walk[t].number = found
+        walk[t].low = found
+        walk[found].order = t
         found += 1
         while True:
             up = np.int64(regions[t].up)
-            if turn[t] < 3:
-                h = 3 * t + turn[t]
-                turn[t] += 1
+            at = walk[t]
+            if at.turn < 3:
+                h = 3 * t + at.turn
+                at.turn += 1
                 if sides[h].cst != 0 or h == up:
                     continue
                 g = sides[h].twin
                 s = g // 3
-                if number[s] < 0:
+                if walk[s].number < 0:
                     regions[s].up = g
-                    number[s] = low[s] = found
-                    order[found] = s
+                    walk[s].number = found
+                    walk[s].low = found
+                    walk[found].order = s
                     found += 1
                     t = s
                 else:
-                    low[t] = min(low[t], number[s])
+                    at.low = min(at.low, walk[s].number)
                 continue
             if up < 0:
                 break
             s = sides[up].twin // 3
-            low[s] = min(low[s], low[t])
+            walk[s].low = min(walk[s].low, at.low)
             t = s
         for k in range(first, found):
-            t = np.int64(order[k])
+            t = np.int64(walk[k].order)
             region = regions[t]
             region.root = root
             region.top = t
             region.depth = 0
             if region.up >= 0:
                 above = regions[sides[region.up].twin // 3].top
-                if low[t] < number[t]:
+                if walk[t].low < walk[t].number:
                     region.top = above
                 else:
                     region.depth = regions[above].depth + 1

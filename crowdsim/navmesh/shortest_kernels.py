@@ -15,8 +15,9 @@ from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance_kernels import disc_clearance, snapped
 from crowdsim.navmesh.half_edge_kernels import locate, nxt, prv, side
 from crowdsim.navmesh.mesh_arrays import NONE
-from crowdsim.navmesh.path_kernels import GOAL_BLOCKED, NO_PASSAGE, OK, START_BLOCKED, TANGLED, append_path, pull
+from crowdsim.navmesh.path_kernels import GOAL_BLOCKED, NO_PASSAGE, OK, START_BLOCKED, TANGLED, append_path
 from crowdsim.navmesh.search_kernels import pop, push
+from crowdsim.navmesh.string_kernels import pull
 from crowdsim.navmesh.sweep_kernels import is_free_way
 from crowdsim.navmesh.tangent_graph_kernels import touches, turned_to
 from crowdsim.navmesh.tangent_kernels import NODE as STRING_NODE
@@ -345,4 +346,4 @@ def shortest_paths(m, graph, scratch, starts, goals, radius, least, slack, statu
             points, _ = append_path(points, filled, path)
             counts[i] = path.shape[0]
             filled += path.shape[0]
-    return points[:filled].copy()
+    return points[:filled]

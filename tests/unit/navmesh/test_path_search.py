@@ -12,6 +12,7 @@ from crowdsim.navmesh.clearance_kernels import capsule_clearance, disc_clearance
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.paths import FOUND, GOAL_BLOCKED, NO_PASSAGE, START_BLOCKED
 from crowdsim.navmesh.region_kernels import REGION, find_regions
+from crowdsim.navmesh.string_kernels import arc_is_open
 from crowdsim.navmesh.sweep_kernels import SWEPT, sweep
 from tests.reference.navmesh_reference import random_area, region_tops
 
@@ -137,3 +138,34 @@ def test_a_sweep_tells_what_the_distance_does(kind):
     # With hardly any scratch memory it is on the safe side.
     free, _ = _sweep(mesh, stack[:3], start, x0, y0, x1, y1, 5.0)
     assert not free
+
+
+@kernel
+def _arc_is_open(m, v, ax, ay, bx, by, room):
+    return arc_is_open(m.sides, m.vertices, v, ax, ay, bx, by, room)
+
+
+@pytest.mark.parametrize("kind", ["boxes", "walls", "lattice"])
+def test_an_open_arc_has_no_obstacle_between_its_ends(kind):
+    rng = np.random.default_rng(10)
+    area = random_area(rng, kind)
+    mesh = NavMesh(area).arrays
+    found = {True: 0, False: 0}
+    for v in rng.integers(4, mesh.frame["vertices"][0], 400):
+        x, y = mesh.vertices["x"][v], mesh.vertices["y"][v]
+        start, room = rng.uniform(0.0, 2.0 * math.pi), rng.uniform(0.05, 1.5)
+        end = start + rng.uniform(0.01, 2.9)
+        bearings = np.linspace(start, end, 30)
+        near, far = (
+            np.column_stack([x + reach * np.cos(bearings), y + reach * np.sin(bearings)]) for reach in (1e-3, room)
+        )
+        sector = shapely.Polygon(np.concatenate([near, far[::-1]]))
+        if not shapely.contains_xy(area, *near[0]):
+            continue  # a string bends through free space
+        is_open, _ = _arc_is_open(
+            mesh, v, math.cos(start), math.sin(start), math.cos(end), math.sin(end), room * (1 + 1e-6)
+        )
+        if is_open:
+            assert area.contains(sector.buffer(-1e-5))
+        found[is_open] += 1
+    assert min(found.values()) > 10
