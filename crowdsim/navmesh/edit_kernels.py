@@ -13,10 +13,13 @@ from crowdsim.navmesh.use_kernels import count_use, new_use, without
 from crowdsim.navmesh.winding_kernels import flood_again, follow
 from crowdsim.navmesh.work_kernels import KEPT, LOOKING, TOUCHED, VISITED, enqueue, touch
 
+INSERT, REMOVE, SETTLE = range(3)
+"""What to do in an edit."""
+
 NO_ROOM = -4
 """Status: make the arrays larger and try again."""
 UNSETTLED = -5
-"""Status: the edit is done; make the arrays larger and ``settle``."""
+"""Status: the edit is done; make the arrays larger and settle it."""
 
 
 @helper
@@ -147,8 +150,8 @@ def _touch_corners(m, w):
         i = 0
 
 
-@kernel
-def settle(m, w):
+@helper
+def _settle(m, w):
     """Bring refinement and widths of corners up to date around touched vertices; 0, or FULL: once more, with more room.
 
     A bottleneck is new only where the triangle at its side is, or at a new corner, or where something was removed: then
@@ -218,7 +221,7 @@ def settle(m, w):
 
 @helper
 def _put(m, w, points, ends, winding, slot, ids):
-    """:func:`insert` but for what is done around."""
+    """The part of :func:`edit` that inserts, but for what is done around."""
     progress = w.progress[0]
     progress.rerouted = 0
     hint = NONE
@@ -254,26 +257,9 @@ def _put(m, w, points, ends, winding, slot, ids):
     return 0
 
 
-@kernel
-def insert(m, w, points, ends, winding, slot, ids):
-    """Put obstacle ``slot`` in: 0, or NO_ROOM: nothing was done, UNSETTLED, or FULL or STUCK: the mesh is useless.
-
-    ``points`` (n, 2) lie on the grid inside of the box. Chain k is points[ends[k-1]:ends[k]]: for winding 1 a ring with
-    the obstacle on its left, for winding 0 a polyline or a point. ``ids`` (n,) is filled with the vertices.
-    """
-    if not _has_room(m, w, points.shape[0]):
-        return NO_ROOM
-    status = _put(m, w, points, ends, winding, slot, ids)
-    if status < 0:
-        return status
-    return 0 if settle(m, w) == 0 else UNSETTLED
-
-
-@kernel
-def remove(m, w, points, ends, winding, slot, ids):
-    """Take obstacle ``slot`` out, which was inserted with the same arguments and results; status as there."""
-    if not _has_room(m, w, points.shape[0]):
-        return NO_ROOM
+@helper
+def _take_out(m, w, winding, slot, ids):
+    """The part of :func:`edit` that removes, but for what is done around."""
     sides = m.sides
     owner = 2 * slot + winding
     count, found = _collect(m, owner, ids, w)
@@ -314,4 +300,26 @@ def remove(m, w, points, ends, winding, slot, ids):
         gone.by = b.y
         w.pairs[i, 0] = sides[h].org
         w.pairs[i, 1] = sides[nxt(h)].org
-    return 0 if settle(m, w) == 0 else UNSETTLED
+    return 0
+
+
+@kernel
+def edit(m, w, what, points, ends, winding, slot, ids):
+    """Insert or remove (``what``) obstacle ``slot``; 0, or NO_ROOM: nothing was done, UNSETTLED, or FULL or STUCK.
+
+    ``points`` (n, 2) lie on the grid inside of the box. Chain k is points[ends[k-1]:ends[k]]: for winding 1 a ring with
+    the obstacle on its left, for winding 0 a polyline or a point. ``ids`` (n,) is filled with the vertices; what is
+    removed was inserted with the same arguments. After UNSETTLED, SETTLE in larger arrays, with whatever arguments,
+    ends the edit; after FULL or STUCK the mesh is useless. One kernel for all, as each door to Python takes a second
+    to compile.
+    """
+    if what != SETTLE and not _has_room(m, w, points.shape[0]):
+        return NO_ROOM
+    status = 0
+    if what == INSERT:
+        status = _put(m, w, points, ends, winding, slot, ids)
+    elif what == REMOVE:
+        status = _take_out(m, w, winding, slot, ids)
+    if status < 0:
+        return status
+    return 0 if _settle(m, w) == 0 else UNSETTLED

@@ -251,11 +251,11 @@ class Obstacles:
         slot = self._slots[number]
         slot.snapped = snapped
         slot.ids = np.empty(len(snapped.points), np.int64)
-        if not self._edit(edit_kernels.insert, number, slot):
+        if not self._edit(edit_kernels.INSERT, number, slot):
             slot.ids = None
             self._rebuild()
             slot.ids = np.empty(len(snapped.points), np.int64)
-            if not self._edit(edit_kernels.insert, number, slot):
+            if not self._edit(edit_kernels.INSERT, number, slot):
                 slot.ids = None
                 self._rebuild()
                 raise GeometryError(
@@ -265,24 +265,24 @@ class Obstacles:
     def _take(self, number: int) -> None:
         """Remove what is in the mesh of slot ``number``."""
         slot = self._slots[number]
-        done = self._edit(edit_kernels.remove, number, slot)
+        done = self._edit(edit_kernels.REMOVE, number, slot)
         slot.ids = None
         if not done:
             self._rebuild()
 
-    def _edit(self, kernel: Any, number: int, slot: _Slot) -> bool:
-        """Run a kernel of edits, in larger arrays where it asks for them; False where it left the mesh useless."""
-        snapped, wanted = slot.snapped, 8 * len(slot.snapped.points) + 64
+    def _edit(self, what: int, number: int, slot: _Slot) -> bool:
+        """Run the kernel of edits, in larger arrays where it asks for them; False where it left the mesh useless."""
+        shape, wanted = slot.snapped, 8 * len(slot.snapped.points) + 64
         while True:
-            status = kernel(self.mesh, self._work, snapped.points, snapped.ends, snapped.winding, number, slot.ids)
-            if status != edit_kernels.NO_ROOM:
-                break
+            status = edit_kernels.edit(
+                self.mesh, self._work, what, shape.points, shape.ends, shape.winding, number, slot.ids
+            )
+            if status == edit_kernels.UNSETTLED:
+                what, wanted = edit_kernels.SETTLE, len(self.mesh.vertices)
+            elif status != edit_kernels.NO_ROOM:
+                return bool(status == 0)
             self._grow(wanted)
             wanted *= 2
-        while status == edit_kernels.UNSETTLED:
-            self._grow(len(self.mesh.vertices))
-            status = edit_kernels.UNSETTLED if edit_kernels.settle(self.mesh, self._work) < 0 else 0
-        return bool(status == 0)
 
     def _grow(self, wanted: int) -> None:
         """Make room for ``wanted`` more vertices and uses."""
@@ -311,5 +311,5 @@ class Obstacles:
         self.mesh = resized(self._base, 2 * len(self.mesh.vertices))
         self._work = workshop(len(self.mesh.vertices), 2 * len(self._work.uses))
         for number, slot in enumerate(self._slots):
-            if slot.ids is not None and not self._edit(edit_kernels.insert, number, slot):
+            if slot.ids is not None and not self._edit(edit_kernels.INSERT, number, slot):
                 raise GeometryError(f"obstacle {number} cannot be put into the mesh again; simplify or repair it")

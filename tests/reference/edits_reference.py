@@ -43,7 +43,8 @@ def feet_missing(mesh: MeshArrays) -> int:
     work.to_do["waiting"][: len(corners)] = work.to_do["touched"][: len(corners)] = corners
     work.to_do["mark"][corners] = QUEUED | TOUCHED | LOOKING | KEPT
     work.progress["waiting"] = work.progress["touched"] = len(corners)
-    assert edit_kernels.settle(copy, work) == 0
+    none = np.zeros(0, np.int64)
+    assert edit_kernels.edit(copy, work, edit_kernels.SETTLE, np.zeros((0, 2)), none, 0, 0, none) == 0
     return (int(copy.frame["triangles"][0]) - int(mesh.frame["triangles"][0])) // 2
 
 

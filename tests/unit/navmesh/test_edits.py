@@ -187,12 +187,12 @@ def test_an_obstacle_that_cannot_go_in_leaves_the_mesh_as_it_was(monkeypatch):
 
     mesh = NavMesh(ROOM)
     handle = mesh.insert_obstacle(WALL)
-    insert = edit_kernels.insert
+    edit = edit_kernels.edit
 
-    def fail(arrays, work, points, *rest):
-        return segment_kernels.STUCK if len(points) == 3 else insert(arrays, work, points, *rest)
+    def fail(arrays, work, what, points, *rest):
+        return segment_kernels.STUCK if len(points) == 3 else edit(arrays, work, what, points, *rest)
 
-    monkeypatch.setattr(edit_kernels, "insert", fail)
+    monkeypatch.setattr(edit_kernels, "edit", fail)
     with pytest.raises(GeometryError, match="cannot be put"):
         mesh.insert_obstacle(shapely.Polygon([(2, 1), (4, 1.5), (3, 4)]))
     _check(mesh, ROOM, [WALL])
