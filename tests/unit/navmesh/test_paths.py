@@ -11,11 +11,8 @@ import shapely
 
 from crowdsim.errors import GeometryError, PathNotFound
 from crowdsim.navmesh import path_kernels
-from crowdsim.navmesh.clearance_kernels import disc_clearance
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.paths import FOUND, TANGLED
-from crowdsim.navmesh.search_kernels import find_channel
-from crowdsim.navmesh.tangent_kernels import MOST_NODES, NODE, nodes_near_channel, shortest_around, tangent
 from tests.reference.navmesh_reference import mesh_faults, part_of, random_area, reachable_parts
 
 CLOSE = 1e-5
@@ -117,55 +114,29 @@ def test_reasons_are_told():
             mesh.find_path(start, (2, 2), radius)
 
 
-def test_the_tangent_graph_finds_free_strings_no_longer_than_the_path():
+def test_tangled_strings_are_found_as_shortest_paths(monkeypatch):
     mesh = NavMesh(random_area(np.random.default_rng(49), "walls", count=40))
-    rng = np.random.default_rng(1)
-    radius, tolerance = 0.2, mesh.tolerance(0.2)
-    points = rng.uniform(0.0, 12.0, (60, 2))
-    points = points[mesh.clearances(points) > radius]
-    tried = 0
-    for start, goal in itertools.pairwise(points):
-        path = _find(mesh, start, goal, radius)
-        if path is None or len(path.points) == 2:
-            continue
-        tried += 1
-        ends = [disc_clearance(mesh.arrays, *end, 1.0, -1)[1] for end in (start, goal)]
-        channel = find_channel(mesh.arrays, ends[0], *start, ends[1], *goal, radius, 2.0 * (radius - tolerance))
-        nodes, count = nodes_near_channel(mesh.arrays, channel, *start, *goal, radius)
-        string = shortest_around(mesh.arrays, nodes, count, radius - tolerance)
-        assert (string["vertex"] == -1).nonzero()[0].tolist() == [0, len(string) - 1]
-        turns = [tangent(string[i], string[i + 1]) for i in range(len(string) - 1)]
-        assert all(exists for exists, _, _ in turns)
-        length = _string_length(string, np.array([[x, y] for _, x, y in turns]))
-        assert length <= path.length * (1 + 1e-6)
-    assert tried > 15
+    starts, goals = np.random.default_rng(1).uniform(0.0, 12.0, (2, 60, 2))
+    before = mesh.find_paths(starts, goals, 0.2)
+    best = mesh.find_paths(starts, goals, 0.2, "best")
+    plan_paths = path_kernels.plan_paths
 
+    def tangle(*arguments):
+        """Forget some of the paths."""
+        points = plan_paths(*arguments)
+        status, lengths, counts = arguments[-3:]
+        pieces = np.split(points, np.cumsum(counts)[:-1])
+        for i in np.flatnonzero(status == FOUND)[::3]:
+            status[i], lengths[i], counts[i], pieces[i] = TANGLED, math.nan, 0, np.empty((0, 2))
+        return np.concatenate(pieces)
 
-def _string_length(string, directions):
-    """Meters along the tangents and arcs of a string of nodes."""
-    normal = np.column_stack([directions[:, 1], -directions[:, 0]])
-    center = np.column_stack([string["x"], string["y"]])
-    leave, reach = center[:-1] + string["q"][:-1, None] * normal, center[1:] + string["q"][1:, None] * normal
-    (ax, ay), (bx, by) = directions[:-1].T, directions[1:].T
-    angle = np.arctan2(ax * by - ay * bx, ax * bx + ay * by)
-    angle = np.where(string["q"][1:-1] * angle < -1e-9, angle + np.copysign(2.0 * np.pi, string["q"][1:-1]), angle)
-    return np.hypot(*(reach - leave).T).sum() + np.abs(string["q"][1:-1] * angle).sum()
-
-
-def test_the_tangent_graph_gives_up_rather_than_run_for_long(monkeypatch):
-    mesh = NavMesh(shapely.box(0, 0, 10, 10).difference(shapely.box(4, 4, 6, 6)))
-    too_many = np.zeros(MOST_NODES + 1, NODE)
-    assert len(shortest_around(mesh.arrays, too_many, len(too_many), 0.3)) == 0
-    # A crowd of posts between start and goal: far more tangents than it may consider.
-    rng = np.random.default_rng(0)
-    nodes = np.zeros(MOST_NODES, NODE)
-    nodes["x"], nodes["y"], nodes["vertex"] = rng.uniform(1.0, 3.0, len(nodes)), rng.uniform(1.0, 9.0, len(nodes)), 9
-    nodes["q"][2::2], nodes["q"][3::2] = 0.2, -0.2
-    nodes[0], nodes[1] = (1.0, 1.0, 0.0, 0.0, -1), (5.0, 5.0, 0.0, 0.0, -1)  # the goal is blocked
-    assert len(shortest_around(mesh.arrays, nodes, len(nodes), 0.3)) == 0
-    monkeypatch.setattr(path_kernels, "plan_paths", lambda *arguments: arguments[-3].fill(TANGLED) or np.empty((0, 2)))
-    with pytest.raises(PathNotFound, match="could be traced"):
-        mesh.find_path((1, 1), (9, 9), 0.3)
+    monkeypatch.setattr(path_kernels, "plan_paths", tangle)
+    after = mesh.find_paths(starts, goals, 0.2)
+    np.testing.assert_array_equal(after.status, before.status)
+    found = np.flatnonzero(before.status == FOUND)
+    assert len(found) > 15
+    for place, i in enumerate(found.tolist()):
+        np.testing.assert_array_equal(after[i].points, (best if place % 3 == 0 else before)[i].points)
 
 
 def test_with_points_blocks_a_gap_in_the_copy_only():
