@@ -22,7 +22,7 @@ from crowdsim.bench.navmesh_maps import BenchMap, clutter, read_maps
 from crowdsim.bench.registry import Measurement
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.navmesh.paths import FOUND, OPTIMALITIES, Paths
+from crowdsim.navmesh.paths.paths import FOUND, OPTIMALITIES, Paths
 
 Floats = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from crowdsim.jit import kernel
-from crowdsim.navmesh.clearance_kernels import disc_clearance
+from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 
 
 @kernel

@@ -12,7 +12,7 @@ import numpy as np
 from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.jit import helper, kernel
 from crowdsim.motion.track_kernels import next_origin, node_end, track_pose
-from crowdsim.navmesh.clearance_kernels import disc_clearance
+from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 
 FOREVER = 9223372036854775807
 """The slot from which on a character is gone that never leaves."""

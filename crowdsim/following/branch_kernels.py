@@ -13,7 +13,7 @@ from crowdsim.following.path_kernels import path_point, project, sample_index
 from crowdsim.geometry.planar_kernels import compose, wrap_angle
 from crowdsim.jit import helper
 from crowdsim.motion.track_kernels import next_origin, node_end, track_pose
-from crowdsim.navmesh.clearance_kernels import disc_clearance
+from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 
 TEST_FRAMES = 4
 """Frames between two samples of the collision test."""

@@ -16,19 +16,13 @@ from shapely.geometry.base import BaseGeometry
 from crowdsim.errors import GeometryError, GeometryWarning
 from crowdsim.geometry.polygons import LARGE_EXTENT, clean_polygon
 from crowdsim.geometry.snapping import snap
-from crowdsim.navmesh import (
-    arc_violation_kernels,
-    clearance_kernels,
-    component_kernels,
-    half_edge_kernels,
-    nearest_kernels,
-    violation_kernels,
-)
-from crowdsim.navmesh.builders import triangulate
+from crowdsim.navmesh import half_edge_kernels
+from crowdsim.navmesh.clearance import arc_violation_kernels, clearance_kernels, nearest_kernels, violation_kernels
+from crowdsim.navmesh.editing.obstacles import Handle, Obstacles
 from crowdsim.navmesh.mesh_arrays import NONE, MeshArrays
-from crowdsim.navmesh.obstacles import Handle, Obstacles
 from crowdsim.navmesh.path_search import PathSearch
-from crowdsim.navmesh.paths import (
+from crowdsim.navmesh.paths import component_kernels
+from crowdsim.navmesh.paths.paths import (
     MIN_RADIUS,
     Floats,
     Path,
@@ -39,7 +33,8 @@ from crowdsim.navmesh.paths import (
     as_points,
     as_radius,
 )
-from crowdsim.navmesh.reachability import ComponentCache
+from crowdsim.navmesh.paths.reachability import ComponentCache
+from crowdsim.navmesh.triangulation.builders import triangulate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -103,8 +98,9 @@ class NavMesh:
         PathNotFound
             If start or goal is closer than ``radius`` to an obstacle, or no passage is wide enough.
         GeometryError
-            If an argument is not finite, ``radius`` is below :data:`crowdsim.navmesh.paths.MIN_RADIUS` or, in areas of
-            many kilometers, below four cells of the grid, or ``optimality`` is unknown.
+            If an argument is not finite, a fast path's ``radius`` is below
+            :data:`crowdsim.navmesh.paths.paths.MIN_RADIUS` or, in areas of many kilometers, below four cells of the
+            grid, or ``optimality`` is unknown.
         """
         ends = as_point(start, "start"), as_point(goal, "goal")
         return self.find_paths([ends[0]], [ends[1]], radius, optimality, workers=1)[0]
@@ -126,7 +122,7 @@ class NavMesh:
         ------
         GeometryError
             If an argument has another shape or is not finite, a radius is below
-            :data:`crowdsim.navmesh.paths.MIN_RADIUS`, or ``optimality`` is unknown.
+            :data:`crowdsim.navmesh.paths.paths.MIN_RADIUS`, or ``optimality`` is unknown.
         """
         as_optimality(optimality)
         sources, targets = as_points(starts, "starts"), as_points(goals, "goals")

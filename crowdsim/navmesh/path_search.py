@@ -12,12 +12,13 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from crowdsim.navmesh import path_kernels, shortest_kernels
 from crowdsim.navmesh.mesh_arrays import MeshArrays
-from crowdsim.navmesh.paths import Floats, Paths
-from crowdsim.navmesh.region_kernels import REGION, find_regions
-from crowdsim.navmesh.tangent_graph import RadiusGraph
-from crowdsim.navmesh.workspace import workspace
+from crowdsim.navmesh.paths import path_kernels
+from crowdsim.navmesh.paths.paths import Floats, Paths
+from crowdsim.navmesh.paths.region_kernels import REGION, find_regions
+from crowdsim.navmesh.paths.workspace import workspace
+from crowdsim.navmesh.shortest import shortest_kernels
+from crowdsim.navmesh.shortest.tangent_graph import RadiusGraph
 
 _BATCH = 256
 """Searches below which another thread costs more than it saves."""
@@ -43,7 +44,7 @@ def _in_parts(work: Callable[[int, int], Floats], count: int, workers: int | Non
 
 @dataclass(frozen=True)
 class _Batch:
-    """Searches and where their answers go, all C-contiguous: see :class:`crowdsim.navmesh.paths.Paths`."""
+    """Searches and where their answers go, all C-contiguous: see :class:`crowdsim.navmesh.paths.paths.Paths`."""
 
     starts: Floats
     goals: Floats

@@ -8,8 +8,8 @@ import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from crowdsim.navmesh.builders import BUILDERS
 from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.navmesh.triangulation.builders import BUILDERS
 from tests.reference.navmesh_reference import clearances, free_area, mesh_faults
 
 few = settings(max_examples=15, derandomize=True, deadline=None)

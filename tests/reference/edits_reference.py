@@ -3,10 +3,10 @@
 import numpy as np
 import shapely
 
-from crowdsim.navmesh import edit_kernels
+from crowdsim.navmesh.editing import edit_kernels
 from crowdsim.navmesh.mesh_arrays import MeshArrays, resized, workshop
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.navmesh.work_kernels import KEPT, LOOKING, QUEUED, TOUCHED
+from crowdsim.navmesh.triangulation.work_kernels import KEPT, LOOKING, QUEUED, TOUCHED
 from tests.reference.navmesh_reference import free_area, mesh_faults
 
 

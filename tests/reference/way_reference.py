@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from crowdsim.navmesh.mesh_arrays import MeshArrays
-from crowdsim.navmesh.search_kernels import can_leave
+from crowdsim.navmesh.paths.search_kernels import can_leave
 
 
 def shortest_way(mesh: MeshArrays, start, triangle, goal, last, radius: float, width: float, points: int = 7) -> float:

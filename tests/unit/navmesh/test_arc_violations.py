@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crowdsim.errors import GeometryError
-from crowdsim.navmesh.arc_span_kernels import ARC, FLAT, arc_point, set_arc
-from crowdsim.navmesh.arc_violation_kernels import arc_violations
+from crowdsim.navmesh.clearance.arc_span_kernels import ARC, FLAT, arc_point, set_arc
+from crowdsim.navmesh.clearance.arc_violation_kernels import arc_violations
 from crowdsim.navmesh.navmesh import NavMesh
 from tests.reference.arcs import arc_length, sampled
 from tests.reference.navmesh_reference import clearances, random_area

@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from crowdsim.errors import GeometryError
-from crowdsim.navmesh.clearance_kernels import capsule_clearance, disc_clearance
+from crowdsim.navmesh.clearance.clearance_kernels import capsule_clearance, disc_clearance
 from crowdsim.navmesh.navmesh import NavMesh
 from tests.reference.navmesh_reference import clearances, random_area
 

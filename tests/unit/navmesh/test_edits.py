@@ -8,10 +8,10 @@ import pytest
 import shapely
 
 from crowdsim.errors import GeometryError, PathNotFound, StaleHandle
-from crowdsim.navmesh import outline_kernels
+from crowdsim.navmesh.editing import outline_kernels
 from crowdsim.navmesh.mesh_arrays import USE
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.navmesh.use_kernels import keep_used
+from crowdsim.navmesh.triangulation.use_kernels import keep_used
 from tests.reference.edits_reference import edit_faults, edited_clearances, free_space
 
 ROOM = shapely.box(0, 0, 10, 6)
@@ -183,7 +183,8 @@ def test_arrays_grow_with_what_is_in_the_mesh():
 
 
 def test_an_obstacle_that_cannot_go_in_leaves_the_mesh_as_it_was(monkeypatch):
-    from crowdsim.navmesh import edit_kernels, segment_kernels
+    from crowdsim.navmesh.editing import edit_kernels
+    from crowdsim.navmesh.triangulation import segment_kernels
 
     mesh = NavMesh(ROOM)
     handle = mesh.insert_obstacle(WALL)

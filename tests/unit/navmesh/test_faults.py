@@ -9,11 +9,11 @@ import shapely
 
 from crowdsim.errors import GeometryError, GeometryWarning, PathNotFound
 from crowdsim.geometry.snapping import snap
-from crowdsim.navmesh import triangle_builder
-from crowdsim.navmesh.build_kernels import build
-from crowdsim.navmesh.builders import BUILDERS, mesh_frame
 from crowdsim.navmesh.mesh_arrays import Rings, empty_mesh, trimmed, workshop
 from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.navmesh.triangulation import triangle_builder
+from crowdsim.navmesh.triangulation.build_kernels import build
+from crowdsim.navmesh.triangulation.builders import BUILDERS, mesh_frame
 from tests.reference.navmesh_reference import free_area, mesh_faults
 
 FILES = [

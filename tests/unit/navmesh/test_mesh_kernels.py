@@ -3,13 +3,13 @@
 import numpy as np
 import shapely
 
+from crowdsim.navmesh.clearance.violation_kernels import violations
 from crowdsim.navmesh.growing_kernels import longer, longer_rows
 from crowdsim.navmesh.half_edge_kernels import find_half_edge, locate, nxt, prv
 from crowdsim.navmesh.mesh_arrays import NONE, resized, workshop
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.navmesh.segment_kernels import insert_segment
-from crowdsim.navmesh.triangulation_kernels import FULL, insert_point
-from crowdsim.navmesh.violation_kernels import violations
+from crowdsim.navmesh.triangulation.segment_kernels import insert_segment
+from crowdsim.navmesh.triangulation.triangulation_kernels import FULL, insert_point
 from tests.reference.navmesh_reference import mesh_faults, orient_sign, random_area
 
 

@@ -7,8 +7,8 @@ import pytest
 import shapely
 
 from crowdsim.errors import GeometryError
+from crowdsim.navmesh.clearance.nearest_kernels import nearest_free
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.navmesh.nearest_kernels import nearest_free
 from tests.reference.navmesh_reference import random_area
 from tests.reference.nearest_free import NearestFree
 

@@ -10,9 +10,9 @@ import pytest
 import shapely
 
 from crowdsim.errors import GeometryError, PathNotFound
-from crowdsim.navmesh import path_kernels
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.navmesh.paths import FOUND, TANGLED
+from crowdsim.navmesh.paths import path_kernels
+from crowdsim.navmesh.paths.paths import FOUND, TANGLED
 from tests.reference.navmesh_reference import mesh_faults, part_of, random_area, reachable_parts
 
 CLOSE = 1e-5

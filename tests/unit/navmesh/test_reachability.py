@@ -7,9 +7,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from crowdsim.errors import GeometryError, PathNotFound
-from crowdsim.navmesh.component_kernels import label_sides
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.navmesh.reachability import ComponentCache
+from crowdsim.navmesh.paths.component_kernels import label_sides
+from crowdsim.navmesh.paths.reachability import ComponentCache
 from tests.reference.components import side_components
 from tests.reference.navmesh_reference import random_area
 

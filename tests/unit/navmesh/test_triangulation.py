@@ -6,10 +6,10 @@ import shapely
 
 from crowdsim.errors import GeometryError
 from crowdsim.geometry.snapping import snap
-from crowdsim.navmesh.build_kernels import build
-from crowdsim.navmesh.builders import mesh_frame
 from crowdsim.navmesh.mesh_arrays import empty_mesh, workshop
 from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.navmesh.triangulation.build_kernels import build
+from crowdsim.navmesh.triangulation.builders import mesh_frame
 from tests.reference.navmesh_reference import free_area, mesh_faults, random_area
 
 

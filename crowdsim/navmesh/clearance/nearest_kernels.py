@@ -1,0 +1,250 @@
+"""The nearest place where a disc stands free.
+
+Where p itself is not free, the nearest place q touches an obstacle: it is the nearest point to p of one obstacle's
+outline grown by the radius, or a point where two such outlines meet. Whatever triangle q is in, the obstacles it
+touches are seen from there within the radius. So free triangles are taken by their distance from p, blocked ones only
+passed, and each offers the candidates of the obstacles next to it, until the next triangle is farther than the best
+one.
+"""
+
+import math
+
+import numpy as np
+
+from crowdsim.geometry.segments_kernels import point_segment_distance2, segment_segment_distance2
+from crowdsim.jit import helper, kernel
+from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance, snapped
+from crowdsim.navmesh.growing_kernels import longer
+from crowdsim.navmesh.half_edge_kernels import locate, nxt
+from crowdsim.navmesh.heap_kernels import HEAP_ROW, pop, push
+from crowdsim.navmesh.mesh_arrays import NONE
+
+_OUTLINE = np.dtype([(name, np.float64) for name in ("x", "y", "ux", "uy", "length")], align=True)
+"""Part of an obstacle's outline grown by the radius.
+
+The circle around (x, y) where ``length`` is 0, otherwise the segment from (x, y) on in the direction u.
+"""
+
+_BEST = np.dtype([("x", np.float64), ("y", np.float64), ("distance", np.float64)], align=True)
+"""The nearest free place so far, handed on as an array (1,): a bare record would not keep its memory alive."""
+
+
+@helper
+def _try(m, t, px, py, x, y, radius, slack, best):
+    """Make (x, y) the best place if it is nearer to p and free."""
+    distance = math.hypot(x - px, y - py)
+    if distance < best[0].distance:
+        clearance, _ = disc_clearance(m, x, y, 2.0 * radius, t)
+        if clearance >= radius - slack:
+            best[0].x = x
+            best[0].y = y
+            best[0].distance = distance
+
+
+@helper
+def _nearest_of(one, px, py, radius):
+    """(distance, x, y) of the point of an outline that is nearest to p."""
+    dx = px - one.x
+    dy = py - one.y
+    if one.length > 0.0:
+        along = min(max(dx * one.ux + dy * one.uy, 0.0), one.length)
+        x = one.x + along * one.ux
+        y = one.y + along * one.uy
+        return math.hypot(x - px, y - py), x, y
+    distance = math.hypot(dx, dy)
+    if distance == 0.0:
+        return radius, px + radius, py
+    return abs(distance - radius), one.x + radius / distance * dx, one.y + radius / distance * dy
+
+
+@helper
+def _try_meetings(m, t, px, py, one, other, radius, slack, best):
+    """Try the points where two outlines meet."""
+    if one.length == 0.0:
+        one, other = other, one
+    dx = other.x - one.x
+    dy = other.y - one.y
+    if one.length == 0.0:  # two circles of the same radius
+        distance2 = dx * dx + dy * dy
+        if distance2 == 0.0 or distance2 > 4.0 * radius * radius:
+            return
+        up = math.sqrt(max(radius * radius / distance2 - 0.25, 0.0))
+        for sign in (-up, up):
+            x = one.x + 0.5 * dx - sign * dy
+            y = one.y + 0.5 * dy + sign * dx
+            _try(m, t, px, py, x, y, radius, slack, best)
+    elif other.length == 0.0:  # a segment and a circle
+        along = dx * one.ux + dy * one.uy
+        across = dx * one.uy - dy * one.ux
+        half2 = radius * radius - across * across
+        if half2 < 0.0:
+            return
+        half = math.sqrt(half2)
+        for s in (along - half, along + half):
+            if s >= -slack and s <= one.length + slack:
+                _try(m, t, px, py, one.x + s * one.ux, one.y + s * one.uy, radius, slack, best)
+    else:
+        sine = one.ux * other.uy - one.uy * other.ux
+        if sine == 0.0:
+            return
+        s = (dx * other.uy - dy * other.ux) / sine
+        s2 = (dx * one.uy - dy * one.ux) / sine
+        if s >= -slack and s <= one.length + slack and s2 >= -slack and s2 <= other.length + slack:
+            _try(m, t, px, py, one.x + s * one.ux, one.y + s * one.uy, radius, slack, best)
+
+
+@helper
+def _side_to_triangle2(m, h, t):
+    """Squared distance between side h and the outline of triangle t."""
+    sides = m.sides
+    vertices = m.vertices
+    a = vertices[sides[h].org]
+    b = vertices[sides[nxt(h)].org]
+    best = math.inf
+    for e in range(3 * t, 3 * t + 3):
+        c = vertices[sides[e].org]
+        d = vertices[sides[nxt(e)].org]
+        best = min(best, segment_segment_distance2(a.x, a.y, b.x, b.y, c.x, c.y, d.x, d.y))
+    return best
+
+
+@helper
+def _outlines_near(m, root, radius, near, outlines, stack, triangle_marks, vertex_marks):
+    """Outlines of all that is seen from the free triangle ``root`` within ``near``: (outlines, count, stack)."""
+    sides = m.sides
+    vertices = m.vertices
+    count = 0
+    triangle_marks[root] = root + 1
+    stack[0] = root
+    top = 1
+    while top > 0:
+        top -= 1
+        t = stack[top]
+        if top + 3 > stack.size:
+            stack = longer(stack)
+        if count + 6 > outlines.size:
+            outlines = longer(outlines)
+        for h in range(3 * t, 3 * t + 3):
+            v = sides[h].org
+            a = vertices[v]
+            if vertex_marks[v] != root + 1:
+                vertex_marks[v] = root + 1
+                outlines[count].x = a.x
+                outlines[count].y = a.y
+                outlines[count].length = 0.0
+                count += 1
+            g = sides[h].twin
+            if sides[h].cst == 0 and triangle_marks[g // 3] == root + 1:
+                continue
+            if _side_to_triangle2(m, h, root) > near * near:
+                continue
+            if sides[h].cst == 0:
+                triangle_marks[g // 3] = root + 1
+                stack[top] = g // 3
+                top += 1
+                continue
+            b = vertices[sides[nxt(h)].org]
+            ux = b.x - a.x
+            uy = b.y - a.y
+            length = math.hypot(ux, uy)
+            ux /= length
+            uy /= length
+            outline = outlines[count]
+            outline.x = a.x - radius * uy  # free space is on the left
+            outline.y = a.y + radius * ux
+            outline.ux = ux
+            outline.uy = uy
+            outline.length = length
+            count += 1
+    return outlines, count, stack
+
+
+@helper
+def _roomy(m, t, radius):
+    """Whether some place in triangle t is ``radius`` off its corners.
+
+    It is the center of the circumscribed circle, or where the bisector of another side meets the longest one.
+    """
+    a = m.vertices[m.sides[3 * t].org]
+    b = m.vertices[m.sides[3 * t + 1].org]
+    c = m.vertices[m.sides[3 * t + 2].org]
+    x = (b.x - a.x) * (b.x - a.x) + (b.y - a.y) * (b.y - a.y)
+    y = (c.x - b.x) * (c.x - b.x) + (c.y - b.y) * (c.y - b.y)
+    longest = (a.x - c.x) * (a.x - c.x) + (a.y - c.y) * (a.y - c.y)
+    if x > longest:
+        x, longest = longest, x
+    if y > longest:
+        y, longest = longest, y
+    if longest < x + y:
+        area2 = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x)
+        return x * y * longest >= 4.0 * radius * radius * area2 * area2
+    root = math.sqrt(longest)
+    return max(x * root / (x + longest - y), y * root / (y + longest - x)) >= radius
+
+
+@helper
+def _distance_to_triangle(m, t, px, py):
+    sides = m.sides
+    vertices = m.vertices
+    best = math.inf
+    inside = True
+    for h in range(3 * t, 3 * t + 3):
+        a = vertices[sides[h].org]
+        b = vertices[sides[nxt(h)].org]
+        inside = inside and (b.x - a.x) * (py - a.y) - (b.y - a.y) * (px - a.x) >= 0.0
+        best = min(best, point_segment_distance2(px, py, a.x, a.y, b.x, b.y))
+    return 0.0 if inside else math.sqrt(best)
+
+
+@kernel
+def nearest_free(m, px, py, radius, slack, limit):
+    """(distance, x, y) of the place nearest to p with a clearance of ``radius``; inf where none is within ``limit``.
+
+    ``slack`` (meters) is what rounding may take from a candidate's clearance. p may be anywhere.
+    """
+    sides = m.sides
+    frame = m.frame[0]
+    best = np.empty(1, _BEST)
+    best[0].x = px
+    best[0].y = py
+    best[0].distance = limit + slack
+    seen = np.zeros(frame.triangles, np.uint8)
+    triangle_marks = np.zeros(frame.triangles, np.int32)
+    vertex_marks = np.zeros(frame.vertices, np.int32)
+    outlines = np.empty(64, _OUTLINE)
+    stack = np.empty(64, np.int64)
+    heap = np.empty(256, HEAP_ROW)
+    x = min(max(snapped(frame.cell, px), frame.x0), frame.x1)
+    y = min(max(snapped(frame.cell, py), frame.y0), frame.y1)
+    root = locate(m, x, y, NONE)
+    seen[root] = 1
+    heap, waiting = push(heap, np.int64(0), 0.0, np.int64(root))
+    _try(m, root, px, py, px, py, radius, slack, best)
+    while waiting > 0:
+        pop(heap, waiting)
+        waiting -= 1
+        if heap[waiting].key >= best[0].distance:
+            break
+        t = heap[waiting].item
+        for h in range(3 * t, 3 * t + 3):
+            g = sides[h].twin
+            if g >= 0 and seen[g // 3] == 0:
+                seen[g // 3] = 1
+                heap, waiting = push(heap, waiting, _distance_to_triangle(m, g // 3, px, py), g // 3)
+        if m.wind[t] != 0 or not _roomy(m, t, radius - slack):
+            continue
+        outlines, count, stack = _outlines_near(
+            m, t, radius, radius + slack, outlines, stack, triangle_marks, vertex_marks
+        )
+        for i in range(count):
+            _, x, y = _nearest_of(outlines[i], px, py, radius)
+            _try(m, t, px, py, x, y, radius, slack, best)
+        kept = 0
+        for i in range(count):
+            distance, _, _ = _nearest_of(outlines[i], px, py, radius)
+            if distance < best[0].distance:
+                outlines[kept] = outlines[i]
+                for k in range(kept):
+                    _try_meetings(m, t, px, py, outlines[k], outlines[kept], radius, slack, best)
+                kept += 1
+    return best[0].distance if best[0].distance <= limit else math.inf, best[0].x, best[0].y

@@ -1,0 +1,218 @@
+"""Where a swept disc comes too close to the obstacles of a mesh."""
+
+import math
+
+import numpy as np
+
+from crowdsim.geometry.segments_kernels import segment_segment_distance2
+from crowdsim.jit import helper, kernel
+from crowdsim.navmesh.clearance.clearance_kernels import snapped
+from crowdsim.navmesh.growing_kernels import longer
+from crowdsim.navmesh.half_edge_kernels import locate, nxt
+from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
+
+SPAN = np.dtype([("lo", np.float64), ("hi", np.float64)], align=True)
+"""An interval of arc length."""
+
+
+@helper
+def _widen(span, lo, hi):
+    """The smallest interval that holds ``span`` and lo..hi (which may be empty)."""
+    if lo < hi:
+        return min(span[0], lo), max(span[1], hi)
+    return span
+
+
+@helper
+def _disc_span(px, py, ux, uy, radius, vx, vy):
+    """Interval of s where p + s u (u of unit length) is closer than ``radius`` to v; lo > hi if none."""
+    along = (vx - px) * ux + (vy - py) * uy
+    across = (vx - px) * uy - (vy - py) * ux
+    half2 = radius * radius - across * across
+    if half2 <= 0.0:
+        return math.inf, -math.inf
+    half = math.sqrt(half2)
+    return along - half, along + half
+
+
+@helper
+def _strip_span(px, py, ux, uy, radius, ax, ay, bx, by):
+    """Interval of s where p + s u is closer than ``radius`` to the inside of segment ab; lo > hi if none."""
+    ex = bx - ax
+    ey = by - ay
+    length = math.hypot(ex, ey)
+    ex /= length
+    ey /= length
+    lo = -math.inf
+    hi = math.inf
+    # -radius < n.(p - a) + s n.u < radius and 0 < e.(p - a) + s e.u < length
+    for at, rate, least, most in (
+        (ex * (py - ay) - ey * (px - ax), ex * uy - ey * ux, -radius, radius),
+        (ex * (px - ax) + ey * (py - ay), ex * ux + ey * uy, 0.0, length),
+    ):
+        if rate == 0.0:
+            if at <= least or at >= most:
+                return math.inf, -math.inf
+        else:
+            s0 = (least - at) / rate
+            s1 = (most - at) / rate
+            lo = max(lo, min(s0, s1))
+            hi = min(hi, max(s0, s1))
+    return lo, hi
+
+
+@helper
+def _triangle_span(m, t, px, py, ux, uy):
+    """Interval of s where p + s u is inside triangle t; lo > hi if none."""
+    lo = -math.inf
+    hi = math.inf
+    for h in range(3 * t, 3 * t + 3):
+        a = m.vertices[m.sides[h].org]
+        b = m.vertices[m.sides[nxt(h)].org]
+        ex = b.x - a.x
+        ey = b.y - a.y
+        at = ex * (py - a.y) - ey * (px - a.x)
+        rate = ex * uy - ey * ux
+        if rate > 0.0:
+            lo = max(lo, -at / rate)
+        elif rate < 0.0:
+            hi = min(hi, -at / rate)
+        elif at < 0.0:
+            return math.inf, -math.inf
+    return lo, hi
+
+
+@helper
+def record(spans, count, lo, hi):
+    """Append an interval to ``spans``, which grow as needed; the array and the new count."""
+    if count == spans.size:
+        spans = longer(spans)
+    spans[count].lo = lo
+    spans[count].hi = hi
+    return spans, count + 1
+
+
+@helper
+def merged(spans, count):
+    """The union of the first ``count`` intervals as disjoint ones (k, 2) in order."""
+    for i in range(1, count):  # they come nearly in order
+        lo = spans[i].lo
+        hi = spans[i].hi
+        k = i
+        while k > 0 and spans[k - 1].lo > lo:
+            spans[k] = spans[k - 1]
+            k -= 1
+        spans[k].lo = lo
+        spans[k].hi = hi
+    kept = 0
+    for i in range(count):
+        # Intervals that touch are one: neighbors share their end up to rounding.
+        if kept > 0 and spans[i].lo <= spans[kept - 1].hi + 1e-9:
+            spans[kept - 1].hi = max(spans[kept - 1].hi, spans[i].hi)
+        else:
+            spans[kept] = spans[i]
+            kept += 1
+    union = np.empty((kept, 2))
+    for i in range(kept):
+        union[i, 0] = spans[i].lo
+        union[i, 1] = spans[i].hi
+    return union
+
+
+@kernel
+def violations(m, points, radius):
+    """All maximal intervals of arc length where the polyline (n, 2) is closer than ``radius`` to an obstacle: (k, 2).
+
+    Exact for each piece: the constraints near it give one interval each (offset lines and end circles), blocked
+    triangles the interval inside them, and what leaves the box is blocked.
+    """
+    sides = m.sides
+    vertices = m.vertices
+    frame = m.frame[0]
+    cell = frame.cell
+    marks = np.zeros(frame.triangles, np.int64)
+    stack = np.empty(256, np.int64)
+    spans = np.empty(64, SPAN)
+    count = np.int64(0)
+    start = 0.0
+    hint = NONE
+    for i in range(max(points.shape[0] - 1, 1)):
+        px = points[i, 0]
+        py = points[i, 1]
+        last = min(i + 1, points.shape[0] - 1)
+        ux = points[last, 0] - px
+        uy = points[last, 1] - py
+        length = math.hypot(ux, uy)
+        if length > 0.0:
+            ux /= length
+            uy /= length
+        elif points.shape[0] > 2:
+            continue
+        else:
+            ux = 1.0
+        enter = 0.0
+        leave = length
+        for at, rate, least, most in ((px, ux, frame.x0, frame.x1), (py, uy, frame.y0, frame.y1)):
+            if rate == 0.0:
+                if at < least or at > most:
+                    leave = -math.inf
+            else:
+                enter = max(enter, min((least - at) / rate, (most - at) / rate))
+                leave = min(leave, max((least - at) / rate, (most - at) / rate))
+        if leave < enter:
+            spans, count = record(spans, count, start, start + length)
+            start += length
+            continue
+        if enter > 0.0:
+            spans, count = record(spans, count, start, start + enter)
+        if leave < length:
+            spans, count = record(spans, count, start + leave, start + length)
+        qx = px + enter * ux
+        qy = py + enter * uy
+        ex = px + leave * ux
+        ey = py + leave * uy
+        near = radius * radius
+        x = min(max(snapped(cell, qx), frame.x0), frame.x1)
+        y = min(max(snapped(cell, qy), frame.y0), frame.y1)
+        hint = locate(m, x, y, hint)
+        marks[hint] = i + 1
+        stack[0] = hint
+        top = 1
+        while top > 0:
+            top -= 1
+            t = stack[top]
+            if top + 3 > stack.size:
+                stack = longer(stack)
+            if m.wind[t] != 0:
+                lo, hi = _triangle_span(m, t, px, py, ux, uy)
+                lo = max(lo, enter)
+                hi = min(hi, leave)
+                if lo < hi or (length == 0.0 and lo <= hi):
+                    spans, count = record(spans, count, start + lo, start + hi)
+            for h in range(3 * t, 3 * t + 3):
+                a = sides[h].org
+                b = sides[nxt(h)].org
+                ax = vertices[a].x
+                ay = vertices[a].y
+                bx = vertices[b].x
+                by = vertices[b].y
+                if a >= BOX_CORNERS:
+                    span = _disc_span(px, py, ux, uy, radius, ax, ay)
+                    if sides[h].cst != 0:
+                        lo, hi = _disc_span(px, py, ux, uy, radius, bx, by)
+                        span = _widen(span, lo, hi)
+                        lo, hi = _strip_span(px, py, ux, uy, radius, ax, ay, bx, by)
+                        span = _widen(span, lo, hi)
+                    lo = max(span[0], enter)
+                    hi = min(span[1], leave)
+                    if lo < hi or (length == 0.0 and lo <= hi):
+                        spans, count = record(spans, count, start + lo, start + hi)
+                g = sides[h].twin
+                if g < 0 or marks[g // 3] == i + 1:
+                    continue
+                if segment_segment_distance2(qx, qy, ex, ey, ax, ay, bx, by) <= near:
+                    marks[g // 3] = i + 1
+                    stack[top] = g // 3
+                    top += 1
+        start += length
+    return merged(spans, count)

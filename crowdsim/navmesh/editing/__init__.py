@@ -1,0 +1,1 @@
+"""Obstacles put into a mesh, moved and taken out again."""

@@ -1,0 +1,266 @@
+"""Vertices taken out of a constrained triangulation."""
+
+from crowdsim.geometry.predicates_kernels import incircle
+from crowdsim.jit import helper
+from crowdsim.navmesh.half_edge_kernels import nxt, prv, side
+from crowdsim.navmesh.triangulation.triangulation_kernels import flip, link, take
+from crowdsim.navmesh.triangulation.use_kernels import same_uses
+from crowdsim.navmesh.triangulation.work_kernels import touch
+
+
+@helper
+def hint_cell(m, t):
+    """The cell of the hint grid that holds the center of triangle t."""
+    frame = m.frame[0]
+    x = 0.0
+    y = 0.0
+    for h in range(3 * t, 3 * t + 3):
+        v = m.vertices[m.sides[h].org]
+        x += v.x
+        y += v.y
+    column = min(int((x / 3.0 - frame.x0) / frame.hint_cell), frame.nx - 1)
+    row = min(int((y / 3.0 - frame.y0) / frame.hint_cell), frame.ny - 1)
+    return row * frame.nx + column
+
+
+@helper
+def _free_triangle(m, t):
+    """Forget triangle t, which no other points to; the last triangle takes its number."""
+    sides = m.sides
+    frame = m.frame[0]
+    last = frame.triangles - 1
+    frame.triangles = last
+    if t == last:
+        return
+    m.wind[t] = m.wind[last]
+    for i in range(3):
+        h = 3 * t + i
+        source = 3 * last + i
+        sides[h].org = sides[source].org
+        sides[h].clr = sides[source].clr
+        take(sides, h, source)
+        m.vertices[sides[h].org].vhe = h
+    cell = hint_cell(m, t)
+    if m.hints[cell] == last:
+        m.hints[cell] = t
+
+
+@helper
+def _free_vertex(m, v):
+    frame = m.frame[0]
+    m.vertices[v].vhe = -1 - frame.spare
+    m.vertices[v].vref = 0
+    frame.spare = v
+
+
+@helper
+def _push(w, a, b):
+    """One more side to restore the Delaunay property of."""
+    progress = w.progress[0]
+    w.pairs[progress.pairs, 0] = a
+    w.pairs[progress.pairs, 1] = b
+    progress.pairs += 1
+
+
+@helper
+def remove_vertex(m, w, v):
+    """Take out vertex v, which has no constrained spoke or two of the same load, which become one side.
+
+    False where the latter would sweep over another vertex: then v stays. Sides around that may not be Delaunay are
+    stacked in ``pairs``. Exact: a spoke is flipped where both new triangles have an area, until four or three are left
+    (among five spokes there always is one: those that span half a turn or more, and the corners that bend inward, are
+    too few to block all).
+    """
+    sides = m.sides
+    vertices = m.vertices
+    first = vertices[v].vhe
+    degree = 0
+    fixed = 0
+    h = first
+    while True:
+        degree += 1
+        if sides[h].cst != 0:
+            fixed += 1
+        h = sides[prv(h)].twin
+        if h == first:
+            break
+    h = first
+    idle = 0
+    while degree > 4 and idle < degree:
+        g = sides[h].twin
+        before = nxt(g)
+        after = sides[prv(h)].twin
+        a = sides[prv(g)].org
+        b = sides[g].org
+        c = sides[prv(h)].org
+        between = sides[before].cst != 0 and sides[after].cst != 0
+        ax = vertices[a].x
+        ay = vertices[a].y
+        if (
+            sides[h].cst == 0
+            and not between
+            and side(vertices, b, c, ax, ay) > 0.0
+            and side(vertices, v, a, vertices[c].x, vertices[c].y) > 0.0
+        ):
+            flip(sides, vertices, h)
+            touch(w, c)
+            _push(w, a, b)
+            _push(w, b, c)
+            degree -= 1
+            idle = 0
+            h = sides[prv(h)].twin
+        else:
+            idle += 1
+            h = after
+    # The spokes h0 to a, then counter-clockwise to b, c and d; a and c get joined.
+    h0 = h
+    if degree == 4:
+        h1 = sides[prv(h0)].twin
+        h2 = sides[prv(h1)].twin
+        h3 = sides[prv(h2)].twin
+        for turn in range(2):
+            a = sides[nxt(h0)].org
+            b = sides[nxt(h1)].org
+            c = sides[nxt(h2)].org
+            d = sides[nxt(h3)].org
+            joins = side(vertices, a, b, vertices[c].x, vertices[c].y) > 0.0
+            joins = joins and side(vertices, a, c, vertices[d].x, vertices[d].y) > 0.0
+            if joins and (fixed == 0 or (sides[h0].cst != 0 and sides[h2].cst != 0)):
+                break
+            if turn == 1:
+                degree = 0
+            h0, h1, h2, h3 = h1, h2, h3, h0
+    elif degree == 3 and fixed == 0:
+        h1 = sides[prv(h0)].twin
+        h2 = sides[prv(h1)].twin
+    else:
+        degree = 0
+    if degree == 0:
+        # Whatever was flipped is to be Delaunay again.
+        h = vertices[v].vhe
+        first = h
+        while True:
+            _push(w, v, sides[nxt(h)].org)
+            _push(w, sides[nxt(h)].org, sides[prv(h)].org)
+            h = sides[prv(h)].twin
+            if h == first:
+                break
+        return False
+    k0 = nxt(h0)
+    k1 = nxt(h1)
+    a = sides[k0].org
+    b = sides[k1].org
+    if degree == 4:
+        k2 = nxt(h2)
+        k3 = nxt(h3)
+        c = sides[k2].org
+        d = sides[k3].org
+        for k, h, source, start, middle, end in ((k0, h0, k1, a, b, c), (k2, h2, k3, c, d, a)):
+            take(sides, nxt(k), source)
+            sides[h].org = end
+            sides[k].clr = -1.0
+            vertices[start].vhe = k
+            vertices[middle].vhe = nxt(k)
+            _push(w, start, middle)
+            _push(w, middle, end)
+        link(sides, h0, h2)
+        _push(w, a, c)
+        one = h1 // 3
+        other = h3 // 3
+    else:
+        c = sides[nxt(h2)].org
+        take(sides, nxt(k0), k1)
+        take(sides, h0, nxt(h2))
+        sides[h0].org = c
+        sides[k0].clr = -1.0
+        vertices[a].vhe = k0
+        vertices[b].vhe = nxt(k0)
+        vertices[c].vhe = h0
+        _push(w, a, b)
+        _push(w, b, c)
+        _push(w, c, a)
+        one = h1 // 3
+        other = h2 // 3
+    touch(w, a)
+    touch(w, c)
+    _free_triangle(m, max(one, other))
+    _free_triangle(m, min(one, other))
+    _free_vertex(m, v)
+    return True
+
+
+@helper
+def _takes_over(m, v, far, a, b):
+    """Whether ``far`` is in one triangle with a and b once v, between them, is out; then its height tells all."""
+    sides = m.sides
+    vertices = m.vertices
+    p = vertices[far]
+    where = side(vertices, a, b, p.x, p.y)
+    if where < 0.0:
+        a, b = b, a
+    elif where == 0.0:
+        return False
+    ax = vertices[a].x
+    ay = vertices[a].y
+    bx = vertices[b].x
+    by = vertices[b].y
+    first = vertices[v].vhe
+    h = first
+    while True:
+        c = sides[nxt(h)].org
+        q = vertices[c]
+        other = c != a and c != b and c != far and side(vertices, a, b, q.x, q.y) > 0.0
+        if other and incircle(ax, ay, bx, by, p.x, p.y, q.x, q.y, 1.0 / m.frame[0].cell) > 0:
+            return False
+        h = sides[prv(h)].twin
+        if h == first:
+            return True
+
+
+@helper
+def removable(m, w, v):
+    """Whether vertex v, no corner of an obstacle, is neither a crossing nor the foot that a neighbor needs."""
+    sides = m.sides
+    vertices = m.vertices
+    first = vertices[v].vhe
+    one = first
+    other = first
+    fixed = 0
+    h = first
+    while True:
+        if sides[h].cst != 0:
+            other = one
+            one = h
+            fixed += 1
+        h = sides[prv(h)].twin
+        if h == first:
+            break
+    if fixed == 0:
+        return True
+    if fixed != 2:
+        return False
+    to_one = sides[one]
+    to_other = sides[other]
+    from_one = sides[to_one.twin]
+    from_other = sides[to_other.twin]
+    if from_one.cst != to_other.cst or from_one.win != to_other.win:
+        return False
+    if not same_uses(w.uses, from_one.use, to_other.use) or not same_uses(w.uses, to_one.use, from_other.use):
+        return False
+    a = vertices[from_one.org]
+    b = vertices[from_other.org]
+    x = vertices[v].x
+    y = vertices[v].y
+    ux = b.x - a.x
+    uy = b.y - a.y
+    slack = 4.0 * m.frame[0].cell * (abs(ux) + abs(uy))
+    h = first
+    while True:
+        if sides[h].cst == 0 and m.wind[h // 3] == 0:
+            far = vertices[sides[nxt(h)].org]
+            is_foot = far.vref > 0 and abs((far.x - x) * ux + (far.y - y) * uy) <= slack
+            if is_foot and not _takes_over(m, v, sides[nxt(h)].org, from_one.org, from_other.org):
+                return False
+        h = sides[prv(h)].twin
+        if h == first:
+            return True

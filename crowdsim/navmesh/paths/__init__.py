@@ -1,0 +1,1 @@
+"""Fast paths of discs, and which places they join."""

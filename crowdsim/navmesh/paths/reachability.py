@@ -1,0 +1,37 @@
+"""Which places of a mesh a disc can go between."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.navmesh.mesh_arrays import MeshArrays
+from crowdsim.navmesh.paths.component_kernels import label_sides
+
+_KEPT = 8
+"""Radii whose components are remembered."""
+
+
+class ComponentCache:
+    """The components of the sides of one mesh, remembered for the radii used last.
+
+    Threads may share it: entries are replaced as a whole, so at worst two threads compute the same.
+    """
+
+    def __init__(self) -> None:
+        self._entries: tuple[tuple[tuple[int, float], NDArray[np.int32], int], ...] = ()
+
+    def labels(self, mesh: MeshArrays, revision: int, width: float) -> tuple[NDArray[np.int32], int]:
+        """Labels (3 nt,) of the half-edges for a disc of diameter ``width``, and how many components there are.
+
+        ``revision`` changes with every edit of the mesh.
+        """
+        key = (revision, width)
+        entries = self._entries
+        entry = next((entry for entry in entries if entry[0] == key), None)
+        if entry is None:
+            labels = np.empty(len(mesh.sides), np.int32)
+            entry = (key, labels, label_sides(mesh, width, labels))
+        others = [other for other in entries if other[0] != key and other[0][0] == revision]
+        self._entries = (entry, *others[: _KEPT - 1])
+        return entry[1], entry[2]

@@ -1,0 +1,77 @@
+"""Scratch memory of path searches: as large as a mesh, used again from query to query instead of cleared."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.navmesh.heap_kernels import HEAP_ROW
+
+LABEL = np.dtype(
+    [(name, np.float64) for name in ("rx", "ry", "spent", "lx", "ly", "px", "py")]
+    + [(name, np.int32) for name in ("h", "before", "corner", "ends")],
+    align=True,
+)
+"""Ways over one side: from a root, straight, over the part of the side that the root sees.
+
+rx, ry: the root, the last place where the way bends. spent: meters up to it. lx, ly, px, py: the left and the right end
+of the part of side h. corner: twice the half-edge that the root is an end of, plus 1 for its right end; -1 for the
+start. before: the label whose end became the root, or -1. ends: +1 if the left end is that of the passable side, so
+that the way may bend there; +2 if the right end is.
+"""
+
+REACHED = np.dtype([("spent", np.float64), ("stamp", np.int64)], align=True)
+"""Fewest meters at which the end of a side became a root, in the query that ``stamp`` tells."""
+
+WAYPOINT = np.dtype([("x", np.float64), ("y", np.float64), ("rest", np.float64), ("stamp", np.int64)], align=True)
+"""Where the way leaves a region for the goal, in the query that ``stamp`` tells, and about how far it is from there."""
+
+
+class Workspace(NamedTuple):
+    """C-contiguous arrays with room for a mesh of nt triangles; only the stamp outlives a query."""
+
+    labels: NDArray[Any]
+    """(6 nt,) records :data:`LABEL`."""
+    heap: NDArray[Any]
+    """(6 nt,) records :data:`HEAP_ROW`."""
+    reached: NDArray[Any]
+    """(6 nt,) records :data:`REACHED` of the left (even) and right ends of half-edges."""
+    waypoints: NDArray[Any]
+    """(nt,) records :data:`WAYPOINT` of regions, at their top triangles."""
+    stamp: NDArray[np.int64]
+    """(1,) number of the last query."""
+
+
+_idle: list[Workspace] = []
+_lock = threading.Lock()
+
+
+def empty_workspace(triangles: int) -> Workspace:
+    """A workspace for meshes of up to ``triangles``; the system gives memory only where it is written to."""
+    return Workspace(
+        np.empty(6 * triangles, LABEL),
+        np.empty(6 * triangles, HEAP_ROW),
+        np.zeros(6 * triangles, REACHED),
+        np.zeros(triangles, WAYPOINT),
+        np.zeros(1, np.int64),
+    )
+
+
+@contextmanager
+def workspace(triangles: int) -> Iterator[Workspace]:
+    """Lend a workspace for a mesh of ``triangles`` to one thread; it is kept for the next one who asks."""
+    with _lock:
+        fit = next((k for k, idle in enumerate(_idle) if len(idle.waypoints) >= triangles), None)
+        found = None if fit is None else _idle.pop(fit)
+        if found is None:
+            _idle.clear()  # too small for what is searched now
+    if found is None:
+        found = empty_workspace(1 << max(triangles - 1, 1).bit_length())
+    yield found
+    with _lock:
+        _idle.append(found)

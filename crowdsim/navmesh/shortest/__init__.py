@@ -1,0 +1,1 @@
+"""Shortest paths of discs: the graph of tangents between corners, and the search on it."""

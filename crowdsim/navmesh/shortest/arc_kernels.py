@@ -1,0 +1,285 @@
+"""Arcs of free places around the corners of a mesh, where a taut string of one radius may bend."""
+
+import math
+
+import numpy as np
+
+from crowdsim.geometry.segments_kernels import point_segment_distance2
+from crowdsim.jit import helper, kernel
+from crowdsim.navmesh.growing_kernels import longer
+from crowdsim.navmesh.half_edge_kernels import nxt, prv
+from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
+from crowdsim.navmesh.shortest.tangent_graph_arrays import ARC
+from crowdsim.navmesh.shortest.view_arrays import SIGHT
+
+_TURN = 2.0 * math.pi
+
+_FLAT = 1e-9
+"""Corners that turn by less (radians) are none."""
+
+_SPAN = np.dtype([("lo", np.float64), ("hi", np.float64)], align=True)
+"""An interval of angles, radians."""
+
+
+@helper
+def _look_around(m, px, py, h, reach2, sights, found, count):
+    """Add what is seen from (px, py) across side ``h`` of its triangle to ``found``; the new count.
+
+    A vertex v is added as v, a constrained side s as -1 - s. Sides whose squared distance is ``reach2`` or more are
+    not crossed. ``sights`` has room for all triangles.
+    """
+    sides = m.sides
+    vertices = m.vertices
+    sight = sights[0]
+    sight.side = h
+    sight.rx = vertices[sides[h].org].x - px
+    sight.ry = vertices[sides[h].org].y - py
+    sight.lx = vertices[sides[nxt(h)].org].x - px
+    sight.ly = vertices[sides[nxt(h)].org].y - py
+    top = 1
+    while top > 0:
+        top -= 1
+        sight = sights[top]
+        h = sight.side
+        if sides[h].cst != 0:
+            found[count] = -1 - h
+            count += 1
+            continue
+        g = sides[h].twin
+        a = vertices[sides[h].org]
+        b = vertices[sides[g].org]
+        if point_segment_distance2(px, py, a.x, a.y, b.x, b.y) >= reach2:
+            continue
+        rx = sight.rx
+        ry = sight.ry
+        lx = sight.lx
+        ly = sight.ly
+        w = sides[prv(g)].org
+        zx = vertices[w].x - px
+        zy = vertices[w].y - py
+        left_of_right = rx * zy - ry * zx >= 0.0
+        right_of_left = zx * ly - zy * lx >= 0.0
+        if left_of_right and right_of_left:
+            found[count] = w
+            count += 1
+        if left_of_right:
+            sight = sights[top]
+            sight.side = nxt(g)
+            sight.rx = rx
+            sight.ry = ry
+            sight.lx = zx if right_of_left else lx
+            sight.ly = zy if right_of_left else ly
+            if sight.rx * sight.ly - sight.ry * sight.lx > 0.0:
+                top += 1
+        if right_of_left:
+            sight = sights[top]
+            sight.side = prv(g)
+            sight.rx = zx if left_of_right else rx
+            sight.ry = zy if left_of_right else ry
+            sight.lx = lx
+            sight.ly = ly
+            if sight.rx * sight.ly - sight.ry * sight.lx > 0.0:
+                top += 1
+    return count
+
+
+@helper
+def _block(spans, count, nx, ny, extent, cx, cy, half):
+    """Record that places within ``half`` radians of direction c are taken, as angles from direction n; the count.
+
+    ``spans`` stay in the order of their lower ends.
+    """
+    middle = math.atan2(nx * cy - ny * cx, nx * cx + ny * cy)
+    for turns in range(3):  # places around a point obstacle go round twice
+        lo = middle - half + turns * _TURN
+        hi = middle + half + turns * _TURN
+        if half > 0.0 and hi > 0.0 and lo < extent:
+            k = count
+            while k > 0 and spans[k - 1].lo > lo:
+                spans[k] = spans[k - 1]
+                k -= 1
+            spans[k].lo = lo
+            spans[k].hi = hi
+            count += 1
+    return count
+
+
+@helper
+def _block_wall(spans, count, nx, ny, extent, vx, vy, radius, least, a, b):
+    """Record the places around the corner v where the inside of wall ab is closer than ``least``; the count."""
+    tx = b.x - a.x
+    ty = b.y - a.y
+    length = math.hypot(tx, ty)
+    tx /= length
+    ty /= length
+    # v is left of the wall; the normal points to it.
+    height = tx * (vy - a.y) - ty * (vx - a.x)
+    along = tx * (vx - a.x) + ty * (vy - a.y)
+    below = (height - least) / radius  # places whose part towards the wall is more are taken
+    if below >= 1.0:
+        return count
+    # Places at the angle g clockwise of t: sin g > below, and 0 < along + radius cos g < length.
+    half = math.acos(max(below, -1.0))
+    lo = math.acos(min(max((length - along) / radius, -1.0), 1.0))
+    hi = math.acos(min(max(-along / radius, -1.0), 1.0))
+    for first, last in ((lo, hi), (-hi, -lo), (_TURN - hi, _TURN - lo)):
+        first = max(first, 0.5 * math.pi - half)
+        last = min(last, 0.5 * math.pi + half)
+        middle = 0.5 * (first + last)
+        cx = tx * math.cos(middle) + ty * math.sin(middle)
+        cy = ty * math.cos(middle) - tx * math.sin(middle)
+        count = _block(spans, count, nx, ny, extent, cx, cy, 0.5 * (last - first))
+    return count
+
+
+@helper
+def _wedge_end(sides, vertices, first):
+    """The last spoke of the free wedge that begins with the constrained spoke ``first``: the next constrained one."""
+    h = first
+    while True:
+        h = sides[prv(h)].twin
+        if sides[h].cst != 0:
+            return h
+
+
+@helper
+def _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights, found, spans):
+    """(spans, count) of angles from direction n on where other obstacles take the places around the corner p.
+
+    The wedge of the corner lies between the spokes ``begin`` and ``last`` (-1: all around).
+    """
+    sides = m.sides
+    vertices = m.vertices
+    taken = 0
+    h = begin
+    while True:
+        found[0] = sides[nxt(h)].org
+        seen = _look_around(m, px, py, nxt(h), 4.0 * least * least, sights, found, np.int64(1))
+        h = sides[prv(h)].twin
+        if h == last:
+            found[seen] = sides[nxt(h)].org
+            seen += 1
+        for i in range(seen):
+            if taken + 9 > spans.size:
+                spans = longer(spans)
+            if found[i] < 0:
+                wall = -1 - found[i]
+                a = vertices[sides[wall].org]
+                b = vertices[sides[nxt(wall)].org]
+                taken = _block_wall(spans, taken, nx, ny, extent, px, py, radius, least, a, b)
+                continue
+            w = vertices[found[i]]
+            dx = w.x - px
+            dy = w.y - py
+            distance2 = dx * dx + dy * dy
+            if distance2 < 4.0 * least * least:
+                cosine = (radius * radius + distance2 - least * least) / (2.0 * radius * math.sqrt(distance2))
+                half = math.acos(min(max(cosine, -1.0), 1.0))
+                taken = _block(spans, taken, nx, ny, extent, dx, dy, half)
+        if h in (last, begin):
+            return spans, taken
+
+
+@helper
+def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spans):
+    """Add the arcs of the wedge of vertex v between the spokes ``first`` and ``last``; all around if they are -1."""
+    sides = m.sides
+    vertices = m.vertices
+    px = vertices[v].x
+    py = vertices[v].y
+    ax = 0.0
+    ay = 0.0
+    bx = 0.0
+    by = 0.0
+    nx = 1.0
+    ny = 0.0
+    extent = 2.0 * _TURN
+    begin = vertices[v].vhe
+    if first >= 0:
+        begin = first
+        a = vertices[sides[nxt(first)].org]
+        b = vertices[sides[nxt(last)].org]
+        ax = a.x - px
+        ay = a.y - py
+        bx = b.x - px
+        by = b.y - py
+        length = math.hypot(ax, ay)
+        ax /= length
+        ay /= length
+        length = math.hypot(bx, by)
+        bx /= length
+        by /= length
+        across = ax * by - ay * bx
+        # Nothing bends at a flat corner; but a point that moves along its walls meets it.
+        flat = radius > 0.0 and ax * bx + ay * by <= 0.0
+        if first != last and across > (-_FLAT if flat else _FLAT):
+            return arcs, count
+        nx = -ay
+        ny = ax
+        extent = math.pi
+        if first != last:
+            # From a + 90 degrees to b - 90 degrees.
+            extent = max(math.atan2(-across, -ax * bx - ay * by), 0.0)
+    taken = 0
+    if radius > 0.0:
+        spans, taken = _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights, found, spans)
+    at = 0.0
+    for i in range(taken + 1):
+        end = min(spans[i].lo, extent) if i < taken else extent
+        if end >= at and (first >= 0 or at < _TURN):
+            whole = (
+                first < 0 and end - at > _TURN
+            )  # a second arc, half a turn on, holds what crosses the first one's end
+            for k in range(2 if whole else 1):
+                if count == arcs.size:
+                    arcs = longer(arcs)
+                arc = arcs[count]
+                count += 1
+                arc.x = px
+                arc.y = py
+                arc.ax = ax
+                arc.ay = ay
+                arc.bx = bx
+                arc.by = by
+                turned = at + k * math.pi
+                arc.nx = nx * math.cos(turned) - ny * math.sin(turned)
+                arc.ny = ny * math.cos(turned) + nx * math.sin(turned)
+                arc.extent = _TURN if whole else end - at
+                arc.vertex = v
+        if i < taken:
+            at = max(at, spans[i].hi)
+    return arcs, count
+
+
+@kernel
+def find_arcs(m, radius, least):
+    """(arcs, begin (nv + 1,)) of :class:`TangentGraph`: the places where a disc touches one corner alone."""
+    sides = m.sides
+    vertices = m.vertices
+    triangles = m.frame[0].triangles
+    filled = m.frame[0].vertices
+    arcs = np.empty(filled, ARC)
+    begin = np.zeros(vertices.size + 1, np.int64)
+    sights = np.empty(triangles + 8, SIGHT)
+    found = np.empty(4 * triangles + 8, np.int64)
+    spans = np.empty(64, _SPAN)
+    count = 0
+    for v in range(vertices.size):
+        begin[v] = count
+        if v < BOX_CORNERS or v >= filled or vertices[v].vhe < 0:
+            continue
+        walls = 0
+        h = vertices[v].vhe
+        while True:
+            if sides[h].cst != 0:
+                walls += 1
+                if m.wind[h // 3] == 0:
+                    last = _wedge_end(sides, vertices, h)
+                    arcs, count = _free_arcs(m, v, h, last, radius, least, arcs, count, sights, found, spans)
+            h = sides[prv(h)].twin
+            if h == vertices[v].vhe:
+                break
+        if walls == 0 and m.wind[h // 3] == 0:
+            arcs, count = _free_arcs(m, v, NONE, NONE, radius, least, arcs, count, sights, found, spans)
+    begin[vertices.size] = count
+    return arcs[:count].copy(), begin

@@ -1,0 +1,69 @@
+"""The tangent graph of a mesh for one radius, made by all processors, and what searches on it need."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+
+import numpy as np
+
+from crowdsim.navmesh.mesh_arrays import MeshArrays
+from crowdsim.navmesh.shortest import arc_kernels, tangent_graph_kernels
+from crowdsim.navmesh.shortest.shortest_scratch import ShortestScratch, shortest_scratch
+from crowdsim.navmesh.shortest.tangent_graph_arrays import TangentGraph
+from crowdsim.navmesh.shortest.view_arrays import empty_view
+
+_SLACK_CELLS = 4.0
+"""Grid cells by which walls may hide what lies along them, as their middles are rounded to the grid."""
+
+
+class RadiusGraph:
+    """All arcs around corners and tangents between them that a disc of one radius can follow.
+
+    Parameters
+    ----------
+    mesh
+        The mesh; it must not change while this is used.
+    radius, least
+        Radius of the disc and the clearance that counts as enough for it, meters. Where ``least`` is not positive, the
+        disc is a point.
+    workers
+        Threads that make it; the graph is the same for any number.
+    """
+
+    def __init__(self, mesh: MeshArrays, radius: float, least: float, workers: int) -> None:
+        self.radius, self.least, self.slack = radius, least, _SLACK_CELLS * float(mesh.frame["cell"][0])
+        if least <= 0.0:
+            self.radius = self.least = self.slack = 0.0
+        self._vertices, self._triangles = len(mesh.vertices), int(mesh.frame["triangles"][0])
+        self._idle: list[ShortestScratch] = []
+        self._lock = threading.Lock()
+        arcs, begin = arc_kernels.find_arcs(mesh, self.radius, self.least)
+
+        def tangents(first: int, last: int) -> np.ndarray:
+            view = empty_view(self._vertices, self._triangles)
+            return tangent_graph_kernels.find_tangents(
+                mesh, arcs, begin, self.radius, self.least, self.slack, view, first, last
+            )
+
+        ends = np.linspace(0, 2 * len(arcs), max(workers, 1) + 1).astype(np.int64).tolist()
+        if workers <= 1:
+            found = tangents(0, 2 * len(arcs))
+        else:
+            with ThreadPoolExecutor(workers) as pool:
+                found = np.concatenate(list(pool.map(tangents, ends[:-1], ends[1:])))
+        nodes, links = tangent_graph_kernels.link_arcs(arcs, found, self.radius)
+        self.arrays = TangentGraph(arcs, begin, nodes, links)
+
+    @contextmanager
+    def scratch(self) -> Iterator[ShortestScratch]:
+        """Lend scratch memory to one thread; it is kept for the next one who asks."""
+        with self._lock:
+            found = self._idle.pop() if self._idle else None
+        if found is None:
+            found = shortest_scratch(len(self.arrays.nodes), self._vertices, self._triangles)
+        yield found
+        with self._lock:
+            self._idle.append(found)

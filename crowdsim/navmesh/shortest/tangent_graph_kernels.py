@@ -1,0 +1,164 @@
+"""Tangents between the arcs of a mesh that a disc of one radius can follow."""
+
+import math
+
+import numpy as np
+
+from crowdsim.jit import helper, kernel
+from crowdsim.navmesh.clearance.clearance_kernels import snapped
+from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, is_free_way
+from crowdsim.navmesh.growing_kernels import longer
+from crowdsim.navmesh.half_edge_kernels import locate, nxt, prv
+from crowdsim.navmesh.shortest.tangent_graph_arrays import LINK, NODE
+from crowdsim.navmesh.shortest.visibility_kernels import SLACK, see_corners
+
+_TANGENT = np.dtype(
+    [("i", np.int64), ("j", np.int64)] + [(n, np.float64) for n in ("length", "leave", "arrive")], align=True
+)
+"""A tangent from node i to node j, which leaves and arrives turned by so much."""
+
+
+@helper
+def touches(arc, nx, ny):
+    """Whether the place in direction n of the arc's corner is off both walls of the corner."""
+    return nx * arc.ax + ny * arc.ay <= SLACK and nx * arc.bx + ny * arc.by <= SLACK
+
+
+@helper
+def turned_to(arc, nx, ny):
+    """Radians from the begin of the arc to its place in direction n, or -1.0 if that is not on the arc."""
+    angle = math.atan2(arc.nx * ny - arc.ny * nx, arc.nx * nx + arc.ny * ny)
+    if angle < -SLACK:
+        angle += 2.0 * math.pi
+    if angle > arc.extent + SLACK:
+        return -1.0
+    return min(max(angle, 0.0), arc.extent)
+
+
+@helper
+def _add_tangent(m, stack, arcs, i, b, end, radius, least, tangents, count):
+    """Add the tangent ``end`` of node i to arc b, if it is free and meets the arc; (tangents, count)."""
+    one = arcs[i >> 1]
+    other = arcs[b]
+    q = 1 - 2 * (i & 1)
+    p = int(math.copysign(1.0, end.q))
+    tx = end.tx
+    ty = end.ty
+    if not (touches(one, q * ty, -q * tx) and touches(other, p * ty, -p * tx)):
+        return tangents, count
+    leave = turned_to(one, q * ty, -q * tx)
+    arrive = turned_to(other, p * ty, -p * tx)
+    if leave < 0.0 or arrive < 0.0:
+        return tangents, count
+    if least > 0.0:
+        x0 = one.x + q * radius * ty
+        y0 = one.y - q * radius * tx
+        x1 = other.x + p * radius * ty
+        y1 = other.y - p * radius * tx
+        cell = m.frame[0].cell
+        triangle = locate(m, snapped(cell, x0), snapped(cell, y0), m.vertices[one.vertex].vhe // 3)
+        if triangle < 0 or not is_free_way(m, stack, triangle, x0, y0, x1, y1, least):
+            return tangents, count
+    if count == tangents.size:
+        tangents = longer(tangents)
+    link = tangents[count]
+    link.i = i
+    link.j = 2 * b if p > 0 else 2 * b + 1
+    link.length = end.length
+    link.leave = leave if q > 0 else one.extent - leave
+    link.arrive = arrive if p > 0 else other.extent - arrive
+    return tangents, count + 1
+
+
+@kernel
+def find_tangents(m, arcs, begin, radius, least, slack, view, first_node, last_node):
+    """Free tangents from nodes first_node up to last_node, one a pair of opposite ones.
+
+    Vertex v owns arcs[begin[v]:begin[v + 1]]. Nothing comes closer than ``least`` to the disc of ``radius``;
+    ``slack`` (meters) is what corners may be off their places; the ellipse of ``view``
+    (:class:`crowdsim.navmesh.shortest.view_arrays.View`) is that of all places.
+    """
+    sides = m.sides
+    tangents = np.empty(8 * arcs.size + 64, _TANGENT)
+    count = np.int64(0)
+    seen = view.seen
+    stamps = np.zeros(2 * m.vertices.size, np.int64)
+    stamp = 0
+    stack = np.empty(64, SWEPT)
+    for i in range(first_node, last_node):
+        arc = arcs[i >> 1]
+        q = 1 - 2 * (i & 1)
+        parts = max(1, math.ceil(arc.extent / (0.5 * math.pi)))
+        stamp += 1
+        for part in range(parts):
+            # Headings from a to b, turned from the place on the arc by a right angle.
+            angle = arc.extent * part / parts
+            c = math.cos(angle)
+            s = math.sin(angle)
+            ax = -q * (arc.ny * c + arc.nx * s)
+            ay = q * (arc.nx * c - arc.ny * s)
+            angle = arc.extent * (part + 1) / parts
+            c = math.cos(angle)
+            s = math.sin(angle)
+            bx = -q * (arc.ny * c + arc.nx * s)
+            by = q * (arc.nx * c - arc.ny * s)
+            h = m.vertices[arc.vertex].vhe
+            first = h
+            while True:
+                if m.wind[h // 3] == 0:
+                    found = see_corners(
+                        m, begin, arc.x, arc.y, q * radius, radius, nxt(h), slack, ax, ay, bx, by, view, np.int64(0)
+                    )
+                    for k in range(found):
+                        end = seen[k]
+                        w = end.vertex
+                        left = math.copysign(1.0, end.q) > 0.0
+                        # One of the two ways is enough: from left to left here and, by its number, from side to side.
+                        if not left if q > 0 else left:
+                            if w < arc.vertex:
+                                continue
+                        elif q < 0:
+                            continue
+                        mark = 2 * w + (1 if left else 0)
+                        if stamps[mark] == stamp:
+                            continue
+                        old = count
+                        for b in range(begin[w], begin[w + 1]):
+                            tangents, count = _add_tangent(
+                                m, stack, arcs, np.int64(i), b, end, radius, least, tangents, count
+                            )
+                        if count > old:
+                            stamps[mark] = stamp
+                h = sides[prv(h)].twin
+                if h == first:
+                    break
+    return tangents[:count].copy()
+
+
+@kernel
+def link_arcs(arcs, tangents, radius):
+    """(nodes, links) of :class:`TangentGraph` from the tangents of :func:`find_tangents`."""
+    count = 2 * arcs.size
+    nodes = np.zeros(count + 2, NODE)
+    for tangent in tangents:
+        nodes[tangent.i + 2].begin += 1
+        nodes[(tangent.j ^ 1) + 2].begin += 1
+    for n in range(count):
+        nodes[n + 2].begin += nodes[n + 1].begin
+    links = np.empty(2 * tangents.size, LINK)
+    for tangent in tangents:
+        for way in range(2):
+            i = tangent.i if way == 0 else tangent.j ^ 1
+            j = tangent.j if way == 0 else tangent.i ^ 1
+            link = links[nodes[i + 1].begin]
+            nodes[i + 1].begin += 1
+            link.to = j
+            link.leave = tangent.leave if way == 0 else arcs[i >> 1].extent - tangent.arrive
+            link.arrive = tangent.arrive if way == 0 else arcs[j >> 1].extent - tangent.leave
+            link.cost = tangent.length + radius * (link.leave - link.arrive)
+    for n in range(count):
+        arc = arcs[n >> 1]
+        angle = arc.extent if n & 1 else 0.0
+        nodes[n].x = arc.x + radius * (arc.nx * math.cos(angle) - arc.ny * math.sin(angle))
+        nodes[n].y = arc.y + radius * (arc.ny * math.cos(angle) + arc.nx * math.sin(angle))
+    return nodes[: count + 1].copy(), links

@@ -1,0 +1,267 @@
+"""What corners a disc can go to straight: the view from a point or an arc across the triangles around it."""
+
+import math
+
+import numpy as np
+
+from crowdsim.geometry.segments_kernels import point_segment_distance2
+from crowdsim.jit import helper
+from crowdsim.navmesh.half_edge_kernels import nxt, prv
+from crowdsim.navmesh.paths.tangent_kernels import PINCH
+
+SLACK = 1e-6
+"""Radians by which a tangent may miss the end of an arc or a vertex in its way for rounding; exact checks follow."""
+
+
+@helper
+def _aim(aim, x, y, q0, radius):
+    """Set the tangents from the circle q0 around the origin to both sides of the circle around (x, y)."""
+    distance = math.sqrt(x * x + y * y)
+    scale = 1.0 / max(distance, 1e-300)
+    dx = x * scale
+    dy = y * scale
+    aim.distance = distance
+    aim.dx = dx
+    aim.dy = dy
+    s = (radius - q0) * scale
+    c = 1.0 if s == 0.0 else math.sqrt(max(1.0 - s * s, 0.0))
+    aim.left_s = s
+    aim.left_c = c
+    s = min(s, 1.0)
+    aim.left_x = dx * c + dy * s
+    aim.left_y = dy * c - dx * s
+    s = (-radius - q0) * scale
+    c = 1.0 if s == 0.0 else math.sqrt(max(1.0 - s * s, 0.0))
+    aim.right_s = s
+    aim.right_c = c
+    s = max(s, -1.0)
+    aim.right_x = dx * c + dy * s
+    aim.right_y = dy * c - dx * s
+
+
+@helper
+def _report(seen, count, v, radius, aim, sight):
+    """Add the tangents to both sides of vertex v that the headings allow; the new count."""
+    right_bound = aim.distance >= sight.a_from
+    left_bound = aim.distance >= sight.b_from
+    for left in (True, False):
+        tx = aim.left_x if left else aim.right_x
+        ty = aim.left_y if left else aim.right_y
+        if abs(aim.left_s if left else aim.right_s) > 1.0 + PINCH:
+            continue
+        if right_bound and sight.ax * ty - sight.ay * tx < -SLACK:
+            continue
+        if left_bound and tx * sight.by - ty * sight.bx < -SLACK:
+            continue
+        end = seen[count]
+        count += 1
+        end.vertex = v
+        end.q = radius if left else -radius
+        end.length = aim.distance * (aim.left_c if left else aim.right_c)
+        end.tx = tx
+        end.ty = ty
+    return count
+
+
+@helper
+def _tighten_right(sight, aim, reach):
+    """Bound the headings by a vertex that tangents leave on their right."""
+    if aim.right_s >= -1.0 and sight.ax * aim.right_y - sight.ay * aim.right_x > 0.0:
+        sight.ax = aim.right_x
+        sight.ay = aim.right_y
+        sight.a_from = aim.distance + reach
+
+
+@helper
+def _tighten_left(sight, aim, reach):
+    """Bound the headings by a vertex that tangents leave on their left."""
+    if aim.left_s <= 1.0 and aim.left_x * sight.by - aim.left_y * sight.bx > 0.0:
+        sight.bx = aim.left_x
+        sight.by = aim.left_y
+        sight.b_from = aim.distance + reach
+
+
+@helper
+def set_ellipse(ellipse, x0, y0, x1, y1, length):
+    """Set the ellipse of ways of at most ``length`` from point 0 to point 1; all places for an infinite length."""
+    dx = x1 - x0
+    dy = y1 - y0
+    distance = math.sqrt(dx * dx + dy * dy)
+    ellipse.x = 0.5 * (x0 + x1)
+    ellipse.y = 0.5 * (y0 + y1)
+    ellipse.per_major = 0.0
+    ellipse.per_minor = 0.0
+    if length < np.inf:
+        ellipse.ux = dx / distance
+        ellipse.uy = dy / distance
+        ellipse.per_major = 2.0 / length
+        ellipse.per_minor = 2.0 / math.sqrt(length * length - distance * distance)
+
+
+@helper
+def _meets(ellipse, a, b):
+    """Whether the side from vertex a to vertex b meets the ellipse."""
+    ax = a.x - ellipse.x
+    ay = a.y - ellipse.y
+    bx = b.x - ellipse.x
+    by = b.y - ellipse.y
+    ux = ellipse.ux * ellipse.per_major
+    uy = ellipse.uy * ellipse.per_major
+    vx = -ellipse.uy * ellipse.per_minor
+    vy = ellipse.ux * ellipse.per_minor
+    x0 = ax * ux + ay * uy
+    y0 = ax * vx + ay * vy
+    x1 = bx * ux + by * uy
+    y1 = bx * vx + by * vy
+    return point_segment_distance2(0.0, 0.0, x0, y0, x1, y1) <= 1.0
+
+
+@helper
+def _leads_on(sight, a, b, px, py, ellipse):
+    """Whether a tangent may lead across the side from vertex a to vertex b."""
+    if sight.rx * sight.ly - sight.ry * sight.lx <= 0.0:
+        return False
+    if ellipse.per_major > 0.0 and not _meets(ellipse, a, b):
+        return False
+    if sight.ax * sight.by - sight.ay * sight.bx >= -SLACK:
+        return True
+    far = max(sight.a_from, sight.b_from)
+    return point_segment_distance2(px, py, a.x, a.y, b.x, b.y) < far * far
+
+
+@helper
+def see_corners(m, arc_begin, px, py, q0, radius, h, slack, ax, ay, bx, by, view, count):
+    """Add the tangents to corners that are seen across side ``h`` of a triangle at (px, py) to the view; the new count.
+
+    They leave from the point (q0 = 0) or from the circle of ``radius`` around it, with the center on their left (q0 =
+    radius) or right (-radius), at headings from the unit vector a counter-clockwise to b, less than half a turn; for a
+    point a and b may be zero, and all headings count. ``slack`` (meters) lets one see past vertices that hide less.
+    Vertex v has the arcs arc_begin[v]:arc_begin[v + 1]; those without are no corners. No free tangent is left out, but
+    some are added that other obstacles cut, and some twice. Places outside of the view's ellipse do not matter.
+
+    A free tangent and the line between the centers of its ends have no vertex between them. So who looks from center to
+    center sees all corners there are tangents to; a tangent to a corner beyond a vertex by more than the radii keeps
+    the radius from this vertex, which bounds the headings.
+    """
+    sides = m.sides
+    vertices = m.vertices
+    sights = view.sights
+    seen = view.seen
+    ellipse = view.ellipse[0]
+    aim = view.aim[0]
+    v = sides[h].org
+    w = sides[nxt(h)].org
+    sight = sights[0]
+    sight.side = h
+    sight.rx = vertices[v].x - px
+    sight.ry = vertices[v].y - py
+    sight.lx = vertices[w].x - px
+    sight.ly = vertices[w].y - py
+    right = math.sqrt(sight.rx * sight.rx + sight.ry * sight.ry)
+    left = math.sqrt(sight.lx * sight.lx + sight.ly * sight.ly)
+    sight.clipped = 1 if ax == 0.0 and ay == 0.0 else 0
+    sight.a_from = 0.0
+    sight.b_from = 0.0
+    sight.ax = ax
+    sight.ay = ay
+    sight.bx = bx
+    sight.by = by
+    if sight.clipped == 1:
+        if right == 0.0 or left == 0.0:
+            return count
+        sight.ax = sight.rx / right
+        sight.ay = sight.ry / right
+        sight.bx = sight.lx / left
+        sight.by = sight.ly / left
+        sight.a_from = right + radius
+        sight.b_from = left + radius
+    reach = radius + abs(q0)
+    _aim(aim, vertices[w].x - px, vertices[w].y - py, q0, radius)
+    if arc_begin[w] != arc_begin[w + 1] and left > 0.0:
+        count = _report(seen, count, w, radius, aim, sight)
+    _tighten_left(sight, aim, reach)
+    _aim(aim, vertices[v].x - px, vertices[v].y - py, q0, radius)
+    if arc_begin[v] != arc_begin[v + 1] and right > 0.0:
+        count = _report(seen, count, v, radius, aim, sight)
+    _tighten_right(sight, aim, reach)
+    top = 1 if sides[h].cst == 0 and _leads_on(sight, vertices[v], vertices[w], px, py, ellipse) else 0
+    near = 4.0 * radius
+    # The headings, less and more by 30 degrees, hold the directions of corners that are farther than ``near``.
+    c = math.sqrt(0.75)
+    wide_ax = c * ax + 0.5 * ay
+    wide_ay = c * ay - 0.5 * ax
+    wide_bx = c * bx - 0.5 * by
+    wide_by = c * by + 0.5 * bx
+    while top > 0:
+        top -= 1
+        sight = sights[top]
+        h = sight.side
+        g = sides[h].twin
+        a = vertices[sides[h].org]
+        b = vertices[sides[g].org]
+        if sight.clipped == 0 and point_segment_distance2(px, py, a.x, a.y, b.x, b.y) >= near * near:
+            sight.clipped = 1
+            # The view may be wider than half a turn only if it does not reach far.
+            if sight.rx * wide_ay - sight.ry * wide_ax > 0.0:
+                if wide_ax * sight.ly - wide_ay * sight.lx < 0.0:
+                    continue
+                sight.rx = wide_ax
+                sight.ry = wide_ay
+            if wide_bx * sight.ly - wide_by * sight.lx > 0.0:
+                if sight.rx * wide_by - sight.ry * wide_bx < 0.0:
+                    continue
+                sight.lx = wide_bx
+                sight.ly = wide_by
+        w = sides[prv(g)].org
+        z = vertices[w]
+        zx = z.x - px
+        zy = z.y - py
+        _aim(aim, zx, zy, q0, radius)
+        dx = aim.dx
+        dy = aim.dy
+        left_of_right = sight.rx * (zy + slack * dx) - sight.ry * (zx - slack * dy) >= 0.0
+        right_of_left = (zx + slack * dy) * sight.ly - (zy - slack * dx) * sight.lx >= 0.0
+        visible = left_of_right and right_of_left
+        if visible and arc_begin[w] != arc_begin[w + 1]:
+            count = _report(seen, count, w, radius, aim, sight)
+        if visible:
+            other = sights[top + 1]
+            other.side = prv(g)
+            other.clipped = sight.clipped
+            other.lx = sight.lx
+            other.ly = sight.ly
+            other.ax = sight.ax
+            other.ay = sight.ay
+            other.bx = sight.bx
+            other.by = sight.by
+            other.a_from = sight.a_from
+            other.b_from = sight.b_from
+            other.rx = zx + slack * dy
+            other.ry = zy - slack * dx
+            if sight.rx * other.ry - sight.ry * other.rx < 0.0:
+                other.rx = sight.rx
+                other.ry = sight.ry
+            zx -= slack * dy
+            zy += slack * dx
+            if zx * sight.ly - zy * sight.lx > 0.0:
+                sight.lx = zx
+                sight.ly = zy
+            _tighten_left(sight, aim, reach)
+            _tighten_right(other, aim, reach)
+            sight.side = nxt(g)
+            first = sides[nxt(g)].cst == 0 and _leads_on(sight, a, z, px, py, ellipse)
+            second = sides[prv(g)].cst == 0 and _leads_on(other, z, b, px, py, ellipse)
+            if first:
+                top += 2 if second else 1
+            elif second:
+                sights[top] = sights[top + 1]
+                top += 1
+        elif left_of_right:
+            sight.side = nxt(g)
+            if sides[nxt(g)].cst == 0 and _leads_on(sight, a, z, px, py, ellipse):
+                top += 1
+        elif right_of_left:
+            sight.side = prv(g)
+            if sides[prv(g)].cst == 0 and _leads_on(sight, z, b, px, py, ellipse):
+                top += 1
+    return count

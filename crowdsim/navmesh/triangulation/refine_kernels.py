@@ -1,0 +1,298 @@
+"""Refinement: after it, widths of sides and corners alone decide what fits where; and these widths."""
+
+import math
+
+import numpy as np
+
+from crowdsim.geometry.segments_kernels import point_segment_distance2
+from crowdsim.jit import helper
+from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
+from crowdsim.navmesh.half_edge_kernels import is_dirty, nxt, prv
+from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
+from crowdsim.navmesh.triangulation.triangulation_kernels import FULL, split_edge, split_is_robust
+from crowdsim.navmesh.triangulation.work_kernels import dequeue, enqueue, touch
+
+_SLACK = 1e-9
+"""Share of a side by which the bounds of a search give way: what is found is told by the clearance between its ends."""
+
+WEDGE = np.dtype([("side", np.int64)] + [(name, np.float64) for name in ("rx", "ry", "lx", "ly")], align=True)
+"""A half-edge still to cross and the rays right and left of what is seen through it."""
+
+SIGHT = np.dtype([("side", np.int64), ("lo", np.float64), ("hi", np.float64)], align=True)
+"""A half-edge still to cross and the part of a first side that a disc from beyond may reach through it."""
+
+
+@helper
+def _cut(lo, hi, at0, at1):
+    """Part lo..hi of a segment where a function, linear from at0 to at1 along the segment, is not positive."""
+    if at0 > 0.0 and at1 > 0.0:
+        return 1.0, 0.0
+    if at0 > 0.0:
+        return max(lo, at0 / (at0 - at1)), hi
+    if at1 > 0.0:
+        return lo, min(hi, at0 / (at0 - at1))
+    return lo, hi
+
+
+@helper
+def find_bottleneck(m, v, wedges):
+    """A constrained side seen from vertex v across other sides, where the passage between v and its foot is narrowest.
+
+    Returns (half-edge, foot x, foot y), or -1 for the half-edge. Such a place is where a disc around the middle between
+    v and the foot touches nothing else; so the foot is not farther along any seen vertex w than w itself, which bounds
+    the search. ``wedges`` (k,) is room for the sides still to cross.
+    """
+    sides = m.sides
+    vertices = m.vertices
+    wind = m.wind
+    cell = m.frame[0].cell
+    px = vertices[v].x
+    py = vertices[v].y
+    first = vertices[v].vhe
+    corner = first
+    while True:
+        base = nxt(corner)
+        x = sides[base].org
+        y = sides[prv(corner)].org
+        top = 0
+        if wind[corner // 3] == 0 and sides[base].cst == 0:
+            wedge = wedges[0]
+            wedge.side = base
+            wedge.rx = vertices[x].x - px
+            wedge.ry = vertices[x].y - py
+            wedge.lx = vertices[y].x - px
+            wedge.ly = vertices[y].y - py
+            top = 1
+        while top > 0:
+            top -= 1
+            wedge = wedges[top]
+            g = sides[wedge.side].twin
+            rx = wedge.rx
+            ry = wedge.ry
+            lx = wedge.lx
+            ly = wedge.ly
+            apex = sides[prv(g)].org
+            zx = vertices[apex].x - px
+            zy = vertices[apex].y - py
+            for h in (nxt(g), prv(g)):
+                # x -> apex is seen right of the apex, apex -> y left of it.
+                r0 = rx
+                r1 = ry
+                l0 = lx
+                l1 = ly
+                if h == nxt(g):
+                    if lx * zy - ly * zx < 0.0:
+                        l0 = zx
+                        l1 = zy
+                elif rx * zy - ry * zx > 0.0:
+                    r0 = zx
+                    r1 = zy
+                if r0 * l1 - r1 * l0 <= 0.0:
+                    continue
+                a = sides[h].org
+                b = sides[nxt(h)].org
+                ax = vertices[a].x - px
+                ay = vertices[a].y - py
+                bx = vertices[b].x - px
+                by = vertices[b].y - py
+                lo, hi = _cut(0.0, 1.0, ax * r1 - ay * r0, bx * r1 - by * r0)
+                lo, hi = _cut(lo, hi, l0 * ay - l1 * ax, l0 * by - l1 * bx)
+                for w in (x, y, a, b):
+                    wx = vertices[w].x - px
+                    wy = vertices[w].y - py
+                    most = wx * wx + wy * wy
+                    lo, hi = _cut(lo, hi, ax * wx + ay * wy - most, bx * wx + by * wy - most)
+                if lo > hi + _SLACK:
+                    continue
+                if sides[h].cst == 0:
+                    if top < wedges.size:
+                        wedge = wedges[top]
+                        wedge.side = h
+                        wedge.rx = r0
+                        wedge.ry = r1
+                        wedge.lx = l0
+                        wedge.ly = l1
+                        top += 1
+                    continue
+                ex = bx - ax
+                ey = by - ay
+                length2 = ex * ex + ey * ey
+                part = -(ax * ex + ay * ey) / length2
+                if part < lo - _SLACK or part > hi + _SLACK:
+                    continue
+                fx = np.rint((px + ax + part * ex) / cell) * cell
+                fy = np.rint((py + ay + part * ey) / cell) * cell
+                width = math.hypot(fx - px, fy - py)
+                # Next to an end of the side, the edge to that end measures the passage as well.
+                aside = min(part, 1.0 - part) * math.sqrt(length2)
+                if aside < 8.0 * cell or aside * aside < 1e-7 * width * width:
+                    continue
+                middle, _ = disc_clearance(m, 0.5 * (px + fx), 0.5 * (py + fy), width, corner // 3)
+                if middle >= 0.5 * width - cell and split_is_robust(sides, vertices, h, fx, fy):
+                    return h, fx, fy
+        corner = sides[prv(corner)].twin
+        if corner == first:
+            return NONE, 0.0, 0.0
+
+
+@helper
+def inside_circle(m, t, ax, ay, bx, by, lo, hi):
+    """Part of lo..hi of the segment ab (0 at a, 1 at b) inside the circle of triangle t, a little more for rounding."""
+    sides = m.sides
+    vertices = m.vertices
+    p = vertices[sides[3 * t].org]
+    q = vertices[sides[3 * t + 1].org]
+    r = vertices[sides[3 * t + 2].org]
+    ux = q.x - p.x
+    uy = q.y - p.y
+    vx = r.x - p.x
+    vy = r.y - p.y
+    half = 0.5 / (ux * vy - uy * vx)
+    u2 = ux * ux + uy * uy
+    v2 = vx * vx + vy * vy
+    cx = (vy * u2 - uy * v2) * half
+    cy = (ux * v2 - vx * u2) * half
+    ex = bx - ax
+    ey = by - ay
+    wx = ax - p.x
+    wy = ay - p.y
+    # The power of a point at t is length2 t2 + 2 middle t + first; written so that large circles lose no digits.
+    length2 = ex * ex + ey * ey
+    middle = (wx - cx) * ex + (wy - cy) * ey
+    first = wx * (wx - 2.0 * cx) + wy * (wy - 2.0 * cy)
+    root = middle * middle - length2 * first
+    root += _SLACK * (middle * middle + length2 * abs(first))
+    if root < 0.0:
+        return 1.0, 0.0
+    root = math.sqrt(root)
+    return max(lo, (-middle - root) / length2), min(hi, (-middle + root) / length2)
+
+
+@helper
+def _find_foot(m, s, sights):
+    """The place on the constrained side s where the passage to a vertex seen across other sides is narrowest.
+
+    Returns (whether there is one, x, y): what :func:`find_bottleneck` finds from the vertex. A disc between the two
+    that touches nothing else lies, before each side that it crosses on the way to the vertex, inside of the circle of
+    the triangle behind, as it holds none of its corners. So the foot is in all these circles, which bounds the search.
+    ``sights`` (k,) is room for the sides still to cross.
+    """
+    sides = m.sides
+    vertices = m.vertices
+    cell = m.frame[0].cell
+    a = vertices[sides[s].org]
+    b = vertices[sides[nxt(s)].org]
+    ax = a.x
+    ay = a.y
+    bx = b.x
+    by = b.y
+    ex = bx - ax
+    ey = by - ay
+    length2 = ex * ex + ey * ey
+    top = 0
+    for e in (nxt(s), prv(s)):
+        if sides[e].cst == 0:
+            sight = sights[top]
+            sight.side = e
+            sight.lo = 0.0
+            sight.hi = 1.0
+            top += 1
+    while top > 0:
+        top -= 1
+        sight = sights[top]
+        e = sight.side
+        g = sides[e].twin
+        lo, hi = inside_circle(m, g // 3, ax, ay, bx, by, sight.lo, sight.hi)
+        if lo > hi:
+            continue
+        z = vertices[sides[prv(g)].org]
+        zx = z.x
+        zy = z.y
+        part = ((zx - ax) * ex + (zy - ay) * ey) / length2
+        if z.vref > 0 and part >= lo - _SLACK and part <= hi + _SLACK:
+            fx = np.rint((ax + part * ex) / cell) * cell
+            fy = np.rint((ay + part * ey) / cell) * cell
+            width = math.hypot(fx - zx, fy - zy)
+            # Next to an end of the side, the edge to that end measures the passage as well.
+            aside = min(part, 1.0 - part) * math.sqrt(length2)
+            if aside >= 8.0 * cell and aside * aside >= 1e-7 * width * width:
+                middle, _ = disc_clearance(m, 0.5 * (zx + fx), 0.5 * (zy + fy), width, g // 3)
+                if middle >= 0.5 * width - cell and split_is_robust(sides, vertices, s, fx, fy):
+                    return True, fx, fy
+        for f in (nxt(g), prv(g)):
+            if sides[f].cst == 0 and top < sights.size:
+                sight = sights[top]
+                sight.side = f
+                sight.lo = lo
+                sight.hi = hi
+                top += 1
+    return False, 0.0, 0.0
+
+
+@helper
+def add_foot(m, h, x, y, w):
+    """Split the constrained side h at (x, y) and let the sides around wait; the new vertex, or FULL."""
+    sides = m.sides
+    f = split_edge(m, h, x, y, w)
+    if f < 0:
+        return f
+    touch(w, f)
+    enqueue(w, f)
+    # What changed is the star of the new vertex.
+    first = m.vertices[f].vhe
+    g = first
+    while True:
+        enqueue(w, sides[nxt(g)].org)
+        g = sides[prv(g)].twin
+        if g == first:
+            return f
+
+
+@helper
+def refine(m, w):
+    """Add the foot of every bottleneck, for constrained sides from the waiting vertices and what changes; 0 or FULL.
+
+    Afterwards each narrowest place between two obstacles is a side or the height of a corner over a constrained
+    side, so that widths of sides and corners decide what fits where. A side whose triangle has been measured since it
+    changed is left out.
+    """
+    sides = m.sides
+    sights = np.empty(256, SIGHT)
+    while w.progress[0].waiting > 0:
+        v = dequeue(w)
+        if v < BOX_CORNERS:
+            continue
+        first = m.vertices[v].vhe
+        h = first
+        while True:
+            if sides[h].cst != 0 and m.wind[h // 3] == 0 and is_dirty(sides, h // 3):
+                found, x, y = _find_foot(m, h, sights)
+                if found:
+                    enqueue(w, v)
+                    if add_foot(m, h, x, y, w) < 0:
+                        return FULL
+                    break
+            h = sides[prv(h)].twin
+            if h == first:
+                break
+    return 0
+
+
+@helper
+def measure_triangle(m, t):
+    """Fill ``clr`` of triangle t: what a turn around a corner leaves, the shorter side or the height over a wall."""
+    sides = m.sides
+    vertices = m.vertices
+    for h in range(3 * t, 3 * t + 3):
+        base = nxt(h)
+        last = prv(h)
+        sides[h].clr = 0.0
+        if m.wind[t] != 0 or sides[h].cst != 0 or sides[last].cst != 0:
+            continue
+        v = vertices[sides[h].org]
+        a = vertices[sides[base].org]
+        b = vertices[sides[last].org]
+        width = min(math.hypot(a.x - v.x, a.y - v.y), math.hypot(b.x - v.x, b.y - v.y))
+        if sides[base].cst != 0:
+            width = min(width, math.sqrt(point_segment_distance2(v.x, v.y, a.x, a.y, b.x, b.y)))
+        sides[h].clr = width

@@ -1,0 +1,256 @@
+"""Points of an incremental Delaunay triangulation on exact predicates; sides with a constraint are never flipped."""
+
+import numpy as np
+
+from crowdsim.geometry.predicates_kernels import incircle
+from crowdsim.jit import helper, kernel
+from crowdsim.navmesh.half_edge_kernels import find_half_edge, locate, nxt, prv, side
+from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.triangulation.work_kernels import touch_triangle
+
+FULL = -2
+"""Status: the arrays have no room for another vertex; build again in larger ones."""
+
+
+@helper
+def link(sides, h, g):
+    sides[h].twin = g
+    if g >= 0:
+        sides[g].twin = h
+
+
+@helper
+def take(sides, h, source):
+    """Half-edge h takes over twin and constraint of ``source``."""
+    target = sides[h]
+    target.cst = sides[source].cst
+    target.win = sides[source].win
+    target.use = sides[source].use
+    link(sides, h, sides[source].twin)
+
+
+@kernel
+def flip(sides, vertices, e):
+    """Replace the shared side of two triangles by the other diagonal.
+
+    e = u -> w of (u, w, p) and its twin of (w, u, q) become u -> q of (u, q, p) and w -> p of (w, p, q).
+    """
+    f = sides[e].twin
+    en = nxt(e)
+    ep = prv(e)
+    fn = nxt(f)
+    fp = prv(f)
+    p = sides[ep].org
+    q = sides[fp].org
+    vertices[sides[e].org].vhe = e
+    vertices[sides[f].org].vhe = f
+    vertices[p].vhe = ep
+    vertices[q].vhe = fp
+    sides[en].org = q
+    sides[fn].org = p
+    take(sides, e, fn)
+    take(sides, f, en)
+    for h in (en, fn):
+        sides[h].cst = 0
+        sides[h].win = 0
+        sides[h].use = -1
+        sides[h].clr = -1.0
+    link(sides, en, fn)
+
+
+@helper
+def not_delaunay(sides, vertices, h, cell):
+    """Whether the far corner beyond the unconstrained side h is strictly inside the circle of its triangle."""
+    g = sides[h].twin
+    if g < 0 or sides[h].cst != 0:
+        return False
+    a = vertices[sides[h].org]
+    b = vertices[sides[nxt(h)].org]
+    c = vertices[sides[prv(h)].org]
+    d = vertices[sides[prv(g)].org]
+    return incircle(a.x, a.y, b.x, b.y, c.x, c.y, d.x, d.y, 1.0 / cell) > 0
+
+
+@helper
+def _fill(sides, vertices, t, u, v, w):
+    """Corners of triangle t, and no constraint on its second and third side."""
+    h = 3 * t
+    for corner in (u, v, w):
+        sides[h].org = corner
+        vertices[corner].vhe = h
+        if h > 3 * t:
+            sides[h].cst = 0
+            sides[h].win = 0
+            sides[h].use = -1
+        h += 1
+    sides[3 * t].clr = -1.0
+
+
+@helper
+def _legalize(sides, vertices, cell, stack, top):
+    """Restore the Delaunay property around a new vertex, the corner opposite of each of the ``top`` stacked sides."""
+    while top > 0:
+        top -= 1
+        e = stack[top]
+        if not_delaunay(sides, vertices, e, cell):
+            far = prv(sides[e].twin)
+            flip(sides, vertices, e)
+            stack[top] = e
+            stack[top + 1] = far
+            top += 2
+
+
+@helper
+def restore_delaunay(m, w, top):
+    """Flip what is not Delaunay among the first ``top`` of ``pairs``, and what that leads to; 0 or FULL."""
+    sides = m.sides
+    vertices = m.vertices
+    pairs = w.pairs
+    cell = m.frame[0].cell
+    while top > 0:
+        top -= 1
+        u = pairs[top, 0]
+        v = pairs[top, 1]
+        if vertices[u].vhe < 0 or vertices[v].vhe < 0:  # removed meanwhile
+            continue
+        e = find_half_edge(sides, vertices, u, v)
+        if e < 0 or not not_delaunay(sides, vertices, e, cell):
+            continue
+        g = sides[e].twin
+        u = sides[e].org
+        v = sides[g].org
+        p = sides[prv(e)].org
+        q = sides[prv(g)].org
+        flip(sides, vertices, e)
+        touch_triangle(sides, w, e // 3)
+        touch_triangle(sides, w, g // 3)
+        if top + 4 > pairs.shape[0]:
+            return FULL
+        for c, d in ((u, q), (q, v), (v, p), (p, u)):
+            pairs[top, 0] = c
+            pairs[top, 1] = d
+            top += 1
+    return 0
+
+
+@helper
+def _new_vertex(m, x, y):
+    """A vertex at (x, y) that no triangle has yet, and two triangles without corners; the vertex, or FULL."""
+    frame = m.frame[0]
+    p = frame.spare
+    if (p == 0 and frame.vertices == m.vertices.size) or frame.triangles + 2 > m.wind.size:
+        return FULL
+    if p == 0:
+        p = frame.vertices
+        frame.vertices += 1
+    else:
+        frame.spare = -1 - m.vertices[p].vhe
+    frame.triangles += 2
+    vertex = m.vertices[p]
+    vertex.x = x
+    vertex.y = y
+    vertex.vref = 0
+    return p
+
+
+@helper
+def split_edge(m, h, x, y, w):
+    """Put a new vertex at (x, y) on side h and split both of its triangles; the vertex, or FULL."""
+    sides = m.sides
+    vertices = m.vertices
+    wind = m.wind
+    p = _new_vertex(m, x, y)
+    if p < 0:
+        return p
+    t3 = m.frame[0].triangles - 1
+    t1 = t3 - 1
+    f = sides[h].twin
+    t0 = h // 3
+    t2 = f // 3
+    a = sides[h].org
+    b = sides[f].org
+    c = sides[prv(h)].org
+    d = sides[prv(f)].org
+    count = sides[h].cst
+    winding = sides[h].win
+    along = sides[h].use
+    against = sides[f].use
+    take(sides, 3 * t1, nxt(h))
+    take(sides, 3 * t3, nxt(f))
+    take(sides, 3 * t0, prv(h))
+    take(sides, 3 * t2, prv(f))
+    _fill(sides, vertices, t0, c, a, p)
+    _fill(sides, vertices, t1, b, c, p)
+    _fill(sides, vertices, t2, d, b, p)
+    _fill(sides, vertices, t3, a, d, p)
+    wind[t1] = wind[t0]
+    wind[t3] = wind[t2]
+    for i, (t, after) in enumerate(((t0, t1), (t1, t2), (t2, t3), (t3, t0))):
+        # The third side of each new triangle is the second one of the next around the new vertex.
+        link(sides, 3 * t + 2, 3 * after + 1)
+        w.stack[i] = 3 * t
+    for e, sign in ((3 * t0 + 1, 1), (3 * t3 + 2, -1), (3 * t1 + 2, 1), (3 * t2 + 1, -1)):
+        sides[e].cst = count
+        sides[e].win = sign * winding
+        sides[e].use = along if sign > 0 else against
+    _legalize(sides, vertices, m.frame[0].cell, w.stack, np.int64(4))
+    if count != 0:
+        # A constraint bends by up to a cell where it is split: the new side across may not be Delaunay then.
+        w.pairs[0, 0] = p
+        w.pairs[0, 1] = c
+        w.pairs[1, 0] = p
+        w.pairs[1, 1] = d
+        if restore_delaunay(m, w, np.int64(2)) < 0:
+            return FULL
+    return p
+
+
+@kernel
+def insert_point(m, x, y, hint, w):
+    """Vertex at the grid point (x, y), a new one unless there is one; or FULL. The point must be inside the box."""
+    sides = m.sides
+    vertices = m.vertices
+    t = locate(m, x, y, hint)
+    h = 3 * t
+    on = NONE
+    for e in range(h, h + 3):
+        v = sides[e].org
+        if vertices[v].x == x and vertices[v].y == y:
+            return v
+        if on < 0 and side(vertices, v, sides[nxt(e)].org, x, y) == 0.0:
+            on = e
+    if on >= 0:
+        return split_edge(m, on, x, y, w)
+    p = _new_vertex(m, x, y)
+    if p < 0:
+        return p
+    t2 = m.frame[0].triangles - 1
+    t1 = t2 - 1
+    a = sides[h].org
+    b = sides[h + 1].org
+    c = sides[h + 2].org
+    take(sides, 3 * t1, h + 1)
+    take(sides, 3 * t2, h + 2)
+    _fill(sides, vertices, t, a, b, p)
+    _fill(sides, vertices, t1, b, c, p)
+    _fill(sides, vertices, t2, c, a, p)
+    m.wind[t1] = m.wind[t]
+    m.wind[t2] = m.wind[t]
+    link(sides, h + 1, 3 * t1 + 2)
+    link(sides, 3 * t1 + 1, 3 * t2 + 2)
+    link(sides, 3 * t2 + 1, h + 2)
+    w.stack[0] = h
+    w.stack[1] = 3 * t1
+    w.stack[2] = 3 * t2
+    _legalize(sides, vertices, m.frame[0].cell, w.stack, np.int64(3))
+    return p
+
+
+@helper
+def split_is_robust(sides, vertices, h, x, y):
+    """Whether (x, y) near side h is strictly inside the union of its two triangles, so that a split inverts none."""
+    g = sides[h].twin
+    inside = True
+    for e in (nxt(h), prv(h), nxt(g), prv(g)):
+        inside = inside and side(vertices, sides[e].org, sides[nxt(e)].org, x, y) > 0.0
+    return inside
