@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -159,7 +159,7 @@ def measure_edits(table: _Table, where: BenchMap, mesh: Any) -> None:
     table.add(where, "path, fast, the first after an edit", np.array(seconds))
 
 
-def best_of(calls: list[Callable[[], Any]]) -> Floats:
+def best_of(calls: Sequence[Callable[[], Any]]) -> Floats:
     """Least seconds (n,) of each of ``calls`` over :data:`PASSES` passes through all of them."""
     return np.min([_seconds(calls) for _ in range(PASSES)], axis=0)
 
