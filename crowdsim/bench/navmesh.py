@@ -106,7 +106,7 @@ def measure_paths(table: _Table, where: BenchMap, mesh: NavMesh, optimality: str
     # What a query adds to a batch that holds the one before it: no call from Python, and caches as they are in a batch.
     calls = [partial(find, i, last) for i in range(len(starts) - 1) for last in (i + 1, i + 2)]
     alone, both = best_of(calls).reshape(-1, 2).T
-    seconds = both - alone
+    seconds = np.maximum(both - alone, 0.0)
     table.add(where, f"path, {optimality}", seconds, **more)
     for workers in (1, 2):
         seconds = best_of([partial(find, 0, len(starts), workers)]) / len(starts)
