@@ -16,10 +16,9 @@ from crowdsim.navmesh.clearance.arc_span_kernels import (
     side_roots,
     triangle_roots,
 )
-from crowdsim.navmesh.clearance.clearance_kernels import snapped
 from crowdsim.navmesh.clearance.violation_kernels import SPAN, merged, record, violations
 from crowdsim.navmesh.growing_kernels import longer
-from crowdsim.navmesh.half_edge_kernels import locate, nxt
+from crowdsim.navmesh.half_edge_kernels import holds, nxt, triangle_near
 from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
 
 _PIECE = 0.125 * math.pi
@@ -27,29 +26,15 @@ _PIECE = 0.125 * math.pi
 
 
 @helper
-def _holds(m, t, x, y):
-    """Whether triangle t holds (x, y)."""
-    for h in range(3 * t, 3 * t + 3):
-        a = m.vertices[m.sides[h].org]
-        b = m.vertices[m.sides[nxt(h)].org]
-        if (b.x - a.x) * (y - a.y) - (b.y - a.y) * (x - a.x) < 0.0:
-            return False
-    return True
-
-
-@helper
 def _arc_piece(m, arc, u0, u1, radius, start, spans, count, marks, mark, stack, hint, roots):
     """Add the spans of the part u0..u1 of an arc inside the box; see `arc_violations`."""
     sides = m.sides
     vertices = m.vertices
-    frame = m.frame[0]
     qx, qy = arc_point(arc, u0)
     ex, ey = arc_point(arc, u1)
     # Somewhat more than the arc is off its chord.
     near = radius + 1.01 * arc.radius * (1.0 - math.cos(0.5 * (u1 - u0)))
-    x = min(max(snapped(frame.cell, qx), frame.x0), frame.x1)
-    y = min(max(snapped(frame.cell, qy), frame.y0), frame.y1)
-    hint = locate(m, x, y, hint)
+    hint = triangle_near(m, qx, qy, hint)
     marks[hint] = mark
     stack[0] = hint
     top = 1
@@ -76,7 +61,7 @@ def _arc_piece(m, arc, u0, u1, radius, start, spans, count, marks, mark, stack, 
                 hi = roots[k] if k < found else u1
                 x, y = arc_point(arc, 0.5 * (lo + hi))
                 if whole:
-                    close = _holds(m, t, x, y)
+                    close = holds(m, t, x, y)
                 else:
                     close = point_segment_distance2(x, y, a.x, a.y, b.x, b.y) < radius * radius
                 if close and lo < hi:

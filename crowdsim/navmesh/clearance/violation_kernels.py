@@ -6,9 +6,8 @@ import numpy as np
 
 from crowdsim.geometry.segments_kernels import segment_segment_distance2
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.clearance.clearance_kernels import snapped
 from crowdsim.navmesh.growing_kernels import longer
-from crowdsim.navmesh.half_edge_kernels import locate, nxt
+from crowdsim.navmesh.half_edge_kernels import nxt, triangle_near
 from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
 
 SPAN = np.dtype([("lo", np.float64), ("hi", np.float64)], align=True)
@@ -129,7 +128,6 @@ def violations(m, points, radius):
     sides = m.sides
     vertices = m.vertices
     frame = m.frame[0]
-    cell = frame.cell
     marks = np.zeros(frame.triangles, np.int64)
     stack = np.empty(256, np.int64)
     spans = np.empty(64, SPAN)
@@ -172,9 +170,7 @@ def violations(m, points, radius):
         ex = px + leave * ux
         ey = py + leave * uy
         near = radius * radius
-        x = min(max(snapped(cell, qx), frame.x0), frame.x1)
-        y = min(max(snapped(cell, qy), frame.y0), frame.y1)
-        hint = locate(m, x, y, hint)
+        hint = triangle_near(m, qx, qy, hint)
         marks[hint] = i + 1
         stack[0] = hint
         top = 1

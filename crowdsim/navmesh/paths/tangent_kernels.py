@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from crowdsim.jit import helper, kernel
+from crowdsim.jit import helper
 
 NODE = np.dtype([(n, np.float64) for n in ("x", "y", "q", "bulge")] + [("vertex", np.int64)], align=True)
 """What a string bends around.
@@ -33,7 +33,7 @@ def set_node(node, x, y, q, vertex):
     node.vertex = vertex
 
 
-@kernel
+@helper
 def tangent(a, b):
     """(exists, direction x, y) of the taut string from node a to node b."""
     ex = b.x - a.x

@@ -150,7 +150,7 @@ def _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights,
     """
     sides = m.sides
     vertices = m.vertices
-    taken = 0
+    taken = np.int64(0)
     h = begin
     while True:
         found[0] = sides[nxt(h)].org
@@ -220,7 +220,7 @@ def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spa
         if first != last:
             # From a + 90 degrees to b - 90 degrees.
             extent = max(math.atan2(-across, -ax * bx - ay * by), 0.0)
-    taken = 0
+    taken = np.int64(0)
     if radius > 0.0:
         spans, taken = _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights, found, spans)
     at = 0.0
@@ -263,7 +263,7 @@ def find_arcs(m, radius, least):
     sights = np.empty(triangles + 8, SIGHT)
     found = np.empty(4 * triangles + 8, np.int64)
     spans = np.empty(64, _SPAN)
-    count = 0
+    count = np.int64(0)
     for v in range(vertices.size):
         begin[v] = count
         if v < BOX_CORNERS or v >= filled or vertices[v].vhe < 0:

@@ -12,12 +12,20 @@ import numpy as np
 
 from crowdsim.geometry.predicates_kernels import orient2d
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance, snapped
+from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.clearance.sweep_kernels import is_free_way
-from crowdsim.navmesh.half_edge_kernels import locate, nxt, prv, side
+from crowdsim.navmesh.half_edge_kernels import nxt, prv, side, triangle_of
 from crowdsim.navmesh.heap_kernels import pop, push
 from crowdsim.navmesh.mesh_arrays import NONE
-from crowdsim.navmesh.paths.path_kernels import GOAL_BLOCKED, NO_PASSAGE, OK, START_BLOCKED, TANGLED, append_path
+from crowdsim.navmesh.paths.path_kernels import (
+    GOAL_BLOCKED,
+    NO_PASSAGE,
+    OK,
+    START_BLOCKED,
+    TANGLED,
+    append_path,
+    straight_path,
+)
 from crowdsim.navmesh.paths.string_kernels import pull
 from crowdsim.navmesh.paths.tangent_kernels import NODE as STRING_NODE
 from crowdsim.navmesh.paths.tangent_kernels import set_node
@@ -44,8 +52,7 @@ def _free_triangle(m, x, y, least):
     """
     sides = m.sides
     vertices = m.vertices
-    cell = m.frame[0].cell
-    t = locate(m, snapped(cell, x), snapped(cell, y), NONE)
+    t = triangle_of(m, x, y, NONE)
     if t < 0:
         return NONE, False
     if least > 0.0:
@@ -198,14 +205,14 @@ def _search(m, graph, scratch, start, start_others, sx, sy, goal, goal_others, g
     scratch.stamp[0] += 1
     stamp = scratch.stamp[0]
     set_ellipse(scratch.outlook.ellipse[0], sx, sy, gx, gy, longest + 2.0 * radius)
-    count = _find_ends(m, graph, scratch, gx, gy, goal, goal_others, radius, slack, True)
+    count = _find_ends(m, graph, scratch, gx, gy, goal, goal_others, radius, slack, np.bool_(True))
     for i in range(count):
         goals[ends[i].node] = ends[i]
         goals[ends[i].node].stamp = stamp
     heap = scratch.heap
     size = np.int64(0)
     total = nodes.size
-    count = _find_ends(m, graph, scratch, sx, sy, start, start_others, radius, slack, False)
+    count = _find_ends(m, graph, scratch, sx, sy, start, start_others, radius, slack, np.bool_(False))
     for k in range(count):
         node = nodes[ends[k].node]
         cost = ends[k].length - radius * ends[k].turned
@@ -306,12 +313,7 @@ def shortest_path(m, graph, scratch, sx, sy, gx, gy, radius, least, slack):
     else:
         straight = _see_each_other(m, start, sx, sy, gx, gy)
     if straight:
-        points = np.empty((2, 2))
-        points[0, 0] = sx
-        points[0, 1] = sy
-        points[1, 0] = gx
-        points[1, 1] = gy
-        return OK, points, _distance(gx - sx, gy - sy)
+        return OK, straight_path(sx, sy, gx, gy), _distance(gx - sx, gy - sy)
     last = NONE
     length = np.inf
     for longest in (_DETOUR * _distance(gx - sx, gy - sy), np.inf):
@@ -334,7 +336,7 @@ def shortest_paths(m, graph, scratch, starts, goals, radius, least, slack, statu
     Fills ``status`` (n,), ``lengths`` (n,), nan where there is no path, and ``counts`` (n,) of points of each path.
     """
     points = np.empty((16 * status.size, 2))
-    filled = 0
+    filled = np.int64(0)
     for i in range(status.size):
         found, path, length = shortest_path(
             m, graph, scratch, starts[i, 0], starts[i, 1], goals[i, 0], goals[i, 1], radius, least, slack

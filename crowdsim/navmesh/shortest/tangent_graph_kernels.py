@@ -5,10 +5,9 @@ import math
 import numpy as np
 
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.clearance.clearance_kernels import snapped
 from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, is_free_way
 from crowdsim.navmesh.growing_kernels import longer
-from crowdsim.navmesh.half_edge_kernels import locate, nxt, prv
+from crowdsim.navmesh.half_edge_kernels import nxt, prv, triangle_of
 from crowdsim.navmesh.shortest.tangent_graph_arrays import LINK, NODE
 from crowdsim.navmesh.shortest.visibility_kernels import SLACK, see_corners
 
@@ -55,8 +54,7 @@ def _add_tangent(m, stack, arcs, i, b, end, radius, least, tangents, count):
         y0 = one.y - q * radius * tx
         x1 = other.x + p * radius * ty
         y1 = other.y - p * radius * tx
-        cell = m.frame[0].cell
-        triangle = locate(m, snapped(cell, x0), snapped(cell, y0), m.vertices[one.vertex].vhe // 3)
+        triangle = triangle_of(m, x0, y0, m.vertices[one.vertex].vhe // 3)
         if triangle < 0 or not is_free_way(m, stack, triangle, x0, y0, x1, y1, least):
             return tangents, count
     if count == tangents.size:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from crowdsim.jit import kernel
-from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.paths.interval_kernels import find_way, string_along
 from crowdsim.navmesh.paths.region_kernels import REGION, find_regions
@@ -14,6 +13,7 @@ from crowdsim.navmesh.paths.tangent_kernels import NODE
 from crowdsim.navmesh.paths.workspace import empty_workspace
 from tests.reference.navmesh_reference import random_area
 from tests.reference.way_reference import shortest_way
+from tests.support.entries import disc_clearance
 
 
 @kernel
