@@ -11,16 +11,13 @@ from hypothesis import strategies as st
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.triangulation.builders import BUILDERS
 from tests.reference.navmesh_reference import clearances, free_area, mesh_faults, narrow_places_missed, random_area
+from tests.support.areas import boxes
 
 few = settings(max_examples=15, derandomize=True, deadline=None)
 
-# Corners on a coarse lattice: sides line up, touch, meet in T's and coincide.
-snapped = st.tuples(st.integers(-1, 7), st.integers(-1, 7), st.integers(1, 4), st.integers(1, 4)).map(
-    lambda box: shapely.box(box[0], box[1], box[0] + box[2], box[1] + box[3])
-)
 number = st.integers(-1000, 9000).map(lambda millimeters: 1e-3 * millimeters)
 triangles = st.tuples(*[st.tuples(number, number)] * 3).map(shapely.Polygon)
-soup = st.lists(st.one_of(snapped, triangles), min_size=1, max_size=7)
+soup = st.lists(st.one_of(boxes(-1, 7, 4), triangles), min_size=1, max_size=7)
 
 
 def _as_snapped(mesh):
