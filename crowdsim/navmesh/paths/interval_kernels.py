@@ -15,7 +15,7 @@ from crowdsim.navmesh.heap_kernels import place, pop
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.region_kernels import lay_waypoints
 from crowdsim.navmesh.paths.search_kernels import can_leave
-from crowdsim.navmesh.paths.tangent_kernels import NODE, set_node
+from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE, set_node
 
 _GREED = 1.05
 """What a straight meter that is still to go counts. Ways are seldom straight, so 1 would search much that is too long;
@@ -255,7 +255,7 @@ def string_along(m, labels, last, sx, sy, gx, gy, radius):
         count += 1
         i = np.int64(labels[i].before)
         corner = np.int64(labels[i].corner)
-    nodes = np.empty(count + 64, NODE)
+    nodes = np.empty(count + 64, STRING_NODE)
     k = count - 1
     set_node(nodes[k], gx, gy, 0.0, NONE)
     i = last

@@ -1,6 +1,6 @@
 """Paths of discs, one or many: the straight one if it is free, else the way that the search finds, pulled taut.
 
-Nodes are records :data:`crowdsim.navmesh.paths.tangent_kernels.NODE`; the first is the start, the last the goal.
+Nodes are records :data:`crowdsim.navmesh.paths.tangent_kernels.STRING_NODE`; the first is the start, the last the goal.
 """
 
 import math
@@ -16,7 +16,7 @@ from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.interval_kernels import find_way, string_along
 from crowdsim.navmesh.paths.search_kernels import find_channel
 from crowdsim.navmesh.paths.string_kernels import pull
-from crowdsim.navmesh.paths.tangent_kernels import NODE, set_node, tangent
+from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE, set_node, tangent
 
 OK = 0
 START_BLOCKED = 1
@@ -33,9 +33,9 @@ def _funnel(m, channel, sx, sy, gx, gy, radius):
     sides = m.sides
     vertices = m.vertices
     room = 2 * channel.size + 4
-    chain = np.empty(2 * room + 2, NODE)
+    chain = np.empty(2 * room + 2, STRING_NODE)
     heading = np.empty((2 * room + 1, 2))  # of the tangent from the node nearer to the apex
-    nodes = np.empty(room + 64, NODE)
+    nodes = np.empty(room + 64, STRING_NODE)
     apex = room
     low = room
     high = room

@@ -27,8 +27,7 @@ from crowdsim.navmesh.paths.path_kernels import (
     straight_path,
 )
 from crowdsim.navmesh.paths.string_kernels import pull
-from crowdsim.navmesh.paths.tangent_kernels import NODE as STRING_NODE
-from crowdsim.navmesh.paths.tangent_kernels import set_node
+from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE, set_node
 from crowdsim.navmesh.shortest.tangent_graph_kernels import touches, turned_to
 from crowdsim.navmesh.shortest.visibility_kernels import see_corners, set_ellipse
 
