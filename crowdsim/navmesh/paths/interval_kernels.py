@@ -74,6 +74,34 @@ def _estimate(label, x, y):
 
 
 @helper
+def _leave_start(m, regions, work, start, sx, sy, radius, width):
+    """Put labels of the sides that lead out of triangle ``start`` towards the goal into the heap; their number."""
+    labels = work.labels
+    heap = work.heap
+    waypoints = work.waypoints
+    stamp = work.stamp[0]
+    sides = m.sides
+    vertices = m.vertices
+    count = np.int64(0)
+    for h in range(3 * start, 3 * start + 3):
+        if not can_leave(sides, vertices, h, sx, sy, width):
+            continue
+        aim = waypoints[regions[sides[h].twin // 3].top]
+        if aim.stamp != stamp:
+            continue
+        a = vertices[sides[h].org]
+        b = vertices[sides[nxt(h)].org]
+        ux = b.x - a.x
+        uy = b.y - a.y
+        k = min(radius / math.sqrt(ux * ux + uy * uy), 0.5)
+        ux *= k
+        uy *= k
+        _set_label(labels[count], sx, sy, 0.0, b.x - ux, b.y - uy, a.x + ux, a.y + uy, h, NONE, NONE, np.int64(3))
+        count = place(heap, count, _GREED * aim.rest + _estimate(labels[count], aim.x, aim.y), count)
+    return count
+
+
+@helper
 def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
     """The last label of a short way from triangle ``start`` to ``goal``, -1 where none is found.
 
@@ -93,24 +121,8 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
         return NONE
     width = max(width, 1e-30)  # that of the corners of closed sides is 0
     most = 6 * m.frame[0].triangles - 6
-    count = np.int64(0)
-    used = np.int64(0)
-    for h in range(3 * start, 3 * start + 3):
-        if not can_leave(sides, vertices, h, sx, sy, width):
-            continue
-        aim = waypoints[regions[sides[h].twin // 3].top]
-        if aim.stamp != stamp:
-            continue
-        a = vertices[sides[h].org]
-        b = vertices[sides[nxt(h)].org]
-        ux = b.x - a.x
-        uy = b.y - a.y
-        k = min(radius / math.sqrt(ux * ux + uy * uy), 0.5)
-        ux *= k
-        uy *= k
-        _set_label(labels[used], sx, sy, 0.0, b.x - ux, b.y - uy, a.x + ux, a.y + uy, h, NONE, NONE, np.int64(3))
-        count = place(heap, count, _GREED * aim.rest + _estimate(labels[used], aim.x, aim.y), used)
-        used += 1
+    count = _leave_start(m, regions, work, start, sx, sy, radius, width)
+    used = count
     following = NONE  # the best of the labels just made need not pass through the heap if nothing in there is better
     while used < most:
         i = following

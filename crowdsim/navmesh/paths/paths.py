@@ -33,7 +33,7 @@ class Path:
     points: Floats
     """(n, 2) polyline from start to goal, meters; arcs stand as circumscribed corners at most 1 mm off."""
     length: float
-    """Meters along ``points``."""
+    """Meters: for a fast path along ``points``, for a shortest one along the arcs themselves."""
     radius: float
     """Clearance the path keeps, meters."""
 
@@ -45,7 +45,7 @@ class Paths:
     status: NDArray[np.int8]
     """(n,) one of FOUND, START_BLOCKED, GOAL_BLOCKED, NO_PASSAGE and TANGLED of this module."""
     lengths: Floats
-    """(n,) meters along the polylines, nan where no path was found."""
+    """(n,) meters, as :attr:`Path.length`; nan where no path was found."""
     offsets: NDArray[np.int64]
     """(n + 1,) path i has the ``points`` from offsets[i] up to offsets[i + 1]; none where not found."""
     points: Floats

@@ -133,7 +133,7 @@ def _block_wall(spans, count, nx, ny, extent, vx, vy, radius, least, a, b):
 
 
 @helper
-def _wedge_end(sides, vertices, first):
+def _wedge_end(sides, first):
     """The last spoke of the free wedge that begins with the constrained spoke ``first``: the next constrained one."""
     h = first
     while True:
@@ -253,7 +253,7 @@ def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spa
 
 @kernel
 def find_arcs(m, radius, least):
-    """(arcs, begin (nv + 1,)) of :class:`TangentGraph`: the places where a disc touches one corner alone."""
+    """``arcs`` and ``arc_begin`` of :class:`crowdsim.navmesh.shortest.tangent_graph_arrays.TangentGraph`."""
     sides = m.sides
     vertices = m.vertices
     triangles = m.frame[0].triangles
@@ -274,7 +274,7 @@ def find_arcs(m, radius, least):
             if sides[h].cst != 0:
                 walls += 1
                 if m.wind[h // 3] == 0:
-                    last = _wedge_end(sides, vertices, h)
+                    last = _wedge_end(sides, h)
                     arcs, count = _free_arcs(m, v, h, last, radius, least, arcs, count, sights, found, spans)
             h = sides[prv(h)].twin
             if h == vertices[v].vhe:

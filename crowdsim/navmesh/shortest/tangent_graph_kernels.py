@@ -135,7 +135,10 @@ def find_tangents(m, arcs, begin, radius, least, slack, view, first_node, last_n
 
 @kernel
 def link_arcs(arcs, tangents, radius):
-    """(nodes, links) of :class:`TangentGraph` from the tangents of :func:`find_tangents`."""
+    """``nodes`` and ``links`` of :class:`crowdsim.navmesh.shortest.tangent_graph_arrays.TangentGraph`.
+
+    ``tangents`` are all of those that :func:`find_tangents` finds.
+    """
     count = 2 * arcs.size
     nodes = np.zeros(count + 2, NODE)
     for tangent in tangents:

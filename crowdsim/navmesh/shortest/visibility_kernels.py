@@ -130,6 +130,40 @@ def _leads_on(sight, a, b, px, py, ellipse):
 
 
 @helper
+def _first_sight(sight, h, v, w, px, py, radius, ax, ay, bx, by):
+    """Set the view from (px, py) across side h from vertex v to w; False for a point at one of the two.
+
+    Headings from a to b as in :func:`see_corners`; for a point without them, from v to w.
+    """
+    sight.side = h
+    sight.rx = v.x - px
+    sight.ry = v.y - py
+    sight.lx = w.x - px
+    sight.ly = w.y - py
+    sight.clipped = 0
+    sight.a_from = 0.0
+    sight.b_from = 0.0
+    sight.ax = ax
+    sight.ay = ay
+    sight.bx = bx
+    sight.by = by
+    if ax != 0.0 or ay != 0.0:
+        return True
+    right = math.sqrt(sight.rx * sight.rx + sight.ry * sight.ry)
+    left = math.sqrt(sight.lx * sight.lx + sight.ly * sight.ly)
+    if right == 0.0 or left == 0.0:
+        return False
+    sight.clipped = 1
+    sight.ax = sight.rx / right
+    sight.ay = sight.ry / right
+    sight.bx = sight.lx / left
+    sight.by = sight.ly / left
+    sight.a_from = right + radius
+    sight.b_from = left + radius
+    return True
+
+
+@helper
 def see_corners(m, arc_begin, px, py, q0, radius, h, slack, ax, ay, bx, by, view, count):
     """Add the tangents to corners that are seen across side ``h`` of a triangle at (px, py) to the view; the new count.
 
@@ -152,36 +186,15 @@ def see_corners(m, arc_begin, px, py, q0, radius, h, slack, ax, ay, bx, by, view
     v = sides[h].org
     w = sides[nxt(h)].org
     sight = sights[0]
-    sight.side = h
-    sight.rx = vertices[v].x - px
-    sight.ry = vertices[v].y - py
-    sight.lx = vertices[w].x - px
-    sight.ly = vertices[w].y - py
-    right = math.sqrt(sight.rx * sight.rx + sight.ry * sight.ry)
-    left = math.sqrt(sight.lx * sight.lx + sight.ly * sight.ly)
-    sight.clipped = 1 if ax == 0.0 and ay == 0.0 else 0
-    sight.a_from = 0.0
-    sight.b_from = 0.0
-    sight.ax = ax
-    sight.ay = ay
-    sight.bx = bx
-    sight.by = by
-    if sight.clipped == 1:
-        if right == 0.0 or left == 0.0:
-            return count
-        sight.ax = sight.rx / right
-        sight.ay = sight.ry / right
-        sight.bx = sight.lx / left
-        sight.by = sight.ly / left
-        sight.a_from = right + radius
-        sight.b_from = left + radius
+    if not _first_sight(sight, h, vertices[v], vertices[w], px, py, radius, ax, ay, bx, by):
+        return count
     reach = radius + abs(q0)
     _aim(aim, vertices[w].x - px, vertices[w].y - py, q0, radius)
-    if arc_begin[w] != arc_begin[w + 1] and left > 0.0:
+    if arc_begin[w] != arc_begin[w + 1] and aim.distance > 0.0:
         count = _report(seen, count, w, radius, aim, sight)
     _tighten_left(sight, aim, reach)
     _aim(aim, vertices[v].x - px, vertices[v].y - py, q0, radius)
-    if arc_begin[v] != arc_begin[v + 1] and right > 0.0:
+    if arc_begin[v] != arc_begin[v + 1] and aim.distance > 0.0:
         count = _report(seen, count, v, radius, aim, sight)
     _tighten_right(sight, aim, reach)
     top = 1 if sides[h].cst == 0 and _leads_on(sight, vertices[v], vertices[w], px, py, ellipse) else 0
