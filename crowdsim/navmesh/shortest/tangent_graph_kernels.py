@@ -35,6 +35,16 @@ def turned_to(arc, nx, ny):
 
 
 @helper
+def nearest_end(arc, nx, ny, margin):
+    """Radians turned at the end of the arc that direction n misses by less than ``margin`` radians; -1.0 if none."""
+    angle = math.atan2(arc.nx * ny - arc.ny * nx, arc.nx * nx + arc.ny * ny)
+    if abs(angle) < margin:
+        return 0.0
+    off = (angle - arc.extent) % (2.0 * math.pi)
+    return arc.extent if min(off, 2.0 * math.pi - off) < margin else -1.0
+
+
+@helper
 def _add_tangent(m, stack, arcs, i, b, end, radius, least, tangents, count):
     """Add the tangent ``end`` of node i to arc b, if it is free and meets the arc; (tangents, count)."""
     one = arcs[i >> 1]
@@ -105,8 +115,9 @@ def find_tangents(m, arcs, begin, radius, least, slack, view, first_node, last_n
             while True:
                 if m.wind[h // 3] == 0:
                     found = see_corners(
-                        m, begin, arc.x, arc.y, q * radius, radius, nxt(h), slack, ax, ay, bx, by, view, np.int64(0)
-                    )
+                        m, begin, arc.x, arc.y, q * radius, radius, nxt(h), slack, SLACK, ax, ay, bx, by,
+                        view, np.int64(0),
+                    )  # fmt: skip
                     for k in range(found):
                         end = seen[k]
                         w = end.vertex
