@@ -150,10 +150,8 @@ def measure_queries(table: _Table, where: BenchMap, mesh: NavMesh) -> None:
     table.add(where, "components of a new radius", _seconds([partial(mesh.components, starts[:1], r) for r in fresh]))
 
 
-def measure_edits(table: _Table, where: BenchMap, mesh: Any) -> None:
+def measure_edits(table: _Table, where: BenchMap, mesh: NavMesh) -> None:
     """Insert and remove polygons of the map at other places, and points."""
-    if not hasattr(mesh, "insert_obstacle"):
-        return
     rng = np.random.default_rng(7)
     x0, y0, x1, y1 = where.area.bounds
     for what in ("polygon", "point"):

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from crowdsim.jit import kernel
+from crowdsim.jit import helper
 
 
-@kernel
+@helper
 def longer(items):
     """An array of more than twice the length of the one-dimensional ``items``, which it starts with."""
     copy = np.empty(2 * items.size + 1, items.dtype)
@@ -14,7 +14,7 @@ def longer(items):
     return copy
 
 
-@kernel
+@helper
 def longer_rows(rows):
     """A float64 array of more than twice the rows of ``rows`` (n, 2), which it starts with."""
     copy = np.empty((2 * rows.shape[0] + 1, 2))

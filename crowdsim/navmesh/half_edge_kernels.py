@@ -25,12 +25,27 @@ def is_dirty(sides, t):
     return sides[3 * t].clr < 0.0 or sides[3 * t + 1].clr < 0.0 or sides[3 * t + 2].clr < 0.0
 
 
-@kernel
+@helper
 def side(vertices, a, b, x, y):
     """Twice the signed area of vertices a, b and the point (x, y)."""
     p = vertices[a]
     q = vertices[b]
     return orient2d(p.x, p.y, q.x, q.y, x, y)
+
+
+@helper
+def snapped(cell, v):
+    """Coordinate v on a grid."""
+    return np.rint(v / cell) * cell
+
+
+@helper
+def holds(m, t, x, y):
+    """Whether (x, y) is in triangle t or on its sides."""
+    inside = True
+    for h in range(3 * t, 3 * t + 3):
+        inside = inside and side(m.vertices, m.sides[h].org, m.sides[nxt(h)].org, x, y) >= 0.0
+    return inside
 
 
 @kernel
@@ -66,15 +81,28 @@ def locate(m, x, y, hint):
         came = sides[h].twin
         t = came // 3
     for t in range(frame.triangles):
-        inside = True
-        for h in range(3 * t, 3 * t + 3):
-            inside = inside and side(vertices, sides[h].org, sides[nxt(h)].org, x, y) >= 0.0
-        if inside:
+        if holds(m, t, x, y):
             return t
     return -1
 
 
-@kernel
+@helper
+def triangle_of(m, x, y, hint):
+    """The triangle that holds (x, y), moved to the grid, from triangle ``hint`` on; -1 outside of the box."""
+    cell = m.frame[0].cell
+    return locate(m, snapped(cell, x), snapped(cell, y), hint)
+
+
+@helper
+def triangle_near(m, x, y, hint):
+    """The triangle of the place in the box that is nearest to (x, y), from triangle ``hint`` on."""
+    frame = m.frame[0]
+    x = min(max(snapped(frame.cell, x), frame.x0), frame.x1)
+    y = min(max(snapped(frame.cell, y), frame.y0), frame.y1)
+    return locate(m, x, y, hint)
+
+
+@helper
 def find_half_edge(sides, vertices, a, b):
     """The half-edge from vertex a to vertex b, or -1; sides of the box are not found."""
     turned = False

@@ -2,31 +2,38 @@
 
 import numpy as np
 
-from crowdsim.jit import kernel
+from crowdsim.jit import helper
 from crowdsim.navmesh.growing_kernels import longer
 
 HEAP_ROW = np.dtype([("key", np.float64), ("item", np.int64)], align=True)
 """An element of a binary heap; equal keys leave in the order of their items."""
 
 
-@kernel
-def push(heap, count, key, item):
-    """Add a row (key, item) to the binary heap; (heap, count)."""
-    if count == heap.size:
-        heap = longer(heap)
+@helper
+def place(heap, count, key, item):
+    """Add a row (key, item) to the first ``count`` rows of a binary heap with room for it; the new count."""
     i = count
     while i > 0:
-        up = heap[(i - 1) // 2]
-        if up.key < key or (up.key == key and up.item <= item):
+        up = (i - 1) // 2
+        if heap[up].key < key or (heap[up].key == key and heap[up].item <= item):
             break
-        heap[i] = up
-        i = (i - 1) // 2
+        heap[i].key = heap[up].key
+        heap[i].item = heap[up].item
+        i = up
     heap[i].key = key
     heap[i].item = item
-    return heap, count + 1
+    return count + 1
 
 
-@kernel
+@helper
+def push(heap, count, key, item):
+    """Add a row (key, item) to a binary heap that grows where it is full; (heap, count)."""
+    if count == heap.size:
+        heap = longer(heap)
+    return heap, place(heap, count, key, item)
+
+
+@helper
 def pop(heap, count):
     """Take the least of ``count`` heap rows away, which is left in place ``count - 1``."""
     last = count - 1

@@ -27,11 +27,13 @@ from crowdsim.navmesh.paths.paths import (
     Floats,
     Path,
     Paths,
+    as_limit,
     as_optimality,
     as_path_radii,
     as_point,
     as_points,
     as_radius,
+    as_workers,
 )
 from crowdsim.navmesh.paths.reachability import ComponentCache
 from crowdsim.navmesh.triangulation.builders import triangulate
@@ -125,6 +127,9 @@ class NavMesh:
             :data:`crowdsim.navmesh.paths.paths.MIN_RADIUS`, or ``optimality`` is unknown.
         """
         as_optimality(optimality)
+        as_workers(workers)
+        as_workers(workers)
+        as_workers(workers)
         sources, targets = as_points(starts, "starts"), as_points(goals, "goals")
         if len(sources) != len(targets):
             raise GeometryError(f"goals: expected {len(sources)} points, one for each start, got {len(targets)}")
@@ -139,7 +144,7 @@ class NavMesh:
         """Distances (n,) from points (n, 2) to the nearest obstacle, capped at ``limit``; 0 where not free."""
         array = as_points(points, "points")
         out = np.empty(len(array))
-        clearance_kernels.clearances(self.arrays, array, float(limit), out)
+        clearance_kernels.clearances(self.arrays, array, as_limit(limit), out)
         return out
 
     def clearance(self, point: ArrayLike, limit: float = math.inf) -> float:
@@ -165,13 +170,11 @@ class NavMesh:
         ``radius`` less half the tolerance, exactly. The point may be in an obstacle or outside of the mesh.
         """
         x, y = as_point(point, "point")
-        radius = as_radius(radius)
+        radius, limit = as_radius(radius), as_limit(limit)
         if self.is_free((x, y), radius):
             return x, y
         half = 0.5 * self.tolerance(radius)
-        distance, x, y = nearest_kernels.nearest_free(
-            self.arrays, x, y, max(radius - half, half), 1e-3 * half, float(limit)
-        )
+        distance, x, y = nearest_kernels.nearest_free(self.arrays, x, y, max(radius - half, half), 1e-3 * half, limit)
         return (x, y) if distance < math.inf else None
 
     @cached_property

@@ -113,8 +113,7 @@ class PathSearch:
     ) -> Paths:
         """Paths between ``starts`` and ``goals`` (n, 2) of ``radii`` (n,) that keep ``least`` (n,) of them.
 
-        All arrays are C-contiguous. ``clearance`` of a point is for the words of an error. So far, "best" is searched
-        as "fast" is.
+        All arrays are C-contiguous. ``clearance`` of a point is for the words of an error.
         """
         count = len(starts)
         status, lengths = np.empty(count, np.int8), np.empty(count)

@@ -10,17 +10,22 @@ from hypothesis import strategies as st
 
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.triangulation.builders import BUILDERS
-from tests.reference.navmesh_reference import clearances, free_area, mesh_faults
+from tests.reference.navmesh_reference import clearances, free_area, mesh_faults, narrow_places_missed, random_area
+from tests.support.areas import boxes
 
 few = settings(max_examples=15, derandomize=True, deadline=None)
 
-# Corners on a coarse lattice: sides line up, touch, meet in T's and coincide.
-snapped = st.tuples(st.integers(-1, 7), st.integers(-1, 7), st.integers(1, 4), st.integers(1, 4)).map(
-    lambda box: shapely.box(box[0], box[1], box[0] + box[2], box[1] + box[3])
-)
 number = st.integers(-1000, 9000).map(lambda millimeters: 1e-3 * millimeters)
 triangles = st.tuples(*[st.tuples(number, number)] * 3).map(shapely.Polygon)
-soup = st.lists(st.one_of(snapped, triangles), min_size=1, max_size=7)
+soup = st.lists(st.one_of(boxes(-1, 7, 4), triangles), min_size=1, max_size=7)
+
+
+def _as_snapped(mesh):
+    """The free area on the grid: the union of the free triangles."""
+    triangles = int(mesh.frame["triangles"][0])
+    place = np.column_stack([mesh.vertices["x"], mesh.vertices["y"]])
+    corners = place[mesh.sides["org"][: 3 * triangles].reshape(-1, 3)[mesh.wind[:triangles] == 0]]
+    return shapely.union_all(shapely.polygons(corners))
 
 
 def _raw(obstacles):
@@ -44,6 +49,23 @@ def test_both_builders_give_the_free_area_and_clearances(obstacles):
         assert mesh_faults(mesh.arrays) == []
         assert free_area(mesh.arrays) == pytest.approx(free.area, abs=1e-4)
         np.testing.assert_allclose(mesh.clearances(points), expected, atol=1e-5)
+
+
+@few
+@given(soup)
+def test_each_narrowest_place_is_a_side_or_a_height(obstacles):
+    raw, _ = _raw(obstacles)
+    for builder in BUILDERS:
+        mesh = NavMesh(raw, builder=builder)
+        assert narrow_places_missed(mesh.arrays, _as_snapped(mesh.arrays)) == []
+
+
+@pytest.mark.parametrize("kind", ["boxes", "walls", "lattice"])
+@pytest.mark.parametrize("seed", range(3))
+def test_each_narrowest_place_between_obstacles_at_any_angle_is_a_side_or_a_height(kind, seed):
+    mesh = NavMesh(random_area(np.random.default_rng(seed), kind, count=40)).arrays
+    assert (mesh.vertices["vref"][4:] == 0).any()  # feet, without which some would not be
+    assert narrow_places_missed(mesh, _as_snapped(mesh)) == []
 
 
 @few

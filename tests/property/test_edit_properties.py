@@ -12,6 +12,7 @@ from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh
 from tests.reference.edits_reference import edit_faults, edited_clearances, edited_parts
 from tests.reference.navmesh_reference import part_of, random_area
+from tests.support.areas import boxes
 
 SIZE = 8
 AREA = shapely.box(0, 0, SIZE, SIZE)
@@ -21,9 +22,7 @@ few = settings(max_examples=25, derandomize=True, deadline=None)
 numbers = st.integers(-1, SIZE + 1)
 corners = st.tuples(numbers, numbers)
 shapes = st.one_of(
-    st.tuples(numbers, numbers, st.integers(1, 4), st.integers(1, 4)).map(
-        lambda box: shapely.box(box[0], box[1], box[0] + box[2], box[1] + box[3])
-    ),
+    boxes(-1, SIZE + 1, 4),
     st.tuples(corners, corners, corners).map(shapely.Polygon).filter(lambda triangle: triangle.area > 0.0),
     st.lists(corners, min_size=2, max_size=4, unique=True).map(shapely.LineString),
     corners.map(shapely.Point),

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh
 from tests.reference.navmesh_reference import clearances, free_area, mesh_faults, part_of, reachable_parts
+from tests.support.areas import areas
 
 SIZE = 8
 CLOSE = 1e-5
@@ -18,12 +19,7 @@ CLOSE = 1e-5
 
 few = settings(max_examples=25, derandomize=True, deadline=None)
 
-boxes = st.tuples(st.integers(0, 7), st.integers(0, 7), st.integers(1, 4), st.integers(1, 4)).map(
-    lambda box: shapely.box(box[0], box[1], box[0] + box[2], box[1] + box[3])
-)
-areas = st.lists(boxes, min_size=1, max_size=8).map(
-    lambda obstacles: shapely.box(0, 0, SIZE, SIZE).difference(shapely.union_all(obstacles))
-)
+AREAS = areas(SIZE, 4, 8)
 places = st.tuples(st.integers(1, 4 * SIZE - 1), st.integers(1, 4 * SIZE - 1)).map(
     lambda place: (0.25 * place[0], 0.25 * place[1])
 )
@@ -39,7 +35,7 @@ def _length(area, start, goal, radius: float) -> float:
 
 
 @few
-@given(areas)
+@given(AREAS)
 def test_meshes_of_snapped_boxes_have_no_fault(area):
     assume(area.area > 0.0)
     mesh = NavMesh(area).arrays
@@ -49,7 +45,7 @@ def test_meshes_of_snapped_boxes_have_no_fault(area):
 
 @few
 @example(shapely.box(0, 0, SIZE, SIZE), (2.0, 2.0), (2.0, 2.0), 0.1)  # the goal is the start
-@given(areas, places, places, radii)
+@given(AREAS, places, places, radii)
 def test_paths_keep_their_radius_and_exist_where_the_disc_fits(area, start, goal, radius):
     assume(area.area > 0.0)
     parts = reachable_parts(area, radius * (1 + 5e-4))
@@ -69,14 +65,14 @@ def test_paths_keep_their_radius_and_exist_where_the_disc_fits(area, start, goal
 
 
 @few
-@given(areas, st.lists(places, min_size=1, max_size=20))
+@given(AREAS, st.lists(places, min_size=1, max_size=20))
 def test_clearances_on_corners_and_sides(area, points):
     assume(area.area > 0.0)
     np.testing.assert_allclose(NavMesh(area).clearances(points), clearances(area, np.array(points)), atol=CLOSE)
 
 
 @few
-@given(areas, places, places, st.sampled_from([0.11, 0.23]), st.integers(0, 3), st.integers(-3, 3), st.integers(0, 9))
+@given(AREAS, places, places, st.sampled_from([0.11, 0.23]), st.integers(0, 3), st.integers(-3, 3), st.integers(0, 9))
 def test_no_length_depends_on_turns_places_or_the_order_of_corners(area, start, goal, radius, turns, shift, first):
     assume(area.area > 0.0)
 

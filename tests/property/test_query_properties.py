@@ -12,17 +12,13 @@ from crowdsim.navmesh.navmesh import NavMesh
 from tests.reference.arcs import arc_length, sampled
 from tests.reference.navmesh_reference import clearances
 from tests.reference.nearest_free import NearestFree
+from tests.support.areas import areas
 
 SIZE = 6
 
 few = settings(max_examples=40, derandomize=True, deadline=None)
 
-boxes = st.tuples(st.integers(0, 5), st.integers(0, 5), st.integers(1, 3), st.integers(1, 3)).map(
-    lambda box: shapely.box(box[0], box[1], box[0] + box[2], box[1] + box[3])
-)
-areas = st.lists(boxes, min_size=1, max_size=6).map(
-    lambda obstacles: shapely.box(0, 0, SIZE, SIZE).difference(shapely.union_all(obstacles))
-)
+AREAS = areas(SIZE, 3, 6)
 places = st.tuples(st.integers(-2, 4 * SIZE + 2), st.integers(-2, 4 * SIZE + 2)).map(
     lambda place: (0.25 * place[0], 0.25 * place[1])
 )
@@ -33,7 +29,7 @@ bulges = st.sampled_from([0.0, 1.0, -1.0, math.tan(math.pi / 8), -0.2, 3.0])
 @few
 @example(shapely.box(0, 0, 2, 2), (1.0, 1.0), 1.0)  # a room as wide as the disc
 @example(shapely.box(0, 0, 2, 2), (0.0, 0.0), 1.0)
-@given(areas, places, radii)
+@given(AREAS, places, radii)
 def test_the_nearest_free_place_is_that_of_brute_force(area, point, radius):
     assume(area.area > 0.0)
     mesh = NavMesh(area)
@@ -51,7 +47,7 @@ def test_the_nearest_free_place_is_that_of_brute_force(area, point, radius):
 
 
 @few
-@given(areas, st.lists(st.tuples(places, bulges), min_size=2, max_size=5), radii)
+@given(AREAS, st.lists(st.tuples(places, bulges), min_size=2, max_size=5), radii)
 def test_violations_of_arcs_are_those_of_dense_sampling(area, corners, radius):
     assume(area.area > 0.0)
     points = np.array([(x, y, bulge) for (x, y), bulge in corners])
@@ -67,7 +63,7 @@ def test_violations_of_arcs_are_those_of_dense_sampling(area, corners, radius):
 
 
 @few
-@given(areas, st.lists(places, min_size=2, max_size=6), st.sampled_from([(0.1, 0.25), (0.25, 0.45), (0.0, 0.1)]))
+@given(AREAS, st.lists(places, min_size=2, max_size=6), st.sampled_from([(0.1, 0.25), (0.25, 0.45), (0.0, 0.1)]))
 def test_components_split_as_discs_grow(area, points, pair):
     assume(area.area > 0.0)
     mesh = NavMesh(area)

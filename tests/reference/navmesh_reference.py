@@ -102,6 +102,35 @@ def part_of(parts, points) -> np.ndarray:
     return found
 
 
+def narrow_places_missed(mesh: MeshArrays, area) -> list[tuple[int, int]]:
+    """Corners and closed sides (half-edges) with a narrowest place between them that no width of the mesh tells.
+
+    Each corner is held against each side: the disc between the corner and its foot inside of the side lies in free
+    space. That is allowed in the triangle of the side alone, whose height it is then.
+    """
+    triangles, cell = int(mesh.frame["triangles"][0]), float(mesh.frame["cell"][0])
+    place = np.column_stack([mesh.vertices["x"], mesh.vertices["y"]])
+    sides = mesh.sides[: 3 * triangles]
+    closed = np.flatnonzero((sides["cst"] != 0) & (np.repeat(mesh.wind[:triangles], 3) == 0))
+    after, before = (np.where(closed % 3 == k, closed + s, closed + t) for k, s, t in ((2, -2, 1), (0, 2, -1)))
+    start, end = place[sides["org"][closed]], place[sides["org"][after]]
+    along = end - start
+    length = np.hypot(*along.T)
+    missed = []
+    for v in np.flatnonzero(mesh.vertices["vref"] > 0):
+        part = ((place[v] - start) * along).sum(axis=1) / length**2
+        foot = start + part[:, None] * along
+        width = np.hypot(*(foot - place[v]).T)
+        # Next to an end of the side, the way to that end is as narrow but for the grid.
+        aside = np.minimum(part, 1.0 - part) * length
+        inside = (aside > 10.0 * cell) & (aside > 1e-3 * width) & (sides["org"][before] != v)
+        middle = 0.5 * (foot + place[v])
+        room = clearances(area, middle[inside])
+        free = room >= 0.5 * width[inside] - 0.1 * cell
+        missed += [(int(v), int(h)) for h in closed[inside][free & (width[inside] > 0.0)]]
+    return missed
+
+
 def random_area(rng: np.random.Generator, kind: str, size: float = 12.0, count: int = 30):
     """A square room with obstacles: "boxes" at any angle, "walls" thin and long, "lattice" of touching boxes."""
     obstacles = []

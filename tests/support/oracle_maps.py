@@ -16,6 +16,7 @@ class OracleMap(NamedTuple):
     """A walkable area and queries on it; lengths in meters."""
 
     area: shapely.Polygon
+    obstacles: list[shapely.Polygon]
     radius: float
     starts: np.ndarray
     goals: np.ndarray
@@ -29,7 +30,7 @@ def load_map(shared: Path, name: str) -> OracleMap:
     world = read_map(file)
     starts, goals = np.ascontiguousarray(world.queries[:, :2]), np.ascontiguousarray(world.queries[:, 2:])
     lengths = np.array(json.loads(file.read_text())["optimum_r0"], np.float64)
-    return OracleMap(world.area, world.radius, starts, goals, world.optimum, lengths)
+    return OracleMap(world.area, world.obstacles, world.radius, starts, goals, world.optimum, lengths)
 
 
 def arena(shared: Path):

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from crowdsim.jit import helper, kernel
+from crowdsim.jit import helper
 from crowdsim.navmesh.half_edge_kernels import nxt
 
 ARC = np.dtype([(name, np.float64) for name in ("x", "y", "radius", "start", "turn")], align=True)
@@ -21,7 +21,7 @@ FLAT = 1e-8
 MOST_ROOTS = 10
 
 
-@kernel
+@helper
 def set_arc(arc, px, py, qx, qy, bulge):
     """The arc from p to q, ``bulge`` being the tangent of a quarter of its angle, positive counter-clockwise."""
     # The center is on the perpendicular bisector of the chord.
@@ -33,7 +33,7 @@ def set_arc(arc, px, py, qx, qy, bulge):
     arc.turn = 4.0 * math.atan(bulge)
 
 
-@kernel
+@helper
 def arc_point(arc, u):
     """The place passed at angle u."""
     bearing = arc.start + math.copysign(u, arc.turn)
@@ -79,7 +79,7 @@ def add_line_roots(arc, nx, ny, at, lo, hi, roots, count):
     return _add_roots(arc, math.atan2(ny, nx), math.acos(away / arc.radius), lo, hi, roots, count)
 
 
-@kernel
+@helper
 def side_roots(arc, ax, ay, bx, by, radius, lo, hi, roots):
     """Fill ``roots`` with the angles between lo and hi where segment ab (maybe a point) is ``radius`` off; how many."""
     count = _add_circle_roots(arc, ax, ay, radius, lo, hi, roots, np.int64(0))
@@ -96,7 +96,7 @@ def side_roots(arc, ax, ay, bx, by, radius, lo, hi, roots):
     return count
 
 
-@kernel
+@helper
 def triangle_roots(m, t, arc, lo, hi, roots):
     """Fill ``roots`` with the angles between lo and hi where the arc crosses a side of triangle t; how many."""
     count = np.int64(0)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from crowdsim.geometry.segments_kernels import point_segment_distance2, segment_segment_distance2
+from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.arc_span_kernels import (
     ARC,
@@ -16,10 +16,8 @@ from crowdsim.navmesh.clearance.arc_span_kernels import (
     side_roots,
     triangle_roots,
 )
-from crowdsim.navmesh.clearance.clearance_kernels import snapped
-from crowdsim.navmesh.clearance.violation_kernels import SPAN, merged, record, violations
-from crowdsim.navmesh.growing_kernels import longer
-from crowdsim.navmesh.half_edge_kernels import locate, nxt
+from crowdsim.navmesh.clearance.violation_kernels import SPAN, merged, record, triangles_near, violations
+from crowdsim.navmesh.half_edge_kernels import holds, nxt
 from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
 
 _PIECE = 0.125 * math.pi
@@ -27,35 +25,17 @@ _PIECE = 0.125 * math.pi
 
 
 @helper
-def _holds(m, t, x, y):
-    """Whether triangle t holds (x, y)."""
-    for h in range(3 * t, 3 * t + 3):
-        a = m.vertices[m.sides[h].org]
-        b = m.vertices[m.sides[nxt(h)].org]
-        if (b.x - a.x) * (y - a.y) - (b.y - a.y) * (x - a.x) < 0.0:
-            return False
-    return True
-
-
-@helper
-def _arc_piece(m, arc, u0, u1, radius, start, spans, count, marks, mark, stack, hint, roots):
-    """Add the spans of the part u0..u1 of an arc inside the box; see `arc_violations`."""
+def _arc_piece(m, arc, u0, u1, radius, start, spans, count, marks, mark, near, roots):
+    """Add the spans of the part u0..u1 of an arc inside the box, see `arc_violations`; (spans, count, near)."""
     sides = m.sides
     vertices = m.vertices
-    frame = m.frame[0]
-    qx, qy = arc_point(arc, u0)
-    ex, ey = arc_point(arc, u1)
+    x0, y0 = arc_point(arc, u0)
+    x1, y1 = arc_point(arc, u1)
     # Somewhat more than the arc is off its chord.
-    near = radius + 1.01 * arc.radius * (1.0 - math.cos(0.5 * (u1 - u0)))
-    x = min(max(snapped(frame.cell, qx), frame.x0), frame.x1)
-    y = min(max(snapped(frame.cell, qy), frame.y0), frame.y1)
-    hint = locate(m, x, y, hint)
-    marks[hint] = mark
-    stack[0] = hint
-    top = 1
-    while top > 0:
-        top -= 1
-        t = stack[top]
+    reach = radius + 1.01 * arc.radius * (1.0 - math.cos(0.5 * (u1 - u0)))
+    near, triangles = triangles_near(m, x0, y0, x1, y1, reach, marks, mark, near, near[0])
+    for i in range(triangles):
+        t = near[i]
         # First the inside of a blocked triangle, then what is near its sides.
         for h in range(3 * t - 1, 3 * t + 3):
             whole = h < 3 * t
@@ -76,25 +56,13 @@ def _arc_piece(m, arc, u0, u1, radius, start, spans, count, marks, mark, stack, 
                 hi = roots[k] if k < found else u1
                 x, y = arc_point(arc, 0.5 * (lo + hi))
                 if whole:
-                    close = _holds(m, t, x, y)
+                    close = holds(m, t, x, y)
                 else:
                     close = point_segment_distance2(x, y, a.x, a.y, b.x, b.y) < radius * radius
                 if close and lo < hi:
                     spans, count = record(spans, count, start + arc.radius * lo, start + arc.radius * hi)
                 lo = hi
-        if top + 3 > stack.size:
-            stack = longer(stack)
-        for h in range(3 * t, 3 * t + 3):
-            g = sides[h].twin
-            if g < 0 or marks[g // 3] == mark:
-                continue
-            a = vertices[sides[h].org]
-            b = vertices[sides[nxt(h)].org]
-            if segment_segment_distance2(qx, qy, ex, ey, a.x, a.y, b.x, b.y) <= near * near:
-                marks[g // 3] = mark
-                stack[top] = g // 3
-                top += 1
-    return spans, count, stack, hint
+    return spans, count, near
 
 
 @kernel
@@ -107,7 +75,8 @@ def arc_violations(m, points, radius):
     frame = m.frame[0]
     marks = np.zeros(frame.triangles, np.int64)
     mark = np.int64(0)
-    stack = np.empty(256, np.int64)
+    near = np.empty(256, np.int64)
+    near[0] = NONE
     spans = np.empty(64, SPAN)
     count = np.int64(0)
     arc = np.empty(1, ARC)  # not its record, which would not keep the memory alive
@@ -115,7 +84,6 @@ def arc_violations(m, points, radius):
     cuts = np.empty(MOST_ROOTS)
     straight = np.empty((2, 2))
     start = 0.0
-    hint = NONE
     for i in range(max(points.shape[0] - 1, 1)):
         last = min(i + 1, points.shape[0] - 1)
         straight[0, 0] = points[i, 0]
@@ -150,8 +118,8 @@ def arc_violations(m, points, radius):
                     u0 = lo + piece * step
                     u1 = u0 + step if piece < pieces - 1 else hi
                     mark += 1
-                    spans, count, stack, hint = _arc_piece(
-                        m, arc[0], u0, u1, radius, start, spans, count, marks, mark, stack, hint, roots
+                    spans, count, near = _arc_piece(
+                        m, arc[0], u0, u1, radius, start, spans, count, marks, mark, near, roots
                     )
             lo = hi
         start += arc[0].radius * turn

@@ -11,17 +11,11 @@ import numpy as np
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.growing_kernels import longer
-from crowdsim.navmesh.half_edge_kernels import locate, nxt, prv
+from crowdsim.navmesh.half_edge_kernels import locate, nxt, prv, snapped, triangle_of
 from crowdsim.navmesh.mesh_arrays import NONE
 
 
-@kernel
-def snapped(cell, v):
-    """Coordinate v on a grid."""
-    return np.rint(v / cell) * cell
-
-
-@kernel
+@helper
 def disc_clearance(m, x, y, limit, hint):
     """Distance from (x, y) to the nearest obstacle, at most ``limit``, and its triangle, the next ``hint`` (or -1).
 
@@ -122,8 +116,7 @@ def capsule_nearest(m, x0, y0, x1, y1, limit, hint):
     """
     sides = m.sides
     vertices = m.vertices
-    cell = m.frame[0].cell
-    root = locate(m, snapped(cell, x0), snapped(cell, y0), hint)
+    root = triangle_of(m, x0, y0, hint)
     if root < 0 or m.wind[root] != 0:
         return -1.0, root, -1, -1
     best = limit * limit
@@ -170,7 +163,7 @@ def capsule_nearest(m, x0, y0, x1, y1, limit, hint):
     return math.sqrt(best), root, vertex, edge
 
 
-@kernel
+@helper
 def capsule_clearance(m, x0, y0, x1, y1, limit, hint):
     """Distance from the segment to the nearest obstacle, at most ``limit``, and the triangle of its start (or -1).
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from crowdsim.geometry.segments_kernels import point_segment_distance2, segment_segment_distance2
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance, snapped
+from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.growing_kernels import longer
-from crowdsim.navmesh.half_edge_kernels import locate, nxt
+from crowdsim.navmesh.half_edge_kernels import holds, nxt, triangle_near
 from crowdsim.navmesh.heap_kernels import HEAP_ROW, pop, push
 from crowdsim.navmesh.mesh_arrays import NONE
 
@@ -184,16 +184,16 @@ def _roomy(m, t, radius):
 
 @helper
 def _distance_to_triangle(m, t, px, py):
+    if holds(m, t, px, py):
+        return 0.0
     sides = m.sides
     vertices = m.vertices
     best = math.inf
-    inside = True
     for h in range(3 * t, 3 * t + 3):
         a = vertices[sides[h].org]
         b = vertices[sides[nxt(h)].org]
-        inside = inside and (b.x - a.x) * (py - a.y) - (b.y - a.y) * (px - a.x) >= 0.0
         best = min(best, point_segment_distance2(px, py, a.x, a.y, b.x, b.y))
-    return 0.0 if inside else math.sqrt(best)
+    return math.sqrt(best)
 
 
 @kernel
@@ -214,9 +214,7 @@ def nearest_free(m, px, py, radius, slack, limit):
     outlines = np.empty(64, _OUTLINE)
     stack = np.empty(64, np.int64)
     heap = np.empty(256, HEAP_ROW)
-    x = min(max(snapped(frame.cell, px), frame.x0), frame.x1)
-    y = min(max(snapped(frame.cell, py), frame.y0), frame.y1)
-    root = locate(m, x, y, NONE)
+    root = triangle_near(m, px, py, NONE)
     seen[root] = 1
     heap, waiting = push(heap, np.int64(0), 0.0, np.int64(root))
     _try(m, root, px, py, px, py, radius, slack, best)

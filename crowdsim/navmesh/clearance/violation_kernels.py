@@ -6,9 +6,8 @@ import numpy as np
 
 from crowdsim.geometry.segments_kernels import segment_segment_distance2
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.clearance.clearance_kernels import snapped
 from crowdsim.navmesh.growing_kernels import longer
-from crowdsim.navmesh.half_edge_kernels import locate, nxt
+from crowdsim.navmesh.half_edge_kernels import nxt, triangle_near
 from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
 
 SPAN = np.dtype([("lo", np.float64), ("hi", np.float64)], align=True)
@@ -119,6 +118,52 @@ def merged(spans, count):
     return union
 
 
+@helper
+def triangles_near(m, x0, y0, x1, y1, reach, marks, mark, found, hint):
+    """Triangles, from that of (x0, y0) on, that hang together by sides within ``reach`` of the segment 0-1.
+
+    Returns (found, count): they are found[:count], grown as needed. ``marks`` (nt,) hold ``mark`` for them then, and
+    held nothing as large before. Place 0 is in the box, within rounding; ``hint`` is a triangle near it.
+    """
+    sides = m.sides
+    vertices = m.vertices
+    found[0] = triangle_near(m, x0, y0, hint)
+    marks[found[0]] = mark
+    count = 1
+    i = 0
+    while i < count:
+        t = found[i]
+        i += 1
+        if count + 3 > found.size:
+            found = longer(found)
+        for h in range(3 * t, 3 * t + 3):
+            g = sides[h].twin
+            if g < 0 or marks[g // 3] == mark:
+                continue
+            a = vertices[sides[h].org]
+            b = vertices[sides[nxt(h)].org]
+            if segment_segment_distance2(x0, y0, x1, y1, a.x, a.y, b.x, b.y) <= reach * reach:
+                marks[g // 3] = mark
+                found[count] = g // 3
+                count += 1
+    return found, count
+
+
+@helper
+def _inside_box(frame, px, py, ux, uy, length):
+    """Part (enter, leave) of 0..``length`` where p + s u is in the box; leave < enter if it is nowhere."""
+    enter = 0.0
+    leave = length
+    for at, rate, least, most in ((px, ux, frame.x0, frame.x1), (py, uy, frame.y0, frame.y1)):
+        if rate == 0.0:
+            if at < least or at > most:
+                leave = -math.inf
+        else:
+            enter = max(enter, min((least - at) / rate, (most - at) / rate))
+            leave = min(leave, max((least - at) / rate, (most - at) / rate))
+    return enter, leave
+
+
 @kernel
 def violations(m, points, radius):
     """All maximal intervals of arc length where the polyline (n, 2) is closer than ``radius`` to an obstacle: (k, 2).
@@ -129,13 +174,12 @@ def violations(m, points, radius):
     sides = m.sides
     vertices = m.vertices
     frame = m.frame[0]
-    cell = frame.cell
     marks = np.zeros(frame.triangles, np.int64)
-    stack = np.empty(256, np.int64)
+    near = np.empty(256, np.int64)
+    near[0] = NONE
     spans = np.empty(64, SPAN)
     count = np.int64(0)
     start = 0.0
-    hint = NONE
     for i in range(max(points.shape[0] - 1, 1)):
         px = points[i, 0]
         py = points[i, 1]
@@ -150,15 +194,7 @@ def violations(m, points, radius):
             continue
         else:
             ux = 1.0
-        enter = 0.0
-        leave = length
-        for at, rate, least, most in ((px, ux, frame.x0, frame.x1), (py, uy, frame.y0, frame.y1)):
-            if rate == 0.0:
-                if at < least or at > most:
-                    leave = -math.inf
-            else:
-                enter = max(enter, min((least - at) / rate, (most - at) / rate))
-                leave = min(leave, max((least - at) / rate, (most - at) / rate))
+        enter, leave = _inside_box(frame, px, py, ux, uy, length)
         if leave < enter:
             spans, count = record(spans, count, start, start + length)
             start += length
@@ -167,22 +203,11 @@ def violations(m, points, radius):
             spans, count = record(spans, count, start, start + enter)
         if leave < length:
             spans, count = record(spans, count, start + leave, start + length)
-        qx = px + enter * ux
-        qy = py + enter * uy
-        ex = px + leave * ux
-        ey = py + leave * uy
-        near = radius * radius
-        x = min(max(snapped(cell, qx), frame.x0), frame.x1)
-        y = min(max(snapped(cell, qy), frame.y0), frame.y1)
-        hint = locate(m, x, y, hint)
-        marks[hint] = i + 1
-        stack[0] = hint
-        top = 1
-        while top > 0:
-            top -= 1
-            t = stack[top]
-            if top + 3 > stack.size:
-                stack = longer(stack)
+        near, found = triangles_near(
+            m, px + enter * ux, py + enter * uy, px + leave * ux, py + leave * uy, radius, marks, i + 1, near, near[0]
+        )
+        for k in range(found):
+            t = near[k]
             if m.wind[t] != 0:
                 lo, hi = _triangle_span(m, t, px, py, ux, uy)
                 lo = max(lo, enter)
@@ -190,29 +215,21 @@ def violations(m, points, radius):
                 if lo < hi or (length == 0.0 and lo <= hi):
                     spans, count = record(spans, count, start + lo, start + hi)
             for h in range(3 * t, 3 * t + 3):
-                a = sides[h].org
-                b = sides[nxt(h)].org
-                ax = vertices[a].x
-                ay = vertices[a].y
-                bx = vertices[b].x
-                by = vertices[b].y
-                if a >= BOX_CORNERS:
-                    span = _disc_span(px, py, ux, uy, radius, ax, ay)
-                    if sides[h].cst != 0:
-                        lo, hi = _disc_span(px, py, ux, uy, radius, bx, by)
-                        span = _widen(span, lo, hi)
-                        lo, hi = _strip_span(px, py, ux, uy, radius, ax, ay, bx, by)
-                        span = _widen(span, lo, hi)
-                    lo = max(span[0], enter)
-                    hi = min(span[1], leave)
-                    if lo < hi or (length == 0.0 and lo <= hi):
-                        spans, count = record(spans, count, start + lo, start + hi)
-                g = sides[h].twin
-                if g < 0 or marks[g // 3] == i + 1:
+                if sides[h].org < BOX_CORNERS:
                     continue
-                if segment_segment_distance2(qx, qy, ex, ey, ax, ay, bx, by) <= near:
-                    marks[g // 3] = i + 1
-                    stack[top] = g // 3
-                    top += 1
+                ax = vertices[sides[h].org].x
+                ay = vertices[sides[h].org].y
+                span = _disc_span(px, py, ux, uy, radius, ax, ay)
+                if sides[h].cst != 0:
+                    bx = vertices[sides[nxt(h)].org].x
+                    by = vertices[sides[nxt(h)].org].y
+                    lo, hi = _disc_span(px, py, ux, uy, radius, bx, by)
+                    span = _widen(span, lo, hi)
+                    lo, hi = _strip_span(px, py, ux, uy, radius, ax, ay, bx, by)
+                    span = _widen(span, lo, hi)
+                lo = max(span[0], enter)
+                hi = min(span[1], leave)
+                if lo < hi or (length == 0.0 and lo <= hi):
+                    spans, count = record(spans, count, start + lo, start + hi)
         start += length
     return merged(spans, count)

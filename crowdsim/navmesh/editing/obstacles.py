@@ -15,6 +15,7 @@ from crowdsim.errors import GeometryError, StaleHandle
 from crowdsim.geometry.polygons import clean_polygon
 from crowdsim.navmesh.editing import edit_kernels, outline_kernels
 from crowdsim.navmesh.mesh_arrays import USE, MeshArrays, resized, workshop
+from crowdsim.navmesh.paths.paths import as_numbers
 from crowdsim.navmesh.triangulation.use_kernels import keep_used
 
 _LEAST_USES = 4096
@@ -66,10 +67,11 @@ def shape_of(geometry: Any) -> Shape:
         For other types, coordinates that are not finite, and polygons without area.
     """
     if not isinstance(geometry, BaseGeometry):
-        corners = np.asarray(geometry, np.float64)
+        corners = as_numbers(geometry, "obstacle")
         if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3:
             raise GeometryError(
-                f"obstacle: expected a shapely geometry or at least three corners (n, 2), got {corners.shape}"
+                f"obstacle: expected a shapely geometry, a point (2,) or at least three corners (n, 2), got shape "
+                f"{corners.shape}"
             )
         if not np.isfinite(corners).all():
             raise GeometryError("obstacle: coordinates must be finite; the corners hold NaN or infinity")
@@ -171,7 +173,10 @@ class Obstacles:
         """Take an obstacle to another place, by (dx, dy) meters or to a new geometry."""
         number, slot = self._find(handle)
         if len(place) == 2:
-            dx, dy = float(place[0]), float(place[1])
+            offset = as_numbers(place, "move: dx and dy")
+            if offset.shape != (2,):
+                raise GeometryError(f"move: expected dx and dy in meters, got arrays of shape {offset.shape[1:]}")
+            dx, dy = offset.tolist()
             if not (math.isfinite(dx) and math.isfinite(dy)):
                 raise GeometryError(f"move: dx and dy must be finite meters, got ({dx}, {dy})")
             shape = slot.shape.moved(dx, dy)
@@ -190,34 +195,34 @@ class Obstacles:
         slot.shape = shape
 
     def _find(self, handle: Handle) -> tuple[int, _Slot]:
-        number, generation = handle
-        if (
-            not 0 <= number < len(self._slots)
-            or self._slots[number].generation != generation
-            or self._slots[number].ids is None
-        ):
-            raise StaleHandle(f"obstacle {tuple(handle)} is not in the mesh; was it removed, or is it another mesh's?")
-        return number, self._slots[number]
+        if isinstance(handle, tuple) and len(handle) == 2 and handle[0] in range(len(self._slots)):
+            number, slot = int(handle[0]), self._slots[handle[0]]
+            if slot.generation == handle[1] and slot.ids is not None:
+                return number, slot
+        name = tuple(handle) if isinstance(handle, tuple) else handle
+        raise StaleHandle(f"obstacle {name!r} is not in the mesh; was it removed, or is it another mesh's?")
 
     def _read(self, geometry: Any) -> tuple[Shape, Shape]:
         """The shape of ``geometry``, and what of it lies in the box, on the grid."""
         if isinstance(geometry, shapely.Point) and not geometry.is_empty:
             geometry = np.array((geometry.x, geometry.y))
+        if not isinstance(geometry, BaseGeometry):
+            geometry = as_numbers(geometry, "obstacle")
         if isinstance(geometry, np.ndarray) and geometry.shape == (2,):
-            points = geometry.astype(np.float64).reshape(1, 2)
+            points = geometry.reshape(1, 2).copy()
             shape = Shape(points, _ONE_END, 0)
             snapped = np.empty((1, 2))
             if outline_kernels.snap_inside(self.mesh, points, snapped) == outline_kernels.OK:
                 return shape, Shape(snapped, _ONE_END, 0)
             return shape, self._cut(shape)
         if isinstance(geometry, np.ndarray) and geometry.ndim == 2 and geometry.shape[1] == 2:
-            points = np.ascontiguousarray(geometry, np.float64)
+            points = geometry
             snapped = np.empty_like(points)
             status = outline_kernels.check_outline(self.mesh, points, snapped)
             if status in (outline_kernels.OK, outline_kernels.BACKWARD):
                 ends = np.array([len(points)])
                 if status == outline_kernels.BACKWARD:
-                    return Shape(points[::-1], ends, 1), Shape(np.ascontiguousarray(snapped[::-1]), ends, 1)
+                    return Shape(points[::-1].copy(), ends, 1), Shape(np.ascontiguousarray(snapped[::-1]), ends, 1)
                 return Shape(points.copy(), ends, 1), Shape(snapped, ends, 1)
         shape = shape_of(geometry)
         return shape, self._cut(shape)

@@ -11,11 +11,11 @@ import numpy as np
 
 from crowdsim.jit import helper
 from crowdsim.navmesh.half_edge_kernels import nxt, prv
-from crowdsim.navmesh.heap_kernels import pop
+from crowdsim.navmesh.heap_kernels import place, pop
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.region_kernels import lay_waypoints
 from crowdsim.navmesh.paths.search_kernels import can_leave
-from crowdsim.navmesh.paths.tangent_kernels import NODE, set_node
+from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE, set_node
 
 _GREED = 1.05
 """What a straight meter that is still to go counts. Ways are seldom straight, so 1 would search much that is too long;
@@ -23,22 +23,6 @@ at 1.05 ways are 0.1 or 0.2 percent longer and found in a quarter of the time.""
 
 _SAME = 1e-9
 """Meters within which two ways are as long as each other."""
-
-
-@helper
-def _place(heap, count, key, item):
-    """Add a row to a heap with room for it; the new count."""
-    i = count
-    while i > 0:
-        up = (i - 1) // 2
-        if heap[up].key < key or (heap[up].key == key and heap[up].item <= item):
-            break
-        heap[i].key = heap[up].key
-        heap[i].item = heap[up].item
-        i = up
-    heap[i].key = key
-    heap[i].item = item
-    return count + 1
 
 
 @helper
@@ -90,6 +74,34 @@ def _estimate(label, x, y):
 
 
 @helper
+def _leave_start(m, regions, work, start, sx, sy, radius, width):
+    """Put labels of the sides that lead out of triangle ``start`` towards the goal into the heap; their number."""
+    labels = work.labels
+    heap = work.heap
+    waypoints = work.waypoints
+    stamp = work.stamp[0]
+    sides = m.sides
+    vertices = m.vertices
+    count = np.int64(0)
+    for h in range(3 * start, 3 * start + 3):
+        if not can_leave(sides, vertices, h, sx, sy, width):
+            continue
+        aim = waypoints[regions[sides[h].twin // 3].top]
+        if aim.stamp != stamp:
+            continue
+        a = vertices[sides[h].org]
+        b = vertices[sides[nxt(h)].org]
+        ux = b.x - a.x
+        uy = b.y - a.y
+        k = min(radius / math.sqrt(ux * ux + uy * uy), 0.5)
+        ux *= k
+        uy *= k
+        _set_label(labels[count], sx, sy, 0.0, b.x - ux, b.y - uy, a.x + ux, a.y + uy, h, NONE, NONE, np.int64(3))
+        count = place(heap, count, _GREED * aim.rest + _estimate(labels[count], aim.x, aim.y), count)
+    return count
+
+
+@helper
 def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
     """The last label of a short way from triangle ``start`` to ``goal``, -1 where none is found.
 
@@ -109,24 +121,8 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
         return NONE
     width = max(width, 1e-30)  # that of the corners of closed sides is 0
     most = 6 * m.frame[0].triangles - 6
-    count = np.int64(0)
-    used = np.int64(0)
-    for h in range(3 * start, 3 * start + 3):
-        if not can_leave(sides, vertices, h, sx, sy, width):
-            continue
-        aim = waypoints[regions[sides[h].twin // 3].top]
-        if aim.stamp != stamp:
-            continue
-        a = vertices[sides[h].org]
-        b = vertices[sides[nxt(h)].org]
-        ux = b.x - a.x
-        uy = b.y - a.y
-        k = min(radius / math.sqrt(ux * ux + uy * uy), 0.5)
-        ux *= k
-        uy *= k
-        _set_label(labels[used], sx, sy, 0.0, b.x - ux, b.y - uy, a.x + ux, a.y + uy, h, NONE, NONE, np.int64(3))
-        count = _place(heap, count, _GREED * aim.rest + _estimate(labels[used], aim.x, aim.y), used)
-        used += 1
+    count = _leave_start(m, regions, work, start, sx, sy, radius, width)
+    used = count
     following = NONE  # the best of the labels just made need not pass through the heap if nothing in there is better
     while used < most:
         i = following
@@ -241,13 +237,13 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
             key = _GREED * aim.rest + _estimate(labels[k], aim.x, aim.y)
             if key < best:
                 if following >= 0:
-                    count = _place(heap, count, best, following)
+                    count = place(heap, count, best, following)
                 best = key
                 following = k
             else:
-                count = _place(heap, count, key, k)
+                count = place(heap, count, key, k)
         if following >= 0 and count > 0 and heap[0].key < best:
-            count = _place(heap, count, best, following)
+            count = place(heap, count, best, following)
             following = NONE
     return NONE
 
@@ -271,7 +267,7 @@ def string_along(m, labels, last, sx, sy, gx, gy, radius):
         count += 1
         i = np.int64(labels[i].before)
         corner = np.int64(labels[i].corner)
-    nodes = np.empty(count + 64, NODE)
+    nodes = np.empty(count + 64, STRING_NODE)
     k = count - 1
     set_node(nodes[k], gx, gy, 0.0, NONE)
     i = last
@@ -291,6 +287,6 @@ def string_along(m, labels, last, sx, sy, gx, gy, radius):
         corner = np.int64(labels[i].corner)
     k -= 1
     set_node(nodes[k], sx, sy, 0.0, NONE)
-    for place in range(count - k):
-        nodes[place] = nodes[k + place]
+    for i in range(count - k):
+        nodes[i] = nodes[k + i]
     return nodes, count - k

@@ -1,6 +1,6 @@
 """Paths of discs, one or many: the straight one if it is free, else the way that the search finds, pulled taut.
 
-Nodes are records :data:`crowdsim.navmesh.paths.tangent_kernels.NODE`; the first is the start, the last the goal.
+Nodes are records :data:`crowdsim.navmesh.paths.tangent_kernels.STRING_NODE`; the first is the start, the last the goal.
 """
 
 import math
@@ -11,16 +11,12 @@ from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, sweep
 from crowdsim.navmesh.growing_kernels import longer_rows
-from crowdsim.navmesh.half_edge_kernels import nxt
+from crowdsim.navmesh.half_edge_kernels import nxt, triangle_of
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.interval_kernels import find_way, string_along
 from crowdsim.navmesh.paths.search_kernels import find_channel
-from crowdsim.navmesh.paths.string_kernels import pull, triangle_of
-from crowdsim.navmesh.paths.tangent_kernels import (
-    NODE,
-    set_node,
-    tangent,
-)
+from crowdsim.navmesh.paths.string_kernels import pull
+from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE, set_node, tangent
 
 OK = 0
 START_BLOCKED = 1
@@ -37,9 +33,9 @@ def _funnel(m, channel, sx, sy, gx, gy, radius):
     sides = m.sides
     vertices = m.vertices
     room = 2 * channel.size + 4
-    chain = np.empty(2 * room + 2, NODE)
+    chain = np.empty(2 * room + 2, STRING_NODE)
     heading = np.empty((2 * room + 1, 2))  # of the tangent from the node nearer to the apex
-    nodes = np.empty(room + 64, NODE)
+    nodes = np.empty(room + 64, STRING_NODE)
     apex = room
     low = room
     high = room
@@ -117,6 +113,17 @@ def _stand(m, stack, x, y, least):
 
 
 @helper
+def straight_path(sx, sy, gx, gy):
+    """The polyline (2, 2) from the start to the goal."""
+    points = np.empty((2, 2))
+    points[0, 0] = sx
+    points[0, 1] = sy
+    points[1, 0] = gx
+    points[1, 1] = gy
+    return points
+
+
+@helper
 def plan_path(m, regions, work, sx, sy, gx, gy, radius, least):
     """(status, points (n, 2)) of a short path of a disc of ``radius`` that comes nowhere closer than ``least``.
 
@@ -134,12 +141,7 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least):
         return GOAL_BLOCKED, points
     free, _ = sweep(m.sides, m.vertices, stack, start, sx, sy, gx, gy, least)
     if free:
-        straight = np.empty((2, 2))
-        straight[0, 0] = sx
-        straight[0, 1] = sy
-        straight[1, 0] = gx
-        straight[1, 1] = gy
-        return OK, straight
+        return OK, straight_path(sx, sy, gx, gy)
     channel = np.empty(0, np.int64)
     if start == goal:  # within one triangle the string may need no side
         nodes, count = _funnel(m, channel, sx, sy, gx, gy, radius)
@@ -187,7 +189,7 @@ def plan_paths(m, regions, work, starts, goals, radii, least, status, lengths, c
     Fills ``status`` (n,), ``lengths`` (n,), nan where there is no path, and ``counts`` (n,) of points of each path.
     """
     points = np.empty((16 * status.size, 2))
-    filled = 0
+    filled = np.int64(0)
     for i in range(status.size):
         found, path = plan_path(
             m, regions, work, starts[i, 0], starts[i, 1], goals[i, 0], goals[i, 1], radii[i], least[i]

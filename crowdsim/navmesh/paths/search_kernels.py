@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from crowdsim.geometry.segments_kernels import point_segment_distance2
-from crowdsim.jit import helper, kernel
+from crowdsim.jit import helper
 from crowdsim.navmesh.half_edge_kernels import nxt, prv
 from crowdsim.navmesh.heap_kernels import HEAP_ROW, pop, push
 from crowdsim.navmesh.mesh_arrays import NONE
@@ -71,7 +71,7 @@ def _crossing_point(sides, vertices, h, radius, px, py, gx, gy):
     return ax + at * ux, ay + at * uy
 
 
-@kernel
+@helper
 def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
     """Half-edges (k,) crossed from triangle ``start`` to ``goal`` on about the shortest way; none if too narrow.
 

@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from crowdsim.jit import helper
-from crowdsim.navmesh.clearance.clearance_kernels import capsule_nearest, snapped
+from crowdsim.navmesh.clearance.clearance_kernels import capsule_nearest
 from crowdsim.navmesh.clearance.sweep_kernels import sweep, walk
 from crowdsim.navmesh.growing_kernels import longer_rows
-from crowdsim.navmesh.half_edge_kernels import locate, nxt, prv
+from crowdsim.navmesh.half_edge_kernels import nxt, prv, triangle_of
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.tangent_kernels import COARSE, FINE, arc_corners, set_node, tangent
 
@@ -89,13 +89,6 @@ def arc_is_open(sides, vertices, v, ax, ay, bx, by, room):
             rounds += 1
             if rounds == 2 or not inside:
                 return False, h // 3
-
-
-@helper
-def triangle_of(m, x, y, hint):
-    """The triangle that holds (x, y), from triangle ``hint`` on; -1 outside of the box."""
-    cell = m.frame[0].cell
-    return locate(m, snapped(cell, x), snapped(cell, y), hint)
 
 
 @helper
@@ -185,8 +178,8 @@ def pull(m, stack, nodes, count, radius, least, start):
     points[0, 1] = nodes[0].y
     marks[1].points = 1
     marks[1].triangle = start
-    count, _ = _tighten(nodes, count, 1, count)
-    first = 1
+    count, _ = _tighten(nodes, count, np.int64(1), count)
+    first = np.int64(1)
     for _ in range(_REPAIRS):
         if count < 0:
             break

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from crowdsim.jit import helper, kernel
+from crowdsim.jit import helper
 
-NODE = np.dtype([(n, np.float64) for n in ("x", "y", "q", "bulge")] + [("vertex", np.int64)], align=True)
+STRING_NODE = np.dtype([(n, np.float64) for n in ("x", "y", "q", "bulge")] + [("vertex", np.int64)], align=True)
 """What a string bends around.
 
 q: +radius with the obstacle on the left, -radius on the right; start and goal have q = 0 and vertex -1. bulge: how far
@@ -33,7 +33,7 @@ def set_node(node, x, y, q, vertex):
     node.vertex = vertex
 
 
-@kernel
+@helper
 def tangent(a, b):
     """(exists, direction x, y) of the taut string from node a to node b."""
     ex = b.x - a.x

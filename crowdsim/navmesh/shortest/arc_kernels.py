@@ -133,7 +133,7 @@ def _block_wall(spans, count, nx, ny, extent, vx, vy, radius, least, a, b):
 
 
 @helper
-def _wedge_end(sides, vertices, first):
+def _wedge_end(sides, first):
     """The last spoke of the free wedge that begins with the constrained spoke ``first``: the next constrained one."""
     h = first
     while True:
@@ -150,7 +150,7 @@ def _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights,
     """
     sides = m.sides
     vertices = m.vertices
-    taken = 0
+    taken = np.int64(0)
     h = begin
     while True:
         found[0] = sides[nxt(h)].org
@@ -220,7 +220,7 @@ def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spa
         if first != last:
             # From a + 90 degrees to b - 90 degrees.
             extent = max(math.atan2(-across, -ax * bx - ay * by), 0.0)
-    taken = 0
+    taken = np.int64(0)
     if radius > 0.0:
         spans, taken = _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights, found, spans)
     at = 0.0
@@ -253,7 +253,7 @@ def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spa
 
 @kernel
 def find_arcs(m, radius, least):
-    """(arcs, begin (nv + 1,)) of :class:`TangentGraph`: the places where a disc touches one corner alone."""
+    """``arcs`` and ``arc_begin`` of :class:`crowdsim.navmesh.shortest.tangent_graph_arrays.TangentGraph`."""
     sides = m.sides
     vertices = m.vertices
     triangles = m.frame[0].triangles
@@ -263,7 +263,7 @@ def find_arcs(m, radius, least):
     sights = np.empty(triangles + 8, SIGHT)
     found = np.empty(4 * triangles + 8, np.int64)
     spans = np.empty(64, _SPAN)
-    count = 0
+    count = np.int64(0)
     for v in range(vertices.size):
         begin[v] = count
         if v < BOX_CORNERS or v >= filled or vertices[v].vhe < 0:
@@ -274,7 +274,7 @@ def find_arcs(m, radius, least):
             if sides[h].cst != 0:
                 walls += 1
                 if m.wind[h // 3] == 0:
-                    last = _wedge_end(sides, vertices, h)
+                    last = _wedge_end(sides, h)
                     arcs, count = _free_arcs(m, v, h, last, radius, least, arcs, count, sights, found, spans)
             h = sides[prv(h)].twin
             if h == vertices[v].vhe:

@@ -12,17 +12,24 @@ import numpy as np
 
 from crowdsim.geometry.predicates_kernels import orient2d
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance, snapped
+from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.clearance.sweep_kernels import is_free_way
-from crowdsim.navmesh.half_edge_kernels import locate, nxt, prv, side
+from crowdsim.navmesh.half_edge_kernels import nxt, prv, side, triangle_of
 from crowdsim.navmesh.heap_kernels import pop, push
 from crowdsim.navmesh.mesh_arrays import NONE
-from crowdsim.navmesh.paths.path_kernels import GOAL_BLOCKED, NO_PASSAGE, OK, START_BLOCKED, TANGLED, append_path
+from crowdsim.navmesh.paths.path_kernels import (
+    GOAL_BLOCKED,
+    NO_PASSAGE,
+    OK,
+    START_BLOCKED,
+    TANGLED,
+    append_path,
+    straight_path,
+)
 from crowdsim.navmesh.paths.string_kernels import pull
-from crowdsim.navmesh.paths.tangent_kernels import NODE as STRING_NODE
-from crowdsim.navmesh.paths.tangent_kernels import set_node
-from crowdsim.navmesh.shortest.tangent_graph_kernels import touches, turned_to
-from crowdsim.navmesh.shortest.visibility_kernels import see_corners, set_ellipse
+from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE, set_node
+from crowdsim.navmesh.shortest.tangent_graph_kernels import nearest_end, touches, turned_to
+from crowdsim.navmesh.shortest.visibility_kernels import SLACK, see_corners, set_ellipse
 
 _DETOUR = 1.06
 """The first search is for paths at most so much longer than the straight line: most are, and it looks at little."""
@@ -40,17 +47,21 @@ def _distance(dx, dy):
 def _free_triangle(m, x, y, least):
     """A free triangle whose closure holds (x, y), and whether there are others; (-1, False) where the disc is not free.
 
-    There are others where a point of no radius stands on a side or a corner.
+    There are others where (x, y) is on a side or a corner, or beyond a side within rounding to the grid.
     """
     sides = m.sides
     vertices = m.vertices
-    cell = m.frame[0].cell
-    t = locate(m, snapped(cell, x), snapped(cell, y), NONE)
+    t = triangle_of(m, x, y, NONE)
     if t < 0:
         return NONE, False
     if least > 0.0:
         distance, _ = disc_clearance(m, x, y, 1.01 * least, t)
-        return (t, False) if distance >= least else (NONE, False)
+        if distance < least:
+            return NONE, False
+        for h in range(3 * t, 3 * t + 3):
+            if side(vertices, sides[h].org, sides[nxt(h)].org, x, y) <= 0.0:
+                return t, True
+        return t, False
     on = 0
     for h in range(3 * t, 3 * t + 3):
         if side(vertices, sides[h].org, sides[nxt(h)].org, x, y) == 0.0:
@@ -126,20 +137,23 @@ def _see_each_other(m, t, x0, y0, x1, y1):
 
 
 @helper
-def _look(m, graph, scratch, x, y, t, radius, slack, found):
+def _look(m, graph, scratch, x, y, t, radius, slack, margin, found):
     """Add what (x, y) in the closure of triangle t sees across its other sides to the outlook; the new count."""
     for h in range(3 * t, 3 * t + 3):
         if side(m.vertices, m.sides[h].org, m.sides[nxt(h)].org, x, y) > 0.0:
             found = see_corners(
-                m, graph.arc_begin, x, y, 0.0, radius, h, slack, 0.0, 0.0, 0.0, 0.0,
+                m, graph.arc_begin, x, y, 0.0, radius, h, slack, margin, 0.0, 0.0, 0.0, 0.0,
                 scratch.outlook, found,
             )  # fmt: skip
     return found
 
 
 @helper
-def _find_ends(m, graph, scratch, x, y, triangle, others, radius, slack, to_goal):
+def _find_ends(m, graph, scratch, x, y, triangle, others, radius, slack, margin, to_goal):
     """Tangents from the point (x, y) to arcs it sees, or from those to it; not checked for what cuts them; the count.
+
+    A disc that touches an obstacle may stand closer to it than ``radius`` by the tolerance. Its tangents may then miss
+    the begin or the end of an arc by an angle of ``margin``, and lead to that place instead.
 
     ``others``: the point is on a side or a corner of the triangle, and sees through what else touches it as well.
     """
@@ -147,7 +161,7 @@ def _find_ends(m, graph, scratch, x, y, triangle, others, radius, slack, to_goal
     vertices = m.vertices
     seen = scratch.outlook.seen
     ends = scratch.ends
-    found = _look(m, graph, scratch, x, y, triangle, radius, slack, np.int64(0))
+    found = _look(m, graph, scratch, x, y, triangle, radius, slack, margin, np.int64(0))
     if others:
         for h in range(3 * triangle, 3 * triangle + 3):
             v = vertices[sides[h].org]
@@ -155,14 +169,14 @@ def _find_ends(m, graph, scratch, x, y, triangle, others, radius, slack, to_goal
                 g = sides[prv(h)].twin
                 while g != h:
                     if m.wind[g // 3] == 0:
-                        found = _look(m, graph, scratch, x, y, g // 3, radius, slack, found)
+                        found = _look(m, graph, scratch, x, y, g // 3, radius, slack, margin, found)
                     g = sides[prv(g)].twin
                 break
             w = sides[nxt(h)].org
             beyond = sides[h].twin // 3
             corner = vertices[w].x == x and vertices[w].y == y
-            if not corner and side(vertices, sides[h].org, w, x, y) == 0.0 and m.wind[beyond] == 0:
-                found = _look(m, graph, scratch, x, y, beyond, radius, slack, found)
+            if not corner and side(vertices, sides[h].org, w, x, y) <= 0.0 and m.wind[beyond] == 0:
+                found = _look(m, graph, scratch, x, y, beyond, radius, slack, margin, found)
     count = 0
     for i in range(found):
         tangent = seen[i]
@@ -171,16 +185,22 @@ def _find_ends(m, graph, scratch, x, y, triangle, others, radius, slack, to_goal
             arc = graph.arcs[k]
             nx = q * tangent.ty
             ny = -q * tangent.tx
-            if not touches(arc, nx, ny):
-                continue
-            angle = turned_to(arc, nx, ny)
+            length = tangent.length
+            angle = turned_to(arc, nx, ny) if touches(arc, nx, ny) else -1.0
             if angle < 0.0:
-                continue
+                angle = nearest_end(arc, nx, ny, margin)
+                if angle < 0.0:
+                    continue
+                c = math.cos(angle)
+                s = math.sin(angle)
+                nx = arc.nx * c - arc.ny * s
+                ny = arc.ny * c + arc.nx * s
+                length = _distance(arc.x + radius * nx - x, arc.y + radius * ny - y)
             clockwise = (q < 0) != to_goal
             end = ends[count]
             count += 1
             end.node = 2 * k + 1 if clockwise else 2 * k
-            end.length = tangent.length
+            end.length = length
             end.turned = arc.extent - angle if clockwise else angle
             end.x = arc.x + radius * nx
             end.y = arc.y + radius * ny
@@ -198,14 +218,18 @@ def _search(m, graph, scratch, start, start_others, sx, sy, goal, goal_others, g
     scratch.stamp[0] += 1
     stamp = scratch.stamp[0]
     set_ellipse(scratch.outlook.ellipse[0], sx, sy, gx, gy, longest + 2.0 * radius)
-    count = _find_ends(m, graph, scratch, gx, gy, goal, goal_others, radius, slack, True)
+    margin = SLACK
+    if least > 0.0:
+        # A tangent dips into a circle by the tolerance where it is off by this angle.
+        margin += math.sqrt(2.0 * max(radius - least, 0.0) / radius)
+    count = _find_ends(m, graph, scratch, gx, gy, goal, goal_others, radius, slack, margin, np.bool_(True))
     for i in range(count):
         goals[ends[i].node] = ends[i]
         goals[ends[i].node].stamp = stamp
     heap = scratch.heap
     size = np.int64(0)
     total = nodes.size
-    count = _find_ends(m, graph, scratch, sx, sy, start, start_others, radius, slack, False)
+    count = _find_ends(m, graph, scratch, sx, sy, start, start_others, radius, slack, margin, np.bool_(False))
     for k in range(count):
         node = nodes[ends[k].node]
         cost = ends[k].length - radius * ends[k].turned
@@ -306,12 +330,7 @@ def shortest_path(m, graph, scratch, sx, sy, gx, gy, radius, least, slack):
     else:
         straight = _see_each_other(m, start, sx, sy, gx, gy)
     if straight:
-        points = np.empty((2, 2))
-        points[0, 0] = sx
-        points[0, 1] = sy
-        points[1, 0] = gx
-        points[1, 1] = gy
-        return OK, points, _distance(gx - sx, gy - sy)
+        return OK, straight_path(sx, sy, gx, gy), _distance(gx - sx, gy - sy)
     last = NONE
     length = np.inf
     for longest in (_DETOUR * _distance(gx - sx, gy - sy), np.inf):
@@ -334,7 +353,7 @@ def shortest_paths(m, graph, scratch, starts, goals, radius, least, slack, statu
     Fills ``status`` (n,), ``lengths`` (n,), nan where there is no path, and ``counts`` (n,) of points of each path.
     """
     points = np.empty((16 * status.size, 2))
-    filled = 0
+    filled = np.int64(0)
     for i in range(status.size):
         found, path, length = shortest_path(
             m, graph, scratch, starts[i, 0], starts[i, 1], goals[i, 0], goals[i, 1], radius, least, slack

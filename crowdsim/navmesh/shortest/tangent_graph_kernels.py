@@ -5,10 +5,9 @@ import math
 import numpy as np
 
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.clearance.clearance_kernels import snapped
 from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, is_free_way
 from crowdsim.navmesh.growing_kernels import longer
-from crowdsim.navmesh.half_edge_kernels import locate, nxt, prv
+from crowdsim.navmesh.half_edge_kernels import nxt, prv, triangle_of
 from crowdsim.navmesh.shortest.tangent_graph_arrays import LINK, NODE
 from crowdsim.navmesh.shortest.visibility_kernels import SLACK, see_corners
 
@@ -36,6 +35,16 @@ def turned_to(arc, nx, ny):
 
 
 @helper
+def nearest_end(arc, nx, ny, margin):
+    """Radians turned at the end of the arc that direction n misses by less than ``margin`` radians; -1.0 if none."""
+    angle = math.atan2(arc.nx * ny - arc.ny * nx, arc.nx * nx + arc.ny * ny)
+    if abs(angle) < margin:
+        return 0.0
+    off = (angle - arc.extent) % (2.0 * math.pi)
+    return arc.extent if min(off, 2.0 * math.pi - off) < margin else -1.0
+
+
+@helper
 def _add_tangent(m, stack, arcs, i, b, end, radius, least, tangents, count):
     """Add the tangent ``end`` of node i to arc b, if it is free and meets the arc; (tangents, count)."""
     one = arcs[i >> 1]
@@ -55,8 +64,7 @@ def _add_tangent(m, stack, arcs, i, b, end, radius, least, tangents, count):
         y0 = one.y - q * radius * tx
         x1 = other.x + p * radius * ty
         y1 = other.y - p * radius * tx
-        cell = m.frame[0].cell
-        triangle = locate(m, snapped(cell, x0), snapped(cell, y0), m.vertices[one.vertex].vhe // 3)
+        triangle = triangle_of(m, x0, y0, m.vertices[one.vertex].vhe // 3)
         if triangle < 0 or not is_free_way(m, stack, triangle, x0, y0, x1, y1, least):
             return tangents, count
     if count == tangents.size:
@@ -107,8 +115,9 @@ def find_tangents(m, arcs, begin, radius, least, slack, view, first_node, last_n
             while True:
                 if m.wind[h // 3] == 0:
                     found = see_corners(
-                        m, begin, arc.x, arc.y, q * radius, radius, nxt(h), slack, ax, ay, bx, by, view, np.int64(0)
-                    )
+                        m, begin, arc.x, arc.y, q * radius, radius, nxt(h), slack, SLACK, ax, ay, bx, by,
+                        view, np.int64(0),
+                    )  # fmt: skip
                     for k in range(found):
                         end = seen[k]
                         w = end.vertex
@@ -137,7 +146,10 @@ def find_tangents(m, arcs, begin, radius, least, slack, view, first_node, last_n
 
 @kernel
 def link_arcs(arcs, tangents, radius):
-    """(nodes, links) of :class:`TangentGraph` from the tangents of :func:`find_tangents`."""
+    """``nodes`` and ``links`` of :class:`crowdsim.navmesh.shortest.tangent_graph_arrays.TangentGraph`.
+
+    ``tangents`` are all of those that :func:`find_tangents` finds.
+    """
     count = 2 * arcs.size
     nodes = np.zeros(count + 2, NODE)
     for tangent in tangents:

@@ -40,8 +40,8 @@ def _aim(aim, x, y, q0, radius):
 
 
 @helper
-def _report(seen, count, v, radius, aim, sight):
-    """Add the tangents to both sides of vertex v that the headings allow; the new count."""
+def _report(seen, count, v, radius, aim, sight, margin):
+    """Add the tangents to both sides of vertex v that the headings allow within ``margin``; the new count."""
     right_bound = aim.distance >= sight.a_from
     left_bound = aim.distance >= sight.b_from
     for left in (True, False):
@@ -49,9 +49,9 @@ def _report(seen, count, v, radius, aim, sight):
         ty = aim.left_y if left else aim.right_y
         if abs(aim.left_s if left else aim.right_s) > 1.0 + PINCH:
             continue
-        if right_bound and sight.ax * ty - sight.ay * tx < -SLACK:
+        if right_bound and sight.ax * ty - sight.ay * tx < -margin:
             continue
-        if left_bound and tx * sight.by - ty * sight.bx < -SLACK:
+        if left_bound and tx * sight.by - ty * sight.bx < -margin:
             continue
         end = seen[count]
         count += 1
@@ -117,25 +117,60 @@ def _meets(ellipse, a, b):
 
 
 @helper
-def _leads_on(sight, a, b, px, py, ellipse):
-    """Whether a tangent may lead across the side from vertex a to vertex b."""
+def _leads_on(sight, a, b, px, py, ellipse, margin):
+    """Whether a tangent may lead across the side from vertex a to vertex b; headings may be off by ``margin``."""
     if sight.rx * sight.ly - sight.ry * sight.lx <= 0.0:
         return False
     if ellipse.per_major > 0.0 and not _meets(ellipse, a, b):
         return False
-    if sight.ax * sight.by - sight.ay * sight.bx >= -SLACK:
+    if sight.ax * sight.by - sight.ay * sight.bx >= -margin:
         return True
     far = max(sight.a_from, sight.b_from)
     return point_segment_distance2(px, py, a.x, a.y, b.x, b.y) < far * far
 
 
 @helper
-def see_corners(m, arc_begin, px, py, q0, radius, h, slack, ax, ay, bx, by, view, count):
+def _first_sight(sight, h, v, w, px, py, radius, ax, ay, bx, by):
+    """Set the view from (px, py) across side h from vertex v to w; False for a point at one of the two.
+
+    Headings from a to b as in :func:`see_corners`; for a point without them, from v to w.
+    """
+    sight.side = h
+    sight.rx = v.x - px
+    sight.ry = v.y - py
+    sight.lx = w.x - px
+    sight.ly = w.y - py
+    sight.clipped = 0
+    sight.a_from = 0.0
+    sight.b_from = 0.0
+    sight.ax = ax
+    sight.ay = ay
+    sight.bx = bx
+    sight.by = by
+    if ax != 0.0 or ay != 0.0:
+        return True
+    right = math.sqrt(sight.rx * sight.rx + sight.ry * sight.ry)
+    left = math.sqrt(sight.lx * sight.lx + sight.ly * sight.ly)
+    if right == 0.0 or left == 0.0:
+        return False
+    sight.clipped = 1
+    sight.ax = sight.rx / right
+    sight.ay = sight.ry / right
+    sight.bx = sight.lx / left
+    sight.by = sight.ly / left
+    sight.a_from = right + radius
+    sight.b_from = left + radius
+    return True
+
+
+@helper
+def see_corners(m, arc_begin, px, py, q0, radius, h, slack, margin, ax, ay, bx, by, view, count):
     """Add the tangents to corners that are seen across side ``h`` of a triangle at (px, py) to the view; the new count.
 
     They leave from the point (q0 = 0) or from the circle of ``radius`` around it, with the center on their left (q0 =
     radius) or right (-radius), at headings from the unit vector a counter-clockwise to b, less than half a turn; for a
-    point a and b may be zero, and all headings count. ``slack`` (meters) lets one see past vertices that hide less.
+    point a and b may be zero, and all headings count. ``slack`` (meters) lets one see past vertices that hide less, and
+    ``margin`` (radians, at least :data:`SLACK`) is how far headings may be off what other vertices leave.
     Vertex v has the arcs arc_begin[v]:arc_begin[v + 1]; those without are no corners. No free tangent is left out, but
     some are added that other obstacles cut, and some twice. Places outside of the view's ellipse do not matter.
 
@@ -152,39 +187,18 @@ def see_corners(m, arc_begin, px, py, q0, radius, h, slack, ax, ay, bx, by, view
     v = sides[h].org
     w = sides[nxt(h)].org
     sight = sights[0]
-    sight.side = h
-    sight.rx = vertices[v].x - px
-    sight.ry = vertices[v].y - py
-    sight.lx = vertices[w].x - px
-    sight.ly = vertices[w].y - py
-    right = math.sqrt(sight.rx * sight.rx + sight.ry * sight.ry)
-    left = math.sqrt(sight.lx * sight.lx + sight.ly * sight.ly)
-    sight.clipped = 1 if ax == 0.0 and ay == 0.0 else 0
-    sight.a_from = 0.0
-    sight.b_from = 0.0
-    sight.ax = ax
-    sight.ay = ay
-    sight.bx = bx
-    sight.by = by
-    if sight.clipped == 1:
-        if right == 0.0 or left == 0.0:
-            return count
-        sight.ax = sight.rx / right
-        sight.ay = sight.ry / right
-        sight.bx = sight.lx / left
-        sight.by = sight.ly / left
-        sight.a_from = right + radius
-        sight.b_from = left + radius
+    if not _first_sight(sight, h, vertices[v], vertices[w], px, py, radius, ax, ay, bx, by):
+        return count
     reach = radius + abs(q0)
     _aim(aim, vertices[w].x - px, vertices[w].y - py, q0, radius)
-    if arc_begin[w] != arc_begin[w + 1] and left > 0.0:
-        count = _report(seen, count, w, radius, aim, sight)
+    if arc_begin[w] != arc_begin[w + 1] and aim.distance > 0.0:
+        count = _report(seen, count, w, radius, aim, sight, margin)
     _tighten_left(sight, aim, reach)
     _aim(aim, vertices[v].x - px, vertices[v].y - py, q0, radius)
-    if arc_begin[v] != arc_begin[v + 1] and right > 0.0:
-        count = _report(seen, count, v, radius, aim, sight)
+    if arc_begin[v] != arc_begin[v + 1] and aim.distance > 0.0:
+        count = _report(seen, count, v, radius, aim, sight, margin)
     _tighten_right(sight, aim, reach)
-    top = 1 if sides[h].cst == 0 and _leads_on(sight, vertices[v], vertices[w], px, py, ellipse) else 0
+    top = 1 if sides[h].cst == 0 and _leads_on(sight, vertices[v], vertices[w], px, py, ellipse, margin) else 0
     near = 4.0 * radius
     # The headings, less and more by 30 degrees, hold the directions of corners that are farther than ``near``.
     c = math.sqrt(0.75)
@@ -223,7 +237,7 @@ def see_corners(m, arc_begin, px, py, q0, radius, h, slack, ax, ay, bx, by, view
         right_of_left = (zx + slack * dy) * sight.ly - (zy - slack * dx) * sight.lx >= 0.0
         visible = left_of_right and right_of_left
         if visible and arc_begin[w] != arc_begin[w + 1]:
-            count = _report(seen, count, w, radius, aim, sight)
+            count = _report(seen, count, w, radius, aim, sight, margin)
         if visible:
             other = sights[top + 1]
             other.side = prv(g)
@@ -249,8 +263,8 @@ def see_corners(m, arc_begin, px, py, q0, radius, h, slack, ax, ay, bx, by, view
             _tighten_left(sight, aim, reach)
             _tighten_right(other, aim, reach)
             sight.side = nxt(g)
-            first = sides[nxt(g)].cst == 0 and _leads_on(sight, a, z, px, py, ellipse)
-            second = sides[prv(g)].cst == 0 and _leads_on(other, z, b, px, py, ellipse)
+            first = sides[nxt(g)].cst == 0 and _leads_on(sight, a, z, px, py, ellipse, margin)
+            second = sides[prv(g)].cst == 0 and _leads_on(other, z, b, px, py, ellipse, margin)
             if first:
                 top += 2 if second else 1
             elif second:
@@ -258,10 +272,10 @@ def see_corners(m, arc_begin, px, py, q0, radius, h, slack, ax, ay, bx, by, view
                 top += 1
         elif left_of_right:
             sight.side = nxt(g)
-            if sides[nxt(g)].cst == 0 and _leads_on(sight, a, z, px, py, ellipse):
+            if sides[nxt(g)].cst == 0 and _leads_on(sight, a, z, px, py, ellipse, margin):
                 top += 1
         elif right_of_left:
             sight.side = prv(g)
-            if sides[prv(g)].cst == 0 and _leads_on(sight, z, b, px, py, ellipse):
+            if sides[prv(g)].cst == 0 and _leads_on(sight, z, b, px, py, ellipse, margin):
                 top += 1
     return count

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from crowdsim.jit import helper, kernel
+from crowdsim.jit import helper
 from crowdsim.navmesh.growing_kernels import longer
 from crowdsim.navmesh.half_edge_kernels import find_half_edge, nxt, prv, side
 from crowdsim.navmesh.mesh_arrays import NONE
@@ -180,7 +180,7 @@ def _clear_way(m, w, a, b, crossed):
     return 0
 
 
-@kernel
+@helper
 def insert_segment(m, a, b, winding, use, w):
     """Constrain the way from vertex a to b, with ``winding`` and ``use`` on half-edges along it; 0 or FULL or STUCK.
 

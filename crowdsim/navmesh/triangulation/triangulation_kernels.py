@@ -3,7 +3,7 @@
 import numpy as np
 
 from crowdsim.geometry.predicates_kernels import incircle
-from crowdsim.jit import helper, kernel
+from crowdsim.jit import helper
 from crowdsim.navmesh.half_edge_kernels import find_half_edge, locate, nxt, prv, side
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.triangulation.work_kernels import touch_triangle
@@ -29,7 +29,7 @@ def take(sides, h, source):
     link(sides, h, sides[source].twin)
 
 
-@kernel
+@helper
 def flip(sides, vertices, e):
     """Replace the shared side of two triangles by the other diagonal.
 
@@ -205,7 +205,7 @@ def split_edge(m, h, x, y, w):
     return p
 
 
-@kernel
+@helper
 def insert_point(m, x, y, hint, w):
     """Vertex at the grid point (x, y), a new one unless there is one; or FULL. The point must be inside the box."""
     sides = m.sides

@@ -21,6 +21,17 @@ def new_use(w, owner, following):
 
 
 @helper
+def _turned(w, use):
+    """The items of list ``use`` in the opposite order."""
+    turned = NONE
+    k = np.int64(use)
+    while k >= 0:
+        turned = new_use(w, np.int64(w.uses[k].owner), turned)
+        k = np.int64(w.uses[k].next)
+    return turned
+
+
+@helper
 def joined(w, one, other):
     """The items of both lists."""
     a = np.int64(one)
@@ -29,20 +40,16 @@ def joined(w, one, other):
         return b
     if b < 0:
         return a
-    # Lists run one way only: items of both in descending order are stacked by turning the merged list around.
+    # Lists grow at their heads, so the merged one comes out the wrong way round.
     turned = NONE
     while a >= 0 or b >= 0:
         if b < 0 or (a >= 0 and w.uses[a].owner <= w.uses[b].owner):
-            turned = new_use(w, w.uses[a].owner, turned)
+            turned = new_use(w, np.int64(w.uses[a].owner), turned)
             a = np.int64(w.uses[a].next)
         else:
-            turned = new_use(w, w.uses[b].owner, turned)
+            turned = new_use(w, np.int64(w.uses[b].owner), turned)
             b = np.int64(w.uses[b].next)
-    whole = NONE
-    while turned >= 0:
-        whole = new_use(w, w.uses[turned].owner, whole)
-        turned = np.int64(w.uses[turned].next)
-    return whole
+    return _turned(w, turned)
 
 
 @helper
@@ -59,13 +66,9 @@ def without(w, use, owner):
     turned = NONE
     while k >= 0:
         if w.uses[k].owner != owner:
-            turned = new_use(w, w.uses[k].owner, turned)
+            turned = new_use(w, np.int64(w.uses[k].owner), turned)
         k = np.int64(w.uses[k].next)
-    whole = NONE
-    while turned >= 0:
-        whole = new_use(w, w.uses[turned].owner, whole)
-        turned = np.int64(w.uses[turned].next)
-    return whole
+    return _turned(w, turned)
 
 
 @helper

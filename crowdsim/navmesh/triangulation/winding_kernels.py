@@ -1,5 +1,7 @@
 """How many obstacles cover each triangle, from the winding along half-edges."""
 
+import numpy as np
+
 from crowdsim.jit import helper
 from crowdsim.navmesh.half_edge_kernels import locate
 from crowdsim.navmesh.triangulation.work_kernels import touch_triangle
@@ -15,7 +17,7 @@ def flood(m, stack):
     frame = m.frame[0]
     for t in range(frame.triangles):
         wind[t] = _UNKNOWN
-    outside = locate(m, frame.x0, frame.y0, 0)
+    outside = locate(m, frame.x0, frame.y0, np.int64(0))
     wind[outside] = 1
     stack[0] = outside
     top = 1

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crowdsim.errors import GeometryError
+from crowdsim.jit import kernel
 from crowdsim.navmesh.clearance.arc_span_kernels import ARC, FLAT, arc_point, set_arc
 from crowdsim.navmesh.clearance.arc_violation_kernels import arc_violations
 from crowdsim.navmesh.navmesh import NavMesh
@@ -91,6 +92,12 @@ def test_an_arc_that_leaves_the_mesh_is_blocked_outside():
     assert mesh.violations([(2, 2, 1.0), (2, 2, 1.0), (3, 2, 0.0)], 0.5).tolist() == []
 
 
+@kernel
+def _arc_ends(arc, px, py, qx, qy, bulge):
+    set_arc(arc[0], px, py, qx, qy, bulge)
+    return arc_point(arc[0], 0.0), arc_point(arc[0], abs(arc[0].turn))
+
+
 @settings(max_examples=60, derandomize=True, deadline=None)
 @given(st.floats(-50.0, 50.0), st.tuples(*[st.floats(-5.0, 5.0)] * 4))
 def test_an_arc_begins_and_ends_at_its_points(bulge, ends):
@@ -98,10 +105,10 @@ def test_an_arc_begins_and_ends_at_its_points(bulge, ends):
     if abs(bulge) < 1e-6 or math.dist(ends[:2], ends[2:]) < 1e-3:
         return
     arc = np.zeros(1, ARC)
-    set_arc(arc[0], px, py, qx, qy, bulge)
+    first, last = _arc_ends(arc, px, py, qx, qy, bulge)
     reach = 1e-14 * (10.0 + arc["radius"][0])
-    assert arc_point(arc[0], 0.0) == pytest.approx((px, py), abs=10 * reach)
-    assert arc_point(arc[0], abs(arc["turn"][0])) == pytest.approx((qx, qy), abs=10 * reach)
+    assert first == pytest.approx((px, py), abs=10 * reach)
+    assert last == pytest.approx((qx, qy), abs=10 * reach)
 
 
 def test_wrong_shapes_are_refused():

@@ -7,9 +7,9 @@ import pytest
 import shapely
 
 from crowdsim.errors import GeometryError
-from crowdsim.navmesh.clearance.clearance_kernels import capsule_clearance, disc_clearance
 from crowdsim.navmesh.navmesh import NavMesh
 from tests.reference.navmesh_reference import clearances, random_area
+from tests.support.entries import capsule_clearance, disc_clearance
 
 EXACT = 3e-6
 """Meters that snapping may cost."""

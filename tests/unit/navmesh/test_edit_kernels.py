@@ -9,9 +9,10 @@ from crowdsim.navmesh.editing.removal_kernels import remove_vertex
 from crowdsim.navmesh.mesh_arrays import resized, workshop
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.triangulation.refine_kernels import inside_circle
-from crowdsim.navmesh.triangulation.triangulation_kernels import insert_point, restore_delaunay
+from crowdsim.navmesh.triangulation.triangulation_kernels import restore_delaunay
 from crowdsim.navmesh.triangulation.winding_kernels import flood
 from tests.reference.navmesh_reference import mesh_faults, random_area
+from tests.support.entries import insert_point
 
 
 @kernel

@@ -1,6 +1,5 @@
 """Obstacles go in and out by handles, and the mesh is as if it had been built with what is in it."""
 
-import json
 import math
 
 import numpy as np
@@ -13,6 +12,7 @@ from crowdsim.navmesh.mesh_arrays import USE
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.triangulation.use_kernels import keep_used
 from tests.reference.edits_reference import edit_faults, edited_clearances, free_space
+from tests.support.oracle_maps import load_map
 
 ROOM = shapely.box(0, 0, 10, 6)
 WALL = shapely.box(4.8, -1.0, 5.2, 4.0)
@@ -245,9 +245,8 @@ def _found(mesh, ends, radius):
 
 
 def test_a_thousand_edits_are_as_good_as_building_anew(shared):
-    scene = json.loads((shared / "oracles" / "maps" / "clutter_200.json").read_text())
-    posts = [shapely.Polygon(obstacle["polygon"]) for obstacle in scene["obstacles"]]
-    area = shapely.box(*scene["bounds"]).difference(shapely.union_all(posts))
+    world = load_map(shared, "clutter_200")
+    posts, area = world.obstacles, world.area
     mesh = NavMesh(area)
     rng = np.random.default_rng(1)
     present = {}
@@ -271,7 +270,7 @@ def test_a_thousand_edits_are_as_good_as_building_anew(shared):
     points = rng.uniform(0.0, 50.0, (500, 2))
     np.testing.assert_allclose(mesh.clearances(points), anew.clearances(points), atol=2e-5)
     lengths = []
-    for query in np.reshape(scene["queries"][:150], (-1, 2, 2)):
+    for query in zip(world.starts[:150], world.goals[:150], strict=True):
         for radius in (0.1, 0.3, 0.6):
             one, other = _found(mesh, query, radius), _found(anew, query, radius)
             assert math.isinf(one) == math.isinf(other)

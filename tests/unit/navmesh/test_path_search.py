@@ -8,13 +8,13 @@ import shapely
 
 from crowdsim.errors import GeometryError, PathNotFound
 from crowdsim.jit import kernel
-from crowdsim.navmesh.clearance.clearance_kernels import capsule_clearance, disc_clearance
 from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, sweep
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.paths.paths import FOUND, GOAL_BLOCKED, NO_PASSAGE, START_BLOCKED
 from crowdsim.navmesh.paths.region_kernels import REGION, find_regions
 from crowdsim.navmesh.paths.string_kernels import arc_is_open
 from tests.reference.navmesh_reference import random_area, region_tops
+from tests.support.entries import capsule_clearance, disc_clearance
 
 ROOMS = shapely.box(0, 0, 10, 10).difference(shapely.box(4, 0, 6, 10))
 

@@ -1,7 +1,6 @@
 """Paths keep their radius, exist where they should, are short, and obstacles can be added to a copy."""
 
 import itertools
-import json
 import math
 import threading
 
@@ -14,6 +13,7 @@ from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.paths import path_kernels
 from crowdsim.navmesh.paths.paths import FOUND, TANGLED
 from tests.reference.navmesh_reference import mesh_faults, part_of, random_area, reachable_parts
+from tests.support.oracle_maps import MAPS, load_map
 
 CLOSE = 1e-5
 """Meters by which a path may come closer than its radius."""
@@ -57,27 +57,20 @@ def test_paths_exist_exactly_where_the_disc_fits(kind, seed):
             assert mesh.first_violation(path.points, radius) == math.inf
 
 
-@pytest.mark.parametrize("name", ["clutter_200", "clutter_2000", "apartment_24"])
+@pytest.mark.parametrize("name", MAPS)
 def test_oracle_maps(shared, name):
-    oracle = json.loads((shared / "oracles" / "maps" / f"{name}.json").read_text())
-    obstacles = shapely.union_all([shapely.Polygon(obstacle["polygon"]) for obstacle in oracle["obstacles"]])
-    area = shapely.box(*oracle["bounds"]).difference(obstacles)
-    mesh = NavMesh(area)
-    radius = oracle["radius"]
-    queries = np.array(oracle["queries"])
-    paths = mesh.find_paths(queries[:, :2], queries[:, 2:], radius)
-    shortest = np.array(oracle["optimum_r0"], float)
-    optimum = np.array(oracle["optimum_r"], float)  # an upper bound; none is nan
-    possible = np.isfinite(optimum)
+    world = load_map(shared, name)
+    paths = NavMesh(world.area).find_paths(world.starts, world.goals, world.radius)
+    possible = np.isfinite(world.optimum_r)
     assert (paths.status[possible] == FOUND).all()
-    assert (paths.lengths >= shortest * (1 - 1e-6))[possible].all()
-    ratios = (paths.lengths / optimum)[possible]
+    assert (paths.lengths >= world.optimum_r0 * (1 - 1e-6))[possible].all()
+    ratios = (paths.lengths / world.optimum_r)[possible]
     assert ratios.mean() < 1.003
     assert ratios.max() < 1.08
-    walls = area.boundary
+    walls = world.area.boundary
     shapely.prepare(walls)
     for path in itertools.islice(paths, 200):
-        assert shapely.LineString(path.points).distance(walls) >= radius - CLOSE
+        assert shapely.LineString(path.points).distance(walls) >= world.radius - CLOSE
 
 
 def test_a_gap_of_exactly_the_diameter_is_passed():

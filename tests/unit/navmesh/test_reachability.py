@@ -12,6 +12,7 @@ from crowdsim.navmesh.paths.component_kernels import label_sides
 from crowdsim.navmesh.paths.reachability import ComponentCache
 from tests.reference.components import side_components
 from tests.reference.navmesh_reference import random_area
+from tests.support.areas import areas
 
 TWO_ROOMS = shapely.box(0, 0, 10, 10).difference(
     shapely.union_all([shapely.box(4, 0, 5, 4.7), shapely.box(4, 5.3, 5, 10)])
@@ -45,17 +46,12 @@ def test_a_path_is_found_exactly_within_a_component(kind, seed):
             assert together == mesh.reachable(points[i], points[k], radius)
 
 
-boxes = st.tuples(st.integers(0, 7), st.integers(0, 7), st.integers(1, 4), st.integers(1, 4)).map(
-    lambda box: shapely.box(box[0], box[1], box[0] + box[2], box[1] + box[3])
-)
-areas = st.lists(boxes, min_size=1, max_size=10).map(
-    lambda obstacles: shapely.box(0, 0, 8, 8).difference(shapely.union_all(obstacles))
-)
+AREAS = areas(8, 4, 10)
 places = st.tuples(st.integers(1, 31), st.integers(1, 31)).map(lambda place: (0.25 * place[0], 0.25 * place[1]))
 
 
 @settings(max_examples=60, derandomize=True, deadline=None)
-@given(areas, st.lists(places, min_size=2, max_size=8), st.sampled_from([0.1, 0.25, 0.45, 0.5]))
+@given(AREAS, st.lists(places, min_size=2, max_size=8), st.sampled_from([0.1, 0.25, 0.45, 0.5]))
 def test_a_path_is_found_exactly_within_a_component_of_touching_boxes(area, points, radius):
     assume(area.area > 0.0)
     mesh = NavMesh(area)

@@ -125,3 +125,35 @@ def test_what_is_not_reached_is_said():
         mesh.find_path((5, 5), (9, 1), 0.0, "best")
     with pytest.raises(PathNotFound, match="goal blocked"):
         mesh.find_path((1, 1), (9.9, 9.9), 0.2, "best")
+
+
+@pytest.mark.parametrize("kind", ["boxes", "walls", "lattice"])
+def test_a_disc_that_touches_obstacles_takes_the_shortest_way_too(kind):
+    rng = np.random.default_rng(["boxes", "walls", "lattice"].index(kind))
+    found = 0
+    for _ in range(6):
+        mesh = NavMesh(random_area(rng, kind, size=6.0, count=int(rng.integers(2, 8))))
+        for radius in (0.07, 0.23):
+            places = [mesh.nearest_free(point, radius) for point in rng.uniform(0.0, 6.0, (20, 2))]
+            starts, goals = np.array([place for place in places if place]).reshape(-1, 2), rng.uniform(0.0, 6.0, 2)
+            for ends in ((starts, np.resize(goals, starts.shape)), (starts, starts[::-1])):
+                best, fast = (mesh.find_paths(*ends, radius, optimality) for optimality in ("best", "fast"))
+                np.testing.assert_array_equal(best.status, fast.status)
+                there = best.status == 0
+                assert (best.lengths[there] <= fast.lengths[there] + 1e-6).all()
+                found += int(there.sum())
+    assert found > 100
+
+
+def test_a_disc_on_a_side_of_the_mesh_sees_what_is_on_either_hand():
+    # The middle of a side is where two triangles meet; the view from there is that of both.
+    mesh = NavMesh(random_area(np.random.default_rng(3), "boxes"))
+    org, twin = mesh.arrays.sides["org"], mesh.arrays.sides["twin"]
+    sides = np.flatnonzero((mesh.arrays.sides["cst"] == 0) & (twin >= 0) & (np.repeat(mesh.arrays.wind, 3) == 0))
+    place = np.column_stack([mesh.arrays.vertices["x"], mesh.arrays.vertices["y"]])
+    starts = 0.5 * (place[org[sides]] + place[org[twin[sides]]])
+    goals = np.random.default_rng(4).permutation(starts)
+    best, aside = (mesh.find_paths(starts + off, goals, 0.05, "best") for off in (0.0, 1e-4))
+    both = (best.status == 0) & (aside.status == 0)
+    assert both.sum() > 50
+    np.testing.assert_allclose(best.lengths[both], aside.lengths[both], atol=3e-4)

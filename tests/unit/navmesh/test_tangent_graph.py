@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import shapely
 
+from crowdsim.jit import kernel
 from crowdsim.navmesh.heap_kernels import HEAP_ROW, pop, push
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.shortest.arc_kernels import find_arcs
@@ -144,16 +145,26 @@ def test_searches_fill_what_they_are_given():
     assert math.isnan(lengths[1])
 
 
+@kernel
+def _push(heap, count, key, item):
+    return push(heap, count, key, item)
+
+
+@kernel
+def _pop(heap, count):
+    pop(heap, count)
+
+
 def test_the_heap_gives_rows_in_order():
     rng = np.random.default_rng(0)
     heap, count, twin = np.empty(2, HEAP_ROW), 0, []
     for step in range(400):
         if step % 3 or not twin:
             row = float(rng.integers(0, 9)), int(rng.integers(0, 9))
-            heap, count = push(heap, count, *row)
+            heap, count = _push(heap, count, *row)
             heapq.heappush(twin, row)
         else:
-            pop(heap, count)
+            _pop(heap, count)
             count -= 1
             assert tuple(heap[count].item()) == heapq.heappop(twin)
     assert count == len(twin) > 50

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from crowdsim.jit import kernel
-from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.paths.interval_kernels import find_way, string_along
 from crowdsim.navmesh.paths.region_kernels import REGION, find_regions
-from crowdsim.navmesh.paths.tangent_kernels import NODE
+from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE
 from crowdsim.navmesh.paths.workspace import empty_workspace
 from tests.reference.navmesh_reference import random_area
 from tests.reference.way_reference import shortest_way
+from tests.support.entries import disc_clearance
 
 
 @kernel
@@ -21,7 +21,7 @@ def _search(m, regions, work, start, sx, sy, goal, gx, gy, radius):
     """The last label, the nodes and their number."""
     last = find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, 2.0 * radius)
     if last < 0:
-        return last, np.empty(0, NODE), 0
+        return last, np.empty(0, STRING_NODE), 0
     nodes, count = string_along(m, work.labels, last, sx, sy, gx, gy, radius)
     return last, nodes, count
 

@@ -1,0 +1,31 @@
+"""Entries from Python to helpers of kernels, which have none of their own."""
+
+from crowdsim.jit import kernel
+from crowdsim.navmesh import half_edge_kernels
+from crowdsim.navmesh.clearance import clearance_kernels
+from crowdsim.navmesh.triangulation import triangulation_kernels
+
+_insert_point = triangulation_kernels.insert_point
+_find_half_edge = half_edge_kernels.find_half_edge
+_disc_clearance = clearance_kernels.disc_clearance
+_capsule_clearance = clearance_kernels.capsule_clearance
+
+
+@kernel
+def insert_point(m, x, y, hint, w):
+    return _insert_point(m, x, y, hint, w)
+
+
+@kernel
+def find_half_edge(sides, vertices, a, b):
+    return _find_half_edge(sides, vertices, a, b)
+
+
+@kernel
+def disc_clearance(m, x, y, limit, hint):
+    return _disc_clearance(m, x, y, limit, hint)
+
+
+@kernel
+def capsule_clearance(m, x0, y0, x1, y1, limit, hint):
+    return _capsule_clearance(m, x0, y0, x1, y1, limit, hint)
