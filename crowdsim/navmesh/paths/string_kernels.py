@@ -195,7 +195,7 @@ def pull(m, stack, nodes, count, radius, least, start):
             fine = False
             for k in range(i, i + 1 if inside else i + 2):
                 if nodes[k].q != 0.0 and nodes[k].bulge == COARSE:
-                    nodes[k].bulge = FINE
+                    nodes[k].bulge = min(FINE, 0.25 * (radius - least))
                     fine = True
             if fine:
                 first = max(1, i)

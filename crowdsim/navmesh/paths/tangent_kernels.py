@@ -15,7 +15,7 @@ corners of the polyline may stand off the arc, meters.
 
 COARSE = 1e-3
 FINE = 2e-6
-"""Bulges, meters: normally, and in passages that leave no more room."""
+"""Bulges, meters: normally, and in passages that leave no more room; there at most a quarter of the tolerance, too."""
 
 PINCH = 1e-2
 """How much less than the radii may lie between two circles, as a part of them, before they have no tangent.

@@ -3,7 +3,8 @@
 What a node costs is the length up to its arc less radius * the angle turned there on arrival, so that arrivals at
 different places of one arc compare. Of two arrivals only the cheaper is kept, though the other one may leave the arc at
 places that the cheaper one has passed already: who would turn back there can cut the corner, so that another string
-is shorter.
+is shorter. Where arrivals tie within the tolerance, as between gaps as wide as the disc, there may be no room to cut,
+and the one that has turned less is kept.
 """
 
 import math
@@ -208,6 +209,16 @@ def _find_ends(m, graph, scratch, x, y, triangle, others, radius, slack, margin,
 
 
 @helper
+def _is_better(cost, turned, label, tie):
+    """Whether an arrival is cheaper than the label of its node or, where they tie, leaves the arc from earlier on."""
+    if cost < label.cost - tie:
+        return True
+    if turned < label.turned - _SAME:
+        return cost < label.cost + tie
+    return cost < label.cost - _SAME and turned <= label.turned + _SAME
+
+
+@helper
 def _search(m, graph, scratch, start, start_others, sx, sy, goal, goal_others, gx, gy, radius, least, slack, longest):
     """(last node, length) of the shortest path of at most ``longest`` meters, or -1; the labels lead back from it."""
     links = graph.links
@@ -226,6 +237,7 @@ def _search(m, graph, scratch, start, start_others, sx, sy, goal, goal_others, g
     for i in range(count):
         goals[ends[i].node] = ends[i]
         goals[ends[i].node].stamp = stamp
+    tie = max(2.0 * (radius - least), _SAME)
     heap = scratch.heap
     size = np.int64(0)
     total = nodes.size
@@ -246,7 +258,7 @@ def _search(m, graph, scratch, start, start_others, sx, sy, goal, goal_others, g
             n = end.node
             label = labels[n]
             cost = end.length - radius * end.turned
-            if label.stamp == stamp and label.cost <= cost + _SAME:
+            if label.stamp == stamp and not _is_better(cost, end.turned, label, tie):
                 continue
             if least > 0.0 and not is_free_way(m, scratch.stack, start, sx, sy, end.x, end.y, least):
                 continue
@@ -276,7 +288,7 @@ def _search(m, graph, scratch, start, start_others, sx, sy, goal, goal_others, g
                 continue
             through = cost + link.cost
             to = labels[link.to]
-            if to.stamp == stamp and to.cost <= through + _SAME:
+            if to.stamp == stamp and not _is_better(through, link.arrive, to, tie):
                 continue
             to.stamp = stamp
             to.cost = through

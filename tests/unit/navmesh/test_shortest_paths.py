@@ -157,3 +157,20 @@ def test_a_disc_on_a_side_of_the_mesh_sees_what_is_on_either_hand():
     both = (best.status == 0) & (aside.status == 0)
     assert both.sum() > 50
     np.testing.assert_allclose(best.lengths[both], aside.lengths[both], atol=3e-4)
+
+
+@pytest.mark.parametrize(("size", "radius"), [(8.0, 0.25), (8.0, 0.3), (16.0, 0.3)])
+def test_a_lattice_with_gaps_as_wide_as_the_disc_is_crossed(size, radius):
+    # Half of all ways between two crossings are equally long, and every place on them is as narrow as allowed.
+    corners = np.arange(1.0, size - 1.0, 1.0 + 2.0 * radius)
+    holes = [shapely.box(x, y, x + 1.0, y + 1.0) for x in corners for y in corners]
+    mesh = NavMesh(shapely.box(0.0, 0.0, size, size).difference(shapely.union_all(holes)))
+    rng = np.random.default_rng(int(100.0 * radius))
+    places = [mesh.nearest_free(point, radius) for point in rng.uniform(0.0, size, (400, 2))]
+    starts, goals = np.split(np.array([place for place in places if place][: len(places) // 2 * 2]), 2)
+    best, fast = (mesh.find_paths(starts, goals, radius, optimality) for optimality in ("best", "fast"))
+    reached = [mesh.reachable(start, goal, radius) for start, goal in zip(starts, goals, strict=True)]
+    np.testing.assert_array_equal(best.status == 0, reached)
+    np.testing.assert_array_equal(fast.status == 0, reached)
+    assert sum(reached) > 100
+    assert (best.lengths[reached] <= fast.lengths[reached] + 1e-5).all()
