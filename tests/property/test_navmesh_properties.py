@@ -26,12 +26,12 @@ places = st.tuples(st.integers(1, 4 * SIZE - 1), st.integers(1, 4 * SIZE - 1)).m
 radii = st.sampled_from([0.1, 0.24, 0.45])
 
 
-def _length(area, start, goal, radius: float) -> float:
-    """Length of the path, inf where there is none."""
-    try:
-        return NavMesh(area).find_path(start, goal, radius).length
-    except PathNotFound:
-        return math.inf
+def _lengths(area, start, goal, radius: float) -> tuple[float, float]:
+    """Lengths of the fast and the shortest path, inf where there is none."""
+    mesh = NavMesh(area)
+    found = [mesh.find_paths([start], [goal], radius, optimality).lengths[0] for optimality in ("fast", "best")]
+    fast, best = np.where(np.isnan(found), math.inf, found).tolist()
+    return fast, best
 
 
 @few
@@ -88,7 +88,27 @@ def test_no_length_depends_on_turns_places_or_the_order_of_corners(area, start, 
         shapely.Polygon(rolled(part.exterior), [rolled(hole) for hole in part.interiors])
         for part in reversed(shapely.get_parts(area))
     ]
-    there = _length(shapely.MultiPolygon(parts), *moved(np.array([start, goal])), radius)
-    here = _length(area, start, goal, radius)
-    # Ways of about the same length may change places, as channels are chosen by estimates.
+    there, shortest_there = _lengths(shapely.MultiPolygon(parts), *moved(np.array([start, goal])), radius)
+    here, shortest = _lengths(area, start, goal, radius)
+    assert shortest_there == pytest.approx(shortest, abs=CLOSE)
+    assert shortest - CLOSE <= here
+    # Fast ways of about the same length may change places, as they are chosen by estimates.
     assert there == here == math.inf or there == pytest.approx(here, rel=0.03)
+
+
+@few
+@given(AREAS, places, places, st.sampled_from([0.0, 0.11, 0.23]))
+def test_both_builders_lead_to_the_same_shortest_paths(area, start, goal, radius):
+    assume(area.area > 0.0)
+    meshes = [NavMesh(area, builder) for builder in ("own", "triangle")]
+    own, other = (mesh.find_paths([start], [goal], radius, "best").lengths[0] for mesh in meshes)
+    assert own == pytest.approx(other, abs=CLOSE, nan_ok=True)
+
+
+@few
+@given(AREAS, places, places, st.lists(st.sampled_from([0.0, 0.05, 0.11, 0.23, 0.37, 0.45]), min_size=2, max_size=4))
+def test_no_shortest_length_falls_as_the_radius_grows(area, start, goal, radii):
+    assume(area.area > 0.0)
+    mesh = NavMesh(area)
+    lengths = mesh.find_paths([start] * len(radii), [goal] * len(radii), sorted(radii), "best").lengths
+    assert (np.diff(np.where(np.isnan(lengths), 1e9, lengths)) >= -CLOSE).all()
