@@ -30,9 +30,8 @@ def distance(dx, dy):
 
 
 @helper
-def _is_beaten(labels, arrivals, stamp, n, cost, turned, radius):
-    """Whether another arrival at node n is as good wherever the string goes on."""
-    k = arrivals[n].first if arrivals[n].stamp == stamp else NONE
+def _is_beaten(labels, k, cost, turned, radius):
+    """Whether one of the arrivals from label k on is as good wherever the string goes on."""
     while k >= 0:
         other = labels[k]
         if other.cost + 2.0 * radius * max(other.turned - turned, 0.0) <= cost + _SAME:
@@ -59,11 +58,10 @@ def _arrive(labels, count, arrivals, stamp, n, cost, turned, before):
 
 
 @helper
-def _until(labels, arrivals, k, radius):
-    """The angle from which on another arrival is as good as that of label k; -1.0 if it is from the label's on."""
+def _until(labels, i, k, radius):
+    """The angle from which on an arrival of label i or its next is as good as that of label k; -1.0 if always."""
     label = labels[k]
     until = np.inf
-    i = arrivals[label.node].first
     while i >= 0:
         other = labels[i]
         more = label.cost - other.cost
@@ -116,7 +114,8 @@ def search_tangents(
         if kind == 0:  # a tangent from the start
             end = ends[k]
             cost = end.length - radius * end.turned
-            if _is_beaten(labels, arrivals, stamp, end.node, cost, end.turned, radius):
+            arrival = arrivals[end.node]
+            if arrival.stamp == stamp and _is_beaten(labels, arrival.first, cost, end.turned, radius):
                 continue
             if least > 0.0 and not is_free_way(m, scratch.stack, start, sx, sy, end.x, end.y, least):
                 continue
@@ -129,10 +128,12 @@ def search_tangents(
                     return labels, k, key
                 end.stamp = -1
             continue
-        until = _until(labels, arrivals, k, radius)
-        if until < 0.0:
-            continue
         n = labels[k].node
+        until = np.inf
+        if arrivals[n].first != k or labels[k].next >= 0:
+            until = _until(labels, arrivals[n].first, k, radius)
+            if until < 0.0:
+                continue
         cost = labels[k].cost
         turned = labels[k].turned - _SAME
         until += _SAME
@@ -144,7 +145,8 @@ def search_tangents(
             if link.leave < turned or link.leave > until:
                 continue
             through = cost + link.cost
-            if _is_beaten(labels, arrivals, stamp, link.to, through, link.arrive, radius):
+            arrival = arrivals[link.to]
+            if arrival.stamp == stamp and _is_beaten(labels, arrival.first, through, link.arrive, radius):
                 continue
             node = nodes[link.to]
             heap, size = push(heap, size, through + distance(gx - node.x, gy - node.y), 3 * count + 1)
