@@ -5,10 +5,12 @@ The caller snaps every coordinate to a grid whose cell is a power of two and whi
 fit float64 exactly, and the in-circle determinant fits two-limb integers.
 """
 
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 
 _LIMB = 26
 _MASK = (1 << _LIMB) - 1
+_ROUNDING = 2.0**-50
+"""More than the relative error of a sum of three products, times the sum of their sizes, which is rounded as well."""
 
 
 @kernel
@@ -20,12 +22,35 @@ def orient2d(ax, ay, bx, by, cx, cy):
 @kernel
 def incircle(ax, ay, bx, by, cx, cy, dx, dy, cells):
     """Sign of d against the circle through the counter-clockwise abc, +1 inside; ``cells`` is 1 / cell."""
-    aix = int((ax - dx) * cells)
-    aiy = int((ay - dy) * cells)
-    bix = int((bx - dx) * cells)
-    biy = int((by - dy) * cells)
-    cix = int((cx - dx) * cells)
-    ciy = int((cy - dy) * cells)
+    ax -= dx
+    ay -= dy
+    bx -= dx
+    by -= dy
+    cx -= dx
+    cy -= dy
+    # Exact up to here, and so are the two factors of each product, of at most 51 bits: three products are rounded, and
+    # two sums.
+    a = (ax * ax + ay * ay) * (bx * cy - by * cx)
+    b = (bx * bx + by * by) * (cx * ay - cy * ax)
+    c = (cx * cx + cy * cy) * (ax * by - ay * bx)
+    total = a + b + c
+    error = _ROUNDING * (abs(a) + abs(b) + abs(c))
+    if total > error:
+        return 1
+    if total < -error:
+        return -1
+    return _exact_incircle(ax * cells, ay * cells, bx * cells, by * cells, cx * cells, cy * cells)
+
+
+@helper
+def _exact_incircle(ax, ay, bx, by, cx, cy):
+    """Sign of the origin against the circle through the counter-clockwise abc, whose coordinates are integers."""
+    aix = int(ax)
+    aiy = int(ay)
+    bix = int(bx)
+    biy = int(by)
+    cix = int(cx)
+    ciy = int(cy)
     lift_a = aix * aix + aiy * aiy
     lift_b = bix * bix + biy * biy
     lift_c = cix * cix + ciy * ciy

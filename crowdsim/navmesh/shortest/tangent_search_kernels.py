@@ -30,7 +30,7 @@ def distance(dx, dy):
 
 
 @helper
-def _is_beaten(labels, k, cost, turned, radius):
+def is_beaten(labels, k, cost, turned, radius):
     """Whether one of the arrivals from label k on is as good wherever the string goes on."""
     while k >= 0:
         other = labels[k]
@@ -115,7 +115,7 @@ def search_tangents(
             end = ends[k]
             cost = end.length - radius * end.turned
             arrival = arrivals[end.node]
-            if arrival.stamp == stamp and _is_beaten(labels, arrival.first, cost, end.turned, radius):
+            if arrival.stamp == stamp and is_beaten(labels, arrival.first, cost, end.turned, radius):
                 continue
             if least > 0.0 and not is_free_way(m, scratch.stack, start, sx, sy, end.x, end.y, least):
                 continue
@@ -146,7 +146,7 @@ def search_tangents(
                 continue
             through = cost + link.cost
             arrival = arrivals[link.to]
-            if arrival.stamp == stamp and _is_beaten(labels, arrival.first, through, link.arrive, radius):
+            if arrival.stamp == stamp and is_beaten(labels, arrival.first, through, link.arrive, radius):
                 continue
             node = nodes[link.to]
             heap, size = push(heap, size, through + distance(gx - node.x, gy - node.y), 3 * count + 1)
