@@ -3,15 +3,12 @@
 from crowdsim.jit import kernel
 from crowdsim.navmesh import half_edge_kernels
 from crowdsim.navmesh.clearance import clearance_kernels
-from crowdsim.navmesh.shortest import end_kernels, tangent_search_kernels
 from crowdsim.navmesh.triangulation import triangulation_kernels
 
 _insert_point = triangulation_kernels.insert_point
 _find_half_edge = half_edge_kernels.find_half_edge
 _disc_clearance = clearance_kernels.disc_clearance
 _capsule_clearance = clearance_kernels.capsule_clearance
-_free_triangle = end_kernels.free_triangle
-_is_beaten = tangent_search_kernels.is_beaten
 
 
 @kernel
@@ -32,13 +29,3 @@ def disc_clearance(m, x, y, limit, hint):
 @kernel
 def capsule_clearance(m, x0, y0, x1, y1, limit, hint):
     return _capsule_clearance(m, x0, y0, x1, y1, limit, hint)
-
-
-@kernel
-def free_triangle(m, x, y, least):
-    return _free_triangle(m, x, y, least)
-
-
-@kernel
-def is_beaten(labels, k, cost, turned, radius):
-    return _is_beaten(labels, k, cost, turned, radius)

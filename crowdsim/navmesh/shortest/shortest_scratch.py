@@ -11,18 +11,12 @@ from crowdsim.navmesh.clearance.sweep_kernels import SWEPT
 from crowdsim.navmesh.heap_kernels import HEAP_ROW
 from crowdsim.navmesh.shortest.view_arrays import View, empty_view
 
-LABEL = np.dtype(
-    [("cost", np.float64), ("turned", np.float64)] + [(name, np.int64) for name in ("node", "before", "next")],
-    align=True,
-)
-"""An arrival at a node of the tangent graph.
+LABEL = np.dtype([("cost", np.float64), ("turned", np.float64), ("before", np.int64), ("stamp", np.int64)], align=True)
+"""How a node of the tangent graph is reached best, in the query that ``stamp`` tells.
 
-cost: meters up to the arc less radius * ``turned``. turned: radians turned of the arc. before: label of the node
-before, -1 for the start. next: another arrival at the node, or -1.
+cost: meters up to the arc less radius * ``turned``. turned: radians turned of the arc on arrival. before: the node
+before, -1 for the start.
 """
-
-ARRIVALS = np.dtype([("first", np.int64), ("stamp", np.int64)], align=True)
-"""The labels of a node, from the last one on, in the query that ``stamp`` tells."""
 
 END = np.dtype(
     [("node", np.int64), ("stamp", np.int64)] + [(name, np.float64) for name in ("length", "turned", "x", "y")],
@@ -36,9 +30,7 @@ class ShortestScratch(NamedTuple):
     """C-contiguous arrays; only the stamp outlives a query."""
 
     labels: NDArray[Any]
-    """(k,) records :data:`LABEL` to begin with."""
-    arrivals: NDArray[Any]
-    """(nodes,) records :data:`ARRIVALS`."""
+    """(nodes,) records :data:`LABEL`."""
     goals: NDArray[Any]
     """(nodes,) records :data:`END`: the tangent to the goal."""
     ends: NDArray[Any]
@@ -56,8 +48,7 @@ class ShortestScratch(NamedTuple):
 def shortest_scratch(nodes: int, vertices: int, triangles: int) -> ShortestScratch:
     """Scratch memory for a graph of so many nodes; the system gives memory only where it is written to."""
     return ShortestScratch(
-        np.empty(4 * nodes + 64, LABEL),
-        np.zeros(nodes, ARRIVALS),
+        np.zeros(nodes, LABEL),
         np.zeros(nodes, END),
         np.empty(8 * vertices + 4 * nodes, END),
         empty_view(vertices, triangles),

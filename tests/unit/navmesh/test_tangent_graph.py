@@ -12,13 +12,11 @@ from crowdsim.navmesh.heap_kernels import HEAP_ROW, pop, push
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.shortest.arc_kernels import find_arcs
 from crowdsim.navmesh.shortest.shortest_kernels import shortest_paths
-from crowdsim.navmesh.shortest.shortest_scratch import LABEL
 from crowdsim.navmesh.shortest.tangent_graph import RadiusGraph
 from crowdsim.navmesh.shortest.tangent_graph_kernels import find_tangents, link_arcs
 from crowdsim.navmesh.shortest.view_arrays import empty_view
 from crowdsim.navmesh.shortest.visibility_kernels import SLACK
 from tests.reference.navmesh_reference import random_area
-from tests.support.entries import free_triangle, is_beaten
 
 NEAR = 1e-4
 """Meters and radians around the borders of free places where sampling does not tell."""
@@ -170,25 +168,3 @@ def test_the_heap_gives_rows_in_order():
             count -= 1
             assert tuple(heap[count].item()) == heapq.heappop(twin)
     assert count == len(twin) > 50
-
-
-def test_a_place_on_a_corner_has_other_triangles_and_a_blocked_one_none():
-    mesh = NavMesh(shapely.box(0, 0, 10, 10).difference(shapely.box(4, 4, 6, 6)))
-    triangle, others = free_triangle(mesh.arrays, 2.3, 1.1, 0.5)
-    assert triangle == mesh.locate((2.3, 1.1))
-    assert not others
-    triangle, others = free_triangle(mesh.arrays, 4.0, 4.0, 0.0)
-    assert mesh.arrays.wind[triangle] == 0
-    assert others
-    assert free_triangle(mesh.arrays, 5.0, 5.0, 0.0) == (-1, False)
-    assert free_triangle(mesh.arrays, 3.9, 5.0, 0.5) == (-1, False)
-
-
-def test_an_arrival_that_costs_less_than_going_back_is_kept():
-    labels = np.zeros(2, LABEL)
-    labels["cost"], labels["turned"], labels["next"] = (1.0, 2.0), (1.5, 0.5), (-1, 0)
-    assert is_beaten(labels, 1, 1.0, 1.5, 0.25)  # as good as the first one
-    assert not is_beaten(labels, 0, 1.2, 1.0, 0.25)  # the first one would pay 0.25 m to turn back by half a radian
-    assert is_beaten(labels, 0, 1.3, 1.0, 0.25)
-    assert is_beaten(labels, 0, 1.0, 1.0, 0.0)  # a point turns back for nothing
-    assert not is_beaten(labels, 0, 0.9, 3.0, 0.25)
