@@ -145,6 +145,8 @@ class PathSearch:
         # One in many thousands; the shortest path is found another way, which takes longer.
         pieces, again = batch.pieces(points), batch.copy(tangled)
         batch.take(pieces, tangled, again, self._find_best(again, 1))
+        for row in tangled[again.status == path_kernels.OK].tolist():  # fast paths are as long as their polylines
+            batch.lengths[row] = np.hypot(*np.diff(pieces[row], axis=0).T).sum()
         return np.concatenate(pieces)
 
     def _find_best(self, batch: _Batch, workers: int | None) -> Floats:

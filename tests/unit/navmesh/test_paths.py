@@ -130,6 +130,7 @@ def test_tangled_strings_are_found_as_shortest_paths(monkeypatch):
     assert len(found) > 15
     for place, i in enumerate(found.tolist()):
         np.testing.assert_array_equal(after[i].points, (best if place % 3 == 0 else before)[i].points)
+        assert after[i].length == pytest.approx(shapely.LineString(after[i].points).length)
 
 
 def test_with_points_blocks_a_gap_in_the_copy_only():
