@@ -129,8 +129,6 @@ class NavMesh:
         """
         as_optimality(optimality)
         as_workers(workers)
-        as_workers(workers)
-        as_workers(workers)
         sources, targets = as_points(starts, "starts"), as_points(goals, "goals")
         if len(sources) != len(targets):
             raise GeometryError(f"goals: expected {len(sources)} points, one for each start, got {len(targets)}")

@@ -1,0 +1,102 @@
+"""What the keys of a scenario file are made of: lengths, places, names, and the base of every mapping.
+
+Coordinates and lengths are meters, times seconds, angles degrees counter-clockwise. Models are frozen and strict:
+text is never taken for a number, nor a yes for a one.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from shapely import Point, Polygon
+from shapely import box as rectangle_polygon
+
+from crowdsim.environment.solids import MIN_EXTENT, circle_around, polygon_from_points
+from crowdsim.errors import GeometryError
+
+Length = Annotated[float, Field(allow_inf_nan=False, ge=-1e5, le=1e5)]
+Extent = Annotated[float, Field(allow_inf_nan=False, ge=MIN_EXTENT, le=1e5)]
+Seconds = Annotated[float, Field(allow_inf_nan=False, ge=0.0, le=1e6)]
+Degrees = Annotated[float, Field(allow_inf_nan=False, ge=-360.0, le=360.0)]
+Name = Annotated[
+    str, Field(min_length=1, max_length=80, pattern=r"^[^\s\x00-\x1f\x7f]([^\x00-\x1f\x7f]*[^\s\x00-\x1f\x7f])?$")
+]
+FileText = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f\x7f]+$")]
+# YAML has lists only; strictness for the tuple itself would refuse them.
+Pair = Annotated[tuple[Length, Length], Field(strict=False)]
+SizePair = Annotated[tuple[Extent, Extent], Field(strict=False)]
+
+
+def _checked_rectangle(rectangle: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    xmin, ymin, xmax, ymax = rectangle
+    if xmax - xmin < MIN_EXTENT or ymax - ymin < MIN_EXTENT:
+        raise ValueError("a rectangle is [xmin, ymin, xmax, ymax] with xmin below xmax and ymin below ymax")
+    return rectangle
+
+
+def _checked_ring(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    try:
+        polygon_from_points(points, "polygon")
+    except GeometryError as error:
+        raise ValueError(str(error).removeprefix("polygon: ")) from None
+    return points
+
+
+Rectangle = Annotated[tuple[Length, Length, Length, Length], Field(strict=False), AfterValidator(_checked_rectangle)]
+Ring = Annotated[tuple[Pair, ...], Field(strict=False, min_length=3, max_length=10_000), AfterValidator(_checked_ring)]
+
+
+def one_of(*groups: tuple[str, ...]) -> Any:
+    """JSON schema that asks for exactly one of several groups of keys."""
+
+    def extend(schema: dict[str, Any]) -> None:
+        schema["oneOf"] = [{"required": list(group)} for group in groups]
+
+    return extend
+
+
+class Part(BaseModel):
+    """Base of every mapping in the file."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+    def only(self, *names: str) -> str:
+        """The one of the keys ``names`` that is given; an error unless it is exactly one."""
+        given = [name for name in names if getattr(self, name) is not None]
+        if len(given) != 1:
+            found = f"'{given[0]}' and '{given[1]}'" if given else "none"
+            raise ValueError(f"give exactly one of {', '.join(names)}; found {found}")
+        return given[0]
+
+
+class Circle(Part):
+    """Disc on the floor."""
+
+    center: Pair
+    radius: Extent
+
+
+class Region(Part):
+    """A spot or an area of the floor."""
+
+    model_config = ConfigDict(json_schema_extra=one_of(("rectangle",), ("point",), ("circle",), ("polygon",)))
+    rectangle: Rectangle | None = None
+    point: Pair | None = None
+    circle: Circle | None = None
+    polygon: Ring | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Region:
+        self.only("rectangle", "point", "circle", "polygon")
+        return self
+
+    def shape(self) -> Polygon | Point:
+        """The region as a polygon, or as a point."""
+        if self.rectangle is not None:
+            return rectangle_polygon(*self.rectangle)
+        if self.circle is not None:
+            return circle_around(self.circle.center, self.circle.radius)
+        if self.point is not None:
+            return Point(self.point)
+        return polygon_from_points(self.polygon or (), "region")
