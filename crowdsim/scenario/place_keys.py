@@ -2,13 +2,36 @@
 
 from __future__ import annotations
 
-from pydantic import ConfigDict, model_validator
+from typing import Annotated, Literal
+
+from pydantic import ConfigDict, Field, model_validator
 from shapely import Polygon
 from shapely import box as rectangle_polygon
 
 from crowdsim.environment.layers import Band
 from crowdsim.environment.solids import MIN_EXTENT, Solid, box, centered_box, cylinder, extrusion, polygon_from_points
-from crowdsim.scenario.values import Circle, Degrees, Length, Name, Pair, Part, Rectangle, Ring, SizePair, one_of
+from crowdsim.environment.walls import wall
+from crowdsim.errors import GeometryError
+from crowdsim.scenario.values import (
+    Circle,
+    Degrees,
+    Extent,
+    Length,
+    Name,
+    Pair,
+    Part,
+    Rectangle,
+    Region,
+    Ring,
+    SizePair,
+    one_of,
+)
+
+DENSITIES = {"normal": 0.12, "dense": 0.24}
+"""Share of the floor that obstacles cover in the paper's two environments, as far as its figure 6 shows."""
+
+MAX_DENSITY = 0.4
+"""With more, obstacles that do not overlap leave hardly a way between them."""
 
 
 class Floor(Part):
@@ -55,37 +78,89 @@ class Cylinder(Circle):
     """Upright cylinder."""
 
 
-class Obstacle(Part):
-    """A solid from height ``bottom`` to ``top`` above the floor."""
+class Opening(Part):
+    """A door or window, ``at`` meters along the wall's line to its middle, open from ``bottom`` to ``top``."""
 
-    model_config = ConfigDict(json_schema_extra=one_of(("box",), ("cylinder",), ("polygon",)))
+    at: Annotated[float, Field(allow_inf_nan=False, ge=0.0, le=1e5)]
+    width: Extent
+    bottom: Length = 0.0
+    top: Length = 2.1
+
+    @model_validator(mode="after")
+    def _check(self) -> Opening:
+        if self.top <= self.bottom:
+            raise ValueError(f"'top' ({self.top}) must lie above 'bottom' ({self.bottom})")
+        return self
+
+
+class Wall(Part):
+    """A wall along the line through ``points``, half of its ``thickness`` on either side."""
+
+    points: Annotated[tuple[Pair, ...], Field(strict=False, min_length=2, max_length=10_000)]
+    thickness: Extent = 0.12
+    openings: Annotated[tuple[Opening, ...], Field(strict=False)] = ()
+
+
+class Clutter(Part):
+    """Random obstacles, drawn by the scenario's seed, that leave a way between the starts and goals of each group."""
+
+    region: Region | None = None
+    density: Literal["normal", "dense"] | Annotated[float, Field(allow_inf_nan=False, gt=0.0, le=MAX_DENSITY)]
+    sizes: SizePair = (0.3, 1.2)
+
+    @model_validator(mode="after")
+    def _check(self) -> Clutter:
+        if self.sizes[0] > self.sizes[1]:
+            raise ValueError("'sizes' are the least and the greatest extent of an obstacle, in this order")
+        return self
+
+    def share(self) -> float:
+        """Share of the region to cover."""
+        return DENSITIES[self.density] if isinstance(self.density, str) else self.density
+
+
+class Obstacle(Part):
+    """What stands on the floor: a solid, or several, from height ``bottom`` to ``top``."""
+
+    model_config = ConfigDict(json_schema_extra=one_of(("box",), ("cylinder",), ("polygon",), ("wall",)))
     name: Name
     box: Box | None = None
     cylinder: Cylinder | None = None
     polygon: Ring | None = None
+    wall: Wall | None = None
     bottom: Length = 0.0
     top: Length
 
     @model_validator(mode="after")
     def _check(self) -> Obstacle:
-        self.only("box", "cylinder", "polygon")
+        self.only("box", "cylinder", "polygon", "wall")
         if self.top <= self.bottom:
             raise ValueError(f"'top' ({self.top}) must lie above 'bottom' ({self.bottom})")
+        if self.wall is not None:
+            try:
+                self.solids()
+            except GeometryError as error:
+                raise ValueError(str(error)) from None
         return self
 
-    def solid(self) -> Solid:
-        """The obstacle as a solid."""
+    def solids(self) -> tuple[Solid, ...]:
+        """The obstacle as solids; a wall with openings is several."""
+        name, bottom, top = self.name, self.bottom, self.top
         if self.cylinder is not None:
-            return cylinder(self.name, self.cylinder.center, self.cylinder.radius, self.bottom, self.top)
+            return (cylinder(name, self.cylinder.center, self.cylinder.radius, bottom, top),)
         if self.polygon is not None:
-            return extrusion(self.name, self.polygon, self.bottom, self.top)
+            return (extrusion(name, self.polygon, bottom, top),)
+        if self.wall is not None:
+            line = self.wall
+            openings = [(gap.at, gap.width, gap.bottom, gap.top) for gap in line.openings]
+            return wall(name, line.points, line.thickness, bottom, top, openings)
         given = self.box
         assert given is not None
         if given.min is not None and given.max is not None:
-            return box(self.name, given.min, given.max, self.bottom, self.top, given.rotation)
+            return (box(name, given.min, given.max, bottom, top, given.rotation),)
         assert given.center is not None
         assert given.size is not None
-        return centered_box(self.name, given.center, given.size, self.bottom, self.top, given.rotation)
+        return (centered_box(name, given.center, given.size, bottom, top, given.rotation),)
 
 
 class Layer(Part):

@@ -14,6 +14,7 @@ from crowdsim.errors import Problem
 from crowdsim.scenario.document import Document
 from crowdsim.scenario.document import Path as KeyPath
 from crowdsim.scenario.schema import ScenarioFields
+from crowdsim.scenario.site import Site, read_site
 
 
 class Captures(NamedTuple):
@@ -29,6 +30,7 @@ class Scenario(ScenarioFields):
     _text: str = PrivateAttr(default="")
     _path: Path | None = PrivateAttr(default=None)
     _document: Document = PrivateAttr(default_factory=lambda: Document("<scenario>"))
+    _site: Site | None = PrivateAttr(default=None)
     _layers: tuple[ClearanceLayer, ...] | None = PrivateAttr(default=None)
 
     @classmethod
@@ -52,13 +54,19 @@ class Scenario(ScenarioFields):
         """What is wrong with the entry at ``path``, with its place in the file."""
         return self._document.problem(path, message)
 
+    def site(self) -> Site:
+        """Floor and solids with what is wrong with them; made once."""
+        if self._site is None:
+            self._site = read_site(self)
+        return self._site
+
     def floor_polygon(self) -> Polygon:
         """The floor before anything stands on it."""
-        return self.floor.shape()
+        return self.site().floor
 
     def solids(self) -> tuple[Solid, ...]:
-        """The obstacles in the order of the file."""
-        return tuple(obstacle.solid() for obstacle in self.obstacles)
+        """The obstacles in the order of the file, then the clutter."""
+        return self.site().solids
 
     def layers(self) -> tuple[ClearanceLayer, ...]:
         """Clearance layers, the ground layer first; built once."""

@@ -22,7 +22,8 @@ def semantic_problems(scenario: Scenario) -> list[Problem]:
         *_times(scenario),
     ]
     names = [layer.name for layer in scenario.bands]
-    if len(set(names)) < len(names):
+    problems += scenario.site().problems
+    if len(set(names)) < len(names) or scenario.site().problems:
         return problems
     if polygons_only(scenario.layers()[0].free).is_empty:
         return [*problems, scenario.problem(("floor",), "the floor is empty: obstacles cover all of it")]

@@ -1,0 +1,143 @@
+"""Random obstacles of varied outline and height, as dense as asked for (2018 paper, section 4.1, figure 6)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import shapely
+from shapely import MultiPolygon, Polygon
+
+from crowdsim.environment.solids import Solid, centered_box, cylinder, extrusion
+from crowdsim.errors import GeometryError
+
+_TRIES = 500
+"""Places drawn in vain, one after the other, before the floor counts as full."""
+
+_HEIGHTS = ((0.30, 0.60), (0.72, 1.10), (1.40, 2.20))
+"""Meters: as high as seats, as tables, and as cupboards."""
+
+
+def draw_clutter(
+    name: str,
+    region: Polygon | MultiPolygon,
+    density: float,
+    sizes: tuple[float, float],
+    generator: np.random.Generator,
+) -> tuple[Solid, ...]:
+    """Obstacles that lie in ``region``, do not overlap, and cover the share ``density`` of its area.
+
+    Boxes, cylinders and convex polygons in equal parts; a third each is as high as seats, tables and cupboards.
+    ``sizes`` (meters) are the least and the greatest extent of an outline.
+
+    Raises
+    ------
+    GeometryError
+        If the region is full before that share is covered.
+    """
+    shapely.prepare(region)
+    taken = _Taken(2.0 * sizes[1])
+    solids: list[Solid] = []
+    covered, vain = 0.0, 0
+    for solid in _endless_solids(name, region, sizes, generator):
+        if covered >= density * region.area:
+            break
+        if region.contains(solid.footprint) and taken.take(solid.footprint):
+            solids.append(Solid(f"{name} {len(solids) + 1}", solid.footprint, solid.bottom, solid.top))
+            covered += solid.footprint.area
+            vain = 0
+        elif (vain := vain + 1) == _TRIES:
+            raise GeometryError(
+                f"'{name}': the floor is full at a density of {covered / region.area:.2f}, {density:g} is asked for; "
+                "give a lower density or smaller sizes"
+            )
+    return tuple(solids)
+
+
+def _endless_solids(
+    name: str, region: Polygon | MultiPolygon, sizes: tuple[float, float], generator: np.random.Generator
+) -> Iterator[Solid]:
+    low_x, low_y, high_x, high_y = region.bounds
+    while True:
+        x, y = generator.uniform((low_x, low_y), (high_x, high_y))
+        length, width = generator.uniform(*sizes, 2)
+        turn = generator.uniform(0.0, 360.0)
+        kind = generator.integers(3)
+        top = generator.uniform(*_HEIGHTS[generator.integers(3)])
+        if kind == 0:
+            yield centered_box(name, (x, y), (length, width), 0.0, top, turn)
+        elif kind == 1:
+            yield cylinder(name, (x, y), 0.5 * length, 0.0, top)
+        else:
+            # Corners on an ellipse, one in each sixth of it, make a convex outline that is never thin.
+            angles = (np.arange(6) + generator.uniform(0.0, 0.8, 6)) * (np.pi / 3.0) + math.radians(turn)
+            points = np.column_stack([x + 0.5 * length * np.cos(angles), y + 0.5 * width * np.sin(angles)])
+            yield extrusion(name, [(float(a), float(b)) for a, b in points], 0.0, top)
+
+
+class _Taken:
+    """Outlines placed so far, in square cells at least as wide as any of them."""
+
+    def __init__(self, cell: float) -> None:
+        self.cell = cell
+        self.cells: dict[tuple[int, int], list[Polygon]] = {}
+
+    def take(self, outline: Polygon) -> bool:
+        """Take the place of ``outline`` unless it meets another's."""
+        column, row = (math.floor(value / self.cell) for value in outline.centroid.coords[0])
+        near = [other for i in (-1, 0, 1) for j in (-1, 0, 1) for other in self.cells.get((column + i, row + j), ())]
+        if shapely.intersects(outline, np.array(near, dtype=object)).any():
+            return False
+        self.cells.setdefault((column, row), []).append(outline)
+        return True
+
+
+def open_ways(
+    solids: Sequence[Solid], free: Polygon | MultiPolygon, joined: Sequence[Sequence[Polygon]], radius: float
+) -> tuple[Solid, ...]:
+    """``solids`` without those that would part the regions of any one entry of ``joined``, for a disc of ``radius``.
+
+    The fewest are taken away that open a way. ``free`` is the floor without the solids. A region in which the disc has
+    no place at all does not count.
+
+    Raises
+    ------
+    GeometryError
+        If no way is left even without the solids.
+    """
+    kept = list(solids)
+    for regions in joined:
+        while barring := _barring(kept, free, regions, radius):
+            kept = [solid for number, solid in enumerate(kept) if number not in barring]
+    return tuple(kept)
+
+
+def _barring(
+    solids: Sequence[Solid], free: Polygon | MultiPolygon, regions: Sequence[Polygon], radius: float
+) -> set[int]:
+    """Indices of the fewest solids that, one behind the other, stand between two rooms that the regions meet."""
+    outlines = np.array([solid.footprint for solid in solids], dtype=object)
+    rooms = shapely.get_parts(shapely.difference(free, shapely.union_all(outlines)).buffer(-radius))
+    met = [number for number, room in enumerate(rooms) if any(room.intersects(region) for region in regions)]
+    if len(met) < 2:
+        return set()
+    # A room ends a radius before the solids around it.
+    solid, room = shapely.STRtree(rooms).query(shapely.buffer(outlines, 1.02 * radius), predicate="intersects")
+    before: dict[int, tuple[int, int]] = {}  # room: the solid one comes past, and the room one comes from
+    reached = [met[0]]
+    for here in reached:
+        for beside in solid[room == here].tolist():
+            for there in room[solid == beside].tolist():
+                if there != met[0] and there not in before:
+                    before[there] = (beside, here)
+                    reached.append(there)
+    other = next((number for number in reached if number in met[1:]), None)
+    if other is None:
+        x, y = rooms[met[1]].representative_point().coords[0]
+        raise GeometryError(f"no way of {2.0 * radius:g} m leads to ({x:.2f}, {y:.2f}) even without the clutter")
+    barring: set[int] = set()
+    while other != met[0]:
+        beside, other = before[other]
+        barring.add(beside)
+    return barring
