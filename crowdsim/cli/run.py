@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from crowdsim.cli.options import Debug, Json, Overrides, Scenario
 from crowdsim.errors import CrowdSimError
+
+if TYPE_CHECKING:
+    from crowdsim.scenario.scenario import Scenario as LoadedScenario
 
 
 def run(
@@ -72,7 +75,16 @@ def require_writable(file: Path) -> None:
         raise CrowdSimError(f"cannot write {file}: no permission; choose another place with -o")
 
 
-def check(scenario: Scenario, overrides: Overrides = None, as_json: Json = False, debug: Debug = False) -> None:
+def check(
+    scenario: Scenario,
+    picture: Annotated[
+        Path | None,
+        typer.Option(metavar="OUT.png", help="Draw each layer with starts, goals and what each behavior reaches."),
+    ] = None,
+    overrides: Overrides = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
     """Report everything that is wrong with a scenario, without running it."""
     from dataclasses import asdict
 
@@ -89,9 +101,19 @@ def check(scenario: Scenario, overrides: Overrides = None, as_json: Json = False
         typer.echo(json.dumps({"ok": False, "errors": problems, "warnings": []}))
         raise typer.Exit(error.exit_code) from None
     warnings = check_scenario(loaded)
+    if picture is not None:
+        _draw(loaded, picture)
     if as_json:
         typer.echo(json.dumps({"ok": True, "errors": [], "warnings": warnings}))
         return
     for warning in warnings:
         typer.echo(f"warning: {warning}")
     typer.echo(f"{loaded.name}: ok")
+
+
+def _draw(scenario: LoadedScenario, file: Path) -> None:
+    from crowdsim.crowd.setting import load_behaviors
+    from crowdsim.figures import write_figure
+    from crowdsim.scenario.picture import draw_scenario
+
+    write_figure(draw_scenario(scenario, load_behaviors(scenario).behaviors), file)

@@ -15,7 +15,7 @@ from crowdsim.following.motion_maps import MotionMaps
 from crowdsim.motion.graph_arrays import GraphArrays
 from crowdsim.motion.motion_graph import MotionGraph
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.planning.behavior_library import load_behavior_set
+from crowdsim.planning.behavior_library import BehaviorSet, load_behavior_set
 from crowdsim.planning.behaviors import Behavior
 from crowdsim.planning.rooms import room_polygons
 from crowdsim.scenario.scenario import Scenario
@@ -78,23 +78,28 @@ class Setting:
         return int(next(iter([*same, *idle]), NONE))
 
 
+def load_behaviors(scenario: Scenario) -> BehaviorSet:
+    """The behaviors of a scenario, measured on its layers, with their motion graph.
+
+    Raises ScenarioError, BehaviorError or MotionError where something cannot be used.
+    """
+    if len(scenario.bands) != 2:
+        message = f"{len(scenario.bands)} layers are given, but characters have two: legs, then torso"
+        raise ScenarioError([scenario.problem(("layers",), message)])
+    bands = [(layer.low, layer.high) for layer in scenario.layers()]
+    captures = scenario.captures()
+    if captures is None:
+        return load_behavior_set(scenario.behaviors, bands)
+    return load_behavior_set(scenario.behaviors, bands, captures=captures.folder, capture_patterns=captures.patterns)
+
+
 def prepare(scenario: Scenario) -> Setting:
     """Build meshes, motion graph and motion maps for a scenario.
 
     Raises ScenarioError, GeometryError, BehaviorError or MotionError where something cannot be used.
     """
     layers = scenario.layers()
-    if len(layers) != 2:
-        message = f"{len(layers)} layers are given, but characters have two: legs, then torso"
-        raise ScenarioError([scenario.problem(("layers",), message)])
-    bands = [(layer.low, layer.high) for layer in layers]
-    captures = scenario.captures()
-    if captures is None:
-        behavior_set = load_behavior_set(scenario.behaviors, bands)
-    else:
-        behavior_set = load_behavior_set(
-            scenario.behaviors, bands, captures=captures.folder, capture_patterns=captures.patterns
-        )
+    behavior_set = load_behaviors(scenario)
     if not behavior_set.graph.arrays.node_ends_standing.any():
         raise MotionError("no clip of the motion set ends standing, so no character could ever wait; add one that does")
     shortest = int(behavior_set.graph.arrays.node_frames.min())

@@ -237,7 +237,8 @@ class NavMesh:
         CrowdSimError
             If the file cannot have that name.
         """
-        from crowdsim.navmesh.picture import draw_mesh, write_figure
+        from crowdsim.figures import write_figure
+        from crowdsim.navmesh.picture import draw_mesh
 
         if isinstance(path, Path):
             radius = path.radius if radius is None else radius

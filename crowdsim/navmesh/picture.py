@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +9,7 @@ import shapely
 from numpy.typing import NDArray
 
 from crowdsim.errors import CrowdSimError
+from crowdsim.figures import fill
 from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, MeshArrays
 
 if TYPE_CHECKING:
@@ -20,7 +18,6 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-_SUFFIXES = (".png", ".svg", ".pdf")
 _INCHES = (10.0, 7.0)
 _DPI = 100
 
@@ -127,42 +124,14 @@ def _draw_triangles(figure: Figure, axes: Axes, shapes: _Shapes) -> None:
 def _draw_fits(axes: Axes, area: Any, radius: float) -> None:
     from matplotlib.colors import to_rgb
 
-    fill = (*to_rgb(_FREE), 0.08)
-    _fill(axes, area, facecolor=fill, edgecolor=_FREE, linewidth=1.3, label=f"where a radius of {radius:g} m is free")
+    tint = (*to_rgb(_FREE), 0.08)
+    fill(axes, area, facecolor=tint, edgecolor=_FREE, linewidth=1.3, label=f"where a radius of {radius:g} m is free")
 
 
 def _draw_path(axes: Axes, points: Floats, radius: float) -> None:
     if radius > 0.0:
         swept = shapely.LineString(points).buffer(radius, quad_segs=24)
-        _fill(axes, swept, facecolor=_PATH, alpha=0.3, edgecolor="none", label="swept by the disc")
+        fill(axes, swept, facecolor=_PATH, alpha=0.3, edgecolor="none", label="swept by the disc")
     axes.plot(*points.T, color=_PATH, linewidth=2.0, label="path")
     for end, marker in ((points[0], "o"), (points[-1], "s")):
         axes.plot(*end, marker, color="white", markeredgecolor=_PATH, markeredgewidth=2.0, markersize=8.0)
-
-
-def _fill(axes: Axes, area: Any, **style: Any) -> None:
-    """Draw an area (shapely) with its holes."""
-    from matplotlib.patches import PathPatch
-    from matplotlib.path import Path as Outline
-
-    rings = [shapely.get_coordinates(ring) for ring in shapely.get_rings(shapely.get_parts(area))]
-    if rings:
-        axes.add_patch(PathPatch(Outline.make_compound_path(*[Outline(ring, closed=True) for ring in rings]), **style))
-
-
-def write_figure(figure: Figure, file: str | os.PathLike[str]) -> None:
-    """Write a figure as .png, .svg or .pdf; the file appears under its name when it is complete."""
-    path = Path(file)
-    if path.suffix.lower() not in _SUFFIXES:
-        raise CrowdSimError(f"{path}: pictures of meshes are written as .png, .svg or .pdf; choose such a name")
-    if not path.parent.is_dir():
-        raise CrowdSimError(f"the folder {path.parent} does not exist; make it first")
-    handle, written = tempfile.mkstemp(suffix=path.suffix, prefix=f".{path.stem}-", dir=path.parent)
-    os.close(handle)
-    try:
-        figure.savefig(written)
-        os.chmod(written, 0o644)
-        os.replace(written, path)
-    except BaseException:
-        Path(written).unlink(missing_ok=True)
-        raise

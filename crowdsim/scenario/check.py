@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from crowdsim.environment.layers import dropped_solids
+from collections.abc import Sequence
+
+from shapely import Polygon
+
+from crowdsim.environment.layers import Band
+from crowdsim.environment.solids import Solid
 from crowdsim.geometry.polygons import LARGE_EXTENT
 from crowdsim.scenario.scenario import Scenario
 
@@ -10,7 +15,7 @@ from crowdsim.scenario.scenario import Scenario
 def check_scenario(scenario: Scenario) -> list[str]:
     """Warnings, one a line, each beginning with the place in the file; empty if nothing stands out."""
     floor = scenario.floor_polygon()
-    solids = scenario.solids()
+    _, solids, owners, _ = scenario.site()
     warnings = []
 
     def warn(path: tuple[str | int, ...], message: str) -> None:
@@ -20,17 +25,21 @@ def check_scenario(scenario: Scenario) -> list[str]:
     if max(xmax - xmin, ymax - ymin) > LARGE_EXTENT:
         warn(("floor",), f"the floor is {max(xmax - xmin, ymax - ymin):g} m long; is it drawn in meters?")
     bands = [layer.band() for layer in scenario.bands]
-    dropped = {solid.name for solid in dropped_solids(solids, bands)}
-    for number, solid in enumerate(solids):
+    # What several solids make up has an effect if one of them has.
+    effective = {
+        solid_path for solid_path, solid in zip(owners, solids, strict=True) if _has_effect(solid, bands, floor)
+    }
+    for number, obstacle in enumerate(scenario.obstacles):
         path = ("obstacles", number)
-        if solid.name in dropped:
+        own = [solid for solid, owner in zip(solids, owners, strict=True) if owner == path]
+        if path in effective or not own:
+            continue
+        if any(solid.footprint.intersects(floor) for solid in own):
             heights = ", ".join(f"{band.name} {band.low:g} to {band.high:g} m" for band in bands)
-            message = (
-                f"'{solid.name}' ({solid.bottom:g} to {solid.top:g} m) meets no layer ({heights}) and has no effect"
-            )
-            warn(path, message)
-        elif not solid.footprint.intersects(floor):
-            warn(path, f"'{solid.name}' lies off the floor and has no effect")
+            low, high = min(solid.bottom for solid in own), max(solid.top for solid in own)
+            warn(path, f"'{obstacle.name}' ({low:g} to {high:g} m) meets no layer ({heights}) and has no effect")
+        else:
+            warn(path, f"'{obstacle.name}' lies off the floor and has no effect")
     for number, group in enumerate(scenario.agents):
         for key, region in (("start", group.start), ("goal", group.goal)):
             if not floor.covers(region.shape()):
@@ -39,3 +48,7 @@ def check_scenario(scenario: Scenario) -> list[str]:
         if not area.shape().intersects(floor):
             warn(("areas", number), f"'{area.name}' lies off the floor; nobody will be counted in it")
     return warnings
+
+
+def _has_effect(solid: Solid, bands: Sequence[Band], floor: Polygon) -> bool:
+    return any(solid.overlaps(band.low, band.high) for band in bands) and bool(solid.footprint.intersects(floor))

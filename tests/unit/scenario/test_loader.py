@@ -356,7 +356,7 @@ def test_errors_of_overrides_name_the_override(override, line):
 def test_files_that_cannot_be_read(tmp_path):
     with pytest.raises(ScenarioError, match=r"corrdor: there is no such file.*did you mean 'corridor'"):
         load_scenario("corrdor")
-    with pytest.raises(ScenarioError, match=r"no such file.*the built-in scenarios are: corridor, doorway"):
+    with pytest.raises(ScenarioError, match=r"no such file.*the built-in scenarios are: apartment, bottleneck, "):
         load_scenario(tmp_path / "qqqqqq.yaml")
     with pytest.raises(ScenarioError, match="folder"):
         load_scenario(tmp_path)

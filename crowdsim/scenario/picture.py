@@ -1,0 +1,89 @@
+"""A scenario as a picture: what blocks each layer, starts, goals, and how far each behavior leads."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import shapely
+from shapely import MultiPolygon, Point, Polygon
+
+from crowdsim.constants import TRACKING_MARGIN
+from crowdsim.environment.layers import ClearanceLayer, polygons_only
+from crowdsim.figures import fill
+from crowdsim.planning.behaviors import Behavior
+from crowdsim.scenario.scenario import Scenario
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_DPI = 110
+_PANEL = 7.5
+"""Inches along the longer side of one layer."""
+
+_FLOOR = "#f2f2ef"
+_BLOCKED = "#50545b"
+_START, _GOAL = "#2ca02c", "#ff7f0e"
+
+
+def reachable_areas(scenario: Scenario, behaviors: Sequence[Behavior]) -> tuple[MultiPolygon, ...]:
+    """For each behavior, where those who start somewhere can go with it alone, all clearances with their margin."""
+    starts = shapely.union_all([group.start.shape() for group in scenario.agents])
+    areas = []
+    for behavior in behaviors:
+        room = scenario.floor_polygon()
+        for layer, radius in zip(scenario.layers(), behavior.radii, strict=True):
+            room = room.intersection(layer.free.buffer(-float(radius) - TRACKING_MARGIN))
+        parts = polygons_only(room).geoms
+        areas.append(MultiPolygon([part for part in parts if part.intersects(starts)]))
+    return tuple(areas)
+
+
+def draw_scenario(scenario: Scenario, behaviors: Sequence[Behavior]) -> Figure:
+    """One panel a layer, with starts, goals, and the reachable area of each behavior in the behavior's color."""
+    from matplotlib.figure import Figure
+
+    low_x, low_y, high_x, high_y = scenario.floor_polygon().bounds
+    width, height = high_x - low_x, high_y - low_y
+    scale = _PANEL / max(width, height)
+    layers = scenario.layers()
+    # Panels stand side by side unless they are wide.
+    rows = len(layers) if width > height else 1
+    columns = math.ceil(len(layers) / rows)
+    size = (columns * max(width * scale, 3.0) + 1.0, rows * (max(height * scale, 2.0) + 0.6) + 1.0)
+    figure = Figure(figsize=size, dpi=_DPI, layout="constrained")
+    areas = reachable_areas(scenario, behaviors)
+    panels = figure.subplots(rows, columns, squeeze=False).flat
+    for layer, axes in zip(layers, panels, strict=False):
+        _draw_layer(axes, scenario, layer)
+        for behavior, area, wider in zip(behaviors, areas, (*areas[1:], Polygon()), strict=True):
+            label = f"within reach, {behavior.name.replace('_', ' ')}: {area.area:.1f} m\u00b2"
+            # Without what a wider behavior reaches, lest the colors mix.
+            fill(axes, area.difference(wider), facecolor=behavior.color, alpha=0.45, edgecolor="none", label=label)
+        _draw_ends(axes, scenario)
+        margin = 0.02 * max(width, height)
+        axes.set(xlim=(low_x - margin, high_x + margin), ylim=(low_y - margin, high_y + margin), aspect="equal")
+        axes.set_title(f"{layer.name}, {layer.low:g} to {layer.high:g} m", fontsize="medium")
+    labels = dict(zip(*reversed(figure.axes[0].get_legend_handles_labels()), strict=True))
+    figure.legend(labels.values(), labels.keys(), loc="outside lower center", ncols=2, frameon=False)
+    figure.suptitle(scenario.name)
+    return figure
+
+
+def _draw_layer(axes: Axes, scenario: Scenario, layer: ClearanceLayer) -> None:
+    fill(axes, scenario.floor_polygon(), facecolor=_FLOOR, edgecolor=_BLOCKED, linewidth=0.8)
+    fill(axes, layer.obstacles.intersection(scenario.floor_polygon()), facecolor=_BLOCKED, edgecolor="none")
+
+
+def _draw_ends(axes: Axes, scenario: Scenario) -> None:
+    for group in scenario.agents:
+        for what, region, color in (("start", group.start, _START), ("goal", group.goal, _GOAL)):
+            shape: Polygon | Point = region.shape()
+            if isinstance(shape, Point):
+                axes.plot(shape.x, shape.y, "o", color=color, markersize=7.0, label=what)
+            else:
+                fill(axes, shape, facecolor="none", edgecolor=color, linewidth=1.6, label=what)
+            place = shape.centroid
+            axes.annotate(group.name, (place.x, place.y), color=color, fontsize="small", ha="center", va="center")
