@@ -55,6 +55,10 @@ class GeometryError(CrowdSimError):
     """A polygon, solid or layer cannot be used as given."""
 
 
+class PlaceError(CrowdSimError):
+    """A file of a place, or the scene in it, cannot be used as it is; the message names the file and what to do."""
+
+
 class StaleHandle(CrowdSimError):
     """A handle of an obstacle that is not in the mesh, or no longer."""
 

@@ -1,4 +1,4 @@
-"""From solids to clearance layers: what each height band of a body may not walk through."""
+"""From solids to clearance layers: what a body may not walk through in each height band, or at one height."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from shapely import MultiPolygon, Polygon, union_all
 from shapely.geometry.base import BaseGeometry
 
+from crowdsim.environment.mesh_solid import MeshSolid
 from crowdsim.environment.solids import Solid
 from crowdsim.errors import GeometryError
 from crowdsim.geometry.polygons import clean_polygon
@@ -27,15 +28,45 @@ class Band:
             raise GeometryError(f"layer '{self.name}': its high {self.high} m must lie above its low {self.low} m")
 
 
+@dataclass(frozen=True)
+class Plane:
+    """A horizontal plane at a height above the floor, meters: a layer as the 2018 paper defines it (section 3.2).
+
+    It sees nothing but what it cuts, so bands are the better choice: at 1.2 m it misses a third to two thirds of what
+    a torso between 0.8 and 1.5 m meets.
+    """
+
+    name: str
+    height: float
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.height):
+            raise GeometryError(f"layer '{self.name}': its height {self.height} m must be a finite number")
+
+    @property
+    def low(self) -> float:
+        """The height."""
+        return self.height
+
+    @property
+    def high(self) -> float:
+        """The height."""
+        return self.height
+
+
+AnyLayer = Band | Plane
+AnySolid = Solid | MeshSolid
+
 LEGS = Band("legs", 0.10, 2.0)
 TORSO = Band("torso", 0.80, 1.50)
 
 
 @dataclass(frozen=True)
 class ClearanceLayer:
-    """One band with the area its part of a body cannot enter, and the floor that is left.
+    """One band or plane with the area its part of a body cannot enter, and the floor that is left.
 
-    ``obstacles`` is not clipped to the floor; ``free`` is. Both are valid and hold polygons only.
+    ``obstacles`` is not clipped to the floor; ``free`` is. Both are valid and hold polygons only. ``low`` and ``high``
+    are the same for a plane.
     """
 
     name: str
@@ -45,40 +76,55 @@ class ClearanceLayer:
     free: MultiPolygon
 
 
-def clearance_layers(floor: Polygon, solids: Sequence[Solid], bands: Sequence[Band]) -> tuple[ClearanceLayer, ...]:
-    """Project the solids of each band onto the floor.
+def clearance_layers(
+    floor: Polygon | MultiPolygon, solids: Sequence[AnySolid], bands: Sequence[AnyLayer]
+) -> tuple[ClearanceLayer, ...]:
+    """Project onto the floor what solids have in each band, or where each plane cuts them.
 
-    A solid belongs to a band if part of it lies strictly inside the band's heights. The lowest band is the ground
-    layer, on which paths are found: it holds every solid of any band, so that a place that is free on the ground is
-    free in every layer (2018 paper, section 3.2).
+    A solid counts in a band with what lies strictly inside the band's heights: people walk under a lamp, and their
+    torsos over a table's edge. The lowest layer is the ground layer, on which paths are found: it holds what is in any
+    layer, so that a place that is free on the ground is free in every layer (2018 paper, section 3.2).
 
     Returns
     -------
     tuple of ClearanceLayer
-        Lowest band first; of two that start at one height the one that reaches higher comes first.
+        Lowest first; of two that start at one height the one that reaches higher comes first.
 
     Raises
     ------
     GeometryError
-        If there are no bands, two of one name, or the floor has no area.
+        If there are no layers, two of one name, or the floor has no area.
     """
     names = [band.name for band in bands]
     if not names or len(set(names)) < len(names):
         raise GeometryError(f"clearance layers need distinct names, got {names}")
     walkable = clean_polygon(floor, "floor")
     ordered = sorted(bands, key=lambda band: (band.low, -band.high, band.name))
-    layers = []
-    for number, band in enumerate(ordered):
-        members = [s for s in solids if any(s.overlaps(b.low, b.high) for b in (ordered if number == 0 else [band]))]
-        obstacles = union_all([solid.footprint for solid in members])
-        free = walkable.difference(obstacles)
-        layers.append(ClearanceLayer(band.name, band.low, band.high, polygons_only(obstacles), polygons_only(free)))
-    return tuple(layers)
+    obstacles = [union_all([_taken(solid, layer) for solid in solids]) for layer in ordered]
+    obstacles[0] = union_all(obstacles)
+    return tuple(
+        ClearanceLayer(
+            layer.name, layer.low, layer.high, polygons_only(taken), polygons_only(walkable.difference(taken))
+        )
+        for layer, taken in zip(ordered, obstacles, strict=True)
+    )
 
 
-def dropped_solids(solids: Sequence[Solid], bands: Sequence[Band]) -> tuple[Solid, ...]:
-    """Solids that no band meets: carpets and thresholds below all of them, lamps and ceilings above."""
-    return tuple(solid for solid in solids if not any(solid.overlaps(band.low, band.high) for band in bands))
+def dropped_solids(solids: Sequence[AnySolid], bands: Sequence[AnyLayer]) -> tuple[AnySolid, ...]:
+    """Solids that are in no layer: carpets and thresholds below all of them, lamps and ceilings above."""
+    return tuple(solid for solid in solids if not any(_meets(solid, band) for band in bands))
+
+
+def _taken(solid: AnySolid, layer: AnyLayer) -> BaseGeometry:
+    if isinstance(layer, Plane):
+        return solid.section(layer.height)
+    return solid.footprint_in(layer.low, layer.high)
+
+
+def _meets(solid: AnySolid, layer: AnyLayer) -> bool:
+    if isinstance(layer, Plane):
+        return solid.bottom <= layer.height < solid.top
+    return solid.overlaps(layer.low, layer.high)
 
 
 def polygons_only(geometry: BaseGeometry) -> MultiPolygon:

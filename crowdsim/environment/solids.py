@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from shapely import Polygon
@@ -43,6 +43,18 @@ class Solid:
     def overlaps(self, low: float, high: float) -> bool:
         """Whether part of the solid lies strictly between the heights ``low`` and ``high``."""
         return self.bottom < high and self.top > low
+
+    def footprint_in(self, low: float, high: float) -> Polygon:
+        """The footprint if part of the solid lies strictly between ``low`` and ``high``, else an empty polygon."""
+        return self.footprint if self.overlaps(low, high) else Polygon()
+
+    def section(self, height: float) -> Polygon:
+        """What the plane infinitely little above ``height`` cuts: the footprint, or an empty polygon."""
+        return self.footprint if self.bottom <= height < self.top else Polygon()
+
+    def lifted(self, height: float) -> Solid:
+        """The same solid ``height`` meters higher."""
+        return replace(self, bottom=self.bottom + height, top=self.top + height)
 
 
 def require_polygon(polygon: Polygon, what: str) -> None:

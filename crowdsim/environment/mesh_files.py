@@ -1,0 +1,274 @@
+"""Places from files of triangles: GLB, OBJ, STL, PLY and DAE, one solid a part, meters, z up."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+
+from crowdsim.environment.mesh_solid import MeshSolid
+from crowdsim.environment.units import doubt_about_height, meters_per_unit
+from crowdsim.errors import GeometryError, PlaceError
+
+Floats = NDArray[np.float64]
+
+UP_AXES = {".glb": "y", ".obj": "y", ".stl": "z", ".ply": "z", ".dae": "y"}
+"""Which axis is up by a file's ending, unless the file or the caller says so."""
+
+FAR = 1000.0
+"""Meters between parts of one place; what lies farther off is dropped."""
+
+_Y_UP_TO_Z_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+
+_MANY = 2000
+"""Parts for which distances between all of them are worked out."""
+
+
+@dataclass(frozen=True)
+class MeshScene:
+    """The parts of a file as solids, and what was assumed, dropped or looks wrong, a line each."""
+
+    solids: tuple[MeshSolid, ...]
+    report: tuple[str, ...]
+
+
+def read_mesh_file(
+    path: str | Path,
+    *,
+    up: str | None = None,
+    units: str | None = None,
+    scale: float = 1.0,
+    rotation: float = 0.0,
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> MeshScene:
+    """Read the parts of a mesh file and place them.
+
+    Parameters
+    ----------
+    path
+        The file; its ending says the format.
+    up
+        The file's axis that points up, "y" or "z". By default what the file says (DAE), else the custom of its format
+        (:data:`UP_AXES`); the report says which.
+    units
+        The file's unit (:data:`crowdsim.environment.units.METERS`). By default the number in the file (DAE), else
+        meters. glTF files are in meters by definition; other units that their parts may note are not applied.
+    scale, rotation, position
+        What to do with the place then, in this order: enlarge it, turn it by ``rotation`` degrees counter-clockwise
+        about the vertical axis, and move it, meters.
+
+    Raises
+    ------
+    PlaceError
+        If the file cannot be read, is empty, damaged, of an unknown format, or holds no surfaces.
+    GeometryError
+        If an argument makes no sense.
+    """
+    file = Path(path)
+    ending = file.suffix.lower()
+    _check_arguments(up, scale, rotation, position)
+    if ending not in UP_AXES:
+        hint = "; save it as .glb" if ending == ".gltf" else ""
+        raise PlaceError(
+            f"{file}: files ending in '{ending}' cannot be read as meshes; known are {', '.join(UP_AXES)}{hint}"
+        )
+    content = _content(file)
+    report: list[str] = []
+    axis = _up_axis(file.name, content, ending, up, report)
+    meters = _meters(file.name, content, ending, units, report)
+    place = _placement(axis, meters * scale, rotation, position)
+    solids = []
+    names: dict[str, int] = {}
+    for name, matrix, mesh in _parts(file, content, ending, report):
+        solid = _solid(file, _unique(name, names), mesh, place @ matrix, report)
+        if solid is not None:
+            solids.append(solid)
+    if not solids:
+        raise PlaceError(f"{file}: no part is usable:\n" + "\n".join(report))
+    near = _without_far_parts(solids, report)
+    doubt = doubt_about_height(max(s.top for s in near) - min(s.bottom for s in near), meters * scale)
+    if doubt:
+        report.append(f"{file.name}: {doubt}")
+    return MeshScene(tuple(near), tuple(report))
+
+
+def _check_arguments(up: str | None, scale: float, rotation: float, position: tuple[float, float, float]) -> None:
+    if up not in (None, "y", "z"):
+        raise GeometryError(f"up: expected 'y' or 'z', got {up!r}")
+    if not (math.isfinite(scale) and scale > 0.0):
+        raise GeometryError(f"scale: expected a number above 0, got {scale}")
+    if not math.isfinite(rotation):
+        raise GeometryError(f"rotation: expected degrees, got {rotation}")
+    if len(position) != 3 or not all(map(math.isfinite, position)):
+        raise GeometryError(f"position: expected x, y and z in meters, got {position}")
+
+
+def _content(file: Path) -> bytes:
+    try:
+        content = file.read_bytes()
+    except OSError as error:
+        raise PlaceError(f"{file}: cannot be read ({error.strerror or error}); check the path") from None
+    if not content.strip():
+        raise PlaceError(f"{file}: the file is empty; export it again")
+    return content
+
+
+def _up_axis(name: str, content: bytes, ending: str, up: str | None, report: list[str]) -> str:
+    if up is not None:
+        return up
+    if ending == ".dae":
+        said = re.search(rb"<up_axis>\s*([XYZ])_UP\s*</up_axis>", content)
+        axis = said[1].decode().lower() if said else UP_AXES[ending]
+        if axis == "x":
+            raise PlaceError(f"{name}: its x axis points up; export it with z up")
+        report.append(f"{name}: {axis} is up, as {'the file says' if said else 'is the custom of this format'}")
+        return axis
+    axis = UP_AXES[ending]
+    sure = "by definition of the format" if ending == ".glb" else "as is the custom of this format; give 'up' if not so"
+    report.append(f"{name}: {axis} is up, {sure}")
+    return axis
+
+
+def _meters(name: str, content: bytes, ending: str, units: str | None, report: list[str]) -> float:
+    """Meters a unit of the file."""
+    if units is not None:
+        return meters_per_unit(units)
+    if ending == ".dae":
+        said = re.search(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']\s*([0-9.eE+-]+)", content)
+        try:
+            meters = float(said[1]) if said else 1.0
+        except ValueError:
+            meters = math.nan
+        if not (math.isfinite(meters) and meters > 0.0):
+            raise PlaceError(f"{name}: its unit is no number of meters; give 'units'")
+        report.append(f"{name}: a unit is {meters:g} m, as {'the file says' if said else 'the file says no other'}")
+        return meters
+    sure = "by definition of the format" if ending == ".glb" else "as the format knows no units; give 'units' if not so"
+    report.append(f"{name}: in meters, {sure}")
+    return 1.0
+
+
+def _placement(axis: str, scale: float, rotation: float, position: tuple[float, float, float]) -> Floats:
+    """The (4, 4) matrix from the file's coordinates to the place."""
+    cos, sin = math.cos(math.radians(rotation)), math.sin(math.radians(rotation))
+    if rotation % 90.0 == 0.0:
+        cos, sin = round(cos), round(sin)  # exactly, so that walls along the axes stay so
+    turned = np.array([[cos, -sin, 0.0, 0.0], [sin, cos, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    turned[:3, :3] *= scale
+    turned[:3, 3] = position
+    return turned @ _Y_UP_TO_Z_UP if axis == "y" else turned
+
+
+def _parts(file: Path, content: bytes, ending: str, report: list[str]) -> Iterator[tuple[str, Floats, Any]]:
+    """Name, matrix (4, 4) and mesh of each part that has surfaces."""
+    scene = _loaded(file, content, ending)
+    try:
+        # By name, as the order of a scene graph is that of hash tables.
+        parts = [(str(node), *scene.graph[node]) for node in sorted(scene.graph.nodes_geometry, key=str)]
+    except Exception as error:
+        raise PlaceError(f"{file}: its scene cannot be understood ({_said(error)}); export it again") from None
+    single = len(parts) == 1 and ending in (".stl", ".ply", ".obj")
+    noted = set()
+    without = 0
+    for node, matrix, key in parts:
+        mesh = scene.geometry[key]
+        if len(getattr(mesh, "faces", ())) == 0:
+            without += 1
+            continue
+        unit = mesh.metadata.get("units")
+        if ending == ".glb" and unit not in (None, "meters", "meter", "m"):
+            noted.add(str(unit))
+        yield file.stem if single else node, np.asarray(matrix, np.float64), mesh
+    if noted:
+        report.append(
+            f"{file.name}: parts note other units ({', '.join(sorted(noted))}), which were not applied, as this format "
+            f"is in meters; give 'units' if it is not"
+        )
+    if without:
+        report.append(f"{file.name}: {without} parts are points or lines without surfaces and were dropped")
+
+
+def _loaded(file: Path, content: bytes, ending: str) -> Any:
+    """The trimesh scene of the bytes of a file."""
+    import trimesh
+
+    if ending == ".dae":
+        try:
+            import collada  # noqa: F401
+        except ImportError:
+            raise PlaceError(
+                f"{file}: DAE files need pycollada; install it with: pip install 'crowdsim[dae]'"
+            ) from None
+    kwargs: dict[str, Any] = {"split_objects": True, "group_material": False, "skip_materials": True}
+    try:
+        # From bytes, so that a file cannot make others be read.
+        scene = trimesh.load_scene(
+            io.BytesIO(content), file_type=ending[1:], process=False, **(kwargs if ending == ".obj" else {})
+        )
+    except Exception as error:  # whatever a parser does with what it was not made for
+        raise PlaceError(f"{file}: cannot be read as {ending[1:].upper()} ({_said(error)}); export it again") from None
+    kinds = [type(geometry).__name__ for geometry in scene.geometry.values()]
+    if not any(len(getattr(geometry, "faces", ())) for geometry in scene.geometry.values()):
+        what = "a point cloud" if "PointCloud" in kinds else "lines only" if kinds else "nothing"
+        raise PlaceError(f"{file}: holds {what}, no surfaces; export triangles")
+    return scene
+
+
+def _said(error: Exception) -> str:
+    text = " ".join(str(error).split())
+    return f"{type(error).__name__}: {text[:120]}" if text else type(error).__name__
+
+
+def _unique(name: str, names: dict[str, int]) -> str:
+    """``name``, with a number behind it from the second time on."""
+    names[name] = names.get(name, 0) + 1
+    return name if names[name] == 1 else _unique(f"{name}_{names[name]}", names)
+
+
+def _solid(file: Path, name: str, mesh: Any, matrix: Floats, report: list[str]) -> MeshSolid | None:
+    """The part as a solid; None, with a word in the ``report``, if its numbers are unusable."""
+    vertices = np.asarray(mesh.vertices, np.float64)
+    triangles = np.asarray(mesh.faces, np.int64)
+    x, y, z = vertices.T
+    # Not by a matrix product, which rounds equal points of different rows differently.
+    with np.errstate(all="ignore"):
+        placed = np.column_stack([row[0] * x + row[1] * y + row[2] * z + row[3] for row in matrix[:3]])
+    if np.linalg.det(matrix[:3, :3]) < 0.0:
+        triangles = triangles[:, ::-1]  # mirrored: outside would be inside
+    try:
+        return MeshSolid(name, placed, triangles)
+    except GeometryError as error:
+        report.append(f"{file.name}: dropped: {error}")
+        return None
+
+
+def _without_far_parts(solids: list[MeshSolid], report: list[str]) -> list[MeshSolid]:
+    """``solids`` without those more than :data:`FAR` away from the group that holds most of them."""
+    low = np.array([solid.corners.min(axis=(0, 1)) for solid in solids])
+    high = np.array([solid.corners.max(axis=(0, 1)) for solid in solids])
+    if len(solids) > _MANY or np.ptp(np.concatenate([low, high]), axis=0).max() <= FAR:
+        groups = np.zeros(len(solids), np.int64)
+        if len(solids) > _MANY:
+            center = np.median(0.5 * (low + high), axis=0)
+            groups[np.maximum(low - center, center - high).max(axis=1) > FAR] = 1
+    else:
+        gap = np.maximum(low[:, None] - high[None], low[None] - high[:, None]).max(axis=2)
+        groups = connected_components(gap <= FAR, directed=False)[1]
+    counts = np.bincount(groups)
+    # Of groups with as many parts, the one nearer to the origin.
+    reach = [np.abs(np.concatenate([low[groups == k], high[groups == k]])).max() for k in range(len(counts))]
+    kept = min(range(len(counts)), key=lambda k: (-counts[k], reach[k]))
+    for number in np.flatnonzero(groups != kept):
+        x, y, z = 0.5 * (low[number] + high[number])
+        report.append(
+            f"dropped: '{solids[number].name}' is more than {FAR:g} m off the others, at ({x:g}, {y:g}, {z:g})"
+        )
+    return [solid for solid, group in zip(solids, groups, strict=True) if group == kept]

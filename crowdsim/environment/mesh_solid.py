@@ -1,0 +1,239 @@
+"""Solids given by triangles, and the area they take of the floor between two heights.
+
+The footprint of a height band is the union of what its triangles cover after clipping to the band, and of what their
+sections enclose; see docs/places.md for why neither alone is right.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from crowdsim.environment.sections import enclosed, section_segments
+from crowdsim.errors import GeometryError
+
+Floats = NDArray[np.float64]
+
+STRIP = 5e-3
+"""Meters: how wide a surface seen edge-on counts, such as a sheet of wall."""
+
+GRID = 1e-5
+"""Meters of the grid that footprints are rounded to, so that the union of many triangles is robust."""
+
+PINHOLE = 0.1
+"""Square meters: holes in the footprint of one solid that are smaller, the inside of a bucket, are filled."""
+
+_LARGEST = 200
+"""So many of the largest pieces are joined before the others."""
+
+_COVERED = 1e-3
+"""Meters that an edge-on surface may stand out of the rest of the footprint before it gets a strip."""
+
+_SMOOTHING = 5e-4
+"""Meters by which corners of the footprint may be straightened."""
+
+_LEAST_LINE = 1e-4
+"""Meters: a surface seen as a point counts as a line of this length."""
+
+_CORNER_PAIRS = ((0, 1), (1, 2), (2, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class MeshSolid:
+    """A solid bounded by triangles, closed or not.
+
+    Parameters
+    ----------
+    name
+        Of the part.
+    vertices
+        (n, 3) float64, meters, z up.
+    triangles
+        (m, 3) rows of ``vertices``, counter-clockwise as seen from outside where the mesh knows an outside.
+
+    Raises
+    ------
+    GeometryError
+        If there is no triangle, a coordinate is not finite, or a corner is no row of ``vertices``.
+    """
+
+    name: str
+    vertices: Floats
+    triangles: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        vertices = np.asarray(self.vertices, np.float64)
+        triangles = np.asarray(self.triangles, np.int64)
+        if vertices.ndim != 2 or vertices.shape[1] != 3 or triangles.ndim != 2 or triangles.shape[1] != 3:
+            raise GeometryError(
+                f"solid '{self.name}': expected vertices (n, 3) and triangles (m, 3), got {vertices.shape} and "
+                f"{triangles.shape}"
+            )
+        if len(triangles) == 0:
+            raise GeometryError(f"solid '{self.name}': the mesh has no triangles")
+        if triangles.min() < 0 or triangles.max() >= len(vertices):
+            raise GeometryError(f"solid '{self.name}': a triangle has a corner that is none of its vertices")
+        if not np.isfinite(vertices[triangles]).all():
+            raise GeometryError(f"solid '{self.name}': the mesh has a coordinate that is not a finite number")
+        object.__setattr__(self, "vertices", vertices)
+        object.__setattr__(self, "triangles", triangles)
+
+    @cached_property
+    def corners(self) -> Floats:
+        """(m, 3, 3) corners of each triangle."""
+        return self.vertices[self.triangles]
+
+    @cached_property
+    def bottom(self) -> float:
+        """Height of the lowest corner."""
+        return float(self.corners[:, :, 2].min())
+
+    @cached_property
+    def top(self) -> float:
+        """Height of the highest corner."""
+        return float(self.corners[:, :, 2].max())
+
+    @cached_property
+    def footprint(self) -> BaseGeometry:
+        """What lies under or over any part of the solid."""
+        return self._footprint(self.bottom - 1.0, self.top + 1.0)
+
+    def overlaps(self, low: float, high: float) -> bool:
+        """Whether part of the solid lies strictly between the heights ``low`` and ``high``."""
+        heights = self.corners[:, :, 2]
+        return bool(((heights.min(axis=1) < high) & (heights.max(axis=1) > low)).any())
+
+    def footprint_in(self, low: float, high: float) -> BaseGeometry:
+        """What part of the solid strictly between ``low`` and ``high`` covers of the floor; empty if there is none.
+
+        Covered is what lies under a triangle's part in the band (a strip of :data:`STRIP` under one that stands
+        upright) or inside the solid: in the sections at bottom, middle and top of what the solid has in the band, what
+        :func:`crowdsim.environment.sections.enclosed` finds enclosed. For a closed solid that is exact.
+        """
+        if self.bottom < high and self.top > low:
+            return self._footprint(low, high)
+        return shapely.Polygon()
+
+    def section(self, height: float) -> BaseGeometry:
+        """What the plane at ``height`` cuts: enclosed areas, and strips of :data:`STRIP` along all other cuts."""
+        segments = section_segments(self.corners, height, above=True)
+        return _with_strips(enclosed(segments), segments)
+
+    def lifted(self, height: float) -> MeshSolid:
+        """The same solid ``height`` meters higher."""
+        return replace(self, vertices=self.vertices + np.array([0.0, 0.0, height]))
+
+    def _footprint(self, low: float, high: float) -> BaseGeometry:
+        shapes, longest = _pieces(self.corners, low, high)
+        if not len(shapes):
+            return shapely.Polygon()
+        lengths = np.hypot(*(longest[:, 1] - longest[:, 0]).T)
+        widths = 2.0 * shapely.area(shapes) / np.maximum(lengths, GRID)
+        lowest, highest = max(low, self.bottom), min(high, self.top)
+        inside = [
+            enclosed(section_segments(self.corners, lowest, above=True)),
+            enclosed(section_segments(self.corners, 0.5 * (lowest + highest), above=True)),
+            enclosed(section_segments(self.corners, highest, above=False)),
+        ]
+        area = _union(np.concatenate([inside, shapes[widths > GRID]]))
+        return _with_strips(area, longest[widths < STRIP])
+
+
+def _pieces(corners: Floats, low: float, high: float) -> tuple[NDArray[np.object_], Floats]:
+    """Each triangle's part in the open band, seen from above: its outline (k,) and its farthest two points (k, 2, 2).
+
+    Outlines of upright triangles are degenerate.
+    """
+    heights = corners[:, :, 2]
+    least, most = heights.min(axis=1), heights.max(axis=1)
+    meets = (least < high) & (most > low)
+    whole = meets & (least >= low) & (most <= high)
+    flat = corners[whole, :, :2]
+    points, valid = _clipped(corners[meets & ~whole], low, high)
+    rows = np.broadcast_to(np.arange(len(points))[:, None], valid.shape)[valid]
+    clipped = shapely.convex_hull(shapely.multipoints(points[valid], indices=rows)) if len(points) else []
+    # The first valid point stands in for the missing ones, which changes no distance.
+    first = np.take_along_axis(points, valid.argmax(axis=1)[:, None, None], axis=1) if len(points) else points
+    filled = np.where(valid[:, :, None], points, first)
+    shapes = np.concatenate([shapely.polygons(flat) if len(flat) else np.empty(0, object), clipped])
+    return shapes, np.concatenate([_farthest(flat), _farthest(filled)])
+
+
+def _clipped(corners: Floats, low: float, high: float) -> tuple[Floats, NDArray[np.bool_]]:
+    """Corners (k, 9, 2) of the convex parts of triangles in a band, in no order, and which of them there are (k, 9)."""
+    heights = corners[:, :, 2]
+    points, valid = [corners[:, :, :2]], [(heights >= low) & (heights <= high)]
+    for first, second in _CORNER_PAIRS:
+        swap = heights[:, first] > heights[:, second]
+        # From the lower to the upper end, so that both triangles at an edge get the same point to the bit.
+        lower = np.where(swap[:, None], corners[:, second], corners[:, first])
+        upper = np.where(swap[:, None], corners[:, first], corners[:, second])
+        rise = upper[:, 2] - lower[:, 2]
+        for height in (low, high):
+            crosses = (lower[:, 2] < height) & (upper[:, 2] > height)
+            share = np.where(crosses, (height - lower[:, 2]) / np.where(crosses, rise, 1.0), 0.0)
+            points.append((lower[:, :2] + share[:, None] * (upper[:, :2] - lower[:, :2]))[:, None])
+            valid.append(crosses[:, None])
+    return np.concatenate(points, axis=1), np.concatenate(valid, axis=1)
+
+
+def _union(shapes: NDArray[np.object_]) -> BaseGeometry:
+    """The union of polygons; where there are many, small ones inside of large ones cost next to nothing."""
+    if len(shapes) > 2 * _LARGEST:
+        shapes = shapes[np.argsort(-shapely.area(shapes), kind="stable")]
+        large = shapely.union_all(shapes[:_LARGEST], grid_size=GRID)
+        shapely.prepare(large)
+        small = shapes[_LARGEST:]
+        shapes = np.concatenate([[large], small[~shapely.covers(large, small)]])
+    return shapely.union_all(shapes, grid_size=GRID)
+
+
+def _farthest(points: Floats) -> Floats:
+    """The two points (k, 2, 2) farthest apart of each row of (k, p, 2)."""
+    first, second = np.triu_indices(points.shape[1], 1)
+    apart = ((points[:, first] - points[:, second]) ** 2).sum(axis=2)
+    pair = apart.argmax(axis=1)
+    rows = np.arange(len(points))
+    return np.stack([points[rows, first[pair]], points[rows, second[pair]]], axis=1)
+
+
+def _with_strips(area: BaseGeometry, segments: Floats) -> BaseGeometry:
+    """``area`` with strips along the parts of ``segments`` (k, 2, 2) that stand out of it, free of pinholes."""
+    if len(segments):
+        short = np.hypot(*(segments[:, 1] - segments[:, 0]).T) < _LEAST_LINE
+        ends = segments.copy()
+        ends[short, 1, 0] = ends[short, 0, 0] + _LEAST_LINE
+        lines = shapely.linestrings(ends)
+        if not area.is_empty:
+            around = area.buffer(_COVERED, join_style="mitre")
+            shapely.prepare(around)
+            lines = lines[~shapely.covers(around, lines)]
+            lines = shapely.difference(lines, around)
+        lines = lines[~shapely.is_empty(lines)]
+        if len(lines):
+            # Ends are square to meet the area again, from which they are cut off by what counts as covered.
+            merged = shapely.line_merge(shapely.union_all(lines, grid_size=GRID))
+            strips = shapely.buffer(merged, 0.5 * STRIP, cap_style="square", join_style="mitre")
+            area = shapely.union_all([area, strips], grid_size=GRID)
+    return _without_pinholes(area)
+
+
+def _without_pinholes(area: BaseGeometry) -> BaseGeometry:
+    """``area`` as polygons without small holes and without corners that hardly are any."""
+    parts = shapely.get_parts(area)
+    parts = parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON]
+    kept = []
+    for part in shapely.simplify(parts, _SMOOTHING):
+        holes = np.array(part.interiors, dtype=object)
+        large = shapely.area(shapely.polygons(holes)) >= PINHOLE if len(holes) else np.empty(0, bool)
+        kept.append(part if large.all() else shapely.Polygon(part.exterior, list(holes[large])))
+    kept = [part for part in kept if part.area > GRID * STRIP]
+    if not kept:
+        return shapely.Polygon()
+    # Straightened parts, or ones in holes that are gone, may touch others.
+    return kept[0] if len(kept) == 1 else shapely.union_all(kept, grid_size=GRID)

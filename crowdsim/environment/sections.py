@@ -1,0 +1,111 @@
+"""Sections of triangles by a horizontal plane, and what they enclose."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+Floats = NDArray[np.float64]
+
+SECTION_GRID = 1e-4
+"""Meters of the grid that cuts are rounded to, which closes the hair gaps of meshes whose parts do not quite meet."""
+
+FURNITURE = 4.0
+"""Square meters: up to this size a loop is filled even where the mesh does not know inside from outside."""
+
+_LEAST_FACE = 1e-6
+"""Square meters; smaller faces between cuts are rounding."""
+
+_CHUNK = 2_000_000
+"""Pairs of a face and a segment worked on at once."""
+
+
+def section_segments(corners: Floats, height: float, above: bool) -> Floats:
+    """Where the triangles (m, 3, 3) cross the plane at ``height``: segments (k, 2, 2), the solid on their left.
+
+    The plane is meant infinitely little above ``height``, or below it, so that it never runs through a corner.
+    """
+    heights = corners[:, :, 2]
+    over = heights > height if above else heights >= height
+    count = over.sum(axis=1)
+    cut = (count == 1) | (count == 2)
+    corners, over, alone_over = corners[cut], over[cut], count[cut] == 1
+    if len(corners) == 0:
+        return np.empty((0, 2, 2))
+    # The corner that is alone on its side, and the others in the order of the triangle.
+    alone = np.where(alone_over, over.argmax(axis=1), (~over).argmax(axis=1))
+    rows = np.arange(len(corners))
+    tip, after, before = (corners[rows, (alone + k) % 3] for k in range(3))
+    one, other = _crossing(tip, after, height), _crossing(before, tip, height)
+    start = np.where(alone_over[:, None], one, other)
+    end = np.where(alone_over[:, None], other, one)
+    return np.stack([start, end], axis=1)
+
+
+def _crossing(first: Floats, second: Floats, height: float) -> Floats:
+    """Points (k, 2) where edges cross the plane; the same to the bit for either direction of an edge."""
+    swap = (first[:, 2] > second[:, 2])[:, None]
+    lower, upper = np.where(swap, second, first), np.where(swap, first, second)
+    rise = upper[:, 2] - lower[:, 2]
+    share = (height - lower[:, 2]) / rise
+    return lower[:, :2] + share[:, None] * (upper[:, :2] - lower[:, :2])
+
+
+def enclosed(segments: Floats) -> BaseGeometry:
+    """The area inside a solid whose section is ``segments`` (k, 2, 2), solid on their left.
+
+    The segments divide the plane into faces. A face that is closed all around is inside if they wind around it once
+    or more, counting angles, so that a gap elsewhere in a loop changes nothing: a wall with an inner and an outer side
+    is filled, the room it encloses is not. A mesh that does not know inside from outside (turned inside out, every
+    face doubled, faces turned at random) winds no such way; there a face of up to :data:`FURNITURE` is inside if an
+    odd number of lines lies between it and the outside.
+    """
+    lengths = np.abs(segments[:, 1] - segments[:, 0]).max(axis=1)
+    segments = segments[lengths > 0.0]
+    if len(segments) < 3:
+        return shapely.Polygon()
+    lines = shapely.union_all(shapely.linestrings(segments), grid_size=SECTION_GRID)
+    faces = shapely.get_parts(shapely.polygonize(shapely.get_parts(lines)))
+    faces = faces[shapely.area(faces) > _LEAST_FACE]
+    if len(faces) == 0:
+        return shapely.Polygon()
+    inside = _winding_numbers(faces, segments) > 0.5
+    doubtful = np.flatnonzero(~inside & (shapely.area(faces) <= FURNITURE))
+    if len(doubtful):
+        inside[doubtful] = _odd(faces[doubtful], lines)
+    return shapely.union_all(faces[inside], grid_size=SECTION_GRID)
+
+
+def _winding_numbers(faces: NDArray[np.object_], segments: Floats) -> Floats:
+    """How often the segments go around a point in each face, counter-clockwise (n,).
+
+    The sum of the angles under which the point sees the segments, over a full turn (Jacobson et al. 2013, section 3).
+    """
+    points = shapely.get_coordinates(shapely.point_on_surface(faces))
+    numbers = np.empty(len(points))
+    step = max(1, _CHUNK // len(segments))
+    for first in range(0, len(points), step):
+        rays = segments[None] - points[first : first + step, None, None]
+        (x0, y0), (x1, y1) = np.moveaxis(rays[:, :, 0], 2, 0), np.moveaxis(rays[:, :, 1], 2, 0)
+        numbers[first : first + step] = np.arctan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1).sum(axis=1)
+    return numbers / (2.0 * np.pi)
+
+
+def _odd(faces: NDArray[np.object_], lines: BaseGeometry) -> NDArray[np.bool_]:
+    """Whether a ray from each face (n,) to the outside crosses ``lines``, counted once where they coincide, an odd
+    number of times."""
+    ends = shapely.get_coordinates(shapely.get_parts(lines))
+    counts = shapely.get_num_coordinates(shapely.get_parts(lines))
+    follows = np.ones(len(ends), bool)
+    follows[np.cumsum(counts) - 1] = False
+    start = np.flatnonzero(follows)
+    a, b = ends[start], ends[start + 1]
+    odd = np.empty(len(faces), bool)
+    for row, (x, y) in enumerate(shapely.get_coordinates(shapely.point_on_surface(faces))):
+        spans = (a[:, 1] > y) != (b[:, 1] > y)
+        one, other = a[spans], b[spans]
+        crossing = one[:, 0] + (y - one[:, 1]) / (other[:, 1] - one[:, 1]) * (other[:, 0] - one[:, 0])
+        odd[row] = np.count_nonzero(crossing > x) % 2 == 1
+    return odd

@@ -1,0 +1,40 @@
+"""Units of length that drawings come in."""
+
+from __future__ import annotations
+
+from crowdsim.errors import GeometryError
+
+METERS = {
+    "m": 1.0, "meters": 1.0, "dm": 0.1, "decimeters": 0.1, "cm": 0.01, "centimeters": 0.01,
+    "mm": 0.001, "millimeters": 0.001, "km": 1000.0, "kilometers": 1000.0,
+    "in": 0.0254, "inches": 0.0254, "ft": 0.3048, "feet": 0.3048, "yd": 0.9144, "yards": 0.9144,
+}  # fmt: skip
+"""Meters a unit, by its short and long name."""
+
+_COMMON = ("mm", "cm", "in", "ft", "m")
+
+ROOM_HEIGHTS = (2.0, 10.0)
+"""Meters from floor to ceiling that are plausible."""
+
+
+def meters_per_unit(name: str) -> float:
+    """Meters of the unit called ``name``; :class:`GeometryError` lists the known ones if it is none."""
+    if name.lower() not in METERS:
+        raise GeometryError(f"units: '{name}' is unknown; known are {', '.join(METERS)}")
+    return METERS[name.lower()]
+
+
+def doubt_about_height(height: float, meters: float) -> str | None:
+    """A warning if a place ``height`` meters high is hardly meant, where one drawn unit is ``meters``; else None."""
+    low, high = ROOM_HEIGHTS
+    if low <= height <= high:
+        return None
+    drawn = height / meters
+    fitting = [name for name in _COMMON if low <= drawn * METERS[name] <= high and METERS[name] != meters]
+    remedy = (
+        f"in {' or '.join(fitting)} it would be plausible: give units={fitting[0]}" if fitting else "check the units"
+    )
+    return (
+        f"warning: everything together is {height:.3g} m high, where {low:g} to {high:g} m from floor to ceiling are "
+        f"usual; {remedy}, unless this is a single piece of furniture or a building of several floors"
+    )
