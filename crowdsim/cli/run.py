@@ -98,14 +98,16 @@ def check(
         if not as_json:
             raise
         problems = [asdict(problem) for problem in error.problems] or [{"message": str(error)}]
-        typer.echo(json.dumps({"ok": False, "errors": problems, "warnings": []}))
+        typer.echo(json.dumps({"ok": False, "errors": problems, "warnings": [], "notes": []}))
         raise typer.Exit(error.exit_code) from None
-    warnings = check_scenario(loaded)
+    warnings, notes = check_scenario(loaded), loaded.site().report
     if picture is not None:
         _draw(loaded, picture)
     if as_json:
-        typer.echo(json.dumps({"ok": True, "errors": [], "warnings": warnings}))
+        typer.echo(json.dumps({"ok": True, "errors": [], "warnings": warnings, "notes": notes}))
         return
+    for note in notes:
+        typer.echo(f"note: {note}")
     for warning in warnings:
         typer.echo(f"warning: {warning}")
     typer.echo(f"{loaded.name}: ok")

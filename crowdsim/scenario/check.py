@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from shapely import Polygon
+from shapely import MultiPolygon, Polygon
 
-from crowdsim.environment.layers import Band
-from crowdsim.environment.solids import Solid
+from crowdsim.environment.layers import AnyLayer, AnySolid, dropped_solids
 from crowdsim.geometry.polygons import LARGE_EXTENT
 from crowdsim.scenario.scenario import Scenario
 
@@ -15,7 +14,8 @@ from crowdsim.scenario.scenario import Scenario
 def check_scenario(scenario: Scenario) -> list[str]:
     """Warnings, one a line, each beginning with the place in the file; empty if nothing stands out."""
     floor = scenario.floor_polygon()
-    _, solids, owners, _ = scenario.site()
+    site = scenario.site()
+    solids, owners = site.solids, site.owners
     warnings = []
 
     def warn(path: tuple[str | int, ...], message: str) -> None:
@@ -50,5 +50,5 @@ def check_scenario(scenario: Scenario) -> list[str]:
     return warnings
 
 
-def _has_effect(solid: Solid, bands: Sequence[Band], floor: Polygon) -> bool:
-    return any(solid.overlaps(band.low, band.high) for band in bands) and bool(solid.footprint.intersects(floor))
+def _has_effect(solid: AnySolid, bands: Sequence[AnyLayer], floor: Polygon | MultiPolygon) -> bool:
+    return not dropped_solids([solid], bands) and bool(solid.footprint.intersects(floor))

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, model_validator
-from shapely import Polygon
-from shapely import box as rectangle_polygon
+from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
 
-from crowdsim.environment.layers import Band
-from crowdsim.environment.solids import MIN_EXTENT, Solid, box, centered_box, cylinder, extrusion, polygon_from_points
-from crowdsim.environment.walls import wall
+from crowdsim.environment import walls
+from crowdsim.environment.floor_plans import WALL_THICKNESS
+from crowdsim.environment.layers import AnyLayer, Band, Plane
+from crowdsim.environment.solids import MIN_EXTENT, Solid, box, centered_box, cylinder, extrusion
 from crowdsim.errors import GeometryError
 from crowdsim.scenario.values import (
     Circle,
     Degrees,
     Extent,
+    FileText,
     Length,
     Name,
     Pair,
@@ -34,23 +34,40 @@ MAX_DENSITY = 0.4
 """With more, obstacles that do not overlap leave hardly a way between them."""
 
 
-class Floor(Part):
-    """The walkable floor before anything stands on it."""
+def _as_share(value: Any) -> Any:
+    if isinstance(value, str):
+        if value not in DENSITIES:
+            raise ValueError(f"expected {' or '.join(DENSITIES)}, or the share of the floor to cover, got '{value}'")
+        return DENSITIES[value]
+    return value
 
-    model_config = ConfigDict(json_schema_extra=one_of(("rectangle",), ("polygon",)))
+
+Density = Annotated[
+    float,
+    Field(allow_inf_nan=False, gt=0.0, le=MAX_DENSITY),
+    BeforeValidator(_as_share),
+    WithJsonSchema(
+        {"anyOf": [{"enum": list(DENSITIES)}, {"type": "number", "exclusiveMinimum": 0.0, "maximum": MAX_DENSITY}]}
+    ),
+]
+
+
+class Floor(Part):
+    """The walkable floor before anything stands on it: drawn, read from a file, or found in the obstacles."""
+
+    model_config = ConfigDict(json_schema_extra=one_of(("rectangle",), ("polygon",), ("file",), ("derive",)))
     rectangle: Rectangle | None = None
     polygon: Ring | None = None
+    file: FileText | None = None
+    drawing_layer: Name | None = None
+    derive: Literal[True] | None = None
+    height: Length | None = None
 
     @model_validator(mode="after")
     def _check(self) -> Floor:
-        self.only("rectangle", "polygon")
+        if self.only("rectangle", "polygon", "file", "derive") != "file" and self.drawing_layer is not None:
+            raise ValueError("'drawing_layer' is the layer of a drawing; give its 'file' with it, or drop it")
         return self
-
-    def shape(self) -> Polygon:
-        """The floor as a polygon."""
-        if self.rectangle is not None:
-            return rectangle_polygon(*self.rectangle)
-        return polygon_from_points(self.polygon or (), "floor")
 
 
 class Box(Part):
@@ -84,7 +101,7 @@ class Opening(Part):
     at: Annotated[float, Field(allow_inf_nan=False, ge=0.0, le=1e5)]
     width: Extent
     bottom: Length = 0.0
-    top: Length = 2.1
+    top: Length = walls.DOOR_HEIGHT
 
     @model_validator(mode="after")
     def _check(self) -> Opening:
@@ -101,11 +118,31 @@ class Wall(Part):
     openings: Annotated[tuple[Opening, ...], Field(strict=False)] = ()
 
 
+class Mesh(Part):
+    """A file of triangles: enlarged by ``scale``, turned about the vertical by ``rotation``, moved by ``position``."""
+
+    file: FileText
+    up: Literal["y", "z"] | None = None
+    units: Name | None = None
+    scale: Annotated[float, Field(allow_inf_nan=False, gt=0.0, le=1e6)] = 1.0
+    rotation: Degrees = 0.0
+    position: Annotated[tuple[Length, Length, Length], Field(strict=False)] = (0.0, 0.0, 0.0)
+
+
+class Plan(Part):
+    """A floor plan in DXF: its lines are walls, its closed curves obstacles."""
+
+    file: FileText
+    drawing_layers: Annotated[tuple[Name, ...], Field(strict=False, min_length=1)] | None = None
+    units: Name | None = None
+    thickness: Extent = WALL_THICKNESS
+
+
 class Clutter(Part):
     """Random obstacles, drawn by the scenario's seed, that leave a way between the starts and goals of each group."""
 
     region: Region | None = None
-    density: Literal["normal", "dense"] | Annotated[float, Field(allow_inf_nan=False, gt=0.0, le=MAX_DENSITY)]
+    density: Density
     sizes: SizePair = (0.3, 1.2)
 
     @model_validator(mode="after")
@@ -114,37 +151,46 @@ class Clutter(Part):
             raise ValueError("'sizes' are the least and the greatest extent of an obstacle, in this order")
         return self
 
-    def share(self) -> float:
-        """Share of the region to cover."""
-        return DENSITIES[self.density] if isinstance(self.density, str) else self.density
-
 
 class Obstacle(Part):
-    """What stands on the floor: a solid, or several, from height ``bottom`` to ``top``."""
+    """What stands on the floor: a solid, or several; a shape needs a ``top``, a file has its own heights."""
 
-    model_config = ConfigDict(json_schema_extra=one_of(("box",), ("cylinder",), ("polygon",), ("wall",)))
+    model_config = ConfigDict(
+        json_schema_extra=one_of(
+            ("box", "top"), ("cylinder", "top"), ("polygon", "top"), ("wall", "top"), ("plan", "top"), ("mesh",)
+        )
+    )
     name: Name
     box: Box | None = None
     cylinder: Cylinder | None = None
     polygon: Ring | None = None
     wall: Wall | None = None
+    plan: Plan | None = None
+    mesh: Mesh | None = None
     bottom: Length = 0.0
-    top: Length
+    top: Length | None = None
 
     @model_validator(mode="after")
     def _check(self) -> Obstacle:
-        self.only("box", "cylinder", "polygon", "wall")
+        kind = self.only("box", "cylinder", "polygon", "wall", "plan", "mesh")
+        if kind == "mesh":
+            if self.top is not None or "bottom" in self.model_fields_set:
+                raise ValueError("a mesh has its own heights; drop 'bottom' and 'top', or move it with 'position'")
+            return self
+        if self.top is None:
+            raise ValueError(f"a {kind} needs a 'top', meters above the floor")
         if self.top <= self.bottom:
             raise ValueError(f"'top' ({self.top}) must lie above 'bottom' ({self.bottom})")
-        if self.wall is not None:
-            try:
-                self.solids()
-            except GeometryError as error:
-                raise ValueError(str(error)) from None
+        try:
+            self.solids()
+        except GeometryError as error:
+            raise ValueError(str(error)) from None
         return self
 
     def solids(self) -> tuple[Solid, ...]:
-        """The obstacle as solids; a wall with openings is several."""
+        """The obstacle as solids, several for a wall with openings; none for a file, which others read."""
+        if self.top is None or self.plan is not None:
+            return ()
         name, bottom, top = self.name, self.bottom, self.top
         if self.cylinder is not None:
             return (cylinder(name, self.cylinder.center, self.cylinder.radius, bottom, top),)
@@ -152,8 +198,8 @@ class Obstacle(Part):
             return (extrusion(name, self.polygon, bottom, top),)
         if self.wall is not None:
             line = self.wall
-            openings = [(gap.at, gap.width, gap.bottom, gap.top) for gap in line.openings]
-            return wall(name, line.points, line.thickness, bottom, top, openings)
+            openings = [walls.Opening(gap.at, gap.width, gap.bottom, gap.top) for gap in line.openings]
+            return walls.wall(name, line.points, line.thickness, bottom, top, openings)
         given = self.box
         assert given is not None
         if given.min is not None and given.max is not None:
@@ -164,18 +210,29 @@ class Obstacle(Part):
 
 
 class Layer(Part):
-    """A height band; the lowest is the ground layer, on which paths are found."""
+    """A band of heights above the floor, or a plane at one height, for which one clearance of a body counts."""
 
+    model_config = ConfigDict(json_schema_extra=one_of(("low", "high"), ("height",)))
     name: Name
-    low: Length
-    high: Length
+    low: Length | None = None
+    high: Length | None = None
+    height: Length | None = None
 
     @model_validator(mode="after")
     def _check(self) -> Layer:
-        if self.high <= self.low:
+        if (self.low is None, self.high is None, self.height is None) not in (
+            (False, False, True),
+            (True, True, False),
+        ):
+            raise ValueError("a layer is given by 'low' and 'high', or by one 'height'")
+        if self.low is not None and self.high is not None and self.high <= self.low:
             raise ValueError(f"'high' ({self.high}) must lie above 'low' ({self.low})")
         return self
 
-    def band(self) -> Band:
-        """The same as the environment's band."""
+    def band(self) -> AnyLayer:
+        """The same as the environment's band or plane."""
+        if self.height is not None:
+            return Plane(self.name, self.height)
+        assert self.low is not None
+        assert self.high is not None
         return Band(self.name, self.low, self.high)

@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from pydantic import PrivateAttr
-from shapely import Polygon
+from shapely import MultiPolygon, Polygon
 
-from crowdsim.environment.layers import ClearanceLayer, clearance_layers
-from crowdsim.environment.solids import Solid
+from crowdsim.environment.layers import AnySolid, ClearanceLayer, clearance_layers
 from crowdsim.errors import Problem
 from crowdsim.scenario.document import Document
 from crowdsim.scenario.document import Path as KeyPath
@@ -54,17 +53,21 @@ class Scenario(ScenarioFields):
         """What is wrong with the entry at ``path``, with its place in the file."""
         return self._document.problem(path, message)
 
+    def beside(self, file: str) -> Path:
+        """A file or folder that the scenario names, sought from its own folder."""
+        return (self._path.parent if self._path else Path()) / file
+
     def site(self) -> Site:
         """Floor and solids with what is wrong with them; made once."""
         if self._site is None:
             self._site = read_site(self)
         return self._site
 
-    def floor_polygon(self) -> Polygon:
+    def floor_polygon(self) -> Polygon | MultiPolygon:
         """The floor before anything stands on it."""
         return self.site().floor
 
-    def solids(self) -> tuple[Solid, ...]:
+    def solids(self) -> tuple[AnySolid, ...]:
         """The obstacles in the order of the file, then the clutter."""
         return self.site().solids
 
@@ -83,5 +86,4 @@ class Scenario(ScenarioFields):
         """The motion captures asked for; None for the built-in set."""
         if self.motion.captures is None:
             return None
-        beside = self._path.parent if self._path else Path()
-        return Captures(beside / self.motion.captures, self.motion.clips)
+        return Captures(self.beside(self.motion.captures), self.motion.clips)

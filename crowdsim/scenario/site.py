@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import shapely
-from shapely import Polygon
+from shapely import MultiPolygon, Polygon
 
 from crowdsim.environment.clutter import draw_clutter, open_ways
-from crowdsim.environment.solids import Solid
-from crowdsim.errors import GeometryError, Problem
+from crowdsim.environment.floor_plans import read_floor_plan
+from crowdsim.environment.floors import place_on_floor
+from crowdsim.environment.layers import AnySolid
+from crowdsim.environment.mesh_files import read_mesh_file
+from crowdsim.environment.mesh_solid import MeshSolid
+from crowdsim.environment.solids import polygon_from_points
+from crowdsim.errors import GeometryError, PlaceError, Problem
+from crowdsim.scenario.document import Path as KeyPath
+from crowdsim.scenario.place_keys import Mesh, Obstacle, Plan
 
 if TYPE_CHECKING:
     from crowdsim.scenario.scenario import Scenario
@@ -23,48 +31,158 @@ _KEPT_CLEAR = 0.5
 
 _CLUTTER_STREAM = 1 << 20
 
+_NO_FLOOR = shapely.box(0.0, 0.0, 1.0, 1.0)
+
 
 class Site(NamedTuple):
-    """Floor and solids, with what could not be used.
+    """Floor and solids of a scenario.
 
-    owners: for each solid, the path of the entry of the file it comes from. problems: what keeps it from being whole.
+    owners: for each solid, the path of the entry of the file it comes from. report: what was assumed and left out, a
+    line each. problems: what could not be read; floor and solids lack that.
     """
 
-    floor: Polygon
-    solids: tuple[Solid, ...]
-    owners: tuple[tuple[str | int, ...], ...]
+    floor: Polygon | MultiPolygon
+    solids: tuple[AnySolid, ...]
+    owners: tuple[KeyPath, ...]
+    report: tuple[str, ...]
     problems: tuple[Problem, ...]
 
 
 def read_site(scenario: Scenario) -> Site:
-    """Make the solids of all obstacles, and draw the clutter among them."""
-    floor = scenario.floor.shape()
-    solids: list[Solid] = []
-    owners: list[tuple[str | int, ...]] = []
-    problems: list[Problem] = []
-    for number, obstacle in enumerate(scenario.obstacles):
-        made = obstacle.solids()
-        solids += made
-        owners += [("obstacles", number)] * len(made)
-    if scenario.clutter is not None:
+    """Make the solids of all obstacles, read what files hold, and draw the clutter among them."""
+    return _Reader(scenario).site()
+
+
+class _Reader:
+    """Gathers solids by the entry they come from, reports and problems."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self.solids: dict[KeyPath, tuple[AnySolid, ...]] = {}
+        self.report: list[str] = []
+        self.problems: list[Problem] = []
+
+    def site(self) -> Site:
+        for number, obstacle in enumerate(self.scenario.obstacles):
+            path = ("obstacles", number)
+            if obstacle.mesh is not None:
+                self.solids[path] = self._mesh((*path, "mesh"), obstacle.name, obstacle.mesh)
+            elif obstacle.plan is not None:
+                self.solids[path] = self._plan((*path, "plan"), obstacle, obstacle.plan)
+            else:
+                self.solids[path] = obstacle.solids()
+        # What could not be read may be what the floor would be found in.
+        floor = _NO_FLOOR if self.problems else self._on_floor()
+        if self.scenario.clutter is not None and not self.problems:
+            self._draw_clutter(floor)
+        solids = [(solid, path) for path, made in self.solids.items() for solid in made]
+        return Site(
+            floor,
+            tuple(solid for solid, _ in solids),
+            tuple(path for _, path in solids),
+            tuple(self.report),
+            tuple(self.problems),
+        )
+
+    def _complain(self, path: KeyPath, error: Exception) -> None:
+        self.problems.append(self.scenario.problem(path, str(error)))
+
+    def _mesh(self, path: KeyPath, name: str, mesh: Mesh) -> tuple[AnySolid, ...]:
+        """Parts of a file, named after the obstacle."""
         try:
-            drawn = _clutter(scenario, floor, solids)
+            scene = read_mesh_file(
+                self.scenario.beside(mesh.file),
+                up=mesh.up,
+                units=mesh.units,
+                scale=mesh.scale,
+                rotation=mesh.rotation,
+                position=mesh.position,
+            )
+        except (PlaceError, GeometryError) as error:
+            self._complain(path, error)
+            return ()
+        self.report += scene.report
+        return tuple(replace(solid, name=f"{name}: {solid.name}") for solid in scene.solids)
+
+    def _plan(self, path: KeyPath, obstacle: Obstacle, plan: Plan) -> tuple[AnySolid, ...]:
+        """Walls and outlines of a drawing, named after the obstacle."""
+        assert obstacle.top is not None
+        try:
+            found = read_floor_plan(
+                self.scenario.beside(plan.file),
+                layers=plan.drawing_layers,
+                units=plan.units,
+                thickness=plan.thickness,
+                bottom=obstacle.bottom,
+                top=obstacle.top,
+            )
+            if not found.solids:
+                raise PlaceError(f"{plan.file}: draws no walls or obstacles; name it as the floor's 'file' instead")
+        except (PlaceError, GeometryError) as error:
+            self._complain(path, error)
+            return ()
+        self.report += found.report
+        return tuple(replace(solid, name=f"{obstacle.name}: {solid.name}") for solid in found.solids)
+
+    def _on_floor(self) -> Polygon | MultiPolygon:
+        """The floor; of the parts of files, those that are floors or ceilings or lie flat on the floor go."""
+        given = self.scenario.floor
+        try:
+            floor = self._given_floor()
+            # What the scenario itself puts on a floor it draws stands where it says.
+            placed = [
+                (path, solid)
+                for path, solids in self.solids.items()
+                for solid in solids
+                if floor is None or isinstance(solid, MeshSolid)
+            ]
+            if floor is not None and not placed:
+                return floor
+            height = given.height if floor is None else given.height or 0.0
+            place = place_on_floor([solid for _, solid in placed], floor, height)
+        except (PlaceError, GeometryError) as error:
+            self._complain(("floor",), error)
+            return _NO_FLOOR
+        self.report += place.report
+        for path in {path for path, _ in placed}:
+            self.solids[path] = ()
+        for number, solid in zip(place.kept, place.solids, strict=True):
+            path = placed[number][0]
+            self.solids[path] = (*self.solids[path], solid)
+        return place.floor
+
+    def _given_floor(self) -> Polygon | MultiPolygon | None:
+        """The floor that the scenario draws or names; None if it is to be found."""
+        floor = self.scenario.floor
+        if floor.rectangle is not None:
+            return shapely.box(*floor.rectangle)
+        if floor.polygon is not None:
+            return polygon_from_points(floor.polygon, "floor")
+        if floor.file is not None:
+            found = read_floor_plan(self.scenario.beside(floor.file), floor_layer=floor.drawing_layer)
+            if found.floor is None:
+                raise PlaceError(f"{floor.file}: draws no floor; name its layer as 'drawing_layer', or give 'derive'")
+            self.report += found.report
+            return found.floor
+        return None
+
+    def _draw_clutter(self, floor: Polygon | MultiPolygon) -> None:
+        clutter = self.scenario.clutter
+        assert clutter is not None
+        regions = [[group.start.shape(), group.goal.shape()] for group in self.scenario.agents]
+        ends = shapely.union_all([region.buffer(_KEPT_CLEAR) for group in regions for region in group])
+        standing = [solid.footprint for solids in self.solids.values() for solid in solids]
+        free = floor.difference(shapely.union_all(standing))
+        region = free if clutter.region is None else free.intersection(clutter.region.shape())
+        generator = np.random.default_rng(np.random.SeedSequence(self.scenario.seed, spawn_key=(_CLUTTER_STREAM,)))
+        try:
+            drawn = draw_clutter("clutter", region.difference(ends), clutter.density, clutter.sizes, generator)
+            kept = open_ways(drawn, free, regions, CLUTTER_RADIUS)
         except GeometryError as error:
-            problems.append(scenario.problem(("clutter",), str(error)))
-        else:
-            solids += drawn
-            owners += [("clutter",)] * len(drawn)
-    return Site(floor, tuple(solids), tuple(owners), tuple(problems))
-
-
-def _clutter(scenario: Scenario, floor: Polygon, solids: list[Solid]) -> tuple[Solid, ...]:
-    assert scenario.clutter is not None
-    regions = [[group.start.shape(), group.goal.shape()] for group in scenario.agents]
-    ends = shapely.union_all([region.buffer(_KEPT_CLEAR) for group in regions for region in group])
-    free = floor.difference(shapely.union_all([solid.footprint for solid in solids]))
-    region = free if scenario.clutter.region is None else free.intersection(scenario.clutter.region.shape())
-    generator = np.random.default_rng(np.random.SeedSequence(scenario.seed, spawn_key=(_CLUTTER_STREAM,)))
-    drawn = draw_clutter(
-        "clutter", region.difference(ends), scenario.clutter.share(), scenario.clutter.sizes, generator
-    )
-    return open_ways(drawn, free, regions, CLUTTER_RADIUS)
+            self._complain(("clutter",), error)
+            return
+        self.solids[("clutter",)] = kept
+        self.report.append(
+            f"clutter: {len(kept)} obstacles cover {sum(s.footprint.area for s in kept) / region.area:.1%} of the floor"
+            + (f"; {len(drawn) - len(kept)} were taken away to open ways" if len(kept) < len(drawn) else "")
+        )

@@ -1,0 +1,152 @@
+"""Floors and obstacles from files, walls with openings, and clutter, as a scenario asks for them."""
+
+import re
+
+import numpy as np
+import pytest
+import shapely
+import trimesh
+
+from crowdsim.environment.mesh_solid import MeshSolid
+from crowdsim.errors import ScenarioError
+from crowdsim.scenario.loader import load_scenario
+
+HEAD = "crowdsim: 1\nname: place\nseed: 1\nduration: 10.0\n"
+AGENTS = """\
+agents:
+  - {name: guests, count: 1, start: {point: [1.0, 1.0]}, goal: {point: [7.0, 1.0]}}
+"""
+
+
+def load(folder, place: str):
+    file = folder / "place.yaml"
+    file.write_text(HEAD + place + AGENTS)
+    return load_scenario(file)
+
+
+def refused(folder, place: str) -> str:
+    with pytest.raises(ScenarioError) as caught:
+        load(folder, place)
+    return str(caught.value)
+
+
+@pytest.fixture
+def room(tmp_path):
+    """A room of 8 x 4 m with a table, Y up, its floor 1 m above the file's origin; returns its folder."""
+    scene = trimesh.Scene()
+    for name, (x, y, z), size in (
+        ("slab", (4.0, 2.0, 0.95), (8.2, 4.2, 0.1)),
+        ("table", (4.0, 2.0, 1.7), (1.0, 0.8, 0.1)),
+        ("carpet", (2.0, 2.0, 1.01), (1.0, 1.0, 0.02)),
+        ("north", (4.0, 4.05, 2.3), (8.2, 0.1, 2.6)),
+        ("south", (4.0, -0.05, 2.3), (8.2, 0.1, 2.6)),
+    ):
+        box = trimesh.creation.box(size)
+        box.apply_translation((x, y, z))
+        box.apply_transform(np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], float))
+        scene.add_geometry(box, node_name=name, geom_name=name)
+    scene.export(tmp_path / "room.glb")
+    return tmp_path
+
+
+MESH = "obstacles:\n  - {name: house, mesh: {file: room.glb}}\n"
+
+
+def test_a_floor_is_found_in_a_file_and_its_parts_stand_on_it(room):
+    scenario = load(room, "floor: {derive: true}\n" + MESH)
+    assert scenario.floor_polygon().area == pytest.approx(8.2 * 4.2, rel=0.01)
+    solids = {solid.name: solid for solid in scenario.solids()}
+    assert set(solids) == {"house: table", "house: north", "house: south"}
+    assert all(isinstance(solid, MeshSolid) for solid in solids.values())
+    assert (solids["house: table"].bottom, solids["house: table"].top) == pytest.approx((0.65, 0.75))
+    legs, torso = scenario.layers()
+    assert legs.free.area == pytest.approx(8.2 * 4.0 - 0.8, abs=0.02)
+    assert torso.free.area == pytest.approx(8.2 * 4.0, abs=0.02)
+    assert any("carpet" in line for line in scenario.site().report)
+
+
+def test_a_given_floor_leaves_heights_as_the_file_has_them(room):
+    drawn = load(room, "floor: {rectangle: [0, 0, 8, 4], height: 1.0}\n" + MESH)
+    assert {solid.name for solid in drawn.solids()} == {"house: table", "house: north", "house: south"}
+    moved = load(
+        room,
+        "floor: {rectangle: [0, 0, 8, 4]}\n"
+        "obstacles:\n  - {name: house, mesh: {file: room.glb, position: [0, 0, -1]}}\n",
+    )
+    assert moved.layers()[0].free.equals_exact(drawn.layers()[0].free, 1e-9)
+
+
+def test_a_floor_in_a_file(tmp_path):
+    (tmp_path / "floor.wkt").write_text("POLYGON ((0 0, 8 0, 8 4, 0 4, 0 0), (3 1, 3 3, 5 3, 5 1, 3 1))")
+    scenario = load(tmp_path, "floor: {file: floor.wkt}\n")
+    assert scenario.layers()[0].free.area == pytest.approx(28.0)
+
+
+def test_walls_with_doors_and_windows(tmp_path):
+    scenario = load(
+        tmp_path,
+        "floor: {rectangle: [0, 0, 8, 4]}\n"
+        "obstacles:\n  - name: wall\n    wall:\n      points: [[4, 0], [4, 4]]\n      thickness: 0.2\n"
+        "      openings: [{at: 1.0, width: 0.9}, {at: 3.0, width: 1.0, bottom: 0.9, top: 2.1}]\n    top: 2.5\n",
+    )
+    legs, torso = scenario.layers()
+    assert legs.obstacles.area == pytest.approx(0.2 * (4.0 - 0.9))
+    # From a chest to a chin a window is open in part, which does not count as open.
+    assert torso.obstacles.area == pytest.approx(0.2 * (4.0 - 0.9))
+    assert legs.free.covers(shapely.Point(4.0, 1.0))
+
+
+def test_clutter_is_dense_and_leaves_starts_and_goals(tmp_path):
+    scenario = load(tmp_path, "floor: {rectangle: [0, 0, 8, 4]}\nclutter: {density: dense}\n")
+    solids = scenario.solids()
+    assert sum(solid.footprint.area for solid in solids) == pytest.approx(0.24 * 28.0, rel=0.2)
+    assert all(solid.footprint.distance(shapely.Point(1.0, 1.0)) >= 0.45 for solid in solids)
+    again = load(tmp_path, "floor: {rectangle: [0, 0, 8, 4]}\nclutter: {density: dense}\n")
+    assert [solid.footprint for solid in again.solids()] == [solid.footprint for solid in solids]
+
+
+@pytest.mark.parametrize(
+    ("place", "message"),
+    [
+        (
+            "floor: {derive: true}\nobstacles: [{name: a, mesh: {file: none.glb}}]\n",
+            "6:29: obstacles.0.mesh: .*none.glb: cannot be read",
+        ),
+        ("floor: {file: none.wkt}\n", r"5:8: floor: .*none\.wkt: cannot be read \(No such file"),
+        ("floor: {derive: true}\n", "5:8: floor: .*no parts to find a floor from; give a floor"),
+        (
+            "floor: {rectangle: [0, 0, 8, 4]}\nobstacles: [{name: a, mesh: {file: a.glb}, top: 2.0}]\n",
+            "a mesh has its own heights",
+        ),
+        (
+            "floor: {rectangle: [0, 0, 8, 4]}\nobstacles: [{name: a, box: {min: [3, 1], max: [4, 2]}}]\n",
+            "a box needs a 'top'",
+        ),
+        ("floor: {rectangle: [0, 0, 8, 4], drawing_layer: a}\n", "'drawing_layer' is the layer of a drawing"),
+        (
+            "floor: {rectangle: [0, 0, 8, 4]}\n"
+            "obstacles: [{name: a, wall: {points: [[3, 1], [3, 2]], openings: [{at: 1, width: 0.9}]}, top: 2}]\n",
+            "obstacles.0: wall 'a': the opening from 0.55 to 1.45 m reaches past the wall",
+        ),
+        (
+            "floor: {rectangle: [0, 0, 8, 4]}\nclutter: {density: 0.4, sizes: [2.5, 3.0]}\n",
+            "clutter: .*the floor is full",
+        ),
+        ("floor: {rectangle: [0, 0, 8, 4]}\nclutter: {density: sparse}\n", "clutter.density: "),
+        ("floor: {rectangle: [0, 0, 8, 4]}\nlayers: [{name: a, low: 0.1}]\n", "given by 'low' and 'high', or by one"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_with_its_place_and_a_remedy(tmp_path, place, message):
+    assert re.search(message, refused(tmp_path, place)), refused(tmp_path, place)
+
+
+def test_planes_are_layers_as_the_paper_has_them(tmp_path):
+    scenario = load(
+        tmp_path,
+        "floor: {rectangle: [0, 0, 8, 4]}\n"
+        "obstacles: [{name: shelf, box: {min: [3, 1], max: [4, 2]}, bottom: 1.0, top: 1.1}]\n"
+        "layers: [{name: legs, height: 0.3}, {name: torso, height: 1.05}]\n",
+    )
+    legs, torso = scenario.layers()
+    assert torso.obstacles.area == pytest.approx(1.0)
+    assert legs.obstacles.area == pytest.approx(1.0)  # the ground holds what any layer holds
