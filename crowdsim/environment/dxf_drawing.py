@@ -1,0 +1,159 @@
+"""Curves and areas of a DXF drawing, in meters. Needs ezdxf, an extra."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from crowdsim.environment.units import METERS, meters_per_unit
+from crowdsim.errors import GeometryError, PlaceError
+
+SAGITTA = 2e-3
+"""Meters by which the chords of a curve may leave it."""
+
+_INSUNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 7: "km", 10: "yd", 14: "dm"}
+"""The codes of the drawing's unit that make sense for a building."""
+
+_AREAS = ("HATCH", "MPOLYGON", "SOLID", "TRACE")
+
+_DEPTH = 20
+"""How deep blocks may be nested."""
+
+_MANY = 500_000
+"""Entities after which a drawing is refused: nested blocks multiply."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Lines and areas (shapely, meters) with the name of their layer; all layers by name; what was left out."""
+
+    lines: list[tuple[str, BaseGeometry]]
+    areas: list[tuple[str, BaseGeometry]]
+    layers: list[str]
+    report: list[str]
+
+
+def read_dxf(file: Path, layers: Sequence[str] | None, floor_layer: str | None, units: str | None) -> Drawing:
+    """Read the model space of a drawing; see :func:`crowdsim.environment.floor_plans.read_floor_plan`."""
+    document = _document(file)
+    report: list[str] = []
+    meters = _meters(file, document, units, report)
+    known = {layer.dxf.name: layer for layer in document.layers}
+    wanted = None if layers is None else {*layers, *([floor_layer] if floor_layer is not None else [])}
+    lines: list[tuple[str, BaseGeometry]] = []
+    areas: list[tuple[str, BaseGeometry]] = []
+    others: dict[str, int] = {}
+    seen: set[str] = set()
+    for count, entity in enumerate(_resolved(document.modelspace(), 0)):
+        if count >= _MANY:
+            raise PlaceError(f"{file}: draws more than {_MANY} things; remove what is no building")
+        name = str(entity.dxf.layer)
+        seen.add(name)
+        hidden = name in known and (known[name].is_off() or known[name].is_frozen())
+        if name not in wanted if wanted is not None else hidden and name != floor_layer:
+            continue
+        try:
+            kind, shape = _shape(entity, meters)
+        except Exception as error:  # whatever a damaged entity leads to
+            report.append(
+                f"{file.name}: left out a {entity.dxftype()} on layer '{name}' ({type(error).__name__}: {error})"
+            )
+            continue
+        if shape is None:
+            others[entity.dxftype()] = others.get(entity.dxftype(), 0) + 1
+        else:
+            (areas if kind == "area" else lines).append((name, shape))
+    missing = sorted((wanted or ({floor_layer} if floor_layer is not None else set())) - seen)
+    if missing:
+        raise PlaceError(
+            f"{file}: nothing is drawn on layer {', '.join(missing)}; there are: {', '.join(sorted(seen))}"
+        )
+    if others:
+        listed = ", ".join(f"{count} {kind}" for kind, count in sorted(others.items()))
+        report.append(f"{file.name}: left out what draws no curve: {listed}")
+    return Drawing(lines, areas, sorted({name for name, _ in lines + areas}), report)
+
+
+def _document(file: Path) -> Any:
+    try:
+        import ezdxf
+        from ezdxf import recover
+    except ImportError:
+        raise PlaceError(f"{file}: DXF files need ezdxf; install it with: pip install 'crowdsim[dxf]'") from None
+    try:
+        if file.stat().st_size == 0:
+            raise PlaceError(f"{file}: the file is empty; export it again")
+        try:
+            return ezdxf.readfile(str(file))
+        except ezdxf.DXFError:
+            return recover.readfile(str(file))[0]
+    except PlaceError:
+        raise
+    except OSError as error:
+        raise PlaceError(f"{file}: cannot be read ({error.strerror or error}); check the path") from None
+    except Exception as error:  # whatever a parser does with what it was not made for
+        said = " ".join(str(error).split())
+        raise PlaceError(
+            f"{file}: cannot be read as DXF ({type(error).__name__}: {said[:120]}); export it again"
+        ) from None
+
+
+def _meters(file: Path, document: Any, units: str | None, report: list[str]) -> float:
+    if units is not None:
+        return meters_per_unit(units)
+    code = document.header.get("$INSUNITS", 0)
+    if code in _INSUNITS:
+        report.append(f"{file.name}: drawn in {_INSUNITS[code]}, as the file says")
+        return METERS[_INSUNITS[code]]
+    if code == 0:
+        report.append(f"{file.name}: warning: the file says no unit; taken are meters, or give 'units'")
+        return 1.0
+    raise PlaceError(f"{file}: its unit (code {code}) is none of a building; give 'units'")
+
+
+def _resolved(entities: Any, depth: int) -> Iterator[Any]:
+    """Entities with blocks replaced by what is in them."""
+    for entity in entities:
+        if entity.dxftype() != "INSERT":
+            yield entity
+        elif depth < _DEPTH:
+            for insert in entity.multi_insert() if entity.mcount > 1 else [entity]:
+                parts = list(insert.virtual_entities())
+                for part in parts:
+                    if part.dxf.layer == "0":  # by the rules of the format: the layer of the block's reference
+                        part.dxf.layer = entity.dxf.layer
+                yield from _resolved(parts, depth + 1)
+
+
+def _shape(entity: Any, meters: float) -> tuple[str, BaseGeometry | None]:
+    """An entity as an area or as lines, meters; None if it draws neither."""
+    from ezdxf import path
+
+    kind = entity.dxftype()
+    if kind in ("HATCH", "MPOLYGON"):
+        area = shapely.Polygon()
+        for outline in path.from_hatch(entity):
+            area = area.symmetric_difference(shapely.make_valid(shapely.Polygon(_points(outline, meters))))
+        return "area", None if area.is_empty else area
+    try:
+        curve = path.make_path(entity)
+    except TypeError:
+        return "line", None
+    parts = [_points(part, meters) for part in curve.sub_paths()] if len(curve) else []
+    if kind in _AREAS:
+        return "area", shapely.make_valid(shapely.Polygon(parts[0])) if parts else None
+    lines = [points for points in parts if len(points) > 1]
+    return "line", shapely.multilinestrings([shapely.linestrings(points) for points in lines]) if lines else None
+
+
+def _points(curve: Any, meters: float) -> np.ndarray[Any, np.dtype[np.float64]]:
+    points = np.array([(point.x, point.y) for point in curve.flattening(SAGITTA / meters)], np.float64) * meters
+    if not np.isfinite(points).all():
+        raise GeometryError("a coordinate is not a finite number")
+    return points[np.concatenate([[True], (points[1:] != points[:-1]).any(axis=1)])]

@@ -1,0 +1,202 @@
+"""Places from drawings seen from above: WKT polygons, and floor plans in DXF."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import shapely
+from shapely import MultiPolygon, Polygon
+from shapely.affinity import scale as scaled
+from shapely.geometry.base import BaseGeometry
+
+from crowdsim.environment.dxf_drawing import Drawing, read_dxf
+from crowdsim.environment.layers import polygons_only
+from crowdsim.environment.solids import MIN_EXTENT, Solid
+from crowdsim.environment.units import meters_per_unit
+from crowdsim.errors import GeometryError, PlaceError
+from crowdsim.geometry.polygons import LARGE_EXTENT, clean_polygon
+
+WALL_THICKNESS = 0.10
+WALL_HEIGHT = 2.5
+"""Meters, of walls that a plan draws as lines."""
+
+_JOINT = 1e-3
+"""Meters by which ends of lines that are meant to meet may be apart."""
+
+
+@dataclass(frozen=True)
+class FloorPlan:
+    """What a plan holds, meters.
+
+    ``floor`` is the walkable area, or None where the plan draws none; ``solids`` are walls and filled outlines, in the
+    order of the drawing's layers; ``report`` says what was assumed or left out, a line each.
+    """
+
+    floor: Polygon | MultiPolygon | None
+    solids: tuple[Solid, ...]
+    report: tuple[str, ...]
+
+
+def read_floor_plan(
+    path: str | Path,
+    *,
+    layers: Sequence[str] | None = None,
+    floor_layer: str | None = None,
+    units: str | None = None,
+    thickness: float = WALL_THICKNESS,
+    bottom: float = 0.0,
+    top: float = WALL_HEIGHT,
+) -> FloorPlan:
+    """Read a floor plan from a .wkt or .dxf file.
+
+    WKT: a POLYGON or MULTIPOLYGON is the walkable floor with obstacles as holes; of a GEOMETRYCOLLECTION, as JuPedSim
+    writes it, the floor is the union.
+
+    DXF: lines, arcs and other open curves are walls of ``thickness``, lines that meet at their ends one wall. Closed
+    curves and hatches are filled: obstacles from ``bottom`` to ``top``; but a closed curve with something else drawn
+    inside is a wall around it, and one around all the drawing is the floor, unless ``floor_layer`` says where that is.
+    Blocks are resolved.
+
+    Parameters
+    ----------
+    path
+        The file.
+    layers
+        Names of the drawing's layers to read (DXF); by default all that are not switched off.
+    floor_layer
+        Name of the layer whose closed curves and hatches are the walkable floor (DXF).
+    units
+        The file's unit; by default what the file says (DXF, ``$INSUNITS``), else meters.
+    thickness, bottom, top
+        Of walls; meters, heights above the floor.
+
+    Raises
+    ------
+    PlaceError
+        If the file cannot be read, holds no polygon (WKT) or nothing to build with (DXF), or ezdxf is not installed.
+    GeometryError
+        If an argument makes no sense.
+    """
+    file = Path(path)
+    if not (math.isfinite(thickness) and thickness >= MIN_EXTENT):
+        raise GeometryError(f"thickness: {thickness} m is no thickness of a wall")
+    if not (math.isfinite(bottom) and math.isfinite(top) and bottom < top):
+        raise GeometryError(f"top: {top} m must lie above the bottom, {bottom} m")
+    if file.suffix.lower() == ".wkt":
+        return _read_wkt(file, 1.0 if units is None else meters_per_unit(units))
+    if file.suffix.lower() == ".dxf":
+        drawing = read_dxf(file, layers, floor_layer, units)
+        return _built(file, drawing, floor_layer, thickness, bottom, top)
+    raise PlaceError(f"{file}: files ending in '{file.suffix}' cannot be read as floor plans; known are .wkt, .dxf")
+
+
+def _read_wkt(file: Path, meters: float) -> FloorPlan:
+    try:
+        text = file.read_text(encoding="utf-8").strip()
+    except OSError as error:
+        raise PlaceError(f"{file}: cannot be read ({error.strerror or error}); check the path") from None
+    except UnicodeDecodeError:
+        raise PlaceError(f"{file}: is no text; a .wkt file holds one polygon as well-known text") from None
+    if not text:
+        raise PlaceError(f"{file}: the file is empty; write a POLYGON into it")
+    try:
+        geometry = shapely.from_wkt(text)
+    except shapely.errors.ShapelyError as error:
+        said = " ".join(str(error).split())
+        raise PlaceError(f"{file}: is no well-known text ({said[:120]}); write one POLYGON") from None
+    try:
+        floor = shapely.union_all([clean_polygon(part, str(file)) for part in _polygons_of(geometry, file)])
+    except GeometryError as error:
+        raise PlaceError(str(error)) from None
+    if meters != 1.0:
+        floor = scaled(floor, meters, meters, origin=(0.0, 0.0))
+    report = [f"{file.name}: floor of {floor.area:.1f} m2, obstacles are its holes"]
+    floor = polygons_only(floor)
+    floor = floor.geoms[0] if len(floor.geoms) == 1 else floor
+    return FloorPlan(floor, (), tuple(report + _doubts(file, floor)))
+
+
+def _polygons_of(geometry: BaseGeometry, file: Path) -> list[BaseGeometry]:
+    """The polygons of a geometry; PlaceError if there are none, or others."""
+    parts = [geometry]
+    while any(part.geom_type == "GeometryCollection" for part in parts):
+        parts = [
+            inner for part in parts for inner in (part.geoms if part.geom_type == "GeometryCollection" else [part])
+        ]
+    wrong = sorted({part.geom_type.upper() for part in parts if not isinstance(part, Polygon | MultiPolygon)})
+    if wrong or not parts:
+        found = f"a {', '.join(wrong)}" if wrong else "an empty collection"
+        raise PlaceError(
+            f"{file}: holds {found}; a floor is a POLYGON, a MULTIPOLYGON or a GEOMETRYCOLLECTION of these"
+        )
+    return parts
+
+
+def _doubts(file: Path, shape: BaseGeometry) -> list[str]:
+    x0, y0, x1, y1 = shape.bounds
+    extent = max(x1 - x0, y1 - y0)
+    if 1.0 <= extent <= LARGE_EXTENT:
+        return []
+    return [f"{file.name}: warning: the place is {extent:.3g} m wide; is it drawn in meters? give 'units' if not"]
+
+
+def _built(
+    file: Path, drawing: Drawing, floor_layer: str | None, thickness: float, bottom: float, top: float
+) -> FloorPlan:
+    """Solids and floor of what a plan draws."""
+    report = list(drawing.report)
+    filled: list[tuple[str, BaseGeometry]] = [(layer, area) for layer, area in drawing.areas if layer != floor_layer]
+    outlines: list[tuple[str, Polygon]] = []
+    open_lines: list[tuple[str, BaseGeometry]] = []
+    floors = [area for layer, area in drawing.areas if layer == floor_layer]
+    for layer in drawing.layers:
+        lines = shapely.union_all([line for name, line in drawing.lines if name == layer], grid_size=_JOINT)
+        for chain in shapely.get_parts(shapely.line_merge(lines)):
+            if chain.is_closed and Polygon(chain).area > MIN_EXTENT**2:
+                outlines.append((layer, Polygon(chain)))
+            elif layer != floor_layer:
+                open_lines.append((layer, chain))
+    floors += [outline for layer, outline in outlines if layer == floor_layer]
+    outlines = [(layer, outline) for layer, outline in outlines if layer != floor_layer]
+    things = [area for _, area in filled] + [outline for _, outline in outlines] + [line for _, line in open_lines]
+    if floor_layer is None and len(things) > 1:
+        around = [pair for pair in outlines if all(pair[1].covers(thing) for thing in things)]
+        if around:
+            layer, outline = max(around, key=lambda pair: pair[1].area)
+            outlines.remove((layer, outline))
+            things = [thing for thing in things if thing is not outline]
+            floors.append(outline)
+            report.append(f"{file.name}: the closed curve around all others (layer '{layer}') is the floor")
+    solids = []
+    counts: dict[str, int] = {}
+
+    def build(layer: str, shape: BaseGeometry) -> None:
+        for part in polygons_only(shape).geoms:
+            if part.area > MIN_EXTENT**2:
+                counts[layer] = counts.get(layer, 0) + 1
+                solids.append(Solid(f"{layer} {counts[layer]}", part, bottom, top))
+
+    for layer, area in filled:
+        build(layer, area)
+    rooms = 0
+    for layer, outline in outlines:
+        within = [thing for thing in things if thing is not outline and outline.contains(thing)]
+        rooms += bool(within)
+        ring = outline.exterior.buffer(0.5 * thickness, join_style="mitre")
+        build(layer, ring if within else outline)
+    for layer, line in open_lines:
+        build(layer, line.buffer(0.5 * thickness, cap_style="flat", join_style="mitre"))
+    if rooms:
+        report.append(f"{file.name}: {rooms} closed curves with something drawn inside are walls around it")
+    if len(outlines) + len(filled) > rooms:
+        report.append(f"{file.name}: {len(outlines) + len(filled) - rooms} closed curves and hatches are filled")
+    floor = shapely.union_all(floors) if floors else None
+    if not solids and floor is None:
+        raise PlaceError(
+            f"{file}: there is nothing to build with in the layers {', '.join(drawing.layers)}:\n" + "\n".join(report)
+        )
+    whole = shapely.union_all([*floors, *(solid.footprint for solid in solids)])
+    return FloorPlan(floor, tuple(solids), tuple(report + _doubts(file, whole)))
