@@ -1,0 +1,82 @@
+"""Every scenario of the library, run to its end: everyone arrives, with the behavior that the place asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import shapely
+
+import crowdsim
+from crowdsim.recording.header import AgentState
+from crowdsim.recording.reader import Recording
+from crowdsim.scenario.loader import builtin_scenarios
+
+LEAST_MARGIN = -0.01
+"""Meters a body may be nearer to an obstacle than its clearance: motion is captured, not drawn on a grid."""
+
+Run = Callable[..., Recording]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """``run("plaza", "agents.0.count=2")`` gives the recording; each is made once."""
+    made: dict[tuple[str, ...], Recording] = {}
+
+    def recording(name: str, *changes: str) -> Recording:
+        if (name, *changes) not in made:
+            simulation = crowdsim.Simulation(crowdsim.load_scenario(name, changes))
+            made[(name, *changes)] = simulation.run(tmp_path_factory.mktemp(name) / f"{name}.h5")
+        return made[(name, *changes)]
+
+    return recording
+
+
+def used_in(recording: Recording, area: shapely.Polygon, group: str) -> set[str]:
+    """Names of the behaviors that characters of ``group`` used in ``area``."""
+    agents = np.flatnonzero(np.array(recording.header.agents.groups) == group)
+    there = recording.state[:][:, agents] != AgentState.ABSENT
+    inside = there & shapely.contains_xy(area, recording.x[:][:, agents], recording.y[:][:, agents])
+    names = [behavior.name for behavior in recording.header.behaviors]
+    return {names[k] for k in np.unique(recording.behavior[:][:, agents][inside])}
+
+
+@pytest.mark.parametrize("name", sorted(set(builtin_scenarios()) - {"corridor"}))
+def test_everyone_arrives_and_touches_nothing(run: Run, name: str) -> None:
+    summary = run(name).summary
+    assert summary["arrived"] == summary["characters"]
+    assert min(summary["obstacle_margin"].values()) >= LEAST_MARGIN
+    assert summary["closest_pair"] is None or summary["closest_pair"] >= 0.3
+    assert summary["lowest_foot"] >= -0.01
+
+
+def test_the_study_is_entered_sideways_and_all_other_doors_walking(run: Run) -> None:
+    recording = run("apartment")
+    scenario = crowdsim.load_scenario("apartment")
+    areas = scenario.area_polygons()
+    assert "lateral" in used_in(recording, areas["study_door"], "to_the_study")
+    shares = recording.summary["behavior_share_by_area"]
+    assert shares["study_door"]["lateral"] > 0.5
+    for group in ("to_the_kitchen", "to_the_bathroom", "going_out"):
+        everywhere = scenario.floor_polygon()
+        assert "lateral" not in used_in(recording, everywhere, group), group
+
+
+def test_the_apartment_is_furnished(run: Run) -> None:
+    scenario = crowdsim.load_scenario("apartment")
+    furniture = [obstacle for obstacle in scenario.obstacles if obstacle.wall is None]
+    assert len(furniture) >= 40
+    assert len({obstacle.top for obstacle in furniture}) > 15
+    legs, torso = scenario.layers()
+    assert torso.obstacles.difference(legs.obstacles).area <= 1e-6
+    assert legs.obstacles.area > torso.obstacles.area + 5.0
+
+
+def test_dense_clutter_asks_for_narrower_behaviors_than_normal(run: Run) -> None:
+    normal, dense = run("clutter"), run("clutter", "clutter.density=dense")
+    assert dense.summary["arrived"] == dense.summary["characters"]
+    assert min(dense.summary["obstacle_margin"].values()) >= LEAST_MARGIN
+    assert normal.summary["behavior_share"]["frontal"] > 0.97
+    assert dense.summary["behavior_share"]["frontal"] < 0.95
+    assert dense.summary["behavior_share"]["lateral"] > 0.02
