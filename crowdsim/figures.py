@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import os
-import tempfile
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import shapely
 
-from crowdsim.errors import CrowdSimError
+from crowdsim.whole_files import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,17 +28,5 @@ def fill(axes: Axes, area: Any, **style: Any) -> None:
 
 def write_figure(figure: Figure, file: str | os.PathLike[str]) -> None:
     """Write a figure as .png, .svg or .pdf; the file appears under its name when it is complete."""
-    path = Path(file)
-    if path.suffix.lower() not in _SUFFIXES:
-        raise CrowdSimError(f"{path}: pictures are written as .png, .svg or .pdf; choose such a name")
-    if not path.parent.is_dir():
-        raise CrowdSimError(f"the folder {path.parent} does not exist; make it first")
-    handle, written = tempfile.mkstemp(suffix=path.suffix, prefix=f".{path.stem}-", dir=path.parent)
-    os.close(handle)
-    try:
+    with whole_file(file, _SUFFIXES, "pictures") as written:
         figure.savefig(written)
-        os.chmod(written, 0o644)
-        os.replace(written, path)
-    except BaseException:
-        Path(written).unlink(missing_ok=True)
-        raise

@@ -12,6 +12,7 @@ import numpy as np
 from crowdsim.errors import CrowdSimError
 from crowdsim.playback.scene import Scene
 from crowdsim.recording.reader import Recording
+from crowdsim.whole_files import whole_file
 
 _CODECS = {"libx264": {"crf": "20", "preset": "veryfast"}, "mpeg4": {"qscale": "3"}}
 """Encoders in order of preference, with settings for a clear picture."""
@@ -35,26 +36,19 @@ def film(
     and frames in all. The file appears under its name when it is complete. Raises CrowdSimError for a time, rate or
     size that cannot be, DrawingUnavailable where nothing can draw.
     """
-    path = Path(path)
     stop = recording.duration if end is None else end
-    _check(recording, path, fps, size, start, stop)
+    _check(recording, fps, size, start, stop)
     count = int(np.floor((stop - start) * fps + 1e-9)) + 1
-    written = path.with_name(path.name + ".part")
-    scene = Scene(recording, size, color_by)
-    try:
-        _encode(written, _pictures(scene, start + np.arange(count) / fps, view, agent), fps, size, count, progress)
-        os.replace(written, path)
-    finally:
-        scene.close()
-        written.unlink(missing_ok=True)
-    return path
+    with whole_file(path, (".mp4",), "films") as written:
+        scene = Scene(recording, size, color_by)
+        try:
+            _encode(written, _pictures(scene, start + np.arange(count) / fps, view, agent), fps, size, count, progress)
+        finally:
+            scene.close()
+    return Path(path)
 
 
-def _check(recording: Recording, path: Path, fps: int, size: tuple[int, int], start: float, end: float) -> None:
-    if path.suffix.lower() != ".mp4":
-        raise CrowdSimError(f"{path}: films are written as .mp4; choose such a name")
-    if not path.parent.is_dir():
-        raise CrowdSimError(f"the folder {path.parent} does not exist; make it first")
+def _check(recording: Recording, fps: int, size: tuple[int, int], start: float, end: float) -> None:
     if not 1 <= fps <= 120:
         raise CrowdSimError(f"a film of {fps} pictures a second cannot be made; choose 1 to 120")
     if size[0] % 2 or size[1] % 2:
