@@ -110,7 +110,7 @@ def _body_points(clip: Clip) -> tuple[Floats, Floats]:
     """Points (F, P, 3) along the bones out to the end sites and heels, and the flesh (P,) about each."""
     skeleton = clip.skeleton
     positions, world = forward_kinematics(skeleton, clip.root_positions, clip.rotations)
-    around = _joint_flesh(skeleton)
+    around = joint_flesh(skeleton)
     points, flesh = [positions], [around]
     for joint, parent in enumerate(skeleton.parents):
         if parent >= 0:
@@ -129,7 +129,7 @@ def _body_points(clip: Clip) -> tuple[Floats, Floats]:
     return np.concatenate(points, axis=1), np.concatenate(flesh)
 
 
-def _joint_flesh(skeleton: Skeleton) -> Floats:
+def joint_flesh(skeleton: Skeleton) -> Floats:
     """(J,) meters: by role, and joints without one as their nearest ancestor with one."""
     flesh = np.full(skeleton.joint_count, _FLESH)
     by_joint = {joint: _FLESH_BY_ROLE[role] for role, joint in skeleton.roles.items()}

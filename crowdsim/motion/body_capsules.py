@@ -1,0 +1,49 @@
+"""A body as capsules about its bones: the shape that collision tests in 3D move."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from crowdsim.motion.clearance import joint_flesh
+from crowdsim.motion.clip import Clip
+from crowdsim.motion.kinematics import Floats, end_positions, forward_kinematics
+from crowdsim.motion.tracks import track_of
+
+_TIP = 0.03
+"""Meters of flesh about the end of a bone that ends on the skin."""
+
+
+class Capsules(NamedTuple):
+    """Capsules of a body in every frame, relative to its track.
+
+    ends: (F, K, 2, 3) meters, both ends of each axis. radii: (K,) meters.
+    """
+
+    ends: Floats
+    radii: Floats
+
+
+def body_capsules(clip: Clip, first: int, last: int) -> Capsules:
+    """The body of a clip from frame ``first`` to before ``last``, a capsule a bone, as thick as the thinner end.
+
+    As thick as the thinner, because a capsule as thick as the hips would make the thighs wider than the body is.
+    """
+    skeleton = clip.skeleton
+    positions, world = forward_kinematics(skeleton, clip.root_positions, clip.rotations)
+    tips = end_positions(skeleton, positions, world)
+    flesh = joint_flesh(skeleton)
+    bones = [(parent, joint) for joint, parent in enumerate(skeleton.parents) if parent >= 0]
+    starts = [*(positions[:, parent] for parent, _ in bones), *(positions[:, joint] for joint in skeleton.end_parents)]
+    ends = [*(positions[:, joint] for _, joint in bones), *(tips[:, k] for k in range(len(skeleton.end_parents)))]
+    radii = [min(flesh[parent], flesh[joint]) for parent, joint in bones] + [_TIP] * len(skeleton.end_parents)
+    axes = np.stack([np.stack(starts, axis=1), np.stack(ends, axis=1)], axis=2)[first:last]
+    track = track_of(clip)[first:last]
+    offset = axes[..., :2] - track[:, None, None, :2]
+    cos, sin = np.cos(track[:, 2])[:, None, None], np.sin(track[:, 2])[:, None, None]
+    relative = np.stack(
+        [cos * offset[..., 0] + sin * offset[..., 1], cos * offset[..., 1] - sin * offset[..., 0], axes[..., 2]],
+        axis=-1,
+    )
+    return Capsules(relative, np.array(radii))
