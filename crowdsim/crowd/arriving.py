@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.constants import NONE
-from crowdsim.crowd.replanning import Plans
+from crowdsim.crowd.plans import Plans
 from crowdsim.ecs.world import View, World
 from crowdsim.recording.header import AgentState
 

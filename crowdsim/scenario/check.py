@@ -10,7 +10,7 @@ from crowdsim.scenario.scenario import Scenario
 def check_scenario(scenario: Scenario) -> list[str]:
     """Warnings, one a line, each beginning with the place in the file; empty if nothing stands out."""
     floor = scenario.floor_polygon()
-    solids = scenario.solids()
+    solids = list(scenario.solids())
     warnings = []
 
     def warn(path: tuple[str | int, ...], message: str) -> None:
@@ -20,10 +20,17 @@ def check_scenario(scenario: Scenario) -> list[str]:
     if max(xmax - xmin, ymax - ymin) > LARGE_EXTENT:
         warn(("floor",), f"the floor is {max(xmax - xmin, ymax - ymin):g} m long; is it drawn in meters?")
     bands = [layer.band() for layer in scenario.bands]
-    dropped = {solid.name for solid in dropped_solids(solids, bands)}
-    for number, solid in enumerate(solids):
-        path = ("obstacles", number)
-        if solid.name in dropped:
+    places: list[tuple[str | int, ...]] = [("obstacles", number) for number in range(len(solids))]
+    solids += [door.solid() for door in scenario.doors]
+    places += [("doors", number) for number in range(len(scenario.doors))]
+    for number, event in enumerate(scenario.events):
+        if event.insert is not None:
+            solids.append(event.insert.solid())
+            places.append(("events", number, "insert"))
+        if event.at >= scenario.duration:
+            warn(("events", number, "at"), f"the run ends at {scenario.duration:g} s, before this happens")
+    for path, solid in zip(places, solids, strict=True):
+        if dropped_solids([solid], bands):
             heights = ", ".join(f"{band.name} {band.low:g} to {band.high:g} m" for band in bands)
             message = (
                 f"'{solid.name}' ({solid.bottom:g} to {solid.top:g} m) meets no layer ({heights}) and has no effect"
@@ -32,9 +39,12 @@ def check_scenario(scenario: Scenario) -> list[str]:
         elif not solid.footprint.intersects(floor):
             warn(path, f"'{solid.name}' lies off the floor and has no effect")
     for number, group in enumerate(scenario.agents):
-        for key, region in (("start", group.start), ("goal", group.goal)):
+        for key, region in ((("start",), group.start), *group.regions()):
             if not floor.covers(region.shape()):
-                warn(("agents", number, key), f"part of the {key} of '{group.name}' lies off the floor and is not used")
+                what = "start" if key == ("start",) else "goal"
+                warn(
+                    ("agents", number, *key), f"part of the {what} of '{group.name}' lies off the floor and is not used"
+                )
     for number, area in enumerate(scenario.areas):
         if not area.shape().intersects(floor):
             warn(("areas", number), f"'{area.name}' lies off the floor; nobody will be counted in it")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,6 +12,7 @@ from shapely import Polygon
 from crowdsim.environment.layers import ClearanceLayer, clearance_layers
 from crowdsim.environment.solids import Solid
 from crowdsim.errors import Problem
+from crowdsim.scenario.changes import Changes, read_changes
 from crowdsim.scenario.document import Document
 from crowdsim.scenario.document import Path as KeyPath
 from crowdsim.scenario.schema import ScenarioFields
@@ -30,6 +32,7 @@ class Scenario(ScenarioFields):
     _path: Path | None = PrivateAttr(default=None)
     _document: Document = PrivateAttr(default_factory=lambda: Document("<scenario>"))
     _layers: tuple[ClearanceLayer, ...] | None = PrivateAttr(default=None)
+    _changes: Changes | None = PrivateAttr(default=None)
 
     @classmethod
     def from_document(cls, document: Document, text: str, path: Path | None) -> Scenario:
@@ -57,15 +60,24 @@ class Scenario(ScenarioFields):
         return self.floor.shape()
 
     def solids(self) -> tuple[Solid, ...]:
-        """The obstacles in the order of the file."""
+        """The obstacles in the order of the file, where they are drawn; doors are not among them."""
         return tuple(obstacle.solid() for obstacle in self.obstacles)
 
     def layers(self) -> tuple[ClearanceLayer, ...]:
-        """Clearance layers, the ground layer first; built once."""
+        """Clearance layers as they are at the start, the ground layer first; built once."""
         if self._layers is None:
-            bands = [layer.band() for layer in self.bands]
-            self._layers = clearance_layers(self.floor_polygon(), self.solids(), bands)
+            self._layers = self.layers_of(self.changes().at_start())
         return self._layers
+
+    def layers_of(self, solids: Sequence[Solid]) -> tuple[ClearanceLayer, ...]:
+        """Clearance layers of the floor with nothing but ``solids`` on it."""
+        return clearance_layers(self.floor_polygon(), solids, [layer.band() for layer in self.bands])
+
+    def changes(self) -> Changes:
+        """What never changes, what does, and when."""
+        if self._changes is None:
+            self._changes = read_changes(self, self.solids())[0]
+        return self._changes
 
     def area_polygons(self) -> dict[str, Polygon]:
         """Polygons of the named areas in the order of the file."""
