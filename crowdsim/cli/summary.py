@@ -9,6 +9,12 @@ _ON_TIME = 0.1
 """Seconds that an event may be late without a word: it waits for the next step at least."""
 
 
+_NEVER = {
+    "waiting": "never: somebody was in the way to the end",
+    "overtaken": "never: somebody was in the way until the next event",
+}
+
+
 def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Rows (label, value) of a run's summary."""
     areas = summary["behavior_share_by_area"]
@@ -39,15 +45,14 @@ def _event_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     events = summary["events"]
     if not events:
         return []
-    happened = sum(event["late"] is not None for event in events)
+    happened = sum(event["outcome"] == "happened" for event in events)
     rows = [("events", f"{happened} of {len(events)} that were due happened")]
     for event in events:
-        if event["late"] is None:
-            rows.append((f"  {event['event']}, {event['at']:g} s", "never: somebody was in the way"))
+        label = f"  {event['event']} at {event['at']:g} s"
+        if event["outcome"] != "happened":
+            rows.append((label, _NEVER[event["outcome"]]))
         elif event["late"] > _ON_TIME:
-            rows.append(
-                (f"  {event['event']}, {event['at']:g} s", f"{event['late']:.1f} s late: somebody was in the way")
-            )
+            rows.append((label, f"{event['late']:.1f} s late: somebody was in the way"))
     return [*rows, ("plans made anew for them", str(summary["replans"]))]
 
 

@@ -34,8 +34,12 @@ class Arriving:
             agent = int(view.agent[row])
             plan = self.plans.motions.get(agent)
             if plan is not None and plan.arrives and view.cursor[row] == plan.count - 1:
-                self.arrived[agent] = self.plans.step
+                self._note(agent)
                 self.world.remove(int(view.id[row]))
-        for agent in view.agent[(view.state == AgentState.ARRIVED)]:
+        for agent in view.agent[(view.state == AgentState.ARRIVED)].tolist():
             if self.arrived[agent] == NONE:
-                self.arrived[agent] = self.plans.step
+                self._note(agent)
+
+    def _note(self, agent: int) -> None:
+        self.arrived[agent] = self.plans.step
+        self.plans.errands.reach(agent)

@@ -27,7 +27,7 @@ class Changing:
 
     Nothing comes to where somebody is, or has reserved to go: it waits, and meanwhile nobody else may go there. A
     later change of the same thing takes the place of one that still waits. happened: seconds at which each change that
-    was due came about, None for one that did not (yet), by its index.
+    was due came about, None for one that did not, by its index.
     """
 
     plans: Plans
@@ -70,16 +70,17 @@ class Changing:
         self.place.waited_for = [shape for number in still if (shape := self._outline(changes[number])) is not None]
 
     def report(self) -> list[dict[str, Any]]:
-        """Every change that was due: what, when, and how many seconds late, None if it never happened."""
+        """Every change that was due: what, when, what became of it, and how many seconds late, None if never.
+
+        It ``happened``, is ``waiting`` still, or was ``overtaken`` by the next change of the same thing.
+        """
         changes = self.place.changes.changes
-        return [
-            {
-                "event": changes[number].title,
-                "at": changes[number].at,
-                "late": None if time is None else max(round(time - changes[number].at, 6), 0.0),
-            }
-            for number, time in self.happened.items()
-        ]
+        rows = []
+        for number, time in self.happened.items():
+            outcome = "happened" if time is not None else "waiting" if number in self._waiting else "overtaken"
+            late = None if time is None else max(round(time - changes[number].at, 6), 0.0)
+            rows.append({"event": changes[number].title, "at": changes[number].at, "outcome": outcome, "late": late})
+        return rows
 
     def _outline(self, change: Change) -> shapely.Polygon | None:
         """What a change takes of the lowest layer."""

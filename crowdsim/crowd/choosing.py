@@ -49,6 +49,7 @@ class Choosing:
 
     def __init__(self, plans: Plans) -> None:
         self.plans = plans
+        self._looked_ahead: dict[int, NDArray[np.int32]] = {}
         self._chain = np.zeros(_CHAIN, np.int32)
         self._origins = np.zeros((_CHAIN, 3))
         self._seams = np.zeros((_CHAIN, 3))
@@ -150,7 +151,10 @@ class Choosing:
     def _look_ahead(self, view: View, row: int, plan: MotionPlan, following: int) -> None:
         """Ask for the way on from the goal of a plan before it is reached, where nobody stops there."""
         agent = int(view.agent[row])
-        if plan.count - following <= NODES_LEFT and not view.awaiting_plan[row] and self._walks_through(plan, agent):
+        if plan.count - following > NODES_LEFT or view.awaiting_plan[row] or not self._walks_through(plan, agent):
+            return
+        if self._looked_ahead.get(agent) is not plan.nodes:
+            self._looked_ahead[agent] = plan.nodes  # once: what was not found will not be
             view.awaiting_plan[row] = True
             self.plans.request_on(agent, Join(plan, plan.count - 1, reaches=True), len(plan.passes) + 1)
 

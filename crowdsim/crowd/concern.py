@@ -22,7 +22,7 @@ way differs from the pieces by less than a millimeter."""
 
 
 def first_taken(setting: Setting, plan: MotionPlan, first: int, taken: Footprints) -> int:
-    """First node of a plan, from ``first`` on, whose body comes to what was ``taken``; the plan's count if none does."""
+    """First node of a plan from ``first`` on whose body comes to what was ``taken``; the plan's count if none does."""
     ground = taken[0]
     if ground is None or first >= plan.count:
         return plan.count
