@@ -16,6 +16,7 @@ from crowdsim.following.path_follower import FollowOptions, FollowStatus, follow
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.annotated_path import AnnotatedPath, PathSamples
+from crowdsim.planning.clear_ends import joined_to
 from crowdsim.planning.planner import plan_path
 
 WORTHWHILE = 2.0
@@ -26,7 +27,10 @@ SEARCH_BUDGET = 2000
 """Map queries until a search for motion gives up: several times what any that succeeds has been seen to need."""
 
 PASSING_BUDGET = 200
-"""The same for a way around others, which is a try among several."""
+"""The same for a way around others or by a place beside, which is a try among several."""
+
+SIDE_STEP = 0.5
+"""Meters that somebody steps aside who cannot set out from where it stands."""
 
 PASSING_ROOM = 0.02
 """Meters beyond both bodies kept from those who are passed."""
@@ -130,7 +134,32 @@ def search_motion(setting: Setting, place: Place, request: Request) -> MotionPla
         route = plan_path(place.meshes, setting.behaviors, request.position, request.goal, rooms=place.rooms)
     except PathNotFound as error:
         return error
-    return _follow(setting, request, route, place.meshes)
+    plan = _follow(setting, request, route, place.meshes)
+    if plan.count == 0 and request.departure is not None and setting.graph.node_idle[request.departure[0]]:
+        return _stepping_aside(setting, place, request, route) or plan
+    return plan
+
+
+def _stepping_aside(setting: Setting, place: Place, request: Request, route: AnnotatedPath) -> MotionPlan | None:
+    """A motion to the goal by way of a place beside, for somebody who stands too near to something to set out.
+
+    Those in the direction of ``route`` come first.
+    """
+    ahead = route.at(np.array([SIDE_STEP]))[0] - request.position
+    direction = np.arctan2(ahead[1], ahead[0])
+    ends = np.array([request.position, request.goal])
+    for turn in (0.0, 0.25, -0.25, 0.5, -0.5, 0.75, -0.75, 1.0):
+        angle = direction + turn * np.pi
+        beside = request.position + SIDE_STEP * np.array([np.cos(angle), np.sin(angle)])
+        try:
+            way = plan_path(place.meshes, setting.behaviors, beside, request.goal, rooms=place.rooms)
+        except PathNotFound:
+            continue
+        way = joined_to(way, ends, setting.need.costs)
+        plan = _follow(setting, request, way, place.meshes, PASSING_BUDGET)
+        if plan.arrives:
+            return plan
+    return None
 
 
 def _passing(setting: Setting, place: Place, request: Request) -> MotionPlan | None:
