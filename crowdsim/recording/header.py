@@ -94,7 +94,11 @@ class MotionRecord:
 
 @dataclass(frozen=True)
 class RecordingHeader:
-    """Everything but the steps; ``floor`` is the walkable outline as WKT."""
+    """Everything but the steps; ``floor`` is the walkable outline as WKT.
+
+    solids: what stands all the time. movables: what comes, moves or goes, as it is drawn in the scenario; where it is
+    when, :class:`PlaceChange` says.
+    """
 
     scenario_name: str
     scenario_text: str
@@ -106,6 +110,7 @@ class RecordingHeader:
     solids: Sequence[SolidRecord]
     agents: AgentsRecord
     motion: MotionRecord
+    movables: Sequence[SolidRecord] = ()
 
 
 class RecordedFrame(NamedTuple):
@@ -149,3 +154,12 @@ class PlannedPath:
     step: int
     points: NDArray[np.float64]
     behaviors: NDArray[np.int8]
+
+
+@dataclass(frozen=True)
+class PlaceChange:
+    """From ``step`` on a movable (index in the header) has the outline ``footprint`` (WKT), or is not there (None)."""
+
+    movable: int
+    step: int
+    footprint: str | None
