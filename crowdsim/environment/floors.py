@@ -180,14 +180,15 @@ def derive_floor(solids: Sequence[AnySolid], height: float | None = None) -> Der
     """
     if not solids:
         raise PlaceError("floor: there are no parts to find a floor from; give a floor")
-    surfaces = _surfaces(solids, both=False)
-    levels = _levels(*surfaces)
+    facing_up = _surfaces(solids, both=False)
+    surfaces: Surfaces | None = facing_up
+    levels = _levels(*facing_up)
     hull = shapely.convex_hull(shapely.multipoints(np.concatenate([_outline_points(solid) for solid in solids])))
     report = []
     if not _large(levels, hull):
         # Single sheets may face down, but so do ceilings: only where no floor faces up.
-        surfaces = _surfaces(solids, both=True)
-        levels = _levels(*surfaces)
+        facing_any = _surfaces(solids, both=True)
+        surfaces, levels = facing_any, _levels(*facing_any)
         if _large(levels, hull):
             report.append("floor: no large surface faces up, so those that face down were taken, too")
         else:
