@@ -122,10 +122,8 @@ def place_on_floor(
     if floor is not None:
         floor = clean_polygon(floor, "floor")
     if floor is None or (height is None and solids):
-        found = derive_floor(solids, height)
+        found = derive_floor(solids, height, floor)
     report = list(found.report) if found else []
-    if floor is not None and found:
-        report = [f"floor: the given outline, at {found.height:g} m"]
     base = found.height if found else height or 0.0
     polygon = floor if floor is not None or found is None else found.polygon
     assert polygon is not None
@@ -158,7 +156,9 @@ def _names(solids: Sequence[AnySolid]) -> str:
     return ", ".join(names) + (f" and {len(solids) - 6} more" if len(solids) > 6 else "")
 
 
-def derive_floor(solids: Sequence[AnySolid], height: float | None = None) -> DerivedFloor:
+def derive_floor(
+    solids: Sequence[AnySolid], height: float | None = None, within: Polygon | MultiPolygon | None = None
+) -> DerivedFloor:
     """Find the floor: the lowest of the large level surfaces, or the ground that walls enclose where there is none.
 
     A level is made of level surfaces that face up (any, if none does) at about one height, wide enough to walk on.
@@ -171,6 +171,8 @@ def derive_floor(solids: Sequence[AnySolid], height: float | None = None) -> Der
         The parts of a scene.
     height
         Of the wanted floor, meters; by default the lowest level at least half as large as the largest.
+    within
+        The outline of the floor if that is known, and only its height is not: what lies elsewhere is ignored.
 
     Raises
     ------
@@ -182,21 +184,23 @@ def derive_floor(solids: Sequence[AnySolid], height: float | None = None) -> Der
         raise PlaceError("floor: there are no parts to find a floor from; give a floor")
     facing_up = _surfaces(solids, both=False)
     surfaces: Surfaces | None = facing_up
-    levels = _levels(*facing_up)
-    hull = shapely.convex_hull(shapely.multipoints(np.concatenate([_outline_points(solid) for solid in solids])))
+    levels = _levels(*facing_up, within)
+    points = np.concatenate([_outline_points(solid) for solid in solids])
+    extent = shapely.convex_hull(shapely.multipoints(points)) if within is None else within
     report = []
-    if not _large(levels, hull):
+    if not _large(levels, extent):
         # Single sheets may face down, but so do ceilings: only where no floor faces up.
         facing_any = _surfaces(solids, both=True)
-        surfaces, levels = facing_any, _levels(*facing_any)
-        if _large(levels, hull):
+        surfaces, levels = facing_any, _levels(*facing_any, within)
+        if _large(levels, extent):
             report.append("floor: no large surface faces up, so those that face down were taken, too")
         else:
-            levels = [_enclosed_ground(solids, hull, report), *levels]
             surfaces = None
+            ground = _enclosed_ground(solids, extent, report) if within is None else within
+            levels = sorted([_standing(solids, ground, report), *levels], key=lambda level: level.height)
     if height is None:
         levels = _checked(levels, solids, report)
-        large = _large(levels, hull)
+        large = _large(levels, extent)
         most = max(level.surface.area for level in large)
         chosen = next(level for level in large if level.surface.area >= 0.5 * most)
     else:
@@ -206,10 +210,12 @@ def derive_floor(solids: Sequence[AnySolid], height: float | None = None) -> Der
             raise PlaceError(f"floor: there is no level surface at {height:g} m; there are some at {known} m")
         chosen = max(near, key=lambda level: level.surface.area)
     polygon, parts = _whole_floor(chosen, surfaces)
+    polygon = polygon if within is None else within
     used = tuple(solids[number].name for number in parts if solids[number].top <= chosen.height + STEP)
     dropped = tuple(s.name for s in solids if s.name not in used and _role(s, chosen.height) is not None)
     of = f" of {', '.join(map(repr, used[:4]))}{' and others' if len(used) > 4 else ''}" if used else ""
-    report.append(f"floor: {polygon.area:.1f} m2 at {chosen.height:.3g} m{of}")
+    given = " in the given outline" if within is not None else ""
+    report.append(f"floor: {polygon.area:.1f} m2 at {chosen.height:.3g} m{given}{of}")
     report += [
         f"floor: a level of {other.surface.area:.1f} m2 at {other.height:.3g} m is not part of it"
         for other in levels
@@ -247,8 +253,10 @@ def _surfaces(solids: Sequence[AnySolid], both: bool) -> Surfaces:
     return np.concatenate(shapes), np.concatenate(heights), np.concatenate(owners)
 
 
-def _levels(shapes: NDArray[np.object_], heights: NDArray[np.float64], owners: NDArray[np.int64]) -> list[_Level]:
-    """Levels wide and large enough to walk on, lowest first."""
+def _levels(
+    shapes: NDArray[np.object_], heights: NDArray[np.float64], owners: NDArray[np.int64], within: BaseGeometry | None
+) -> list[_Level]:
+    """Levels wide and large enough to walk on, lowest first; parts ``within`` an outline if one is given."""
     order = np.argsort(heights, kind="stable")
     shapes, heights, owners = shapes[order], heights[order], owners[order]
     areas = shapely.area(shapes)
@@ -260,7 +268,8 @@ def _levels(shapes: NDArray[np.object_], heights: NDArray[np.float64], owners: N
             # The height in the middle of the area, which is that of a large floor whatever lies about on it.
             share = np.cumsum(areas[first:last])
             height = _rounded(heights[first + int(np.searchsorted(share, 0.5 * share[-1]))])
-            surface = _wide(shapely.union_all(shapes[first:last], grid_size=1e-5))
+            surface = shapely.union_all(shapes[first:last], grid_size=1e-5)
+            surface = _wide(surface if within is None else surface.intersection(within))
             if surface.area >= LEAST_LEVEL:
                 levels.append(_Level(height, surface, np.unique(owners[first:last])))
         first = last
@@ -281,7 +290,7 @@ def _large(levels: Sequence[_Level], hull: BaseGeometry) -> list[_Level]:
     return [level for level in levels if level.surface.area >= _LEAST_SHARE * hull.area]
 
 
-def _enclosed_ground(solids: Sequence[AnySolid], hull: BaseGeometry, report: list[str]) -> _Level:
+def _enclosed_ground(solids: Sequence[AnySolid], hull: BaseGeometry, report: list[str]) -> BaseGeometry:
     """The ground inside the outlines of all parts, or inside their hull if these enclose little."""
     outlines = shapely.union_all([solid.footprint for solid in solids])
     closed = polygons_only(outlines.buffer(_DOOR, join_style="mitre"))
@@ -290,17 +299,20 @@ def _enclosed_ground(solids: Sequence[AnySolid], hull: BaseGeometry, report: lis
     how = "what the outlines of the parts enclose"
     if ground.area < 0.5 * hull.area:
         ground, how = hull, "the hull of all parts"
-    steps, counts = np.unique(np.round([solid.bottom / _SAME_LEVEL for solid in solids]), return_counts=True)
-    step = steps[counts.argmax()]
-    bottoms = [s.bottom for s in solids if abs(s.bottom / _SAME_LEVEL - step) <= 0.5]
-    height = _rounded(np.median(bottoms))
-    report.append(
-        f"warning: there is no floor; taken is {how}, at {height:.3g} m, where most parts stand; or give a floor"
-    )
     if ground.area < LEAST_LEVEL:
         raise PlaceError(
-            f"floor: there is no floor, and the parts enclose no more than {ground.area:.1f} m2; give a floor"
+            f"floor: there is none, and the parts enclose no more than {ground.area:.1f} m2; give a floor, or check units"
         )
+    report.append(f"warning: there is no floor in the scene; taken is {how}; give a floor if that is wrong")
+    return ground
+
+
+def _standing(solids: Sequence[AnySolid], ground: BaseGeometry, report: list[str]) -> _Level:
+    """``ground`` at the height on which most parts stand."""
+    bottoms = np.array([solid.bottom for solid in solids])
+    steps, counts = np.unique(np.round(bottoms / _SAME_LEVEL), return_counts=True)
+    height = _rounded(np.median(bottoms[np.round(bottoms / _SAME_LEVEL) == steps[counts.argmax()]]))
+    report.append(f"floor: taken to be at {height:.3g} m, where most parts stand")
     return _Level(height, ground, np.empty(0, np.int64))
 
 
