@@ -13,30 +13,23 @@ from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.environment.layers import AnySolid, polygons_only
+from crowdsim.environment.levels import (
+    LEAST_LEVEL,
+    SAME_LEVEL,
+    STEP,
+    Level,
+    Surfaces,
+    find_levels,
+    level_surfaces,
+    one_storey,
+    rounded_height,
+)
 from crowdsim.environment.solids import Solid
 from crowdsim.errors import GeometryError, PlaceError
 from crowdsim.geometry.polygons import clean_polygon
 
-STEP = 0.10
-"""Meters: what rises no more from the floor is walked over."""
-
-HEADROOM = 1.9
-"""Meters of free height in which people stand."""
-
 CEILING = 2.0
 """Meters above the floor: large parts that begin there or higher are ceilings."""
-
-LEAST_LEVEL = 4.0
-"""Square meters of the smallest surface that counts as a level to walk on."""
-
-_FLAT = 0.99
-"""Least vertical component of a level surface's normal."""
-
-_SAME_LEVEL = 0.05
-"""Meters between heights of one level."""
-
-_BODY = 0.2
-"""Meters: surfaces narrower than twice that, the tops of walls, are not walked on."""
 
 _SEAM = 0.15
 """Meters: gaps in the floor up to twice as wide, under walls and doors between rooms, are closed."""
@@ -46,9 +39,6 @@ _DOOR = 0.75
 
 _LEAST_SHARE = 0.25
 """Of the area of a whole place that its floor covers at least; otherwise there is no floor, but tables perhaps."""
-
-_LINED = 0.5
-"""Share of a floor's outline that walls stand along if there is a ceiling over it."""
 
 
 @dataclass(frozen=True)
@@ -82,16 +72,6 @@ class Place:
     solids: tuple[AnySolid, ...]
     floor: Polygon | MultiPolygon
     report: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class _Level:
-    """Surfaces at about one height."""
-
-    height: float
-    surface: BaseGeometry
-    parts: NDArray[np.int64]
-    """Indices of the solids they belong to."""
 
 
 def place_on_floor(
@@ -182,16 +162,16 @@ def derive_floor(
     """
     if not solids:
         raise PlaceError("floor: there are no parts to find a floor from; give a floor")
-    facing_up = _surfaces(solids, both=False)
+    facing_up = level_surfaces(solids, both=False)
     surfaces: Surfaces | None = facing_up
-    levels = _levels(*facing_up, within)
+    levels = find_levels(*facing_up, within)
     points = np.concatenate([_outline_points(solid) for solid in solids])
     extent = shapely.convex_hull(shapely.multipoints(points)) if within is None else within
     report = []
     if not _large(levels, extent):
         # Single sheets may face down, but so do ceilings: only where no floor faces up.
-        facing_any = _surfaces(solids, both=True)
-        surfaces, levels = facing_any, _levels(*facing_any, within)
+        facing_any = level_surfaces(solids, both=True)
+        surfaces, levels = facing_any, find_levels(*facing_any, within)
         if _large(levels, extent):
             report.append("floor: no large surface faces up, so those that face down were taken, too")
         else:
@@ -199,7 +179,7 @@ def derive_floor(
             ground = _enclosed_ground(solids, extent, report) if within is None else within
             levels = sorted([_standing(solids, ground, report), *levels], key=lambda level: level.height)
     if height is None:
-        levels = _checked(levels, solids, report)
+        levels = one_storey(levels, solids, report)
         large = _large(levels, extent)
         most = max(level.surface.area for level in large)
         chosen = next(level for level in large if level.surface.area >= 0.5 * most)
@@ -230,63 +210,7 @@ def _outline_points(solid: AnySolid) -> NDArray[np.float64]:
     )
 
 
-Surfaces = tuple[NDArray[np.object_], NDArray[np.float64], NDArray[np.int64]]
-
-
-def _surfaces(solids: Sequence[AnySolid], both: bool) -> Surfaces:
-    """Level surfaces that face up (with ``both``, or down): polygons (n,), heights (n,), indices of solids (n,)."""
-    shapes: list[NDArray[np.object_]] = []
-    heights, owners = [], []
-    for number, solid in enumerate(solids):
-        if isinstance(solid, Solid):
-            shapes.append(np.array([solid.footprint], dtype=object))
-            heights.append([solid.top])
-        else:
-            corners = solid.corners
-            normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-            lengths = np.linalg.norm(normals, axis=1)
-            upright = np.abs(normals[:, 2]) if both else normals[:, 2]
-            level = (upright > _FLAT * lengths) & (lengths > 1e-9)
-            shapes.append(shapely.polygons(corners[level, :, :2]) if level.any() else np.empty(0, object))
-            heights.append(corners[level, :, 2].mean(axis=1))
-        owners.append(np.full(len(shapes[-1]), number, np.int64))
-    return np.concatenate(shapes), np.concatenate(heights), np.concatenate(owners)
-
-
-def _levels(
-    shapes: NDArray[np.object_], heights: NDArray[np.float64], owners: NDArray[np.int64], within: BaseGeometry | None
-) -> list[_Level]:
-    """Levels wide and large enough to walk on, lowest first; parts ``within`` an outline if one is given."""
-    order = np.argsort(heights, kind="stable")
-    shapes, heights, owners = shapes[order], heights[order], owners[order]
-    areas = shapely.area(shapes)
-    levels = []
-    first = 0
-    while first < len(heights):
-        last = int(np.searchsorted(heights, heights[first] + _SAME_LEVEL, side="right"))
-        if areas[first:last].sum() >= LEAST_LEVEL:
-            # The height in the middle of the area, which is that of a large floor whatever lies about on it.
-            share = np.cumsum(areas[first:last])
-            height = _rounded(heights[first + int(np.searchsorted(share, 0.5 * share[-1]))])
-            surface = shapely.union_all(shapes[first:last], grid_size=1e-5)
-            surface = _wide(surface if within is None else surface.intersection(within))
-            if surface.area >= LEAST_LEVEL:
-                levels.append(_Level(height, surface, np.unique(owners[first:last])))
-        first = last
-    return levels
-
-
-def _rounded(height: float) -> float:
-    """To a micrometer, so that a floor drawn at 0 stays there."""
-    return round(float(height), 6) + 0.0
-
-
-def _wide(area: BaseGeometry) -> BaseGeometry:
-    """The parts of ``area`` a body fits on."""
-    return polygons_only(area.buffer(-_BODY, join_style="mitre").buffer(_BODY, join_style="mitre"))
-
-
-def _large(levels: Sequence[_Level], hull: BaseGeometry) -> list[_Level]:
+def _large(levels: Sequence[Level], hull: BaseGeometry) -> list[Level]:
     return [level for level in levels if level.surface.area >= _LEAST_SHARE * hull.area]
 
 
@@ -301,70 +225,22 @@ def _enclosed_ground(solids: Sequence[AnySolid], hull: BaseGeometry, report: lis
         ground, how = hull, "the hull of all parts"
     if ground.area < LEAST_LEVEL:
         raise PlaceError(
-            f"floor: there is none, and the parts enclose no more than {ground.area:.1f} m2; give a floor, or check units"
+            f"floor: there is none, and the parts enclose no more than {ground.area:.1f} m2; give a floor or units"
         )
     report.append(f"warning: there is no floor in the scene; taken is {how}; give a floor if that is wrong")
     return ground
 
 
-def _standing(solids: Sequence[AnySolid], ground: BaseGeometry, report: list[str]) -> _Level:
+def _standing(solids: Sequence[AnySolid], ground: BaseGeometry, report: list[str]) -> Level:
     """``ground`` at the height on which most parts stand."""
     bottoms = np.array([solid.bottom for solid in solids])
-    steps, counts = np.unique(np.round(bottoms / _SAME_LEVEL), return_counts=True)
-    height = _rounded(np.median(bottoms[np.round(bottoms / _SAME_LEVEL) == steps[counts.argmax()]]))
+    steps, counts = np.unique(np.round(bottoms / SAME_LEVEL), return_counts=True)
+    height = rounded_height(np.median(bottoms[np.round(bottoms / SAME_LEVEL) == steps[counts.argmax()]]))
     report.append(f"floor: taken to be at {height:.3g} m, where most parts stand")
-    return _Level(height, ground, np.empty(0, np.int64))
+    return Level(height, ground, np.empty(0, np.int64))
 
 
-def _checked(levels: list[_Level], solids: Sequence[AnySolid], report: list[str]) -> list[_Level]:
-    """``levels`` without ceilings seen from above; refuses two levels over one point."""
-    kept: list[_Level] = []
-    for level in levels:
-        # Closer levels leave no headroom, so that nobody stands on the lower one where the other is.
-        for lower in [other for other in kept if level.height >= other.height + HEADROOM]:
-            both = _wide(lower.surface.intersection(level.surface))
-            if both.area >= LEAST_LEVEL:
-                both = _wide(both.difference(_blocked(lower, solids)).difference(_blocked(level, solids)))
-            if both.area < LEAST_LEVEL:
-                continue
-            if not _is_ceiling(level, lower, solids):
-                x, y = both.representative_point().coords[0]
-                raise PlaceError(
-                    f"floor: around ({x:.2f}, {y:.2f}) people could walk at {lower.height:.3g} m and, above that, at "
-                    f"{level.height:.3g} m ({both.area:.1f} m2); one floor is all there may be: take the parts of one "
-                    f"storey, or give the floor's outline and its height"
-                )
-            report.append(
-                f"floor: the level at {level.height:.3g} m is a ceiling seen from above: nothing stands on it"
-            )
-            break
-        else:
-            kept.append(level)
-    return kept
-
-
-def _blocked(level: _Level, solids: Sequence[AnySolid]) -> BaseGeometry:
-    """Where nobody can stand on ``level``."""
-    return shapely.union_all([solid.footprint_in(level.height + STEP, level.height + HEADROOM) for solid in solids])
-
-
-def _is_ceiling(level: _Level, lower: _Level, solids: Sequence[AnySolid]) -> bool:
-    """Whether ``level`` covers most of what is below, which walls enclose, and bears nothing."""
-    if shapely.intersection(level.surface, lower.surface).area < 0.8 * lower.surface.area:
-        return False
-    on_top = [
-        solid.footprint_in(level.height + STEP, level.height + HEADROOM)
-        for solid in solids
-        if solid.top > level.height + 1.0
-    ]
-    if any(shapely.intersects(level.surface, shape) for shape in on_top):
-        return False
-    walls = shapely.union_all([solid.footprint_in(lower.height + 1.0, lower.height + HEADROOM) for solid in solids])
-    outline = lower.surface.boundary
-    return bool(outline.intersection(walls.buffer(0.3)).length >= _LINED * outline.length)
-
-
-def _whole_floor(level: _Level, surfaces: Surfaces | None) -> tuple[Polygon | MultiPolygon, NDArray[np.int64]]:
+def _whole_floor(level: Level, surfaces: Surfaces | None) -> tuple[Polygon | MultiPolygon, NDArray[np.int64]]:
     """The floor with all that is level within a step of it, and the solids that make it."""
     if surfaces is None:
         return level.surface, level.parts
