@@ -7,11 +7,14 @@ from numpy.typing import NDArray
 
 from crowdsim.crowd.setting import Setting
 from crowdsim.environment.layers import AnySolid
+from crowdsim.environment.mesh_solid import MeshSolid
+from crowdsim.environment.solids import Solid
 from crowdsim.planning.annotated_path import AnnotatedPath
 from crowdsim.recording.header import (
     AgentsRecord,
     BehaviorRecord,
     LayerRecord,
+    MeshRecord,
     MotionRecord,
     RecordingHeader,
     SolidRecord,
@@ -36,7 +39,8 @@ def record_header(scenario: Scenario, setting: Setting, cast: Placement) -> Reco
         behaviors=[BehaviorRecord(b.name, b.color, tuple(map(float, b.radii))) for b in setting.behaviors],
         layers=[LayerRecord(layer.name, layer.low, layer.high) for layer in setting.layers],
         floor=scenario.floor_polygon().wkt,
-        solids=[_record(solid) for solid in changes.fixed],
+        solids=[_record(solid) for solid in changes.fixed if isinstance(solid, Solid)],
+        meshes=[_mesh_record(solid) for solid in changes.fixed if isinstance(solid, MeshSolid)],
         movables=[_record(solid) for movable in changes.movables for solid in movable.solids],
         agents=AgentsRecord(
             groups=cast.groups,
@@ -59,6 +63,10 @@ def record_header(scenario: Scenario, setting: Setting, cast: Placement) -> Reco
 
 def _record(solid: AnySolid) -> SolidRecord:
     return SolidRecord(solid.name, solid.footprint.wkt, solid.bottom, solid.top)
+
+
+def _mesh_record(solid: MeshSolid) -> MeshRecord:
+    return MeshRecord(solid.name, solid.vertices.astype(np.float32), solid.triangles.astype(np.int32))
 
 
 def labeled_points(route: AnnotatedPath) -> tuple[NDArray[np.float64], NDArray[np.int8]]:

@@ -12,7 +12,7 @@ from crowdsim.errors import CrowdSimError
 from crowdsim.playback.camera import FIELD_OF_VIEW, Camera, place_camera
 from crowdsim.playback.crowd_mesh import CrowdMesh, hex_color
 from crowdsim.playback.drawing_backend import load_pyvista
-from crowdsim.playback.scenery import floor_mesh, grid_lines, path_ribbons, solids_mesh
+from crowdsim.playback.scenery import FlatMesh, floor_mesh, grid_lines, meshes_mesh, path_ribbons, solids_mesh
 from crowdsim.playback.surfaces import Floats
 from crowdsim.recording.header import PlannedPath, SolidRecord
 from crowdsim.recording.reader import Recording
@@ -131,6 +131,9 @@ class Scene:
         self._add_lines(grid_lines(header), _GRID, 1.0)
         self._add_lines(floor.outline + [0.0, 0.0, 0.004], _EDGE, 1.5)
         self._add_solids(header.solids, _LOW_SOLID, _TALL_SOLID, 0.2)
+        low = [mesh for mesh in header.meshes if mesh.points[:, 2].max() <= TALL]
+        tall = [mesh for mesh in header.meshes if mesh.points[:, 2].max() > TALL]
+        self._add_shapes(meshes_mesh(low), meshes_mesh(tall), _LOW_SOLID, _TALL_SOLID, 0.2)
 
     def _draw_movables(self, movables: tuple[SolidRecord, ...]) -> None:
         for actor in self._movable_actors:
@@ -142,6 +145,9 @@ class Scene:
         """Draw solids, tall ones as glass of some ``opacity``; returns the actors."""
         low = solids_mesh([solid for solid in solids if solid.top <= TALL])
         tall = solids_mesh([solid for solid in solids if solid.top > TALL])
+        return self._add_shapes(low, tall, low_color, tall_color, opacity)
+
+    def _add_shapes(self, low: FlatMesh, tall: FlatMesh, low_color: str, tall_color: str, opacity: float) -> list[Any]:
         glass = {"ambient": 0.4, "diffuse": 0.6, "opacity": opacity, "culling": "back"}
         actors = [
             self._add_flat(low.points, low.triangles, low_color, ambient=0.35, diffuse=0.75),

@@ -55,6 +55,15 @@ class SolidRecord:
 
 
 @dataclass(frozen=True)
+class MeshRecord:
+    """An obstacle of triangles: points (V, 3) float32, meters, and their indices (T, 3) int32, outside to the left."""
+
+    name: str
+    points: NDArray[np.float32]
+    triangles: NDArray[np.int32]
+
+
+@dataclass(frozen=True)
 class AgentsRecord:
     """The N agents of a run, which stay the same from its first step to its last.
 
@@ -96,8 +105,8 @@ class MotionRecord:
 class RecordingHeader:
     """Everything but the steps; ``floor`` is the walkable outline as WKT.
 
-    solids: what stands all the time. movables: what comes, moves or goes, as it is drawn in the scenario; where it is
-    when, :class:`PlaceChange` says.
+    solids, meshes: what stands all the time. movables: what comes, moves or goes, as it is drawn in the scenario;
+    where it is when, :class:`PlaceChange` says.
     """
 
     scenario_name: str
@@ -111,6 +120,7 @@ class RecordingHeader:
     agents: AgentsRecord
     motion: MotionRecord
     movables: Sequence[SolidRecord] = ()
+    meshes: Sequence[MeshRecord] = ()
 
 
 class RecordedFrame(NamedTuple):

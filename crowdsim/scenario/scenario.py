@@ -86,7 +86,9 @@ class Scenario(ScenarioFields):
 
     def things(self) -> list[tuple[str, tuple[AnySolid, ...]]]:
         """What stands on the floor by name: the solids of each obstacle, and of the clutter."""
-        names: dict[KeyPath, str] = {("obstacles", number): obstacle.name for number, obstacle in enumerate(self.obstacles)}
+        names: dict[KeyPath, str] = {
+            ("obstacles", number): obstacle.name for number, obstacle in enumerate(self.obstacles)
+        }
         return [(names.get(path, str(path[0])), solids) for path, solids in self.site().by_entry.items()]
 
     def changes(self) -> Changes:
