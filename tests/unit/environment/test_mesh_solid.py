@@ -99,7 +99,7 @@ def test_a_wardrobe_without_top_and_bottom_is_solid():
 
 def test_the_inside_of_a_bucket_is_filled_and_a_courtyard_is_not():
     def hollow(side):
-        return joined(box((0, 0, 0), (side + 0.1, side + 0.1, 1)), inverted(box((0.05, 0.05, 0.0), (side, side, 1))))
+        return joined(box((0, 0, 0), (side + 0.1, side + 0.1, 3)), inverted(box((0.05, 0.05, 0.0), (side, side, 3))))
 
     assert legs(hollow(0.3)).area == pytest.approx(0.16)
     assert legs(hollow(3.0)).area == pytest.approx(3.1**2 - 2.95**2)
