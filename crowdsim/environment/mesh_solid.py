@@ -14,7 +14,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from crowdsim.environment.sections import enclosed, section_segments
+from crowdsim.environment.sections import DIGITS, enclosed, section_segments, snapped_union
 from crowdsim.errors import GeometryError
 
 Floats = NDArray[np.float64]
@@ -52,7 +52,7 @@ class MeshSolid:
     name
         Of the part.
     vertices
-        (n, 3) float64, meters, z up.
+        (n, 3) float64, meters, z up; kept to a nanometer.
     triangles
         (m, 3) rows of ``vertices``, counter-clockwise as seen from outside where the mesh knows an outside.
 
@@ -80,7 +80,7 @@ class MeshSolid:
             raise GeometryError(f"solid '{self.name}': a triangle has a corner that is none of its vertices")
         if not np.isfinite(vertices[triangles]).all():
             raise GeometryError(f"solid '{self.name}': the mesh has a coordinate that is not a finite number")
-        object.__setattr__(self, "vertices", vertices)
+        object.__setattr__(self, "vertices", np.round(vertices, DIGITS))
         object.__setattr__(self, "triangles", triangles)
 
     @cached_property
@@ -177,7 +177,7 @@ def _clipped(corners: Floats, low: float, high: float) -> tuple[Floats, NDArray[
         for height in (low, high):
             crosses = (lower[:, 2] < height) & (upper[:, 2] > height)
             share = np.where(crosses, (height - lower[:, 2]) / np.where(crosses, rise, 1.0), 0.0)
-            points.append((lower[:, :2] + share[:, None] * (upper[:, :2] - lower[:, :2]))[:, None])
+            points.append(np.round(lower[:, :2] + share[:, None] * (upper[:, :2] - lower[:, :2]), DIGITS)[:, None])
             valid.append(crosses[:, None])
     return np.concatenate(points, axis=1), np.concatenate(valid, axis=1)
 
@@ -186,11 +186,11 @@ def _union(shapes: NDArray[np.object_]) -> BaseGeometry:
     """The union of polygons; where there are many, small ones inside of large ones cost next to nothing."""
     if len(shapes) > 2 * _LARGEST:
         shapes = shapes[np.argsort(-shapely.area(shapes), kind="stable")]
-        large = shapely.union_all(shapes[:_LARGEST], grid_size=GRID)
+        large = snapped_union(shapes[:_LARGEST], GRID)
         shapely.prepare(large)
         small = shapes[_LARGEST:]
         shapes = np.concatenate([[large], small[~shapely.covers(large, small)]])
-    return shapely.union_all(shapes, grid_size=GRID)
+    return snapped_union(shapes, GRID)
 
 
 def _farthest(points: Floats) -> Floats:
@@ -217,9 +217,9 @@ def _with_strips(area: BaseGeometry, segments: Floats) -> BaseGeometry:
         lines = lines[~shapely.is_empty(lines)]
         if len(lines):
             # Ends are square to meet the area again, from which they are cut off by what counts as covered.
-            merged = shapely.line_merge(shapely.union_all(lines, grid_size=GRID))
+            merged = shapely.line_merge(snapped_union(lines, GRID))
             strips = shapely.buffer(merged, 0.5 * STRIP, cap_style="square", join_style="mitre")
-            area = shapely.union_all([area, strips], grid_size=GRID)
+            area = snapped_union([area, strips], GRID)
     return _without_pinholes(area)
 
 
@@ -236,4 +236,4 @@ def _without_pinholes(area: BaseGeometry) -> BaseGeometry:
     if not kept:
         return shapely.Polygon()
     # Straightened parts, or ones in holes that are gone, may touch others.
-    return kept[0] if len(kept) == 1 else shapely.union_all(kept, grid_size=GRID)
+    return kept[0] if len(kept) == 1 else snapped_union(kept, GRID)
