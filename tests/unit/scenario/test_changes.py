@@ -40,7 +40,7 @@ def test_events_come_in_order_of_time_and_things_keep_where_they_are():
     )
     changes = scenario.changes()
     assert [solid.name for solid in changes.fixed] == ["wall", "bench"]
-    assert [(movable.solid.name, movable.placing is not None) for movable in changes.movables] == [
+    assert [(movable.name, movable.placing is not None) for movable in changes.movables] == [
         ("pole", True), ("front", False), ("crate", False),
     ]  # fmt: skip
     assert [(c.at, c.title, c.placing is not None) for c in changes.changes] == [
