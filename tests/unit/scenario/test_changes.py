@@ -53,7 +53,7 @@ def test_events_come_in_order_of_time_and_things_keep_where_they_are():
         (31.0, "move 'crate'", True),
     ]
     bounds = [changes.movables[c.movable].footprint(c.placing).bounds for c in changes.changes if c.placing is not None]
-    pole = changes.movables[0].solid.footprint.bounds
+    pole = changes.movables[0].solids[0].footprint.bounds
     assert bounds[0] == pytest.approx((1, 1, 2, 1.5))
     assert bounds[1] == pytest.approx((pole[0] + 1, pole[1] + 0.5, pole[2] + 1, pole[3] + 0.5))
     assert bounds[2] == pytest.approx((1.75, 4.5, 2.25, 5.5))
@@ -77,7 +77,7 @@ def test_a_name_may_come_again_when_it_is_gone():
     )
     changes = scenario.changes()
     assert [change.movable for change in changes.changes] == [0, 2]
-    assert changes.movables[2].solid.top == 1.0
+    assert changes.movables[2].solids[0].top == 1.0
 
 
 @pytest.mark.parametrize(
