@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from crowdsim.errors import RecordingError
-from crowdsim.recording.header import FORMAT_VERSION, BehaviorRecord, RecordedFrame, SolidRecord
+from crowdsim.recording.header import FORMAT_VERSION, BehaviorRecord, MeshRecord, RecordedFrame, SolidRecord
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.writer import RecordingWriter
 from tests.support.small_recording import small_frame, small_header, write_small_recording
@@ -65,6 +65,22 @@ def test_header_comes_back(path):
         assert recording.summary == {"arrived": 0, "seconds": 1.5}
         assert recording.versions["numpy"] == np.__version__
         assert set(recording.versions) == {"crowdsim", "numba", "numpy", "python"}
+
+
+def test_meshes_come_back_each_with_its_own_points(path):
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 1]], np.float32)
+    meshes = (
+        MeshRecord("lid", square, np.array([[0, 1, 2], [0, 2, 3]], np.int32)),
+        MeshRecord("flap", square[:3] + 5, np.array([[0, 1, 2]], np.int32)),
+    )
+    with RecordingWriter(path, replace(small_header(), meshes=meshes)) as writer:
+        writer.finish({})
+    with Recording.open(path) as recording:
+        assert [mesh.name for mesh in recording.header.meshes] == ["lid", "flap"]
+        for found, mesh in zip(recording.header.meshes, meshes, strict=True):
+            np.testing.assert_array_equal(found.points, mesh.points)
+            np.testing.assert_array_equal(found.triangles, mesh.triangles)
+            assert (found.points.dtype, found.triangles.dtype) == (np.float32, np.int32)
 
 
 def test_nothing_to_list_is_a_header_too(path):
