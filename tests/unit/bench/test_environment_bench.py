@@ -45,7 +45,7 @@ def test_pieces_reached_are_counted_from_the_largest():
 
 def _map(folder, image, yaml="negate: 0\n"):
     (folder / "map.pgm").write_bytes(image)
-    text = "image: map.pgm\nresolution: 0.5\norigin: [-1.0, 2.0, 0.0]\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
+    text = "image: map.pgm\nresolution: 0.5\norigin: [-1.0, 2.0, 0.0]\noccupied_thresh: 0.65\nfree_thresh: 0.19\n"
     (folder / "map.yaml").write_text(text + yaml)
     return folder / "map.yaml"
 
