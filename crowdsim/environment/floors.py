@@ -24,6 +24,8 @@ from crowdsim.environment.levels import (
     one_storey,
     rounded_height,
 )
+from crowdsim.environment.mesh_solid import GRID
+from crowdsim.environment.sections import snapped_union
 from crowdsim.environment.solids import Solid
 from crowdsim.errors import GeometryError, PlaceError
 from crowdsim.geometry.polygons import clean_polygon
@@ -248,7 +250,7 @@ def _whole_floor(level: Level, surfaces: Surfaces | None) -> tuple[Polygon | Mul
         return level.surface, level.parts
     shapes, heights, owners = surfaces
     near = np.abs(heights - level.height) <= STEP
-    area = shapely.union_all(shapes[near], grid_size=1e-5)
+    area = snapped_union(shapes[near], GRID)
     closed = polygons_only(area.buffer(_SEAM, join_style="mitre").buffer(-_SEAM, join_style="mitre"))
     parts = [part for part in closed.geoms if part.area >= 0.1]
     # Small gaps that closing leaves are those under legs and posts, which take their place themselves.

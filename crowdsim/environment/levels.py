@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.environment.layers import AnySolid, polygons_only
+from crowdsim.environment.mesh_solid import GRID
+from crowdsim.environment.sections import snapped_union
 from crowdsim.environment.solids import Solid
 from crowdsim.errors import PlaceError
 
@@ -84,7 +86,7 @@ def find_levels(
             # The height in the middle of the area, which is that of a large floor whatever lies about on it.
             share = np.cumsum(areas[first:last])
             height = rounded_height(heights[first + int(np.searchsorted(share, 0.5 * share[-1]))])
-            surface = shapely.union_all(shapes[first:last], grid_size=1e-5)
+            surface = snapped_union(shapes[first:last], GRID)
             surface = _wide(surface if within is None else surface.intersection(within))
             if surface.area >= LEAST_LEVEL:
                 levels.append(Level(height, surface, np.unique(owners[first:last])))

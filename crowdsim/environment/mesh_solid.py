@@ -99,6 +99,22 @@ class MeshSolid:
         return float(self.corners[:, :, 2].max())
 
     @cached_property
+    def _closed(self) -> bool:
+        """Whether each edge is passed as often one way as the other, around something: then one section tells all.
+
+        Where a vertical line enters or leaves the solid inside the band, there is a triangle; elsewhere it is inside
+        at all heights of the band, which the solid then reaches through, or at none.
+        """
+        places = np.unique(self.corners.reshape(-1, 3), axis=0, return_inverse=True)[1].reshape(-1, 3)
+        count = np.int64(places.max() + 1)
+        there = np.concatenate([places[:, a] * count + places[:, b] for a, b in _CORNER_PAIRS])
+        back = np.concatenate([places[:, b] * count + places[:, a] for a, b in _CORNER_PAIRS])
+        if not np.array_equal(np.sort(there), np.sort(back)):
+            return False
+        a, b, c = np.moveaxis(self.corners - self.corners[0, 0], 1, 0)
+        return bool((a * np.cross(b, c)).sum() > 0.0)
+
+    @cached_property
     def footprint(self) -> BaseGeometry:
         """What lies under or over any part of the solid."""
         return self._footprint(self.bottom - 1.0, self.top + 1.0)
@@ -113,7 +129,8 @@ class MeshSolid:
 
         Covered is what lies under a triangle's part in the band (a strip of :data:`STRIP` under one that stands
         upright) or inside the solid: in the sections at bottom, middle and top of what the solid has in the band, what
-        :func:`crowdsim.environment.sections.enclosed` finds enclosed. For a closed solid that is exact.
+        :func:`crowdsim.environment.sections.enclosed` finds enclosed. For a closed solid one section, or none, is
+        enough, and the footprint exact.
         """
         if self.bottom < high and self.top > low:
             return self._footprint(low, high)
@@ -135,11 +152,14 @@ class MeshSolid:
         lengths = np.hypot(*(longest[:, 1] - longest[:, 0]).T)
         widths = 2.0 * shapely.area(shapes) / np.maximum(lengths, GRID)
         lowest, highest = max(low, self.bottom), min(high, self.top)
-        inside = [
-            enclosed(section_segments(self.corners, lowest, above=True)),
-            enclosed(section_segments(self.corners, 0.5 * (lowest + highest), above=True)),
-            enclosed(section_segments(self.corners, highest, above=False)),
-        ]
+        middle = 0.5 * (lowest + highest)
+        if not self._closed:
+            cuts = [(lowest, True), (middle, True), (highest, False)]
+        elif self.bottom <= low and self.top >= high:
+            cuts = [(middle, True)]
+        else:
+            cuts = []  # whatever is inside has a triangle of the band above or below it
+        inside = np.array([enclosed(section_segments(self.corners, z, above)) for z, above in cuts], dtype=object)
         area = _union(np.concatenate([inside, shapes[widths > GRID]]))
         return _with_strips(area, longest[widths < STRIP])
 

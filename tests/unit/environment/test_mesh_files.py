@@ -108,12 +108,8 @@ def test_the_unit_and_axis_a_dae_states_are_applied(tmp_path):
     path = written(tmp_path, desk().apply_scale(100.0), "a.dae")
     text = path.read_text()
     assert "<up_axis>Y_UP</up_axis>" in text
-    text = text.replace("<up_axis>Y_UP</up_axis>", "<up_axis>Z_UP</up_axis>")
-    path.write_text(
-        text.replace("</asset>", "</asset>").replace('meter="1.0"', 'meter="0.01"').replace('meter="1"', 'meter="0.01"')
-    )
-    if "meter=" not in path.read_text():
-        path.write_text(text.replace("<up_axis>", '<unit name="centimeter" meter="0.01"/><up_axis>'))
+    stated = '<unit name="centimeter" meter="0.01"/><up_axis>Z_UP</up_axis>'
+    path.write_text(text.replace("<up_axis>Y_UP</up_axis>", stated))
     scene = read_mesh_file(path)
     assert_is_desk(scene.solids[0])
     assert any("0.01 m" in line for line in scene.report)
@@ -198,11 +194,11 @@ def test_cut_and_damaged_files_are_read_or_refused_never_crash(tmp_path, name):
         path = tmp_path / f"cut_{name}"
         path.write_bytes(bytes(content))
         try:
-            outcomes.add(len(read_mesh_file(path).solids) > 0)
-        except CrowdSimError as error:
-            outcomes.add(False)
-            assert str(error)
-    assert False in outcomes
+            outcomes.add(len(read_mesh_file(path).solids))
+        except CrowdSimError:
+            outcomes.add("refused")
+    assert "refused" in outcomes
+    assert 0 not in outcomes
 
 
 def test_a_glb_cannot_make_other_files_be_read(tmp_path):
@@ -235,8 +231,8 @@ def test_other_endings_and_missing_files_are_refused(tmp_path):
         read_mesh_file(tmp_path / "a.zip")
     with pytest.raises(PlaceError, match="check the path"):
         read_mesh_file(tmp_path / "absent.glb")
+    (tmp_path / "folder.glb").mkdir()
     with pytest.raises(PlaceError, match="check the path"):
-        (tmp_path / "folder.glb").mkdir()
         read_mesh_file(tmp_path / "folder.glb")
 
 
