@@ -137,7 +137,7 @@ name: far, count: 3, interval: 0.5, start: {rectangle: [6, 0.5, 7, 5.5]},
     for row, agent in enumerate(simulation.world.column("agent").tolist()):
         if agent in going_through:
             assert simulation.plans.routes[agent] is not routes[agent]
-        elif agent in digests:
+        elif agent in digests and agent in plans:
             assert simulation.plans.motions[agent] is plans[agent]
             assert simulation.plans.routes[agent] is routes[agent]
             assert simulation.world.column("plan_digest")[row] == digests[agent]
