@@ -249,3 +249,11 @@ def test_those_who_go_round_walk_through_their_goals_and_wait_where_asked(tmp_pa
             assert stood.sum() >= 3 * 30
         assert state[-1] == AgentState.ARRIVED
         assert np.hypot(x[-1] - 11, y[-1] - 1) < 0.5
+
+
+def test_whoever_starts_at_its_first_goal_goes_to_the_second(tmp_path: Path) -> None:
+    pair = "name: pair, count: 1, start: {point: [7, 3]}, goals: [{point: [7, 3]}, {point: [10, 3]}], repeat: 2"
+    with run(two_rooms(pair), tmp_path / "run.h5") as recording:
+        assert recording.summary["arrived"] == 1
+        assert recording.summary["laps"] == {"pair": 2}
+        assert recording.x[:, 0].max() > 9.7
