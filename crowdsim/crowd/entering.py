@@ -12,6 +12,7 @@ from crowdsim.crowd.changing import KEPT_OFF
 from crowdsim.crowd.components import SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.motion_plan import MotionPlan, Request
 from crowdsim.crowd.plans import Plans
+from crowdsim.crowd.replanning import AT_GOAL
 from crowdsim.crowd.reservation_kernels import FOREVER, meets_anyone
 from crowdsim.crowd.setting import Setting
 from crowdsim.ecs.world import View, World
@@ -73,6 +74,10 @@ class Entering:
     def _request(self, agent: int) -> None:
         self.requested[agent] = self.plans.step
         errands = self.plans.errands
+        for _ in self.cast.goals[agent]:
+            if errands.is_last(agent) or np.hypot(*(errands.goal(agent) - self.cast.starts[agent])) >= AT_GOAL:
+                break
+            errands.reach(agent)  # it starts there
         self.plans.request(agent, Request(self.cast.starts[agent], errands.goal(agent), errands.stands(agent)))
 
     def _spawn(self, agent: int, plan: MotionPlan, parked: NDArray[np.float64], slot: int) -> None:

@@ -60,7 +60,7 @@ class Change:
 class Changes:
     """All that changes in a run: the things, and their changes in order of time.
 
-    fixed: obstacles that never change.
+    fixed: obstacles, and closed doors, that never change.
     """
 
     fixed: tuple[AnySolid, ...]
@@ -91,7 +91,12 @@ def read_changes(
             fixed += solids
             reader.fixed.add(name)
     for door in scenario.doors:
-        reader.add(door.name, door.solids(), AS_DRAWN if door.initially == "closed" else None)
+        closed = door.initially == "closed"
+        if door.name in named:
+            reader.add(door.name, door.solids(), AS_DRAWN if closed else None)
+        elif closed:
+            fixed += door.solids()
+            reader.fixed.add(door.name)
     reader.doors = {door.name for door in scenario.doors}
     for number in order:
         reader.read(number, scenario.events[number])
@@ -141,10 +146,9 @@ class _Reader:
         since = self.since.get(name, "from the start")
         if action in ("open", "close"):
             if name not in self.doors:
-                known = "is an obstacle; list it under 'doors'" if name in {*self.where, *self.fixed} else None
-                return (
-                    f"'{name}' {known}" if known else f"no door '{name}'; {nearest(name, self.doors, 'the doors are')}"
-                )
+                if name in {*self.where, *self.fixed}:
+                    return f"'{name}' is an obstacle; list it under 'doors'"
+                return f"no door '{name}'; {nearest(name, sorted(self.doors), 'the doors are')}"
             if there == (action == "close"):
                 return f"'{name}' is {'closed' if there else 'open'} already, {since}"
             return None

@@ -71,13 +71,22 @@ def test_layers_are_those_of_the_start():
         assert legs.free.contains(shapely.Point(1.5, 1.25))
 
 
+def test_doors_that_no_event_names_stand_still():
+    fixed = [("closed", True), ("open", False)]
+    for initially, there in fixed:
+        doors = DOOR.replace("top: 2.1", f"top: 2.1, initially: {initially}")
+        changes = parse_scenario(with_events("at: 1, remove: pole", doors=doors)).changes()
+        assert ("front" in [solid.name for solid in changes.fixed]) is there
+        assert [movable.solid.name for movable in changes.movables] == ["pole"]
+
+
 def test_a_name_may_come_again_when_it_is_gone():
     scenario = parse_scenario(
         with_events("at: 1, remove: pole", "at: 2, insert: {name: pole, box: {min: [1, 1], max: [2, 2]}, top: 1}")
     )
     changes = scenario.changes()
-    assert [change.movable for change in changes.changes] == [0, 2]
-    assert changes.movables[2].solids[0].top == 1.0
+    assert [change.movable for change in changes.changes] == [0, 1]
+    assert changes.movables[1].solids[0].top == 1.0
 
 
 @pytest.mark.parametrize(
