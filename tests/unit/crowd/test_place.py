@@ -57,12 +57,12 @@ def test_after_every_edit_the_meshes_are_those_of_the_place_as_it_is(scenario: S
 
 def test_the_lowest_layer_takes_what_any_layer_does(scenario: Scenario, setting: Setting) -> None:
     place = Place(setting, scenario.changes())
-    names = [movable.solid.name for movable in scenario.changes().movables]
+    names = [movable.name for movable in scenario.changes().movables]
     assert [shape is None for shape in place.footprints(names.index("shelf"), AS_DRAWN)] == [False, False]
     assert [shape is None for shape in place.footprints(names.index("crate"), AS_DRAWN)] == [False, False]
     bands = [Band(layer.name, layer.low, layer.high) for layer in setting.layers]
     for name, number in zip(names, range(len(names)), strict=True):
-        solid = scenario.changes().movables[number].solid
+        solid = scenario.changes().movables[number].solids[0]
         for shape, layer in zip(
             place.footprints(number, AS_DRAWN), clearance_layers(shapely.box(0, 0, 12, 6), [solid], bands), strict=True
         ):

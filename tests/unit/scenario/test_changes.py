@@ -77,7 +77,7 @@ def test_doors_that_no_event_names_stand_still():
         doors = DOOR.replace("top: 2.1", f"top: 2.1, initially: {initially}")
         changes = parse_scenario(with_events("at: 1, remove: pole", doors=doors)).changes()
         assert ("front" in [solid.name for solid in changes.fixed]) is there
-        assert [movable.solid.name for movable in changes.movables] == ["pole"]
+        assert [movable.name for movable in changes.movables] == ["pole"]
 
 
 def test_a_name_may_come_again_when_it_is_gone():
