@@ -15,9 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from numba import njit
+from numba import carray, njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic
 
-__all__ = ["cache_folder", "helper", "is_cold", "kernel"]
+__all__ = ["array_at", "cache_folder", "helper", "is_cold", "kernel"]
 
 _OPTIONS = {
     "cache": True,
@@ -90,3 +92,17 @@ def helper(function: Callable[..., Any]) -> Any:
     dispatcher._insert = lambda *_: None
     dispatcher._compile_for_args = refuse
     return dispatcher
+
+
+@intrinsic
+def _pointer(_: Any, address: Any) -> Any:
+    def generate(_: Any, builder: Any, __: Any, values: Any) -> Any:
+        return builder.inttoptr(values[0], cgutils.voidptr_t)
+
+    return types.voidptr(address), generate
+
+
+@helper
+def array_at(address: Any, shape: Any, dtype: Any) -> Any:
+    """In kernels: the array at an integer ``address``, which somebody else keeps alive."""
+    return carray(_pointer(address), shape, dtype)

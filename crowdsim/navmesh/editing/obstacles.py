@@ -13,8 +13,8 @@ from shapely.geometry.base import BaseGeometry
 
 from crowdsim.errors import GeometryError, StaleHandle
 from crowdsim.geometry.polygons import clean_polygon
-from crowdsim.navmesh.editing import edit_kernels, outline_kernels
-from crowdsim.navmesh.mesh_arrays import USE, MeshArrays, resized, workshop
+from crowdsim.navmesh.editing import address_kernels, edit_kernels, outline_kernels, point_kernels
+from crowdsim.navmesh.mesh_arrays import USE, MeshArrays, Workshop, resized, workshop
 from crowdsim.navmesh.paths.paths import as_numbers
 from crowdsim.navmesh.triangulation.use_kernels import keep_used
 
@@ -134,8 +134,15 @@ class Obstacles:
         self._slots: list[_Slot] = []
         self._free: list[int] = []
         room = len(mesh.vertices) + len(mesh.vertices) // 4 + 256
-        self.mesh = resized(mesh, room)
-        self._work = workshop(room, _LEAST_USES)
+        self._set(resized(mesh, room), workshop(room, _LEAST_USES))
+
+    def _set(self, mesh: MeshArrays, work: Workshop) -> None:
+        self.mesh, self._work = mesh, work
+        self._places = address_kernels.places_of(mesh, work)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._set(self.mesh, self._work)  # which are elsewhere in a copy
 
     def copy(self) -> Obstacles:
         """A copy that is edited on its own, with the same handles."""
@@ -143,23 +150,43 @@ class Obstacles:
         twin._base = self._base
         twin._slots = [replace(slot) for slot in self._slots]
         twin._free = list(self._free)
-        twin.mesh = resized(self.mesh, len(self.mesh.vertices))
-        twin._work = workshop(len(self.mesh.vertices), len(self._work.uses))
-        twin._work.uses[:], twin._work.progress[:] = self._work.uses, self._work.progress
+        work = workshop(len(self.mesh.vertices), len(self._work.uses))
+        work.uses[:], work.progress[:] = self._work.uses, self._work.progress
+        twin._set(resized(self.mesh, len(self.mesh.vertices)), work)
         return twin
 
     def insert(self, geometry: Any) -> Handle:
         """Put an obstacle in (see :meth:`crowdsim.navmesh.navmesh.NavMesh.insert_obstacle`)."""
-        shape, snapped = self._read(geometry)
         if not self._free:
             self._free.append(len(self._slots))
             self._slots.append(_Slot())
         number = self._free[-1]
-        self._put(number, snapped)
-        self._free.pop()
         slot = self._slots[number]
-        slot.shape = shape
+        if not self._put_point(number, geometry):
+            shape, snapped = self._read(geometry)
+            self._put(number, snapped)
+            slot.shape = shape
+        self._free.pop()
         return Handle(number, slot.generation)
+
+    def _put_point(self, number: int, geometry: Any) -> bool:
+        """Insert ``geometry`` as slot ``number`` if it is a point in the box: the quick way for the most frequent."""
+        if isinstance(geometry, shapely.Point) and not geometry.is_empty:
+            point = np.array(((geometry.x, geometry.y),))
+        elif isinstance(geometry, np.ndarray) and geometry.shape == (2,):
+            point = geometry.astype(np.float64).reshape(1, 2)
+        else:
+            return False
+        slot, snapped, ids = self._slots[number], point.copy(), np.empty(1, np.int64)
+        status = point_kernels.edit_points(self._places, point_kernels.INSERT, snapped, ids)
+        if status > 0 or status == point_kernels.NO_ROOM:
+            return False
+        slot.shape, slot.snapped, slot.ids = Shape(point, _ONE_END, 0), Shape(snapped, _ONE_END, 0), ids
+        if status == 0 or (status == point_kernels.UNSETTLED and self._edit(point_kernels.SETTLE, number, slot)):
+            return True
+        slot.ids = None
+        self._rebuild()
+        return False
 
     def remove(self, handle: Handle) -> None:
         """Take an obstacle out."""
@@ -204,17 +231,10 @@ class Obstacles:
 
     def _read(self, geometry: Any) -> tuple[Shape, Shape]:
         """The shape of ``geometry``, and what of it lies in the box, on the grid."""
-        if isinstance(geometry, shapely.Point) and not geometry.is_empty:
-            geometry = np.array((geometry.x, geometry.y))
         if not isinstance(geometry, BaseGeometry):
             geometry = as_numbers(geometry, "obstacle")
         if isinstance(geometry, np.ndarray) and geometry.shape == (2,):
-            points = geometry.reshape(1, 2).copy()
-            shape = Shape(points, _ONE_END, 0)
-            snapped = np.empty((1, 2))
-            if outline_kernels.snap_inside(self.mesh, points, snapped) == outline_kernels.OK:
-                return shape, Shape(snapped, _ONE_END, 0)
-            return shape, self._cut(shape)
+            geometry = shapely.Point(geometry)
         if isinstance(geometry, np.ndarray) and geometry.ndim == 2 and geometry.shape[1] == 2:
             points = geometry
             snapped = np.empty_like(points)
@@ -256,11 +276,11 @@ class Obstacles:
         slot = self._slots[number]
         slot.snapped = snapped
         slot.ids = np.empty(len(snapped.points), np.int64)
-        if not self._edit(edit_kernels.INSERT, number, slot):
+        if not self._edit(point_kernels.INSERT, number, slot):
             slot.ids = None
             self._rebuild()
             slot.ids = np.empty(len(snapped.points), np.int64)
-            if not self._edit(edit_kernels.INSERT, number, slot):
+            if not self._edit(point_kernels.INSERT, number, slot):
                 slot.ids = None
                 self._rebuild()
                 raise GeometryError(
@@ -270,7 +290,7 @@ class Obstacles:
     def _take(self, number: int) -> None:
         """Remove what is in the mesh of slot ``number``."""
         slot = self._slots[number]
-        done = self._edit(edit_kernels.REMOVE, number, slot)
+        done = self._edit(point_kernels.REMOVE, number, slot)
         slot.ids = None
         if not done:
             self._rebuild()
@@ -279,12 +299,15 @@ class Obstacles:
         """Run the kernel of edits, in larger arrays where it asks for them; False where it left the mesh useless."""
         shape, wanted = slot.snapped, 8 * len(slot.snapped.points) + 64
         while True:
-            status = edit_kernels.edit(
-                self.mesh, self._work, what, shape.points, shape.ends, shape.winding, number, slot.ids
-            )
-            if status == edit_kernels.UNSETTLED:
-                what, wanted = edit_kernels.SETTLE, len(self.mesh.vertices)
-            elif status != edit_kernels.NO_ROOM:
+            if len(shape.points) == len(shape.ends):
+                status = point_kernels.edit_points(self._places, what, shape.points, slot.ids)
+            else:
+                status = edit_kernels.edit(
+                    self._places, what, shape.points, shape.ends, shape.winding, number, slot.ids
+                )
+            if status == point_kernels.UNSETTLED:
+                what, wanted = point_kernels.SETTLE, len(self.mesh.vertices)
+            elif status != point_kernels.NO_ROOM:
                 return bool(status == 0)
             self._grow(wanted)
             wanted *= 2
@@ -309,12 +332,12 @@ class Obstacles:
             work.progress["head"] = 0
         work.uses[: len(kept)] = kept
         work.progress["uses"] = count
-        self.mesh, self._work = mesh, work
+        self._set(mesh, work)
 
     def _rebuild(self) -> None:
         """The mesh anew, with all obstacles that are in it, in arrays twice as large."""
-        self.mesh = resized(self._base, 2 * len(self.mesh.vertices))
-        self._work = workshop(len(self.mesh.vertices), 2 * len(self._work.uses))
+        room = 2 * len(self.mesh.vertices)
+        self._set(resized(self._base, room), workshop(room, 2 * len(self._work.uses)))
         for number, slot in enumerate(self._slots):
-            if slot.ids is not None and not self._edit(edit_kernels.INSERT, number, slot):
+            if slot.ids is not None and not self._edit(point_kernels.INSERT, number, slot):
                 raise GeometryError(f"obstacle {number} cannot be put into the mesh again; simplify or repair it")

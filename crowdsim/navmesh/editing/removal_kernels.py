@@ -3,9 +3,12 @@
 from crowdsim.geometry.predicates_kernels import incircle
 from crowdsim.jit import helper
 from crowdsim.navmesh.half_edge_kernels import nxt, prv, side
-from crowdsim.navmesh.triangulation.triangulation_kernels import flip, link, take
+from crowdsim.navmesh.triangulation.triangulation_kernels import flip, link, restore_delaunay, take
 from crowdsim.navmesh.triangulation.use_kernels import same_uses
-from crowdsim.navmesh.triangulation.work_kernels import touch
+from crowdsim.navmesh.triangulation.work_kernels import LOOKING, touch
+
+SIDES, POINT = 1, 2
+"""What a removal leaves: sides that were constrained, or the place of one point."""
 
 
 @helper
@@ -264,3 +267,49 @@ def removable(m, w, v):
         h = sides[prv(h)].twin
         if h == first:
             return True
+
+
+@helper
+def is_free_point(m, ids):
+    """Whether nothing needs the only one of ``ids`` any longer, and no constraint ends there."""
+    sides = m.sides
+    if ids.size != 1 or m.vertices[ids[0]].vref > 0:
+        return False
+    v = ids[0]
+    first = m.vertices[v].vhe
+    h = first
+    fixed = False
+    while True:
+        fixed = fixed or sides[h].cst != 0
+        h = sides[prv(h)].twin
+        if h == first:
+            return not fixed
+
+
+@helper
+def take_point(m, w, v):
+    """Take out vertex v, which no constraint has; 0, or FULL.
+
+    The vertices around it look for bottlenecks where it was in the way: their discs held v and nothing else. Shrunk
+    towards its vertex until v is on the circle, such a disc is empty: so a side joined the two.
+    """
+    sides = m.sides
+    first = m.vertices[v].vhe
+    h = first
+    while True:
+        u = sides[nxt(h)].org
+        touch(w, u)
+        if m.vertices[u].vref > 0:
+            w.to_do[u].mark |= LOOKING
+        h = sides[prv(h)].twin
+        if h == first:
+            break
+    progress = w.progress[0]
+    progress.removal = POINT
+    w.gone[0].ax = m.vertices[v].x
+    w.gone[0].ay = m.vertices[v].y
+    progress.pairs = 0
+    remove_vertex(m, w, v)
+    top = progress.pairs
+    progress.pairs = 0
+    return restore_delaunay(m, w, top)

@@ -10,7 +10,7 @@ from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.half_edge_kernels import is_dirty, nxt, prv
 from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
 from crowdsim.navmesh.triangulation.triangulation_kernels import FULL, split_edge, split_is_robust
-from crowdsim.navmesh.triangulation.work_kernels import dequeue, enqueue, touch
+from crowdsim.navmesh.triangulation.work_kernels import CHANGED, dequeue, enqueue, touch
 
 _SLACK = 1e-9
 """Share of a side by which the bounds of a search give way: what is found is told by the clearance between its ends."""
@@ -35,12 +35,13 @@ def _cut(lo, hi, at0, at1):
 
 
 @helper
-def find_bottleneck(m, v, wedges):
+def find_bottleneck(m, v, qx, qy, wedges):
     """A constrained side seen from vertex v across other sides, where the passage between v and its foot is narrowest.
 
     Returns (half-edge, foot x, foot y), or -1 for the half-edge. Such a place is where a disc around the middle between
     v and the foot touches nothing else; so the foot is not farther along any seen vertex w than w itself, which bounds
-    the search. ``wedges`` (k,) is room for the sides still to cross.
+    the search. Only discs that hold (qx, qy) count, whose feet are at least as far along q as q itself; where q is at v
+    these are all. ``wedges`` (k,) is room for the sides still to cross.
     """
     sides = m.sides
     vertices = m.vertices
@@ -48,6 +49,9 @@ def find_bottleneck(m, v, wedges):
     cell = m.frame[0].cell
     px = vertices[v].x
     py = vertices[v].y
+    qx -= px
+    qy -= py
+    least = (1.0 - _SLACK) * (qx * qx + qy * qy)
     first = vertices[v].vhe
     corner = first
     while True:
@@ -56,13 +60,25 @@ def find_bottleneck(m, v, wedges):
         y = sides[prv(corner)].org
         top = 0
         if wind[corner // 3] == 0 and sides[base].cst == 0:
-            wedge = wedges[0]
-            wedge.side = base
-            wedge.rx = vertices[x].x - px
-            wedge.ry = vertices[x].y - py
-            wedge.lx = vertices[y].x - px
-            wedge.ly = vertices[y].y - py
-            top = 1
+            rx = vertices[x].x - px
+            ry = vertices[x].y - py
+            lx = vertices[y].x - px
+            ly = vertices[y].y - py
+            # The foot is in the hull of v, x, y and what is opposite of v on their circle.
+            r2 = rx * rx + ry * ry
+            l2 = lx * lx + ly * ly
+            if (
+                rx * qx + ry * qy >= least
+                or lx * qx + ly * qy >= least
+                or qx * (ly * r2 - ry * l2) + qy * (rx * l2 - lx * r2) >= least * (rx * ly - ry * lx)
+            ):
+                wedge = wedges[0]
+                wedge.side = base
+                wedge.rx = rx
+                wedge.ry = ry
+                wedge.lx = lx
+                wedge.ly = ly
+                top = 1
         while top > 0:
             top -= 1
             wedge = wedges[top]
@@ -119,6 +135,8 @@ def find_bottleneck(m, v, wedges):
                 length2 = ex * ex + ey * ey
                 part = -(ax * ex + ay * ey) / length2
                 if part < lo - _SLACK or part > hi + _SLACK:
+                    continue
+                if (ax + part * ex) * qx + (ay + part * ey) * qy < least:
                     continue
                 fx = np.rint((px + ax + part * ex) / cell) * cell
                 fy = np.rint((py + ay + part * ey) / cell) * cell
@@ -237,6 +255,7 @@ def add_foot(m, h, x, y, w):
     if f < 0:
         return f
     touch(w, f)
+    w.to_do[f].mark |= CHANGED
     enqueue(w, f)
     # What changed is the star of the new vertex.
     first = m.vertices[f].vhe

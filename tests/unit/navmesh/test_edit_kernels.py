@@ -5,12 +5,15 @@ import pytest
 import shapely
 
 from crowdsim.jit import kernel
+from crowdsim.navmesh.editing import edit_kernels, outline_kernels
+from crowdsim.navmesh.editing.point_kernels import edit_point, places
 from crowdsim.navmesh.editing.removal_kernels import remove_vertex
 from crowdsim.navmesh.mesh_arrays import resized, workshop
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.triangulation.refine_kernels import inside_circle
 from crowdsim.navmesh.triangulation.triangulation_kernels import restore_delaunay
 from crowdsim.navmesh.triangulation.winding_kernels import flood
+from tests.reference.edits_reference import feet_missing, wrong_widths
 from tests.reference.navmesh_reference import mesh_faults, random_area
 from tests.support.entries import insert_point
 
@@ -86,3 +89,40 @@ def test_parts_of_segments_inside_circles():
         missed += lo > hi
         np.testing.assert_array_equal(((share >= lo) & (share <= hi))[clear], (depth > 0.0)[clear])
     assert missed > 10
+
+
+def test_points_through_their_own_door_make_the_same_mesh():
+    built = NavMesh(random_area(np.random.default_rng(6), "boxes", count=10)).arrays
+    room, ends = len(built.vertices) + 200, np.ones(1, np.int64)
+    direct, by_address = resized(built, room), resized(built, room)
+    works = workshop(room, 4096), workshop(room, 4096)
+    table = places(by_address, works[1])
+    rng = np.random.default_rng(4)
+    for slot, (x, y) in enumerate(rng.uniform(0.0, 12.0, (40, 2))):
+        point, snapped = np.array([[x, y]]), np.empty((1, 2))
+        assert outline_kernels.snap_inside(direct, point, snapped) == outline_kernels.OK
+        ids = np.empty(1, np.int64), np.empty(1, np.int64)
+        for what in (edit_kernels.INSERT, edit_kernels.REMOVE)[: 1 + slot % 2]:
+            assert edit_kernels.edit(direct, works[0], what, snapped, ends, 0, slot, ids[0]) == 0
+            assert edit_point(table, what, point, ids[1], slot) == 0
+        assert point.tolist() == snapped.tolist()
+        assert ids[0] == ids[1]
+    for one, other in zip(direct, by_address, strict=True):
+        assert one.tolist() == other.tolist()
+    for outside, status in (((1e3, 0.0), outline_kernels.OUTSIDE), ((np.nan, 0.0), outline_kernels.NOT_FINITE)):
+        assert edit_point(table, edit_kernels.INSERT, np.array([outside]), np.empty(1, np.int64), 40) == status
+    assert by_address.frame.tolist() == direct.frame.tolist()
+
+
+def test_feet_around_points_that_come_and_go_are_those_of_a_full_refinement():
+    rng = np.random.default_rng(8)
+    mesh = NavMesh(random_area(rng, "boxes", count=30))
+    handles = []
+    for step in range(400):
+        if handles and rng.random() < 0.5:
+            mesh.remove(handles.pop(int(rng.integers(len(handles)))))
+        else:
+            handles.append(mesh.insert_obstacle(rng.uniform(0.0, 12.0, 2)))
+        if step % 10 == 0:
+            assert feet_missing(mesh.arrays) == 0
+            assert wrong_widths(mesh.arrays) == 0

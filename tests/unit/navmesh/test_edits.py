@@ -201,6 +201,16 @@ def test_an_obstacle_that_cannot_go_in_leaves_the_mesh_as_it_was(monkeypatch):
     _check(mesh, ROOM, [])
 
 
+def test_a_deep_copy_is_edited_on_its_own():
+    mesh = NavMesh(ROOM)
+    handle = mesh.insert_obstacle(shapely.Point(4, 3))
+    twin = copy.deepcopy(mesh)
+    twin.remove(handle)
+    twin.insert_obstacle(shapely.Point(7, 3))
+    _check(twin, ROOM, [shapely.Point(7, 3)])
+    _check(mesh, ROOM, [shapely.Point(4, 3)])
+
+
 def test_lists_of_uses_that_nothing_has_are_dropped():
     mesh = NavMesh(ROOM).arrays
     uses = np.zeros(6, USE)
