@@ -1,7 +1,7 @@
 """A mesh and its workshop by the addresses of their arrays.
 
-Python takes a fifth of a microsecond to hand over an array, and kernels count references to it: for eleven arrays that
-is a third of an edit of one point. A table of addresses is one array, and nobody counts references to what is behind it.
+To hand over an array takes Python a fifth of a microsecond, and kernels count references to it: for twelve arrays, a
+third of an edit of one point. A table of addresses is one array, and nobody counts references to what is behind it.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from crowdsim.navmesh.mesh_arrays import (
     PROGRESS,
     SEGMENT,
     SIDE,
+    SIGHT,
     TO_DO,
     USE,
     VERTEX,
@@ -24,13 +25,13 @@ from crowdsim.navmesh.mesh_arrays import (
 
 
 def places_of(mesh: MeshArrays, work: Workshop) -> NDArray[np.int64]:
-    """Addresses and lengths (11, 2) of the arrays, which whoever keeps the table has to keep as well."""
+    """Addresses and lengths (12, 2) of the arrays, which whoever keeps the table has to keep as well."""
     return np.array([(array.ctypes.data, len(array)) for array in (*mesh, *work)], np.int64)
 
 
 @helper
 def mesh_at(places):
-    """The mesh at ``places`` (11, 2)."""
+    """The mesh at ``places`` (12, 2)."""
     return MeshArrays(
         array_at(places[0, 0], (places[0, 1],), SIDE),
         array_at(places[1, 0], (places[1, 1],), VERTEX),
@@ -42,7 +43,7 @@ def mesh_at(places):
 
 @helper
 def workshop_at(places):
-    """The workshop at ``places`` (11, 2)."""
+    """The workshop at ``places`` (12, 2)."""
     return Workshop(
         array_at(places[5, 0], (places[5, 1],), np.int64),
         array_at(places[6, 0], (places[6, 1], 2), np.int64),
@@ -50,4 +51,5 @@ def workshop_at(places):
         array_at(places[8, 0], (places[8, 1],), USE),
         array_at(places[9, 0], (places[9, 1],), SEGMENT),
         array_at(places[10, 0], (places[10, 1],), PROGRESS),
+        array_at(places[11, 0], (places[11, 1],), SIGHT),
     )

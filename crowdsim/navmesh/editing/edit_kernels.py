@@ -2,10 +2,10 @@
 
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.editing.address_kernels import mesh_at, workshop_at
-from crowdsim.navmesh.editing.point_kernels import INSERT, NO_ROOM, REMOVE, SETTLE, UNSETTLED, has_room, put_points
+from crowdsim.navmesh.editing.point_kernels import INSERT, NO_ROOM, REMOVE, SETTLE, UNSETTLED, has_room, put_corner
 from crowdsim.navmesh.editing.removal_kernels import SIDES
 from crowdsim.navmesh.editing.settle_kernels import settle
-from crowdsim.navmesh.half_edge_kernels import nxt, prv
+from crowdsim.navmesh.half_edge_kernels import nxt, prv, soil
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.triangulation.segment_kernels import insert_segment
 from crowdsim.navmesh.triangulation.triangulation_kernels import FULL
@@ -61,9 +61,13 @@ def _put(m, w, points, ends, winding, slot, ids):
     """The part of :func:`edit` that inserts, but for what is done around."""
     progress = w.progress[0]
     progress.rerouted = 0
-    status = put_points(m, w, points, ids)
-    if status < 0:
-        return status
+    hint = NONE
+    for i in range(points.shape[0]):
+        v = put_corner(m, w, points[i, 0], points[i, 1], hint)
+        if v < 0:
+            return v
+        ids[i] = v
+        hint = m.vertices[v].vhe // 3
     owner = 2 * slot + winding
     use = new_use(w, owner, NONE)
     begin = 0
@@ -105,8 +109,8 @@ def _take_out(m, w, winding, slot, ids):
         back.cst -= times
         forth.win -= times * winding
         back.win += times * winding
-        forth.clr = -1.0
-        back.clr = -1.0
+        soil(sides, h // 3)
+        soil(sides, forth.twin // 3)
     if w.progress[0].full != 0:
         return FULL
     for i in range(found):

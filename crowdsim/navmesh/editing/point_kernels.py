@@ -1,13 +1,15 @@
 """Point obstacles put into a finished mesh and taken out again: without sides there is much less to do."""
 
+import numpy as np
+
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.editing.address_kernels import mesh_at, workshop_at
-from crowdsim.navmesh.editing.outline_kernels import OK, snap_inside
 from crowdsim.navmesh.editing.removal_kernels import SIDES, is_free_point, take_point
 from crowdsim.navmesh.editing.settle_kernels import settle
+from crowdsim.navmesh.half_edge_kernels import snapped
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.triangulation.triangulation_kernels import insert_point
-from crowdsim.navmesh.triangulation.work_kernels import LOOKING, touch
+from crowdsim.navmesh.triangulation.work_kernels import CHANGED, LOOKING, touch
 
 INSERT, REMOVE, SETTLE = range(3)
 """What to do in an edit."""
@@ -27,29 +29,23 @@ def has_room(m, w, corners):
 
 
 @helper
-def put_points(m, w, points, ids):
-    """Insert ``points`` (n, 2) on the grid as vertices ``ids`` (n,) that are to be settled; 0 or FULL."""
-    hint = NONE
-    for i in range(points.shape[0]):
-        v = insert_point(m, points[i, 0], points[i, 1], hint, w)
-        if v < 0:
-            return v
-        ids[i] = v
+def put_corner(m, w, x, y, hint):
+    """Insert (x, y), on the grid, as a corner of an obstacle that is to be settled; its vertex, or FULL."""
+    v = insert_point(m, x, y, hint, w)
+    if v >= 0:
         m.vertices[v].vref += 1
         touch(w, v)
-        w.to_do[v].mark |= LOOKING
-        hint = m.vertices[v].vhe // 3
-    return 0
+        w.to_do[v].mark |= LOOKING | CHANGED
+    return v
 
 
 @helper
-def _take_points(m, w, ids):
-    """The points that are the vertices ``ids`` need these no longer; 0 or FULL."""
-    for v in ids:
-        m.vertices[v].vref -= 1
-        touch(w, v)
-    if is_free_point(m, ids):
-        return take_point(m, w, ids[0])
+def _take_out(m, w, v):
+    """Vertex v is a point obstacle no longer; 0 or FULL."""
+    m.vertices[v].vref -= 1
+    if is_free_point(m, v):
+        return take_point(m, w, v)
+    touch(w, v)
     progress = w.progress[0]
     progress.removal = SIDES
     progress.pairs = 0
@@ -58,24 +54,35 @@ def _take_points(m, w, ids):
 
 
 @kernel
-def edit_points(places, what, points, ids):
-    """Insert, remove or settle (``what``) an obstacle of ``points`` (n, 2) alone, which are moved to the grid.
+def edit_point(places, what, x, y, v):
+    """Insert a point obstacle at (x, y), moved to the grid, or remove the one at vertex v; or settle.
 
-    ``places`` are those of the mesh and its workshop (see address_kernels). Returns what `edit` returns; or, where a
-    point is not finite or outside of the box, what `snap_inside` does, and nothing was done.
+    ``places`` are those of the mesh and its workshop (see address_kernels). Returns the vertex; -1 for a point that is
+    not inside of the box, which has no effect; NO_ROOM: nothing was done; UNSETTLED: SETTLE in larger arrays ends the
+    edit and returns what this would have; or FULL: the mesh is useless.
     """
     m = mesh_at(places)
     w = workshop_at(places)
-    status = 0
-    if what != SETTLE and not has_room(m, w, points.shape[0]):
-        return NO_ROOM
+    progress = w.progress[0]
     if what == INSERT:
-        outside = snap_inside(m, points, points)
-        if outside != OK:
-            return outside
-        status = put_points(m, w, points, ids)
+        frame = m.frame[0]
+        cell = frame.cell
+        inside = x >= frame.x0 + cell and x <= frame.x1 - cell and y >= frame.y0 + cell and y <= frame.y1 - cell
+        if not inside:
+            return NONE
+        if not has_room(m, w, 1):
+            return np.int64(NO_ROOM)
+        v = put_corner(m, w, snapped(cell, x), snapped(cell, y), NONE)
+        if v < 0:
+            return v
+        progress.vertex = v
     elif what == REMOVE:
-        status = _take_points(m, w, ids)
-    if status < 0:
-        return status
-    return 0 if settle(m, w) == 0 else UNSETTLED
+        if v < 0:
+            return NONE
+        if not has_room(m, w, 1):
+            return np.int64(NO_ROOM)
+        progress.vertex = v
+        status = _take_out(m, w, v)
+        if status < 0:
+            return np.int64(status)
+    return progress.vertex if settle(m, w) == 0 else np.int64(UNSETTLED)

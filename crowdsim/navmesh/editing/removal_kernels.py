@@ -2,10 +2,10 @@
 
 from crowdsim.geometry.predicates_kernels import incircle
 from crowdsim.jit import helper
-from crowdsim.navmesh.half_edge_kernels import nxt, prv, side
+from crowdsim.navmesh.half_edge_kernels import nxt, prv, side, soil
 from crowdsim.navmesh.triangulation.triangulation_kernels import flip, link, restore_delaunay, take
 from crowdsim.navmesh.triangulation.use_kernels import same_uses
-from crowdsim.navmesh.triangulation.work_kernels import LOOKING, touch
+from crowdsim.navmesh.triangulation.work_kernels import CHANGED, LOOKING, touch
 
 SIDES, POINT = 1, 2
 """What a removal leaves: sides that were constrained, or the place of one point."""
@@ -161,7 +161,7 @@ def remove_vertex(m, w, v):
         for k, h, source, start, middle, end in ((k0, h0, k1, a, b, c), (k2, h2, k3, c, d, a)):
             take(sides, nxt(k), source)
             sides[h].org = end
-            sides[k].clr = -1.0
+            soil(sides, k // 3)
             vertices[start].vhe = k
             vertices[middle].vhe = nxt(k)
             _push(w, start, middle)
@@ -175,7 +175,7 @@ def remove_vertex(m, w, v):
         take(sides, nxt(k0), k1)
         take(sides, h0, nxt(h2))
         sides[h0].org = c
-        sides[k0].clr = -1.0
+        soil(sides, k0 // 3)
         vertices[a].vhe = k0
         vertices[b].vhe = nxt(k0)
         vertices[c].vhe = h0
@@ -270,12 +270,11 @@ def removable(m, w, v):
 
 
 @helper
-def is_free_point(m, ids):
-    """Whether nothing needs the only one of ``ids`` any longer, and no constraint ends there."""
+def is_free_point(m, v):
+    """Whether nothing needs vertex v any longer, and no constraint ends there."""
     sides = m.sides
-    if ids.size != 1 or m.vertices[ids[0]].vref > 0:
+    if m.vertices[v].vref > 0:
         return False
-    v = ids[0]
     first = m.vertices[v].vhe
     h = first
     fixed = False
@@ -299,6 +298,7 @@ def take_point(m, w, v):
     while True:
         u = sides[nxt(h)].org
         touch(w, u)
+        w.to_do[u].mark |= CHANGED
         if m.vertices[u].vref > 0:
             w.to_do[u].mark |= LOOKING
         h = sides[prv(h)].twin

@@ -1,13 +1,10 @@
 """Repairs after an edit: Delaunay, without vertices that nothing needs, refined and measured around what changed."""
 
-import numpy as np
-
 from crowdsim.jit import helper
 from crowdsim.navmesh.editing.removal_kernels import POINT, SIDES, hint_cell, removable, remove_vertex
 from crowdsim.navmesh.half_edge_kernels import is_dirty, nxt, prv
 from crowdsim.navmesh.mesh_arrays import BOX_CORNERS
 from crowdsim.navmesh.triangulation.refine_kernels import (
-    WEDGE,
     add_foot,
     find_bottleneck,
     inside_circle,
@@ -55,9 +52,46 @@ def _look_out(m, w, h):
 
 
 @helper
+def _touch_around(m, w, v):
+    """Touch the corners of changed triangles around vertex v, and what may not be needed any longer next to v."""
+    sides = m.sides
+    vertices = m.vertices
+    first = vertices[v].vhe
+    h = first
+    while True:
+        p = prv(h)
+        u = sides[nxt(h)].org
+        if is_dirty(sides, h // 3):
+            touch(w, u)
+            w.to_do[u].mark |= CHANGED
+            u = sides[p].org
+            touch(w, u)
+            w.to_do[u].mark |= CHANGED
+        elif vertices[u].vref == 0:
+            touch(w, u)
+        h = sides[p].twin
+        if h == first:
+            break
+
+
+@helper
+def _has_changed(m, w, v):
+    """Whether a triangle around the touched vertex v changed."""
+    sides = m.sides
+    first = m.vertices[v].vhe
+    h = first
+    changed = w.to_do[v].mark & CHANGED != 0
+    while not changed:
+        changed = is_dirty(sides, h // 3)
+        h = sides[prv(h)].twin
+        if h == first:
+            break
+    return changed
+
+
+@helper
 def _touch_corners(m, w):
     """Touch all corners of changed triangles around touched vertices, and take out those that nothing needs."""
-    sides = m.sides
     vertices = m.vertices
     i = 0
     while True:
@@ -66,25 +100,9 @@ def _touch_corners(m, w):
             i += 1
             if vertices[v].vhe < 0 or v < BOX_CORNERS:
                 continue
-            first = vertices[v].vhe
-            h = first
-            changed = False
-            while True:
-                if is_dirty(sides, h // 3):
-                    changed = True
-                    touch(w, sides[nxt(h)].org)
-                    touch(w, sides[prv(h)].org)
-                h = sides[prv(h)].twin
-                if h == first:
-                    break
-            if changed:
+            if _has_changed(m, w, v):
                 w.to_do[v].mark |= CHANGED
-            while changed:
-                u = sides[nxt(h)].org
-                if vertices[u].vref == 0:
-                    touch(w, u)
-                h = sides[prv(h)].twin
-                changed = h != first
+                _touch_around(m, w, v)
             unneeded = vertices[v].vref == 0 and w.to_do[v].mark & KEPT == 0 and removable(m, w, v)
             if unneeded and not remove_vertex(m, w, v):
                 w.to_do[v].mark |= KEPT
@@ -131,7 +149,6 @@ def settle(m, w):
             h = sides[prv(h)].twin
             if h == first:
                 break
-    wedges = np.empty(256, WEDGE)
     i = 0
     while i < w.progress[0].touched:
         v = w.to_do[i].touched
@@ -142,7 +159,7 @@ def settle(m, w):
             if w.progress[0].removal == POINT:
                 x = w.gone[0].ax
                 y = w.gone[0].ay
-            h, x, y = find_bottleneck(m, v, x, y, wedges)
+            h, x, y = find_bottleneck(m, v, x, y, w.sights)
             if h >= 0:
                 if add_foot(m, h, x, y, w) < 0:
                     return FULL
