@@ -196,8 +196,9 @@ class Obstacles:
             if not self._enter(number, slot):
                 slot.ids = None
                 self._rebuild()
+                count = len(shape) if isinstance(shape, list) else len(snapped.points)
                 raise GeometryError(
-                    f"the obstacle of {len(snapped.points)} corners cannot be put into the mesh; simplify or repair it"
+                    f"the obstacle of {count} corners cannot be put into the mesh; simplify or repair it"
                 )
 
     def _take(self, number: int) -> None:

@@ -141,7 +141,7 @@ def settle(m, w):
         h = first
         while True:
             # Each side once: from its origin.
-            if m.wind[h // 3] == 0 and is_dirty(sides, h // 3):
+            if is_dirty(sides, h // 3) and m.wind[h // 3] == 0:
                 if sides[h].cst != 0:
                     enqueue(w, v)
                 elif removal and not is_dirty(sides, sides[h].twin // 3):

@@ -6,7 +6,8 @@ import shapely
 
 from crowdsim.jit import kernel
 from crowdsim.navmesh.editing import edit_kernels, outline_kernels
-from crowdsim.navmesh.editing.point_kernels import edit_point, places
+from crowdsim.navmesh.editing.address_kernels import mesh_at, places_of, workshop_at
+from crowdsim.navmesh.editing.point_kernels import INSERT, REMOVE, edit_point
 from crowdsim.navmesh.editing.removal_kernels import remove_vertex
 from crowdsim.navmesh.mesh_arrays import resized, workshop
 from crowdsim.navmesh.navmesh import NavMesh
@@ -33,6 +34,25 @@ def _flood(m, w):
 @kernel
 def _inside(m, t, ax, ay, bx, by):
     return inside_circle(m, t, ax, ay, bx, by, 0.0, 1.0)
+
+
+@kernel
+def _as_seen(places):
+    m, w = mesh_at(places), workshop_at(places)
+    return (
+        (m.sides.size, m.sides.nbytes),
+        (m.vertices.size, m.vertices.nbytes),
+        (m.wind.size, m.wind.nbytes),
+        (m.hints.size, m.hints.nbytes),
+        (m.frame.size, m.frame.nbytes),
+        (w.stack.size, w.stack.nbytes),
+        (w.pairs.size, w.pairs.nbytes),
+        (w.to_do.size, w.to_do.nbytes),
+        (w.uses.size, w.uses.nbytes),
+        (w.gone.size, w.gone.nbytes),
+        (w.progress.size, w.progress.nbytes),
+        (w.sights.size, w.sights.nbytes),
+    )
 
 
 @pytest.mark.parametrize("on_a_lattice", [True, False])
@@ -91,27 +111,49 @@ def test_parts_of_segments_inside_circles():
     assert missed > 10
 
 
-def test_points_through_their_own_door_make_the_same_mesh():
+def test_points_are_corners_of_chains_without_sides():
     built = NavMesh(random_area(np.random.default_rng(6), "boxes", count=10)).arrays
     room, ends = len(built.vertices) + 200, np.ones(1, np.int64)
-    direct, by_address = resized(built, room), resized(built, room)
+    one, other = resized(built, room), resized(built, room)
     works = workshop(room, 4096), workshop(room, 4096)
-    table = places(by_address, works[1])
+    points, chains = places_of(one, works[0]), places_of(other, works[1])
     rng = np.random.default_rng(4)
+    kept = []
     for slot, (x, y) in enumerate(rng.uniform(0.0, 12.0, (40, 2))):
-        point, snapped = np.array([[x, y]]), np.empty((1, 2))
-        assert outline_kernels.snap_inside(direct, point, snapped) == outline_kernels.OK
-        ids = np.empty(1, np.int64), np.empty(1, np.int64)
-        for what in (edit_kernels.INSERT, edit_kernels.REMOVE)[: 1 + slot % 2]:
-            assert edit_kernels.edit(direct, works[0], what, snapped, ends, 0, slot, ids[0]) == 0
-            assert edit_point(table, what, point, ids[1], slot) == 0
-        assert point.tolist() == snapped.tolist()
-        assert ids[0] == ids[1]
-    for one, other in zip(direct, by_address, strict=True):
-        assert one.tolist() == other.tolist()
-    for outside, status in (((1e3, 0.0), outline_kernels.OUTSIDE), ((np.nan, 0.0), outline_kernels.NOT_FINITE)):
-        assert edit_point(table, edit_kernels.INSERT, np.array([outside]), np.empty(1, np.int64), 40) == status
-    assert by_address.frame.tolist() == direct.frame.tolist()
+        snapped = np.empty((1, 2))
+        assert outline_kernels.snap_inside(other, np.array([[x, y]]), snapped) == outline_kernels.OK
+        ids = np.empty(1, np.int64)
+        v = edit_point(points, INSERT, x, y, -1)
+        assert edit_kernels.edit(chains, INSERT, snapped, ends, 0, slot, ids) == 0
+        assert tuple(one.vertices[v][["x", "y"]]) == tuple(snapped[0])
+        if slot % 2:
+            assert edit_point(points, REMOVE, x, y, v) == v
+            assert edit_kernels.edit(chains, REMOVE, snapped, ends, 0, slot, ids) == 0
+        else:
+            kept.append(tuple(snapped[0]))
+        assert mesh_faults(one) == mesh_faults(other) == []
+    owners = [sorted(v[["x", "y"]].tolist() for v in mesh.vertices if v["vref"] > 0) for mesh in (one, other)]
+    assert owners[0] == owners[1]
+    assert set(kept) <= set(owners[0])
+
+
+@pytest.mark.parametrize("place", [(1e3, 0.0), (np.nan, 0.0), (0.0, -np.inf)])
+def test_points_outside_of_the_box_have_no_effect(place):
+    mesh = resized(NavMesh(random_area(np.random.default_rng(6), "boxes", count=10)).arrays, 1000)
+    work = workshop(1000, 4096)
+    before = resized(mesh, 1000)
+    v = edit_point(places_of(mesh, work), INSERT, *place, -1)
+    assert v == -1
+    assert edit_point(places_of(mesh, work), REMOVE, *place, v) == -1
+    for array, untouched in zip(mesh, before, strict=True):
+        assert array.tobytes() == untouched.tobytes()
+
+
+def test_arrays_at_addresses_are_those_of_the_mesh():
+    mesh = resized(NavMesh(random_area(np.random.default_rng(6), "boxes", count=10)).arrays, 1000)
+    work = workshop(1000, 4096)
+    for seen, array in zip(_as_seen(places_of(mesh, work)), (*mesh, *work), strict=True):
+        assert seen == (array.size, array.nbytes)
 
 
 def test_feet_around_points_that_come_and_go_are_those_of_a_full_refinement():
