@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from numba import carray, njit, types
+from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
+from numba.np.arrayobj import populate_array
 
 __all__ = ["array_at", "cache_folder", "helper", "is_cold", "kernel"]
 
@@ -95,14 +96,23 @@ def helper(function: Callable[..., Any]) -> Any:
 
 
 @intrinsic
-def _pointer(_: Any, address: Any) -> Any:
-    def generate(_: Any, builder: Any, __: Any, values: Any) -> Any:
-        return builder.inttoptr(values[0], cgutils.voidptr_t)
+def array_at(_: Any, address: Any, shape: Any, dtype: Any) -> Any:
+    """In kernels: the C-contiguous array at an integer ``address``, which somebody else keeps alive.
 
-    return types.voidptr(address), generate
+    As numba's `carray` from a pointer, but in a tenth of the time to compile.
+    """
+    kind = types.Array(dtype.dtype, len(shape), "C")
 
+    def generate(context: Any, builder: Any, _: Any, values: Any) -> Any:
+        array = context.make_array(kind)(context, builder)
+        itemsize = context.get_abi_sizeof(context.get_data_type(kind.dtype))
+        lengths = cgutils.unpack_tuple(builder, values[1])
+        strides = [context.get_constant(types.intp, itemsize)]
+        for length in lengths[:0:-1]:
+            strides.insert(0, builder.mul(strides[0], length))
+        data = builder.inttoptr(values[0], array.data.type)
+        size = context.get_constant(types.intp, itemsize)
+        populate_array(array, data=data, shape=lengths, strides=strides, itemsize=size, meminfo=None)
+        return array._getvalue()
 
-@helper
-def array_at(address: Any, shape: Any, dtype: Any) -> Any:
-    """In kernels: the array at an integer ``address``, which somebody else keeps alive."""
-    return carray(_pointer(address), shape, dtype)
+    return kind(address, shape, dtype), generate

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 NONE = np.int64(-1)
-"""No half-edge, triangle or vertex; typed, as a bare -1 would make numba compile what it is passed to once more."""
+"""No half-edge, triangle or vertex. Helpers that take other numbers as well are passed np.int64(NONE): numba takes the
+constant for a type of its own and would compile them twice."""
 
 BOX_CORNERS = 4
 """The first vertices are the corners of the box; they are no obstacles and no free triangle touches them."""

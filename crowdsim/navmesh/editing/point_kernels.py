@@ -70,16 +70,16 @@ def edit_point(places, what, x, y, v):
         inside = x >= frame.x0 + cell and x <= frame.x1 - cell and y >= frame.y0 + cell and y <= frame.y1 - cell
         if not inside:
             return NONE
-        if not has_room(m, w, 1):
+        if not has_room(m, w, np.int64(1)):
             return np.int64(NO_ROOM)
-        v = put_corner(m, w, snapped(cell, x), snapped(cell, y), NONE)
+        v = put_corner(m, w, snapped(cell, x), snapped(cell, y), np.int64(NONE))
         if v < 0:
             return v
         progress.vertex = v
     elif what == REMOVE:
         if v < 0:
             return NONE
-        if not has_room(m, w, 1):
+        if not has_room(m, w, np.int64(1)):
             return np.int64(NO_ROOM)
         progress.vertex = v
         status = _take_out(m, w, v)
