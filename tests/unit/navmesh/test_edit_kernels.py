@@ -9,11 +9,13 @@ from crowdsim.navmesh.editing import edit_kernels, outline_kernels
 from crowdsim.navmesh.editing.address_kernels import mesh_at, places_of, workshop_at
 from crowdsim.navmesh.editing.point_kernels import INSERT, REMOVE, edit_point
 from crowdsim.navmesh.editing.removal_kernels import remove_vertex
+from crowdsim.navmesh.editing.settle_kernels import settle
 from crowdsim.navmesh.mesh_arrays import resized, workshop
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.triangulation.refine_kernels import inside_circle
 from crowdsim.navmesh.triangulation.triangulation_kernels import restore_delaunay
 from crowdsim.navmesh.triangulation.winding_kernels import flood
+from crowdsim.navmesh.triangulation.work_kernels import KEPT, TOUCHED
 from tests.reference.edits_reference import feet_missing, wrong_widths
 from tests.reference.navmesh_reference import mesh_faults, random_area
 from tests.support.entries import insert_point
@@ -53,6 +55,11 @@ def _as_seen(places):
         (w.progress.size, w.progress.nbytes),
         (w.sights.size, w.sights.nbytes),
     )
+
+
+@kernel
+def _settle(m, w):
+    return settle(m, w)
 
 
 @pytest.mark.parametrize("on_a_lattice", [True, False])
@@ -109,6 +116,25 @@ def test_parts_of_segments_inside_circles():
         missed += lo > hi
         np.testing.assert_array_equal(((share >= lo) & (share <= hi))[clear], (depth > 0.0)[clear])
     assert missed > 10
+
+
+def test_what_changed_around_touched_vertices_is_measured_again_and_nothing_else():
+    mesh = resized(NavMesh(random_area(np.random.default_rng(6), "boxes", count=10)).arrays, 1000)
+    work, filled = workshop(1000), int(mesh.frame["triangles"][0])
+    right = mesh.sides["clr"].copy()
+    for changed in np.flatnonzero(mesh.wind[:filled] == 0)[::7]:
+        mesh.sides["clr"] = 7.0
+        mesh.sides["clr"][3 * changed] = -1.0
+        v = mesh.sides["org"][3 * changed + 1]
+        work.to_do["mark"] = KEPT  # a build leaves feet that an edit would take out
+        work.to_do["touched"][0], work.to_do["mark"][v], work.progress["touched"] = v, TOUCHED | KEPT, 1
+        assert _settle(mesh, work) == 0
+        measured = np.flatnonzero(mesh.sides["clr"] != 7.0)
+        assert set(measured // 3) == {changed}
+        np.testing.assert_array_equal(mesh.sides["clr"][measured], right[measured])
+        assert int(mesh.frame["triangles"][0]) == filled
+        assert not (work.to_do["mark"] & ~KEPT).any()
+        assert work.progress[["touched", "waiting", "gone"]].item() == (0, 0, 0)
 
 
 def test_points_are_corners_of_chains_without_sides():
