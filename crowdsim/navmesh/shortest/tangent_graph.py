@@ -34,7 +34,8 @@ class RadiusGraph:
     """
 
     def __init__(self, mesh: MeshArrays, radius: float, least: float, workers: int) -> None:
-        self.radius, self.least, self.slack = radius, least, _SLACK_CELLS * float(mesh.frame["cell"][0])
+        cell = float(mesh.frame["cell"][0])
+        self.radius, self.least, self.slack = least + cell / 64.0, least, _SLACK_CELLS * cell
         if least <= 0.0:
             self.radius = self.least = self.slack = 0.0
         self._vertices, self._triangles = len(mesh.vertices), int(mesh.frame["triangles"][0])
