@@ -169,7 +169,10 @@ def _turns_right(nodes, count, i):
 
 @helper
 def pull(m, stack, nodes, count, radius, least, start, taut):
-    """Check and repair until nothing is too close; (repaired, points). ``taut``: the string is as tight as it can be."""
+    """Check and repair until nothing is too close; (repaired, points).
+
+    A string that is ``taut`` already is not repaired, as there may be no other; its polyline gets finer at most.
+    """
     sides = m.sides
     vertices = m.vertices
     points = np.empty((2 * nodes.size + 64, 2))
@@ -202,6 +205,8 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
             if fine:
                 first = max(1, i)
                 continue
+        if taut:
+            break
         dx = x - px
         dy = y - py
         crossed = False

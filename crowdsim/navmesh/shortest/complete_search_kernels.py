@@ -1,7 +1,5 @@
 """The same search with every arrival at an arc that a shortest path may need, for the few queries where it matters."""
 
-import math
-
 import numpy as np
 
 from crowdsim.jit import helper
@@ -56,7 +54,7 @@ def _arrive(arrivals, count, first, n, cost, turned, before, radius):
 def search_all(
     m, graph, scratch, start, start_others, sx, sy, goal, goal_others, gx, gy, radius, least, slack, longest
 ):
-    """(arrivals, last arrival, length) of the shortest path of at most ``longest`` meters; -1 for it if there is none."""
+    """(arrivals, last arrival, length) of the shortest path of at most ``longest`` meters; -1 if there is none."""
     links = graph.links
     nodes = graph.nodes
     goals = scratch.goals

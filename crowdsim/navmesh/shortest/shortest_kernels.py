@@ -17,6 +17,7 @@ from crowdsim.navmesh.paths.path_kernels import (
     straight_path,
 )
 from crowdsim.navmesh.paths.string_kernels import pull
+from crowdsim.navmesh.paths.tangent_kernels import COARSE, tangent
 from crowdsim.navmesh.shortest.complete_search_kernels import search_all, string_of_label
 from crowdsim.navmesh.shortest.end_kernels import free_triangle, see_each_other, sees
 from crowdsim.navmesh.shortest.tangent_search_kernels import SAME, distance, search_tangents, string_of
@@ -26,8 +27,27 @@ _DETOUR = 1.06
 
 
 @helper
-def shortest_path(m, graph, scratch, sx, sy, gx, gy, radius, least, slack):
-    """(status, points (n, 2), length) of the shortest path of a disc that comes nowhere closer than ``least``.
+def _widen(string, radius):
+    """Take a taut string to circles of ``radius``, hardly another one; whether it still turns as it did."""
+    ax = 0.0
+    ay = 0.0
+    for i in range(string.size):
+        string[i].bulge = COARSE
+        string[i].q = math.copysign(radius, string[i].q) if string[i].vertex >= 0 else 0.0
+        if i > 0:
+            exists, bx, by = tangent(string[i - 1], string[i])
+            if not exists or string[i - 1].q * (ax * by - ay * bx) < -1e-6 * radius:
+                return False
+            ax = bx
+            ay = by
+    return True
+
+
+@helper
+def shortest_path(m, graph, scratch, sx, sy, gx, gy, asked, radius, least, slack):
+    """(status, points (n, 2), length) of the shortest path of a disc of ``radius`` that comes no closer than ``least``.
+
+    The points keep the radius ``asked`` for, which is more by the tolerance, where there is room for that.
 
     ``graph`` is that of ``radius``, ``least`` and ``slack``; ``scratch`` a
     :class:`crowdsim.navmesh.shortest.shortest_scratch.ShortestScratch`.
@@ -71,12 +91,20 @@ def shortest_path(m, graph, scratch, sx, sy, gx, gy, radius, least, slack):
         if last < 0:
             return NO_PASSAGE, points, math.nan
         string = string_of_label(graph, arrivals, last, sx, sy, gx, gy, radius)
-    done, points = pull(m, scratch.stack, string, string.size, radius, least, start, np.bool_(True))
+    done = False
+    if _widen(string, asked):
+        done, points = pull(m, scratch.stack, string, string.size, asked, least, start, np.bool_(True))
+    if not done:
+        turns = _widen(string, radius)
+        done, points = pull(m, scratch.stack, string, string.size, radius, least, start, np.bool_(not turns))
+    if not done:
+        _widen(string, radius)
+        done, points = pull(m, scratch.stack, string, string.size, radius, least, start, np.bool_(turns))
     return (OK, points, length) if done else (TANGLED, points, math.nan)
 
 
 @kernel
-def shortest_paths(m, graph, scratch, starts, goals, radius, least, slack, status, lengths, counts):
+def shortest_paths(m, graph, scratch, starts, goals, asked, radius, least, slack, status, lengths, counts):
     """The points (k, 2) of the paths of :func:`shortest_path` for rows of ``starts`` and ``goals`` (n, 2), one by one.
 
     Fills ``status`` (n,), ``lengths`` (n,), nan where there is no path, and ``counts`` (n,) of points of each path.
@@ -85,7 +113,7 @@ def shortest_paths(m, graph, scratch, starts, goals, radius, least, slack, statu
     filled = np.int64(0)
     for i in range(status.size):
         found, path, length = shortest_path(
-            m, graph, scratch, starts[i, 0], starts[i, 1], goals[i, 0], goals[i, 1], radius, least, slack
+            m, graph, scratch, starts[i, 0], starts[i, 1], goals[i, 0], goals[i, 1], asked, radius, least, slack
         )
         status[i] = found
         counts[i] = 0

@@ -59,9 +59,9 @@ def _least_lost(graph, goals, stamp, gx, gy, n, cost, turned, kept_cost, kept_tu
                 node = nodes[link.to]
                 lost = min(lost, cost + link.cost + distance(gx - node.x, gy - node.y))
     goal = goals[n]
-    if goal.stamp == stamp and goal.turned >= turned - SAME and goal.turned < until:
-        if not _is_shorter(kept_turned - goal.turned, radius, kept_straight, goal.length):
-            lost = min(lost, cost + radius * goal.turned + goal.length)
+    seen = goal.stamp == stamp and goal.turned >= turned - SAME and goal.turned < until
+    if seen and not _is_shorter(kept_turned - goal.turned, radius, kept_straight, goal.length):
+        lost = min(lost, cost + radius * goal.turned + goal.length)
     return lost
 
 
