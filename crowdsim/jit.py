@@ -15,9 +15,12 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from numba import njit
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+from numba.np.arrayobj import populate_array
 
-__all__ = ["cache_folder", "helper", "is_cold", "kernel"]
+__all__ = ["array_at", "cache_folder", "helper", "is_cold", "kernel"]
 
 _OPTIONS = {
     "cache": True,
@@ -90,3 +93,26 @@ def helper(function: Callable[..., Any]) -> Any:
     dispatcher._insert = lambda *_: None
     dispatcher._compile_for_args = refuse
     return dispatcher
+
+
+@intrinsic
+def array_at(_: Any, address: Any, shape: Any, dtype: Any) -> Any:
+    """In kernels: the C-contiguous array at an integer ``address``, which somebody else keeps alive.
+
+    As numba's `carray` from a pointer, but in a tenth of the time to compile.
+    """
+    kind = types.Array(dtype.dtype, len(shape), "C")
+
+    def generate(context: Any, builder: Any, _: Any, values: Any) -> Any:
+        array = context.make_array(kind)(context, builder)
+        itemsize = context.get_abi_sizeof(context.get_data_type(kind.dtype))
+        lengths = cgutils.unpack_tuple(builder, values[1])
+        strides = [context.get_constant(types.intp, itemsize)]
+        for length in lengths[:0:-1]:
+            strides.insert(0, builder.mul(strides[0], length))
+        data = builder.inttoptr(values[0], array.data.type)
+        size = context.get_constant(types.intp, itemsize)
+        populate_array(array, data=data, shape=lengths, strides=strides, itemsize=size, meminfo=None)
+        return array._getvalue()
+
+    return kind(address, shape, dtype), generate

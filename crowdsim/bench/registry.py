@@ -15,6 +15,10 @@ from crowdsim.errors import CrowdSimError
 _BENCHES = {
     "startup": ("crowdsim.bench.startup", "seconds until something happens: help, import, kernels, first step"),
     "navmesh": ("crowdsim.bench.navmesh", "navigation meshes: build, paths, clearances and edits; lengths, violations"),
+    "environment": (
+        "crowdsim.bench.environment",
+        "3D worlds: time to layers and meshes, fit to a laser map, free area",
+    ),
 }
 """Name -> (module with a ``measure`` function, one line on what it measures)."""
 
@@ -47,15 +51,17 @@ def bench_names() -> dict[str, str]:
     return {name: line for name, (_, line) in _BENCHES.items()}
 
 
-def run_bench(name: str, maps: Path | None = None) -> BenchResult:
-    """Run the benchmark called ``name``, on the files in the folder ``maps`` if one is given.
+def run_bench(name: str, maps: Path | None = None, worlds: Path | None = None) -> BenchResult:
+    """Run the benchmark called ``name``, on the files in the folder ``maps`` or ``worlds`` if one is given.
 
-    Raises :class:`CrowdSimError` for a name that is not there, and for maps where the benchmark takes none.
+    Raises :class:`CrowdSimError` for a name that is not there, and for a folder of a kind the benchmark takes none of.
     """
     if name not in _BENCHES:
         raise CrowdSimError(f"there is no benchmark '{name}'; there are: {', '.join(_BENCHES)}")
     measure: Callable[..., Measurement] = importlib.import_module(_BENCHES[name][0]).measure
-    if maps is not None and "maps" not in inspect.signature(measure).parameters:
-        raise CrowdSimError(f"the benchmark '{name}' takes no maps; run it without")
-    measured = measure() if maps is None else measure(maps=maps)
+    given = {kind: folder for kind, folder in (("maps", maps), ("worlds", worlds)) if folder is not None}
+    for kind in given:
+        if kind not in inspect.signature(measure).parameters:
+            raise CrowdSimError(f"the benchmark '{name}' takes no {kind}; run it without")
+    measured = measure(**given)
     return BenchResult(name, describe_machine(), describe_versions(), measured.rows, measured.figures)

@@ -16,6 +16,10 @@ def bench(
     maps: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="For navmesh: a folder of maps with known shortest lengths.")
     ] = None,
+    worlds: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="For environment: the folder of small_house.glb and the others."),
+    ] = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
@@ -31,7 +35,7 @@ def bench(
         else:
             print_table(list(bench_names().items()))
         return
-    result = run_bench(name, maps)
+    result = run_bench(name, maps=maps, worlds=worlds)
     if as_json:
         typer.echo(json.dumps(asdict(result)))
         return

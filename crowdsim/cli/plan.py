@@ -18,16 +18,18 @@ def plan(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Plan one path and show which behavior it uses where."""
+    """Plan one path through the place as it is at the start, and show which behavior it uses where."""
     ends = read_point(start, "--from"), read_point(goal, "--to")
 
     from crowdsim.cli.tables import print_rows
+    from crowdsim.crowd.place import Place
     from crowdsim.crowd.setting import prepare
     from crowdsim.planning.planner import plan_path
     from crowdsim.scenario.loader import load_scenario
 
-    setting = prepare(load_scenario(scenario, overrides or []))
-    path = plan_path(setting.meshes, setting.behaviors, *ends)
+    loaded = load_scenario(scenario, overrides or [])
+    setting = prepare(loaded)
+    path = plan_path(Place(setting, loaded.changes()).meshes, setting.behaviors, *ends)
     sections: list[dict[str, Any]] = [
         {
             "behavior": setting.behaviors[section.behavior].name,

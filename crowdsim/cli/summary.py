@@ -5,6 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+_ON_TIME = 0.1
+"""Seconds that an event may be late without a word: it waits for the next step at least."""
+
+
+_NEVER = {
+    "waiting": "never: somebody was in the way to the end",
+    "overtaken": "never: somebody was in the way until the next event",
+}
+
 
 def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Rows (label, value) of a run's summary."""
@@ -15,6 +24,8 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("arrived", str(summary["arrived"])),
         *([("  still waiting at the end", str(summary["waiting"]))] if summary["waiting"] else []),
         *((f"  no way for character {agent}", reason) for agent, reason in summary["unreachable"].items()),
+        *((f"rounds of {group}", str(count)) for group, count in summary["laps"].items()),
+        *_event_rows(summary),
         ("steps", str(summary["steps"])),
         ("mean time to arrive", _quantity(summary["mean_time"], "{:.1f} s")),
         ("share of the way", _shares(summary["behavior_share"])),
@@ -27,6 +38,22 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("state hash", summary["state_hash"]),
         ("recording", summary["recording"]),
     ]
+
+
+def _event_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """How many events happened, which ones late or never, and how many characters planned anew because of them."""
+    events = summary["events"]
+    if not events:
+        return []
+    happened = sum(event["outcome"] == "happened" for event in events)
+    rows = [("events", f"{happened} of {len(events)} that were due happened")]
+    for event in events:
+        label = f"  {event['event']} at {event['at']:g} s"
+        if event["outcome"] != "happened":
+            rows.append((label, _NEVER[event["outcome"]]))
+        elif event["late"] > _ON_TIME:
+            rows.append((label, f"{event['late']:.1f} s late: somebody was in the way"))
+    return [*rows, ("plans made anew for them", str(summary["replans"]))]
 
 
 def _quantity(value: float | None, form: str) -> str:

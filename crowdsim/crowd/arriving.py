@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.constants import NONE
-from crowdsim.crowd.replanning import Plans
+from crowdsim.crowd.plans import Plans
 from crowdsim.ecs.world import View, World
 from crowdsim.recording.header import AgentState
 
@@ -34,8 +34,12 @@ class Arriving:
             agent = int(view.agent[row])
             plan = self.plans.motions.get(agent)
             if plan is not None and plan.arrives and view.cursor[row] == plan.count - 1:
-                self.arrived[agent] = self.plans.step
+                self._note(agent)
                 self.world.remove(int(view.id[row]))
-        for agent in view.agent[(view.state == AgentState.ARRIVED)]:
+        for agent in view.agent[(view.state == AgentState.ARRIVED)].tolist():
             if self.arrived[agent] == NONE:
-                self.arrived[agent] = self.plans.step
+                self._note(agent)
+
+    def _note(self, agent: int) -> None:
+        self.arrived[agent] = self.plans.step
+        self.plans.errands.reach(agent)

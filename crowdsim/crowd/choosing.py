@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from crowdsim.constants import NONE
+from crowdsim.crowd.changing import KEPT_OFF, reserved_lines
 from crowdsim.crowd.components import SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.motion_plan import MotionPlan
-from crowdsim.crowd.replanning import Plans
+from crowdsim.crowd.plans import Join, Plans
+from crowdsim.crowd.replanning import reach_goal
 from crowdsim.crowd.reservation_kernels import append_stop, reserve
 from crowdsim.ecs.world import View
 from crowdsim.motion.track_kernels import node_end
@@ -17,7 +22,14 @@ from crowdsim.recording.header import AgentState
 LOOKAHEAD = 12
 """Nodes of the plan considered at once, where a character cannot stand down after fewer."""
 
+NODES_LEFT = 4
+"""Nodes before the end of a plan at which the way on is looked for, of those who walk through their goal."""
+
+NEAR_GOAL = 1.0
+"""Meters from a goal to walk through at which it counts as reached where the last of the way is taken."""
+
 _CHAIN = LOOKAHEAD + 8  # with the nodes of the stop behind them
+_NOTHING = np.empty((0, 4))
 
 
 class Choosing:
@@ -29,14 +41,15 @@ class Choosing:
     it has, and no one ever walks into another, whatever happens.
     """
 
-    READS = ("agent", "frame", "body_radius", "node", "origin", "seam", "stays")
+    READS = ("agent", "frame", "pose", "body_radius", "node", "origin", "seam", "stays")
     WRITES = (
         "state", "next_node", "next_origin", "next_seam", "next_cursor", "cursor", "reserved", "blocked_since",
-        "timeline", "timeline_start", "gone_slot",
+        "timeline", "timeline_start", "gone_slot", "goal", "awaiting_plan", "retry_step",
     )  # fmt: skip
 
     def __init__(self, plans: Plans) -> None:
         self.plans = plans
+        self._looked_ahead: dict[int, NDArray[np.int32]] = {}
         self._chain = np.zeros(_CHAIN, np.int32)
         self._origins = np.zeros((_CHAIN, 3))
         self._seams = np.zeros((_CHAIN, 3))
@@ -50,23 +63,35 @@ class Choosing:
 
     def _choose(self, view: View, row: int) -> None:
         graph = self.plans.setting.graph
-        agent, node = int(view.agent[row]), int(view.node[row])
+        agent, node, cursor = int(view.agent[row]), int(view.node[row]), int(view.cursor[row])
         plan = self.plans.motions.get(agent)
         if plan is not None:
-            following = int(view.cursor[row]) + 1
+            if cursor in plan.passes:
+                plan = replace(plan, passes=tuple(p for p in plan.passes if p != cursor))
+                self.plans.motions[agent] = plan
+                reach_goal(self.plans, view, row)
+            following = cursor + 1
             if following < plan.count:
                 if following <= view.reserved[row] or self._extend(view, row, plan, following):
                     view.state[row] = AgentState.MOVING
                     view.blocked_since[row] = NONE
                     node = int(plan.nodes[following])
                     _take(view, row, node, plan.origins[following], plan.seams[following], following)
+                    self._look_ahead(view, row, plan, following)
                     return
-                if view.blocked_since[row] == NONE:
+                if self._walks_through(plan, agent) and _distance(view, row) < NEAR_GOAL:
+                    reach_goal(self.plans, view, row)
+                    self._abandon(view, row, agent)
+                elif view.blocked_since[row] == NONE:
                     view.blocked_since[row] = self.plans.step
             elif plan.arrives:
-                if not view.stays[row]:
+                if not self.plans.errands.is_last(agent):
+                    reach_goal(self.plans, view, row)
+                    self._abandon(view, row, agent)
+                elif not view.stays[row]:
                     return  # it leaves the world at the end of this node
-                view.state[row] = AgentState.ARRIVED
+                else:
+                    view.state[row] = AgentState.ARRIVED
         if graph.stop_edge[node] != NONE:
             self._abandon(view, row, agent)
             self._stop(view, row)
@@ -78,7 +103,7 @@ class Choosing:
 
     def _extend(self, view: View, row: int, plan: MotionPlan, following: int) -> bool:
         """Reserve the node ``following`` of the plan, and as many after it as it takes to be able to stop."""
-        setting = self.plans.setting
+        setting, meshes = self.plans.setting, self.plans.place.meshes
         available = min(plan.count - following, LOOKAHEAD)
         chain, origins, seams = self._chain, self._origins, self._seams
         chain[0], origins[0], seams[0] = view.node[row], view.origin[row], view.seam[row]
@@ -86,12 +111,14 @@ class Choosing:
         chain[1 : available + 1] = plan.nodes[ahead]
         origins[1 : available + 1] = plan.origins[ahead]
         seams[1 : available + 1] = plan.seams[ahead]
-        leaves = plan.arrives and not view.stays[row] and following + available == plan.count
+        last = self.plans.errands.is_last(int(view.agent[row]), len(plan.passes))
+        leaves = plan.arrives and last and not view.stays[row] and following + available == plan.count
         clock = self.plans.step * setting.frames_per_step
         taken, gone = reserve(
-            setting.graph, setting.meshes[0].arrays, setting.meshes[1].arrays, setting.body_radii,
+            setting.graph, meshes[0].arrays, meshes[1].arrays, setting.body_radii,
             row, int(view.frame[row]), clock, SLOT_FRAMES, chain, origins, seams, 1, available, leaves,
-            view.timeline, view.timeline_start, view.gone_slot, view.body_radius, self._timeline,
+            view.timeline, view.timeline_start, view.gone_slot, view.body_radius,
+            self._kept_free(view, row), float(view.body_radius[row]) + KEPT_OFF, self._timeline,
         )  # fmt: skip
         if not taken:
             return False
@@ -100,6 +127,36 @@ class Choosing:
         view.gone_slot[row] = gone
         view.reserved[row] = following + taken - 1
         return True
+
+    def _kept_free(self, view: View, row: int) -> NDArray[np.float64]:
+        """Outlines (M, 4) of what is about to come and that a character must not enter: it is not there already."""
+        waited_for = self.plans.place.waited_for
+        if not waited_for:
+            return _NOTHING
+        slot = self.plans.step * self.plans.setting.frames_per_step // SLOT_FRAMES
+        line = reserved_lines(view, slot)[row]
+        distance = float(view.body_radius[row]) + KEPT_OFF
+        segments = [_NOTHING]
+        for outline in waited_for:
+            if outline.distance(line) >= distance:
+                rings = [shapely.get_coordinates(ring) for ring in (outline.exterior, *outline.interiors)]
+                segments += [np.concatenate([ring[:-1], ring[1:]], axis=1) for ring in rings]
+        return np.concatenate(segments)
+
+    def _walks_through(self, plan: MotionPlan, agent: int) -> bool:
+        """Whether a plan ends at a goal that its character leaves at once for the next."""
+        errands, ahead = self.plans.errands, len(plan.passes)
+        return plan.arrives and not errands.is_last(agent, ahead) and not errands.stands(agent, ahead)
+
+    def _look_ahead(self, view: View, row: int, plan: MotionPlan, following: int) -> None:
+        """Ask for the way on from the goal of a plan before it is reached, where nobody stops there."""
+        agent = int(view.agent[row])
+        if plan.count - following > NODES_LEFT or view.awaiting_plan[row] or not self._walks_through(plan, agent):
+            return
+        if self._looked_ahead.get(agent) is not plan.nodes:
+            self._looked_ahead[agent] = plan.nodes  # once: what was not found will not be
+            view.awaiting_plan[row] = True
+            self.plans.request_on(agent, Join(plan, plan.count - 1, reaches=True), len(plan.passes) + 1)
 
     def _abandon(self, view: View, row: int, agent: int) -> None:
         self.plans.motions.pop(agent, None)
@@ -121,6 +178,11 @@ class Choosing:
         view.state[row] = max(view.state[row], AgentState.WAITING)
         end = node_end(self.plans.setting.graph, int(view.node[row]), *view.origin[row])
         _take(view, row, idle, np.array(end), np.zeros(3))
+
+
+def _distance(view: View, row: int) -> float:
+    """Meters to the goal."""
+    return float(np.hypot(*(view.goal[row] - view.pose[row, :2])))
 
 
 def _take(

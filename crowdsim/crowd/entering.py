@@ -6,10 +6,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from shapely import Point
 
+from crowdsim.crowd.changing import KEPT_OFF
 from crowdsim.crowd.components import SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.motion_plan import MotionPlan, Request
-from crowdsim.crowd.replanning import Plans
+from crowdsim.crowd.plans import Plans
+from crowdsim.crowd.replanning import AT_GOAL
 from crowdsim.crowd.reservation_kernels import FOREVER, meets_anyone
 from crowdsim.crowd.setting import Setting
 from crowdsim.ecs.world import View, World
@@ -40,14 +43,16 @@ class Entering:
         timelines, starts, gones, radii = (np.array(getattr(view, name)) for name in self.READS)
         for agent in np.flatnonzero((self.entered < 0) & (self.cast.start_steps - latency <= step)).tolist():
             if agent not in self.requested:
-                self.requested[agent] = step
-                self.plans.request(
-                    agent, Request(self.cast.starts[agent], self.cast.goals[agent], bool(self.cast.stays[agent]))
-                )
+                self._request(agent)
                 continue
             plan = self.plans.motions.get(agent)
             if plan is None:
-                if step >= self.requested[agent] + latency:
+                if step < self.requested[agent] + latency:
+                    continue
+                if self.requested[agent] < self.plans.place.last_edit_step:
+                    self.plans.unreachable.pop(agent, None)
+                    self._request(agent)
+                else:
                     self.plans.unreachable.setdefault(agent, NO_MOTION)
                 continue
             if self.cast.start_steps[agent] > step:
@@ -56,12 +61,24 @@ class Entering:
             slot = step * self.setting.frames_per_step // SLOT_FRAMES
             parked = np.tile(pose[:2], (TIMELINE_SLOTS, 1))
             radius = self.setting.personal_radius
+            place = Point(pose[:2])
+            if any(place.distance(outline) < radius + KEPT_OFF for outline in self.plans.place.waited_for):
+                continue
             if meets_anyone(-1, parked, slot, FOREVER, slot, radius, timelines, starts, gones, radii):
                 continue
             self._spawn(agent, plan, parked, slot)
             self.entered[agent] = step
             timelines = np.concatenate([timelines, parked[None]])
             starts, gones, radii = np.append(starts, slot), np.append(gones, FOREVER), np.append(radii, radius)
+
+    def _request(self, agent: int) -> None:
+        self.requested[agent] = self.plans.step
+        errands = self.plans.errands
+        for _ in self.cast.goals[agent]:
+            if errands.is_last(agent) or np.hypot(*(errands.goal(agent) - self.cast.starts[agent])) >= AT_GOAL:
+                break
+            errands.reach(agent)  # it starts there
+        self.plans.request(agent, Request(self.cast.starts[agent], errands.goal(agent), errands.stands(agent)))
 
     def _spawn(self, agent: int, plan: MotionPlan, parked: NDArray[np.float64], slot: int) -> None:
         node = plan.departure_node
@@ -75,6 +92,6 @@ class Entering:
             timeline=parked,
             timeline_start=slot,
             body_radius=self.setting.personal_radius,
-            goal=self.cast.goals[agent],
+            goal=self.plans.errands.goal(agent),
             stays=self.cast.stays[agent],
         )

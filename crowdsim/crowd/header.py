@@ -6,11 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.crowd.setting import Setting
+from crowdsim.environment.layers import AnySolid
+from crowdsim.environment.mesh_solid import MeshSolid
+from crowdsim.environment.solids import Solid
 from crowdsim.planning.annotated_path import AnnotatedPath
 from crowdsim.recording.header import (
     AgentsRecord,
     BehaviorRecord,
     LayerRecord,
+    MeshRecord,
     MotionRecord,
     RecordingHeader,
     SolidRecord,
@@ -22,7 +26,9 @@ from crowdsim.scenario.scenario import Scenario
 def record_header(scenario: Scenario, setting: Setting, cast: Placement) -> RecordingHeader:
     """The header of the recording of one run."""
     rate = setting.steps_per_second
-    toward = cast.goals - cast.starts
+    changes = scenario.changes()
+    goals = np.array([goals[0] for goals in cast.goals])
+    toward = goals - cast.starts
     starts = np.column_stack([cast.starts, np.arctan2(toward[:, 1], toward[:, 0])])
     poses = setting.motion.poses
     return RecordingHeader(
@@ -33,12 +39,14 @@ def record_header(scenario: Scenario, setting: Setting, cast: Placement) -> Reco
         behaviors=[BehaviorRecord(b.name, b.color, tuple(map(float, b.radii))) for b in setting.behaviors],
         layers=[LayerRecord(layer.name, layer.low, layer.high) for layer in setting.layers],
         floor=scenario.floor_polygon().wkt,
-        solids=[SolidRecord(s.name, s.footprint.wkt, s.bottom, s.top) for s in scenario.solids()],
+        solids=[_record(solid) for solid in changes.fixed if isinstance(solid, Solid)],
+        meshes=[_mesh_record(solid) for solid in changes.fixed if isinstance(solid, MeshSolid)],
+        movables=[_record(solid) for movable in changes.movables for solid in movable.solids],
         agents=AgentsRecord(
             groups=cast.groups,
             start_times=cast.start_steps / rate,
             starts=starts,
-            goals=cast.goals,
+            goals=goals,
             radii=np.full(len(cast.starts), setting.personal_radius),
         ),
         motion=MotionRecord(
@@ -51,6 +59,14 @@ def record_header(scenario: Scenario, setting: Setting, cast: Placement) -> Reco
             pool_rotations=poses.pool_rotations,
         ),
     )
+
+
+def _record(solid: AnySolid) -> SolidRecord:
+    return SolidRecord(solid.name, solid.footprint.wkt, solid.bottom, solid.top)
+
+
+def _mesh_record(solid: MeshSolid) -> MeshRecord:
+    return MeshRecord(solid.name, solid.vertices.astype(np.float32), solid.triangles.astype(np.int32))
 
 
 def labeled_points(route: AnnotatedPath) -> tuple[NDArray[np.float64], NDArray[np.int8]]:

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.crowd.place import Place
 from crowdsim.crowd.setting import Setting
 from crowdsim.errors import PathNotFound
 from crowdsim.following.path_follower import FollowOptions, FollowStatus, follow_path
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.annotated_path import AnnotatedPath, PathSamples
+from crowdsim.planning.clear_ends import joined_to
 from crowdsim.planning.planner import plan_path
 
 WORTHWHILE = 2.0
@@ -25,7 +27,10 @@ SEARCH_BUDGET = 2000
 """Map queries until a search for motion gives up: several times what any that succeeds has been seen to need."""
 
 PASSING_BUDGET = 200
-"""The same for a way around others, which is a try among several."""
+"""The same for a way around others or by a place beside, which is a try among several."""
+
+SIDE_STEP = 0.5
+"""Meters that somebody steps aside who cannot set out from where it stands."""
 
 PASSING_ROOM = 0.02
 """Meters beyond both bodies kept from those who are passed."""
@@ -38,25 +43,26 @@ _OFF_WALLS = 0.02  # meters
 class Request:
     """What a search starts from.
 
-    position, goal: (2,) meters. stays: whether the motion must end standing. standing: the idle node the
-    character is in and the pose (3,) it started from, or None before it entered the world. route: the path it
-    follows already, or None to plan one. around: (k, 2) places of others who stand in the way and to be passed.
+    position, goal: (2,) meters. stays: whether the motion must end standing. departure: the node behind which the
+    motion begins and the pose (3,) that started from, or None before the character entered the world. route: the path
+    it follows already, or None to plan one. around: (k, 2) places of others who stand in the way and to be passed.
     """
 
     position: NDArray[np.float64]
     goal: NDArray[np.float64]
     stays: bool
-    standing: tuple[int, NDArray[np.float64]] | None = None
+    departure: tuple[int, NDArray[np.float64]] | None = None
     route: AnnotatedPath | None = None
     around: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
 
 
 @dataclass(frozen=True)
 class MotionPlan:
-    """A chain of P nodes that departs from standing.
+    """A chain of P nodes.
 
     nodes: (P,) int32. origins: (P, 3) world poses where they start. seams: (P, 3), end of the node before minus
-    origin. departure: the idle node and the pose (3,) it starts from. arrives: whether the chain reaches the goal.
+    origin. departure: the node before the first, and the pose (3,) it starts from. arrives: whether the chain reaches
+    the goal of ``route``. passes: nodes at whose end earlier goals are reached, on the way.
     """
 
     route: AnnotatedPath
@@ -66,6 +72,7 @@ class MotionPlan:
     origins: NDArray[np.float64]
     seams: NDArray[np.float64]
     arrives: bool
+    passes: tuple[int, ...] = ()
 
     @property
     def count(self) -> int:
@@ -78,33 +85,86 @@ class MotionPlan:
         content.update(self.origins.tobytes())
         return int.from_bytes(content.digest(), "little")
 
+    def until(self, last: int) -> MotionPlan:
+        """The plan up to and with node ``last``."""
+        if last == self.count - 1:
+            return self
+        end = last + 1
+        return replace(
+            self,
+            nodes=self.nodes[:end],
+            origins=self.origins[:end],
+            seams=self.seams[:end],
+            arrives=False,
+            passes=tuple(p for p in self.passes if p <= last),
+        )
 
-def search_motion(setting: Setting, request: Request) -> MotionPlan | PathNotFound:
+    def joined(self, first: int, last: int, more: MotionPlan, reaches: bool) -> MotionPlan:
+        """Nodes ``first`` to ``last``, then ``more``; ``reaches`` says that this plan's goal is on the way."""
+        kept = slice(first, last + 1)
+        passes = [p - first for p in self.passes if first <= p <= last]
+        return replace(
+            more,
+            departure_node=self.departure_node,
+            departure=self.departure,
+            nodes=np.concatenate([self.nodes[kept], more.nodes]),
+            origins=np.concatenate([self.origins[kept], more.origins]),
+            seams=np.concatenate([self.seams[kept], more.seams]),
+            passes=(*passes, *([last - first] if reaches else [])),
+        )
+
+
+def search_motion(setting: Setting, place: Place, request: Request) -> MotionPlan | PathNotFound:
     """Plan a route where there is none, and follow it; where an old route cannot be followed, plan a new one.
 
     First of all a way around those who stand in it is looked for, where there are any.
 
     A plan without nodes says that no motion was found. PathNotFound is returned, not raised: it is a result that
-    the run carries on with. Pure: runs on any thread.
+    the run carries on with. Reads its arguments only, on any thread; the place must not change meanwhile.
     """
     if len(request.around):
-        passing = _passing(setting, request)
+        passing = _passing(setting, place, request)
         if passing is not None:
             return passing
     if request.route is not None:
-        plan = _follow(setting, request, request.route, setting.meshes)
+        plan = _follow(setting, request, request.route, place.meshes)
         if plan.arrives:
             return plan
     try:
-        route = plan_path(setting.meshes, setting.behaviors, request.position, request.goal, rooms=setting.rooms)
+        route = plan_path(place.meshes, setting.behaviors, request.position, request.goal, rooms=place.rooms)
     except PathNotFound as error:
         return error
-    return _follow(setting, request, route, setting.meshes)
+    plan = _follow(setting, request, route, place.meshes)
+    if plan.count == 0 and request.departure is not None and setting.graph.node_idle[request.departure[0]]:
+        return _stepping_aside(setting, place, request, route) or plan
+    return plan
 
 
-def _passing(setting: Setting, request: Request) -> MotionPlan | None:
+def _stepping_aside(setting: Setting, place: Place, request: Request, route: AnnotatedPath) -> MotionPlan | None:
+    """A motion to the goal by way of a place beside, for somebody who stands too near to something to set out.
+
+    Those in the direction of ``route`` come first.
+    """
+    ahead = route.at(np.array([SIDE_STEP]))[0] - request.position
+    direction = np.arctan2(ahead[1], ahead[0])
+    ends = np.array([request.position, request.goal])
+    for turn in (0.0, 0.25, -0.25, 0.5, -0.5, 0.75, -0.75, 1.0):
+        angle = direction + turn * np.pi
+        beside = request.position + SIDE_STEP * np.array([np.cos(angle), np.sin(angle)])
+        try:
+            way = plan_path(place.meshes, setting.behaviors, beside, request.goal, rooms=place.rooms)
+        except PathNotFound:
+            continue
+        way = joined_to(way, ends, setting.need.costs)
+        plan = _follow(setting, request, way, place.meshes, PASSING_BUDGET)
+        if plan.arrives:
+            return plan
+    return None
+
+
+def _passing(setting: Setting, place: Place, request: Request) -> MotionPlan | None:
     """A motion to the goal that keeps clear of the places ``request.around``, or None."""
-    legs = setting.meshes[0]
+    legs = place.meshes[0]
     radius = 2.0 * setting.personal_radius + PASSING_ROOM - float(setting.body_radii[:, 0].max())
     turn = np.arange(_RING) * 2.0 * np.pi / _RING
     ring = radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
@@ -112,7 +172,7 @@ def _passing(setting: Setting, request: Request) -> MotionPlan | None:
     points = points[legs.clearances(points, 1.0) > _OFF_WALLS]
     if not len(points):
         return None
-    meshes = (legs.with_points(points), *setting.meshes[1:])
+    meshes = (legs.with_points(points), *place.meshes[1:])
     try:
         route = plan_path(meshes, setting.behaviors, request.position, request.goal)
     except PathNotFound:
@@ -125,8 +185,8 @@ def _follow(
     setting: Setting, request: Request, route: AnnotatedPath, meshes: Sequence[NavMesh], budget: int = SEARCH_BUDGET
 ) -> MotionPlan:
     samples = _rest_of(route.sample(), request.position)
-    if request.standing is not None:
-        node, origin = request.standing
+    if request.departure is not None:
+        node, origin = request.departure
     else:
         node = int(setting.idle_nodes[route.sections[0].behavior])
         facing = setting.facings[route.sections[0].behavior, 0]

@@ -1,19 +1,16 @@
-"""Plans: asked for, searched on the worker pool, handed out at a fixed step."""
+"""The system that hands out plans and asks for new ones."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.crowd.motion_plan import MotionPlan, Request, search_motion
-from crowdsim.crowd.setting import Setting
-from crowdsim.crowd.worker_pool import WorkerPool
+from crowdsim.constants import NONE
+from crowdsim.crowd.motion_plan import Request
+from crowdsim.crowd.plans import Found, Join, Plans
 from crowdsim.ecs.world import View
-from crowdsim.errors import PathNotFound
-from crowdsim.planning.annotated_path import AnnotatedPath
 from crowdsim.recording.header import AgentState
 
 RETRY_SECONDS = 2.0
@@ -25,68 +22,31 @@ PATIENCE_SECONDS = 8.0
 NEARBY = 2.5
 """Meters within which others count as near."""
 
-
-@dataclass
-class Plans:
-    """The motion plan of every character that has one, its route, and the searches under way.
-
-    on_route is told (agent, route) of every route that is newly planned; unreachable holds the reason for
-    agents to whose goal no path was found when they last asked.
-    """
-
-    setting: Setting
-    pool: WorkerPool[MotionPlan | PathNotFound]
-    on_route: Callable[[int, AnnotatedPath], None]
-    step: int = 0
-    motions: dict[int, MotionPlan] = field(default_factory=dict)
-    routes: dict[int, AnnotatedPath] = field(default_factory=dict)
-    unreachable: dict[int, str] = field(default_factory=dict)
-
-    def request(self, agent: int, request: Request) -> None:
-        """Start the search for one agent; its plan is in ``motions`` after the pool's latency."""
-        self.pool.submit(self.step, agent, lambda: search_motion(self.setting, request))
-
-    def collect(self) -> list[tuple[int, MotionPlan | None]]:
-        """(agent, plan or None) of all searches due now."""
-        results: list[tuple[int, MotionPlan | None]] = []
-        for agent, found in self.pool.collect(self.step):
-            if isinstance(found, PathNotFound):
-                self.unreachable[agent] = str(found)
-                results.append((agent, None))
-                continue
-            self.unreachable.pop(agent, None)
-            if self.routes.get(agent) is not found.route:
-                self.routes[agent] = found.route
-                self.on_route(agent, found.route)
-            if found.count:
-                self.motions[agent] = found
-                results.append((agent, found))
-            else:
-                results.append((agent, None))
-        return results
+AT_GOAL = 0.25
+"""Meters from a goal at which somebody who stands is there, if it goes on from there."""
 
 
 @dataclass
 class Replanning:
-    """The system that gives standing characters their plans and asks for new ones where they have none."""
+    """The system that gives characters their plans and asks for new ones for those who stand without."""
 
     plans: Plans
 
-    READS = ("agent", "state", "node", "pose", "origin", "goal", "stays")
-    WRITES = ("awaiting_plan", "retry_step", "blocked_since", "cursor", "reserved", "plan_digest")
+    READS = ("agent", "state", "node", "pose", "origin", "stays")
+    WRITES = ("goal", "awaiting_plan", "retry_step", "blocked_since", "cursor", "reserved", "plan_digest")
 
     def run(self, view: View) -> None:
         plans, setting = self.plans, self.plans.setting
         row_of = {int(agent): row for row, agent in enumerate(view.agent)}
-        for agent, plan in plans.collect():
-            row = row_of.get(agent)
+        for found in plans.collect():
+            row = row_of.get(found.agent)
             if row is None:
-                continue  # not in the world yet: entering looks into plans.motions itself
-            view.awaiting_plan[row] = False
-            view.cursor[row] = view.reserved[row] = -1
-            view.plan_digest[row] = 0 if plan is None else plan.digest
-            if plan is None:
-                view.retry_step[row] = plans.step + int(RETRY_SECONDS * setting.steps_per_second)
+                if found.plan is not None:
+                    plans.motions[found.agent] = found.plan  # entering looks there itself
+            elif found.join is not None:
+                self._join(view, row, found, found.join)
+            else:
+                self._hand_out(view, row, found)
 
         waiting = (view.state == AgentState.WAITING) & setting.graph.node_idle[view.node]
         for row in np.flatnonzero(waiting & ~view.awaiting_plan & (view.retry_step <= plans.step)).tolist():
@@ -99,18 +59,64 @@ class Replanning:
                 del plans.motions[agent]
                 view.blocked_since[row] = plans.step
                 around = _standing_near(view, row)
+            elif self._is_there(view, row, agent):
+                reach_goal(plans, view, row)
+                continue
             view.awaiting_plan[row] = True
+            goal = view.goal[row].copy()
+            route = plans.routes.get(agent)
             plans.request(
                 agent,
                 Request(
                     position=view.pose[row, :2].copy(),
-                    goal=view.goal[row].copy(),
-                    stays=bool(view.stays[row]),
-                    standing=(int(view.node[row]), view.origin[row].copy()),
-                    route=plans.routes.get(agent),
+                    goal=goal,
+                    stays=plans.errands.stands(agent),
+                    departure=(int(view.node[row]), view.origin[row].copy()),
+                    route=route if route is not None and (route.points[-1] == goal).all() else None,
                     around=around,
                 ),
             )
+
+    def _hand_out(self, view: View, row: int, found: Found) -> None:
+        """Give a plan to somebody who stands, or let it stand a while where there is none."""
+        plans, plan = self.plans, found.plan
+        view.awaiting_plan[row] = False
+        view.cursor[row] = view.reserved[row] = NONE
+        view.plan_digest[row] = 0 if plan is None else plan.digest
+        if plan is not None:
+            plans.motions[found.agent] = plan
+        else:
+            pause = 0.0 if found.outdated else RETRY_SECONDS
+            view.retry_step[row] = plans.step + int(pause * plans.setting.steps_per_second)
+
+    def _join(self, view: View, row: int, found: Found, join: Join) -> None:
+        """Let somebody who walks go on as was found, unless it has come to a stand or elsewhere meanwhile."""
+        plans, agent, cursor = self.plans, found.agent, int(view.cursor[row])
+        view.awaiting_plan[row] = False
+        plan = plans.motions.get(agent)
+        if found.plan is None or plan is None or not join.fits(plan, cursor):
+            return
+        if found.plan.route.length >= join.shorter_than:
+            return
+        joined = plan.joined(cursor, join.after, found.plan, join.reaches)
+        plans.motions[agent] = joined
+        plans.follow_route(agent, joined.route)
+        view.reserved[row] -= cursor
+        view.cursor[row] = 0
+        view.plan_digest[row] = joined.digest
+
+    def _is_there(self, view: View, row: int, agent: int) -> bool:
+        """Whether somebody stands at a goal from where it goes on."""
+        near = float(np.hypot(*(view.pose[row, :2] - view.goal[row]))) < AT_GOAL
+        return near and not self.plans.errands.is_last(agent)
+
+
+def reach_goal(plans: Plans, view: View, row: int) -> None:
+    """Count the goal of a character as reached, from where it goes on, and give it the next."""
+    agent = int(view.agent[row])
+    seconds = plans.errands.reach(agent)
+    view.goal[row] = plans.errands.goal(agent)
+    view.retry_step[row] = plans.step + round(seconds * plans.setting.steps_per_second)
 
 
 def _standing_near(view: View, row: int) -> NDArray[np.float64]:

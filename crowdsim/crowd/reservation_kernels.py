@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from crowdsim.geometry.planar_kernels import wrap_angle
+from crowdsim.geometry.segments_kernels import segment_segment_distance2
 from crowdsim.jit import helper, kernel
 from crowdsim.motion.track_kernels import next_origin, node_end, track_pose
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
@@ -186,15 +187,29 @@ def sample_chain(graph, nodes, origins, seams, count, frame, clock, slot_frames,
 
 
 @kernel
+def comes_near(timeline, segments, distance):
+    """Whether a polyline (K, 2) comes closer than ``distance`` to one of ``segments`` (M, 4): x, y of both ends."""
+    square = distance * distance
+    for k in range(len(timeline) - 1):
+        ax, ay, bx, by = timeline[k, 0], timeline[k, 1], timeline[k + 1, 0], timeline[k + 1, 1]
+        for m in range(len(segments)):
+            s = segments[m]
+            if segment_segment_distance2(ax, ay, bx, by, s[0], s[1], s[2], s[3]) < square:
+                return True
+    return False
+
+
+@kernel
 def reserve(
     graph, legs, torso, body, row, frame, clock, slot_frames, chain, origins, seams, first, available, ends_plan,
-    timelines, starts, gones, body_radii, timeline,
+    timelines, starts, gones, body_radii, kept_free, distance, timeline,
 ):  # fmt: skip
     """Find the shortest continuation that ends standing, touches nothing and meets no one.
 
     chain, origins, seams: buffers (C,), (C, 3), (C, 3); entry 0 is the present node, entries 1 to
     ``available`` the next nodes of the plan; at least ``first`` of them must be taken. ``ends_plan`` says that
-    the last of them leaves the world. ``body`` (B, 2) are the body radii per behavior and layer.
+    the last of them leaves the world. ``body`` (B, 2) are the body radii per behavior and layer. ``kept_free`` (M, 4)
+    are segments that the track stays ``distance`` away from.
     Returns (nodes taken, gone slot), no nodes where there is none, and leaves the timeline in ``timeline`` (K, 2).
     """
     nodes = chain.copy()
@@ -219,6 +234,8 @@ def reserve(
         ended = sample_chain(graph, nodes, spots, jumps, count, frame, clock, slot_frames, timeline)
         if ended < 0:
             break
+        if len(kept_free) and comes_near(timeline, kept_free, distance):
+            continue
         gone = ended if leaves else forever
         if not meets_anyone(row, timeline, start, gone, start, body_radii[row], timelines, starts, gones, body_radii):
             return taken, gone

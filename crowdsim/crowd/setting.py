@@ -1,4 +1,4 @@
-"""Everything that a run reads and never changes: the place, the bodies, the motions."""
+"""Everything that a run reads and never changes: what of the place stands still, the bodies, the motions."""
 
 from __future__ import annotations
 
@@ -8,29 +8,26 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.constants import CAPTURE_RATE, NONE
+from crowdsim.constants import CAPTURE_RATE, NONE, TRACKING_MARGIN
 from crowdsim.environment.layers import ClearanceLayer
 from crowdsim.errors import MotionError, ScenarioError
 from crowdsim.following.motion_maps import MotionMaps
 from crowdsim.motion.graph_arrays import GraphArrays
 from crowdsim.motion.motion_graph import MotionGraph
-from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.behavior_library import BehaviorSet, load_behavior_set
 from crowdsim.planning.behaviors import Behavior
-from crowdsim.planning.rooms import room_polygons
+from crowdsim.planning.requirements import Requirements
 from crowdsim.scenario.scenario import Scenario
 
 
 @dataclass(frozen=True)
 class Setting:
-    """Layers and their meshes (legs first), behaviors (least preferred first), the motion graph and its maps.
+    """Layers without what moves (legs first), behaviors (least preferred first), the motion graph and its maps.
 
-    rooms: the mesh of the room of each behavior (:mod:`crowdsim.planning.rooms`), None where it has none.
+    What moves, and the meshes, are in :class:`crowdsim.crowd.place.Place`.
     """
 
     layers: tuple[ClearanceLayer, ...]
-    meshes: tuple[NavMesh, ...]
-    rooms: tuple[NavMesh | None, ...]
     behaviors: tuple[Behavior, ...]
     motion: MotionGraph
     maps: MotionMaps
@@ -48,6 +45,11 @@ class Setting:
     def body_radii(self) -> NDArray[np.float64]:
         """(B, layers) meters, the body's own clearance of every behavior on every layer."""
         return np.ascontiguousarray([behavior.radii for behavior in self.behaviors], np.float64)
+
+    @cached_property
+    def need(self) -> Requirements:
+        """The clearances with which paths are planned."""
+        return Requirements.of(self.behaviors, len(self.layers), TRACKING_MARGIN)
 
     @cached_property
     def facings(self) -> NDArray[np.float64]:
@@ -94,11 +96,12 @@ def load_behaviors(scenario: Scenario) -> BehaviorSet:
 
 
 def prepare(scenario: Scenario) -> Setting:
-    """Build meshes, motion graph and motion maps for a scenario.
+    """Build layers, motion graph and motion maps for a scenario.
 
     Raises ScenarioError, GeometryError, BehaviorError or MotionError where something cannot be used.
     """
-    layers = scenario.layers()
+    changes = scenario.changes()
+    layers = scenario.layers_of(changes.fixed) if changes.movables else scenario.layers()
     behavior_set = load_behaviors(scenario)
     if not behavior_set.graph.arrays.node_ends_standing.any():
         raise MotionError("no clip of the motion set ends standing, so no character could ever wait; add one that does")
@@ -111,11 +114,6 @@ def prepare(scenario: Scenario) -> Setting:
         raise ScenarioError([scenario.problem(("steps_per_second",), message)])
     return Setting(
         layers=layers,
-        meshes=tuple(NavMesh(layer.free) for layer in layers),
-        rooms=tuple(
-            None if room.is_empty else NavMesh(room)
-            for room in room_polygons([layer.free for layer in layers], behavior_set.behaviors)
-        ),
         behaviors=behavior_set.behaviors,
         motion=behavior_set.graph,
         maps=MotionMaps.build(behavior_set.graph.arrays),

@@ -13,12 +13,16 @@ import numpy as np
 from crowdsim.constants import NONE, TRACKING_MARGIN
 from crowdsim.crowd.advancing import Advancing
 from crowdsim.crowd.arriving import Arriving
+from crowdsim.crowd.changing import Changing
 from crowdsim.crowd.choosing import Choosing
 from crowdsim.crowd.components import COLUMNS
 from crowdsim.crowd.entering import Entering
+from crowdsim.crowd.errands import Errands
 from crowdsim.crowd.header import labeled_points, record_header
 from crowdsim.crowd.motion_plan import MotionPlan
-from crowdsim.crowd.replanning import Plans, Replanning
+from crowdsim.crowd.place import Place
+from crowdsim.crowd.plans import Plans
+from crowdsim.crowd.replanning import Replanning
 from crowdsim.crowd.setting import prepare
 from crowdsim.crowd.state_hash import state_hash
 from crowdsim.crowd.statistics import Statistics
@@ -30,6 +34,7 @@ from crowdsim.planning.annotated_path import AnnotatedPath
 from crowdsim.recording.header import AgentState, RecordedFrame
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.writer import RecordingWriter
+from crowdsim.scenario.changes import Placing, placed
 from crowdsim.scenario.placement import place_agents
 from crowdsim.scenario.scenario import Scenario
 
@@ -49,6 +54,7 @@ class Simulation:
     def __init__(self, scenario: Scenario, workers: int = 2) -> None:
         self.scenario = scenario
         self.setting = prepare(scenario)
+        self.place = Place(self.setting, scenario.changes())
         rate = scenario.steps_per_second
         self.step_limit = round(scenario.duration * rate)
         self.cast = place_agents(scenario, self.setting.personal_radius + TRACKING_MARGIN)
@@ -56,18 +62,27 @@ class Simulation:
         latency = max(1, round(THINKING_SECONDS * rate))
         self._pool: WorkerPool[MotionPlan | PathNotFound] = WorkerPool(workers, latency)
         self._new_routes: list[tuple[int, AnnotatedPath]] = []
-        self.plans = Plans(self.setting, self._pool, lambda agent, route: self._new_routes.append((agent, route)))
+        self.errands = Errands(self.cast)
+        self.plans = Plans(
+            self.setting,
+            self.place,
+            self.errands,
+            self._pool,
+            lambda agent, route: self._new_routes.append((agent, route)),
+        )
         self.hash = 0
 
+        changing = Changing(self.plans, self.place)
         entering = Entering(self.world, self.setting, self.cast, self.plans)
         replanning = Replanning(self.plans)
         choosing = Choosing(self.plans)
         advancing = Advancing(self.setting)
         arriving = Arriving(self.world, self.plans, len(self.cast.starts))
-        self._entering, self._arriving = entering, arriving
+        self._changing, self._entering, self._arriving = changing, entering, arriving
         self.schedule = Schedule(
             self.world,
             [
+                System("change", changing.run, changing.READS, changing.WRITES),
                 System("plans", replanning.run, replanning.READS, replanning.WRITES),
                 System("enter", entering.run, entering.READS),
                 System("choose", choosing.run, choosing.READS, choosing.WRITES),
@@ -89,12 +104,14 @@ class Simulation:
     @property
     def finished(self) -> bool:
         """Whether everyone who can arrive has, or the scenario's time is up."""
-        return self.step_count >= self.step_limit or self.arrived + len(self.plans.unreachable) >= len(self.cast.starts)
+        # Nobody is out of reach for good while doors may open.
+        lost = len(self.plans.unreachable) if self._changing.over else 0
+        return self.step_count >= self.step_limit or self.arrived + lost >= len(self.cast.starts)
 
     def step(self) -> None:
         """Advance the world by one step."""
         self.schedule.run()
-        self.hash = state_hash(self.world, self.step_count, self.hash)
+        self.hash = state_hash(self.world, self.place.state(), self.step_count, self.hash)
         self.plans.step += 1
 
     def run(self, output: str | os.PathLike[str], progress: Progress | None = None) -> Recording:
@@ -103,15 +120,17 @@ class Simulation:
         ``progress(step, step_limit, simulation)`` is called after every step. The file appears under its name
         only when the run is complete.
         """
-        statistics = Statistics(self.setting, {area.name: area.shape() for area in self.scenario.areas})
+        statistics = Statistics(self.setting, self.place, {area.name: area.shape() for area in self.scenario.areas})
         header = record_header(self.scenario, self.setting, self.cast)
         with self._pool, RecordingWriter(output, header) as writer:
+            before: list[Placing | None] = [None] * len(self.place.changes.movables)
             started = time.perf_counter()
             while not self.finished:
                 self.step()
                 for agent, route in self._new_routes:
                     writer.add_path(agent, *labeled_points(route))
                 self._new_routes.clear()
+                self._record_place(writer, before)
                 frame = self.frame()
                 writer.append(frame, self.hash)
                 statistics.add(frame)
@@ -135,6 +154,17 @@ class Simulation:
         state[agent] = self.world.column("state")
         return RecordedFrame(x=pose[:, 0], y=pose[:, 1], heading=pose[:, 2], state=state, **columns)
 
+    def _record_place(self, writer: RecordingWriter, before: list[Placing | None]) -> None:
+        """Record what stands elsewhere than ``before`` says, and update that."""
+        first = 0
+        for number, movable in enumerate(self.place.changes.movables):
+            now = self.place.placing(number)
+            if now != before[number]:
+                before[number] = now
+                for row, solid in enumerate(movable.solids, start=first):
+                    writer.add_change(row, None if now is None else placed(solid.footprint, now).wkt)
+            first += len(movable.solids)
+
     def _summary(self, statistics: Statistics, seconds: float) -> dict[str, Any]:
         rate = self.setting.steps_per_second
         done = self._arriving.arrived >= 0
@@ -144,6 +174,9 @@ class Simulation:
             "arrived": int(done.sum()),
             "waiting": int((self.world.column("state") == AgentState.WAITING).sum()),
             "unreachable": {str(agent): reason for agent, reason in sorted(self.plans.unreachable.items())},
+            "laps": self.errands.laps(),
+            "events": self._changing.report(),
+            "replans": self.plans.replans,
             "steps": self.step_count,
             "mean_time": float(times.mean()) if len(times) else None,
             "state_hash": f"{self.hash:016x}",

@@ -7,10 +7,11 @@ import hashlib
 from crowdsim.ecs.world import World
 
 
-def state_hash(world: World, step: int, before: int) -> int:
-    """64 bits over every column of every entity, the step, and the hash of the step before (0 at first)."""
+def state_hash(world: World, place: bytes, step: int, before: int) -> int:
+    """64 bits over every column of every entity, the place, the step, and the hash of the step before (0 at first)."""
     digest = hashlib.blake2b(digest_size=8)
     digest.update(before.to_bytes(8, "little") + step.to_bytes(8, "little"))
+    digest.update(place)
     for name in world.column_names:
         digest.update(name.encode())
         digest.update(world.column(name).tobytes())

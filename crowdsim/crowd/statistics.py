@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from crowdsim.crowd.foot_statistics import FootStatistics
 from crowdsim.crowd.measure_kernels import closest_pair, obstacle_margin
+from crowdsim.crowd.place import Place
 from crowdsim.crowd.setting import Setting
 from crowdsim.recording.header import AgentState, RecordedFrame
 
@@ -28,6 +29,7 @@ class Statistics:
     """
 
     setting: Setting
+    place: Place
     areas: Mapping[str, shapely.Polygon]
     way: NDArray[np.float64] = field(init=False)
     closest: float = np.inf
@@ -37,17 +39,17 @@ class Statistics:
 
     def __post_init__(self) -> None:
         self.way = np.zeros((len(self.areas) + 1, len(self.setting.behaviors)))
-        self.margin = np.full(len(self.setting.meshes), MARGIN_LIMIT)
+        self.margin = np.full(len(self.place.meshes), MARGIN_LIMIT)
         self.feet = FootStatistics(self.setting.motion, self.setting.steps_per_second)
 
     def add(self, frame: RecordedFrame) -> None:
-        """Take in one step of all agents."""
+        """Take in one step of all agents, in the place as it is now."""
         state = np.asarray(frame.state)
         present = np.flatnonzero(state != AgentState.ABSENT)
         pose = np.column_stack([frame.x, frame.y, frame.heading])[present]
         behavior = np.asarray(frame.behavior, np.int32)[present]
         self.closest = min(self.closest, closest_pair(pose))
-        for layer, mesh in enumerate(self.setting.meshes):
+        for layer, mesh in enumerate(self.place.meshes):
             radii = np.ascontiguousarray(self.setting.body_radii[:, layer])
             self.margin[layer] = min(
                 self.margin[layer], obstacle_margin(pose, behavior, mesh.arrays, radii, MARGIN_LIMIT)

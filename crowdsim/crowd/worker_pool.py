@@ -7,7 +7,7 @@ jobs due in the same step come out in order of their key. Any number of workers 
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from types import TracebackType
 from typing import Generic, TypeVar
 
@@ -37,6 +37,10 @@ class WorkerPool(Generic[Result]):
         due = sorted((entry for entry in self._pending if entry[0] <= step), key=lambda entry: entry[:2])
         self._pending = [entry for entry in self._pending if entry[0] > step]
         return [(key, future.result()) for _, key, future in due]
+
+    def settle(self) -> None:
+        """Wait for all jobs to be done, so that what they read may change; their results are due when they were."""
+        wait([future for _, _, future in self._pending])
 
     def __enter__(self) -> WorkerPool[Result]:
         return self

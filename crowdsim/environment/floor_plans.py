@@ -14,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from crowdsim.environment.dxf_drawing import Drawing, read_dxf
 from crowdsim.environment.layers import polygons_only
+from crowdsim.environment.sections import snapped_union
 from crowdsim.environment.solids import MIN_EXTENT, Solid
 from crowdsim.environment.units import meters_per_unit
 from crowdsim.errors import GeometryError, PlaceError
@@ -153,10 +154,14 @@ def _built(
     open_lines: list[tuple[str, BaseGeometry]] = []
     floors = [area for layer, area in drawing.areas if layer == floor_layer]
     for layer in drawing.layers:
-        lines = shapely.union_all([line for name, line in drawing.lines if name == layer], grid_size=_JOINT)
-        for chain in shapely.get_parts(shapely.line_merge(lines)):
-            if chain.is_closed and Polygon(chain).area > MIN_EXTENT**2:
-                outlines.append((layer, Polygon(chain)))
+        drawn = [part for name, line in drawing.lines if name == layer for part in line.geoms]
+        # Closed curves are taken one by one: merged with others that they touch they would be closed no more.
+        loose = [part for part in drawn if not part.is_closed]
+        chains = shapely.get_parts(shapely.line_merge(snapped_union(loose, _JOINT)))
+        for chain in [part for part in drawn if part.is_closed] + list(chains):
+            outline = polygons_only(shapely.make_valid(Polygon(chain))) if chain.is_closed else MultiPolygon()
+            if outline.area > MIN_EXTENT**2:
+                outlines += [(layer, part) for part in outline.geoms]
             elif layer != floor_layer:
                 open_lines.append((layer, chain))
     floors += [outline for layer, outline in outlines if layer == floor_layer]

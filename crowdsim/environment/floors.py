@@ -13,30 +13,25 @@ from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.environment.layers import AnySolid, polygons_only
+from crowdsim.environment.levels import (
+    LEAST_LEVEL,
+    SAME_LEVEL,
+    STEP,
+    Level,
+    Surfaces,
+    find_levels,
+    level_surfaces,
+    one_storey,
+    rounded_height,
+)
+from crowdsim.environment.mesh_solid import GRID
+from crowdsim.environment.sections import snapped_union
 from crowdsim.environment.solids import Solid
 from crowdsim.errors import GeometryError, PlaceError
 from crowdsim.geometry.polygons import clean_polygon
 
-STEP = 0.10
-"""Meters: what rises no more from the floor is walked over."""
-
-HEADROOM = 1.9
-"""Meters of free height in which people stand."""
-
 CEILING = 2.0
 """Meters above the floor: large parts that begin there or higher are ceilings."""
-
-LEAST_LEVEL = 4.0
-"""Square meters of the smallest surface that counts as a level to walk on."""
-
-_FLAT = 0.99
-"""Least vertical component of a level surface's normal."""
-
-_SAME_LEVEL = 0.05
-"""Meters between heights of one level."""
-
-_BODY = 0.2
-"""Meters: surfaces narrower than twice that, the tops of walls, are not walked on."""
 
 _SEAM = 0.15
 """Meters: gaps in the floor up to twice as wide, under walls and doors between rooms, are closed."""
@@ -46,9 +41,6 @@ _DOOR = 0.75
 
 _LEAST_SHARE = 0.25
 """Of the area of a whole place that its floor covers at least; otherwise there is no floor, but tables perhaps."""
-
-_LINED = 0.5
-"""Share of a floor's outline that walls stand along if there is a ceiling over it."""
 
 
 @dataclass(frozen=True)
@@ -85,16 +77,6 @@ class Place:
     report: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class _Level:
-    """Surfaces at about one height."""
-
-    height: float
-    surface: BaseGeometry
-    parts: NDArray[np.int64]
-    """Indices of the solids they belong to."""
-
-
 def place_on_floor(
     solids: Sequence[AnySolid], floor: Polygon | MultiPolygon | None = None, height: float | None = None
 ) -> Place:
@@ -123,10 +105,8 @@ def place_on_floor(
     if floor is not None:
         floor = clean_polygon(floor, "floor")
     if floor is None or (height is None and solids):
-        found = derive_floor(solids, height)
+        found = derive_floor(solids, height, floor)
     report = list(found.report) if found else []
-    if floor is not None and found:
-        report = [f"floor: the given outline, at {found.height:g} m"]
     base = found.height if found else height or 0.0
     polygon = floor if floor is not None or found is None else found.polygon
     assert polygon is not None
@@ -160,7 +140,9 @@ def _names(solids: Sequence[AnySolid]) -> str:
     return ", ".join(names) + (f" and {len(solids) - 6} more" if len(solids) > 6 else "")
 
 
-def derive_floor(solids: Sequence[AnySolid], height: float | None = None) -> DerivedFloor:
+def derive_floor(
+    solids: Sequence[AnySolid], height: float | None = None, within: Polygon | MultiPolygon | None = None
+) -> DerivedFloor:
     """Find the floor: the lowest of the large level surfaces, or the ground that walls enclose where there is none.
 
     A level is made of level surfaces that face up (any, if none does) at about one height, wide enough to walk on.
@@ -173,6 +155,8 @@ def derive_floor(solids: Sequence[AnySolid], height: float | None = None) -> Der
         The parts of a scene.
     height
         Of the wanted floor, meters; by default the lowest level at least half as large as the largest.
+    within
+        The outline of the floor if that is known, and only its height is not: what lies elsewhere is ignored.
 
     Raises
     ------
@@ -182,22 +166,25 @@ def derive_floor(solids: Sequence[AnySolid], height: float | None = None) -> Der
     """
     if not solids:
         raise PlaceError("floor: there are no parts to find a floor from; give a floor")
-    surfaces: Surfaces | None = _surfaces(solids, both=False)
-    levels = _levels(*surfaces)
-    hull = shapely.convex_hull(shapely.multipoints(np.concatenate([_outline_points(solid) for solid in solids])))
+    facing_up = level_surfaces(solids, both=False)
+    surfaces: Surfaces | None = facing_up
+    levels = find_levels(*facing_up, within)
+    points = np.concatenate([_outline_points(solid) for solid in solids])
+    extent = shapely.convex_hull(shapely.multipoints(points)) if within is None else within
     report = []
-    if not _large(levels, hull):
+    if not _large(levels, extent):
         # Single sheets may face down, but so do ceilings: only where no floor faces up.
-        surfaces = _surfaces(solids, both=True)
-        levels = _levels(*surfaces)
-        if _large(levels, hull):
+        facing_any = level_surfaces(solids, both=True)
+        surfaces, levels = facing_any, find_levels(*facing_any, within)
+        if _large(levels, extent):
             report.append("floor: no large surface faces up, so those that face down were taken, too")
         else:
-            levels = [_enclosed_ground(solids, hull, report), *levels]
             surfaces = None
+            ground = _enclosed_ground(solids, extent, report) if within is None else within
+            levels = sorted([_standing(solids, ground, report), *levels], key=lambda level: level.height)
     if height is None:
-        levels = _checked(levels, solids, report)
-        large = _large(levels, hull)
+        levels = one_storey(levels, solids, report)
+        large = _large(levels, extent)
         most = max(level.surface.area for level in large)
         chosen = next(level for level in large if level.surface.area >= 0.5 * most)
     else:
@@ -207,10 +194,12 @@ def derive_floor(solids: Sequence[AnySolid], height: float | None = None) -> Der
             raise PlaceError(f"floor: there is no level surface at {height:g} m; there are some at {known} m")
         chosen = max(near, key=lambda level: level.surface.area)
     polygon, parts = _whole_floor(chosen, surfaces)
+    polygon = polygon if within is None else within
     used = tuple(solids[number].name for number in parts if solids[number].top <= chosen.height + STEP)
     dropped = tuple(s.name for s in solids if s.name not in used and _role(s, chosen.height) is not None)
     of = f" of {', '.join(map(repr, used[:4]))}{' and others' if len(used) > 4 else ''}" if used else ""
-    report.append(f"floor: {polygon.area:.1f} m2 at {chosen.height:.3g} m{of}")
+    given = " in the given outline" if within is not None else ""
+    report.append(f"floor: {polygon.area:.1f} m2 at {chosen.height:.3g} m{given}{of}")
     report += [
         f"floor: a level of {other.surface.area:.1f} m2 at {other.height:.3g} m is not part of it"
         for other in levels
@@ -225,64 +214,11 @@ def _outline_points(solid: AnySolid) -> NDArray[np.float64]:
     )
 
 
-Surfaces = tuple[NDArray[np.object_], NDArray[np.float64], NDArray[np.int64]]
-
-
-def _surfaces(solids: Sequence[AnySolid], both: bool) -> Surfaces:
-    """Level surfaces that face up (with ``both``, or down): polygons (n,), heights (n,), indices of solids (n,)."""
-    shapes: list[NDArray[np.object_]] = []
-    heights, owners = [], []
-    for number, solid in enumerate(solids):
-        if isinstance(solid, Solid):
-            shapes.append(np.array([solid.footprint], dtype=object))
-            heights.append([solid.top])
-        else:
-            corners = solid.corners
-            normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-            lengths = np.linalg.norm(normals, axis=1)
-            upright = np.abs(normals[:, 2]) if both else normals[:, 2]
-            level = (upright > _FLAT * lengths) & (lengths > 1e-9)
-            shapes.append(shapely.polygons(corners[level, :, :2]) if level.any() else np.empty(0, object))
-            heights.append(corners[level, :, 2].mean(axis=1))
-        owners.append(np.full(len(shapes[-1]), number, np.int64))
-    return np.concatenate(shapes), np.concatenate(heights), np.concatenate(owners)
-
-
-def _levels(shapes: NDArray[np.object_], heights: NDArray[np.float64], owners: NDArray[np.int64]) -> list[_Level]:
-    """Levels wide and large enough to walk on, lowest first."""
-    order = np.argsort(heights, kind="stable")
-    shapes, heights, owners = shapes[order], heights[order], owners[order]
-    areas = shapely.area(shapes)
-    levels = []
-    first = 0
-    while first < len(heights):
-        last = int(np.searchsorted(heights, heights[first] + _SAME_LEVEL, side="right"))
-        if areas[first:last].sum() >= LEAST_LEVEL:
-            # The height in the middle of the area, which is that of a large floor whatever lies about on it.
-            share = np.cumsum(areas[first:last])
-            height = _rounded(heights[first + int(np.searchsorted(share, 0.5 * share[-1]))])
-            surface = _wide(shapely.union_all(shapes[first:last], grid_size=1e-5))
-            if surface.area >= LEAST_LEVEL:
-                levels.append(_Level(height, surface, np.unique(owners[first:last])))
-        first = last
-    return levels
-
-
-def _rounded(height: float) -> float:
-    """To a micrometer, so that a floor drawn at 0 stays there."""
-    return round(float(height), 6) + 0.0
-
-
-def _wide(area: BaseGeometry) -> BaseGeometry:
-    """The parts of ``area`` a body fits on."""
-    return polygons_only(area.buffer(-_BODY, join_style="mitre").buffer(_BODY, join_style="mitre"))
-
-
-def _large(levels: Sequence[_Level], hull: BaseGeometry) -> list[_Level]:
+def _large(levels: Sequence[Level], hull: BaseGeometry) -> list[Level]:
     return [level for level in levels if level.surface.area >= _LEAST_SHARE * hull.area]
 
 
-def _enclosed_ground(solids: Sequence[AnySolid], hull: BaseGeometry, report: list[str]) -> _Level:
+def _enclosed_ground(solids: Sequence[AnySolid], hull: BaseGeometry, report: list[str]) -> BaseGeometry:
     """The ground inside the outlines of all parts, or inside their hull if these enclose little."""
     outlines = shapely.union_all([solid.footprint for solid in solids])
     closed = polygons_only(outlines.buffer(_DOOR, join_style="mitre"))
@@ -291,75 +227,30 @@ def _enclosed_ground(solids: Sequence[AnySolid], hull: BaseGeometry, report: lis
     how = "what the outlines of the parts enclose"
     if ground.area < 0.5 * hull.area:
         ground, how = hull, "the hull of all parts"
-    steps, counts = np.unique(np.round([solid.bottom / _SAME_LEVEL for solid in solids]), return_counts=True)
-    step = steps[counts.argmax()]
-    bottoms = [s.bottom for s in solids if abs(s.bottom / _SAME_LEVEL - step) <= 0.5]
-    height = _rounded(np.median(bottoms))
-    report.append(
-        f"warning: there is no floor; taken is {how}, at {height:.3g} m, where most parts stand; or give a floor"
-    )
     if ground.area < LEAST_LEVEL:
         raise PlaceError(
-            f"floor: there is no floor, and the parts enclose no more than {ground.area:.1f} m2; give a floor"
+            f"floor: there is none, and the parts enclose no more than {ground.area:.1f} m2; give a floor or units"
         )
-    return _Level(height, ground, np.empty(0, np.int64))
+    report.append(f"warning: there is no floor in the scene; taken is {how}; give a floor if that is wrong")
+    return ground
 
 
-def _checked(levels: list[_Level], solids: Sequence[AnySolid], report: list[str]) -> list[_Level]:
-    """``levels`` without ceilings seen from above; refuses two levels over one point."""
-    kept: list[_Level] = []
-    for level in levels:
-        # Closer levels leave no headroom, so that nobody stands on the lower one where the other is.
-        for lower in [other for other in kept if level.height >= other.height + HEADROOM]:
-            both = _wide(lower.surface.intersection(level.surface))
-            if both.area >= LEAST_LEVEL:
-                both = _wide(both.difference(_blocked(lower, solids)).difference(_blocked(level, solids)))
-            if both.area < LEAST_LEVEL:
-                continue
-            if not _is_ceiling(level, lower, solids):
-                x, y = both.representative_point().coords[0]
-                raise PlaceError(
-                    f"floor: around ({x:.2f}, {y:.2f}) people could walk at {lower.height:.3g} m and, above that, at "
-                    f"{level.height:.3g} m ({both.area:.1f} m2); one floor is all there may be: take the parts of one "
-                    f"storey, or give the floor's outline and its height"
-                )
-            report.append(
-                f"floor: the level at {level.height:.3g} m is a ceiling seen from above: nothing stands on it"
-            )
-            break
-        else:
-            kept.append(level)
-    return kept
+def _standing(solids: Sequence[AnySolid], ground: BaseGeometry, report: list[str]) -> Level:
+    """``ground`` at the height on which most parts stand."""
+    bottoms = np.array([solid.bottom for solid in solids])
+    steps, counts = np.unique(np.round(bottoms / SAME_LEVEL), return_counts=True)
+    height = rounded_height(np.median(bottoms[np.round(bottoms / SAME_LEVEL) == steps[counts.argmax()]]))
+    report.append(f"floor: taken to be at {height:.3g} m, where most parts stand")
+    return Level(height, ground, np.empty(0, np.int64))
 
 
-def _blocked(level: _Level, solids: Sequence[AnySolid]) -> BaseGeometry:
-    """Where nobody can stand on ``level``."""
-    return shapely.union_all([solid.footprint_in(level.height + STEP, level.height + HEADROOM) for solid in solids])
-
-
-def _is_ceiling(level: _Level, lower: _Level, solids: Sequence[AnySolid]) -> bool:
-    """Whether ``level`` covers most of what is below, which walls enclose, and bears nothing."""
-    if shapely.intersection(level.surface, lower.surface).area < 0.8 * lower.surface.area:
-        return False
-    on_top = [
-        solid.footprint_in(level.height + STEP, level.height + HEADROOM)
-        for solid in solids
-        if solid.top > level.height + 1.0
-    ]
-    if any(shapely.intersects(level.surface, shape) for shape in on_top):
-        return False
-    walls = shapely.union_all([solid.footprint_in(lower.height + 1.0, lower.height + HEADROOM) for solid in solids])
-    outline = lower.surface.boundary
-    return bool(outline.intersection(walls.buffer(0.3)).length >= _LINED * outline.length)
-
-
-def _whole_floor(level: _Level, surfaces: Surfaces | None) -> tuple[Polygon | MultiPolygon, NDArray[np.int64]]:
+def _whole_floor(level: Level, surfaces: Surfaces | None) -> tuple[Polygon | MultiPolygon, NDArray[np.int64]]:
     """The floor with all that is level within a step of it, and the solids that make it."""
     if surfaces is None:
         return level.surface, level.parts
     shapes, heights, owners = surfaces
     near = np.abs(heights - level.height) <= STEP
-    area = shapely.union_all(shapes[near], grid_size=1e-5)
+    area = snapped_union(shapes[near], GRID)
     closed = polygons_only(area.buffer(_SEAM, join_style="mitre").buffer(-_SEAM, join_style="mitre"))
     parts = [part for part in closed.geoms if part.area >= 0.1]
     # Small gaps that closing leaves are those under legs and posts, which take their place themselves.

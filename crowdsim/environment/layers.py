@@ -100,7 +100,7 @@ def clearance_layers(
         raise GeometryError(f"clearance layers need distinct names, got {names}")
     walkable = clean_polygon(floor, "floor")
     ordered = sorted(bands, key=lambda band: (band.low, -band.high, band.name))
-    obstacles = [union_all([_taken(solid, layer) for solid in solids]) for layer in ordered]
+    obstacles = [union_all([taken_between(solid, layer.low, layer.high) for solid in solids]) for layer in ordered]
     obstacles[0] = union_all(obstacles)
     return tuple(
         ClearanceLayer(
@@ -115,10 +115,9 @@ def dropped_solids(solids: Sequence[AnySolid], bands: Sequence[AnyLayer]) -> tup
     return tuple(solid for solid in solids if not any(_meets(solid, band) for band in bands))
 
 
-def _taken(solid: AnySolid, layer: AnyLayer) -> BaseGeometry:
-    if isinstance(layer, Plane):
-        return solid.section(layer.height)
-    return solid.footprint_in(layer.low, layer.high)
+def taken_between(solid: AnySolid, low: float, high: float) -> BaseGeometry:
+    """What a solid takes of a layer between two heights, or of a plane where they are the same; perhaps nothing."""
+    return solid.section(low) if low == high else solid.footprint_in(low, high)
 
 
 def _meets(solid: AnySolid, layer: AnyLayer) -> bool:

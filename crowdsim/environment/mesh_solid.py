@@ -14,7 +14,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from crowdsim.environment.sections import enclosed, section_segments
+from crowdsim.environment.sections import DIGITS, enclosed, section_segments, snapped_union
 from crowdsim.errors import GeometryError
 
 Floats = NDArray[np.float64]
@@ -52,7 +52,7 @@ class MeshSolid:
     name
         Of the part.
     vertices
-        (n, 3) float64, meters, z up.
+        (n, 3) float64, meters, z up; kept to a nanometer.
     triangles
         (m, 3) rows of ``vertices``, counter-clockwise as seen from outside where the mesh knows an outside.
 
@@ -80,7 +80,7 @@ class MeshSolid:
             raise GeometryError(f"solid '{self.name}': a triangle has a corner that is none of its vertices")
         if not np.isfinite(vertices[triangles]).all():
             raise GeometryError(f"solid '{self.name}': the mesh has a coordinate that is not a finite number")
-        object.__setattr__(self, "vertices", vertices)
+        object.__setattr__(self, "vertices", np.round(vertices, DIGITS))
         object.__setattr__(self, "triangles", triangles)
 
     @cached_property
@@ -99,6 +99,22 @@ class MeshSolid:
         return float(self.corners[:, :, 2].max())
 
     @cached_property
+    def _closed(self) -> bool:
+        """Whether each edge is passed as often one way as the other, around something: then one section tells all.
+
+        Where a vertical line enters or leaves the solid inside the band, there is a triangle; elsewhere it is inside
+        at all heights of the band, which the solid then reaches through, or at none.
+        """
+        places = np.unique(self.corners.reshape(-1, 3), axis=0, return_inverse=True)[1].reshape(-1, 3)
+        count = np.int64(places.max() + 1)
+        there = np.concatenate([places[:, a] * count + places[:, b] for a, b in _CORNER_PAIRS])
+        back = np.concatenate([places[:, b] * count + places[:, a] for a, b in _CORNER_PAIRS])
+        if not np.array_equal(np.sort(there), np.sort(back)):
+            return False
+        a, b, c = np.moveaxis(self.corners - self.corners[0, 0], 1, 0)
+        return bool((a * np.cross(b, c)).sum() > 0.0)
+
+    @cached_property
     def footprint(self) -> BaseGeometry:
         """What lies under or over any part of the solid."""
         return self._footprint(self.bottom - 1.0, self.top + 1.0)
@@ -113,7 +129,8 @@ class MeshSolid:
 
         Covered is what lies under a triangle's part in the band (a strip of :data:`STRIP` under one that stands
         upright) or inside the solid: in the sections at bottom, middle and top of what the solid has in the band, what
-        :func:`crowdsim.environment.sections.enclosed` finds enclosed. For a closed solid that is exact.
+        :func:`crowdsim.environment.sections.enclosed` finds enclosed. For a closed solid one section, or none, is
+        enough, and the footprint exact.
         """
         if self.bottom < high and self.top > low:
             return self._footprint(low, high)
@@ -135,11 +152,14 @@ class MeshSolid:
         lengths = np.hypot(*(longest[:, 1] - longest[:, 0]).T)
         widths = 2.0 * shapely.area(shapes) / np.maximum(lengths, GRID)
         lowest, highest = max(low, self.bottom), min(high, self.top)
-        inside = [
-            enclosed(section_segments(self.corners, lowest, above=True)),
-            enclosed(section_segments(self.corners, 0.5 * (lowest + highest), above=True)),
-            enclosed(section_segments(self.corners, highest, above=False)),
-        ]
+        middle = 0.5 * (lowest + highest)
+        if not self._closed:
+            cuts = [(lowest, True), (middle, True), (highest, False)]
+        elif self.bottom <= low and self.top >= high:
+            cuts = [(middle, True)]
+        else:
+            cuts = []  # whatever is inside has a triangle of the band above or below it
+        inside = np.array([enclosed(section_segments(self.corners, z, above)) for z, above in cuts], dtype=object)
         area = _union(np.concatenate([inside, shapes[widths > GRID]]))
         return _with_strips(area, longest[widths < STRIP])
 
@@ -177,7 +197,7 @@ def _clipped(corners: Floats, low: float, high: float) -> tuple[Floats, NDArray[
         for height in (low, high):
             crosses = (lower[:, 2] < height) & (upper[:, 2] > height)
             share = np.where(crosses, (height - lower[:, 2]) / np.where(crosses, rise, 1.0), 0.0)
-            points.append((lower[:, :2] + share[:, None] * (upper[:, :2] - lower[:, :2]))[:, None])
+            points.append(np.round(lower[:, :2] + share[:, None] * (upper[:, :2] - lower[:, :2]), DIGITS)[:, None])
             valid.append(crosses[:, None])
     return np.concatenate(points, axis=1), np.concatenate(valid, axis=1)
 
@@ -186,11 +206,11 @@ def _union(shapes: NDArray[np.object_]) -> BaseGeometry:
     """The union of polygons; where there are many, small ones inside of large ones cost next to nothing."""
     if len(shapes) > 2 * _LARGEST:
         shapes = shapes[np.argsort(-shapely.area(shapes), kind="stable")]
-        large = shapely.union_all(shapes[:_LARGEST], grid_size=GRID)
+        large = snapped_union(shapes[:_LARGEST], GRID)
         shapely.prepare(large)
         small = shapes[_LARGEST:]
         shapes = np.concatenate([[large], small[~shapely.covers(large, small)]])
-    return shapely.union_all(shapes, grid_size=GRID)
+    return snapped_union(shapes, GRID)
 
 
 def _farthest(points: Floats) -> Floats:
@@ -217,9 +237,9 @@ def _with_strips(area: BaseGeometry, segments: Floats) -> BaseGeometry:
         lines = lines[~shapely.is_empty(lines)]
         if len(lines):
             # Ends are square to meet the area again, from which they are cut off by what counts as covered.
-            merged = shapely.line_merge(shapely.union_all(lines, grid_size=GRID))
+            merged = shapely.line_merge(snapped_union(lines, GRID))
             strips = shapely.buffer(merged, 0.5 * STRIP, cap_style="square", join_style="mitre")
-            area = shapely.union_all([area, strips], grid_size=GRID)
+            area = snapped_union([area, strips], GRID)
     return _without_pinholes(area)
 
 
@@ -236,4 +256,4 @@ def _without_pinholes(area: BaseGeometry) -> BaseGeometry:
     if not kept:
         return shapely.Polygon()
     # Straightened parts, or ones in holes that are gone, may touch others.
-    return kept[0] if len(kept) == 1 else shapely.union_all(kept, grid_size=GRID)
+    return kept[0] if len(kept) == 1 else snapped_union(kept, GRID)

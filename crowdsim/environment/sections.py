@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
 Floats = NDArray[np.float64]
 
 SECTION_GRID = 1e-4
 """Meters of the grid that cuts are rounded to, which closes the hair gaps of meshes whose parts do not quite meet."""
+
+DIGITS = 9
+"""Decimals of a meter of coordinates; much smaller numbers than that make overlays of shapes fail."""
 
 FURNITURE = 4.0
 """Square meters: up to this size a loop is filled even where the mesh does not know inside from outside."""
@@ -50,7 +53,13 @@ def _crossing(first: Floats, second: Floats, height: float) -> Floats:
     lower, upper = np.where(swap, second, first), np.where(swap, first, second)
     rise = upper[:, 2] - lower[:, 2]
     share = (height - lower[:, 2]) / rise
-    return lower[:, :2] + share[:, None] * (upper[:, :2] - lower[:, :2])
+    return np.round(lower[:, :2] + share[:, None] * (upper[:, :2] - lower[:, :2]), DIGITS)
+
+
+def snapped_union(shapes: ArrayLike, grid: float) -> BaseGeometry:
+    """The union of shapes on a grid of ``grid`` meters."""
+    with np.errstate(all="ignore"):  # numpy reports what GEOS does about tiny numbers on its way
+        return shapely.union_all(np.asarray(shapes, dtype=object), grid_size=grid)
 
 
 def enclosed(segments: Floats) -> BaseGeometry:
@@ -66,7 +75,7 @@ def enclosed(segments: Floats) -> BaseGeometry:
     segments = segments[lengths > 0.0]
     if len(segments) < 3:
         return shapely.Polygon()
-    lines = shapely.union_all(shapely.linestrings(segments), grid_size=SECTION_GRID)
+    lines = snapped_union(shapely.linestrings(segments), SECTION_GRID)
     faces = shapely.get_parts(shapely.polygonize(shapely.get_parts(lines)))
     faces = faces[shapely.area(faces) > _LEAST_FACE]
     if len(faces) == 0:
@@ -75,7 +84,7 @@ def enclosed(segments: Floats) -> BaseGeometry:
     doubtful = np.flatnonzero(~inside & (shapely.area(faces) <= FURNITURE))
     if len(doubtful):
         inside[doubtful] = _odd(faces[doubtful], lines)
-    return shapely.union_all(faces[inside], grid_size=SECTION_GRID)
+    return snapped_union(faces[inside], SECTION_GRID)
 
 
 def _winding_numbers(faces: NDArray[np.object_], segments: Floats) -> Floats:

@@ -22,7 +22,13 @@ def prv(h):
 @helper
 def is_dirty(sides, t):
     """Whether triangle t changed since it was measured."""
-    return sides[3 * t].clr < 0.0 or sides[3 * t + 1].clr < 0.0 or sides[3 * t + 2].clr < 0.0
+    return sides[3 * t].clr < 0.0
+
+
+@helper
+def soil(sides, t):
+    """Note that triangle t changed since it was measured."""
+    sides[3 * t].clr = -1.0
 
 
 @helper
@@ -90,7 +96,7 @@ def locate(m, x, y, hint):
 def triangle_of(m, x, y, hint):
     """The triangle that holds (x, y), moved to the grid, from triangle ``hint`` on; -1 outside of the box."""
     cell = m.frame[0].cell
-    return locate(m, snapped(cell, x), snapped(cell, y), hint)
+    return locate(m, snapped(cell, x), snapped(cell, y), np.int64(hint))
 
 
 @helper
@@ -99,7 +105,7 @@ def triangle_near(m, x, y, hint):
     frame = m.frame[0]
     x = min(max(snapped(frame.cell, x), frame.x0), frame.x1)
     y = min(max(snapped(frame.cell, y), frame.y0), frame.y1)
-    return locate(m, x, y, hint)
+    return locate(m, x, y, np.int64(hint))
 
 
 @helper

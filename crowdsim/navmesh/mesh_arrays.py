@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 NONE = np.int64(-1)
-"""No half-edge, triangle or vertex; typed, as a bare -1 would make numba compile what it is passed to once more."""
+"""No half-edge, triangle or vertex. Helpers that take other numbers as well are passed np.int64(NONE): numba takes the
+constant for a type of its own and would compile them twice."""
 
 BOX_CORNERS = 4
 """The first vertices are the corners of the box; they are no obstacles and no free triangle touches them."""
@@ -33,8 +34,8 @@ SIDE = np.dtype(
 
 org: origin vertex. twin: opposite half-edge, -1 on the hull. cst: how many obstacle edges run along it, the same on
 both halves. win: signed count of obstacle boundaries along it with the obstacle on their left. clr: width (a diameter,
-meters) that a turn around the corner at ``org`` leaves; 0 where a side of the corner is closed, and less on a side of
-every triangle that changed since it was measured. use: which inserted obstacles run along it in this direction, the
+meters) that a turn around the corner at ``org`` leaves; 0 where a side of the corner is closed; less on the first
+side of a triangle that changed since it was measured. use: which inserted obstacles run along it in this direction, the
 head of a list of :data:`USE`, -1 for none; obstacles that the mesh was built with are counted in cst and win alone.
 """
 
@@ -68,13 +69,22 @@ TO_DO = np.dtype([("waiting", np.int64), ("touched", np.int64), ("mark", np.int6
 PROGRESS = np.dtype(
     [
         (name, np.int64)
-        for name in ("head", "waiting", "touched", "uses", "pairs", "full", "rerouted", "removal", "gone")
+        for name in ("head", "waiting", "touched", "uses", "pairs", "full", "rerouted", "removal", "gone", "vertex")
     ],
     align=True,
 )
 """Ring buffer ``waiting``: its first item and its length. Lengths of the list ``touched``, of the pool of uses (full: 1
 where it was too short), of the stack ``pairs`` and of ``gone``. Whether a crossing made other obstacles take another
-way, and whether the edit is a removal."""
+way, whether the edit is a removal, and the vertex of a point that was edited."""
+
+SIGHT = np.dtype(
+    [("side", np.int64)] + [(name, np.float64) for name in ("lo", "hi", "rx", "ry", "lx", "ly")], align=True
+)
+"""A half-edge still to cross in a search for bottlenecks.
+
+lo, hi: the part of a first side that a disc from beyond may reach through it. rx, ry, lx, ly: the rays right and left
+of what a vertex sees through it.
+"""
 
 SEGMENT = np.dtype([(name, np.float64) for name in ("ax", "ay", "bx", "by")], align=True)
 """Two points."""
@@ -119,6 +129,8 @@ class Workshop(NamedTuple):
     """(k,) records :data:`SEGMENT`: sides that were constrained before the edit."""
     progress: NDArray[Any]
     """(1,) record :data:`PROGRESS`."""
+    sights: NDArray[Any]
+    """(256,) records :data:`SIGHT`."""
 
 
 def workshop(vertices: int, uses: int = 0) -> Workshop:
@@ -127,7 +139,13 @@ def workshop(vertices: int, uses: int = 0) -> Workshop:
     pairs = np.empty((room, 2), np.int64)
     to_do = np.zeros(vertices, TO_DO)
     return Workshop(
-        np.empty(room, np.int64), pairs, to_do, np.zeros(uses, USE), np.zeros(uses, SEGMENT), np.zeros(1, PROGRESS)
+        np.empty(room, np.int64),
+        pairs,
+        to_do,
+        np.zeros(uses, USE),
+        np.zeros(uses, SEGMENT),
+        np.zeros(1, PROGRESS),
+        np.empty(256, SIGHT),
     )
 
 

@@ -93,8 +93,7 @@ class NavMesh:
 
         Found whenever one exists. With ``optimality`` "fast" it is two tenths of a percent longer than the shortest on
         average, and any mesh answers at once; "best" is the shortest, for which the first call for a radius makes a
-        graph of all tangents around corners (half a second for ten thousand corners) that lasts until an edit. Among
-        gaps about as wide as the disc, about one of 30,000 of the latter is still a few percent longer than need be.
+        graph of all tangents around corners (half a second for ten thousand corners) that lasts until an edit.
 
         Raises
         ------

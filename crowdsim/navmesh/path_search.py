@@ -166,8 +166,8 @@ class PathSearch:
             part = batch.part(first, last)
             with graph.scratch() as scratch:
                 return shortest_kernels.shortest_paths(
-                    self._mesh, graph.arrays, scratch, part.starts, part.goals, graph.radius, graph.least,
-                    graph.slack, part.status, part.lengths, part.counts,
+                    self._mesh, graph.arrays, scratch, part.starts, part.goals, graph.asked, graph.radius,
+                    graph.least, graph.slack, part.status, part.lengths, part.counts,
                 )  # fmt: skip
 
         return _in_parts(work, len(batch.starts), workers)

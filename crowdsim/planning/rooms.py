@@ -55,16 +55,25 @@ def room_polygons(
     The obstacles of the upper layers grow by what the behavior needs there beyond the legs' clearance. A room may fall
     apart or be empty.
     """
-    need = Requirements.of(behaviors, len(layers), margin)
     rooms = []
-    for radii in need.radii:
+    for growths in room_growths(behaviors, len(layers), margin):
         room = layers[0]
-        for layer, radius in zip(layers[1:], radii[1:], strict=True):
-            growth = (radius - need.search_radius) / np.cos(np.pi / 4.0 / _ARC_STEPS)
+        for layer, growth in zip(layers[1:], growths.tolist(), strict=True):
             if growth > 0.0:
                 room = room.intersection(layer.buffer(-growth, quad_segs=_ARC_STEPS))
         rooms.append(room)
     return tuple(rooms)
+
+
+def room_growths(behaviors: Sequence[Behavior], layers: int, margin: float = TRACKING_MARGIN) -> NDArray[np.float64]:
+    """(B, layers - 1) meters by which the obstacles of the upper layers grow in each behavior's room, 0 for not."""
+    need = Requirements.of(behaviors, layers, margin)
+    return np.maximum(need.radii[:, 1:] - need.search_radius, 0.0) / np.cos(np.pi / 4.0 / _ARC_STEPS)
+
+
+def grown(obstacle: shapely.Geometry, growth: float) -> shapely.Geometry:
+    """An obstacle of an upper layer as a room holds it."""
+    return obstacle.buffer(growth, quad_segs=_ARC_STEPS) if growth > 0.0 else obstacle
 
 
 def make_rooms(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,9 @@ from crowdsim.errors import CrowdSimError
 from crowdsim.playback.camera import FIELD_OF_VIEW, Camera, place_camera
 from crowdsim.playback.crowd_mesh import CrowdMesh, hex_color
 from crowdsim.playback.drawing_backend import load_pyvista
-from crowdsim.playback.scenery import floor_mesh, grid_lines, path_ribbons, solids_mesh
+from crowdsim.playback.scenery import FlatMesh, floor_mesh, grid_lines, meshes_mesh, path_ribbons, solids_mesh
 from crowdsim.playback.surfaces import Floats
-from crowdsim.recording.header import PlannedPath
+from crowdsim.recording.header import PlannedPath, SolidRecord
 from crowdsim.recording.reader import Recording
 
 TALL = 1.1
@@ -26,6 +27,7 @@ _FLOOR = "#f1efea"
 _GRID = "#dcd8cf"
 _LOW_SOLID = "#c9b295"
 _TALL_SOLID = "#9fb0bd"
+_MOVABLE = "#b9774a"
 _EDGE = "#6d7780"
 _INK = "#30363c"
 
@@ -61,6 +63,8 @@ class Scene:
         self._crowd = CrowdMesh(recording, color_by)
         self._paths: tuple[PlannedPath, ...] = ()
         self._path_actor: Any = None
+        self._movables: tuple[SolidRecord, ...] = ()
+        self._movable_actors: list[Any] = []
         self._light()
         self._build_place()
         self._build_crowd()
@@ -85,6 +89,9 @@ class Scene:
         paths = self.recording.paths_at(time)
         if [(path.agent, path.step) for path in paths] != [(path.agent, path.step) for path in self._paths]:
             self._draw_paths(paths)
+        movables = self.recording.movables_at(time)
+        if movables != self._movables:
+            self._draw_movables(movables)
         self._clock.input = f"{time:.2f} s"
 
     def look(self, view: str, time: float, agent: int | None = None) -> None:
@@ -123,12 +130,32 @@ class Scene:
         self._add_flat(floor.points, floor.triangles, _FLOOR, lighting=False)
         self._add_lines(grid_lines(header), _GRID, 1.0)
         self._add_lines(floor.outline + [0.0, 0.0, 0.004], _EDGE, 1.5)
-        low = solids_mesh([solid for solid in header.solids if solid.top <= TALL])
-        tall = solids_mesh([solid for solid in header.solids if solid.top > TALL])
-        self._add_flat(low.points, low.triangles, _LOW_SOLID, ambient=0.35, diffuse=0.75)
-        self._add_lines(low.outline, _EDGE, 1.0)
-        self._add_flat(tall.points, tall.triangles, _TALL_SOLID, ambient=0.4, diffuse=0.6, opacity=0.2, culling="back")
-        self._add_lines(tall.outline, _EDGE, 1.2)
+        self._add_solids(header.solids, _LOW_SOLID, _TALL_SOLID, 0.2)
+        low = [mesh for mesh in header.meshes if mesh.points[:, 2].max() <= TALL]
+        tall = [mesh for mesh in header.meshes if mesh.points[:, 2].max() > TALL]
+        self._add_shapes(meshes_mesh(low), meshes_mesh(tall), _LOW_SOLID, _TALL_SOLID, 0.2)
+
+    def _draw_movables(self, movables: tuple[SolidRecord, ...]) -> None:
+        for actor in self._movable_actors:
+            self.plotter.remove_actor(actor, render=False)
+        self._movables = movables
+        self._movable_actors = self._add_solids(movables, _MOVABLE, _MOVABLE, 0.55)
+
+    def _add_solids(self, solids: Sequence[SolidRecord], low_color: str, tall_color: str, opacity: float) -> list[Any]:
+        """Draw solids, tall ones as glass of some ``opacity``; returns the actors."""
+        low = solids_mesh([solid for solid in solids if solid.top <= TALL])
+        tall = solids_mesh([solid for solid in solids if solid.top > TALL])
+        return self._add_shapes(low, tall, low_color, tall_color, opacity)
+
+    def _add_shapes(self, low: FlatMesh, tall: FlatMesh, low_color: str, tall_color: str, opacity: float) -> list[Any]:
+        glass = {"ambient": 0.4, "diffuse": 0.6, "opacity": opacity, "culling": "back"}
+        actors = [
+            self._add_flat(low.points, low.triangles, low_color, ambient=0.35, diffuse=0.75),
+            self._add_lines(low.outline, _EDGE, 1.0),
+            self._add_flat(tall.points, tall.triangles, tall_color, **glass),
+            self._add_lines(tall.outline, _EDGE, 1.2),
+        ]
+        return [actor for actor in actors if actor is not None]
 
     def _build_crowd(self) -> None:
         crowd = self._crowd
@@ -176,12 +203,16 @@ class Scene:
         faces = np.column_stack([np.full(len(triangles), 3), triangles]).ravel()
         return self._pv.PolyData(np.ascontiguousarray(points, np.float32), faces)
 
-    def _add_flat(self, points: Floats, triangles: NDArray[np.int64], color: str, **look: Any) -> None:
-        if len(triangles):
-            self.plotter.add_mesh(self._poly(points, triangles), color=color, smooth_shading=False, **look)
+    def _add_flat(self, points: Floats, triangles: NDArray[np.int64], color: str, **look: Any) -> Any:
+        if not len(triangles):
+            return None
+        return self.plotter.add_mesh(
+            self._poly(points, triangles), color=color, smooth_shading=False, render=False, **look
+        )
 
-    def _add_lines(self, ends: Floats, color: str, width: float) -> None:
-        if len(ends):
-            cells = np.column_stack([np.full(len(ends) // 2, 2), np.arange(len(ends)).reshape(-1, 2)]).ravel()
-            mesh = self._pv.PolyData(np.ascontiguousarray(ends, np.float32), lines=cells)
-            self.plotter.add_mesh(mesh, color=color, line_width=width * self._scale, lighting=False)
+    def _add_lines(self, ends: Floats, color: str, width: float) -> Any:
+        if not len(ends):
+            return None
+        cells = np.column_stack([np.full(len(ends) // 2, 2), np.arange(len(ends)).reshape(-1, 2)]).ravel()
+        mesh = self._pv.PolyData(np.ascontiguousarray(ends, np.float32), lines=cells)
+        return self.plotter.add_mesh(mesh, color=color, line_width=width * self._scale, lighting=False, render=False)

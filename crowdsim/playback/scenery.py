@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import RecordingError
 from crowdsim.playback.surfaces import Floats
-from crowdsim.recording.header import PlannedPath, RecordingHeader, SolidRecord
+from crowdsim.recording.header import MeshRecord, PlannedPath, RecordingHeader, SolidRecord
 
 PATH_HEIGHT = 0.015
 _PATH_WIDTH = 0.045
@@ -45,6 +45,16 @@ def solids_mesh(solids: Sequence[SolidRecord]) -> FlatMesh:
                 _ring_lines(polygon, solid.bottom),
                 _corner_lines(polygon, solid),
             ]
+    return _merge(parts, lines)
+
+
+def meshes_mesh(meshes: Sequence[MeshRecord]) -> FlatMesh:
+    """All of ``meshes`` as they are, outlined where they end or bend by more than 25 degrees."""
+    parts, lines = [], []
+    for mesh in meshes:
+        corners = np.asarray(mesh.points, np.float64)[mesh.triangles]
+        parts.append((corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)))
+        lines.append(_sharp_edges(corners))
     return _merge(parts, lines)
 
 
@@ -153,6 +163,28 @@ def _corner_lines(polygon: shapely.Polygon, solid: SolidRecord) -> Floats:
         heights = np.tile([solid.bottom, solid.top], len(corner))
         uprights.append(np.column_stack([pair, heights]))
     return np.concatenate(uprights)
+
+
+def _sharp_edges(corners: Floats) -> Floats:
+    """Edges, as pairs of points (2L, 3), of triangles (T, 3, 3) at which no other joins them without a bend."""
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    # Files repeat points, one for each face.
+    _, index = np.unique(np.round(corners.reshape(-1, 3), 4), axis=0, return_inverse=True)
+    index = index.reshape(-1, 3)
+    ends = np.stack([index, np.roll(index, -1, axis=1)], axis=2).reshape(-1, 2)
+    _, edge, count = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True)
+    edge = edge.reshape(-1)
+    # All faces at an edge lie in one plane where their normals, up to their sign, add up to their number.
+    normal = np.repeat(normals, 3, axis=0)
+    first = np.full(len(count), -1)
+    first[edge[::-1]] = np.arange(len(edge))[::-1]
+    along = np.abs(np.sum(normal * normal[first[edge]], axis=1))
+    flattest = np.ones(len(count))
+    np.minimum.at(flattest, edge, along)
+    sharp = (count == 1) | (flattest < np.cos(np.radians(25.0)))
+    points = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2, 3)
+    return points[first[sharp]].reshape(-1, 3)
 
 
 def _merge(parts: Sequence[tuple[Floats, NDArray[np.int64]]], lines: Sequence[Floats]) -> FlatMesh:

@@ -55,6 +55,15 @@ class SolidRecord:
 
 
 @dataclass(frozen=True)
+class MeshRecord:
+    """An obstacle of triangles: points (V, 3) float32, meters, and their indices (T, 3) int32, outside to the left."""
+
+    name: str
+    points: NDArray[np.float32]
+    triangles: NDArray[np.int32]
+
+
+@dataclass(frozen=True)
 class AgentsRecord:
     """The N agents of a run, which stay the same from its first step to its last.
 
@@ -94,7 +103,11 @@ class MotionRecord:
 
 @dataclass(frozen=True)
 class RecordingHeader:
-    """Everything but the steps; ``floor`` is the walkable outline as WKT."""
+    """Everything but the steps; ``floor`` is the walkable outline as WKT.
+
+    solids, meshes: what stands all the time. movables: what comes, moves or goes, as it is drawn in the scenario;
+    where it is when, :class:`PlaceChange` says.
+    """
 
     scenario_name: str
     scenario_text: str
@@ -106,6 +119,8 @@ class RecordingHeader:
     solids: Sequence[SolidRecord]
     agents: AgentsRecord
     motion: MotionRecord
+    movables: Sequence[SolidRecord] = ()
+    meshes: Sequence[MeshRecord] = ()
 
 
 class RecordedFrame(NamedTuple):
@@ -149,3 +164,12 @@ class PlannedPath:
     step: int
     points: NDArray[np.float64]
     behaviors: NDArray[np.int8]
+
+
+@dataclass(frozen=True)
+class PlaceChange:
+    """From ``step`` on a movable (index in the header) has the outline ``footprint`` (WKT), or is not there (None)."""
+
+    movable: int
+    step: int
+    footprint: str | None

@@ -15,6 +15,7 @@ from crowdsim.recording.header import (
     AgentsRecord,
     BehaviorRecord,
     LayerRecord,
+    MeshRecord,
     MotionRecord,
     RecordingHeader,
     SolidRecord,
@@ -69,10 +70,18 @@ def write_header(file: h5py.File, header: RecordingHeader) -> None:
 
     place = file.create_group("place")
     place.create_dataset("floor", data=header.floor, dtype=_STRINGS)
-    _write_strings(place, "solid_names", [solid.name for solid in header.solids])
-    _write_strings(place, "solid_footprints", [solid.footprint for solid in header.solids])
-    _write_array(place, "solid_bottoms", [solid.bottom for solid in header.solids], "float64")
-    _write_array(place, "solid_tops", [solid.top for solid in header.solids], "float64")
+    for kind, solids in (("solid", header.solids), ("movable", header.movables)):
+        _write_strings(place, f"{kind}_names", [solid.name for solid in solids])
+        _write_strings(place, f"{kind}_footprints", [solid.footprint for solid in solids])
+        _write_array(place, f"{kind}_bottoms", [solid.bottom for solid in solids], "float64")
+        _write_array(place, f"{kind}_tops", [solid.top for solid in solids], "float64")
+
+    _write_strings(place, "mesh_names", [mesh.name for mesh in header.meshes])
+    _write_array(place, "mesh_counts", [(len(m.points), len(m.triangles)) for m in header.meshes], "int64")
+    points = [np.empty((0, 3), np.float32), *(mesh.points for mesh in header.meshes)]
+    triangles = [np.empty((0, 3), np.int32), *(mesh.triangles for mesh in header.meshes)]
+    _write_array(place, "mesh_points", np.concatenate(points), "float32")
+    _write_array(place, "mesh_triangles", np.concatenate(triangles), "int32")
 
     agents = file.create_group("agents")
     _write_strings(agents, "groups", header.agents.groups)
@@ -110,13 +119,6 @@ def read_header(file: h5py.File) -> RecordingHeader:
     behavior_rows = zip(
         _read_strings(behaviors, "names"), _read_strings(behaviors, "colors"), behaviors["radii"][:], strict=True
     )
-    solid_rows = zip(
-        _read_strings(place, "solid_names"),
-        _read_strings(place, "solid_footprints"),
-        place["solid_bottoms"][:],
-        place["solid_tops"][:],
-        strict=True,
-    )
     agents = file["agents"]
     return RecordingHeader(
         scenario_name=str(scenario.attrs["name"]),
@@ -126,7 +128,10 @@ def read_header(file: h5py.File) -> RecordingHeader:
         behaviors=tuple(BehaviorRecord(name, color, tuple(map(float, radii))) for name, color, radii in behavior_rows),
         layers=tuple(LayerRecord(name, float(low), float(high)) for name, low, high in layer_rows),
         floor=place["floor"].asstr()[()],
-        solids=tuple(SolidRecord(name, wkt, float(low), float(top)) for name, wkt, low, top in solid_rows),
+        solids=_read_solids(place, "solid"),
+        # Recordings of before things could move, or be meshes, have none.
+        movables=_read_solids(place, "movable") if "movable_names" in place else (),
+        meshes=_read_meshes(place) if "mesh_names" in place else (),
         agents=AgentsRecord(
             groups=tuple(_read_strings(agents, "groups")),
             start_times=agents["start_times"][:],
@@ -136,6 +141,25 @@ def read_header(file: h5py.File) -> RecordingHeader:
         ),
         motion=_read_motion(file["motion"]),
     )
+
+
+def _read_solids(place: h5py.Group, kind: str) -> tuple[SolidRecord, ...]:
+    rows = zip(
+        _read_strings(place, f"{kind}_names"),
+        _read_strings(place, f"{kind}_footprints"),
+        place[f"{kind}_bottoms"][:],
+        place[f"{kind}_tops"][:],
+        strict=True,
+    )
+    return tuple(SolidRecord(name, wkt, float(low), float(top)) for name, wkt, low, top in rows)
+
+
+def _read_meshes(place: h5py.Group) -> tuple[MeshRecord, ...]:
+    points, triangles = place["mesh_points"][:], place["mesh_triangles"][:]
+    ends = np.cumsum(place["mesh_counts"][:].reshape(-1, 2), axis=0)
+    cut_points, cut_triangles = np.split(points, ends[:, 0]), np.split(triangles, ends[:, 1])
+    names = _read_strings(place, "mesh_names")
+    return tuple(MeshRecord(*row) for row in zip(names, cut_points, cut_triangles, strict=False))
 
 
 def _read_motion(group: h5py.Group) -> MotionRecord:

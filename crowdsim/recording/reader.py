@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -21,9 +22,11 @@ from crowdsim.recording.header import (
     FORMAT_NAME,
     FORMAT_VERSION,
     AgentState,
+    PlaceChange,
     PlannedPath,
     RecordedFrame,
     RecordingHeader,
+    SolidRecord,
 )
 from crowdsim.recording.header_file import read_header, read_versions
 
@@ -137,9 +140,32 @@ class Recording:
 
     def paths_at(self, time: float) -> tuple[PlannedPath, ...]:
         """The path each agent follows at ``time`` seconds, the latest planned by then, in agent order."""
-        step = int(np.floor(time * self.steps_per_second + 1e-9))
+        step = self._step_at(time)
         latest = {path.agent: path for path in self.paths if path.step <= step}
         return tuple(latest[agent] for agent in sorted(latest))
+
+    @cached_property
+    def changes(self) -> tuple[PlaceChange, ...]:
+        """Where movables stand from when on, in order of time."""
+        if "changes" not in self._file:
+            return ()
+        group = self._file["changes"]
+        rows = zip(group["movable"][:], group["step"][:], group["footprint"].asstr()[:], strict=True)
+        return tuple(PlaceChange(int(movable), int(step), footprint or None) for movable, step, footprint in rows)
+
+    def movables_at(self, time: float) -> tuple[SolidRecord, ...]:
+        """The movables that are there at ``time`` seconds, where they stand then, in the order of the header."""
+        step = self._step_at(time)
+        latest = {change.movable: change.footprint for change in self.changes if change.step <= step}
+        return tuple(
+            replace(self.header.movables[movable], footprint=footprint)
+            for movable, footprint in sorted(latest.items())
+            if footprint is not None
+        )
+
+    def _step_at(self, time: float) -> int:
+        """The last step recorded by ``time`` seconds."""
+        return int(np.floor(time * self.steps_per_second + 1e-9))
 
     def at_step(self, step: int) -> RecordedFrame:
         """Row ``step`` as arrays (N,); RecordingError outside the recording."""

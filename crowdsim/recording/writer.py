@@ -130,6 +130,14 @@ class RecordingWriter:
             _extend(group[name], np.array([value]))
         self._paths += 1
 
+    def add_change(self, movable: int, footprint: str | None) -> None:
+        """Let a movable of the header have the outline ``footprint`` (WKT) from the next step on, or be gone (None)."""
+        group = self._open_file()["changes"]
+        if not 0 <= movable < len(self._header.movables):
+            raise RecordingError(f"a change of movable {movable}, but the header lists {len(self._header.movables)}")
+        for name, value in (("movable", movable), ("step", self._steps), ("footprint", footprint or "")):
+            _extend(group[name], np.array([value], group[name].dtype))
+
     def finish(self, summary: Mapping[str, Any]) -> None:
         """Write what is left and ``summary`` (anything JSON can hold), and give the file its name."""
         file = self._open_file()
@@ -163,6 +171,10 @@ class RecordingWriter:
         _growing(paths, "behaviors", (), "int8", (1024,))
         for name in ("agent", "step", "count"):
             _growing(paths, name, (), "int32", (256,))
+        changes = file.create_group("changes")
+        for name in ("movable", "step"):
+            _growing(changes, name, (), "int32", (256,))
+        _growing(changes, "footprint", (), h5py.string_dtype("utf-8"), (256,))
 
     def _open_file(self) -> h5py.File:
         if self._file is None:
@@ -233,7 +245,7 @@ def _check_header(header: RecordingHeader) -> None:
         )
 
 
-def _growing(group: h5py.Group, name: str, row: tuple[int, ...], dtype: str, chunk: tuple[int, ...]) -> None:
+def _growing(group: h5py.Group, name: str, row: tuple[int, ...], dtype: Any, chunk: tuple[int, ...]) -> None:
     group.create_dataset(
         name,
         shape=(0, *row),

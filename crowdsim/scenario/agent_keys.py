@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, WithJsonSchema, model_validator
 
+from crowdsim.constants import NONE
 from crowdsim.scenario.values import FileText, Name, Part, Region, Seconds, one_of
+
+MAX_COUNT = 100_000
 
 
 class Motion(Part):
@@ -24,13 +27,72 @@ class Motion(Part):
         return self
 
 
-class AgentGroup(Part):
-    """Characters with one start and one goal; ``interval`` seconds pass between the starts of one and the next."""
+def _checked_repeat(value: Any) -> Any:
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    if value != "forever" and not (whole and 1 <= value <= MAX_COUNT):
+        raise ValueError(f"expected a whole number from 1 to {MAX_COUNT}, or forever")
+    return value
 
+
+Repeat = Annotated[
+    Any,
+    AfterValidator(_checked_repeat),
+    WithJsonSchema({"anyOf": [{"type": "integer", "minimum": 1, "maximum": MAX_COUNT}, {"const": "forever"}]}),
+]
+
+
+def _one_goal_and_some_agents(schema: dict[str, Any]) -> None:
+    schema["oneOf"] = [{"required": ["goal"]}, {"required": ["goals"]}]
+    schema["anyOf"] = [{"required": ["count"]}, {"required": ["rate"]}]
+
+
+class AgentGroup(Part):
+    """Characters with one start and the same goals.
+
+    ``count`` of them start ``interval`` seconds after each other; or a source lets in ``rate`` a second until ``until``
+    (at most ``count``). They go to their ``goal``, or to each of ``goals`` in turn, ``repeat`` times over, and stand
+    ``wait`` seconds at all but the last.
+    """
+
+    model_config = ConfigDict(json_schema_extra=_one_goal_and_some_agents)
     name: Name
-    count: Annotated[int, Field(ge=1, le=100_000)]
+    count: Annotated[int, Field(ge=1, le=MAX_COUNT)] | None = None
+    rate: Annotated[float, Field(allow_inf_nan=False, gt=0.0, le=1000.0)] | None = None
+    arrivals: Literal["poisson", "regular"] = "poisson"
     start: Region
-    goal: Region
+    goal: Region | None = None
+    goals: Annotated[tuple[Region, ...], Field(strict=False, min_length=1)] | None = None
+    repeat: Repeat = 1
+    wait: Seconds = 0.0
     start_time: Seconds = 0.0
     interval: Seconds = 0.0
+    until: Seconds | None = None
     on_arrival: Literal["leave", "stay"] = "leave"
+
+    @model_validator(mode="after")
+    def _check(self) -> AgentGroup:
+        self.only("goal", "goals")
+        if self.count is None and self.rate is None:
+            raise ValueError("give 'count' for so many characters, or 'rate' for a source of them")
+        if self.rate is None:
+            for key in ("arrivals", "until"):
+                if key in self.model_fields_set:
+                    raise ValueError(f"'{key}' is about a source; give 'rate' with it, or drop it")
+        elif "interval" in self.model_fields_set:
+            raise ValueError("a source has a 'rate', not an 'interval'; drop one of them")
+        elif self.until is not None and self.until <= self.start_time:
+            raise ValueError(f"'until' ({self.until:g} s) must lie after 'start_time' ({self.start_time:g} s)")
+        if self.rounds != 1 and len(self.regions()) < 2:
+            raise ValueError("'repeat' goes round among several places; give 'goals' with at least two")
+        return self
+
+    @property
+    def rounds(self) -> int:
+        """How many times over the goals are gone to; NONE for as long as the run lasts."""
+        return NONE if self.repeat == "forever" else int(self.repeat)
+
+    def regions(self) -> list[tuple[tuple[str | int, ...], Region]]:
+        """The goals in order, each with its place in the group: ``("goals", 1)``."""
+        if self.goal is not None:
+            return [(("goal",), self.goal)]
+        return [(("goals", number), region) for number, region in enumerate(self.goals or ())]

@@ -79,7 +79,8 @@ def _draw_layer(axes: Axes, scenario: Scenario, layer: ClearanceLayer) -> None:
 
 def _draw_ends(axes: Axes, scenario: Scenario) -> None:
     for group in scenario.agents:
-        for what, region, color in (("start", group.start, _START), ("goal", group.goal, _GOAL)):
+        goals = [("goal", region, _GOAL) for _, region in group.regions()]
+        for what, region, color in (("start", group.start, _START), *goals):
             shape: Polygon | Point = region.shape()
             if isinstance(shape, Point):
                 axes.plot(shape.x, shape.y, "o", color=color, markersize=7.0, label=what)

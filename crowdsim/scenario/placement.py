@@ -12,8 +12,10 @@ import shapely
 from numpy.typing import NDArray
 from shapely import MultiPolygon, Point, Polygon
 
-from crowdsim.environment.layers import polygons_only
+from crowdsim.environment.layers import dropped_solids, polygons_only
 from crowdsim.errors import Problem, ScenarioError
+from crowdsim.scenario.agent_keys import MAX_COUNT
+from crowdsim.scenario.arrivals import start_times
 from crowdsim.scenario.scenario import Scenario
 
 NOMINAL_RADIUS = 0.30
@@ -34,17 +36,35 @@ class Placement(NamedTuple):
 
     Attributes
     ----------
-    starts, goals : (n, 2) float64, meters
+    starts : (n, 2) float64, meters
+    goals : n arrays (k, 2), the places to go to in order, meters
+    rounds : (n,) int64, how many times over they go to them; NONE for as long as the run lasts
+    waits : (n,) float64, seconds they stand at each place but the last
     start_steps : (n,) int64, the step of the simulation nearest to the time of the start
     stays : (n,) bool, whether they stay where they arrive
     groups : name of the group of each
     """
 
     starts: NDArray[np.float64]
-    goals: NDArray[np.float64]
+    goals: tuple[NDArray[np.float64], ...]
+    rounds: NDArray[np.int64]
+    waits: NDArray[np.float64]
     start_steps: NDArray[np.int64]
     stays: NDArray[np.bool_]
     groups: tuple[str, ...]
+
+    def goal(self, agent: int, reached: int) -> NDArray[np.float64]:
+        """The place (2,) that an agent goes to when it has been to ``reached`` places."""
+        goals = self.goals[agent]
+        return goals[reached % len(goals)]
+
+    def is_last(self, agent: int, reached: int) -> bool:
+        """Whether it goes nowhere after that place."""
+        return reached + 1 == self.rounds[agent] * len(self.goals[agent])
+
+    def stands(self, agent: int, reached: int) -> bool:
+        """Whether it stands at that place, for a while or for good."""
+        return bool(self.stays[agent]) if self.is_last(agent, reached) else bool(self.waits[agent] > 0.0)
 
 
 def place_agents(scenario: Scenario, radius: float) -> Placement:
@@ -67,59 +87,101 @@ def place_agents(scenario: Scenario, radius: float) -> Placement:
 
 def try_placement(scenario: Scenario, radius: float) -> tuple[Placement, list[Problem]]:
     """:func:`place_agents` with its problems returned; the arrays lack the characters that found no place."""
-    room = _room(scenario, radius)
+    rooms = _rooms(scenario, radius)
     starts_by_step: defaultdict[int, _Spots] = defaultdict(lambda: _Spots(2.0 * radius))
     stay_spots = _Spots(2.0 * radius)
     starts: list[tuple[float, float]] = []
-    goals: list[tuple[float, float]] = []
+    goals: list[NDArray[np.float64]] = []
     steps: list[int] = []
+    counts: list[int] = []
     problems = []
     for number, group in enumerate(scenario.agents):
-        times = [group.start_time + k * group.interval for k in range(group.count)]
-        group_steps = [round(time * scenario.steps_per_second) for time in times]
-        begun = [starts_by_step[step] for step in group_steps]
-        ended = [stay_spots if group.on_arrival == "stay" else None] * group.count
-        for key, stream, region, crowds, found in (
-            ("start", _START_STREAM, group.start.shape(), begun, starts),
-            ("goal", _GOAL_STREAM, group.goal.shape(), ended, goals),
-        ):
-            generator = np.random.default_rng(np.random.SeedSequence(scenario.seed, spawn_key=(number, stream)))
-            complaint = _unusable(scenario, region, room, radius)
-            if complaint is None:
-                placed = _draw(_Sampler(region, room, generator), crowds)
-                found += placed
-                if len(placed) < group.count:
-                    complaint = _too_full(key, region, len(placed), group.count, radius)
+        group_steps = [round(time * scenario.steps_per_second) for time in start_times(scenario, number).tolist()]
+        count = len(group_steps)
+        if not 1 <= count <= MAX_COUNT:
+            how_many = "no character comes" if count == 0 else f"more than {MAX_COUNT} characters come"
+            problems.append(scenario.problem(("agents", number, "rate"), f"{how_many} at this rate"))
+            continue
+        regions = group.regions()
+        places = np.full((count, len(regions), 2), np.nan)
+        wanted: list[_Wanted] = [
+            (("start",), group.start.shape(), (_START_STREAM,), [starts_by_step[step] for step in group_steps])
+        ]
+        for k, (key, region) in enumerate(regions):
+            last = stay_spots if group.on_arrival == "stay" and k == len(regions) - 1 else None
+            # The first has the stream that an only goal has.
+            wanted.append((key, region.shape(), (_GOAL_STREAM, k) if k else (_GOAL_STREAM,), [last] * count))
+        for k, (key, shape, stream, crowds) in enumerate(wanted):
+            generator = np.random.default_rng(np.random.SeedSequence(scenario.seed, spawn_key=(number, *stream)))
+            room = next((room for room in rooms if _meets(shape, room)), None)
+            if room is None:
+                complaint: str | None = _unusable(scenario, shape, radius)
+            else:
+                placed = _draw(_Sampler(shape, room, generator), crowds)
+                complaint = None if len(placed) == count else _too_full(key, shape, len(placed), count, radius)
+                if k == 0:
+                    starts += placed
+                else:
+                    places[: len(placed), k - 1] = np.array(placed).reshape(-1, 2)
             if complaint is not None:
-                problems.append(scenario.problem(("agents", number, key), complaint))
+                problems.append(scenario.problem(("agents", number, *key), complaint))
+        goals += list(places)
         steps += group_steps
-    counts = [group.count for group in scenario.agents]
+        counts.append(count)
+    groups = [group for group, count in zip(scenario.agents, counts, strict=False) for _ in range(count)]
     placement = Placement(
-        np.array(starts, np.float64).reshape(-1, 2),
-        np.array(goals, np.float64).reshape(-1, 2),
-        np.array(steps, np.int64),
-        np.repeat([group.on_arrival == "stay" for group in scenario.agents], counts),
-        tuple(group.name for group in scenario.agents for _ in range(group.count)),
+        starts=np.array(starts, np.float64).reshape(-1, 2),
+        goals=tuple(goals),
+        rounds=np.array([group.rounds for group in groups], np.int64),
+        waits=np.array([group.wait for group in groups], np.float64),
+        start_steps=np.array(steps, np.int64),
+        stays=np.array([group.on_arrival == "stay" for group in groups], np.bool_),
+        groups=tuple(group.name for group in groups),
     )
     return placement, problems
 
 
-def _room(scenario: Scenario, radius: float) -> MultiPolygon:
-    """Free floor of the ground layer at least ``radius`` from everything."""
+_Wanted = tuple[tuple[str | int, ...], "Polygon | Point", tuple[int, ...], "list[_Spots | None]"]
+"""What spots are drawn for: key in the group, region, random stream, and for each spot those it keeps away from."""
+
+
+def _rooms(scenario: Scenario, radius: float) -> list[MultiPolygon]:
+    """Floor of the ground layer with ``radius`` around it that is always free; then, if more, what is so at some time.
+
+    Only regions without room of the first kind use the second.
+    """
+    changes = scenario.changes()
+    bands = [layer.band() for layer in scenario.bands]
+    taken = [
+        movable.footprint(placing)
+        for movable, placing in [
+            *((movable, movable.placing) for movable in changes.movables),
+            *((changes.movables[change.movable], change.placing) for change in changes.changes),
+        ]
+        if placing is not None and len(dropped_solids(movable.solids, bands)) < len(movable.solids)
+    ]
+    free = scenario.layers_of(changes.fixed)[0].free if taken else scenario.layers()[0].free
+    rooms = [_room(free, radius)]
+    if taken:
+        rooms.insert(0, _room(polygons_only(free.difference(shapely.union_all(taken))), radius))
+    return rooms
+
+
+def _room(free: MultiPolygon, radius: float) -> MultiPolygon:
+    """The part of an area at least ``radius`` from everything else."""
     quarter = 16
     # The arcs of a buffer are polygons inside the true arcs; the larger radius makes up for that.
     outer = radius / math.cos(math.pi / (4 * quarter))
-    return polygons_only(scenario.layers()[0].free.buffer(-outer, quad_segs=quarter))
+    return polygons_only(free.buffer(-outer, quad_segs=quarter))
 
 
-def _unusable(scenario: Scenario, region: Polygon | Point, room: MultiPolygon, radius: float) -> str | None:
-    """Why no character at all can stand in ``region``; None if one can."""
-    if _meets(region, room):
-        return None
+def _unusable(scenario: Scenario, region: Polygon | Point, radius: float) -> str:
+    """Why no character at all can ever stand in ``region``."""
     if not _meets(region, scenario.floor_polygon()):
         return "lies off the floor"
-    if not _meets(region, scenario.layers()[0].free):
-        inside = [solid.name for solid in scenario.solids() if solid.footprint.intersects(region)]
+    fixed = scenario.changes().fixed
+    if not _meets(region, scenario.layers_of(fixed)[0].free):
+        inside = [solid.name for solid in fixed if solid.footprint.intersects(region)]
         return f"lies inside {', '.join(repr(name) for name in inside[:3])}; nobody can stand there"
     return f"no spot with {radius:.2f} m of free floor around it; move it away from walls and obstacles"
 
@@ -131,9 +193,9 @@ def _meets(region: Polygon | Point, area: Polygon | MultiPolygon) -> bool:
     return not polygons_only(region.intersection(area)).is_empty
 
 
-def _too_full(key: str, region: Polygon | Point, placed: int, count: int, radius: float) -> str:
-    together = "start at once" if key == "start" else "stay"
-    remedy = "an 'interval' between the starts" if key == "start" else "'on_arrival: leave'"
+def _too_full(key: tuple[str | int, ...], region: Polygon | Point, placed: int, count: int, radius: float) -> str:
+    together = "start at once" if key == ("start",) else "stay"
+    remedy = "an 'interval' between the starts" if key == ("start",) else "'on_arrival: leave'"
     if isinstance(region, Point):
         return f"{count} characters cannot {together} at one point; give a larger region, or {remedy}"
     return (

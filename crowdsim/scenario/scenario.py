@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,6 +11,7 @@ from shapely import MultiPolygon, Polygon
 
 from crowdsim.environment.layers import AnySolid, ClearanceLayer, clearance_layers
 from crowdsim.errors import Problem
+from crowdsim.scenario.changes import Changes, read_changes
 from crowdsim.scenario.document import Document
 from crowdsim.scenario.document import Path as KeyPath
 from crowdsim.scenario.schema import ScenarioFields
@@ -31,6 +33,7 @@ class Scenario(ScenarioFields):
     _document: Document = PrivateAttr(default_factory=lambda: Document("<scenario>"))
     _site: Site | None = PrivateAttr(default=None)
     _layers: tuple[ClearanceLayer, ...] | None = PrivateAttr(default=None)
+    _changes: Changes | None = PrivateAttr(default=None)
 
     @classmethod
     def from_document(cls, document: Document, text: str, path: Path | None) -> Scenario:
@@ -68,15 +71,31 @@ class Scenario(ScenarioFields):
         return self.site().floor
 
     def solids(self) -> tuple[AnySolid, ...]:
-        """The obstacles in the order of the file, then the clutter."""
+        """The obstacles in the order of the file, where they are drawn, then the clutter; doors are not among them."""
         return self.site().solids
 
     def layers(self) -> tuple[ClearanceLayer, ...]:
-        """Clearance layers, the ground layer first; built once."""
+        """Clearance layers as they are at the start, the ground layer first; built once."""
         if self._layers is None:
-            bands = [layer.band() for layer in self.bands]
-            self._layers = clearance_layers(self.floor_polygon(), self.solids(), bands)
+            self._layers = self.layers_of(self.changes().at_start())
         return self._layers
+
+    def layers_of(self, solids: Sequence[AnySolid]) -> tuple[ClearanceLayer, ...]:
+        """Clearance layers of the floor with nothing but ``solids`` on it."""
+        return clearance_layers(self.floor_polygon(), solids, [layer.band() for layer in self.bands])
+
+    def things(self) -> list[tuple[str, tuple[AnySolid, ...]]]:
+        """What stands on the floor by name: the solids of each obstacle, and of the clutter."""
+        names: dict[KeyPath, str] = {
+            ("obstacles", number): obstacle.name for number, obstacle in enumerate(self.obstacles)
+        }
+        return [(names.get(path, str(path[0])), solids) for path, solids in self.site().by_entry.items()]
+
+    def changes(self) -> Changes:
+        """What never changes, what does, and when."""
+        if self._changes is None:
+            self._changes = read_changes(self, self.things())[0]
+        return self._changes
 
     def area_polygons(self) -> dict[str, Polygon]:
         """Polygons of the named areas in the order of the file."""

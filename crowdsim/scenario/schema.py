@@ -11,6 +11,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.environment.layers import LEGS, TORSO
 from crowdsim.scenario.agent_keys import AgentGroup, Motion
+from crowdsim.scenario.event_keys import Door, Event
 from crowdsim.scenario.place_keys import Clutter, Floor, Layer, Obstacle
 from crowdsim.scenario.values import Name, Part, Region, one_of
 
@@ -43,6 +44,8 @@ class ScenarioFields(Part):
     floor: Floor
     obstacles: Annotated[tuple[Obstacle, ...], Field(strict=False)] = ()
     clutter: Clutter | None = None
+    doors: Annotated[tuple[Door, ...], Field(strict=False)] = ()
+    events: Annotated[tuple[Event, ...], Field(strict=False)] = ()
     # The attribute gives way to the method that builds the layers themselves.
     bands: Annotated[tuple[Layer, ...], Field(strict=False, min_length=1, alias="layers")] = tuple(
         Layer(name=band.name, low=band.low, high=band.high) for band in (LEGS, TORSO)

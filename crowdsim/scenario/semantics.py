@@ -8,6 +8,8 @@ from pathlib import Path
 from crowdsim.environment.layers import polygons_only
 from crowdsim.errors import Problem
 from crowdsim.library import library_folder
+from crowdsim.scenario.arrivals import start_times
+from crowdsim.scenario.changes import read_changes
 from crowdsim.scenario.messages import nearest
 from crowdsim.scenario.placement import NOMINAL_RADIUS, try_placement
 from crowdsim.scenario.scenario import Scenario
@@ -20,10 +22,13 @@ def semantic_problems(scenario: Scenario) -> list[Problem]:
         *_behaviors(scenario),
         *_captures(scenario),
         *_times(scenario),
+        *scenario.site().problems,
     ]
+    if scenario.site().problems:
+        return problems
+    problems += _events(scenario)
     names = [layer.name for layer in scenario.bands]
-    problems += scenario.site().problems
-    if len(set(names)) < len(names) or scenario.site().problems:
+    if len(set(names)) < len(names):
         return problems
     if polygons_only(scenario.layers()[0].free).is_empty:
         return [*problems, scenario.problem(("floor",), "the floor is empty: obstacles cover all of it")]
@@ -33,6 +38,7 @@ def semantic_problems(scenario: Scenario) -> list[Problem]:
 def _duplicate_names(scenario: Scenario) -> list[Problem]:
     named: dict[str, Sequence[str]] = {
         "obstacles": [obstacle.name for obstacle in scenario.obstacles],
+        "doors": [door.name for door in scenario.doors],
         "layers": [layer.name for layer in scenario.bands],
         "agents": [group.name for group in scenario.agents],
         "areas": [area.name for area in scenario.areas],
@@ -44,7 +50,17 @@ def _duplicate_names(scenario: Scenario) -> list[Problem]:
             if first.setdefault(name, number) != number:
                 message = f"the name '{name}' is taken by {key}.{first[name]}"
                 problems.append(scenario.problem((key, number, "name"), message))
+    obstacles = {name: number for number, name in enumerate(named["obstacles"])}
+    for number, name in enumerate(named["doors"]):
+        if name in obstacles:
+            message = f"the name '{name}' is taken by obstacles.{obstacles[name]}"
+            problems.append(scenario.problem(("doors", number, "name"), message))
     return problems
+
+
+def _events(scenario: Scenario) -> list[Problem]:
+    wrong = read_changes(scenario, scenario.things())[1]
+    return [scenario.problem(("events", number, key), message) for number, key, message in wrong]
 
 
 def _behaviors(scenario: Scenario) -> list[Problem]:
@@ -96,8 +112,14 @@ def _matches(folder: Path, pattern: str) -> bool:
 
 def _times(scenario: Scenario) -> list[Problem]:
     problems = []
-    for group in scenario.agents:
-        last = group.start_time + (group.count - 1) * group.interval
+    for number, group in enumerate(scenario.agents):
+        if group.rate is not None:
+            for key, time in (("start_time", group.start_time), ("until", group.until or 0.0)):
+                if time > scenario.duration - (key == "start_time") / scenario.steps_per_second:
+                    message = f"the run ends at {scenario.duration:g} s, before the source does at {time:g} s"
+                    problems.append(scenario.problem(("agents", number, key), message))
+            continue
+        last = float(start_times(scenario, number)[-1])
         if last >= scenario.duration:
             message = f"{scenario.duration:g} s end before the last of '{group.name}' starts at {last:g} s"
             problems.append(scenario.problem(("duration",), message))

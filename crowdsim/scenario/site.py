@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -37,15 +38,19 @@ _NO_FLOOR = shapely.box(0.0, 0.0, 1.0, 1.0)
 class Site(NamedTuple):
     """Floor and solids of a scenario.
 
-    owners: for each solid, the path of the entry of the file it comes from. report: what was assumed and left out, a
-    line each. problems: what could not be read; floor and solids lack that.
+    by_entry: solids by the entry of the file they come from, as ("obstacles", 2). report: what was assumed and left
+    out, a line each. problems: what could not be read; floor and solids lack that.
     """
 
     floor: Polygon | MultiPolygon
-    solids: tuple[AnySolid, ...]
-    owners: tuple[KeyPath, ...]
+    by_entry: Mapping[KeyPath, tuple[AnySolid, ...]]
     report: tuple[str, ...]
     problems: tuple[Problem, ...]
+
+    @property
+    def solids(self) -> tuple[AnySolid, ...]:
+        """All of them, in the order of the file."""
+        return tuple(solid for solids in self.by_entry.values() for solid in solids)
 
 
 def read_site(scenario: Scenario) -> Site:
@@ -75,14 +80,7 @@ class _Reader:
         floor = _NO_FLOOR if self.problems else self._on_floor()
         if self.scenario.clutter is not None and not self.problems:
             self._draw_clutter(floor)
-        solids = [(solid, path) for path, made in self.solids.items() for solid in made]
-        return Site(
-            floor,
-            tuple(solid for solid, _ in solids),
-            tuple(path for _, path in solids),
-            tuple(self.report),
-            tuple(self.problems),
-        )
+        return Site(floor, self.solids, tuple(self.report), tuple(self.problems))
 
     def _complain(self, path: KeyPath, error: Exception) -> None:
         self.problems.append(self.scenario.problem(path, str(error)))
@@ -169,7 +167,7 @@ class _Reader:
     def _draw_clutter(self, floor: Polygon | MultiPolygon) -> None:
         clutter = self.scenario.clutter
         assert clutter is not None
-        regions = [[group.start.shape(), group.goal.shape()] for group in self.scenario.agents]
+        regions = [[group.start.shape(), *(r.shape() for _, r in group.regions())] for group in self.scenario.agents]
         ends = shapely.union_all([region.buffer(_KEPT_CLEAR) for group in regions for region in group])
         standing = [solid.footprint for solids in self.solids.values() for solid in solids]
         free = floor.difference(shapely.union_all(standing))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import shapely
 import crowdsim
 from crowdsim.recording.header import AgentState
 from crowdsim.recording.reader import Recording
-from crowdsim.scenario.loader import builtin_scenarios
+from crowdsim.scenario.loader import builtin_scenarios, parse_scenario
 
 LEAST_MARGIN = -0.01
 """Meters a body may be nearer to an obstacle than its clearance: motion is captured, not drawn on a grid."""
@@ -80,3 +81,30 @@ def test_dense_clutter_asks_for_narrower_behaviors_than_normal(run: Run) -> None
     assert normal.summary["behavior_share"]["frontal"] > 0.97
     assert dense.summary["behavior_share"]["frontal"] < 0.95
     assert dense.summary["behavior_share"]["lateral"] > 0.02
+
+
+WORLD = """\
+crowdsim: 1
+name: world
+seed: 1
+duration: 90.0
+floor: {{derive: true}}
+obstacles: [{{name: house, mesh: {{file: {file}}}}}]
+agents:
+  - {{name: visitor, count: 1, start: {{point: [{start}]}}, goal: {{point: [{goal}]}}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("world", "start", "goal"),
+    [("small_house", "-6.0, -3.8", "7.5, 2.4"), ("tb3_house", "-6.5, -3.0", "6.2, -4.6")],
+)
+def test_a_house_from_a_file_is_crossed_from_end_to_end(shared: Path, tmp_path: Path, world, start, goal) -> None:
+    text = WORLD.format(file=shared / "worlds" / f"{world}.glb", start=start, goal=goal)
+    with crowdsim.Simulation(parse_scenario(text)).run(tmp_path / "world.h5") as recording:
+        assert recording.summary["arrived"] == 1
+        assert min(recording.summary["obstacle_margin"].values()) >= LEAST_MARGIN
+        assert len(recording.header.meshes) > 20
+        assert recording.header.solids == ()
+        way = np.hypot(np.diff(recording.x[:, 0]), np.diff(recording.y[:, 0]))
+        assert np.nansum(way) > 12.0

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh
 from tests.reference.navmesh_reference import clearances, free_area, mesh_faults, part_of, reachable_parts
+from tests.reference.shortest_reference import shortest_length
 from tests.support.areas import areas
 
 SIZE = 8
@@ -112,3 +113,13 @@ def test_no_shortest_length_falls_as_the_radius_grows(area, start, goal, radii):
     mesh = NavMesh(area)
     lengths = mesh.find_paths([start] * len(radii), [goal] * len(radii), sorted(radii), "best").lengths
     assert (np.diff(np.where(np.isnan(lengths), 1e9, lengths)) >= -CLOSE).all()
+
+
+@few
+@given(areas(6, 4, 5), places, places, st.sampled_from([0.125, 0.25, 0.375, 0.5]))
+def test_shortest_paths_are_those_of_brute_force_in_gaps_as_wide_as_the_disc(area, start, goal, radius):
+    assume(area.area > 0.0 and start != goal)
+    mesh = NavMesh(area)
+    length = mesh.find_paths([start], [goal], radius, "best").lengths[0]
+    expected = shortest_length(area, np.empty((0, 2)), start, goal, radius - mesh.tolerance(radius), 1e-9)
+    assert (math.isnan(length) and expected == math.inf) or length == pytest.approx(expected, abs=1e-6)

@@ -3,10 +3,11 @@
 import numpy as np
 import shapely
 
-from crowdsim.navmesh.editing import edit_kernels
+from crowdsim.navmesh.editing.address_kernels import places_of
+from crowdsim.navmesh.editing.point_kernels import SETTLE, edit_point
 from crowdsim.navmesh.mesh_arrays import MeshArrays, resized, workshop
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.navmesh.triangulation.work_kernels import KEPT, LOOKING, QUEUED, TOUCHED
+from crowdsim.navmesh.triangulation.work_kernels import CHANGED, KEPT, LOOKING, QUEUED, TOUCHED
 from tests.reference.navmesh_reference import free_area, mesh_faults
 
 
@@ -41,10 +42,9 @@ def feet_missing(mesh: MeshArrays) -> int:
     corners = np.flatnonzero(copy.vertices["vhe"][: int(copy.frame["vertices"][0])] >= 0)
     # From each side and, as a twin, from each vertex.
     work.to_do["waiting"][: len(corners)] = work.to_do["touched"][: len(corners)] = corners
-    work.to_do["mark"][corners] = QUEUED | TOUCHED | LOOKING | KEPT
+    work.to_do["mark"][corners] = QUEUED | TOUCHED | LOOKING | KEPT | CHANGED
     work.progress["waiting"] = work.progress["touched"] = len(corners)
-    none = np.zeros(0, np.int64)
-    assert edit_kernels.edit(copy, work, edit_kernels.SETTLE, np.zeros((0, 2)), none, 0, 0, none) == 0
+    assert edit_point(places_of(copy, work), SETTLE, 0.0, 0.0, -1) == 0
     return (int(copy.frame["triangles"][0]) - int(mesh.frame["triangles"][0])) // 2
 
 

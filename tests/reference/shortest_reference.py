@@ -62,7 +62,7 @@ def shortest_length(area, points, start, goal, radius: float, tolerance: float) 
             turn = (heading[n] - heading[k]) * np.sign(q) % (2.0 * math.pi)
             turn = 0.0 if turn > 2.0 * math.pi - 1e-9 else turn
             total = spent + radius * turn + length[n]
-            if turn > math.pi + 1e-9 or total >= best[n]:
+            if total >= best[n]:
                 continue
             bearings = heading[k] + np.sign(q) * (np.linspace(0.0, turn, 2 + int(turn / 0.005)) - 0.5 * math.pi)
             arc = shapely.points(x + radius * np.cos(bearings), y + radius * np.sin(bearings))

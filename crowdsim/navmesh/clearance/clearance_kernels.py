@@ -177,5 +177,5 @@ def capsule_clearance(m, x0, y0, x1, y1, limit, hint):
 def clearances(m, points, limit, out):
     """Fill ``out`` (n,) with the clearances of ``points`` (n, 2), 0 where they are not free."""
     for i in range(points.shape[0]):
-        distance, _ = disc_clearance(m, points[i, 0], points[i, 1], limit, NONE)
+        distance, _ = disc_clearance(m, points[i, 0], points[i, 1], limit, np.int64(NONE))
         out[i] = max(distance, 0.0)

@@ -8,21 +8,29 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.errors import GeometryError, StaleHandle
-from crowdsim.geometry.polygons import clean_polygon
-from crowdsim.navmesh.editing import edit_kernels, outline_kernels
-from crowdsim.navmesh.mesh_arrays import USE, MeshArrays, resized, workshop
+from crowdsim.navmesh.editing import address_kernels, edit_kernels, outline_kernels, point_kernels
+from crowdsim.navmesh.editing.point_kernels import INSERT, NO_ROOM, REMOVE, SETTLE, UNSETTLED
+from crowdsim.navmesh.editing.shapes import (
+    NOTHING,
+    Dots,
+    Integers,
+    Shape,
+    as_dots,
+    as_geometry,
+    chains,
+    moved,
+    rings_of,
+    shape_of,
+)
+from crowdsim.navmesh.mesh_arrays import USE, MeshArrays, Workshop, resized, workshop
 from crowdsim.navmesh.paths.paths import as_numbers
 from crowdsim.navmesh.triangulation.use_kernels import keep_used
 
 _LEAST_USES = 4096
 """Room for uses, of which each edit makes about one; when it is full those that nothing refers to any longer go."""
-
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 class Handle(NamedTuple):
@@ -32,90 +40,15 @@ class Handle(NamedTuple):
     generation: int
 
 
-class Shape(NamedTuple):
-    """What an obstacle is made of: rings with it on their left, or polylines and points."""
-
-    points: Floats
-    """(n, 2) meters."""
-    ends: Integers
-    """(k,) chain i is points[ends[i-1]:ends[i]]."""
-    winding: int
-    """1 for rings, 0 for polylines and points."""
-
-    def moved(self, dx: float, dy: float) -> Shape:
-        """The same at another place."""
-        return self._replace(points=self.points + (dx, dy))
-
-
-_ONE_END = np.array([1])
-_NOTHING = Shape(np.zeros((0, 2)), np.zeros(0, np.int64), 0)
-
-
-def _chains(parts: list[Floats], winding: int) -> Shape:
-    if not parts:
-        return _NOTHING
-    ends = np.cumsum([len(part) for part in parts]).astype(np.int64)
-    return Shape(np.ascontiguousarray(np.concatenate(parts)), ends, winding)
-
-
-def shape_of(geometry: Any) -> Shape:
-    """The shape of a geometry of shapely, or of the corners (n, 2) of a polygon; invalid ones are repaired.
-
-    Raises
-    ------
-    GeometryError
-        For other types, coordinates that are not finite, and polygons without area.
-    """
-    if not isinstance(geometry, BaseGeometry):
-        corners = as_numbers(geometry, "obstacle")
-        if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3:
-            raise GeometryError(
-                f"obstacle: expected a shapely geometry, a point (2,) or at least three corners (n, 2), got shape "
-                f"{corners.shape}"
-            )
-        if not np.isfinite(corners).all():
-            raise GeometryError("obstacle: coordinates must be finite; the corners hold NaN or infinity")
-        geometry = shapely.Polygon(corners)
-    if isinstance(geometry, shapely.Polygon | shapely.MultiPolygon):
-        if not geometry.is_valid and np.isfinite(shapely.get_coordinates(geometry)).all():
-            # What the ring goes around twice, the middle of a pentagram say, is blocked as well.
-            repaired = shapely.make_valid(geometry, method="structure", keep_collapsed=False)
-            geometry = shapely.MultiPolygon([part for part in shapely.get_parts(repaired) if part.area > 0.0])
-        oriented = shapely.orient_polygons(clean_polygon(geometry, "obstacle"))
-        rings = shapely.get_rings(shapely.get_parts(oriented))
-        return _chains([shapely.get_coordinates(ring)[:-1] for ring in rings], 1)
-    kinds = shapely.Point | shapely.MultiPoint | shapely.LineString | shapely.LinearRing | shapely.MultiLineString
-    if not isinstance(geometry, kinds):
-        raise GeometryError(f"obstacle: expected polygons, lines or points, got {geometry.geom_type}")
-    parts = [shapely.get_coordinates(part) for part in shapely.get_parts(geometry)]
-    if not parts or not all(len(part) for part in parts):
-        raise GeometryError("obstacle: the geometry is empty")
-    if not all(np.isfinite(part).all() for part in parts):
-        raise GeometryError("obstacle: coordinates must be finite; the geometry holds NaN or infinity")
-    return _chains(parts, 0)
-
-
-def _as_geometry(shape: Shape) -> BaseGeometry:
-    """What ``shape`` covers; rings may touch, but not cross each other."""
-    parts = np.split(shape.points, shape.ends[:-1])
-    if shape.winding == 0:
-        return shapely.GeometryCollection(
-            [shapely.LineString(part) if len(part) > 1 else shapely.Point(part[0]) for part in parts]
-        )
-    rings = [shapely.Polygon(part) for part in parts]
-    shells = [ring for ring in rings if ring.exterior.is_ccw]
-    return shapely.union_all(shells).difference(shapely.union_all([ring for ring in rings if not ring.exterior.is_ccw]))
-
-
 @dataclass
 class _Slot:
     generation: int = 0
-    shape: Shape = _NOTHING
+    shape: Dots | Shape = NOTHING
     """What was inserted."""
-    snapped: Shape = _NOTHING
-    """What of it lies in the box, on the grid."""
-    ids: Integers | None = None
-    """(n,) the vertices of the corners of ``snapped``; None where it is not in the mesh."""
+    snapped: Shape = NOTHING
+    """What of it lies in the box, on the grid; nothing for points, which the kernel moves there itself."""
+    ids: Integers | list[int] | None = None
+    """Vertices of the corners of ``snapped``, or of points, -1 for those outside; None where it is not in the mesh."""
 
 
 class Obstacles:
@@ -134,8 +67,16 @@ class Obstacles:
         self._slots: list[_Slot] = []
         self._free: list[int] = []
         room = len(mesh.vertices) + len(mesh.vertices) // 4 + 256
-        self.mesh = resized(mesh, room)
-        self._work = workshop(room, _LEAST_USES)
+        self._set(resized(mesh, room), workshop(room, _LEAST_USES))
+
+    def _set(self, mesh: MeshArrays, work: Workshop) -> None:
+        """Take other arrays: nothing else may, as kernels go by their addresses."""
+        self.mesh, self._work = mesh, work
+        self._places = address_kernels.places_of(mesh, work)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._set(self.mesh, self._work)  # the arrays of a copy are elsewhere
 
     def copy(self) -> Obstacles:
         """A copy that is edited on its own, with the same handles."""
@@ -143,9 +84,9 @@ class Obstacles:
         twin._base = self._base
         twin._slots = [replace(slot) for slot in self._slots]
         twin._free = list(self._free)
-        twin.mesh = resized(self.mesh, len(self.mesh.vertices))
-        twin._work = workshop(len(self.mesh.vertices), len(self._work.uses))
-        twin._work.uses[:], twin._work.progress[:] = self._work.uses, self._work.progress
+        work = workshop(len(self.mesh.vertices), len(self._work.uses))
+        work.uses[:], work.progress[:] = self._work.uses, self._work.progress
+        twin._set(resized(self.mesh, len(self.mesh.vertices)), work)
         return twin
 
     def insert(self, geometry: Any) -> Handle:
@@ -155,18 +96,16 @@ class Obstacles:
             self._free.append(len(self._slots))
             self._slots.append(_Slot())
         number = self._free[-1]
-        self._put(number, snapped)
+        self._put(number, shape, snapped)
         self._free.pop()
-        slot = self._slots[number]
-        slot.shape = shape
-        return Handle(number, slot.generation)
+        return Handle(number, self._slots[number].generation)
 
     def remove(self, handle: Handle) -> None:
         """Take an obstacle out."""
         number, slot = self._find(handle)
         self._take(number)
         slot.generation += 1
-        slot.shape = slot.snapped = _NOTHING
+        slot.shape = slot.snapped = NOTHING
         self._free.append(number)
 
     def move(self, handle: Handle, *place: Any) -> None:
@@ -179,20 +118,19 @@ class Obstacles:
             dx, dy = offset.tolist()
             if not (math.isfinite(dx) and math.isfinite(dy)):
                 raise GeometryError(f"move: dx and dy must be finite meters, got ({dx}, {dy})")
-            shape = slot.shape.moved(dx, dy)
+            shape = moved(slot.shape, dx, dy)
             snapped = self._cut(shape)
         elif len(place) == 1:
             shape, snapped = self._read(place[0])
         else:
             raise GeometryError(f"move: expected dx and dy, or a geometry, got {len(place)} values")
-        before = slot.snapped
+        before = slot.shape, slot.snapped
         self._take(number)
         try:
-            self._put(number, snapped)
+            self._put(number, shape, snapped)
         except GeometryError:
-            self._put(number, before)
+            self._put(number, *before)
             raise
-        slot.shape = shape
 
     def _find(self, handle: Handle) -> tuple[int, _Slot]:
         if isinstance(handle, tuple) and len(handle) == 2 and handle[0] in range(len(self._slots)):
@@ -202,33 +140,30 @@ class Obstacles:
         name = tuple(handle) if isinstance(handle, tuple) else handle
         raise StaleHandle(f"obstacle {name!r} is not in the mesh; was it removed, or is it another mesh's?")
 
-    def _read(self, geometry: Any) -> tuple[Shape, Shape]:
-        """The shape of ``geometry``, and what of it lies in the box, on the grid."""
+    def _read(self, geometry: Any) -> tuple[Dots | Shape, Shape]:
+        """The shape of ``geometry``, and what of it lies in the box, on the grid, but for points."""
         if isinstance(geometry, shapely.Point) and not geometry.is_empty:
-            geometry = np.array((geometry.x, geometry.y))
+            return as_dots([(geometry.x, geometry.y)]), NOTHING
         if not isinstance(geometry, BaseGeometry):
             geometry = as_numbers(geometry, "obstacle")
-        if isinstance(geometry, np.ndarray) and geometry.shape == (2,):
-            points = geometry.reshape(1, 2).copy()
-            shape = Shape(points, _ONE_END, 0)
-            snapped = np.empty((1, 2))
-            if outline_kernels.snap_inside(self.mesh, points, snapped) == outline_kernels.OK:
-                return shape, Shape(snapped, _ONE_END, 0)
-            return shape, self._cut(shape)
-        if isinstance(geometry, np.ndarray) and geometry.ndim == 2 and geometry.shape[1] == 2:
-            points = geometry
-            snapped = np.empty_like(points)
-            status = outline_kernels.check_outline(self.mesh, points, snapped)
-            if status in (outline_kernels.OK, outline_kernels.BACKWARD):
-                ends = np.array([len(points)])
+            if geometry.shape == (2,):
+                return as_dots([tuple(geometry.tolist())]), NOTHING
+            if geometry.ndim == 2 and geometry.shape[1] == 2:
+                snapped = np.empty_like(geometry)
+                status = outline_kernels.check_outline(self.mesh, geometry, snapped)
+                ends = np.array([len(geometry)])
+                if status == outline_kernels.OK:
+                    return Shape(geometry.copy(), ends, 1), Shape(snapped, ends, 1)
                 if status == outline_kernels.BACKWARD:
-                    return Shape(points[::-1].copy(), ends, 1), Shape(np.ascontiguousarray(snapped[::-1]), ends, 1)
-                return Shape(points.copy(), ends, 1), Shape(snapped, ends, 1)
+                    backward = np.ascontiguousarray(snapped[::-1])
+                    return Shape(geometry[::-1].copy(), ends, 1), Shape(backward, ends, 1)
         shape = shape_of(geometry)
         return shape, self._cut(shape)
 
-    def _cut(self, shape: Shape) -> Shape:
+    def _cut(self, shape: Dots | Shape) -> Shape:
         """What of ``shape`` lies in the box, on the grid."""
+        if not isinstance(shape, Shape):
+            return NOTHING
         points = np.ascontiguousarray(shape.points)
         snapped = np.empty_like(points)
         status = outline_kernels.snap_inside(self.mesh, points, snapped)
@@ -237,54 +172,76 @@ class Obstacles:
         if status == outline_kernels.OUTSIDE:
             cell, *box = self.mesh.frame[["cell", "x0", "y0", "x1", "y1"]][0].item()
             inner = shapely.box(box[0] + 2 * cell, box[1] + 2 * cell, box[2] - 2 * cell, box[3] - 2 * cell)
-            geometry = shapely.intersection(_as_geometry(shape), inner)
+            geometry = shapely.intersection(as_geometry(shape), inner)
             if shape.winding == 0:
                 parts = [part for part in shapely.get_parts(geometry) if not part.is_empty]
-                inside = _chains([shapely.get_coordinates(part) for part in parts], 0)
+                inside = chains([shapely.get_coordinates(part) for part in parts], 0)
             else:
                 parts = shapely.get_parts(shapely.get_parts(geometry))  # twice: collections may hold multipolygons
                 parts = parts[shapely.area(parts) > 0.0]
-                inside = shape_of(shapely.MultiPolygon(list(parts))) if len(parts) else _NOTHING
+                inside = rings_of(shapely.MultiPolygon(list(parts))) if len(parts) else NOTHING
             points = np.ascontiguousarray(inside.points)
             snapped = np.empty_like(points)
             outline_kernels.snap_inside(self.mesh, points, snapped)
             shape = inside
         return Shape(snapped, shape.ends, shape.winding)
 
-    def _put(self, number: int, snapped: Shape) -> None:
-        """Insert ``snapped`` as slot ``number``; where that fails the mesh is as if it never had been tried."""
+    def _put(self, number: int, shape: Dots | Shape, snapped: Shape) -> None:
+        """Insert ``shape`` as slot ``number``; where that fails the mesh is as if it never had been tried."""
         slot = self._slots[number]
-        slot.snapped = snapped
-        slot.ids = np.empty(len(snapped.points), np.int64)
-        if not self._edit(edit_kernels.INSERT, number, slot):
+        slot.shape, slot.snapped = shape, snapped
+        if not self._enter(number, slot):
             slot.ids = None
             self._rebuild()
-            slot.ids = np.empty(len(snapped.points), np.int64)
-            if not self._edit(edit_kernels.INSERT, number, slot):
+            if not self._enter(number, slot):
                 slot.ids = None
                 self._rebuild()
+                count = len(shape) if isinstance(shape, list) else len(snapped.points)
                 raise GeometryError(
-                    f"the obstacle of {len(snapped.points)} corners cannot be put into the mesh; simplify or repair it"
+                    f"the obstacle of {count} corners cannot be put into the mesh; simplify or repair it"
                 )
 
     def _take(self, number: int) -> None:
         """Remove what is in the mesh of slot ``number``."""
         slot = self._slots[number]
-        done = self._edit(edit_kernels.REMOVE, number, slot)
+        if isinstance(slot.shape, list) and isinstance(slot.ids, list):
+            done = self._edit_points(REMOVE, slot.shape, slot.ids)
+        else:
+            done = self._edit(REMOVE, number, slot)
         slot.ids = None
         if not done:
             self._rebuild()
+
+    def _enter(self, number: int, slot: _Slot) -> bool:
+        """Insert what slot ``number`` says; False where that left the mesh useless."""
+        if isinstance(slot.shape, list):
+            slot.ids = [-1] * len(slot.shape)
+            return self._edit_points(INSERT, slot.shape, slot.ids)
+        slot.ids = np.empty(len(slot.snapped.points), np.int64)
+        return self._edit(INSERT, number, slot)
+
+    def _edit_points(self, what: int, points: Dots, ids: list[int]) -> bool:
+        """Run the kernel of points for each, as :meth:`_edit` does."""
+        for i, (x, y) in enumerate(points):
+            job, wanted = what, 128
+            while (v := point_kernels.edit_point(self._places, job, x, y, ids[i])) < -1:
+                if v == UNSETTLED:
+                    job, wanted = SETTLE, len(self.mesh.vertices)
+                elif v != NO_ROOM:
+                    return False
+                self._grow(wanted)
+                wanted *= 2
+            ids[i] = v
+        return True
 
     def _edit(self, what: int, number: int, slot: _Slot) -> bool:
         """Run the kernel of edits, in larger arrays where it asks for them; False where it left the mesh useless."""
         shape, wanted = slot.snapped, 8 * len(slot.snapped.points) + 64
         while True:
-            status = edit_kernels.edit(
-                self.mesh, self._work, what, shape.points, shape.ends, shape.winding, number, slot.ids
-            )
-            if status == edit_kernels.UNSETTLED:
-                what, wanted = edit_kernels.SETTLE, len(self.mesh.vertices)
-            elif status != edit_kernels.NO_ROOM:
+            status = edit_kernels.edit(self._places, what, shape.points, shape.ends, shape.winding, number, slot.ids)
+            if status == UNSETTLED:
+                what, wanted = SETTLE, len(self.mesh.vertices)
+            elif status != NO_ROOM:
                 return bool(status == 0)
             self._grow(wanted)
             wanted *= 2
@@ -309,12 +266,12 @@ class Obstacles:
             work.progress["head"] = 0
         work.uses[: len(kept)] = kept
         work.progress["uses"] = count
-        self.mesh, self._work = mesh, work
+        self._set(mesh, work)
 
     def _rebuild(self) -> None:
         """The mesh anew, with all obstacles that are in it, in arrays twice as large."""
-        self.mesh = resized(self._base, 2 * len(self.mesh.vertices))
-        self._work = workshop(len(self.mesh.vertices), 2 * len(self._work.uses))
+        room = 2 * len(self.mesh.vertices)
+        self._set(resized(self._base, room), workshop(room, 2 * len(self._work.uses)))
         for number, slot in enumerate(self._slots):
-            if slot.ids is not None and not self._edit(edit_kernels.INSERT, number, slot):
+            if slot.ids is not None and not self._enter(number, slot):
                 raise GeometryError(f"obstacle {number} cannot be put into the mesh again; simplify or repair it")

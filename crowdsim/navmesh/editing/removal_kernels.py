@@ -2,10 +2,13 @@
 
 from crowdsim.geometry.predicates_kernels import incircle
 from crowdsim.jit import helper
-from crowdsim.navmesh.half_edge_kernels import nxt, prv, side
-from crowdsim.navmesh.triangulation.triangulation_kernels import flip, link, take
+from crowdsim.navmesh.half_edge_kernels import nxt, prv, side, soil
+from crowdsim.navmesh.triangulation.triangulation_kernels import flip, link, restore_delaunay, take
 from crowdsim.navmesh.triangulation.use_kernels import same_uses
-from crowdsim.navmesh.triangulation.work_kernels import touch
+from crowdsim.navmesh.triangulation.work_kernels import CHANGED, LOOKING, touch
+
+SIDES, POINT = 1, 2
+"""What a removal leaves: sides that were constrained, or the place of one point."""
 
 
 @helper
@@ -158,7 +161,7 @@ def remove_vertex(m, w, v):
         for k, h, source, start, middle, end in ((k0, h0, k1, a, b, c), (k2, h2, k3, c, d, a)):
             take(sides, nxt(k), source)
             sides[h].org = end
-            sides[k].clr = -1.0
+            soil(sides, k // 3)
             vertices[start].vhe = k
             vertices[middle].vhe = nxt(k)
             _push(w, start, middle)
@@ -172,7 +175,7 @@ def remove_vertex(m, w, v):
         take(sides, nxt(k0), k1)
         take(sides, h0, nxt(h2))
         sides[h0].org = c
-        sides[k0].clr = -1.0
+        soil(sides, k0 // 3)
         vertices[a].vhe = k0
         vertices[b].vhe = nxt(k0)
         vertices[c].vhe = h0
@@ -264,3 +267,49 @@ def removable(m, w, v):
         h = sides[prv(h)].twin
         if h == first:
             return True
+
+
+@helper
+def is_free_point(m, v):
+    """Whether nothing needs vertex v any longer, and no constraint ends there."""
+    sides = m.sides
+    if m.vertices[v].vref > 0:
+        return False
+    first = m.vertices[v].vhe
+    h = first
+    fixed = False
+    while True:
+        fixed = fixed or sides[h].cst != 0
+        h = sides[prv(h)].twin
+        if h == first:
+            return not fixed
+
+
+@helper
+def take_point(m, w, v):
+    """Take out vertex v, which no constraint has; 0, or FULL.
+
+    The vertices around it look for bottlenecks where it was in the way: their discs held v and nothing else. Shrunk
+    towards its vertex until v is on the circle, such a disc is empty: so a side joined the two.
+    """
+    sides = m.sides
+    first = m.vertices[v].vhe
+    h = first
+    while True:
+        u = sides[nxt(h)].org
+        touch(w, u)
+        w.to_do[u].mark |= CHANGED
+        if m.vertices[u].vref > 0:
+            w.to_do[u].mark |= LOOKING
+        h = sides[prv(h)].twin
+        if h == first:
+            break
+    progress = w.progress[0]
+    progress.removal = POINT
+    w.gone[0].ax = m.vertices[v].x
+    w.gone[0].ay = m.vertices[v].y
+    progress.pairs = 0
+    remove_vertex(m, w, v)
+    top = progress.pairs
+    progress.pairs = 0
+    return restore_delaunay(m, w, top)

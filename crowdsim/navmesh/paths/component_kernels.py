@@ -68,7 +68,7 @@ def components(m, labels, count, points, radius, least, out):
     for i in range(points.shape[0]):
         x = points[i, 0]
         y = points[i, 1]
-        distance, t = disc_clearance(m, x, y, 2.0 * radius + 1.0, NONE)
+        distance, t = disc_clearance(m, x, y, 2.0 * radius + 1.0, np.int64(NONE))
         out[i] = -1
         if distance < least:
             continue

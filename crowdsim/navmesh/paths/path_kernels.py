@@ -145,13 +145,13 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least):
     channel = np.empty(0, np.int64)
     if start == goal:  # within one triangle the string may need no side
         nodes, count = _funnel(m, channel, sx, sy, gx, gy, radius)
-        done, points = pull(m, stack, nodes, count, radius, least, start)
+        done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False))
         if done:
             return OK, points
     last = find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, 2.0 * least)
     if last >= 0:
         nodes, count = string_along(m, work.labels, last, sx, sy, gx, gy, radius)
-        done, points = pull(m, stack, nodes, count, radius, least, start)
+        done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False))
         if done:
             return OK, points
     # What is left is rare: a way that only the complete search finds, or a string that repair has tangled.
@@ -159,7 +159,7 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least):
     if channel.size == 0:
         return NO_PASSAGE, points
     nodes, count = _funnel(m, channel, sx, sy, gx, gy, radius)
-    done, points = pull(m, stack, nodes, count, radius, least, start)
+    done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False))
     if done:
         return OK, points
     return TANGLED, points

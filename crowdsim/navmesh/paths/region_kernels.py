@@ -11,6 +11,7 @@ import numpy as np
 
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.half_edge_kernels import nxt
+from crowdsim.navmesh.mesh_arrays import NONE
 
 REGION = np.dtype([(name, np.int32) for name in ("top", "up", "depth", "root")], align=True)
 """A free triangle.
@@ -21,11 +22,12 @@ the root. root: the same for all triangles that free space joins, -1 where not f
 """
 
 
-_WALK = np.dtype([(name, np.int32) for name in ("number", "low", "turn", "order")], align=True)
-"""A triangle in a walk through free space, depth first.
+_WALK = np.dtype([(name, np.int32) for name in ("triangle", "up", "before", "low", "todo", "source")], align=True)
+"""A triangle in a walk through free space, depth first, in the order they are found.
 
-number: when it was found. low: least number next to what was found from it on, but for its way up. turn: sides seen.
-order: the triangle that has this number.
+up: half-edge by which it was found, -1 for the first. before: place in the order of the triangle beyond. low: first
+place next to what was found from it on, but for its way up. todo, source: a stack of half-edges of triangles to walk
+to, and where in the order they are walked to from.
 """
 
 
@@ -34,58 +36,63 @@ def find_regions(m, regions):
     """Fill ``regions`` (nt,) of :data:`REGION`."""
     sides = m.sides
     triangles = m.frame[0].triangles
-    walk = np.empty(triangles, _WALK)
+    walk = np.empty(triangles + 3, _WALK)  # each triangle takes one off the stack and puts two on it, the first three
     for t in range(triangles):
-        walk[t].number = -1
-        walk[t].turn = 0
+        regions[t].root = -1
+        regions[t].top = -1
     found = 0
     for root in range(triangles):
-        if m.wind[root] != 0:
-            regions[root].top = -1
-            regions[root].root = -1
-        if m.wind[root] != 0 or walk[root].number >= 0:
+        if m.wind[root] != 0 or regions[root].root >= 0:
             continue
         first = found
         t = np.int64(root)
-        regions[t].up = -1
-        walk[t].number = found
-        walk[t].low = found
-        walk[found].order = t
-        found += 1
+        up = NONE
+        before = NONE
+        top = 0
         while True:
-            up = np.int64(regions[t].up)
-            at = walk[t]
-            if at.turn < 3:
-                h = 3 * t + at.turn
-                at.turn += 1
-                if sides[h].cst != 0 or h == up:
-                    continue
-                g = sides[h].twin
-                s = g // 3
-                if walk[s].number < 0:
-                    regions[s].up = g
-                    walk[s].number = found
-                    walk[s].low = found
-                    walk[found].order = s
-                    found += 1
-                    t = s
-                else:
-                    at.low = min(at.low, walk[s].number)
-                continue
-            if up < 0:
-                break
-            s = sides[up].twin // 3
-            walk[s].low = min(walk[s].low, at.low)
-            t = s
-        for k in range(first, found):
-            t = np.int64(walk[k].order)
+            # Until the regions are known, `depth` is the place in the order.
+            low = found
             region = regions[t]
             region.root = root
-            region.top = t
+            region.depth = found
+            for h in range(3 * t, 3 * t + 3):
+                if sides[h].cst == 0 and h != up:
+                    g = sides[h].twin
+                    other = regions[g // 3]
+                    if other.root < 0:
+                        walk[top].todo = g
+                        walk[top].source = found
+                        top += 1
+                    else:
+                        low = min(low, np.int64(other.depth))
+            at = walk[found]
+            at.triangle = t
+            at.up = up
+            at.low = low
+            at.before = before
+            found += 1
+            t = NONE
+            while top > 0 and t < 0:
+                top -= 1
+                up = np.int64(walk[top].todo)
+                before = np.int64(walk[top].source)
+                if regions[up // 3].root < 0:
+                    t = up // 3
+            if t < 0:
+                break
+        for k in range(found - 1, first, -1):
+            at = walk[k]
+            beyond = walk[at.before]
+            beyond.low = min(beyond.low, at.low)
+        for k in range(first, found):
+            at = walk[k]
+            region = regions[at.triangle]
+            region.up = at.up
+            region.top = at.triangle
             region.depth = 0
-            if region.up >= 0:
-                above = regions[sides[region.up].twin // 3].top
-                if walk[t].low < walk[t].number:
+            if k > first:
+                above = np.int64(regions[walk[at.before].triangle].top)
+                if at.low < k:
                     region.top = above
                 else:
                     region.depth = regions[above].depth + 1

@@ -118,7 +118,7 @@ def _trace(m, stack, nodes, count, least, marks, points, first):
         if i < count - 1:
             _, bx, by = tangent(node, nodes[i + 1])
             angle = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
-            if node.q * angle < -1e-6:
+            if node.q * angle < -1e-6 - 4e-6 * abs(node.q):  # a turn of more than half a circle, not rounding
                 angle += math.copysign(2.0 * math.pi, node.q)
         steps, cx, cy, c, s = arc_corners(node.q, ax, ay, angle, node.bulge)
         while n + steps > points.shape[0]:
@@ -168,8 +168,11 @@ def _turns_right(nodes, count, i):
 
 
 @helper
-def pull(m, stack, nodes, count, radius, least, start):
-    """Check and repair until nothing is too close; (repaired, points)."""
+def pull(m, stack, nodes, count, radius, least, start, taut):
+    """Check and repair until nothing is too close; (repaired, points).
+
+    A string that is ``taut`` already is not repaired, as there may be no other; its polyline gets finer at most.
+    """
     sides = m.sides
     vertices = m.vertices
     points = np.empty((2 * nodes.size + 64, 2))
@@ -178,8 +181,10 @@ def pull(m, stack, nodes, count, radius, least, start):
     points[0, 1] = nodes[0].y
     marks[1].points = 1
     marks[1].triangle = start
-    count, _ = _tighten(nodes, count, np.int64(1), count)
+    if not taut:  # which takes turns of more than half a circle for wrong ones
+        count, _ = _tighten(nodes, count, np.int64(1), count)
     first = np.int64(1)
+    finest = 0.25 * (radius - least)
     for _ in range(_REPAIRS):
         if count < 0:
             break
@@ -194,12 +199,14 @@ def pull(m, stack, nodes, count, radius, least, start):
             # Corners that stand off an arc may be all that is wrong.
             fine = False
             for k in range(i, i + 1 if inside else i + 2):
-                if nodes[k].q != 0.0 and nodes[k].bulge == COARSE:
-                    nodes[k].bulge = min(FINE, 0.25 * (radius - least))
+                if nodes[k].q != 0.0 and nodes[k].bulge > finest:
+                    nodes[k].bulge = FINE if nodes[k].bulge > FINE else max(0.125 * nodes[k].bulge, finest)
                     fine = True
             if fine:
                 first = max(1, i)
                 continue
+        if taut:
+            break
         dx = x - px
         dy = y - py
         crossed = False

@@ -11,11 +11,24 @@ from crowdsim.navmesh.clearance.sweep_kernels import SWEPT
 from crowdsim.navmesh.heap_kernels import HEAP_ROW
 from crowdsim.navmesh.shortest.view_arrays import View, empty_view
 
-LABEL = np.dtype([("cost", np.float64), ("turned", np.float64), ("before", np.int64), ("stamp", np.int64)], align=True)
+LABEL = np.dtype(
+    [(name, np.float64) for name in ("cost", "turned", "straight")] + [("before", np.int64), ("stamp", np.int64)],
+    align=True,
+)
 """How a node of the tangent graph is reached best, in the query that ``stamp`` tells.
 
-cost: meters up to the arc less radius * ``turned``. turned: radians turned of the arc on arrival. before: the node
+cost: meters up to the arc less radius * ``turned``. turned: radians turned of the arc on arrival. straight:
+length of the tangent that arrives, meters. before: the node
 before, -1 for the start.
+"""
+
+ARRIVAL = np.dtype(
+    [("cost", np.float64), ("turned", np.float64)] + [(name, np.int64) for name in ("node", "before", "next")],
+    align=True,
+)
+"""One of several arrivals at a node of the tangent graph.
+
+cost, turned: as of a label. before: the arrival before, -1 for the start. next: another arrival at the node, or -1.
 """
 
 END = np.dtype(

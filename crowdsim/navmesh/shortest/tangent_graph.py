@@ -19,8 +19,16 @@ _SLACK_CELLS = 4.0
 """Grid cells by which walls may hide what lies along them, as their middles are rounded to the grid."""
 
 
+_ROUNDING_CELLS = 1.0 / 64.0
+"""Grid cells by which arcs stand off what counts as enough clearance: far more than rounding, far less than a cell."""
+
+
 class RadiusGraph:
     """All arcs around corners and tangents between them that a disc of one radius can follow.
+
+    The disc is as small as the tolerance allows. So gaps as wide as the radius asked for leave it room, as much as
+    corners can move to the grid and more; one with the very radius would be stuck between arcs that touch or miss each
+    other by rounding, though the tolerance lets it pass.
 
     Parameters
     ----------
@@ -34,9 +42,11 @@ class RadiusGraph:
     """
 
     def __init__(self, mesh: MeshArrays, radius: float, least: float, workers: int) -> None:
-        self.radius, self.least, self.slack = radius, least, _SLACK_CELLS * float(mesh.frame["cell"][0])
+        cell = float(mesh.frame["cell"][0])
+        self.asked, self.least = radius, least
+        self.radius, self.slack = least + _ROUNDING_CELLS * cell, _SLACK_CELLS * cell
         if least <= 0.0:
-            self.radius = self.least = self.slack = 0.0
+            self.asked = self.radius = self.least = self.slack = 0.0
         self._vertices, self._triangles = len(mesh.vertices), int(mesh.frame["triangles"][0])
         self._idle: list[ShortestScratch] = []
         self._lock = threading.Lock()

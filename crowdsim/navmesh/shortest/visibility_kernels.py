@@ -118,8 +118,13 @@ def _meets(ellipse, a, b):
 
 @helper
 def _leads_on(sight, a, b, px, py, ellipse, margin):
-    """Whether a tangent may lead across the side from vertex a to vertex b; headings may be off by ``margin``."""
+    """Whether a tangent may lead across the side from vertex a to vertex b; headings may be off by ``margin``.
+
+    Only outwards: a view that sees past vertices by a little would otherwise go round those that line up for ever.
+    """
     if sight.rx * sight.ly - sight.ry * sight.lx <= 0.0:
+        return False
+    if (a.x - px) * (b.y - py) - (a.y - py) * (b.x - px) <= 0.0:
         return False
     if ellipse.per_major > 0.0 and not _meets(ellipse, a, b):
         return False

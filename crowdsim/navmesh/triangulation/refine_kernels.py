@@ -10,16 +10,10 @@ from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.half_edge_kernels import is_dirty, nxt, prv
 from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
 from crowdsim.navmesh.triangulation.triangulation_kernels import FULL, split_edge, split_is_robust
-from crowdsim.navmesh.triangulation.work_kernels import dequeue, enqueue, touch
+from crowdsim.navmesh.triangulation.work_kernels import CHANGED, dequeue, enqueue, touch
 
 _SLACK = 1e-9
 """Share of a side by which the bounds of a search give way: what is found is told by the clearance between its ends."""
-
-WEDGE = np.dtype([("side", np.int64)] + [(name, np.float64) for name in ("rx", "ry", "lx", "ly")], align=True)
-"""A half-edge still to cross and the rays right and left of what is seen through it."""
-
-SIGHT = np.dtype([("side", np.int64), ("lo", np.float64), ("hi", np.float64)], align=True)
-"""A half-edge still to cross and the part of a first side that a disc from beyond may reach through it."""
 
 
 @helper
@@ -35,12 +29,20 @@ def _cut(lo, hi, at0, at1):
 
 
 @helper
-def find_bottleneck(m, v, wedges):
+def _nearer(lo, hi, ax, ay, bx, by, wx, wy):
+    """Part lo..hi of the segment ab that is not farther along w than w itself."""
+    most = wx * wx + wy * wy
+    return _cut(lo, hi, ax * wx + ay * wy - most, bx * wx + by * wy - most)
+
+
+@helper
+def find_bottleneck(m, v, qx, qy, sights):
     """A constrained side seen from vertex v across other sides, where the passage between v and its foot is narrowest.
 
     Returns (half-edge, foot x, foot y), or -1 for the half-edge. Such a place is where a disc around the middle between
     v and the foot touches nothing else; so the foot is not farther along any seen vertex w than w itself, which bounds
-    the search. ``wedges`` (k,) is room for the sides still to cross.
+    the search. Only discs that hold (qx, qy) count, whose feet are at least as far along q as q itself; where q is at v
+    these are all. ``sights`` (k,) is room for the sides still to cross.
     """
     sides = m.sides
     vertices = m.vertices
@@ -48,32 +50,47 @@ def find_bottleneck(m, v, wedges):
     cell = m.frame[0].cell
     px = vertices[v].x
     py = vertices[v].y
+    qx -= px
+    qy -= py
+    least = (1.0 - _SLACK) * (qx * qx + qy * qy)
     first = vertices[v].vhe
     corner = first
     while True:
         base = nxt(corner)
-        x = sides[base].org
-        y = sides[prv(corner)].org
+        x = vertices[sides[base].org]
+        y = vertices[sides[prv(corner)].org]
+        xx = x.x - px
+        xy = x.y - py
+        yx = y.x - px
+        yy = y.y - py
         top = 0
         if wind[corner // 3] == 0 and sides[base].cst == 0:
-            wedge = wedges[0]
-            wedge.side = base
-            wedge.rx = vertices[x].x - px
-            wedge.ry = vertices[x].y - py
-            wedge.lx = vertices[y].x - px
-            wedge.ly = vertices[y].y - py
-            top = 1
+            # The foot is in the hull of v, x, y and what is opposite of v on their circle.
+            x2 = xx * xx + xy * xy
+            y2 = yx * yx + yy * yy
+            if (
+                xx * qx + xy * qy >= least
+                or yx * qx + yy * qy >= least
+                or qx * (yy * x2 - xy * y2) + qy * (xx * y2 - yx * x2) >= least * (xx * yy - xy * yx)
+            ):
+                sight = sights[0]
+                sight.side = base
+                sight.rx = xx
+                sight.ry = xy
+                sight.lx = yx
+                sight.ly = yy
+                top = 1
         while top > 0:
             top -= 1
-            wedge = wedges[top]
-            g = sides[wedge.side].twin
-            rx = wedge.rx
-            ry = wedge.ry
-            lx = wedge.lx
-            ly = wedge.ly
-            apex = sides[prv(g)].org
-            zx = vertices[apex].x - px
-            zy = vertices[apex].y - py
+            sight = sights[top]
+            g = sides[sight.side].twin
+            rx = sight.rx
+            ry = sight.ry
+            lx = sight.lx
+            ly = sight.ly
+            apex = vertices[sides[prv(g)].org]
+            zx = apex.x - px
+            zy = apex.y - py
             for h in (nxt(g), prv(g)):
                 # x -> apex is seen right of the apex, apex -> y left of it.
                 r0 = rx
@@ -89,29 +106,31 @@ def find_bottleneck(m, v, wedges):
                     r1 = zy
                 if r0 * l1 - r1 * l0 <= 0.0:
                     continue
-                a = sides[h].org
-                b = sides[nxt(h)].org
-                ax = vertices[a].x - px
-                ay = vertices[a].y - py
-                bx = vertices[b].x - px
-                by = vertices[b].y - py
-                lo, hi = _cut(0.0, 1.0, ax * r1 - ay * r0, bx * r1 - by * r0)
+                a = vertices[sides[h].org]
+                b = vertices[sides[nxt(h)].org]
+                ax = a.x - px
+                ay = a.y - py
+                bx = b.x - px
+                by = b.y - py
+                lo, hi = _cut(0.0, 1.0, least - ax * qx - ay * qy, least - bx * qx - by * qy)
+                lo, hi = _nearer(lo, hi, ax, ay, bx, by, xx, xy)
+                lo, hi = _nearer(lo, hi, ax, ay, bx, by, yx, yy)
+                if lo > hi + _SLACK:
+                    continue
+                lo, hi = _nearer(lo, hi, ax, ay, bx, by, ax, ay)
+                lo, hi = _nearer(lo, hi, ax, ay, bx, by, bx, by)
+                lo, hi = _cut(lo, hi, ax * r1 - ay * r0, bx * r1 - by * r0)
                 lo, hi = _cut(lo, hi, l0 * ay - l1 * ax, l0 * by - l1 * bx)
-                for w in (x, y, a, b):
-                    wx = vertices[w].x - px
-                    wy = vertices[w].y - py
-                    most = wx * wx + wy * wy
-                    lo, hi = _cut(lo, hi, ax * wx + ay * wy - most, bx * wx + by * wy - most)
                 if lo > hi + _SLACK:
                     continue
                 if sides[h].cst == 0:
-                    if top < wedges.size:
-                        wedge = wedges[top]
-                        wedge.side = h
-                        wedge.rx = r0
-                        wedge.ry = r1
-                        wedge.lx = l0
-                        wedge.ly = l1
+                    if top < sights.size:
+                        sight = sights[top]
+                        sight.side = h
+                        sight.rx = r0
+                        sight.ry = r1
+                        sight.lx = l0
+                        sight.ly = l1
                         top += 1
                     continue
                 ex = bx - ax
@@ -237,6 +256,7 @@ def add_foot(m, h, x, y, w):
     if f < 0:
         return f
     touch(w, f)
+    w.to_do[f].mark |= CHANGED
     enqueue(w, f)
     # What changed is the star of the new vertex.
     first = m.vertices[f].vhe
@@ -257,7 +277,6 @@ def refine(m, w):
     changed is left out.
     """
     sides = m.sides
-    sights = np.empty(256, SIGHT)
     while w.progress[0].waiting > 0:
         v = dequeue(w)
         if v < BOX_CORNERS:
@@ -266,7 +285,7 @@ def refine(m, w):
         h = first
         while True:
             if sides[h].cst != 0 and m.wind[h // 3] == 0 and is_dirty(sides, h // 3):
-                found, x, y = _find_foot(m, h, sights)
+                found, x, y = _find_foot(m, h, w.sights)
                 if found:
                     enqueue(w, v)
                     if add_foot(m, h, x, y, w) < 0:
@@ -292,7 +311,11 @@ def measure_triangle(m, t):
         v = vertices[sides[h].org]
         a = vertices[sides[base].org]
         b = vertices[sides[last].org]
-        width = min(math.hypot(a.x - v.x, a.y - v.y), math.hypot(b.x - v.x, b.y - v.y))
+        ax = a.x - v.x
+        ay = a.y - v.y
+        bx = b.x - v.x
+        by = b.y - v.y
+        width2 = min(ax * ax + ay * ay, bx * bx + by * by)
         if sides[base].cst != 0:
-            width = min(width, math.sqrt(point_segment_distance2(v.x, v.y, a.x, a.y, b.x, b.y)))
-        sides[h].clr = width
+            width2 = min(width2, point_segment_distance2(v.x, v.y, a.x, a.y, b.x, b.y))
+        sides[h].clr = math.sqrt(width2)

@@ -9,7 +9,7 @@ import numpy as np
 
 from crowdsim.jit import helper
 from crowdsim.navmesh.growing_kernels import longer
-from crowdsim.navmesh.half_edge_kernels import find_half_edge, nxt, prv, side
+from crowdsim.navmesh.half_edge_kernels import find_half_edge, nxt, prv, side, soil
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.triangulation.triangulation_kernels import (
     FULL,
@@ -94,7 +94,7 @@ def _cross(m, e, ways, top, w):
             sides[h].cst = 0
             sides[h].win = 0
             sides[h].use = -1
-            sides[h].clr = -1.0
+            soil(sides, h // 3)
         touch(w, u)
         w.progress[0].rerouted = 1
         w.pairs[0, 0] = u
@@ -277,8 +277,8 @@ def insert_segment(m, a, b, winding, use, w):
         back.cst += way.cst
         forth.win += way.win
         back.win -= way.win
-        forth.clr = -1.0
-        back.clr = -1.0
+        soil(sides, along // 3)
+        soil(sides, forth.twin // 3)
         if way.use >= 0 or way.back >= 0:
             forth.use = joined(w, forth.use, way.use)
             back.use = joined(w, back.use, way.back)

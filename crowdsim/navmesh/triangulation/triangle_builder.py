@@ -72,13 +72,13 @@ def _next_points(rings: Rings) -> Ints:
     return following
 
 
-def _through(rings: Rings, order: Ints, crossings: Floats, cell: float) -> tuple[Rings, Ints]:
-    """The rings, and their order, with each side led through those ``crossings`` (k, 2) whose grid cells it meets."""
+def _through(rings: Rings, order: Ints, places: Floats, cell: float) -> tuple[Rings, Ints]:
+    """The rings, and their order, with each side led through those ``places`` (k, 2) whose grid cells it meets."""
     ends = rings.points[_next_points(rings)]
     tree = shapely.STRtree(shapely.linestrings(np.stack([rings.points, ends], axis=1)))
-    low, high = crossings - 0.5 * cell, crossings + 0.5 * cell
+    low, high = places - 0.5 * cell, places + 0.5 * cell
     which, side = tree.query(shapely.box(*low.T, *high.T), predicate="intersects")
-    at = crossings[which]
+    at = places[which]
     inner = (at != rings.points[side]).any(axis=1) & (at != ends[side]).any(axis=1)
     at, side = at[inner], side[inner].astype(np.int64)
     along = ((at - rings.points[side]) * (ends[side] - rings.points[side])).sum(axis=1)
@@ -90,12 +90,22 @@ def _through(rings: Rings, order: Ints, crossings: Floats, cell: float) -> tuple
     return Rings(points, rings.ends + np.searchsorted(after, rings.ends, side="right")), np.append(moved, new)
 
 
-def _crossings(rings: Rings) -> Floats:
+def _turns(a: Floats, b: Floats, c: Floats) -> Floats:
+    """-1, 0 or 1 (n,): whether points c (n, 2) are right of, on or left of the lines from a to b, exactly."""
+    (ux, uy), (vx, vy) = (b - a).T, (c - a).T
+    return np.sign(ux * vy - uy * vx)
+
+
+def crossings(rings: Rings) -> Floats:
     """(k, 2) where sides of ``rings`` cross each other; Triangle finds them, too, but may never end on them."""
-    lines = shapely.linestrings(np.stack([rings.points, rings.points[_next_points(rings)]], axis=1))
-    one, other = shapely.STRtree(lines).query(lines, predicate="crosses")
-    once = one < other
-    return shapely.get_coordinates(shapely.intersection(lines[one[once]], lines[other[once]]))
+    a, b = rings.points, rings.points[_next_points(rings)]
+    sides = shapely.linestrings(np.stack([a, b], axis=1))
+    # Whose boxes meet; points on the grid tell the rest in a tenth of the time that shapely's predicate takes.
+    one, other = shapely.STRtree(sides).query(sides)
+    one, other = one[one < other], other[one < other]
+    cross = _turns(a[one], b[one], a[other]) * _turns(a[one], b[one], b[other]) < 0.0
+    cross &= _turns(a[other], b[other], a[one]) * _turns(a[other], b[other], b[one]) < 0.0
+    return shapely.get_coordinates(shapely.intersection(sides[one[cross]], sides[other[cross]]))
 
 
 def triangulation(rings: Rings, order: Ints, frame: NDArray[Any]) -> Triangulation:
@@ -111,19 +121,19 @@ def triangulation(rings: Rings, order: Ints, frame: NDArray[Any]) -> Triangulati
     box = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
     border = np.array([(0, 1), (1, 2), (2, 3), (0, 3)])  # without it, Triangle drops what no ring encloses
     for _ in range(_MOST_PASSES):
-        crossings = _crossings(rings)
-        if len(crossings):
-            rings, order = _through(rings, order, np.unique(snap(crossings, cell), axis=0), cell)
+        met = crossings(rings)
+        if len(met):
+            rings, order = _through(rings, order, np.unique(snap(met, cell), axis=0), cell)
             continue
         corners, ids = _distinct(rings.points, order, frame)
         vertices, ids = np.concatenate([box, corners]), ids + BOX_CORNERS
         sides = np.sort(np.column_stack([ids, ids[_next_points(rings)]]), axis=1)
         sides = sides[sides[:, 0] != sides[:, 1]]
         found = package.triangulate({"vertices": vertices, "segments": np.concatenate([border, sides])}, "pn")
-        crossings = found["vertices"][len(vertices) :]
-        if len(crossings) == 0:
+        met = found["vertices"][len(vertices) :]
+        if len(met) == 0:
             return Triangulation(rings, ids, vertices, found["triangles"], found["neighbors"])
-        rings, order = _through(rings, order, np.unique(snap(crossings, cell), axis=0), cell)
+        rings, order = _through(rings, order, np.unique(snap(met, cell), axis=0), cell)
     raise GeometryError(
         f"builder: 'triangle' still finds crossing sides after {_MOST_PASSES} passes; use builder='own', or simplify "
         f"the walkable area"

@@ -4,7 +4,7 @@ import numpy as np
 
 from crowdsim.geometry.predicates_kernels import incircle
 from crowdsim.jit import helper
-from crowdsim.navmesh.half_edge_kernels import find_half_edge, locate, nxt, prv, side
+from crowdsim.navmesh.half_edge_kernels import find_half_edge, locate, nxt, prv, side, soil
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.triangulation.work_kernels import touch_triangle
 
@@ -54,7 +54,7 @@ def flip(sides, vertices, e):
         sides[h].cst = 0
         sides[h].win = 0
         sides[h].use = -1
-        sides[h].clr = -1.0
+        soil(sides, h // 3)
     link(sides, en, fn)
 
 
@@ -83,7 +83,7 @@ def _fill(sides, vertices, t, u, v, w):
             sides[h].win = 0
             sides[h].use = -1
         h += 1
-    sides[3 * t].clr = -1.0
+    soil(sides, t)
 
 
 @helper

@@ -3,7 +3,7 @@
 import numpy as np
 
 from crowdsim.jit import helper
-from crowdsim.navmesh.half_edge_kernels import locate
+from crowdsim.navmesh.half_edge_kernels import locate, soil
 from crowdsim.navmesh.triangulation.work_kernels import touch_triangle
 
 _UNKNOWN = -(1 << 30)
@@ -56,7 +56,7 @@ def follow(m, w, count, begin):
                 if budget < 0:
                     return False
                 wind[t] = value
-                sides[3 * t].clr = -1.0
+                soil(sides, t)
                 touch_triangle(sides, w, t)
                 for e in range(3 * t, 3 * t + 3):
                     g = sides[e].twin
@@ -83,5 +83,5 @@ def flood_again(m, w):
     """Windings of all triangles anew, for the rare change that :func:`follow` cannot tell; all count as touched."""
     flood(m, w.stack)
     for t in range(m.frame[0].triangles):
-        m.sides[3 * t].clr = -1.0
+        soil(m.sides, t)
         touch_triangle(m.sides, w, t)

@@ -11,6 +11,8 @@ KEPT = 8
 """Mark: the vertex is touched and cannot be taken out."""
 LOOKING = 16
 """Mark: the vertex is touched, and may be the near end of a bottleneck that is new."""
+CHANGED = 32
+"""Mark: the vertex is touched, and triangles around it did change."""
 VISITED = 4
 """Mark of a walk, which clears it."""
 
@@ -30,8 +32,10 @@ def touch(w, v):
 def touch_triangle(sides, w, t):
     """Note that triangle t changed, at a corner that is not one of the box."""
     for h in range(3 * t, 3 * t + 3):
-        touch(w, sides[h].org)
-        if sides[h].org >= BOX_CORNERS:
+        v = sides[h].org
+        touch(w, v)
+        if v >= BOX_CORNERS:
+            w.to_do[v].mark |= CHANGED
             break
 
 

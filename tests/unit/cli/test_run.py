@@ -11,6 +11,13 @@ SUMMARY = {
     "arrived": 2,
     "waiting": 1,
     "unreachable": {"1": "no path: too narrow"},
+    "laps": {"guards": 7},
+    "events": [
+        {"event": "close 'front'", "at": 4.0, "outcome": "happened", "late": 2.5},
+        {"event": "open 'front'", "at": 9.0, "outcome": "happened", "late": 0.0},
+        {"event": "insert 'crate'", "at": 11.5, "outcome": "waiting", "late": None},
+    ],
+    "replans": 5,
     "steps": 300,
     "mean_time": 8.25,
     "state_hash": "00ff00ff00ff00ff",
@@ -37,11 +44,17 @@ def test_the_summary_is_shown_with_units():
     assert rows["  in attic"] == "nobody went here"
     assert rows["  no way for character 1"] == "no path: too narrow"
     assert rows["body to obstacle, torso"] == "0.062 m"
+    assert rows["rounds of guards"] == "7"
+    assert rows["events"] == "2 of 3 that were due happened"
+    assert rows["  close 'front' at 4 s"] == "2.5 s late: somebody was in the way"
+    assert rows["  insert 'crate' at 11.5 s"] == "never: somebody was in the way to the end"
+    assert "  open 'front' at 9 s" not in rows
+    assert rows["plans made anew for them"] == "5"
     assert rows["state hash"] == "00ff00ff00ff00ff"
 
 
 def test_a_run_without_arrivals_or_company_has_a_summary():
-    rows = dict(summary_rows({**SUMMARY, "arrived": 0, "mean_time": None, "closest_pair": None}))
+    rows = dict(summary_rows({**SUMMARY, "events": [], "arrived": 0, "mean_time": None, "closest_pair": None}))
     assert rows["mean time to arrive"] == "none"
     assert rows["closest two, center to center"] == "none"
 

@@ -8,12 +8,20 @@ from hypothesis import strategies as st
 
 from crowdsim.crowd.advance_kernels import advance
 from crowdsim.crowd.components import SLOT_FRAMES
-from crowdsim.crowd.reservation_kernels import append_stop, meets_anyone, pair_meets, reserve, sample_chain
+from crowdsim.crowd.reservation_kernels import (
+    append_stop,
+    comes_near,
+    meets_anyone,
+    pair_meets,
+    reserve,
+    sample_chain,
+)
 from crowdsim.navmesh.navmesh import NavMesh
 from tests.reference.crowd import FOREVER, chain_of, pose_at, timelines_meet, walking_graph
 
 GRAPH = walking_graph()
 START = np.array([0.3, -0.2, 0.4])
+NOTHING = np.empty((0, 4))
 
 
 def random_timeline(rng: np.random.Generator):
@@ -121,7 +129,7 @@ def test_advancing_plays_a_chain_frame_by_frame(frames: int) -> None:
     assert frame[0] == GRAPH.node_frames[3]
 
 
-def reserved(other: tuple[float, float], room: shapely.Polygon | None = None):
+def reserved(other: tuple[float, float], room: shapely.Polygon | None = None, kept_free: np.ndarray = NOTHING):
     """What a walker that starts at START along three strides may reserve where ``other`` stands.
 
     Returns (nodes taken, gone slot, timeline).
@@ -137,7 +145,7 @@ def reserved(other: tuple[float, float], room: shapely.Polygon | None = None):
     out = np.zeros((48, 2))
     taken, gone = reserve(
         GRAPH, mesh, mesh, np.array([[0.2, 0.3]]), 0, 0, 0, SLOT_FRAMES, chain, origins, seams, 1, 3, False,
-        timelines, np.zeros(2, np.int64), np.full(2, FOREVER), np.full(2, 0.3), out,
+        timelines, np.zeros(2, np.int64), np.full(2, FOREVER), np.full(2, 0.3), kept_free, 0.35, out,
     )  # fmt: skip
     return taken, gone, out
 
@@ -172,3 +180,26 @@ def test_a_wall_behind_the_stop_asks_for_a_stride_more_or_refuses() -> None:
     end = walked(1)[1]
     post = shapely.Point(end).buffer(0.25)
     assert reserved((50.0, 50.0), room=shapely.box(-5, -5, 10, 10).difference(post))[0] != 1
+
+
+def test_nothing_is_reserved_into_what_is_kept_free_and_more_nodes_do_not_help() -> None:
+    end = walked(1)[1]
+    bar = shapely.box(end[0] + 0.3, -3.0, end[0] + 0.4, 3.0)
+    ring = shapely.get_coordinates(bar)
+    assert reserved((50.0, 50.0), kept_free=np.concatenate([ring[:-1], ring[1:]], axis=1))[0] == 0
+    away = np.concatenate([ring[:-1], ring[1:]], axis=1) + [9.0, 0.0, 9.0, 0.0]
+    assert reserved((50.0, 50.0), kept_free=away)[0] == 1
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_a_timeline_comes_near_segments_exactly_when_shapely_says_so(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    timeline = np.cumsum(rng.normal(0.0, 0.4, (8, 2)) * (rng.random((8, 1)) < 0.8), axis=0)
+    segments = rng.uniform(-2.0, 2.0, (4, 4))
+    segments[0, 2:] = segments[0, :2]
+    distance = float(rng.uniform(0.01, 1.0))
+    lines = shapely.linestrings(segments.reshape(-1, 2, 2))
+    nearest = shapely.LineString(timeline).distance(shapely.MultiLineString(list(lines)))
+    if abs(nearest - distance) > 1e-9:
+        assert comes_near(timeline, segments, distance) == (nearest < distance)

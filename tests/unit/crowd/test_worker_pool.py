@@ -34,3 +34,15 @@ def test_nonsense_sizes_are_refused() -> None:
         WorkerPool(0, 1)
     with pytest.raises(ValueError, match="at least 1"):
         WorkerPool(1, 0)
+
+
+def test_settling_waits_for_all_jobs_and_leaves_their_results_due_when_they_were() -> None:
+    done = []
+    with WorkerPool(2, latency=5) as pool:
+        for key in range(3):
+            pool.submit(0, key, lambda key=key: (time.sleep(0.02), done.append(key), key)[2])
+        pool.settle()
+        assert sorted(done) == [0, 1, 2]
+        assert pool.collect(4) == []
+        assert pool.collect(5) == [(0, 0), (1, 1), (2, 2)]
+        pool.settle()

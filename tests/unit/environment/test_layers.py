@@ -6,11 +6,13 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shapely import Polygon
+from shapely import MultiPolygon, Polygon
 
-from crowdsim.environment.layers import LEGS, TORSO, Band, clearance_layers, dropped_solids
+from crowdsim.environment.layers import LEGS, TORSO, Band, Plane, clearance_layers, dropped_solids
 from crowdsim.environment.solids import Solid, box, centered_box, cylinder
 from crowdsim.errors import GeometryError
+from tests.support.meshes import box as meshes_box
+from tests.support.meshes import joined, solid
 
 FLOOR = shapely.box(0.0, 0.0, 10.0, 10.0)
 
@@ -76,6 +78,35 @@ def test_holes_of_a_bad_floor_never_become_walkable(holes, area):
 def test_a_floor_without_area_is_refused(floor):
     with pytest.raises(GeometryError, match="floor"):
         clearance_layers(floor, [], [LEGS])
+
+
+def test_a_plane_sees_what_it_cuts_and_the_ground_holds_that_too():
+    table = solid(joined(meshes_box((4, 4, 0.7), (6, 5, 0.75)), meshes_box((4.9, 4.4, 0.0), (5.1, 4.6, 0.7))), "table")
+    sign, lamp = box("sign", (1.0, 1.0), (2.0, 2.0), 1.1, 1.3), box("lamp", (8.0, 8.0), (9.0, 9.0), 1.2, 1.3)
+    shins, eyes = clearance_layers(FLOOR, [table, sign, lamp], [Plane("eyes", 1.15), Plane("shins", 0.3)])
+    assert (shins.low, shins.high, eyes.low, eyes.high) == (0.3, 0.3, 1.15, 1.15)
+    assert eyes.obstacles.equals(sign.footprint)
+    assert shins.obstacles.area == pytest.approx(0.04 + 1.0)  # the table's leg, and the sign above
+    assert dropped_solids([table, sign, lamp], [Plane("eyes", 1.15), Plane("shins", 0.3)]) == (lamp,)
+    assert dropped_solids([table, lamp], [Plane("low", 0.3), Band("high", 1.25, 1.5)]) == ()
+
+
+def test_planes_and_bands_make_layers_together():
+    shelf = box("shelf", (1.0, 1.0), (2.0, 2.0), 1.2, 1.4)
+    layers = clearance_layers(FLOOR, [shelf], [Plane("plane", 1.3), TORSO, LEGS])
+    assert [layer.name for layer in layers] == ["legs", "torso", "plane"]
+    assert all(layer.obstacles.equals(shelf.footprint) for layer in layers)
+
+
+def test_a_floor_in_pieces_is_one_place():
+    floor = MultiPolygon([FLOOR, shapely.box(20.0, 0.0, 30.0, 10.0)])
+    (legs,) = clearance_layers(floor, [], [LEGS])
+    assert legs.free.area == pytest.approx(200.0)
+
+
+def test_planes_are_checked():
+    with pytest.raises(GeometryError, match="'x'"):
+        Plane("x", math.inf)
 
 
 def test_bands_are_checked():

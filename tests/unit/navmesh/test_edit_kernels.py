@@ -5,12 +5,18 @@ import pytest
 import shapely
 
 from crowdsim.jit import kernel
+from crowdsim.navmesh.editing import edit_kernels, outline_kernels
+from crowdsim.navmesh.editing.address_kernels import mesh_at, places_of, workshop_at
+from crowdsim.navmesh.editing.point_kernels import INSERT, REMOVE, edit_point
 from crowdsim.navmesh.editing.removal_kernels import remove_vertex
+from crowdsim.navmesh.editing.settle_kernels import settle
 from crowdsim.navmesh.mesh_arrays import resized, workshop
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.triangulation.refine_kernels import inside_circle
 from crowdsim.navmesh.triangulation.triangulation_kernels import restore_delaunay
 from crowdsim.navmesh.triangulation.winding_kernels import flood
+from crowdsim.navmesh.triangulation.work_kernels import KEPT, TOUCHED
+from tests.reference.edits_reference import feet_missing, wrong_widths
 from tests.reference.navmesh_reference import mesh_faults, random_area
 from tests.support.entries import insert_point
 
@@ -30,6 +36,30 @@ def _flood(m, w):
 @kernel
 def _inside(m, t, ax, ay, bx, by):
     return inside_circle(m, t, ax, ay, bx, by, 0.0, 1.0)
+
+
+@kernel
+def _as_seen(places):
+    m, w = mesh_at(places), workshop_at(places)
+    return (
+        (m.sides.size, m.sides.nbytes),
+        (m.vertices.size, m.vertices.nbytes),
+        (m.wind.size, m.wind.nbytes),
+        (m.hints.size, m.hints.nbytes),
+        (m.frame.size, m.frame.nbytes),
+        (w.stack.size, w.stack.nbytes),
+        (w.pairs.size, w.pairs.nbytes),
+        (w.to_do.size, w.to_do.nbytes),
+        (w.uses.size, w.uses.nbytes),
+        (w.gone.size, w.gone.nbytes),
+        (w.progress.size, w.progress.nbytes),
+        (w.sights.size, w.sights.nbytes),
+    )
+
+
+@kernel
+def _settle(m, w):
+    return settle(m, w)
 
 
 @pytest.mark.parametrize("on_a_lattice", [True, False])
@@ -86,3 +116,81 @@ def test_parts_of_segments_inside_circles():
         missed += lo > hi
         np.testing.assert_array_equal(((share >= lo) & (share <= hi))[clear], (depth > 0.0)[clear])
     assert missed > 10
+
+
+def test_what_changed_around_touched_vertices_is_measured_again_and_nothing_else():
+    mesh = resized(NavMesh(random_area(np.random.default_rng(6), "boxes", count=10)).arrays, 1000)
+    work, filled = workshop(1000), int(mesh.frame["triangles"][0])
+    right = mesh.sides["clr"].copy()
+    for changed in np.flatnonzero(mesh.wind[:filled] == 0)[::7]:
+        mesh.sides["clr"] = 7.0
+        mesh.sides["clr"][3 * changed] = -1.0
+        v = mesh.sides["org"][3 * changed + 1]
+        work.to_do["mark"] = KEPT  # a build leaves feet that an edit would take out
+        work.to_do["touched"][0], work.to_do["mark"][v], work.progress["touched"] = v, TOUCHED | KEPT, 1
+        assert _settle(mesh, work) == 0
+        measured = np.flatnonzero(mesh.sides["clr"] != 7.0)
+        assert set(measured // 3) == {changed}
+        np.testing.assert_array_equal(mesh.sides["clr"][measured], right[measured])
+        assert int(mesh.frame["triangles"][0]) == filled
+        assert not (work.to_do["mark"] & ~KEPT).any()
+        assert work.progress[["touched", "waiting", "gone"]].item() == (0, 0, 0)
+
+
+def test_points_are_corners_of_chains_without_sides():
+    built = NavMesh(random_area(np.random.default_rng(6), "boxes", count=10)).arrays
+    room, ends = len(built.vertices) + 200, np.ones(1, np.int64)
+    one, other = resized(built, room), resized(built, room)
+    works = workshop(room, 4096), workshop(room, 4096)
+    points, chains = places_of(one, works[0]), places_of(other, works[1])
+    rng = np.random.default_rng(4)
+    kept = []
+    for slot, (x, y) in enumerate(rng.uniform(0.0, 12.0, (40, 2))):
+        snapped = np.empty((1, 2))
+        assert outline_kernels.snap_inside(other, np.array([[x, y]]), snapped) == outline_kernels.OK
+        ids = np.empty(1, np.int64)
+        v = edit_point(points, INSERT, x, y, -1)
+        assert edit_kernels.edit(chains, INSERT, snapped, ends, 0, slot, ids) == 0
+        assert tuple(one.vertices[v][["x", "y"]]) == tuple(snapped[0])
+        if slot % 2:
+            assert edit_point(points, REMOVE, x, y, v) == v
+            assert edit_kernels.edit(chains, REMOVE, snapped, ends, 0, slot, ids) == 0
+        else:
+            kept.append(tuple(snapped[0]))
+        assert mesh_faults(one) == mesh_faults(other) == []
+    owners = [sorted(v[["x", "y"]].tolist() for v in mesh.vertices if v["vref"] > 0) for mesh in (one, other)]
+    assert owners[0] == owners[1]
+    assert set(kept) <= set(owners[0])
+
+
+@pytest.mark.parametrize("place", [(1e3, 0.0), (np.nan, 0.0), (0.0, -np.inf)])
+def test_points_outside_of_the_box_have_no_effect(place):
+    mesh = resized(NavMesh(random_area(np.random.default_rng(6), "boxes", count=10)).arrays, 1000)
+    work = workshop(1000, 4096)
+    before = resized(mesh, 1000)
+    v = edit_point(places_of(mesh, work), INSERT, *place, -1)
+    assert v == -1
+    assert edit_point(places_of(mesh, work), REMOVE, *place, v) == -1
+    for array, untouched in zip(mesh, before, strict=True):
+        assert array.tobytes() == untouched.tobytes()
+
+
+def test_arrays_at_addresses_are_those_of_the_mesh():
+    mesh = resized(NavMesh(random_area(np.random.default_rng(6), "boxes", count=10)).arrays, 1000)
+    work = workshop(1000, 4096)
+    for seen, array in zip(_as_seen(places_of(mesh, work)), (*mesh, *work), strict=True):
+        assert seen == (array.size, array.nbytes)
+
+
+def test_feet_around_points_that_come_and_go_are_those_of_a_full_refinement():
+    rng = np.random.default_rng(8)
+    mesh = NavMesh(random_area(rng, "boxes", count=30))
+    handles = []
+    for step in range(400):
+        if handles and rng.random() < 0.5:
+            mesh.remove(handles.pop(int(rng.integers(len(handles)))))
+        else:
+            handles.append(mesh.insert_obstacle(rng.uniform(0.0, 12.0, 2)))
+        if step % 10 == 0:
+            assert feet_missing(mesh.arrays) == 0
+            assert wrong_widths(mesh.arrays) == 0

@@ -1,5 +1,6 @@
 """Obstacles go in and out by handles, and the mesh is as if it had been built with what is in it."""
 
+import copy
 import math
 
 import numpy as np
@@ -7,9 +8,10 @@ import pytest
 import shapely
 
 from crowdsim.errors import GeometryError, PathNotFound, StaleHandle
-from crowdsim.navmesh.editing import outline_kernels
+from crowdsim.navmesh.editing import outline_kernels, point_kernels
 from crowdsim.navmesh.mesh_arrays import USE
 from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.navmesh.triangulation.triangulation_kernels import FULL
 from crowdsim.navmesh.triangulation.use_kernels import keep_used
 from tests.reference.edits_reference import edit_faults, edited_clearances, free_space
 from tests.support.oracle_maps import load_map
@@ -190,8 +192,8 @@ def test_an_obstacle_that_cannot_go_in_leaves_the_mesh_as_it_was(monkeypatch):
     handle = mesh.insert_obstacle(WALL)
     edit = edit_kernels.edit
 
-    def fail(arrays, work, what, points, *rest):
-        return segment_kernels.STUCK if len(points) == 3 else edit(arrays, work, what, points, *rest)
+    def fail(places, what, points, *rest):
+        return segment_kernels.STUCK if len(points) == 3 else edit(places, what, points, *rest)
 
     monkeypatch.setattr(edit_kernels, "edit", fail)
     with pytest.raises(GeometryError, match="cannot be put"):
@@ -199,6 +201,55 @@ def test_an_obstacle_that_cannot_go_in_leaves_the_mesh_as_it_was(monkeypatch):
     _check(mesh, ROOM, [WALL])
     mesh.remove(handle)
     _check(mesh, ROOM, [])
+
+
+def test_a_point_that_is_settled_in_larger_arrays_is_the_one_that_was_inserted(monkeypatch):
+    edit_point = point_kernels.edit_point
+    mesh = NavMesh(ROOM)
+
+    def unsettled(places, what, *rest):
+        v = edit_point(places, what, *rest)
+        return v if what == point_kernels.SETTLE else point_kernels.UNSETTLED
+
+    with monkeypatch.context() as patch:
+        patch.setattr(point_kernels, "edit_point", unsettled)
+        handle = mesh.insert_obstacle(shapely.MultiPoint([(4, 3), (7, 3)]))
+        room = len(mesh.arrays.vertices)
+        _check(mesh, ROOM, [shapely.MultiPoint([(4, 3), (7, 3)])])
+        mesh.remove(handle)
+    assert len(mesh.arrays.vertices) > room
+    _check(mesh, ROOM, [])
+
+
+def test_points_that_cannot_go_in_leave_the_mesh_as_it_was(monkeypatch):
+    edit_point = point_kernels.edit_point
+    mesh = NavMesh(ROOM)
+    handle = mesh.insert_obstacle(shapely.MultiPoint([(1, 1), (9, 5)]))
+    twin = mesh.with_points([(4, 3)])
+
+    def full(places, what, x, *rest):
+        return FULL if x == 7.0 else edit_point(places, what, x, *rest)
+
+    monkeypatch.setattr(point_kernels, "edit_point", full)
+    with pytest.raises(GeometryError, match="cannot be put"):
+        mesh.insert_obstacle(shapely.MultiPoint([(5, 3), (7, 3)]))
+    _check(mesh, ROOM, [shapely.MultiPoint([(1, 1), (9, 5)])])
+    with pytest.raises(GeometryError, match="cannot be put"):
+        mesh.move(handle, shapely.Point(7, 3))
+    mesh.move(handle, 0.5, 0.5)
+    _check(mesh, ROOM, [shapely.MultiPoint([(1.5, 1.5), (9.5, 5.5)])])
+    twin.remove(handle)
+    _check(twin, ROOM, [shapely.Point(4, 3)])
+
+
+def test_a_deep_copy_is_edited_on_its_own():
+    mesh = NavMesh(ROOM)
+    handle = mesh.insert_obstacle(shapely.Point(4, 3))
+    twin = copy.deepcopy(mesh)
+    twin.remove(handle)
+    twin.insert_obstacle(shapely.Point(7, 3))
+    _check(twin, ROOM, [shapely.Point(7, 3)])
+    _check(mesh, ROOM, [shapely.Point(4, 3)])
 
 
 def test_lists_of_uses_that_nothing_has_are_dropped():

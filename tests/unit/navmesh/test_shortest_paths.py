@@ -86,7 +86,7 @@ def test_a_wall_without_thickness_is_walked_around():
     mesh = NavMesh(shapely.box(0, 0, 10, 10)).with_points([(5.0, 5.0)])
     path = mesh.find_path((2.0, 5.0), (8.0, 5.0), 1.0, "best")
     turn = 2.0 * math.asin(1.0 / 3.0)
-    assert path.length == pytest.approx(2.0 * math.sqrt(8.0) + turn, abs=1e-9)
+    assert path.length == pytest.approx(2.0 * math.sqrt(8.0) + turn, abs=2.0 * mesh.tolerance(1.0))
 
 
 def test_no_length_falls_as_the_radius_grows():
@@ -174,3 +174,55 @@ def test_a_lattice_with_gaps_as_wide_as_the_disc_is_crossed(size, radius):
     np.testing.assert_array_equal(fast.status == 0, reached)
     assert sum(reached) > 100
     assert (best.lengths[reached] <= fast.lengths[reached] + 1e-5).all()
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "post", "radius", "start", "goal"),
+    [
+        ([(8.0, 11.5), (9.0, 12.5), (9.0, 11.5)], (8.1, 10.6), 0.45, (5.25, 14.25), (9.0, 9.75)),
+        ([(13.2, 13.6), (12.2, 13.6), (12.2, 14.6)], (12.0, 14.5), 0.1, (11.5, 11.65), (12.15, 15.35)),
+    ],
+)
+def test_a_gap_as_wide_as_the_disc_is_on_the_shortest_way(obstacle, post, radius, start, goal):
+    # Corners move to the grid, and tangents through a gap of exactly the width turn by much more than by rounding.
+    area = shapely.box(0, 0, 16, 16).difference(shapely.Polygon(obstacle))
+    mesh = NavMesh(area).with_points([post])
+    best, fast = (mesh.find_path(start, goal, radius, optimality) for optimality in ("best", "fast"))
+    assert best.length <= fast.length + 1e-9
+    tight = radius - mesh.tolerance(radius)
+    assert best.length == pytest.approx(shortest_length(area, np.array([post]), start, goal, tight, 1e-6), abs=1e-5)
+
+
+def test_a_dearer_arrival_that_turned_less_is_not_lost():
+    # Where the shortest way leaves an arc, the cheapest arrival there has passed already.
+    corners = (1.0, 2.6, 4.2)
+    holes = [shapely.box(x, y, x + 1.0, y + 1.0) for x in corners for y in corners]
+    mesh = NavMesh(shapely.box(0.0, 0.0, 6.0, 6.0).difference(shapely.union_all(holes)))
+    start, goal = (5.499999659265137, 3.5134702634944808), (2.265319689449507, 5.34001872265038)
+    assert mesh.find_path(start, goal, 0.3, "best").length == pytest.approx(4.774682, abs=1e-5)
+
+
+def test_a_path_turns_by_more_than_half_a_circle_around_a_post():
+    # From the niche between a box and a post that it touches, over the post and down to the other side of the box.
+    mesh = NavMesh(shapely.box(0, 0, 8, 8).difference(shapely.box(2.5, 2.5, 3.5, 3.5))).with_points([(3.4, 4.3)])
+    best, fast = (mesh.find_path((3.0, 4.0), (4.0, 3.0), 0.5, optimality) for optimality in ("best", "fast"))
+    post = shapely.Point(3.4, 4.3)
+    assert best.length <= fast.length + 1e-9
+    assert best.length < 3.5
+    assert shapely.LineString(best.points).distance(post) >= 0.5 - 1e-5
+
+
+def test_a_post_on_a_wall_ends_the_view_along_it():
+    # The view past vertices that are off by rounding once went round them for ever.
+    wall = shapely.Polygon([(3.5, 2.5), (2.5, 4.0), (5.0, 2.0)])
+    mesh = NavMesh(shapely.box(0, 0, 8, 8).difference(wall)).with_points([(3.1, 3.1)])
+    best, fast = (mesh.find_path((7.5, 0.5), (0.5, 7.5), 0.3, optimality) for optimality in ("best", "fast"))
+    assert best.length <= fast.length + 1e-9
+
+
+def test_only_shortest_paths_of_points_stand_on_walls():
+    mesh = NavMesh(ROOM)
+    assert mesh.find_path((4.0, 5.0), (6.0, 5.0), 0.0, "best").length == pytest.approx(4.0)
+    assert not mesh.is_free((4.0, 5.0), 0.0)
+    assert not mesh.reachable((4.0, 5.0), (6.0, 5.0), 0.0)
+    assert mesh.reachable((3.9, 5.0), (6.1, 5.0), 0.0)

@@ -131,12 +131,23 @@ def test_a_box_has_four_arcs_and_eight_links():
 
 def test_searches_fill_what_they_are_given():
     mesh = NavMesh(shapely.box(0, 0, 10, 10).difference(shapely.box(4, 4, 6, 6)))
-    graph = RadiusGraph(mesh.arrays, 0.5, 0.4999, 1)
+    graph = RadiusGraph(mesh.arrays, 0.5, 0.5 - 1e-7, 1)
     starts, goals = np.array([(1.0, 5.0), (5.0, 5.0)]), np.array([(9.0, 5.0), (1.0, 1.0)])
     status, lengths, counts = np.empty(2, np.int8), np.empty(2), np.empty(2, np.int64)
     with graph.scratch() as scratch:
         points = shortest_paths(
-            mesh.arrays, graph.arrays, scratch, starts, goals, 0.5, 0.4999, graph.slack, status, lengths, counts
+            mesh.arrays,
+            graph.arrays,
+            scratch,
+            starts,
+            goals,
+            graph.asked,
+            graph.radius,
+            graph.least,
+            graph.slack,
+            status,
+            lengths,
+            counts,
         )
     assert status.tolist() == [0, 1]
     assert counts.tolist() == [len(points), 0]

@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+import shapely
 import triangle
 
 from crowdsim.errors import GeometryError
+from crowdsim.navmesh.mesh_arrays import Rings
 from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.navmesh.triangulation.triangle_builder import crossings
 from tests.reference.navmesh_reference import random_area
 
 
@@ -37,6 +40,19 @@ def test_builders_give_the_same_triangles_where_no_four_corners_are_on_a_circle(
         found.append({tuple(t) for t in origins.tolist()})
         assert (mesh.vertices[["x", "y"]] == meshes[0].vertices[["x", "y"]]).all()
     assert found[0] == found[1]
+
+
+@pytest.mark.parametrize("cells", [6, 1 << 24])
+def test_crossing_sides_are_found_and_touching_ones_are_not(cells: int) -> None:
+    rng = np.random.default_rng(cells)
+    ends = rng.integers(0, cells, (60, 2, 2)).astype(np.float64)  # on a small lattice most meet in corners or overlap
+    sides = shapely.linestrings(ends)
+    crossing = [(one, other) for i, one in enumerate(sides) for other in sides[:i] if one.crosses(other)]
+    expected = {one.intersection(other).coords[0] for one, other in crossing}
+    assert len(expected) > 30
+    found = crossings(Rings(ends.reshape(-1, 2), np.arange(2, 122, 2)))  # there and back: each is found four times
+    np.testing.assert_allclose(np.unique(found, axis=0), np.unique(sorted(expected), axis=0), rtol=1e-12)
+    assert len(found) == 4 * len(crossing)
 
 
 def test_an_unknown_builder_is_refused() -> None:

@@ -17,6 +17,10 @@ from crowdsim.playback.film import film
 from crowdsim.playback.scene import Scene
 from crowdsim.playback.shot import shot
 from crowdsim.playback.window import Player, window
+from crowdsim.recording.header import SolidRecord
+from crowdsim.recording.reader import Recording
+from crowdsim.recording.writer import RecordingWriter
+from tests.support.small_recording import small_frame, small_header
 
 SMALL = (160, 90)
 
@@ -194,3 +198,33 @@ def test_a_place_without_solids_paths_or_people_can_be_drawn(recording):
         scene.close()
     finally:
         recording.header = header
+
+
+@pytest.mark.usefixtures("can_draw")
+def test_a_door_is_drawn_while_it_is_there(tmp_path):
+    header = small_header()
+    leaf = "POLYGON ((2 -0.6, 2.15 -0.6, 2.15 0.6, 2 0.6, 2 -0.6))"
+    header = replace(header, movables=(SolidRecord("door", leaf, 0.0, 2.1), SolidRecord("box", leaf, 0.0, 0.5)))
+    with RecordingWriter(tmp_path / "door.h5", header) as writer:
+        writer.add_change(0, leaf)
+        for step in range(20):
+            if step == 10:
+                writer.add_change(0, None)
+                writer.add_change(1, leaf)
+            writer.append(small_frame(header, 0), step)
+        writer.finish({})
+    with Recording.open(tmp_path / "door.h5") as recording:
+        scene = Scene(recording, SMALL)
+        try:
+            pictures = []
+            for time in (0.0, 0.4, 0.6, 0.2):
+                scene.show_time(time)
+                scene.look("overview", time)
+                scene._clock.input = ""
+                pictures.append(scene.picture().astype(int))
+        finally:
+            scene.close()
+    closed, still, opened, again = pictures
+    np.testing.assert_array_equal(closed, still)
+    np.testing.assert_array_equal(closed, again)
+    assert (np.abs(closed - opened).sum(axis=-1) > 30).sum() > 20

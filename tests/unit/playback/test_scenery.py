@@ -8,8 +8,8 @@ import pytest
 from crowdsim.errors import CrowdSimError, RecordingError
 from crowdsim.playback.camera import FIELD_OF_VIEW, place_camera
 from crowdsim.playback.moments import telling_time
-from crowdsim.playback.scenery import floor_mesh, grid_lines, path_ribbons, solids_mesh
-from crowdsim.recording.header import AgentState, PlannedPath, SolidRecord
+from crowdsim.playback.scenery import floor_mesh, grid_lines, meshes_mesh, path_ribbons, solids_mesh
+from crowdsim.recording.header import AgentState, MeshRecord, PlannedPath, SolidRecord
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.writer import RecordingWriter
 from tests.support.small_recording import small_header
@@ -47,6 +47,19 @@ def test_no_solids_are_an_empty_mesh():
     assert mesh.points.shape == (0, 3)
     assert mesh.triangles.shape == (0, 3)
     assert mesh.outline.shape == (0, 3)
+
+
+def test_meshes_are_outlined_where_they_bend_and_not_across_flat_faces():
+    # An open box without a lid, each face of two triangles with points of its own, as files have them.
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 2) for z in (0, 3)], float)
+    faces = [(0, 2, 6, 4), (0, 4, 5, 1), (4, 6, 7, 5), (6, 2, 3, 7), (2, 0, 1, 3)]
+    points = np.concatenate([corners[list(face)] for face in faces]).astype(np.float32)
+    triangles = np.concatenate([[[4 * k, 4 * k + 1, 4 * k + 2], [4 * k, 4 * k + 2, 4 * k + 3]] for k in range(5)])
+    mesh = meshes_mesh([MeshRecord("box", points, triangles.astype(np.int32))] * 2)
+    lengths = np.linalg.norm(np.diff(mesh.outline.reshape(-1, 2, 3), axis=1)[:, 0], axis=1)
+    assert lengths.sum() == pytest.approx(2 * 4 * (1 + 2 + 3))
+    assert np.linalg.norm(_areas(mesh), axis=1).sum() == pytest.approx(2 * (2 + 2 * 3 + 2 * 6))
+    assert meshes_mesh([]).points.shape == (0, 3)
 
 
 def test_a_shape_that_is_none_is_refused():

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from crowdsim.errors import RecordingError
-from crowdsim.recording.header import FORMAT_VERSION, BehaviorRecord, RecordedFrame
+from crowdsim.recording.header import FORMAT_VERSION, BehaviorRecord, MeshRecord, RecordedFrame, SolidRecord
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.writer import RecordingWriter
 from tests.support.small_recording import small_frame, small_header, write_small_recording
@@ -65,6 +65,22 @@ def test_header_comes_back(path):
         assert recording.summary == {"arrived": 0, "seconds": 1.5}
         assert recording.versions["numpy"] == np.__version__
         assert set(recording.versions) == {"crowdsim", "numba", "numpy", "python"}
+
+
+def test_meshes_come_back_each_with_its_own_points(path):
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 1]], np.float32)
+    meshes = (
+        MeshRecord("lid", square, np.array([[0, 1, 2], [0, 2, 3]], np.int32)),
+        MeshRecord("flap", square[:3] + 5, np.array([[0, 1, 2]], np.int32)),
+    )
+    with RecordingWriter(path, replace(small_header(), meshes=meshes)) as writer:
+        writer.finish({})
+    with Recording.open(path) as recording:
+        assert [mesh.name for mesh in recording.header.meshes] == ["lid", "flap"]
+        for found, mesh in zip(recording.header.meshes, meshes, strict=True):
+            np.testing.assert_array_equal(found.points, mesh.points)
+            np.testing.assert_array_equal(found.triangles, mesh.triangles)
+            assert (found.points.dtype, found.triangles.dtype) == (np.float32, np.int32)
 
 
 def test_nothing_to_list_is_a_header_too(path):
@@ -248,3 +264,46 @@ def test_bad_headers_are_refused(path):
     for wrong in bad:
         with pytest.raises(RecordingError):
             RecordingWriter(path, wrong)
+
+
+DOOR = "POLYGON ((2 -0.6, 2.15 -0.6, 2.15 0.6, 2 0.6, 2 -0.6))"
+AJAR = "POLYGON ((2 -0.6, 2.15 -0.6, 2.15 0.3, 2 0.3, 2 -0.6))"
+
+
+def write_with_door(path):
+    """A door that is there at first, moves at step 4, is gone from step 8 and there again from step 12 on."""
+    header = replace(small_header(), movables=(SolidRecord("door", DOOR, 0.0, 2.1), SolidRecord("box", AJAR, 0.0, 1.0)))
+    with RecordingWriter(path, header) as writer:
+        for step in range(20):
+            if step in (0, 4, 8, 12):
+                writer.add_change(0, {0: DOOR, 4: AJAR, 8: None, 12: DOOR}[step])
+            writer.append(small_frame(header, step), step)
+        writer.finish({})
+    return path
+
+
+def test_what_moves_is_where_it_was_at_each_time(path):
+    with Recording.open(write_with_door(path)) as recording:
+        assert [solid.name for solid in recording.header.movables] == ["door", "box"]
+        assert [(change.movable, change.step) for change in recording.changes] == [(0, 0), (0, 4), (0, 8), (0, 12)]
+        for time, footprint in ((0.0, DOOR), (0.19, DOOR), (0.2, AJAR), (0.39, AJAR), (0.6, DOOR), (0.9, DOOR)):
+            assert recording.movables_at(time) == (SolidRecord("door", footprint, 0.0, 2.1),), time
+        assert recording.movables_at(0.4) == recording.movables_at(0.59) == ()
+
+
+def test_a_recording_of_before_things_could_move_still_opens(path):
+    write_small_recording(path)
+    with h5py.File(path, "r+") as file:
+        del file["changes"]
+        for name in ("names", "footprints", "bottoms", "tops"):
+            del file[f"place/movable_{name}"]
+    with Recording.open(path) as recording:
+        assert recording.header.movables == recording.changes == recording.movables_at(1.0) == ()
+        assert len(recording.header.solids) == 4
+
+
+def test_a_change_of_what_the_header_does_not_list_is_refused(path):
+    with RecordingWriter(path, small_header()) as writer:
+        with pytest.raises(RecordingError, match="movable 0, but the header lists 0"):
+            writer.add_change(0, None)
+        writer.finish({})

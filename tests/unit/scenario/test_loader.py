@@ -57,7 +57,7 @@ def test_a_good_file_has_its_values_and_defaults():
         ("seed: 5", "sead: 5", "1:1: seed: this key is required and missing"),
         ("duration: 60.0", "duratoin: 60.0\nduration: 60.0", "4:1: duratoin: unknown key; did you mean 'duration'?"),
         ("seed: 5", "seed: 5\nzzz: 1", "4:1: zzz: unknown key; the keys here are: crowdsim, name, description, seed,"),
-        ("    count: 4\n", "", "15:5: agents.0.count: this key is required and missing"),
+        ("    count: 4\n", "", "15:5: agents.0: give 'count' for so many characters, or 'rate' for a source of them"),
         (
             "radius: 0.2}",
             "radius: 0.2, hight: 2}",

@@ -25,7 +25,7 @@ def test_each_has_room_within_its_region():
     free = scenario.layers()[0].free
     for points, group_region in (
         (placement.starts, scenario.agents[0].start.shape()),
-        (placement.goals, scenario.agents[0].goal.shape()),
+        (np.concatenate(placement.goals), scenario.agents[0].goal.shape()),
     ):
         assert points.shape == (12, 2)
         points_2d = shapely.points(points)
@@ -61,9 +61,9 @@ def test_groups_that_start_at_one_time_keep_apart():
 def test_those_that_stay_get_goals_apart():
     larger = ("radius: 1.0", "radius: 1.5")
     together = place_agents(parse_scenario(change(larger, ("count: 4", "count: 8"))), RADIUS)
-    assert nearest_pair(together.goals) < 2.0 * RADIUS
+    assert nearest_pair(np.concatenate(together.goals)) < 2.0 * RADIUS
     apart = place_agents(parse_scenario(change(larger, ("count: 4", "count: 8"), ("leave", "stay"))), RADIUS)
-    assert nearest_pair(apart.goals) >= 2.0 * RADIUS
+    assert nearest_pair(np.concatenate(apart.goals)) >= 2.0 * RADIUS
     assert not together.stays.any()
     assert apart.stays.tolist() == [True] * 8
     with pytest.raises(ScenarioError, match=r"agents.0.goal: 4 characters cannot stay at one point"):
@@ -127,3 +127,47 @@ def test_loading_checks_with_a_body_of_usual_size():
 def test_the_built_in_scenarios_have_room_for_their_characters(name):
     scenario = load_scenario(name)
     assert len(place_agents(scenario, RADIUS).starts) == scenario.agents[0].count
+
+
+def test_goals_in_sequence_are_drawn_apart_and_the_first_as_if_it_were_the_only_one():
+    several = (
+        "goal: {circle: {center: [8, 4], radius: 1.0}}",
+        "goals: [{circle: {center: [8, 4], radius: 1.0}}, {rectangle: [1, 1, 3, 4]}, {point: [6, 1]}]\n"
+        "    repeat: 2\n    wait: 1.5",
+    )
+    one, three = place_agents(parse_scenario(TEXT), RADIUS), place_agents(parse_scenario(change(several)), RADIUS)
+    assert np.array_equal(one.starts, three.starts)
+    for agent in range(4):
+        assert three.goals[agent].shape == (3, 2)
+        assert np.array_equal(one.goals[agent][0], three.goals[agent][0])
+        assert not np.allclose(three.goals[agent][1], three.starts[agent])
+        assert three.goal(agent, 4).tolist() == three.goals[agent][1].tolist()
+    assert (one.rounds.tolist(), three.rounds.tolist()) == ([1] * 4, [2] * 4)
+    assert [three.is_last(0, reached) for reached in range(6)] == [False] * 5 + [True]
+    assert [three.stands(0, reached) for reached in range(6)] == [True] * 5 + [False]
+    assert one.is_last(0, 0)
+    assert not one.stands(0, 0)
+
+
+def test_those_who_go_round_forever_have_no_last_goal():
+    text = change(
+        (
+            "goal: {circle: {center: [8, 4], radius: 1.0}}",
+            "goals: [{point: [8, 4]}, {point: [1, 5]}]\n    repeat: forever",
+        )
+    )
+    placement = place_agents(parse_scenario(text), RADIUS)
+    assert not any(placement.is_last(0, reached) for reached in range(1000))
+    assert not placement.stands(0, 7)
+
+
+def test_places_keep_clear_of_what_comes_later_where_they_can():
+    crate = (
+        "events: [{at: 5, insert: {name: crate, box: {min: [1, 1], max: [3, 2.5]}, top: 1}}]\nmotion: {set: default}"
+    )
+    text = change(("motion: {set: default}", crate), ("count: 4", "count: 3"))
+    starts = place_agents(parse_scenario(text), RADIUS).starts
+    assert (starts[:, 1] >= 2.5 + RADIUS - 1e-6).all()
+    inside = ("{rectangle: [1, 1, 3, 4]}", "{rectangle: [1.1, 1.1, 2.9, 2.4]}")
+    under = change(("motion: {set: default}", crate), inside, ("count: 4", "count: 1"))
+    assert len(place_agents(parse_scenario(under), RADIUS).starts) == 1

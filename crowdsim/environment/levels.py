@@ -1,0 +1,152 @@
+"""Level surfaces of a scene: where people could walk, and whether that is in two storeys."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from crowdsim.environment.layers import AnySolid, polygons_only
+from crowdsim.environment.mesh_solid import GRID
+from crowdsim.environment.sections import snapped_union
+from crowdsim.environment.solids import Solid
+from crowdsim.errors import PlaceError
+
+STEP = 0.10
+"""Meters: what rises no more from the floor is walked over."""
+
+HEADROOM = 1.9
+"""Meters of free height in which people stand."""
+
+LEAST_LEVEL = 4.0
+"""Square meters of the smallest surface that counts as a level to walk on."""
+
+_FLAT = 0.99
+"""Least vertical component of a level surface's normal."""
+
+SAME_LEVEL = 0.05
+"""Meters between heights of one level."""
+
+_BODY = 0.2
+"""Meters: surfaces narrower than twice that, the tops of walls, are not walked on."""
+
+_LINED = 0.5
+"""Share of a floor's outline that walls stand along if there is a ceiling over it."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """Surfaces at about one height."""
+
+    height: float
+    surface: BaseGeometry
+    parts: NDArray[np.int64]
+    """Indices of the solids they belong to."""
+
+
+Surfaces = tuple[NDArray[np.object_], NDArray[np.float64], NDArray[np.int64]]
+
+
+def level_surfaces(solids: Sequence[AnySolid], both: bool) -> Surfaces:
+    """Level surfaces that face up (with ``both``, or down): polygons (n,), heights (n,), indices of solids (n,)."""
+    shapes: list[NDArray[np.object_]] = []
+    heights, owners = [], []
+    for number, solid in enumerate(solids):
+        if isinstance(solid, Solid):
+            shapes.append(np.array([solid.footprint], dtype=object))
+            heights.append([solid.top])
+        else:
+            corners = solid.corners
+            normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            lengths = np.linalg.norm(normals, axis=1)
+            upright = np.abs(normals[:, 2]) if both else normals[:, 2]
+            level = (upright > _FLAT * lengths) & (lengths > 1e-9)
+            shapes.append(shapely.polygons(corners[level, :, :2]) if level.any() else np.empty(0, object))
+            heights.append(corners[level, :, 2].mean(axis=1))
+        owners.append(np.full(len(shapes[-1]), number, np.int64))
+    return np.concatenate(shapes), np.concatenate(heights), np.concatenate(owners)
+
+
+def find_levels(
+    shapes: NDArray[np.object_], heights: NDArray[np.float64], owners: NDArray[np.int64], within: BaseGeometry | None
+) -> list[Level]:
+    """Levels wide and large enough to walk on, lowest first; parts ``within`` an outline if one is given."""
+    order = np.argsort(heights, kind="stable")
+    shapes, heights, owners = shapes[order], heights[order], owners[order]
+    areas = shapely.area(shapes)
+    levels = []
+    first = 0
+    while first < len(heights):
+        last = int(np.searchsorted(heights, heights[first] + SAME_LEVEL, side="right"))
+        if areas[first:last].sum() >= LEAST_LEVEL:
+            # The height in the middle of the area, which is that of a large floor whatever lies about on it.
+            share = np.cumsum(areas[first:last])
+            height = rounded_height(heights[first + int(np.searchsorted(share, 0.5 * share[-1]))])
+            surface = snapped_union(shapes[first:last], GRID)
+            surface = _wide(surface if within is None else surface.intersection(within))
+            if surface.area >= LEAST_LEVEL:
+                levels.append(Level(height, surface, np.unique(owners[first:last])))
+        first = last
+    return levels
+
+
+def rounded_height(height: float) -> float:
+    """To a micrometer, so that a floor drawn at 0 stays there."""
+    return round(float(height), 6) + 0.0
+
+
+def _wide(area: BaseGeometry) -> BaseGeometry:
+    """The parts of ``area`` a body fits on."""
+    return polygons_only(area.buffer(-_BODY, join_style="mitre").buffer(_BODY, join_style="mitre"))
+
+
+def one_storey(levels: list[Level], solids: Sequence[AnySolid], report: list[str]) -> list[Level]:
+    """``levels`` without ceilings seen from above; refuses two levels over one point."""
+    kept: list[Level] = []
+    for level in levels:
+        # Closer levels leave no headroom, so that nobody stands on the lower one where the other is.
+        for lower in [other for other in kept if level.height >= other.height + HEADROOM]:
+            both = _wide(lower.surface.intersection(level.surface))
+            if both.area >= LEAST_LEVEL:
+                both = _wide(both.difference(_blocked(lower, solids)).difference(_blocked(level, solids)))
+            if both.area < LEAST_LEVEL:
+                continue
+            if not _is_ceiling(level, lower, solids):
+                x, y = both.representative_point().coords[0]
+                raise PlaceError(
+                    f"floor: around ({x:.2f}, {y:.2f}) people could walk at {lower.height:.3g} m and, above that, at "
+                    f"{level.height:.3g} m ({both.area:.1f} m2); one floor is all there may be: take the parts of one "
+                    f"storey, or give the floor's outline and its height"
+                )
+            report.append(
+                f"floor: the level at {level.height:.3g} m is a ceiling seen from above: nothing stands on it"
+            )
+            break
+        else:
+            kept.append(level)
+    return kept
+
+
+def _blocked(level: Level, solids: Sequence[AnySolid]) -> BaseGeometry:
+    """Where nobody can stand on ``level``."""
+    return shapely.union_all([solid.footprint_in(level.height + STEP, level.height + HEADROOM) for solid in solids])
+
+
+def _is_ceiling(level: Level, lower: Level, solids: Sequence[AnySolid]) -> bool:
+    """Whether ``level`` covers most of what is below, which walls enclose, and bears nothing."""
+    if shapely.intersection(level.surface, lower.surface).area < 0.8 * lower.surface.area:
+        return False
+    on_top = [
+        solid.footprint_in(level.height + STEP, level.height + HEADROOM)
+        for solid in solids
+        if solid.top > level.height + 1.0
+    ]
+    if any(shapely.intersects(level.surface, shape) for shape in on_top):
+        return False
+    walls = shapely.union_all([solid.footprint_in(lower.height + 1.0, lower.height + HEADROOM) for solid in solids])
+    outline = lower.surface.boundary
+    return bool(outline.intersection(walls.buffer(0.3)).length >= _LINED * outline.length)

@@ -1,0 +1,192 @@
+"""Repairs after an edit: Delaunay, without vertices that nothing needs, refined and measured around what changed."""
+
+from crowdsim.jit import helper
+from crowdsim.navmesh.editing.removal_kernels import POINT, SIDES, hint_cell, removable, remove_vertex
+from crowdsim.navmesh.half_edge_kernels import is_dirty, nxt, prv
+from crowdsim.navmesh.mesh_arrays import BOX_CORNERS
+from crowdsim.navmesh.triangulation.refine_kernels import (
+    add_foot,
+    find_bottleneck,
+    inside_circle,
+    measure_triangle,
+    refine,
+)
+from crowdsim.navmesh.triangulation.triangulation_kernels import FULL, restore_delaunay
+from crowdsim.navmesh.triangulation.work_kernels import CHANGED, KEPT, LOOKING, TOUCHED, enqueue, touch
+
+
+@helper
+def _seen_from_gone(m, t, w):
+    """Whether the circle of triangle t meets a side that was removed, of those in ``gone``."""
+    for i in range(w.progress[0].gone):
+        side = w.gone[i]
+        least, most = inside_circle(m, t, side.ax, side.ay, side.bx, side.by, 0.0, 1.0)
+        if least < most:
+            return True
+    return False
+
+
+@helper
+def _look_out(m, w, h):
+    """Let vertices beyond side h of a changed triangle look for bottlenecks where removed sides were in the way.
+
+    A free disc that crosses such a side, on the way from a vertex to its foot, and whose ends it does not hold: see
+    `_find_foot` for why all triangles from there to the vertex have that side in their circles.
+    """
+    sides = m.sides
+    stack = w.stack
+    stack[0] = h
+    top = 1
+    while top > 0:
+        top -= 1
+        g = sides[stack[top]].twin
+        if is_dirty(sides, g // 3) or not _seen_from_gone(m, g // 3, w):
+            continue
+        z = sides[prv(g)].org
+        touch(w, z)
+        w.to_do[z].mark |= LOOKING
+        for e in (nxt(g), prv(g)):
+            if sides[e].cst == 0 and top < stack.size:
+                stack[top] = e
+                top += 1
+
+
+@helper
+def _touch_around(m, w, v):
+    """Touch the corners of changed triangles around vertex v, and what may not be needed any longer next to v."""
+    sides = m.sides
+    vertices = m.vertices
+    first = vertices[v].vhe
+    h = first
+    while True:
+        p = prv(h)
+        u = sides[nxt(h)].org
+        if is_dirty(sides, h // 3):
+            touch(w, u)
+            w.to_do[u].mark |= CHANGED
+            u = sides[p].org
+            touch(w, u)
+            w.to_do[u].mark |= CHANGED
+        elif vertices[u].vref == 0:
+            touch(w, u)
+        h = sides[p].twin
+        if h == first:
+            break
+
+
+@helper
+def _has_changed(m, w, v):
+    """Whether a triangle around the touched vertex v changed."""
+    sides = m.sides
+    first = m.vertices[v].vhe
+    h = first
+    changed = w.to_do[v].mark & CHANGED != 0
+    while not changed:
+        changed = is_dirty(sides, h // 3)
+        h = sides[prv(h)].twin
+        if h == first:
+            break
+    return changed
+
+
+@helper
+def _touch_corners(m, w):
+    """Touch all corners of changed triangles around touched vertices, and take out those that nothing needs."""
+    vertices = m.vertices
+    i = 0
+    while True:
+        while i < w.progress[0].touched:
+            v = w.to_do[i].touched
+            i += 1
+            if vertices[v].vhe < 0 or v < BOX_CORNERS:
+                continue
+            if _has_changed(m, w, v):
+                w.to_do[v].mark |= CHANGED
+                _touch_around(m, w, v)
+            unneeded = vertices[v].vref == 0 and w.to_do[v].mark & KEPT == 0 and removable(m, w, v)
+            if unneeded and not remove_vertex(m, w, v):
+                w.to_do[v].mark |= KEPT
+        top = w.progress[0].pairs
+        if top == 0:
+            return 0
+        w.progress[0].pairs = 0
+        status = restore_delaunay(m, w, top)
+        if status < 0:
+            return status
+        i = 0
+
+
+@helper
+def settle(m, w):
+    """Bring refinement and widths of corners up to date around touched vertices; 0, or FULL: once more, with more room.
+
+    A bottleneck is new only where the triangle at its side is, or at a new corner, or where something was removed: then
+    its vertex is at a changed triangle, or sees a removed side. After FULL what still waits is in the workshop.
+    """
+    sides = m.sides
+    vertices = m.vertices
+    status = _touch_corners(m, w)
+    if status < 0:
+        return status
+    removal = w.progress[0].removal == SIDES
+    for i in range(w.progress[0].touched):
+        v = w.to_do[i].touched
+        if vertices[v].vhe < 0 or v < BOX_CORNERS:
+            continue
+        if removal:
+            w.to_do[v].mark |= LOOKING
+        if w.to_do[v].mark & CHANGED == 0:
+            continue
+        first = vertices[v].vhe
+        h = first
+        while True:
+            # Each side once: from its origin.
+            if is_dirty(sides, h // 3) and m.wind[h // 3] == 0:
+                if sides[h].cst != 0:
+                    enqueue(w, v)
+                elif removal and not is_dirty(sides, sides[h].twin // 3):
+                    _look_out(m, w, h)
+            h = sides[prv(h)].twin
+            if h == first:
+                break
+    i = 0
+    while i < w.progress[0].touched:
+        v = w.to_do[i].touched
+        looking = w.to_do[v].mark & LOOKING != 0 and vertices[v].vhe >= 0 and vertices[v].vref > 0
+        if looking and v >= BOX_CORNERS:
+            x = m.vertices[v].x
+            y = m.vertices[v].y
+            if w.progress[0].removal == POINT:
+                x = w.gone[0].ax
+                y = w.gone[0].ay
+            h, x, y = find_bottleneck(m, v, x, y, w.sights)
+            if h >= 0:
+                if add_foot(m, h, x, y, w) < 0:
+                    return FULL
+                continue
+        w.to_do[v].mark &= ~LOOKING
+        i += 1
+    status = refine(m, w)
+    if status < 0:
+        return status
+    progress = w.progress[0]
+    for i in range(progress.touched):
+        v = w.to_do[i].touched
+        changed = w.to_do[v].mark & CHANGED != 0 or v < BOX_CORNERS
+        w.to_do[v].mark &= ~(TOUCHED | KEPT | CHANGED)
+        if vertices[v].vhe < 0 or not changed:
+            continue
+        first = vertices[v].vhe
+        h = first
+        while True:
+            t = h // 3
+            if is_dirty(sides, t):
+                measure_triangle(m, t)
+                m.hints[hint_cell(m, t)] = t
+            h = sides[prv(h)].twin
+            if h == first or h < 0:
+                break
+    progress.touched = 0
+    progress.removal = 0
+    progress.gone = 0
+    return 0

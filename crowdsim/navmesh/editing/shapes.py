@@ -1,0 +1,115 @@
+"""What obstacles are made of: geometries of shapely, and arrays, as chains of points."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from crowdsim.errors import GeometryError
+from crowdsim.geometry.polygons import clean_polygon
+from crowdsim.navmesh.paths.paths import as_numbers
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+Dots = list[tuple[float, float]]
+"""An obstacle of points alone: x and y in meters. One point is the obstacle that comes and goes most often."""
+
+
+class Shape(NamedTuple):
+    """What other obstacles are made of: rings with the obstacle on their left, or polylines."""
+
+    points: Floats
+    """(n, 2) meters."""
+    ends: Integers
+    """(k,) chain i is points[ends[i-1]:ends[i]]."""
+    winding: int
+    """1 for rings, 0 for polylines, and what is left of them at the border of the box."""
+
+
+NOTHING = Shape(np.zeros((0, 2)), np.zeros(0, np.int64), 0)
+
+
+def as_dots(points: Dots) -> Dots:
+    """``points``, or GeometryError where they are not finite."""
+    for x, y in points:
+        if not (math.isfinite(x) and math.isfinite(y)):
+            raise GeometryError(f"obstacle: coordinates must be finite; the geometry holds the point ({x}, {y})")
+    return points
+
+
+def moved(shape: Dots | Shape, dx: float, dy: float) -> Dots | Shape:
+    """The same at another place."""
+    if isinstance(shape, Shape):
+        return shape._replace(points=shape.points + (dx, dy))
+    return as_dots([(x + dx, y + dy) for x, y in shape])
+
+
+def chains(parts: list[Floats], winding: int) -> Shape:
+    """The shape of ``parts``, (n, 2) each."""
+    if not parts:
+        return NOTHING
+    ends = np.cumsum([len(part) for part in parts]).astype(np.int64)
+    return Shape(np.ascontiguousarray(np.concatenate(parts)), ends, winding)
+
+
+def rings_of(geometry: shapely.Polygon | shapely.MultiPolygon) -> Shape:
+    """The shape of polygons; :func:`shape_of` says what may be wrong with them."""
+    if not geometry.is_valid and np.isfinite(shapely.get_coordinates(geometry)).all():
+        # What the ring goes around twice, the middle of a pentagram say, is blocked as well.
+        repaired = shapely.make_valid(geometry, method="structure", keep_collapsed=False)
+        geometry = shapely.MultiPolygon([part for part in shapely.get_parts(repaired) if part.area > 0.0])
+    oriented = shapely.orient_polygons(clean_polygon(geometry, "obstacle"))
+    rings = shapely.get_rings(shapely.get_parts(oriented))
+    return chains([shapely.get_coordinates(ring)[:-1] for ring in rings], 1)
+
+
+def shape_of(geometry: Any) -> Dots | Shape:
+    """The shape of a geometry of shapely, or of the corners (n, 2) of a polygon; invalid ones are repaired.
+
+    Raises
+    ------
+    GeometryError
+        For other types, coordinates that are not finite, and polygons without area.
+    """
+    if not isinstance(geometry, BaseGeometry):
+        corners = as_numbers(geometry, "obstacle")
+        if corners.ndim != 2 or corners.shape[1] != 2 or len(corners) < 3:
+            raise GeometryError(
+                f"obstacle: expected a shapely geometry, a point (2,) or at least three corners (n, 2), got shape "
+                f"{corners.shape}"
+            )
+        if not np.isfinite(corners).all():
+            raise GeometryError("obstacle: coordinates must be finite; the corners hold NaN or infinity")
+        geometry = shapely.Polygon(corners)
+    if isinstance(geometry, shapely.Polygon | shapely.MultiPolygon):
+        return rings_of(geometry)
+    kinds = shapely.Point | shapely.MultiPoint | shapely.LineString | shapely.LinearRing | shapely.MultiLineString
+    if not isinstance(geometry, kinds):
+        raise GeometryError(f"obstacle: expected polygons, lines or points, got {geometry.geom_type}")
+    parts = [shapely.get_coordinates(part) for part in shapely.get_parts(geometry)]
+    if not parts or not all(len(part) for part in parts):
+        raise GeometryError("obstacle: the geometry is empty")
+    if isinstance(geometry, shapely.Point | shapely.MultiPoint):
+        return as_dots([(x, y) for part in parts for x, y in part.tolist()])
+    if not all(np.isfinite(part).all() for part in parts):
+        raise GeometryError("obstacle: coordinates must be finite; the geometry holds NaN or infinity")
+    return chains(parts, 0)
+
+
+def as_geometry(shape: Shape) -> BaseGeometry:
+    """What ``shape`` covers; rings may touch, but not cross each other."""
+    parts = np.split(shape.points, shape.ends[:-1])
+    if shape.winding == 0:
+        return shapely.GeometryCollection(
+            [shapely.LineString(part) if len(part) > 1 else shapely.Point(part[0]) for part in parts]
+        )
+    rings = [shapely.Polygon(part) for part in parts]
+    shells = [ring for ring in rings if ring.exterior.is_ccw]
+    return shapely.union_all(shells).difference(shapely.union_all([ring for ring in rings if not ring.exterior.is_ccw]))

@@ -1,0 +1,177 @@
+"""The ends of shortest paths: where they stand, what they see, and the tangents between them and arcs."""
+
+import math
+
+import numpy as np
+
+from crowdsim.geometry.predicates_kernels import orient2d
+from crowdsim.jit import helper
+from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
+from crowdsim.navmesh.half_edge_kernels import nxt, prv, side, triangle_of
+from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.shortest.tangent_graph_kernels import nearest_end, touches, turned_to
+from crowdsim.navmesh.shortest.visibility_kernels import see_corners
+
+
+@helper
+def free_triangle(m, x, y, least):
+    """A free triangle whose closure holds (x, y), and whether there are others; (-1, False) where the disc is not free.
+
+    There are others where (x, y) is on a side or a corner, or beyond a side within rounding to the grid.
+    """
+    sides = m.sides
+    vertices = m.vertices
+    t = triangle_of(m, x, y, NONE)
+    if t < 0:
+        return NONE, False
+    if least > 0.0:
+        distance, _ = disc_clearance(m, x, y, 1.01 * least, t)
+        if distance < least:
+            return NONE, False
+        for h in range(3 * t, 3 * t + 3):
+            if side(vertices, sides[h].org, sides[nxt(h)].org, x, y) <= 0.0:
+                return t, True
+        return t, False
+    on = 0
+    for h in range(3 * t, 3 * t + 3):
+        if side(vertices, sides[h].org, sides[nxt(h)].org, x, y) == 0.0:
+            on += 1
+    if on > 0:
+        for h in range(3 * t, 3 * t + 3):
+            v = vertices[sides[h].org]
+            if on == 2 and v.x == x and v.y == y:
+                first = h
+                while m.wind[h // 3] != 0:
+                    h = sides[prv(h)].twin
+                    if h == first:
+                        break
+                t = h // 3
+                break
+            if on == 1 and m.wind[t] != 0 and side(vertices, sides[h].org, sides[nxt(h)].org, x, y) == 0.0:
+                t = sides[h].twin // 3
+                break
+    return (t, on > 0) if m.wind[t] == 0 else (NONE, False)
+
+
+@helper
+def sees(m, t, x0, y0, x1, y1):
+    """Whether the straight line from (x0, y0) in the closure of the free triangle t stays free, for a point.
+
+    False where the line meets a corner: the tangent graph knows of those.
+    """
+    sides = m.sides
+    vertices = m.vertices
+    came = NONE
+    for _ in range(m.wind.size):
+        out = NONE
+        inside = True
+        for h in range(3 * t, 3 * t + 3):
+            a = vertices[sides[h].org]
+            b = vertices[sides[nxt(h)].org]
+            if orient2d(a.x, a.y, b.x, b.y, x1, y1) < 0.0:
+                inside = False
+                left = orient2d(x0, y0, x1, y1, b.x, b.y)
+                right = orient2d(x0, y0, x1, y1, a.x, a.y)
+                if h != came and left > 0.0 and right < 0.0:
+                    out = h
+        if inside:
+            return True
+        if out < 0 or sides[out].cst != 0:
+            return False
+        came = sides[out].twin
+        t = came // 3
+    return False
+
+
+@helper
+def see_each_other(m, t, x0, y0, x1, y1):
+    """Whether a straight way is free for a point that stands on a side or a corner of the free triangle t."""
+    sides = m.sides
+    vertices = m.vertices
+    for h in range(3 * t, 3 * t + 3):
+        v = vertices[sides[h].org]
+        if v.x == x0 and v.y == y0:
+            g = h
+            while True:
+                if m.wind[g // 3] == 0 and sees(m, g // 3, x0, y0, x1, y1):
+                    return True
+                g = sides[prv(g)].twin
+                if g == h:
+                    return False
+    for h in range(3 * t, 3 * t + 3):
+        g = sides[h].twin
+        on = side(vertices, sides[h].org, sides[nxt(h)].org, x0, y0) == 0.0
+        if on and m.wind[g // 3] == 0 and sees(m, g // 3, x0, y0, x1, y1):
+            return True
+    return sees(m, t, x0, y0, x1, y1)
+
+
+@helper
+def _look(m, graph, scratch, x, y, t, radius, slack, margin, found):
+    """Add what (x, y) in the closure of triangle t sees across its other sides to the outlook; the new count."""
+    for h in range(3 * t, 3 * t + 3):
+        if side(m.vertices, m.sides[h].org, m.sides[nxt(h)].org, x, y) > 0.0:
+            found = see_corners(
+                m, graph.arc_begin, x, y, 0.0, radius, h, slack, margin, 0.0, 0.0, 0.0, 0.0,
+                scratch.outlook, found,
+            )  # fmt: skip
+    return found
+
+
+@helper
+def find_ends(m, graph, scratch, x, y, triangle, others, radius, slack, margin, to_goal):
+    """Tangents from the point (x, y) to arcs it sees, or from those to it; not checked for what cuts them; the count.
+
+    A disc that touches an obstacle may stand closer to it than ``radius`` by the tolerance. Its tangents may then miss
+    the begin or the end of an arc by an angle of ``margin``, and lead to that place instead.
+
+    ``others``: the point is on a side or a corner of the triangle, and sees through what else touches it as well.
+    """
+    sides = m.sides
+    vertices = m.vertices
+    seen = scratch.outlook.seen
+    ends = scratch.ends
+    found = _look(m, graph, scratch, x, y, triangle, radius, slack, margin, np.int64(0))
+    if others:
+        for h in range(3 * triangle, 3 * triangle + 3):
+            v = vertices[sides[h].org]
+            if v.x == x and v.y == y:
+                g = sides[prv(h)].twin
+                while g != h:
+                    if m.wind[g // 3] == 0:
+                        found = _look(m, graph, scratch, x, y, g // 3, radius, slack, margin, found)
+                    g = sides[prv(g)].twin
+                break
+            w = sides[nxt(h)].org
+            beyond = sides[h].twin // 3
+            corner = vertices[w].x == x and vertices[w].y == y
+            if not corner and side(vertices, sides[h].org, w, x, y) <= 0.0 and m.wind[beyond] == 0:
+                found = _look(m, graph, scratch, x, y, beyond, radius, slack, margin, found)
+    count = 0
+    for i in range(found):
+        tangent = seen[i]
+        q = int(math.copysign(1.0, tangent.q))
+        for k in range(graph.arc_begin[tangent.vertex], graph.arc_begin[tangent.vertex + 1]):
+            arc = graph.arcs[k]
+            nx = q * tangent.ty
+            ny = -q * tangent.tx
+            length = tangent.length
+            angle = turned_to(arc, nx, ny) if touches(arc, nx, ny) else -1.0
+            if angle < 0.0:
+                angle = nearest_end(arc, nx, ny, margin)
+                if angle < 0.0:
+                    continue
+                c = math.cos(angle)
+                s = math.sin(angle)
+                nx = arc.nx * c - arc.ny * s
+                ny = arc.ny * c + arc.nx * s
+                length = math.sqrt((arc.x + radius * nx - x) ** 2 + (arc.y + radius * ny - y) ** 2)
+            clockwise = (q < 0) != to_goal
+            end = ends[count]
+            count += 1
+            end.node = 2 * k + 1 if clockwise else 2 * k
+            end.length = length
+            end.turned = arc.extent - angle if clockwise else angle
+            end.x = arc.x + radius * nx
+            end.y = arc.y + radius * ny
+    return count

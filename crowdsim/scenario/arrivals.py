@@ -1,0 +1,36 @@
+"""When the characters of a group start: one after another, or from a source."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.scenario.agent_keys import MAX_COUNT
+from crowdsim.scenario.scenario import Scenario
+
+_ARRIVAL_STREAM = 2
+_BATCH = 256
+
+
+def start_times(scenario: Scenario, number: int) -> NDArray[np.float64]:
+    """Seconds (n,) at which the characters of group ``number`` start, ascending.
+
+    Those of a source are drawn from a stream of the scenario's seed that is the group's own. More than
+    :data:`~crowdsim.scenario.agent_keys.MAX_COUNT` of them are cut off just behind that number.
+    """
+    group = scenario.agents[number]
+    if group.rate is None:
+        return group.start_time + np.arange(group.count or 0, dtype=np.float64) * group.interval
+    most = MAX_COUNT + 1 if group.count is None else group.count
+    until = scenario.duration if group.until is None else group.until
+    if group.arrivals == "regular":
+        expected = int(min((until - group.start_time) * group.rate, most)) + 1
+        times = group.start_time + np.arange(expected, dtype=np.float64) / group.rate
+        return times[times < until][:most]
+    generator = np.random.default_rng(np.random.SeedSequence(scenario.seed, spawn_key=(number, _ARRIVAL_STREAM)))
+    times = np.empty(0)
+    last = group.start_time
+    while last < until and len(times) < most:
+        drawn = last + np.cumsum(generator.exponential(1.0 / group.rate, _BATCH))
+        times, last = np.append(times, drawn), float(drawn[-1])
+    return times[times < until][:most]

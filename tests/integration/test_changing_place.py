@@ -1,0 +1,259 @@
+"""Doors close and open, things come, move and go while characters walk; they go round, wait, and come from sources."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.recording.header import AgentState
+from crowdsim.recording.reader import Recording
+from crowdsim.scenario.loader import parse_scenario
+from tests.support.two_rooms import WALKERS, two_rooms
+
+WALL = 5.075
+BUSY = (
+    "at: 3, move: {name: crate, by: [0, 3]}",
+    "at: 5, close: door_a",
+    "at: 8, insert: {name: barrel, cylinder: {center: [9, 3], radius: 0.3}, top: 1.1}",
+    "at: 12, open: door_a",
+    "at: 20, remove: barrel",
+)
+GUARD = """\
+name: guards, count: 1, start: {point: [7, 5]}, repeat: 2,
+     goals: [{point: [7, 3]}, {point: [10, 3]}, {point: [10, 5]}, {point: [7, 5]}]"""
+
+
+def run(text: str, file: Path, workers: int = 2) -> Recording:
+    return Simulation(parse_scenario(text), workers).run(file)
+
+
+def crossings(recording: Recording) -> dict[int, tuple[float, float]]:
+    """Second and y at which each character crosses the wall from left to right."""
+    x, y = recording.x[:], recording.y[:]
+    there = recording.state[:] != AgentState.ABSENT
+    found = {}
+    for agent in range(recording.agent_count):
+        over = np.flatnonzero((x[:-1, agent] < WALL) & (x[1:, agent] >= WALL) & there[:-1, agent] & there[1:, agent])
+        if len(over):
+            found[agent] = float(over[0]) / recording.steps_per_second, float(y[over[0], agent])
+    return found
+
+
+def least_margin(recording: Recording) -> float:
+    """Smallest distance of any body to a thing that is there at the time, by the shapes in the recording."""
+    layers, behaviors = recording.header.layers, recording.header.behaviors
+    least = np.inf
+    for step in range(recording.steps):
+        frame = recording.at_step(step)
+        there = np.flatnonzero(frame.state != AgentState.ABSENT)
+        places = shapely.points(frame.x[there], frame.y[there])
+        for solid in recording.movables_at(step / recording.steps_per_second):
+            shape = shapely.from_wkt(solid.footprint)
+            for row, layer in enumerate(layers):
+                if row == 0 or (solid.bottom < layer.high and solid.top > layer.low):
+                    radii = np.array([behavior.radii[row] for behavior in behaviors])[frame.behavior[there]]
+                    least = min(least, float((shapely.distance(places, shape) - radii).min(initial=np.inf)))
+    return least
+
+
+@pytest.fixture(scope="module")
+def busy(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    return run(two_rooms(WALKERS, GUARD, events=BUSY), tmp_path_factory.mktemp("busy") / "busy.h5")
+
+
+def test_everyone_arrives_by_the_door_that_is_open(busy: Recording) -> None:
+    assert busy.summary["arrived"] == busy.summary["characters"] == 5
+    times = crossings(busy)
+    assert len(times) == 4
+    closed = [y for second, y in times.values() if 5.0 <= second < 12.0]
+    assert closed
+    assert all(4.0 < y < 5.0 for y in closed)
+    assert any(1.0 < y < 2.0 for second, y in times.values() if second >= 12.0), "open, it is taken again"
+
+
+def test_all_events_happen_and_make_some_plan_anew(busy: Recording) -> None:
+    assert [event["event"] for event in busy.summary["events"]] == [
+        "move 'crate'", "close 'door_a'", "insert 'barrel'", "open 'door_a'", "remove 'barrel'",
+    ]  # fmt: skip
+    assert all(event["outcome"] == "happened" for event in busy.summary["events"])
+    assert busy.summary["replans"] > 0
+    assert busy.summary["laps"] == {"guards": 2}
+
+
+def test_nobody_touches_what_is_there_at_the_time(busy: Recording) -> None:
+    assert min(busy.summary["obstacle_margin"].values()) >= 0.0
+    assert least_margin(busy) >= -1e-4
+
+
+def test_the_recording_shows_what_is_there_at_each_time(busy: Recording) -> None:
+    def names(time: float) -> list[str]:
+        return [solid.name for solid in busy.movables_at(time)]
+
+    late = {event["event"]: event["late"] for event in busy.summary["events"]}
+    assert names(0.0) == ["crate"]
+    assert names(5.5 + late["close 'door_a'"]) == ["crate", "door_a"]
+    assert names(8.5 + late["insert 'barrel'"]) == ["crate", "door_a", "barrel"]
+    assert names(13.0) == ["crate", "barrel"]
+    assert names(21.0) == ["crate"]
+    before, after = (shapely.from_wkt(busy.movables_at(time)[0].footprint).centroid for time in (2.0, 4.0))
+    assert (before.x, before.y, after.x, after.y) == pytest.approx((8.0, 1.5, 8.0, 4.5))
+
+
+def test_the_number_of_workers_does_not_change_the_run(busy: Recording, tmp_path: Path) -> None:
+    text = two_rooms(WALKERS, GUARD, events=BUSY)
+    for workers in (1, 4):
+        with run(text, tmp_path / f"{workers}.h5", workers) as recording:
+            assert recording.summary["state_hash"] == busy.summary["state_hash"]
+            np.testing.assert_array_equal(recording.x[:], busy.x[:])
+
+
+def test_only_those_concerned_plan_anew() -> None:
+    far = """\
+name: far, count: 3, interval: 0.5, start: {rectangle: [6, 0.5, 7, 5.5]},
+     goal: {rectangle: [11, 3, 11.5, 5.5]}"""
+    text = two_rooms(WALKERS.replace("interval: 2", "interval: 0.5"), far, events=("at: 4, close: door_a",))
+    simulation = Simulation(parse_scenario(text))
+    while not simulation.place.revision:  # somebody may be in the door when it is to close
+        plans, routes = dict(simulation.plans.motions), dict(simulation.plans.routes)
+        agents = simulation.world.column("agent").tolist()
+        digests = dict(zip(agents, simulation.world.column("plan_digest").tolist(), strict=True))
+        places = dict(zip(agents, simulation.world.column("pose")[:, 0].tolist(), strict=True))
+        simulation.step()
+    leaf = shapely.box(5, 1, 5.15, 2)
+    going_through = {
+        agent
+        for agent in plans
+        if shapely.LineString(routes[agent].points).intersects(leaf) and places.get(agent, 0.0) < 5.0
+    }
+    assert going_through
+    assert len(going_through) < len(plans)
+    for _ in range(8):
+        simulation.step()
+    assert simulation.plans.replans == len(going_through)
+    for row, agent in enumerate(simulation.world.column("agent").tolist()):
+        if agent in going_through:
+            assert simulation.plans.routes[agent] is not routes[agent]
+        elif agent in digests and agent in plans:
+            assert simulation.plans.motions[agent] is plans[agent]
+            assert simulation.plans.routes[agent] is routes[agent]
+            assert simulation.world.column("plan_digest")[row] == digests[agent]
+
+
+def test_those_without_a_way_wait_until_a_door_opens(tmp_path: Path) -> None:
+    events = ("at: 9, open: door_b",)
+    with run(two_rooms(WALKERS, events=events, door_a="closed", door_b="closed"), tmp_path / "run.h5") as recording:
+        assert recording.summary["arrived"] == 4
+        assert recording.summary["unreachable"] == {}
+        assert all(second > 9.0 and 4.0 < y < 5.0 for second, y in crossings(recording).values())
+    with run(two_rooms(WALKERS, door_a="closed", door_b="closed"), tmp_path / "shut.h5") as recording:
+        assert recording.summary["arrived"] == 0
+        assert len(recording.summary["unreachable"]) == 4
+        assert recording.duration < 10.0, "where nothing will change nobody waits"
+
+
+def test_what_is_removed_opens_the_only_way_for_those_who_wait(tmp_path: Path) -> None:
+    block = "at: 0, insert: {name: block, box: {min: [4.6, 4], max: [5.6, 5]}, top: 1.6}"
+    text = two_rooms(WALKERS, events=(block, "at: 10, remove: block"), door_a="closed")
+    with run(text, tmp_path / "run.h5") as recording:
+        assert recording.summary["arrived"] == 4
+        assert all(second > 10.0 for second, _ in crossings(recording).values())
+        assert least_margin(recording) >= -1e-4
+
+
+def test_a_crate_put_in_the_way_is_walked_around(tmp_path: Path) -> None:
+    one = "name: one, count: 1, start: {point: [6, 3]}, goal: {point: [11.4, 3]}"
+    crate = "at: 3, insert: {name: block, box: {center: [9.5, 3], size: [0.6, 1.4]}, top: 1}"
+    with (
+        run(two_rooms(one), tmp_path / "free.h5") as free,
+        run(two_rooms(one, events=(crate,)), tmp_path / "run.h5") as recording,
+    ):
+        assert recording.summary["arrived"] == 1
+        assert recording.summary["replans"] == 1
+        assert np.abs(free.y[:, 0] - 3.0)[free.x[:, 0] > 8.0].max() < 0.3
+        there = recording.state[:, 0] != AgentState.ABSENT
+        assert 0.9 < np.abs(recording.y[:, 0] - 3.0)[there].max() < 2.0
+        assert recording.steps < free.steps + 8 * 30
+
+
+def test_who_has_room_to_turn_walks_on_while_it_plans_anew(tmp_path: Path) -> None:
+    one = "name: one, count: 1, start: {point: [6, 3]}, goal: {point: [11.4, 3]}"
+    crate = "at: 2.5, insert: {name: block, box: {center: [10, 2.7], size: [0.6, 0.6]}, top: 1}"
+    with run(two_rooms(one, events=(crate,)), tmp_path / "run.h5") as recording:
+        assert recording.summary["arrived"] == recording.summary["replans"] == 1
+        state = recording.state[:, 0]
+        walking = state[np.argmax(state == AgentState.MOVING) :]
+        assert (walking[walking != AgentState.ABSENT] == AgentState.MOVING).all()
+        assert least_margin(recording) >= -1e-4
+
+
+def test_a_door_waits_for_those_in_it_and_lets_nobody_else_in(tmp_path: Path) -> None:
+    """One stands in the doorway for four seconds when the door is to close; others come up and must not go in."""
+    porter = "name: porter, count: 1, start: {point: [4, 1.5]}, goals: [{point: [5.07, 1.5]}, {point: [9, 5]}], wait: 4"
+    others = WALKERS.replace("interval: 2", "interval: 1").replace("count: 4", "count: 4, start_time: 1")
+    text = two_rooms(porter, others, events=("at: 4.5, close: door_a",))
+    with run(text, tmp_path / "run.h5") as recording:
+        (event,) = recording.summary["events"]
+        assert event["outcome"] == "happened"
+        assert 1.0 < event["late"] < 15.0
+        assert recording.summary["arrived"] == 5
+        porter_at = crossings(recording)[0][0]
+        assert all(4.0 < y < 5.0 for agent, (second, y) in crossings(recording).items() if agent and second > 4.5)
+        assert porter_at < 4.5 + event["late"]
+        assert least_margin(recording) >= -1e-4
+
+
+def test_what_cannot_come_to_the_end_is_reported(tmp_path: Path) -> None:
+    stays = "name: sitter, count: 1, start: {point: [8, 4]}, goal: {point: [9, 4]}, on_arrival: stay"
+    walks = "name: walker, count: 1, start: {point: [1, 1.5]}, goal: {point: [11, 1]}"
+    crate = "at: 6, insert: {name: block, box: {center: [9, 4], size: [1, 1]}, top: 1}"
+    with run(two_rooms(stays, walks, events=(crate,)), tmp_path / "run.h5") as recording:
+        assert recording.summary["arrived"] == 2
+        assert recording.summary["events"] == [
+            {"event": "insert 'block'", "at": 6.0, "outcome": "waiting", "late": None}
+        ]
+        assert [solid.name for solid in recording.movables_at(recording.duration)] == []
+
+
+def test_a_source_lets_in_so_many_at_their_times(tmp_path: Path) -> None:
+    source = """\
+name: visitors, rate: 0.5, arrivals: regular, until: 16, start: {rectangle: [0.5, 0.5, 1.5, 5.5]},
+     goal: {rectangle: [10.5, 3.5, 11.5, 5.5]}"""
+    with run(two_rooms(source), tmp_path / "run.h5") as recording:
+        assert recording.summary["characters"] == recording.summary["arrived"] == 8
+        there = recording.state[:] != AgentState.ABSENT
+        late = there.argmax(axis=0) / recording.steps_per_second - 2.0 * np.arange(8)
+        assert (late >= -1e-9).all()
+        assert np.median(late) < 0.1, "late are only those in whose place somebody stands"
+
+
+def test_those_who_go_round_walk_through_their_goals_and_wait_where_asked(tmp_path: Path) -> None:
+    square = "goals: [{point: [6.5, 1]}, {point: [6.5, 5]}, {point: [11, 5]}, {point: [11, 1]}]"
+    forever = f"name: forever, count: 1, start: {{point: [10.5, 1]}}, {square}, repeat: forever"
+    with run(two_rooms(forever, duration=70), tmp_path / "run.h5") as recording:
+        assert recording.summary["arrived"] == 0
+        assert recording.steps == 70 * 30
+        assert recording.summary["laps"]["forever"] >= 2
+        x, y = recording.x[:, 0], recording.y[:, 0]
+        for goal in ((6.5, 1), (6.5, 5), (11, 5), (11, 1)):
+            assert np.hypot(x - goal[0], y - goal[1]).min() < 0.6
+    waits = f"name: waits, count: 1, start: {{point: [10.5, 1]}}, {square}, wait: 3, on_arrival: stay"
+    with run(two_rooms(waits, duration=70), tmp_path / "waits.h5") as recording:
+        assert recording.summary["arrived"] == 1
+        x, y, state = recording.x[:, 0], recording.y[:, 0], recording.state[:, 0]
+        for goal in ((6.5, 1), (6.5, 5), (11, 5)):
+            stood = (state == AgentState.WAITING) & (np.hypot(x - goal[0], y - goal[1]) < 0.5)
+            assert stood.sum() >= 3 * 30
+        assert state[-1] == AgentState.ARRIVED
+        assert np.hypot(x[-1] - 11, y[-1] - 1) < 0.5
+
+
+def test_whoever_starts_at_its_first_goal_goes_to_the_second(tmp_path: Path) -> None:
+    pair = "name: pair, count: 1, start: {point: [7, 3]}, goals: [{point: [7, 3]}, {point: [10, 3]}], repeat: 2"
+    with run(two_rooms(pair), tmp_path / "run.h5") as recording:
+        assert recording.summary["arrived"] == 1
+        assert recording.summary["laps"] == {"pair": 2}
+        assert recording.x[:, 0].max() > 9.7

@@ -1,0 +1,33 @@
+"""What docs/scenarios.md says of the file is what the reader knows."""
+
+import re
+from pathlib import Path
+
+from crowdsim.scenario.agent_keys import AgentGroup
+from crowdsim.scenario.check import check_scenario
+from crowdsim.scenario.event_keys import ACTIONS
+from crowdsim.scenario.loader import parse_scenario
+from crowdsim.scenario.place_keys import Clutter, Floor, Layer, Mesh, Obstacle, Opening, Plan, Wall
+
+TEXT = (Path(__file__).parents[3] / "docs" / "scenarios.md").read_text(encoding="utf-8")
+
+
+def test_the_whole_scenario_is_valid_and_shows_every_action():
+    (body,) = re.findall(r"^```yaml\n(.*?)^```", TEXT, re.M | re.S)
+    scenario = parse_scenario(body)
+    assert check_scenario(scenario) == []
+    assert {event.action for event in scenario.events} == set(ACTIONS)
+
+
+def test_every_key_of_a_group_is_described():
+    table = TEXT[TEXT.index("## Characters") : TEXT.index("## Doors")]
+    assert set(re.findall(r"^\| `(\w+)` \|", table, re.M)) == set(AgentGroup.model_fields)
+
+
+def test_every_kind_of_obstacle_and_every_key_of_the_place_is_described():
+    place = TEXT[TEXT.index("## The place") : TEXT.index("## Characters")]
+    table = set(re.findall(r"^\| `(\w+)` \|", place, re.M))
+    assert table | {"name", "bottom", "top"} == set(Obstacle.model_fields)
+    for model in (Floor, Wall, Opening, Plan, Mesh, Clutter, Layer):
+        for key in model.model_fields:
+            assert re.search(rf"`{key}\b|{key}: ", place), f"{model.__name__}: {key}"
