@@ -1,0 +1,166 @@
+"""A way over the roadmap pulled taut, around corners as wide as the behavior at each of them asks for."""
+
+import math
+
+import numpy as np
+
+from crowdsim.jit import helper, kernel
+from crowdsim.navmesh.clearance.sweep_kernels import SWEPT
+from crowdsim.navmesh.half_edge_kernels import nxt, triangle_of
+from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.paths.string_kernels import pull
+from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE, set_node, tangent
+
+
+@helper
+def _channel(m, points, road, start, cap, channel, levels):
+    """Half-edges crossed out of triangle ``start`` on, with the behavior at each, at most ``cap``; how many."""
+    sides = m.sides
+    count = 0
+    triangle = start
+    for k in range(road.shape[0]):
+        h = points[road[k, 0]].side
+        level = min(road[k, 1], cap)
+        if k > 0 and road[k, 0] == road[k - 1, 0]:  # a change of behavior
+            if count > 0:
+                levels[count - 1] = min(levels[count - 1], level)
+            continue
+        g = sides[h].twin
+        if count > 0 and (channel[count - 1] == h or channel[count - 1] == g):
+            # Back over the side it came by.
+            count -= 1
+            triangle = channel[count] // 3
+            continue
+        if h // 3 != triangle and g // 3 != triangle:
+            # The way did not leave the triangle at its last side.
+            if count == 0:
+                return -1
+            count -= 1
+            triangle = channel[count] // 3
+            if count > 0 and (channel[count - 1] == h or channel[count - 1] == g):
+                count -= 1
+                triangle = channel[count] // 3
+                continue
+        if h // 3 != triangle:
+            h, g = g, h
+        if h // 3 != triangle:
+            return -1
+        channel[count] = h
+        levels[count] = level
+        count += 1
+        triangle = g // 3
+    return count
+
+
+@helper
+def _swallowed(one, other):
+    """Whether the circle of node ``other``, on the same side, is inside that of ``one``."""
+    return (
+        one.vertex >= 0
+        and one.q * other.q > 0.0
+        and abs(one.q) - abs(other.q) >= math.hypot(one.x - other.x, one.y - other.y)
+    )
+
+
+@helper
+def _funnel(m, channel, count, reach, sx, sy, gx, gy):
+    """Nodes of the taut string through the channel around vertices v as wide as reach[v], and their number."""
+    sides = m.sides
+    vertices = m.vertices
+    room = 2 * count + 4
+    chain = np.empty(2 * room + 2, STRING_NODE)
+    heading = np.empty((2 * room + 1, 2))
+    nodes = np.empty(room + 64, STRING_NODE)
+    apex = room
+    low = room
+    high = room
+    set_node(chain[apex], sx, sy, 0.0, NONE)
+    nodes[0] = chain[apex]
+    filled = 1
+    before_left = NONE
+    before_right = NONE
+    target = chain[2 * room + 1]
+    for k in range(2 * count + 1):
+        sign = 1 if k % 2 == 0 else -1
+        if k == 2 * count:
+            set_node(target, gx, gy, 0.0, NONE)
+        else:
+            h = channel[k // 2]
+            v = sides[nxt(h) if sign > 0 else h].org
+            if v == (before_left if sign > 0 else before_right):
+                continue
+            if sign > 0:
+                before_left = v
+            else:
+                before_right = v
+            set_node(target, vertices[v].x, vertices[v].y, sign * reach[v], v)
+            if _swallowed(chain[low if sign > 0 else high], target):
+                continue
+        while True:
+            end = low if sign > 0 else high
+            _, dx, dy = tangent(chain[end], target)
+            if end != apex:
+                if _swallowed(target, chain[end]):
+                    if sign > 0:
+                        low += 1
+                    else:
+                        high -= 1
+                    continue
+                at = end
+            elif low != high:
+                at = apex + sign
+            else:
+                break
+            if sign * (heading[at, 0] * dy - heading[at, 1] * dx) >= 0.0:
+                break
+            if end != apex:
+                if sign > 0:
+                    low += 1
+                else:
+                    high -= 1
+            else:
+                apex += sign
+                nodes[filled] = chain[apex]
+                filled += 1
+                if sign > 0:
+                    low = apex
+                else:
+                    high = apex
+        if sign > 0:
+            low -= 1
+            end = low
+        else:
+            high += 1
+            end = high
+        chain[end] = target
+        heading[end, 0] = dx
+        heading[end, 1] = dy
+    for i in range(apex - 1, low - 1, -1):
+        nodes[filled] = chain[i]
+        filled += 1
+    return nodes, filled
+
+
+@kernel
+def pull_road(m, points, road, around, reach, ends, cap, radius, least):
+    """The polyline (n, 2) of the way over the roadmap from ends[0] to ends[1] pulled taut; no rows where it tangles.
+
+    It keeps ``radius`` in the lowest mesh m, ``least`` of it at least, and as far from each vertex that it winds around
+    as around (nv, n) of the least behavior that passes it, at most ``cap``. reach: (nv,) scratch.
+    """
+    sides = m.sides
+    channel = np.empty(road.shape[0] + 1, np.int64)
+    levels = np.empty(road.shape[0] + 1, np.int64)
+    stack = np.empty(64, SWEPT)
+    start = triangle_of(m, ends[0, 0], ends[0, 1], NONE)
+    count = _channel(m, points, road, start, cap, channel, levels)
+    if count < 0:
+        return np.empty((0, 2))
+    for turn in range(2):
+        for k in range(count):
+            for end in range(2):
+                v = sides[channel[k] if end == 0 else nxt(channel[k])].org
+                reach[v] = math.inf if turn == 0 else min(reach[v], max(radius, around[v, levels[k]]))
+    nodes, filled = _funnel(m, channel, count, reach, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1])
+    done, line = pull(m, stack, nodes, filled, radius, least, start)
+    return line if done else np.empty((0, 2))
