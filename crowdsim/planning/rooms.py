@@ -67,6 +67,11 @@ def room_polygons(
     return tuple(rooms)
 
 
+def room_excess(growth: float) -> float:
+    """Meters by which obstacles in a room are at most too large that should have grown by ``growth``."""
+    return max(growth, 0.0) * (1.0 / float(np.cos(np.pi / 4.0 / _ARC_STEPS)) - 1.0)
+
+
 def make_rooms(
     meshes: Sequence[NavMesh], need: Requirements, given: Sequence[NavMesh | None] | None
 ) -> tuple[Room, ...]:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.clearance.sweep_kernels import SWEPT
+from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, sweep
 from crowdsim.navmesh.half_edge_kernels import nxt, triangle_of
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.string_kernels import pull
@@ -13,8 +13,11 @@ from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE, set_node, tangen
 
 
 @helper
-def _channel(m, points, road, start, cap, channel, levels):
-    """Half-edges crossed out of triangle ``start`` on, with the behavior at each, at most ``cap``; how many."""
+def _channel(m, points, road, start, goal, cap, channel, levels):
+    """Half-edges crossed from triangle ``start`` to ``goal``, with the behavior at each, at most ``cap``; how many.
+
+    -1 where the road does not hang together.
+    """
     sides = m.sides
     count = 0
     triangle = start
@@ -49,7 +52,10 @@ def _channel(m, points, road, start, cap, channel, levels):
         levels[count] = level
         count += 1
         triangle = g // 3
-    return count
+    if count > 0 and triangle != goal:
+        count -= 1
+        triangle = channel[count] // 3
+    return count if triangle == goal else -1
 
 
 @helper
@@ -153,7 +159,8 @@ def pull_road(m, points, road, around, reach, ends, cap, radius, least):
     levels = np.empty(road.shape[0] + 1, np.int64)
     stack = np.empty(64, SWEPT)
     start = triangle_of(m, ends[0, 0], ends[0, 1], NONE)
-    count = _channel(m, points, road, start, cap, channel, levels)
+    goal = triangle_of(m, ends[1, 0], ends[1, 1], NONE)
+    count = _channel(m, points, road, start, goal, cap, channel, levels)
     if count < 0:
         return np.empty((0, 2))
     for turn in range(2):
@@ -164,3 +171,19 @@ def pull_road(m, points, road, around, reach, ends, cap, radius, least):
     nodes, filled = _funnel(m, channel, count, reach, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1])
     done, line = pull(m, stack, nodes, filled, radius, least, start)
     return line if done else np.empty((0, 2))
+
+
+@kernel
+def is_straight(layers, radii, ends):
+    """Whether a disc of radii[k] moves straight from ends[0] to ends[1] in each of ``layers``; False in doubt."""
+    stack = np.empty(64, SWEPT)
+    k = 0
+    for m in layers:
+        t = triangle_of(m, ends[0, 0], ends[0, 1], NONE)
+        if t < 0 or m.wind[t] != 0:
+            return False
+        free, _ = sweep(m.sides, m.vertices, stack, t, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1], radii[k])
+        if not free:
+            return False
+        k += 1
+    return True
