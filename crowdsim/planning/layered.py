@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 
+import numpy as np
+from numpy.typing import NDArray
+
 from crowdsim.errors import PathNotFound
 from crowdsim.planning.annotated_path import AnnotatedPath, Section, arc_lengths
 from crowdsim.planning.query import Query
 from crowdsim.planning.roadmap import Roadmap, roadmap_of
 from crowdsim.planning.string_kernels import is_straight
+from crowdsim.planning.widening import joined
 
 
 def plan_layered(query: Query) -> AnnotatedPath | None:
@@ -27,16 +31,66 @@ def plan_layered(query: Query) -> AnnotatedPath | None:
 
 
 def _over_roadmap(query: Query, roadmap: Roadmap) -> AnnotatedPath | None:
-    road = roadmap.find(query.ends)
-    for cap in range(query.need.count - 1, -1, -1):
-        points = roadmap.pull(road, query.ends, cap)
-        if not len(points):
+    road, estimate = roadmap.find(query.ends)
+    best: AnnotatedPath | None = None
+    for part in (0.0, 0.9):
+        points = roadmap.pull(road, query.ends, query.need.count - 1, part)
+        if len(points):
+            path = query.annotated(points)
+            if path.sections and (best is None or path.cost < best.cost):
+                best = path
+    if len(road) and (best is None or best.cost > estimate * (1.0 + DOUBT)):
+        STAT["doubt"]=STAT.get("doubt",0)+1
+        points = _by_rooms(query, roadmap, road)
+        if len(points):
+            path = query.annotated(points)
+            if path.sections and (best is None or path.cost < best.cost):
+                best = path
+                STAT["roombest"]=STAT.get("roombest",0)+1
+    return best
+
+
+STAT = {}
+DOUBT = 0.0
+"""Share of the estimate by which a path may cost more before its wide sections are searched again in their rooms."""
+
+_NEARBY = 0.1
+"""Meters within which the place is looked for from where a section fits its room."""
+
+
+def _by_rooms(query: Query, roadmap: Roadmap, road: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Shortest paths in the room of the widest behavior wherever the road takes it, joined by those of the legs."""
+    top = query.need.count - 1
+    wide, legs = query.rooms[0], query.rooms[-1]
+    places = np.stack([roadmap.points["x"][road[:, 0]], roadmap.points["y"][road[:, 0]]], axis=1)
+    places = np.concatenate([query.ends[:1], places, query.ends[1:]])
+    labels = np.concatenate([road[:1, 1], road[:, 1], road[-1:, 1]])
+    changes = np.flatnonzero(np.diff(labels == top)) + 1
+    bounds = [0, *changes.tolist(), len(labels)]
+    pieces: list[NDArray[np.float64]] = []
+    at = query.ends[0]
+    for first, last in zip(bounds[:-1], bounds[1:], strict=True):
+        if labels[first] != top:
             continue
-        # A wide string may tangle, or touch what stands behind a low obstacle, where a narrow one does not.
-        path = query.annotated(points)
-        if path.sections:
-            return path
-    return None
+        ends = [query.ends[0] if first == 0 else None, query.ends[1] if last == len(labels) else None]
+        for k, row in enumerate((first, last - 1)):
+            if ends[k] is None:
+                found = wide.mesh.nearest_free(places[row], wide.radius + 1e-6, _NEARBY)
+                if found is None:
+                    return np.empty((0, 2))
+                ends[k] = np.array(found)
+        try:
+            pieces += [legs.find_path(np.array([at, ends[0]]))] if first > 0 else []
+            pieces.append(wide.find_path(np.array(ends)))
+        except PathNotFound:
+            continue
+        at = ends[1]
+    if (at != query.ends[1]).any():
+        try:
+            pieces.append(legs.find_path(np.array([at, query.ends[1]])))
+        except PathNotFound:
+            return np.empty((0, 2))
+    return joined(pieces)
 
 
 def cheapest_uniform(query: Query) -> AnnotatedPath | None:

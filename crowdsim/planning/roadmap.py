@@ -74,23 +74,25 @@ class Roadmap:
         with self._lock:
             self._idle.append(found)
 
-    def find(self, ends: NDArray[np.float64], change: NDArray[np.float64] | None = None) -> NDArray[np.int64]:
-        """Points and behaviors (k, 2) of about the cheapest way from ends[0] to ends[1]; none where there is none."""
+    def find(self, ends: NDArray[np.float64]) -> tuple[NDArray[np.int64], float]:
+        """Points and behaviors (k, 2) of about the cheapest way from ends[0] to ends[1], and about what it costs.
+
+        No rows where there is no way.
+        """
         with self._scratch() as (states, stamp):
             stamp[0] += 1
-            road, _ = roadmap_search_kernels.find_road(
+            road, cost = roadmap_search_kernels.find_road(
                 self.layers, self._radii, self.around, self.need.costs, self.need.turned, self.terms,
-                self.change if change is None else change, self.points, self.spans, self.ways, self.marks, states, stamp[0], ends,
+                self.change, self.points, self.spans, self.ways, self.marks, states, stamp[0], ends,
             )  # fmt: skip
-        found: NDArray[np.int64] = road
-        return found
+        return road, float(cost)
 
-    def pull(self, road: NDArray[np.int64], ends: NDArray[np.float64], cap: int) -> NDArray[np.float64]:
+    def pull(self, road: NDArray[np.int64], ends: NDArray[np.float64], cap: int, part: float) -> NDArray[np.float64]:
         """The polyline (n, 2) of a way pulled taut, around corners at most as wide as behavior ``cap`` asks for."""
         radius = self.need.search_radius
         least = radius - 1e-6 * radius - 2.0 * float(self.layers[0].frame["cell"][0])
         line: NDArray[np.float64] = string_kernels.pull_road(
-            self.layers[0], self.points, road, self.around, np.empty(len(self.around)), ends, cap, radius, least
+            self.layers[0], self.points, road, self.around, np.empty(len(self.around)), ends, cap, part, radius, least
         )
         return line
 

@@ -148,7 +148,7 @@ def _funnel(m, channel, count, reach, sx, sy, gx, gy):
 
 
 @kernel
-def pull_road(m, points, road, around, reach, ends, cap, radius, least):
+def pull_road(m, points, road, around, reach, ends, cap, part, radius, least):
     """The polyline (n, 2) of the way over the roadmap from ends[0] to ends[1] pulled taut; no rows where it tangles.
 
     It keeps ``radius`` in the lowest mesh m, ``least`` of it at least, and as far from each vertex that it winds around
@@ -163,11 +163,29 @@ def pull_road(m, points, road, around, reach, ends, cap, radius, least):
     count = _channel(m, points, road, start, goal, cap, channel, levels)
     if count < 0:
         return np.empty((0, 2))
-    for turn in range(2):
-        for k in range(count):
-            for end in range(2):
-                v = sides[channel[k] if end == 0 else nxt(channel[k])].org
-                reach[v] = math.inf if turn == 0 else min(reach[v], max(radius, around[v, levels[k]]))
+    for k in range(count):
+        reach[sides[channel[k]].org] = math.inf
+        reach[sides[nxt(channel[k])].org] = math.inf
+    for k in range(count):
+        # As wide as the widest behavior asks for, or both ends of the side come closer alike.
+        a = sides[channel[k]].org
+        b = sides[nxt(channel[k])].org
+        gap = math.hypot(m.vertices[a].x - m.vertices[b].x, m.vertices[a].y - m.vertices[b].y)
+        least_a = max(radius, around[a, 0])
+        least_b = max(radius, around[b, 0])
+        more_a = max(around[a, cap] - least_a, 0.0)
+        more_b = max(around[b, cap] - least_b, 0.0)
+        share = 1.0
+        if levels[k] < cap:
+            share = 0.0
+            if more_a + more_b > 0.0:
+                share = min(1.0, max(0.0, (part * gap - least_a - least_b) / (more_a + more_b)))
+            if part == 0.0:
+                more_a = max(around[a, levels[k]] - least_a, 0.0)
+                more_b = max(around[b, levels[k]] - least_b, 0.0)
+                share = 1.0
+        reach[a] = min(reach[a], least_a + share * more_a)
+        reach[b] = min(reach[b], least_b + share * more_b)
     nodes, filled = _funnel(m, channel, count, reach, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1])
     done, line = pull(m, stack, nodes, filled, radius, least, start)
     return line if done else np.empty((0, 2))

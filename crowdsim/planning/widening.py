@@ -74,7 +74,7 @@ def widen(
             pieces += [_part(points, arc, position, low), detour]
             position = high
         if pieces:
-            points = _joined([*pieces, _part(points, arc, position, float(arc[-1]))])
+            points = joined([*pieces, _part(points, arc, position, float(arc[-1]))])
     return points
 
 
@@ -105,7 +105,7 @@ def _part(points: NDArray[np.float64], arc: NDArray[np.float64], low: float, hig
     return np.concatenate([ends[:1], points[inside], ends[1:]])
 
 
-def _joined(pieces: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+def joined(pieces: list[NDArray[np.float64]]) -> NDArray[np.float64]:
     """Polylines end to end, without repeated points."""
     points = np.concatenate(pieces)
     keep = np.append(True, np.hypot(*np.diff(points, axis=0).T) > 1e-9)
