@@ -13,6 +13,16 @@ from crowdsim.planning.roadmap import Roadmap, roadmap_of
 from crowdsim.planning.string_kernels import is_straight
 from crowdsim.planning.widening import joined
 
+DOUBT = -0.05
+"""Share of the estimate by which a path may cost more before its wide sections are searched again in their rooms."""
+
+PARTS = (0.0, 0.9)
+"""How much of a gap the two circles around its corners fill: none more than a narrow behavior asks for, or nearly all, so
+that the path is in the middle."""
+
+_NEARBY = 0.1
+"""Meters within which the place is looked for from where a section fits its room."""
+
 
 def plan_layered(query: Query) -> AnnotatedPath | None:
     """Cheapest path found over the roadmap, or None where no behavior has one.
@@ -33,29 +43,19 @@ def plan_layered(query: Query) -> AnnotatedPath | None:
 def _over_roadmap(query: Query, roadmap: Roadmap) -> AnnotatedPath | None:
     road, estimate = roadmap.find(query.ends)
     best: AnnotatedPath | None = None
-    for part in (0.0, 0.9):
+    for part in PARTS:
         points = roadmap.pull(road, query.ends, query.need.count - 1, part)
         if len(points):
             path = query.annotated(points)
             if path.sections and (best is None or path.cost < best.cost):
                 best = path
     if len(road) and (best is None or best.cost > estimate * (1.0 + DOUBT)):
-        STAT["doubt"]=STAT.get("doubt",0)+1
         points = _by_rooms(query, roadmap, road)
         if len(points):
             path = query.annotated(points)
             if path.sections and (best is None or path.cost < best.cost):
                 best = path
-                STAT["roombest"]=STAT.get("roombest",0)+1
     return best
-
-
-STAT = {}
-DOUBT = 0.0
-"""Share of the estimate by which a path may cost more before its wide sections are searched again in their rooms."""
-
-_NEARBY = 0.1
-"""Meters within which the place is looked for from where a section fits its room."""
 
 
 def _by_rooms(query: Query, roadmap: Roadmap, road: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -24,7 +24,7 @@ LANDMARKS = 12
 
 _NEVER = 1e9
 
-_ENTRY = 0.15
+_ENTRY = 0.05
 """Meters of the least length of a section that a change of behavior counts for, as what is walked of it counts too."""
 
 

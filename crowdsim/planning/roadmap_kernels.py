@@ -26,20 +26,31 @@ level: the widest behavior it is clear enough for. begin: its first way in the l
 the smaller of the two.
 """
 
-ROAD_WAY = np.dtype([("to", np.int32), ("level", np.int32), ("length", np.float64)], align=True)
-"""A way to point ``to`` for all behaviors up to ``level``; meters."""
+ROAD_WAY = np.dtype(
+    [("to", np.int32), ("level", np.int32), ("length", np.float64), ("tight", np.float64)], align=True
+)
+"""A way to point ``to`` for all behaviors up to ``level``.
+
+length: meters. tight: meters of it where the widest behavior does not fit, or all where it fits everywhere: what a narrower
+behavior costs more is paid for these.
+"""
 
 SPAN_OF = np.dtype([("first", np.int64), ("last", np.int64)], align=True)
 """Points first <= k < last of a half-edge."""
 
-_PAIR = np.dtype([("a", np.int32), ("b", np.int32), ("level", np.int64), ("length", np.float64)], align=True)
+_PAIR = np.dtype(
+    [("a", np.int32), ("b", np.int32), ("level", np.int64), ("length", np.float64), ("tight", np.float64)], align=True
+)
 
 _STEP = 0.08
 """Meters between the places of a side that are measured."""
 
 _MOST_STEPS = 96
 
-_BETWEEN = 0.6
+_TIGHT_STEP = 0.06
+"""Meters between places of a way that are looked at to tell how much of it is tight."""
+
+_BETWEEN = 0.4
 """Meters at most between points of a short stretch; a long one has :data:`_MOST_BETWEEN` of them."""
 
 _MOST_BETWEEN = 6
@@ -132,6 +143,27 @@ def way_level(layers, hints, radii, px, py, qx, qy, top, cx, cy, around):
         if free:
             return level
     return -1
+
+
+@helper
+def tight_share(layers, hints, radii, px, py, qx, qy, cx, cy, around):
+    """Share of the way from p to q where the widest behavior does not fit; see `way_level`."""
+    top = radii.shape[0] - 1
+    steps = max(2, math.ceil(math.hypot(qx - px, qy - py) / _TIGHT_STEP))
+    tight = 0
+    for i in range(steps):
+        k = (i + 0.5) / steps
+        x = px + k * (qx - px)
+        y = py + k * (qy - py)
+        dx = x - cx
+        dy = y - cy
+        off = math.hypot(dx, dy)
+        if off < around[top] and off > 0.0:
+            x = cx + dx * around[top] / off
+            y = cy + dy * around[top] / off
+        if room_at(layers, hints, radii, top, x, y) < -_SOFT:
+            tight += 1
+    return tight / steps
 
 
 @helper
@@ -298,6 +330,9 @@ def join_points(layers, radii, around, points, spans):
                     pair.b = j
                     pair.level = level
                     pair.length = _around(p.x, p.y, q.x, q.y, cx, cy, around[v, level])
+                    pair.tight = pair.length
+                    if level < radii.shape[0] - 1:
+                        pair.tight *= tight_share(layers, hints, radii, p.x, p.y, q.x, q.y, cx, cy, around[v])
                     count += 1
     begins = np.zeros(points.size + 1, np.int64)
     for k in range(count):
@@ -315,6 +350,7 @@ def join_points(layers, radii, around, points, spans):
             way.to = pairs[k].b if turn == 0 else pairs[k].a
             way.level = pairs[k].level
             way.length = pairs[k].length
+            way.tight = pairs[k].tight
     return ways
 
 
@@ -352,5 +388,8 @@ def see_points(layers, hints, radii, around, points, spans, x, y, seen):
             seen[count].to = k
             seen[count].level = found
             seen[count].length = _around(x, y, point.x, point.y, cx, cy, around[corner, found])
+            seen[count].tight = seen[count].length
+            if found < radii.shape[0] - 1:
+                seen[count].tight *= tight_share(layers, hints, radii, x, y, point.x, point.y, cx, cy, around[corner])
             count += 1
     return seen, count

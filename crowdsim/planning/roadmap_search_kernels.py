@@ -22,6 +22,13 @@ first. rest: lower bound of what is still to pay. before: the state before, -1 t
 
 
 @helper
+def way_cost(way, i, costs):
+    """Cost of a way walked in a section of behavior i."""
+    preferred = costs[costs.size - 1]
+    return preferred * way.length + (costs[i] - preferred) * way.tight
+
+
+@helper
 def _may_follow(i, j, turned):
     """Whether a section of behavior j may follow one of i: a body turns only beside the preferred behavior."""
     return turned[i] == turned[j] or max(i, j) == turned.size - 1
@@ -86,7 +93,7 @@ def costs_from(points, ways, costs, turned, change, source, heap, out):
             way = ways[k]
             if way.level >= i:
                 to = way.to * n + i
-                value = cost + costs[i] * way.length
+                value = cost + way_cost(way, i, costs)
                 if value < out[to]:
                     out[to] = value
                     heap, count = push(heap, count, value, to)
@@ -118,13 +125,13 @@ def find_road(layers, radii, around, costs, turned, terms, change, points, spans
         to_goal[near[k].to] = k + 1
         for i in range(near[k].level + 1):
             for l in range(of_goal.size):
-                of_goal[l] = min(of_goal[l], marks[near[k].to * n + i, l] + costs[i] * near[k].length)
+                of_goal[l] = min(of_goal[l], marks[near[k].to * n + i, l] + way_cost(near[k], i, costs))
     heap = np.empty(256, HEAP_ROW)
     count = np.int64(0)
     for k in range(starts):
         p = seen[k].to
         for i in range(seen[k].level + 1):
-            value = costs[i] * seen[k].length
+            value = way_cost(seen[k], i, costs)
             state = states[p * n + i]
             if state.stamp != stamp or value < state.cost:
                 if state.stamp != stamp:
@@ -152,8 +159,8 @@ def find_road(layers, radii, around, costs, turned, terms, change, points, spans
         i = at - p * n
         if to_goal[p] > 0:
             end = near[to_goal[p] - 1]
-            if end.level >= i and cost + costs[i] * end.length < best:
-                best = cost + costs[i] * end.length
+            if end.level >= i and cost + way_cost(end, i, costs) < best:
+                best = cost + way_cost(end, i, costs)
                 last = at
         end_ways = points[p + 1].begin if p + 1 < points.size else ways.size
         straight = math.hypot(points[p].x - gx, points[p].y - gy)
@@ -178,7 +185,7 @@ def find_road(layers, radii, around, costs, turned, terms, change, points, spans
             way = ways[k]
             if way.level < i:
                 continue
-            value = cost + costs[i] * way.length
+            value = cost + way_cost(way, i, costs)
             s = np.int64(way.to) * n + i
             to = states[s]
             if to.stamp == stamp and to.cost <= value:
