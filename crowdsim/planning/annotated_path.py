@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -37,16 +39,30 @@ class PathSamples(NamedTuple):
 
 @dataclass(frozen=True)
 class AnnotatedPath:
-    """Polyline (n, 2) with its cumulative length (n,) and contiguous sections that cover it from start to goal."""
+    """Polyline (n, 2) with its cumulative length (n,) and contiguous sections that cover it from start to goal.
+
+    certificate: works out :attr:`bound` when it is asked for, on the meshes as they are then.
+    """
 
     points: NDArray[np.float64]
     arc: NDArray[np.float64]
     sections: tuple[Section, ...]
     cost: float
+    certificate: Callable[[], float] | None = field(default=None, compare=False, repr=False)
 
     @property
     def length(self) -> float:
         return float(self.arc[-1])
+
+    @cached_property
+    def bound(self) -> float:
+        """Proven lower bound of the cost of every path between the same ends, 0 where nothing proves one."""
+        return 0.0 if self.certificate is None else self.certificate()
+
+    @property
+    def gap(self) -> float:
+        """How much more than :attr:`bound` the path costs, as a share of the bound: infinite where that is 0."""
+        return max(self.cost / self.bound - 1.0, 0.0) if self.bound > 0.0 else (np.inf if self.cost > 0.0 else 0.0)
 
     def at(self, arc: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points (m, 2) at arc lengths (m,), held at both ends."""

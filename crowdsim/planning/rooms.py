@@ -76,6 +76,11 @@ def grown(obstacle: shapely.Geometry, growth: float) -> shapely.Geometry:
     return obstacle.buffer(growth, quad_segs=_ARC_STEPS) if growth > 0.0 else obstacle
 
 
+def room_excess(growth: float) -> float:
+    """Meters by which obstacles in a room are at most too large that should have grown by ``growth``."""
+    return max(growth, 0.0) * (1.0 / float(np.cos(np.pi / 4.0 / _ARC_STEPS)) - 1.0)
+
+
 def make_rooms(
     meshes: Sequence[NavMesh], need: Requirements, given: Sequence[NavMesh | None] | None
 ) -> tuple[Room, ...]:

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import PathNotFound
-from crowdsim.planning.annotated_path import arc_lengths, points_at
+from crowdsim.planning.annotated_path import AnnotatedPath, arc_lengths, points_at
 from crowdsim.planning.labelling import union
+from crowdsim.planning.query import Query
 from crowdsim.planning.requirements import Requirements
 from crowdsim.planning.rooms import Room
 
@@ -24,6 +25,19 @@ if TYPE_CHECKING:
 
 RUN_UP = 0.5
 """Meters before and after a stretch that is too close from where it may be replaced."""
+
+SLACKS = (0.1, 0.075, 0.05, 0.025)
+"""Meters of clearance beyond the planned that a path takes where they cost (almost) nothing, the first that fits."""
+
+SLACK_WORTH = 0.03
+"""Share of the cost that slack may take altogether, and meters that it may take at one place."""
+
+
+def with_slack(query: Query, path: AnnotatedPath) -> AnnotatedPath:
+    """The same way with more clearance where there is some: through the middle of gaps, wide around corners."""
+    levels = [(room, slack) for room in query.rooms for slack in (*SLACKS, 0.0) if slack < room.growth]
+    roomy = query.annotated(widen(query.meshes, query.need, path.points, levels[:-1], SLACK_WORTH))
+    return roomy if roomy.sections and roomy.cost <= path.cost * (1.0 + SLACK_WORTH) else path
 
 
 def widen(
@@ -60,7 +74,7 @@ def widen(
             pieces += [_part(points, arc, position, low), detour]
             position = high
         if pieces:
-            points = _joined([*pieces, _part(points, arc, position, float(arc[-1]))])
+            points = joined([*pieces, _part(points, arc, position, float(arc[-1]))])
     return points
 
 
@@ -91,7 +105,7 @@ def _part(points: NDArray[np.float64], arc: NDArray[np.float64], low: float, hig
     return np.concatenate([ends[:1], points[inside], ends[1:]])
 
 
-def _joined(pieces: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+def joined(pieces: list[NDArray[np.float64]]) -> NDArray[np.float64]:
     """Polylines end to end, without repeated points."""
     points = np.concatenate(pieces)
     keep = np.append(True, np.hypot(*np.diff(points, axis=0).T) > 1e-9)

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from crowdsim.planning.labelling import label_path, lengthen, union
-from crowdsim.planning.labelling_kernels import MIN_SECTION, label_cells
+from crowdsim.planning.labelling import label_path, union
+from crowdsim.planning.labelling_kernels import MIN_SECTION, TERMS, label_cells
 from tests.reference.plan_labelling import cheapest, cost_of
 
 COSTS = np.array([3.0, 1.1, 1.0])
@@ -20,7 +20,7 @@ def run_kernel(cuts, widest, costs=COSTS, turned=TURNED):
     shape = (len(cuts), len(costs), len(costs) + 1)
     best, chosen = np.empty(shape), np.empty((2, *shape), dtype=np.int32)
     labels = np.full(len(widest), -1, dtype=np.int32)
-    cost = label_cells(cuts, widest, costs, turned, best, chosen[0], chosen[1], labels)
+    cost = label_cells(cuts, widest, costs, turned, TERMS, best, chosen[0], chosen[1], labels)
     return labels, cost
 
 
@@ -87,5 +87,3 @@ def test_path_of_no_length():
 def test_intervals():
     assert union(intervals((3, 4), (0, 1), (1, 2))).tolist() == [[0, 2], [3, 4]]
     assert union(NOTHING).shape == (0, 2)
-    assert lengthen(intervals((0, 0.2), (9.9, 10)), 1.0, 10.0).tolist() == [[0, 1], [9, 10]]
-    assert lengthen(intervals((0.2, 0.3)), 1.0, 0.5).tolist() == [[0, 0.5]]

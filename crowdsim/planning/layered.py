@@ -1,0 +1,107 @@
+"""The layered planner: one search over points and behaviors, its way pulled taut and labelled exactly."""
+
+from __future__ import annotations
+
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import PathNotFound
+from crowdsim.planning.annotated_path import AnnotatedPath, Section, arc_lengths
+from crowdsim.planning.query import Query
+from crowdsim.planning.roadmap import Roadmap, roadmap_of
+from crowdsim.planning.string_kernels import is_straight
+from crowdsim.planning.widening import joined
+
+DOUBT = -0.05
+"""Share of the estimate by which a path may cost more before its wide sections are searched again in their rooms."""
+
+PARTS = (0.0, 0.9)
+"""How much of a gap the two circles around its corners fill: none more than a narrow behavior asks for, or nearly all, so
+that the path is in the middle."""
+
+_NEARBY = 0.1
+"""Meters within which the place is looked for from where a section fits its room."""
+
+
+def plan_layered(query: Query) -> AnnotatedPath | None:
+    """Cheapest path found over the roadmap, or None where no behavior has one.
+
+    Where the roadmap has no way, or its string tangles, the shortest paths of the rooms are taken instead.
+    """
+    roadmap = roadmap_of(query.meshes, query.need, query.terms)
+    if is_straight(roadmap.layers, query.need.radii[-1], query.ends):
+        arc = arc_lengths(query.ends)
+        length = float(arc[-1])
+        whole = (Section(query.need.count - 1, 0.0, length),) if length > 0.0 else ()
+        if whole:
+            return AnnotatedPath(query.ends, arc, whole, length * float(query.need.costs[-1]))
+    best = _over_roadmap(query, roadmap)
+    return best if best is not None else cheapest_uniform(query)
+
+
+def _over_roadmap(query: Query, roadmap: Roadmap) -> AnnotatedPath | None:
+    road, estimate = roadmap.find(query.ends)
+    best: AnnotatedPath | None = None
+    for part in PARTS:
+        points = roadmap.pull(road, query.ends, query.need.count - 1, part)
+        if len(points):
+            path = query.annotated(points)
+            if path.sections and (best is None or path.cost < best.cost):
+                best = path
+    if len(road) and (best is None or best.cost > estimate * (1.0 + DOUBT)):
+        points = _by_rooms(query, roadmap, road)
+        if len(points):
+            path = query.annotated(points)
+            if path.sections and (best is None or path.cost < best.cost):
+                best = path
+    return best
+
+
+def _by_rooms(query: Query, roadmap: Roadmap, road: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Shortest paths in the room of the widest behavior wherever the road takes it, joined by those of the legs."""
+    top = query.need.count - 1
+    wide, legs = query.rooms[0], query.rooms[-1]
+    places = np.stack([roadmap.points["x"][road[:, 0]], roadmap.points["y"][road[:, 0]]], axis=1)
+    places = np.concatenate([query.ends[:1], places, query.ends[1:]])
+    labels = np.concatenate([road[:1, 1], road[:, 1], road[-1:, 1]])
+    changes = np.flatnonzero(np.diff(labels == top)) + 1
+    bounds = [0, *changes.tolist(), len(labels)]
+    pieces: list[NDArray[np.float64]] = []
+    at = query.ends[0]
+    for first, last in zip(bounds[:-1], bounds[1:], strict=True):
+        if labels[first] != top:
+            continue
+        ends = [query.ends[0] if first == 0 else None, query.ends[1] if last == len(labels) else None]
+        for k, row in enumerate((first, last - 1)):
+            if ends[k] is None:
+                found = wide.mesh.nearest_free(places[row], wide.radius + 1e-6, _NEARBY)
+                if found is None:
+                    return np.empty((0, 2))
+                ends[k] = np.array(found)
+        try:
+            pieces += [legs.find_path(np.array([at, ends[0]]))] if first > 0 else []
+            pieces.append(wide.find_path(np.array(ends)))
+        except PathNotFound:
+            continue
+        at = ends[1]
+    if (at != query.ends[1]).any():
+        try:
+            pieces.append(legs.find_path(np.array([at, query.ends[1]])))
+        except PathNotFound:
+            return np.empty((0, 2))
+    return joined(pieces)
+
+
+def cheapest_uniform(query: Query) -> AnnotatedPath | None:
+    """The cheapest of the shortest paths of all rooms that some behavior fits, or None."""
+    best: AnnotatedPath | None = None
+    for room in query.rooms:
+        try:
+            points = room.find_path(query.ends)
+        except PathNotFound:
+            continue
+        path = query.annotated(points)
+        if path.sections and (best is None or path.cost < best.cost):
+            best = path
+    return best

@@ -1,0 +1,38 @@
+"""One question to a planner: where from and to, through which layers, with which behaviors."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.planning.annotated_path import AnnotatedPath, Section, arc_lengths
+from crowdsim.planning.fitting_kernels import annotate
+from crowdsim.planning.requirements import TOUCH, Requirements
+from crowdsim.planning.rooms import Room
+
+if TYPE_CHECKING:
+    from crowdsim.navmesh.navmesh import NavMesh
+
+
+class Query(NamedTuple):
+    """Layers, what the behaviors need, rooms from wide to narrow, start and goal (2, 2), terms of changes."""
+
+    meshes: tuple[NavMesh, ...]
+    need: Requirements
+    rooms: tuple[Room, ...]
+    ends: NDArray[np.float64]
+    terms: NDArray[np.float64]
+
+    def annotated(self, points: NDArray[np.float64]) -> AnnotatedPath:
+        """Algorithm 2: the polyline (n, 2) with its cheapest sections; none and infinite cost where nothing fits.
+
+        The layer of the legs is not tested again: every path is found with their clearance.
+        """
+        upper = tuple(mesh.arrays for mesh in self.meshes[1:])
+        need = self.need
+        radii = np.ascontiguousarray(need.radii[:, 1:] - TOUCH)
+        found, cost, _ = annotate(upper, radii, need.costs, need.turned, self.terms, points)
+        sections = tuple(Section(int(label), start, end) for label, start, end in found.tolist())
+        return AnnotatedPath(points, arc_lengths(points), sections, float(cost))

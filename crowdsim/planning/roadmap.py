@@ -1,0 +1,119 @@
+"""The roadmap of a place for a set of behaviors: made once for meshes as they are, searched by any number of threads."""
+
+from __future__ import annotations
+
+import threading
+import weakref
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.navmesh.heap_kernels import HEAP_ROW
+from crowdsim.planning import roadmap_kernels, roadmap_search_kernels, string_kernels
+from crowdsim.planning.labelling_kernels import TERMS
+from crowdsim.planning.requirements import Requirements
+
+if TYPE_CHECKING:
+    from crowdsim.navmesh.navmesh import NavMesh
+
+LANDMARKS = 12
+"""Points of the roadmap from where the costs to all others are kept, as bounds for the search."""
+
+_NEVER = 1e9
+
+_ENTRY = 0.05
+"""Meters of the least length of a section that a change of behavior counts for, as what is walked of it counts too."""
+
+
+class Roadmap:
+    """Points, ways and landmarks (:mod:`crowdsim.planning.roadmap_kernels`) of meshes as they are now."""
+
+    def __init__(self, meshes: Sequence[NavMesh], need: Requirements, terms: NDArray[np.float64] = TERMS) -> None:
+        self.layers = tuple(mesh.arrays for mesh in meshes)
+        self.need = need
+        self.terms = terms
+        radii = np.ascontiguousarray(need.radii)
+        self._radii = radii
+        self.points, self.spans = roadmap_kernels.place_points(self.layers, radii)
+        self.around = roadmap_kernels.corner_radii(self.layers, radii)
+        self.ways = roadmap_kernels.join_points(self.layers, radii, self.around, self.points, self.spans)
+        steps = np.abs(need.costs[:, None] - need.costs)
+        self.change = terms[0] * need.costs[-1] + steps * (_ENTRY if terms[1] > 0.0 else 0.0)
+        self.marks = self._landmarks()
+        self._idle: list[tuple[NDArray[Any], list[int]]] = []
+        self._lock = threading.Lock()
+
+    def _landmarks(self) -> NDArray[np.float64]:
+        """(states, l) costs from landmarks, each as far as can be from those before."""
+        n, count = self.need.count, len(self.points)
+        costs = np.empty((min(LANDMARKS, count), count * n))
+        nearest = np.full(count, np.inf)
+        heap = np.empty(256, HEAP_ROW)
+        source = 0
+        for out in costs:
+            heap = roadmap_search_kernels.costs_from(
+                self.points, self.ways, self.need.costs, self.need.turned, self.change, source, heap, out
+            )
+            least = np.minimum(nearest, out.reshape(count, n).min(axis=1))
+            # An island next where most of the points are not reached yet.
+            reached = np.isfinite(least)
+            nearest = least
+            source = int(np.argmax(np.where(reached, least, np.inf if reached.mean() < 0.5 else -1.0)))
+        return np.ascontiguousarray(np.minimum(costs, _NEVER).T)
+
+    @contextmanager
+    def _scratch(self) -> Iterator[tuple[NDArray[Any], list[int]]]:
+        with self._lock:
+            found = self._idle.pop() if self._idle else None
+        if found is None:
+            found = np.zeros(len(self.points) * self.need.count, roadmap_search_kernels.STATE), [0]
+        yield found
+        with self._lock:
+            self._idle.append(found)
+
+    def find(self, ends: NDArray[np.float64]) -> tuple[NDArray[np.int64], float]:
+        """Points and behaviors (k, 2) of about the cheapest way from ends[0] to ends[1], and about what it costs.
+
+        No rows where there is no way.
+        """
+        with self._scratch() as (states, stamp):
+            stamp[0] += 1
+            road, cost = roadmap_search_kernels.find_road(
+                self.layers, self._radii, self.around, self.need.costs, self.need.turned, self.terms,
+                self.change, self.points, self.spans, self.ways, self.marks, states, stamp[0], ends,
+            )  # fmt: skip
+        return road, float(cost)
+
+    def pull(self, road: NDArray[np.int64], ends: NDArray[np.float64], cap: int, part: float) -> NDArray[np.float64]:
+        """The polyline (n, 2) of a way pulled taut, around corners at most as wide as behavior ``cap`` asks for."""
+        radius = self.need.search_radius
+        least = radius - 1e-6 * radius - 2.0 * float(self.layers[0].frame["cell"][0])
+        line: NDArray[np.float64] = string_kernels.pull_road(
+            self.layers[0], self.points, road, self.around, np.empty(len(self.around)), ends, cap, part, radius, least
+        )
+        return line
+
+
+_roadmaps: weakref.WeakKeyDictionary[NavMesh, dict[Any, Roadmap]] = weakref.WeakKeyDictionary()
+_making = threading.Lock()
+
+_KEPT = 4
+"""Roadmaps kept for one lowest mesh, for other behaviors or upper layers."""
+
+
+def roadmap_of(meshes: Sequence[NavMesh], need: Requirements, terms: NDArray[np.float64] = TERMS) -> Roadmap:
+    """The roadmap of ``meshes`` as they are, made at the first call and after every edit."""
+    key = (
+        tuple((id(mesh), mesh.revision) for mesh in meshes),
+        need.radii.tobytes(), need.costs.tobytes(), need.turned.tobytes(), terms.tobytes(),
+    )  # fmt: skip
+    with _making:
+        kept = _roadmaps.setdefault(meshes[0], {})
+        if key not in kept:
+            while len(kept) >= _KEPT:
+                del kept[next(iter(kept))]
+            kept[key] = Roadmap(meshes, need, terms)
+        return kept[key]
