@@ -122,22 +122,25 @@ def _barring(
     met = [number for number, room in enumerate(rooms) if any(room.intersects(region) for region in regions)]
     if len(met) < 2:
         return set()
-    # A room ends a radius before the solids around it.
-    solid, room = shapely.STRtree(rooms).query(shapely.buffer(outlines, 1.02 * radius), predicate="intersects")
-    before: dict[int, tuple[int, int]] = {}  # room: the solid one comes past, and the room one comes from
-    reached = [met[0]]
+    # A room ends a radius before the solids around it; between solids closer than the disc is wide there is none.
+    beside, room = shapely.STRtree(rooms).query(shapely.buffer(outlines, 1.02 * radius), predicate="intersects")
+    one, other = shapely.STRtree(outlines).query(outlines, predicate="dwithin", distance=2.0 * radius)
+    before: dict[int, int | None] = dict.fromkeys(beside[room == met[0]].tolist())
+    reached = list(before)
     for here in reached:
-        for beside in solid[room == here].tolist():
-            for there in room[solid == beside].tolist():
-                if there != met[0] and there not in before:
-                    before[there] = (beside, here)
-                    reached.append(there)
-    other = next((number for number in reached if number in met[1:]), None)
-    if other is None:
+        around = room[beside == here]
+        if np.isin(around, met[1:]).any():
+            break
+        for there in (*other[one == here].tolist(), *beside[np.isin(room, around)].tolist()):
+            if there not in before:
+                before[there] = here
+                reached.append(there)
+    else:
         x, y = rooms[met[1]].representative_point().coords[0]
         raise GeometryError(f"no way of {2.0 * radius:g} m leads to ({x:.2f}, {y:.2f}) even without the clutter")
     barring: set[int] = set()
-    while other != met[0]:
-        beside, other = before[other]
-        barring.add(beside)
+    step: int | None = here
+    while step is not None:
+        barring.add(step)
+        step = before[step]
     return barring

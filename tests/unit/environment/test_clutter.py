@@ -60,7 +60,7 @@ def test_a_full_floor_is_refused_with_the_density_it_came_to():
         draw(0.9)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=60)
 @given(density=st.floats(0.2, 0.4), seed=st.integers(0, 10_000))
 def test_ways_are_opened_where_clutter_bars_them(density, seed):
     regions = [shapely.box(0.0, 0.0, 1.0, 8.0), shapely.box(11.0, 0.0, 12.0, 8.0)]
@@ -85,6 +85,15 @@ def test_no_more_is_removed_than_it_takes(gap):
     kept = open_ways(fence(gap), FLOOR, [regions], 0.25)
     assert len(kept) == len(fence(gap)) - 1
     assert kept[-1].footprint.bounds == (2.0, 2.0, 3.0, 3.0)
+
+
+def test_two_rows_too_close_for_a_room_between_them_are_opened_both():
+    rows = [shapely.box(x, y, x + 0.5, y + 1.0) for x in (5.0, 5.6) for y in np.arange(-0.2, 8.0, 1.3)]
+    solids = tuple(Solid(f"box {k}", box, 0.0, 1.0) for k, box in enumerate(rows))
+    regions = [shapely.box(0.0, 0.0, 1.0, 8.0), shapely.box(11.0, 0.0, 12.0, 8.0)]
+    kept = open_ways(solids, FLOOR, [regions], 0.25)
+    assert joined(kept, FLOOR, regions, 0.25)
+    assert len(solids) - len(kept) == 2
 
 
 def test_wide_gaps_keep_everything():
