@@ -52,7 +52,9 @@ def measure(goals: int = GOALS) -> Measurement:
     figures: dict[str, float] = {}
     ratios, gaps = [], []
     for density in DENSITIES:
-        setting = prepare(load_scenario(str(library_folder("scenarios") / "clutter.yaml"), [f"clutter.density={density}"]))
+        setting = prepare(
+            load_scenario(str(library_folder("scenarios") / "clutter.yaml"), [f"clutter.density={density}"])
+        )
         for steps in STEPS:
             queries = place_queries(setting, goals, steps * STEP, seed=steps)
             costs = {}

@@ -190,9 +190,7 @@ def annotate(layers, radii, costs, turned, terms, points):
                 near, found = triangles_near(
                     m, px, py, points[i + 1, 0], points[i + 1, 1], radii[count - 1, k], marks, mark, near, near[0]
                 )
-                spans, total = _add_misfits(
-                    m, near, found, px, py, ux, uy, start, size, radii, k, spans, total
-                )
+                spans, total = _add_misfits(m, near, found, px, py, ux, uy, start, size, radii, k, spans, total)
             start += size
         length = start
         k += 1

@@ -26,9 +26,7 @@ level: the widest behavior it is clear enough for. begin: its first way in the l
 the smaller of the two.
 """
 
-ROAD_WAY = np.dtype(
-    [("to", np.int32), ("level", np.int32), ("length", np.float64), ("tight", np.float64)], align=True
-)
+ROAD_WAY = np.dtype([("to", np.int32), ("level", np.int32), ("length", np.float64), ("tight", np.float64)], align=True)
 """A way to point ``to`` for all behaviors up to ``level``.
 
 length: meters. tight: meters of it where the widest behavior does not fit, or all where it fits everywhere: what a narrower

@@ -167,8 +167,10 @@ def find_road(layers, radii, around, costs, turned, terms, change, points, spans
         for j in range(points[p].level + 1):
             if j == i or not _may_follow(i, j, turned):
                 continue
-            value = cost + change[i, j] + _too_short(
-                i, j, run, since, costs, turned, terms, 2.0 * (change[i, j] - terms[0] * costs[n - 1])
+            value = (
+                cost
+                + change[i, j]
+                + _too_short(i, j, run, since, costs, turned, terms, 2.0 * (change[i, j] - terms[0] * costs[n - 1]))
             )
             to = states[p * n + j]
             if to.stamp == stamp and to.cost <= value:
