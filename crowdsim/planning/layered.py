@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +18,14 @@ DOUBT = -0.05
 """Share of the estimate by which a path may cost more before its wide sections are searched again in their rooms."""
 
 SURPRISE = 0.01
-"""Share of the estimate by which the best path may cost more before the shortest paths of all rooms are tried as well."""
+"""Share of the estimate by which the best path may cost more before the shortest paths of all rooms are tried too."""
 
 NEAR = 6.0
 """Meters of a path below which they are tried anyway, as that takes little time and ends weigh much."""
 
 PARTS = (0.0, 0.9)
-"""How much of a gap the two circles around its corners fill: none more than a narrow behavior asks for, or nearly all, so
-that the path is in the middle."""
+"""How much of a gap the two circles around its corners fill: none more than a narrow behavior asks for, or nearly all,
+so that the path is in the middle."""
 
 _NEARBY = 0.1
 """Meters within which the place is looked for from where a section fits its room."""
@@ -80,7 +81,7 @@ def _by_rooms(query: Query, roadmap: Roadmap, road: NDArray[np.int64]) -> NDArra
     bounds = [0, *changes.tolist(), len(labels)]
     pieces: list[NDArray[np.float64]] = []
     at = query.ends[0]
-    for first, last in zip(bounds[:-1], bounds[1:], strict=True):
+    for first, last in pairwise(bounds):
         if labels[first] != top:
             continue
         ends = [query.ends[0] if first == 0 else None, query.ends[1] if last == len(labels) else None]
