@@ -32,7 +32,7 @@ def lower_bound(query: Query) -> float:
             more = float(need.costs[k]) - preferred
             change = float(terms[0]) * preferred
             least = [2.0 * change + more * float(terms[1]), more * shortest]
-            least += [change + more * depth for depth in _depths(query, k + 1)]
+            least.extend(change + more * depth for depth in _depths(query, k + 1))
             extra = min(least)
         bounds.append(shortest * preferred + extra)
     return min(bounds, default=straight * preferred)
@@ -40,11 +40,11 @@ def lower_bound(query: Query) -> float:
 
 def _depths(query: Query, behavior: int) -> list[float]:
     """Meters from start and from goal that can be walked before ``behavior`` does not fit any longer, at least."""
-    depths = np.inf
+    depths = np.full(2, np.inf)
     for layer, mesh in enumerate(query.meshes):
         radius = float(query.need.radii[behavior, layer])
         depths = np.minimum(depths, np.maximum(mesh.clearances(query.ends, radius + 10.0) - radius, 0.0))
-    return [float(depth) for depth in np.asarray(depths)]
+    return [float(depth) for depth in depths]
 
 
 def _shortest(query: Query, behavior: int) -> float:
@@ -54,9 +54,9 @@ def _shortest(query: Query, behavior: int) -> float:
     """
     radii = query.need.radii[behavior].tolist()
     where = list(zip(query.meshes, radii, strict=True))
-    for room in query.rooms:
-        if room.mesh is not query.meshes[0] and [clearance for _, clearance in room.keeps] == radii:
-            where.append((room.mesh, room.radius - room_excess(max(radii) - query.need.search_radius)))
+    excess = room_excess(max(radii) - query.need.search_radius)
+    own = [room for room in query.rooms if [clearance for _, clearance in room.keeps] == radii]
+    where += [(room.mesh, room.radius - excess) for room in own]
     longest = 0.0
     for mesh, radius in where:
         try:

@@ -151,9 +151,8 @@ def annotate(layers, radii, costs, turned, terms, points):
     stack = np.empty(64, SWEPT)
     ends = np.zeros(count, np.int64)
     tight = np.zeros((pieces, len(layers)), np.int8)
-    k = 0
     length = 0.0
-    for m in layers:
+    for k, m in enumerate(layers):
         triangle = triangle_of(m, points[0, 0], points[0, 1], NONE)
         for i in range(pieces):
             free = False
@@ -165,7 +164,6 @@ def annotate(layers, radii, costs, turned, terms, points):
                 )  # fmt: skip
             tight[i, k] = 0 if free else 1
             triangle = end if free else triangle_of(m, points[i + 1, 0], points[i + 1, 1], triangle)
-        k += 1
     spans = np.empty(64, _OWN_SPAN)
     most = 0
     for m in layers:
@@ -173,8 +171,7 @@ def annotate(layers, radii, costs, turned, terms, points):
     marks = np.zeros(most, np.int64)
     mark = 0
     total = np.int64(0)
-    k = 0
-    for m in layers:
+    for k, m in enumerate(layers):
         start = 0.0
         near[0] = NONE
         for i in range(pieces):
@@ -193,7 +190,6 @@ def annotate(layers, radii, costs, turned, terms, points):
                 spans, total = _add_misfits(m, near, found, px, py, ux, uy, start, size, radii, k, spans, total)
             start += size
         length = start
-        k += 1
     own = np.empty(total + 1, SPAN)
     blocked = np.empty((total, 2))
     rows = 0

@@ -1,8 +1,8 @@
 """The published planner (2018 paper, algorithm 1): block what only the narrowest behavior passes, while that pays.
 
 Read literally, a blocker is taken out again before the next is tried, so that two detours are never combined; here
-those that paid off may stay until the end. Paths are labelled as well as they can be, not from the start on (algorithm 2
-takes the widest behavior first, however short its section gets), and their parts are not searched again.
+those that paid off may stay until the end. Paths are labelled as well as they can be, not from the start on
+(algorithm 2 takes the widest behavior first, however short its section gets), and their parts are not searched again.
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +17,15 @@ from crowdsim.planning.widening import joined
 DOUBT = -0.05
 """Share of the estimate by which a path may cost more before its wide sections are searched again in their rooms."""
 
+SURPRISE = 0.01
+"""Share of the estimate by which the best path may cost more before the shortest paths of all rooms are tried too."""
+
+NEAR = 6.0
+"""Meters of a path below which they are tried anyway, as that takes little time and ends weigh much."""
+
 PARTS = (0.0, 0.9)
-"""How much of a gap the two circles around its corners fill: none more than a narrow behavior asks for, or nearly all, so
-that the path is in the middle."""
+"""How much of a gap the two circles around its corners fill: none more than a narrow behavior asks for, or nearly all,
+so that the path is in the middle."""
 
 _NEARBY = 0.1
 """Meters within which the place is looked for from where a section fits its room."""
@@ -36,11 +43,16 @@ def plan_layered(query: Query) -> AnnotatedPath | None:
         whole = (Section(query.need.count - 1, 0.0, length),) if length > 0.0 else ()
         if whole:
             return AnnotatedPath(query.ends, arc, whole, length * float(query.need.costs[-1]))
-    best = _over_roadmap(query, roadmap)
-    return best if best is not None else cheapest_uniform(query)
+    best, estimate = _over_roadmap(query, roadmap)
+    if best is None or best.cost > estimate * (1.0 + SURPRISE) or best.length < NEAR:
+        other = cheapest_uniform(query)
+        if best is None or (other is not None and other.cost < best.cost):
+            return other
+    return best
 
 
-def _over_roadmap(query: Query, roadmap: Roadmap) -> AnnotatedPath | None:
+def _over_roadmap(query: Query, roadmap: Roadmap) -> tuple[AnnotatedPath | None, float]:
+    """The cheapest path of the strings of the best way over the roadmap, and what the roadmap let expect."""
     road, estimate = roadmap.find(query.ends)
     best: AnnotatedPath | None = None
     for part in PARTS:
@@ -55,7 +67,7 @@ def _over_roadmap(query: Query, roadmap: Roadmap) -> AnnotatedPath | None:
             path = query.annotated(points)
             if path.sections and (best is None or path.cost < best.cost):
                 best = path
-    return best
+    return best, estimate
 
 
 def _by_rooms(query: Query, roadmap: Roadmap, road: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -69,7 +81,7 @@ def _by_rooms(query: Query, roadmap: Roadmap, road: NDArray[np.int64]) -> NDArra
     bounds = [0, *changes.tolist(), len(labels)]
     pieces: list[NDArray[np.float64]] = []
     at = query.ends[0]
-    for first, last in zip(bounds[:-1], bounds[1:], strict=True):
+    for first, last in pairwise(bounds):
         if labels[first] != top:
             continue
         ends = [query.ends[0] if first == 0 else None, query.ends[1] if last == len(labels) else None]

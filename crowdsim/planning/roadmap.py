@@ -1,4 +1,4 @@
-"""The roadmap of a place for a set of behaviors: made once for meshes as they are, searched by any number of threads."""
+"""The roadmap of a place for a set of behaviors: made once for meshes as they are, searched by any thread."""
 
 from __future__ import annotations
 

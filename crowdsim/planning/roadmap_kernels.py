@@ -22,15 +22,15 @@ ROAD_POINT = np.dtype(
 )
 """A point of the roadmap.
 
-level: the widest behavior it is clear enough for. begin: its first way in the list of them. side: the half-edge it is on,
-the smaller of the two.
+level: the widest behavior it is clear enough for. begin: its first way in the list of them. side: the
+half-edge it is on, the smaller of the two.
 """
 
 ROAD_WAY = np.dtype([("to", np.int32), ("level", np.int32), ("length", np.float64), ("tight", np.float64)], align=True)
 """A way to point ``to`` for all behaviors up to ``level``.
 
-length: meters. tight: meters of it where the widest behavior does not fit, or all where it fits everywhere: what a narrower
-behavior costs more is paid for these.
+length: meters. tight: meters of it where the widest behavior does not fit, or all where it fits everywhere: what a
+narrower behavior costs more is paid for these.
 """
 
 SPAN_OF = np.dtype([("first", np.int64), ("last", np.int64)], align=True)
@@ -67,14 +67,12 @@ def room_at(layers, hints, radii, level, x, y):
     ``hints`` (m,) are triangles near the place in each layer, and hold those of the place afterwards.
     """
     least = _REACH
-    k = 0
-    for m in layers:
+    for k, m in enumerate(layers):
         need = radii[level, k]
         distance, triangle = disc_clearance(m, x, y, need + _REACH, hints[k])
         if triangle >= 0:
             hints[k] = triangle
         least = min(least, distance - need)
-        k += 1
     return least
 
 
@@ -84,15 +82,13 @@ def level_at(layers, hints, radii, x, y):
     n = radii.shape[0]
     level = n - 1
     least = _REACH
-    k = 0
-    for m in layers:
+    for k, m in enumerate(layers):
         distance, triangle = disc_clearance(m, x, y, radii[n - 1, k] + _REACH, hints[k])
         if triangle >= 0:
             hints[k] = triangle
         while level >= 0 and distance < radii[level, k]:
             level -= 1
         least = min(least, distance - radii[0, k])
-        k += 1
     return level, least
 
 
@@ -276,8 +272,7 @@ def corner_radii(layers, radii):
     vertices = layers[0].vertices
     around = np.zeros((vertices.size, radii.shape[0]))
     for v in range(vertices.size):
-        k = 0
-        for m in layers:
+        for k, m in enumerate(layers):
             stands = k == 0
             if not stands:
                 distance, _ = disc_clearance(m, vertices[v].x, vertices[v].y, 0.01, NONE)
@@ -285,7 +280,6 @@ def corner_radii(layers, radii):
             if stands:
                 for i in range(radii.shape[0]):
                     around[v, i] = max(around[v, i], radii[i, k])
-            k += 1
     return around
 
 

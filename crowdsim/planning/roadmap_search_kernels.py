@@ -16,8 +16,8 @@ STATE = np.dtype(
 )
 """How a state is reached best, in the search that ``stamp`` tells.
 
-since: meters since a turned section, 0 in one, infinite where there was none. run: meters of the section, infinite in the
-first. rest: lower bound of what is still to pay. before: the state before, -1 the start.
+since: meters since a turned section, 0 in one, infinite where there was none. run: meters of the section, infinite in
+the first. rest: lower bound of what is still to pay. before: the state before, -1 the start.
 """
 
 
@@ -104,9 +104,8 @@ def costs_from(points, ways, costs, turned, change, source, heap, out):
 def find_road(layers, radii, around, costs, turned, terms, change, points, spans, ways, marks, states, stamp, ends):
     """Points and behaviors (k, 2) of the cheapest way over the roadmap from ends[0] to ends[1], and its cost.
 
-    around: (nv, n) of `corner_radii`. terms: as :data:`crowdsim.planning.labelling_kernels.TERMS`. change: (n, n) cost of a change
-    between two behaviors. marks: (states,
-    l) costs from landmarks. states: scratch, ``stamp`` of the search. No rows where there is no way.
+    around: (nv, n) of `corner_radii`. terms: as :data:`crowdsim.planning.labelling_kernels.TERMS`. change: (n, n)
+    cost of a change between two behaviors. marks: (states, l) costs from landmarks. states: scratch, ``stamp`` of the search. No rows where there is no way.
     """
     n = costs.size
     hints = np.full(len(layers), NONE)
@@ -124,8 +123,8 @@ def find_road(layers, radii, around, costs, turned, terms, change, points, spans
     for k in range(goals):
         to_goal[near[k].to] = k + 1
         for i in range(near[k].level + 1):
-            for l in range(of_goal.size):
-                of_goal[l] = min(of_goal[l], marks[near[k].to * n + i, l] + way_cost(near[k], i, costs))
+            for k_mark in range(of_goal.size):
+                of_goal[k_mark] = min(of_goal[k_mark], marks[near[k].to * n + i, k_mark] + way_cost(near[k], i, costs))
     heap = np.empty(256, HEAP_ROW)
     count = np.int64(0)
     for k in range(starts):

@@ -195,13 +195,11 @@ def pull_road(m, points, road, around, reach, ends, cap, part, radius, least):
 def is_straight(layers, radii, ends):
     """Whether a disc of radii[k] moves straight from ends[0] to ends[1] in each of ``layers``; False in doubt."""
     stack = np.empty(64, SWEPT)
-    k = 0
-    for m in layers:
+    for k, m in enumerate(layers):
         t = triangle_of(m, ends[0, 0], ends[0, 1], NONE)
         if t < 0 or m.wind[t] != 0:
             return False
         free, _ = sweep(m.sides, m.vertices, stack, t, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1], radii[k])
         if not free:
             return False
-        k += 1
     return True

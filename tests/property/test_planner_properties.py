@@ -1,0 +1,152 @@
+"""Properties of plans in random clutter: sound sections, bounds below costs, kernels that agree with their twins."""
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from crowdsim.constants import TRACKING_MARGIN
+from crowdsim.errors import PathNotFound
+from crowdsim.navmesh.heap_kernels import HEAP_ROW
+from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.planning import roadmap_search_kernels
+from crowdsim.planning.labelling_kernels import TERMS
+from crowdsim.planning.planner import PLANNERS, plan_path
+from crowdsim.planning.query import Query
+from crowdsim.planning.requirements import Requirements
+from crowdsim.planning.roadmap import Roadmap, roadmap_of
+from crowdsim.planning.rooms import make_rooms, room_polygons
+from tests.reference import plan_roadmap
+from tests.unit.planning.conftest import make_behavior
+
+BEHAVIORS = (
+    make_behavior("lateral", 0.17, 3.0, (-np.pi / 2.0, np.pi / 2.0)),
+    make_behavior("arm_constrained", 0.26, 1.1),
+    make_behavior("frontal", 0.32, 1.0),
+)
+SIZE = 9.0
+
+
+def clutter(seed, count):
+    """Free areas of the legs' and the torso's layer, two of three obstacles being tall."""
+    rng = np.random.default_rng(seed)
+    tall, low = [], []
+    for k in range(count):
+        center = rng.uniform(1.0, SIZE - 1.0, 2)
+        size = rng.uniform(0.2, 0.7)
+        corners = rng.normal(size=(6, 2))
+        shape = shapely.MultiPoint(center + size * corners / np.abs(corners).max()).convex_hull
+        (low if k % 3 == 0 else tall).append(shape)
+    above = shapely.box(0, 0, SIZE, SIZE).difference(shapely.union_all(tall))
+    return above.difference(shapely.union_all(low)), above
+
+
+def place(seed, count):
+    polygons = clutter(seed, count)
+    meshes = tuple(NavMesh(polygon) for polygon in polygons)
+    rooms = [None if room.is_empty else NavMesh(room) for room in room_polygons(polygons, BEHAVIORS)]
+    return polygons, meshes, rooms
+
+
+def ends_in(meshes, seed):
+    """Start and goal where a body that need not turn fits, so that plans begin there."""
+    rng = np.random.default_rng(seed)
+    need = Requirements.of(BEHAVIORS, 2, TRACKING_MARGIN)
+    points = rng.uniform(0.3, SIZE - 0.3, (400, 2))
+    fits = np.all([m.clearances(points, 2.0) > r for m, r in zip(meshes, need.radii[1], strict=True)], axis=0)
+    return points[fits][:2]
+
+
+def assert_sound(path, polygons):
+    legs = max(behavior.radii[0] for behavior in BEHAVIORS) + TRACKING_MARGIN
+    assert path.sections[0].start == 0.0
+    assert path.sections[-1].end == pytest.approx(path.length, abs=1e-9)
+    for section in path.sections:
+        inner = path.arc[(path.arc > section.start) & (path.arc < section.end)]
+        line = shapely.LineString(path.at(np.array([section.start, *inner, section.end])))
+        torso = BEHAVIORS[section.behavior].radii[1] + TRACKING_MARGIN
+        for polygon, radius in zip(polygons, (legs, torso), strict=True):
+            assert polygon.covers(line)
+            assert shapely.distance(polygon.boundary, line) >= radius - 2e-5
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(st.integers(0, 10_000), st.sampled_from([8, 20, 32]))
+def test_plans_are_sound_and_no_dearer_than_the_published_planner(seed, count):
+    polygons, meshes, rooms = place(seed, count)
+    ends = ends_in(meshes, seed)
+    paths = {}
+    for name in PLANNERS:
+        try:
+            paths[name] = plan_path(meshes, BEHAVIORS, *ends, rooms=rooms, planner=name, slack=False)
+        except PathNotFound:
+            continue
+        assert_sound(paths[name], polygons)
+        assert paths[name].bound <= paths[name].cost * (1.0 + 1e-6)
+    assert len(paths) in (0, len(PLANNERS))
+    if paths:
+        assert paths["layered"].cost <= paths["greedy_literal"].cost * (1.0 + 1e-6)
+        assert paths["greedy"].cost <= paths["greedy_literal"].cost * 1.2
+        slack = plan_path(meshes, BEHAVIORS, *ends, rooms=rooms)
+        assert_sound(slack, polygons)
+        assert slack.cost <= paths["layered"].cost * 1.03 + 1e-9
+
+
+@settings(max_examples=15, deadline=None, derandomize=True)
+@given(st.integers(0, 10_000), st.sampled_from([3, 20, 32]))
+def test_sections_are_those_of_the_violations(seed, count):
+    _, meshes, rooms = place(seed, count)
+    need = Requirements.of(BEHAVIORS, 2, TRACKING_MARGIN)
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(0.0, SIZE, (6, 2))  # through obstacles, too
+    query = Query(meshes, need, make_rooms(meshes, need, rooms), points[[0, -1]], TERMS)
+    path = query.annotated(points)
+    sections, cost = plan_roadmap.annotate(meshes, need, points, TERMS)
+    assert path.cost == pytest.approx(cost, abs=1e-3)
+    assert [s.behavior for s in path.sections] == [s.behavior for s in sections]
+    np.testing.assert_allclose([s.end for s in path.sections], [s.end for s in sections], atol=1e-3)
+
+
+@settings(max_examples=8, deadline=None, derandomize=True)
+@given(st.integers(0, 10_000), st.sampled_from([0, 10, 25]))
+def test_roadmap_costs_are_those_of_a_plain_search(seed, count):
+    _, meshes, _ = place(seed, count)
+    need = Requirements.of(BEHAVIORS, 2, TRACKING_MARGIN)
+    roadmap = Roadmap(meshes, need)
+    out = np.empty(len(roadmap.points) * 3)
+    roadmap_search_kernels.costs_from(
+        roadmap.points, roadmap.ways, need.costs, need.turned, roadmap.change, 0, np.empty(4, HEAP_ROW), out
+    )
+    expected = plan_roadmap.costs_from(roadmap.points, roadmap.ways, need.costs, need.turned, roadmap.change, 0)
+    assert {state for state, cost in enumerate(out) if np.isfinite(cost)} == {3 * p + i for p, i in expected}
+    for (p, i), cost in expected.items():
+        assert out[3 * p + i] == pytest.approx(cost, abs=1e-9)
+
+
+def test_points_and_ways_keep_what_they_promise():
+    polygons, meshes, _ = place(5, 20)
+    need = Requirements.of(BEHAVIORS, 2, TRACKING_MARGIN)
+    roadmap = roadmap_of(meshes, need)
+    assert roadmap is roadmap_of(meshes, need)
+    for point in roadmap.points[roadmap.points["level"] == 2]:
+        for polygon, radius in zip(polygons, need.radii[2], strict=True):
+            assert shapely.distance(polygon.boundary, shapely.Point(point["x"], point["y"])) >= radius - 1e-4
+    assert (roadmap.ways["tight"] <= roadmap.ways["length"] + 1e-12).all()
+    begins = np.append(roadmap.points["begin"], len(roadmap.ways))
+    sources = np.repeat(np.arange(len(roadmap.points)), np.diff(begins))
+    links = set(zip(sources.tolist(), roadmap.ways["to"].tolist(), strict=True))
+    assert links == {(b, a) for a, b in links}
+
+
+def test_a_roadmap_is_made_anew_after_an_edit():
+    _, meshes, rooms = place(3, 0)
+    need = Requirements.of(BEHAVIORS, 2, TRACKING_MARGIN)
+    before = roadmap_of(meshes, need)
+    straight = plan_path(meshes, BEHAVIORS, (1, 4.5), (8, 4.5), rooms=rooms)
+    handle = meshes[0].insert_obstacle(shapely.box(4, 0, 5, 8))
+    around = plan_path(meshes, BEHAVIORS, (1, 4.5), (8, 4.5))
+    assert around.cost > straight.cost + 2.0
+    meshes[0].remove(handle)
+    assert plan_path(meshes, BEHAVIORS, (1, 4.5), (8, 4.5)).cost == pytest.approx(straight.cost)
+    assert roadmap_of(meshes, need) is not before
