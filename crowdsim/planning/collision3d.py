@@ -69,10 +69,8 @@ def annotated_in_3d(query: Query, bodies: Bodies, points: Floats) -> AnnotatedPa
     blocked = []
     # From the narrowest, as no wider body fits where a narrower one does not.
     for stride, facing in zip(bodies.strides, bodies.facings, strict=True):
-        parts = bodies.scene.body(stride.capsules)
         for k in np.flatnonzero(free):
-            ends = stride.placed(at[k], places[k, 0], places[k, 1], bearing[k] + facing)
-            free[k] = not bodies.scene.collides(parts, ends)
+            free[k] = not bodies.scene.collides(stride.body(at[k]), *places[k], bearing[k] + facing)
         half = 0.5 * arc[-1] / count
         hits = at[~free]
         blocked.append(np.column_stack([np.maximum(hits - half, 0.0), np.minimum(hits + half, arc[-1])]))

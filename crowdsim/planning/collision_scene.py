@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,9 +15,12 @@ from crowdsim.motion.body_capsules import Capsules
 
 Floats = NDArray[np.float64]
 
+_RING = (6, 8)
+"""Rings along a capsule and points around it: its surface lies within 8 % of its radius of the round one."""
+
 
 def load_fcl() -> Any:
-    """The collision library; :class:`CrowdSimError` says how to install it where it is absent."""
+    """The collision library; CrowdSimError says how to install it where it is absent."""
     try:
         import fcl
     except ImportError:
@@ -33,63 +35,59 @@ class CollisionScene:
 
     def __init__(self, solids: Sequence[AnySolid]) -> None:
         self._fcl = load_fcl()
-        self._objects = [self._surface(*_triangles(solid)) for solid in solids]
+        self._objects = [_surface(*_triangles(solid)) for solid in solids]
         self._tree = self._fcl.DynamicAABBTreeCollisionManager()
         self._tree.registerObjects(self._objects)
         self._tree.setup()
 
-    def _surface(self, points: Floats, triangles: NDArray[np.int64]) -> Any:
-        model = self._fcl.BVHModel()
-        model.beginModel(len(points), len(triangles))
-        model.addSubModel(points, triangles)
-        model.endModel()
-        return self._fcl.CollisionObject(model, self._fcl.Transform())
-
-    def body(self, capsules: Capsules) -> list[Any]:
-        """Objects to be placed by :meth:`collides`, one for each capsule."""
-        lengths = np.linalg.norm(capsules.ends[0, :, 1] - capsules.ends[0, :, 0], axis=1)
-        return [
-            self._fcl.CollisionObject(self._fcl.Capsule(float(radius), float(length)), self._fcl.Transform())
-            for radius, length in zip(capsules.radii, lengths, strict=True)
-        ]
-
-    def collides(self, body: Sequence[Any], ends: Floats) -> bool:
-        """Whether any capsule of a body, its axis between ``ends`` (K, 2, 3), meets a surface."""
-        for part, (start, end) in zip(body, ends, strict=True):
-            part.setTransform(self._fcl.Transform(_turn_to(end - start), 0.5 * (start + end)))
-            found = self._fcl.CollisionData()
-            self._tree.collide(part, found, self._fcl.defaultCollisionCallback)
-            if found.result.is_collision:
-                return True
-        return False
-
-
-@dataclass(frozen=True)
-class Stride:
-    """One cycle of a behavior: its capsules relative to the track, and how far (meters) the cycle leads."""
-
-    capsules: Capsules
-    length: float
-
-    def placed(self, arc: float, x: float, y: float, heading: float) -> Floats:
-        """Axes (K, 2, 3) of the capsules of a body whose track is there, ``arc`` meters along its way."""
-        frame = int(arc / self.length * len(self.capsules.ends)) % len(self.capsules.ends)
-        ends = self.capsules.ends[frame]
+    def collides(self, body: Any, x: float, y: float, heading: float) -> bool:
+        """Whether the surface of a posed body (:class:`Stride`) meets one of the scene where its track is so."""
         cos, sin = np.cos(heading), np.sin(heading)
-        turned = ends.copy()
-        turned[..., 0] = cos * ends[..., 0] - sin * ends[..., 1] + x
-        turned[..., 1] = sin * ends[..., 0] + cos * ends[..., 1] + y
-        return turned
+        turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        body.setTransform(self._fcl.Transform(turn, np.array([x, y, 0.0])))
+        found = self._fcl.CollisionData()
+        self._tree.collide(body, found, self._fcl.defaultCollisionCallback)
+        return bool(found.result.is_collision)
 
 
-def _turn_to(axis: Floats) -> Floats:
-    """A rotation (3, 3) that takes the z axis along ``axis``."""
+class Stride:
+    """One cycle of a behavior: a surface of the whole body for each frame, and how far (meters) the cycle leads."""
+
+    def __init__(self, capsules: Capsules, length: float) -> None:
+        import trimesh
+
+        self.length = length
+        self._bodies = []
+        for frame in capsules.ends:
+            axes = zip(frame, capsules.radii.tolist(), strict=True)
+            parts = [_capsule(start, end, radius) for (start, end), radius in axes]
+            body = trimesh.util.concatenate(parts)
+            self._bodies.append(_surface(np.asarray(body.vertices), np.asarray(body.faces, np.int64)))
+
+    def body(self, arc: float) -> Any:
+        """The body ``arc`` meters along its way."""
+        return self._bodies[int(arc / self.length * len(self._bodies)) % len(self._bodies)]
+
+
+def _surface(points: Floats, triangles: NDArray[np.int64]) -> Any:
+    fcl = load_fcl()
+    model = fcl.BVHModel()
+    model.beginModel(len(points), len(triangles))
+    model.addSubModel(points, triangles)
+    model.endModel()
+    return fcl.CollisionObject(model, fcl.Transform())
+
+
+def _capsule(start: Floats, end: Floats, radius: float) -> Any:
+    """A trimesh around the axis from ``start`` to ``end``."""
+    import trimesh
+
+    axis = end - start
     length = float(np.linalg.norm(axis))
-    z = axis / length if length > 1e-9 else np.array([0.0, 0.0, 1.0])
-    other = np.array([1.0, 0.0, 0.0]) if abs(z[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
-    x = np.cross(other, z)
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])
+    capsule = trimesh.creation.capsule(height=length, radius=radius, count=_RING)
+    turn = trimesh.geometry.align_vectors([0.0, 0.0, 1.0], axis if length > 0.0 else [0.0, 0.0, 1.0])
+    turn[:3, 3] = 0.5 * (start + end)
+    return capsule.apply_transform(turn)
 
 
 def _triangles(solid: AnySolid) -> tuple[Floats, NDArray[np.int64]]:
