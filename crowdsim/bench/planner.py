@@ -1,8 +1,8 @@
 """What a plan costs: time, cost and proven gap of each planner, in cluttered places (2018 paper, table 1 and figure 7).
 
-A step is :data:`STEP` meters, so that 20 of them are 14 m. Goals lie at that distance from the start in a straight line,
-both where the widest behavior fits. Times are the best of :data:`PASSES`, in milliseconds, without slack for the
-motions, which is the same for the paths of all planners; the roadmap of a place is made before.
+A step is :data:`STEP` meters, so that 20 of them are 14 m. Goals lie at that distance from the start in a straight
+line, both where the widest behavior fits. Times are the best of :data:`PASSES`, in milliseconds, without slack for
+the motions, which is the same for the paths of all planners; the roadmap of a place is made before.
 """
 
 from __future__ import annotations

@@ -59,8 +59,8 @@ def label_cells(cuts, widest, costs, turned, terms, best, chosen_start, chosen_b
     """Cheapest labels of the cells between ``cuts``; returns their cost, infinite where there are none.
 
     cuts: (c + 1,) float64, ascending arc lengths; widest: (c,) int32, largest feasible label of each cell, all smaller
-    ones being feasible too. costs: (n,) float64 a meter; turned: (n,) bool; terms: as :data:`TERMS`.
-    Scratch: best (c + 1, n, n + 1) float64, chosen_start and chosen_before of the same shape, int32. Result: labels (c,) int32.
+    ones being feasible too. costs: (n,) float64 a meter; turned: (n,) bool; terms: as :data:`TERMS`. Scratch:
+    best (c + 1, n, n + 1) float64, chosen_start and chosen_before of the same shape, int32. Result: labels (c,) int32.
 
     ``best[k, i, j]`` is the cost up to cut k where a section of label i ends that a section of label j follows (j = n:
     the path ends). Dynamic programming over section ends, O(c^2 n^3).

@@ -97,7 +97,11 @@ class Roadmap:
         return line
 
 
-_roadmaps: weakref.WeakKeyDictionary[NavMesh, dict[Any, Roadmap]] = weakref.WeakKeyDictionary()
+_Key = tuple[tuple[int, ...], bytes, bytes, bytes, bytes]
+
+_roadmaps: weakref.WeakKeyDictionary[NavMesh, list[tuple[_Key, tuple[NavMesh, ...], Roadmap]]] = (
+    weakref.WeakKeyDictionary()
+)
 _making = threading.Lock()
 
 _KEPT = 4
@@ -106,14 +110,14 @@ _KEPT = 4
 
 def roadmap_of(meshes: Sequence[NavMesh], need: Requirements, terms: NDArray[np.float64] = TERMS) -> Roadmap:
     """The roadmap of ``meshes`` as they are, made at the first call and after every edit."""
-    key = (
-        tuple((id(mesh), mesh.revision) for mesh in meshes),
-        need.radii.tobytes(), need.costs.tobytes(), need.turned.tobytes(), terms.tobytes(),
-    )  # fmt: skip
+    revisions = tuple(mesh.revision for mesh in meshes)
+    key = revisions, need.radii.tobytes(), need.costs.tobytes(), need.turned.tobytes(), terms.tobytes()
+    upper = tuple(meshes[1:])
     with _making:
-        kept = _roadmaps.setdefault(meshes[0], {})
-        if key not in kept:
-            while len(kept) >= _KEPT:
-                del kept[next(iter(kept))]
-            kept[key] = Roadmap(meshes, need, terms)
-        return kept[key]
+        kept = _roadmaps.setdefault(meshes[0], [])
+        for known, others, roadmap in kept:
+            if known == key and all(one is other for one, other in zip(others, upper, strict=True)):
+                return roadmap
+        del kept[: len(kept) - _KEPT + 1]
+        kept.append((key, upper, Roadmap(meshes, need, terms)))
+        return kept[-1][2]

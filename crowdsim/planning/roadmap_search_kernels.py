@@ -104,8 +104,9 @@ def costs_from(points, ways, costs, turned, change, source, heap, out):
 def find_road(layers, radii, around, costs, turned, terms, change, points, spans, ways, marks, states, stamp, ends):
     """Points and behaviors (k, 2) of the cheapest way over the roadmap from ends[0] to ends[1], and its cost.
 
-    around: (nv, n) of `corner_radii`. terms: as :data:`crowdsim.planning.labelling_kernels.TERMS`. change: (n, n)
-    cost of a change between two behaviors. marks: (states, l) costs from landmarks. states: scratch, ``stamp`` of the search. No rows where there is no way.
+    around: (nv, n) of `corner_radii`. terms: as :data:`crowdsim.planning.labelling_kernels.TERMS`. change: (n, n) cost
+    of a change between two behaviors. marks: (states, l) costs from landmarks. states: scratch with the ``stamp``
+    of this search. No rows where there is no way.
     """
     n = costs.size
     hints = np.full(len(layers), NONE)

@@ -1,0 +1,18 @@
+"""The benchmark of planners, with few goals."""
+
+import json
+
+from crowdsim.bench import planner
+
+
+def test_every_planner_has_a_row_for_each_place_and_distance(monkeypatch):
+    monkeypatch.setattr(planner, "STEPS", (5,))
+    monkeypatch.setattr(planner, "DENSITIES", ("normal",))
+    measured = planner.measure(goals=3)
+    assert [row["planner"] for row in measured.rows] == list(planner.PLANNERS)
+    assert {tuple(row) for row in measured.rows} == {tuple(measured.rows[0])}
+    assert {"layered_ms_normal_5", "greedy_ms_normal_5", "layered_over_greedy_cost_max", "gap_mean"} <= set(
+        measured.figures
+    )
+    assert measured.figures["layered_over_greedy_cost_max"] <= 1.0 + 1e-6
+    json.dumps(measured.rows)
