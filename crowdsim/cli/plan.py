@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import time
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -14,6 +16,12 @@ def plan(
     scenario: Scenario,
     start: Annotated[str, typer.Option("--from", metavar="X,Y", help="Start, in meters.")],
     goal: Annotated[str, typer.Option("--to", metavar="X,Y", help="Goal, in meters.")],
+    planner: Annotated[
+        str | None, typer.Option(metavar="NAME", help="layered, greedy, greedy_literal or collision3d.")
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="OUT.png", help="Draw the path in the colors of its behaviors.")
+    ] = None,
     overrides: Overrides = None,
     as_json: Json = False,
     debug: Debug = False,
@@ -24,12 +32,25 @@ def plan(
     from crowdsim.cli.tables import print_rows
     from crowdsim.crowd.place import Place
     from crowdsim.crowd.setting import prepare
-    from crowdsim.planning.planner import plan_path
     from crowdsim.scenario.loader import load_scenario
 
-    loaded = load_scenario(scenario, overrides or [])
+    changes = [*(overrides or [])]
+    if planner is not None:
+        changes.append(f"planner={planner}")
+    loaded = load_scenario(scenario, changes)
     setting = prepare(loaded)
-    path = plan_path(Place(setting, loaded.changes()).meshes, setting.behaviors, *ends)
+    place = Place(setting, loaded.changes())
+    path = place.route(*ends)
+    gap = path.gap
+    # Again, for the first plan in a place makes what later ones share.
+    begin = time.perf_counter()
+    place.route(*ends)
+    milliseconds = 1e3 * (time.perf_counter() - begin)
+    if picture is not None:
+        from crowdsim.figures import write_figure
+        from crowdsim.scenario.picture import draw_plan
+
+        write_figure(draw_plan(loaded, setting.behaviors, path), picture)
     sections: list[dict[str, Any]] = [
         {
             "behavior": setting.behaviors[section.behavior].name,
@@ -41,7 +62,15 @@ def plan(
         for section in path.sections
     ]
     if as_json:
-        found = {"length": path.length, "cost": path.cost, "sections": sections, "points": path.points.tolist()}
+        found = {
+            "planner": setting.planner,
+            "length": path.length,
+            "cost": path.cost,
+            "gap": gap,
+            "milliseconds": milliseconds,
+            "sections": sections,
+            "points": path.points.tolist(),
+        }
         typer.echo(json.dumps(found))
         return
     print_rows(

@@ -131,7 +131,7 @@ def search_motion(setting: Setting, place: Place, request: Request) -> MotionPla
         if plan.arrives:
             return plan
     try:
-        route = plan_path(place.meshes, setting.behaviors, request.position, request.goal, rooms=place.rooms)
+        route = place.route(request.position, request.goal)
     except PathNotFound as error:
         return error
     plan = _follow(setting, request, route, place.meshes)
@@ -152,7 +152,7 @@ def _stepping_aside(setting: Setting, place: Place, request: Request, route: Ann
         angle = direction + turn * np.pi
         beside = request.position + SIDE_STEP * np.array([np.cos(angle), np.sin(angle)])
         try:
-            way = plan_path(place.meshes, setting.behaviors, beside, request.goal, rooms=place.rooms)
+            way = place.route(beside, request.goal)
         except PathNotFound:
             continue
         way = joined_to(way, ends, setting.need.costs)

@@ -6,13 +6,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.crowd.setting import Setting
 from crowdsim.environment.layers import taken_between
 from crowdsim.navmesh.editing.obstacles import Handle
 from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.planning.annotated_path import AnnotatedPath
+from crowdsim.planning.planner import plan_path
 from crowdsim.planning.rooms import grown, room_growths, room_polygons
 from crowdsim.scenario.changes import Changes, Placing, placed
 
@@ -62,6 +64,19 @@ class Place:
     def revision(self) -> int:
         """How many edits there were."""
         return len(self.edits)
+
+    def route(self, start: ArrayLike, goal: ArrayLike) -> AnnotatedPath:
+        """A path for whoever goes from ``start`` to ``goal`` (x, y) now; PathNotFound where there is none."""
+        setting = self.setting
+        return plan_path(
+            self.meshes,
+            setting.behaviors,
+            start,
+            goal,
+            rooms=self.rooms,
+            planner=setting.planner,
+            bodies=setting.bodies,
+        )
 
     def placing(self, movable: int) -> Placing | None:
         """Where a movable stands; None while it is absent."""

@@ -16,6 +16,8 @@ from crowdsim.motion.graph_arrays import GraphArrays
 from crowdsim.motion.motion_graph import MotionGraph
 from crowdsim.planning.behavior_library import BehaviorSet, load_behavior_set
 from crowdsim.planning.behaviors import Behavior
+from crowdsim.planning.collision3d import Bodies, make_bodies
+from crowdsim.planning.collision_scene import CollisionScene
 from crowdsim.planning.requirements import Requirements
 from crowdsim.scenario.scenario import Scenario
 
@@ -24,7 +26,8 @@ from crowdsim.scenario.scenario import Scenario
 class Setting:
     """Layers without what moves (legs first), behaviors (least preferred first), the motion graph and its maps.
 
-    What moves, and the meshes, are in :class:`crowdsim.crowd.place.Place`.
+    What moves, and the meshes, are in :class:`crowdsim.crowd.place.Place`. planner: what finds routes; bodies: what it
+    moves through the place in 3D, if it does.
     """
 
     layers: tuple[ClearanceLayer, ...]
@@ -32,6 +35,8 @@ class Setting:
     motion: MotionGraph
     maps: MotionMaps
     steps_per_second: int
+    planner: str = "layered"
+    bodies: Bodies | None = None
 
     @property
     def graph(self) -> GraphArrays:
@@ -112,10 +117,15 @@ def prepare(scenario: Scenario) -> Setting:
             f"({shortest / CAPTURE_RATE:.2f} s); take more steps"
         )
         raise ScenarioError([scenario.problem(("steps_per_second",), message)])
+    bodies = None
+    if scenario.planner == "collision3d":
+        bodies = make_bodies(CollisionScene(changes.fixed), behavior_set.behaviors)
     return Setting(
         layers=layers,
         behaviors=behavior_set.behaviors,
         motion=behavior_set.graph,
         maps=MotionMaps.build(behavior_set.graph.arrays),
         steps_per_second=scenario.steps_per_second,
+        planner=scenario.planner,
+        bodies=bodies,
     )

@@ -16,6 +16,7 @@ from crowdsim.planning.annotated_path import AnnotatedPath
 from crowdsim.planning.behaviors import Behavior
 from crowdsim.planning.certificate import lower_bound
 from crowdsim.planning.clear_ends import clear_end, joined_to
+from crowdsim.planning.collision3d import Bodies, plan_collision3d
 from crowdsim.planning.diagnosis import why_not
 from crowdsim.planning.greedy import plan_greedy
 from crowdsim.planning.labelling_kernels import TERMS
@@ -28,10 +29,11 @@ from crowdsim.planning.widening import with_slack
 if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
 
-PLANNERS: dict[str, Callable[[Query], AnnotatedPath | None]] = {
+PLANNERS: dict[str, Callable[..., AnnotatedPath | None]] = {
     "layered": plan_layered,
     "greedy": partial(plan_greedy, keep_blockers=True),
     "greedy_literal": partial(plan_greedy, keep_blockers=False),
+    "collision3d": plan_collision3d,
 }
 """Name -> what plans: a path without slack, or None where there is none."""
 
@@ -45,6 +47,7 @@ def plan_path(
     margin: float = TRACKING_MARGIN,
     rooms: Sequence[NavMesh | None] | None = None,
     planner: str = "layered",
+    bodies: Bodies | None = None,
     slack: bool = True,
     terms: NDArray[np.float64] = TERMS,
 ) -> AnnotatedPath:
@@ -58,7 +61,8 @@ def plan_path(
     margin: meters added to every body radius. Start and goal alone may be that much nearer to obstacles.
     rooms: meshes of :func:`~crowdsim.planning.rooms.room_polygons`, with which a path gets slack close to low obstacles
         where high ones ask for it; without them it does as in the lowest mesh with the largest clearance of any layer.
-    planner: "layered"; or the published "greedy_literal", or "greedy", which combines detours.
+    planner: "layered"; or the published "greedy_literal", or "greedy", which combines detours; or "collision3d", which
+        tests ``bodies`` in 3D where the others ask the layers.
     slack: whether the path moves off obstacles where that costs next to nothing, as motions follow paths only nearly.
     terms: (4,) what changes of behavior take, as :data:`~crowdsim.planning.labelling_kernels.TERMS`.
 
@@ -71,13 +75,32 @@ def plan_path(
     """
     if planner not in PLANNERS:
         raise BehaviorError(f"there is no planner '{planner}'; there are: {', '.join(PLANNERS)}")
-    need = Requirements.of(behaviors, len(meshes), margin)
-    given = np.array([start, goal], dtype=np.float64)
-    ends = np.array([clear_end(meshes, need, end) for end in given])
-    query = Query(tuple(meshes), need, make_rooms(meshes, need, rooms), ends, terms)
-    best = PLANNERS[planner](query)
+    plan = PLANNERS[planner]
+    if planner == "collision3d":
+        if bodies is None:
+            raise BehaviorError("the planner 'collision3d' needs the bodies that move and the scene they move in")
+        plan = partial(plan_collision3d, bodies=bodies)
+    query = make_query(meshes, behaviors, start, goal, margin=margin, rooms=rooms, terms=terms)
+    best = plan(query)
     if best is None:
         raise PathNotFound(why_not(query))
     if slack:
         best = with_slack(query, best)
-    return replace(joined_to(best, given, need.costs), certificate=partial(lower_bound, query))
+    given = np.array([start, goal], dtype=np.float64)
+    return replace(joined_to(best, given, query.need.costs), certificate=partial(lower_bound, query))
+
+
+def make_query(
+    meshes: Sequence[NavMesh],
+    behaviors: Sequence[Behavior],
+    start: ArrayLike,
+    goal: ArrayLike,
+    *,
+    margin: float = TRACKING_MARGIN,
+    rooms: Sequence[NavMesh | None] | None = None,
+    terms: NDArray[np.float64] = TERMS,
+) -> Query:
+    """What planners are asked, from the arguments of :func:`plan_path`."""
+    need = Requirements.of(behaviors, len(meshes), margin)
+    ends = np.array([clear_end(meshes, need, end) for end in np.array([start, goal], dtype=np.float64)])
+    return Query(tuple(meshes), need, make_rooms(meshes, need, rooms), ends, terms)

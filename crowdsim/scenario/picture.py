@@ -6,12 +6,14 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
 import shapely
 from shapely import MultiPolygon, Point, Polygon
 
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.environment.layers import ClearanceLayer, polygons_only
 from crowdsim.figures import fill
+from crowdsim.planning.annotated_path import AnnotatedPath
 from crowdsim.planning.behaviors import Behavior
 from crowdsim.scenario.scenario import Scenario
 
@@ -43,38 +45,65 @@ def reachable_areas(scenario: Scenario, behaviors: Sequence[Behavior]) -> tuple[
 
 def draw_scenario(scenario: Scenario, behaviors: Sequence[Behavior]) -> Figure:
     """One panel a layer, with starts, goals, and the reachable area of each behavior in the behavior's color."""
-    from matplotlib.figure import Figure
-
-    low_x, low_y, high_x, high_y = scenario.floor_polygon().bounds
-    width, height = high_x - low_x, high_y - low_y
-    scale = _PANEL / max(width, height)
-    layers = scenario.layers()
-    # Panels stand side by side unless they are wide.
-    rows = len(layers) if width > height else 1
-    columns = math.ceil(len(layers) / rows)
-    size = (columns * max(width * scale, 3.0) + 1.0, rows * (max(height * scale, 2.0) + 0.6) + 1.0)
-    figure = Figure(figsize=size, dpi=_DPI, layout="constrained")
+    figure, panels = _panels(scenario)
     areas = reachable_areas(scenario, behaviors)
-    panels = figure.subplots(rows, columns, squeeze=False).flat
-    for layer, axes in zip(layers, panels, strict=False):
+    for layer, axes in zip(scenario.layers(), panels, strict=False):
         _draw_layer(axes, scenario, layer)
         for behavior, area, wider in zip(behaviors, areas, (*areas[1:], Polygon()), strict=True):
             label = f"within reach, {behavior.name.replace('_', ' ')}: {area.area:.1f} m\u00b2"
             # Without what a wider behavior reaches, lest the colors mix.
             fill(axes, area.difference(wider), facecolor=behavior.color, alpha=0.45, edgecolor="none", label=label)
         _draw_ends(axes, scenario)
-        margin = 0.02 * max(width, height)
+    _finish(figure, scenario.name)
+    return figure
+
+
+def draw_plan(scenario: Scenario, behaviors: Sequence[Behavior], path: AnnotatedPath) -> Figure:
+    """One panel a layer with a path, each section of it in the color of its behavior (2018 paper, figure 3)."""
+    figure, panels = _panels(scenario)
+    for layer, axes in zip(scenario.layers(), panels, strict=False):
+        _draw_layer(axes, scenario, layer)
+        for section in path.sections:
+            behavior = behaviors[section.behavior]
+            inner = path.arc[(path.arc > section.start) & (path.arc < section.end)]
+            points = path.at(np.array([section.start, *inner, section.end]))
+            label = f"{behavior.name.replace('_', ' ')}, {behavior.cost_per_meter:g} a meter"
+            axes.plot(*points.T, color=behavior.color, linewidth=2.5, label=label)
+        for end, marker in ((path.points[0], "o"), (path.points[-1], "s")):
+            axes.plot(*end, marker, color="white", markeredgecolor=_BLOCKED, markersize=8.0)
+    _finish(figure, f"{scenario.name}: {path.length:.2f} m, cost {path.cost:.2f}")
+    return figure
+
+
+def _panels(scenario: Scenario) -> tuple[Figure, list[Axes]]:
+    """A figure with a panel for each layer, beside each other unless they are wide."""
+    from matplotlib.figure import Figure
+
+    low_x, low_y, high_x, high_y = scenario.floor_polygon().bounds
+    width, height = high_x - low_x, high_y - low_y
+    scale = _PANEL / max(width, height)
+    layers = scenario.layers()
+    rows = len(layers) if width > height else 1
+    columns = math.ceil(len(layers) / rows)
+    size = (columns * max(width * scale, 3.0) + 1.0, rows * (max(height * scale, 2.0) + 0.6) + 1.0)
+    figure = Figure(figsize=size, dpi=_DPI, layout="constrained")
+    panels = list(figure.subplots(rows, columns, squeeze=False).flat)
+    margin = 0.02 * max(width, height)
+    for axes in panels:
         axes.set(xlim=(low_x - margin, high_x + margin), ylim=(low_y - margin, high_y + margin), aspect="equal")
-        axes.set_title(f"{layer.name}, {layer.low:g} to {layer.high:g} m", fontsize="medium")
+    return figure, panels
+
+
+def _finish(figure: Figure, title: str) -> None:
     labels = dict(zip(*reversed(figure.axes[0].get_legend_handles_labels()), strict=True))
     figure.legend(labels.values(), labels.keys(), loc="outside lower center", ncols=2, frameon=False)
-    figure.suptitle(scenario.name)
-    return figure
+    figure.suptitle(title)
 
 
 def _draw_layer(axes: Axes, scenario: Scenario, layer: ClearanceLayer) -> None:
     fill(axes, scenario.floor_polygon(), facecolor=_FLOOR, edgecolor=_BLOCKED, linewidth=0.8)
     fill(axes, layer.obstacles.intersection(scenario.floor_polygon()), facecolor=_BLOCKED, edgecolor="none")
+    axes.set_title(f"{layer.name}, {layer.low:g} to {layer.high:g} m", fontsize="medium")
 
 
 def _draw_ends(axes: Axes, scenario: Scenario) -> None:

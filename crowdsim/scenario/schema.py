@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
@@ -51,6 +51,7 @@ class ScenarioFields(Part):
         Layer(name=band.name, low=band.low, high=band.high) for band in (LEGS, TORSO)
     )
     behaviors: Annotated[tuple[Name, ...], Field(strict=False, min_length=1)] = DEFAULT_BEHAVIORS
+    planner: Literal["layered", "greedy", "greedy_literal", "collision3d"] = "layered"
     motion: Motion = Motion(set="default")
     agents: Annotated[tuple[AgentGroup, ...], Field(strict=False, min_length=1)]
     areas: Annotated[tuple[Area, ...], Field(strict=False)] = ()

@@ -59,6 +59,8 @@ def _duplicate_names(scenario: Scenario) -> list[Problem]:
 
 
 def _events(scenario: Scenario) -> list[Problem]:
+    if scenario.planner == "collision3d" and scenario.events:
+        return [scenario.problem(("planner",), "'collision3d' knows a place that stands still; drop the events")]
     wrong = read_changes(scenario, scenario.things())[1]
     return [scenario.problem(("events", number, key), message) for number, key, message in wrong]
 

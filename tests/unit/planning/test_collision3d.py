@@ -1,6 +1,5 @@
 """Bodies in 3D against obstacles in 3D, and plans made with them."""
 
-
 import numpy as np
 import pytest
 import shapely
