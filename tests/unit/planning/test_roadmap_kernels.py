@@ -39,7 +39,9 @@ def test_low_corners_are_passed_as_near_as_the_legs_may():
     low = HALL.difference(shapely.box(4, 1, 5, 2))
     around = corner_radii((NavMesh(low).arrays, NavMesh(HALL).arrays), RADII)
     vertices = NavMesh(low).arrays.vertices
-    corner = np.flatnonzero((vertices["x"] > 3.9) & (vertices["x"] < 5.1) & (vertices["y"] > 0.9) & (vertices["y"] < 2.1))
+    corner = np.flatnonzero(
+        (vertices["x"] > 3.9) & (vertices["x"] < 5.1) & (vertices["y"] > 0.9) & (vertices["y"] < 2.1)
+    )
     assert around[corner].max() == 0.22
 
 
