@@ -2,27 +2,31 @@
 
 A step is :data:`STEP` meters, so that 20 of them are 14 m. Goals lie at that distance from the start in a straight
 line, both where the widest behavior fits. Times are the best of :data:`PASSES`, in milliseconds, without slack for
-the motions, which is the same for the paths of all planners; the roadmap of a place is made before.
+the motions, which is the same for the paths of all planners; the roadmap of a place is made before. Plans with whole
+bodies tested in 3D take so long that they are made once, and to every fifth goal only.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from functools import partial
-from typing import Any
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.bench.registry import Measurement
-from crowdsim.crowd.setting import Setting, prepare
+from crowdsim.crowd.place import Place
+from crowdsim.crowd.setting import prepare
 from crowdsim.errors import PathNotFound
-from crowdsim.library import library_folder
+from crowdsim.figures import write_figure
 from crowdsim.planning.annotated_path import AnnotatedPath
 from crowdsim.planning.planner import plan_path
-from crowdsim.planning.requirements import Requirements
 from crowdsim.scenario.loader import load_scenario
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Floats = NDArray[np.float64]
 
@@ -31,85 +35,112 @@ STEPS = (5, 10, 20)
 DENSITIES = ("normal", "dense")
 GOALS = 100
 PASSES = 3
-_MARGIN = 0.05
 
-Plan = Callable[[Setting, Floats], AnnotatedPath]
+PLANNERS = ("layered", "greedy", "greedy_literal", "collision3d")
 
-
-def _plan(name: str, setting: Setting, ends: Floats) -> AnnotatedPath:
-    return plan_path(
-        setting.meshes, setting.behaviors, ends[0], ends[1], rooms=setting.rooms, planner=name, slack=False
-    )
+_EVERY = 5
+"""Of so many goals, one is also planned to in 3D."""
 
 
-PLANNERS: dict[str, Plan] = {name: partial(_plan, name) for name in ("layered", "greedy", "greedy_literal")}
-"""Name -> what plans from ends[0] to ends[1] and raises PathNotFound where it finds nothing."""
-
-
-def measure(goals: int = GOALS) -> Measurement:
-    """All planners on all places and distances."""
+def measure(goals: int = GOALS, picture: Path | None = None) -> Measurement:
+    """All planners on all places and distances; ``picture`` is written with their times."""
     rows: list[dict[str, Any]] = []
     figures: dict[str, float] = {}
+    times: dict[tuple[str, int, str], Floats] = {}
     ratios, gaps = [], []
     for density in DENSITIES:
-        setting = prepare(
-            load_scenario(str(library_folder("scenarios") / "clutter.yaml"), [f"clutter.density={density}"])
-        )
+        place = cluttered_place(density)
         for steps in STEPS:
-            queries = place_queries(setting, goals, steps * STEP, seed=steps)
-            costs = {}
-            for name, plan in PLANNERS.items():
-                seconds, costs[name], found = run(plan, setting, queries)
-                row = _row(density, steps, name, seconds * 1e3, costs[name])
+            queries = place_queries(place, goals, steps * STEP, seed=steps)
+            seconds, costs = {}, {}
+            for name in PLANNERS:
+                whole_bodies = name == "collision3d"
+                asked, passes = (queries[::_EVERY], 1) if whole_bodies else (queries, PASSES)
+                seconds[name], costs[name], found = run(place, name, asked, passes)
+                times[density, steps, name] = 1e3 * seconds[name][np.isfinite(costs[name])]
+                row = _row(density, steps, name, times[density, steps, name], costs[name])
                 if name == "layered":
                     own = np.array([path.gap for path in found if path is not None])
                     row["gap"] = round(float(own.mean()), 3) if len(own) else None
                     gaps.append(own)
                 rows.append(row)
-                figures[f"{name}_ms_{density}_{steps}"] = float(np.median(seconds)) * 1e3
+                figures[f"{name}_ms_{density}_{steps}"] = float(np.median(times[density, steps, name]))
             both = np.isfinite(costs["layered"]) & np.isfinite(costs["greedy_literal"])
             ratios.append(costs["layered"][both] / costs["greedy_literal"][both])
             figures[f"layered_over_greedy_cost_mean_{density}_{steps}"] = float(ratios[-1].mean())
+            same = np.median(seconds["collision3d"]) / np.median(seconds["layered"][::_EVERY])
+            figures[f"ratio_3d_over_layered_{density}_{steps}"] = float(same)
     figures["layered_over_greedy_cost_max"] = float(np.concatenate(ratios).max())
     figures["gap_mean"] = float(np.concatenate(gaps).mean())
+    if picture is not None:
+        write_figure(draw_times(times), picture)
     return Measurement(rows, figures)
 
 
-def place_queries(setting: Setting, count: int, distance: float, seed: int) -> list[Floats]:
+def cluttered_place(density: str) -> Place:
+    """The place of the scenario ``clutter`` with obstacles as dense, ready for all planners."""
+    scenario = load_scenario("clutter", [f"clutter.density={density}", "planner=collision3d"])
+    return Place(prepare(scenario), scenario.changes())
+
+
+def place_queries(place: Place, count: int, distance: float, seed: int) -> list[Floats]:
     """Pairs (2, 2) of places where the widest behavior fits, ``distance`` meters apart."""
-    need = Requirements.of(setting.behaviors, len(setting.meshes), _MARGIN)
+    need = place.setting.need
     rng = np.random.default_rng(seed)
-    x0, y0, x1, y1 = setting.layers[0].free.bounds
+    x0, y0, x1, y1 = place.setting.layers[0].free.bounds
     found: list[Floats] = []
     while len(found) < count:
         start = rng.uniform((x0, y0), (x1, y1))
         bearing = rng.uniform(0.0, 2.0 * np.pi)
         ends = np.array([start, start + distance * np.array([np.cos(bearing), np.sin(bearing)])])
         fits = [
-            mesh.clearances(ends, radius) >= radius for mesh, radius in zip(setting.meshes, need.radii[-1], strict=True)
+            mesh.clearances(ends, radius) >= radius for mesh, radius in zip(place.meshes, need.radii[-1], strict=True)
         ]
         if np.all(fits):
             found.append(ends)
     return found
 
 
-def run(plan: Plan, setting: Setting, queries: list[Floats]) -> tuple[Floats, Floats, list[AnnotatedPath | None]]:
+def run(
+    place: Place, planner: str, queries: Sequence[Floats], passes: int = PASSES
+) -> tuple[Floats, Floats, list[AnnotatedPath | None]]:
     """Seconds (n,), costs (n,), infinite where nothing is found, and paths."""
+    setting = place.setting
     paths: list[AnnotatedPath | None] = []
     seconds = np.full(len(queries), np.inf)
     for k, ends in enumerate(queries):
         path: AnnotatedPath | None = None
-        for _ in range(PASSES):
+        for _ in range(passes):
             begin = time.perf_counter()
             try:
-                path = plan(setting, ends)
+                path = plan_path(
+                    place.meshes, setting.behaviors, ends[0], ends[1], rooms=place.rooms,
+                    planner=planner, bodies=setting.bodies, slack=False,
+                )  # fmt: skip
             except PathNotFound:
                 path = None
             seconds[k] = min(seconds[k], time.perf_counter() - begin)
         paths.append(path)
-    found = np.array([path is not None for path in paths])
-    costs = np.array([np.inf if path is None else path.cost for path in paths])
-    return seconds[found] if found.any() else seconds, costs, paths
+    return seconds, np.array([np.inf if path is None else path.cost for path in paths]), paths
+
+
+def draw_times(times: Mapping[tuple[str, int, str], Floats]) -> Figure:
+    """Milliseconds (n,) by place, steps and planner: quartiles, whiskers and outliers (2018 paper, figure 7)."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11.0, 4.5), dpi=110, layout="constrained")
+    densities = list(dict.fromkeys(density for density, _, _ in times))
+    panels = figure.subplots(1, len(densities), sharey=True, squeeze=False)[0]
+    for axes, density in zip(panels, densities, strict=True):
+        own = [(f"{name}\n{steps}", ms) for (place, steps, name), ms in times.items() if place == density]
+        own.sort(key=lambda entry: [entry[0].startswith(name + "\n") for name in PLANNERS], reverse=True)
+        axes.boxplot([ms for _, ms in own], tick_labels=[label for label, _ in own], flierprops={"markersize": 3.0})
+        axes.set(title=f"{density} clutter", yscale="log")
+        axes.tick_params(axis="x", labelsize="x-small")
+        axes.grid(axis="y", alpha=0.3)
+    panels[0].set_ylabel("milliseconds a plan")
+    figure.supxlabel("planner and distance in steps of 0.7 m")
+    return figure
 
 
 def _row(density: str, steps: int, name: str, ms: Floats, costs: Floats) -> dict[str, Any]:

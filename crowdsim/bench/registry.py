@@ -52,15 +52,22 @@ def bench_names() -> dict[str, str]:
     return {name: line for name, (_, line) in _BENCHES.items()}
 
 
-def run_bench(name: str, maps: Path | None = None, worlds: Path | None = None) -> BenchResult:
+def run_bench(
+    name: str, maps: Path | None = None, worlds: Path | None = None, picture: Path | None = None
+) -> BenchResult:
     """Run the benchmark called ``name``, on the files in the folder ``maps`` or ``worlds`` if one is given.
 
-    Raises :class:`CrowdSimError` for a name that is not there, and for a folder of a kind the benchmark takes none of.
+    Raises :class:`CrowdSimError` for a name that is not there, for a folder of a kind the benchmark takes none of, and
+    for a ``picture`` to be written where it draws none.
     """
     if name not in _BENCHES:
         raise CrowdSimError(f"there is no benchmark '{name}'; there are: {', '.join(_BENCHES)}")
     measure: Callable[..., Measurement] = importlib.import_module(_BENCHES[name][0]).measure
-    given = {kind: folder for kind, folder in (("maps", maps), ("worlds", worlds)) if folder is not None}
+    given = {
+        kind: folder
+        for kind, folder in (("maps", maps), ("worlds", worlds), ("picture", picture))
+        if folder is not None
+    }
     for kind in given:
         if kind not in inspect.signature(measure).parameters:
             raise CrowdSimError(f"the benchmark '{name}' takes no {kind}; run it without")

@@ -85,4 +85,7 @@ def plan(
             for section in sections
         ]
     )
-    typer.echo(f"\n{path.length:.2f} m, cost {path.cost:.2f}, changes of behavior included")
+    typer.echo(
+        f"\n{path.length:.2f} m, cost {path.cost:.2f}, changes of behavior included; no more than {gap:.1%} above the"
+        f" cheapest there is; {milliseconds:.1f} ms"
+    )

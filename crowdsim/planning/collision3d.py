@@ -70,7 +70,7 @@ def annotated_in_3d(query: Query, bodies: Bodies, points: Floats) -> AnnotatedPa
     # From the narrowest, as no wider body fits where a narrower one does not.
     for stride, facing in zip(bodies.strides, bodies.facings, strict=True):
         for k in np.flatnonzero(free):
-            free[k] = not bodies.scene.collides(stride.body(at[k]), *places[k], bearing[k] + facing)
+            free[k] = not bodies.scene.collides(stride.body(at[k]), places[k, 0], places[k, 1], bearing[k] + facing)
         half = 0.5 * arc[-1] / count
         hits = at[~free]
         blocked.append(np.column_stack([np.maximum(hits - half, 0.0), np.minimum(hits + half, arc[-1])]))

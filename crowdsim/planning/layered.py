@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import PathNotFound
 from crowdsim.planning.annotated_path import AnnotatedPath, Section, arc_lengths
+from crowdsim.planning.greedy import plan_greedy
 from crowdsim.planning.query import Query
 from crowdsim.planning.roadmap import Roadmap, roadmap_of
 from crowdsim.planning.string_kernels import is_straight
@@ -19,6 +20,9 @@ DOUBT = -0.05
 
 SURPRISE = 0.01
 """Share of the estimate by which the best path may cost more before the shortest paths of all rooms are tried too."""
+
+ALARM = 0.03
+"""Share of the estimate above which blocked places are worth a try: sections of the least length near the ends."""
 
 NEAR = 6.0
 """Meters of a path below which they are tried anyway, as that takes little time and ends weigh much."""
@@ -45,10 +49,15 @@ def plan_layered(query: Query) -> AnnotatedPath | None:
             return AnnotatedPath(query.ends, arc, whole, length * float(query.need.costs[-1]))
     best, estimate = _over_roadmap(query, roadmap)
     if best is None or best.cost > estimate * (1.0 + SURPRISE) or best.length < NEAR:
-        other = cheapest_uniform(query)
-        if best is None or (other is not None and other.cost < best.cost):
-            return other
+        best = _cheaper(best, cheapest_uniform(query))
+    if best is not None and best.cost > estimate * (1.0 + ALARM):
+        best = _cheaper(best, plan_greedy(query, keep_blockers=False))
     return best
+
+
+def _cheaper(one: AnnotatedPath | None, other: AnnotatedPath | None) -> AnnotatedPath | None:
+    """The cheaper of two paths, the first where they cost the same."""
+    return other if one is None or (other is not None and other.cost < one.cost) else one
 
 
 def _over_roadmap(query: Query, roadmap: Roadmap) -> tuple[AnnotatedPath | None, float]:

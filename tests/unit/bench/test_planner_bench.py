@@ -2,17 +2,23 @@
 
 import json
 
+import pytest
+
 from crowdsim.bench import planner
 
+pytest.importorskip("fcl")
 
-def test_every_planner_has_a_row_for_each_place_and_distance(monkeypatch):
+
+def test_every_planner_has_a_row_for_each_place_and_distance(monkeypatch, tmp_path):
     monkeypatch.setattr(planner, "STEPS", (5,))
     monkeypatch.setattr(planner, "DENSITIES", ("normal",))
-    measured = planner.measure(goals=3)
+    measured = planner.measure(goals=3, picture=tmp_path / "times.png")
     assert [row["planner"] for row in measured.rows] == list(planner.PLANNERS)
     assert {tuple(row) for row in measured.rows} == {tuple(measured.rows[0])}
     assert {"layered_ms_normal_5", "greedy_ms_normal_5", "layered_over_greedy_cost_max", "gap_mean"} <= set(
         measured.figures
     )
     assert measured.figures["layered_over_greedy_cost_max"] <= 1.0 + 1e-6
+    assert measured.figures["ratio_3d_over_layered_normal_5"] > 1.0
+    assert (tmp_path / "times.png").stat().st_size > 1000
     json.dumps(measured.rows)
