@@ -50,9 +50,14 @@ def plan_layered(query: Query) -> AnnotatedPath | None:
     best, estimate = _over_roadmap(query, roadmap)
     if best is None or best.cost > estimate * (1.0 + SURPRISE) or best.length < NEAR:
         best = _cheaper(best, cheapest_uniform(query))
-    if best is not None and best.cost > estimate * (1.0 + ALARM):
+    if best is not None and (best.cost > estimate * (1.0 + ALARM) or _is_near_and_narrow(best)):
         best = _cheaper(best, plan_greedy(query, keep_blockers=False))
     return best
+
+
+def _is_near_and_narrow(path: AnnotatedPath) -> bool:
+    """Whether a short path has sections of the narrowest behavior, whose lengths then make much of the cost."""
+    return path.length < NEAR and any(section.behavior == 0 for section in path.sections)
 
 
 def _cheaper(one: AnnotatedPath | None, other: AnnotatedPath | None) -> AnnotatedPath | None:
