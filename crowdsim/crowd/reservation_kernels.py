@@ -218,9 +218,12 @@ def reserve(
     forever = np.int64(FOREVER)
     start = clock // slot_frames
     for taken in range(first, available + 1):
-        nodes[:] = chain
-        spots[:] = origins
-        jumps[:] = seams
+        # One by one, as the shape checks of whole arrays compile for three seconds.
+        for k in range(len(chain)):
+            nodes[k] = chain[k]
+            for axis in range(3):
+                spots[k, axis] = origins[k, axis]
+                jumps[k, axis] = seams[k, axis]
         leaves = ends_plan and taken == available
         count = taken + 1
         if not leaves:

@@ -43,6 +43,14 @@ def clear_end(meshes: Sequence[NavMesh], need: Requirements, point: NDArray[np.f
     return point
 
 
+def nearby_place(mesh: NavMesh, point: NDArray[np.float64], radius: float) -> NDArray[np.float64] | None:
+    """``point`` (2,), or a place within REACH of it, with ``radius`` meters of clearance; None if none was found."""
+    _, offsets = _rings()
+    places = point + offsets
+    clear = mesh.clearances(places, 2.0 * radius) >= radius
+    return places[int(np.argmax(clear))] if clear.any() else None
+
+
 def _rings() -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Ring number (n,) and place (n, 2) of the origin and of points around it out to REACH."""
     ring = np.append(0, np.repeat(np.arange(1, _RINGS + 1), _DIRECTIONS))

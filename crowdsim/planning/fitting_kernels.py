@@ -153,7 +153,7 @@ def annotate(layers, radii, costs, turned, terms, points):
     tight = np.zeros((pieces, len(layers)), np.int8)
     length = 0.0
     for k, m in enumerate(layers):
-        triangle = triangle_of(m, points[0, 0], points[0, 1], NONE)
+        triangle = triangle_of(m, points[0, 0], points[0, 1], np.int64(NONE))
         for i in range(pieces):
             free = False
             end = NONE
@@ -201,8 +201,11 @@ def annotate(layers, radii, costs, turned, terms, points):
                 own[filled].hi = spans[s].hi
                 filled += 1
         union = merged(own, filled)
-        blocked[rows : rows + union.shape[0]] = union
-        rows += union.shape[0]
+        # Not as slices, whose shape checks compile for a second.
+        for s in range(union.shape[0]):
+            blocked[rows, 0] = union[s, 0]
+            blocked[rows, 1] = union[s, 1]
+            rows += 1
         ends[b] = rows
     sections, cost = label_stretches(blocked, ends, costs, turned, terms, length)
     return sections, cost, length

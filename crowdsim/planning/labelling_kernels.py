@@ -124,6 +124,27 @@ def _lengthened(stretches, shortest, length, spans):
     return spans, count
 
 
+@helper
+def _sort_distinct(values, filled):
+    """Sort the first ``filled`` of ``values`` in place and drop repetitions; how many are left.
+
+    By insertion: they are few, and numpy's own takes two seconds to compile.
+    """
+    count = 0
+    for i in range(filled):
+        value = values[i]
+        k = count
+        while k > 0 and values[k - 1] > value:
+            k -= 1
+        if k > 0 and values[k - 1] == value:
+            continue
+        for j in range(count, k, -1):
+            values[j] = values[j - 1]
+        values[k] = value
+        count += 1
+    return count
+
+
 @kernel
 def label_stretches(blocked, ends, costs, turned, terms, length):
     """Cheapest sections (k, 3) of a path of ``length`` meters (behavior, start, end), and their cost.
@@ -160,10 +181,7 @@ def label_stretches(blocked, ends, costs, turned, terms, length):
                 inside[i, 2 * k + side] = grown[k, side]
                 cuts[filled] = grown[k, side]
                 filled += 1
-    cuts = np.unique(cuts[:filled])
-    if cuts.size < 2:
-        cuts = np.zeros(2)
-    cells = cuts.size - 1
+    cells = max(_sort_distinct(cuts, filled), 2) - 1
     widest = np.zeros(cells, np.int32)
     for cell in range(cells):
         middle = 0.5 * (cuts[cell] + cuts[cell + 1])

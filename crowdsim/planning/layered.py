@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import PathNotFound
 from crowdsim.planning.annotated_path import AnnotatedPath, Section, arc_lengths
+from crowdsim.planning.clear_ends import nearby_place
 from crowdsim.planning.greedy import plan_greedy
 from crowdsim.planning.query import Query
 from crowdsim.planning.roadmap import Roadmap, roadmap_of
@@ -30,9 +31,6 @@ NEAR = 6.0
 PARTS = (0.0, 0.9)
 """How much of a gap the two circles around its corners fill: none more than a narrow behavior asks for, or nearly all,
 so that the path is in the middle."""
-
-_NEARBY = 0.1
-"""Meters within which the place is looked for from where a section fits its room."""
 
 
 def plan_layered(query: Query) -> AnnotatedPath | None:
@@ -101,10 +99,9 @@ def _by_rooms(query: Query, roadmap: Roadmap, road: NDArray[np.int64]) -> NDArra
         ends = [query.ends[0] if first == 0 else None, query.ends[1] if last == len(labels) else None]
         for k, row in enumerate((first, last - 1)):
             if ends[k] is None:
-                found = wide.mesh.nearest_free(places[row], wide.radius + 1e-6, _NEARBY)
-                if found is None:
+                ends[k] = nearby_place(wide.mesh, places[row], wide.radius)
+                if ends[k] is None:
                     return np.empty((0, 2))
-                ends[k] = np.array(found)
         try:
             pieces += [legs.find_path(np.array([at, ends[0]]))] if first > 0 else []
             pieces.append(wide.find_path(np.array(ends)))

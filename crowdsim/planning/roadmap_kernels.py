@@ -275,7 +275,7 @@ def corner_radii(layers, radii):
         for k, m in enumerate(layers):
             stands = k == 0
             if not stands:
-                distance, _ = disc_clearance(m, vertices[v].x, vertices[v].y, 0.01, NONE)
+                distance, _ = disc_clearance(m, vertices[v].x, vertices[v].y, 0.01, np.int64(NONE))
                 stands = distance < 0.001
             if stands:
                 for i in range(radii.shape[0]):
@@ -293,7 +293,9 @@ def join_points(layers, radii, around, points, spans):
     pairs = np.empty(8 * points.size + 16, _PAIR)
     count = np.int64(0)
     width = 2.0 * radii[0, 0] * (1.0 - 1e-6)
-    legs_suffice = radii[0].max() <= radii[0, 0]
+    legs_suffice = True
+    for k in range(1, len(layers)):
+        legs_suffice = legs_suffice and radii[0, k] <= radii[0, 0]
     for t in range(m.frame[0].triangles):
         if m.wind[t] != 0:
             continue

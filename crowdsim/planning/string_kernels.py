@@ -187,7 +187,7 @@ def pull_road(m, points, road, around, reach, ends, cap, part, radius, least):
         reach[a] = min(reach[a], least_a + share * more_a)
         reach[b] = min(reach[b], least_b + share * more_b)
     nodes, filled = _funnel(m, channel, count, reach, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1])
-    done, line = pull(m, stack, nodes, filled, radius, least, start, False)
+    done, line = pull(m, stack, nodes, filled, radius, least, start, np.bool_(False))
     return line if done else np.empty((0, 2))
 
 
