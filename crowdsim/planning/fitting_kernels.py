@@ -194,7 +194,7 @@ def annotate(layers, radii, costs, turned, terms, points):
     blocked = np.empty((total, 2))
     rows = 0
     for b in range(count):
-        filled = 0
+        filled = np.int64(0)
         for s in range(total):
             if spans[s].owner == b:
                 own[filled].lo = spans[s].lo

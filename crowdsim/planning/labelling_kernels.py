@@ -163,7 +163,7 @@ def label_stretches(blocked, ends, costs, turned, terms, length):
     cuts = np.empty(most)
     cuts[0] = 0.0
     cuts[1] = length
-    filled = 2
+    filled = np.int64(2)
     inside = np.empty((n, most))
     counts = np.zeros(n, np.int64)
     for i in range(1, n):
