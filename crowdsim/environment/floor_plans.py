@@ -204,7 +204,8 @@ def _built(
     floor = shapely.union_all(floors) if floors else None
     if not solids and floor is None:
         raise PlaceError(
-            f"{file}: there is nothing to build with in the layers {', '.join(drawing.layers)}:\n" + "\n".join(report)
+            f"{file}: there is nothing to build with in the layers {', '.join(drawing.layers) or '(none)'}:\n"
+            + "\n".join(report)
         )
     whole = shapely.union_all([*floors, *(solid.footprint for solid in solids)])
     return FloorPlan(floor, tuple(solids), tuple(report + _doubts(file, whole)))

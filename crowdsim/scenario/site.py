@@ -154,18 +154,19 @@ class _Reader:
             path = placed[number][0]
             self.solids[path] = (*self.solids[path], solid)
         if floor is not None:
-            self._require_effect({path for path, _ in placed})
+            self._require_effect({path for path, _ in placed}, floor)
         return place.floor
 
-    def _require_effect(self, paths: set[KeyPath]) -> None:
-        """Refuse files of which nothing is at the heights of the layers: their place is empty, which nobody means."""
+    def _require_effect(self, paths: set[KeyPath], floor: Polygon | MultiPolygon) -> None:
+        """Refuse files of which nothing is in a layer over the floor: nobody means an empty place."""
         bands = [layer.band() for layer in self.scenario.bands]
-        if all(len(dropped_solids(self.solids[path], bands)) == len(self.solids[path]) for path in paths):
+        solids = [solid for path in paths for solid in self.solids[path] if not dropped_solids([solid], bands)]
+        if not any(solid.footprint.intersects(floor) for solid in solids):
             for path in sorted(paths, key=lambda path: int(path[1])):
                 mesh = self.scenario.obstacles[int(path[1])].mesh
                 assert mesh is not None
                 message = (
-                    f"{mesh.file}: nothing of it is at the height of a layer above the given floor; check 'units', "
+                    f"{mesh.file}: nothing of it is in a layer over the given floor; check 'units', "
                     "'up' and 'position', and the floor's 'height'"
                 )
                 doubts = [line for line in doubts_in(self.report) if line.startswith(f"{Path(mesh.file).name}: ")]
@@ -197,14 +198,16 @@ class _Reader:
         free = floor.difference(shapely.union_all(standing))
         region = free if clutter.region is None else free.intersection(clutter.region.shape())
         generator = np.random.default_rng(np.random.SeedSequence(self.scenario.seed, spawn_key=(_CLUTTER_STREAM,)))
+        region = region.difference(ends)
         try:
-            drawn = draw_clutter("clutter", region.difference(ends), clutter.density, clutter.sizes, generator)
+            drawn = draw_clutter("clutter", region, clutter.density, clutter.sizes, generator)
             kept = open_ways(drawn, free, regions, CLUTTER_RADIUS)
         except GeometryError as error:
             self._complain(("clutter",), error)
             return
         self.solids[("clutter",)] = kept
+        share = sum(solid.footprint.area for solid in kept) / region.area
         self.report.append(
-            f"clutter: {len(kept)} obstacles cover {sum(s.footprint.area for s in kept) / region.area:.1%} of the floor"
+            f"clutter: {len(kept)} obstacles cover {share:.1%} of the floor off starts and goals"
             + (f"; {len(drawn) - len(kept)} were taken away to open ways" if len(kept) < len(drawn) else "")
         )

@@ -87,13 +87,13 @@ def test_a_floor_in_a_file_of_another_unit(tmp_path):
     assert load(tmp_path, "floor: {file: floor.wkt, units: cm}\n").layers()[0].free.area == pytest.approx(32.0)
 
 
-@pytest.mark.parametrize("placed", ["units: mm", "scale: 1000", "position: [0, 0, 5]", "position: [0, 0, -9]"])
+@pytest.mark.parametrize("placed", ["units: mm", "scale: 1000", "position: [0, 0, 5]", "position: [50, 0, -1]"])
 def test_a_mesh_of_which_nothing_is_in_any_layer_leaves_no_silent_empty_place(room, placed):
     said = refused(
         room,
         f"floor: {{rectangle: [0, 0, 8, 4]}}\nobstacles:\n  - {{name: house, mesh: {{file: room.glb, {placed}}}}}\n",
     )
-    assert re.search(r"7:25: obstacles.0.mesh: room.glb: nothing of it is at the height of a layer", said)
+    assert re.search(r"7:25: obstacles.0.mesh: room.glb: nothing of it is in a layer over the given floor", said)
     assert ("warning: everything together is" in said) == ("position" not in placed)
 
 
@@ -141,6 +141,8 @@ def test_clutter_is_dense_and_leaves_starts_and_goals(tmp_path):
     scenario = load(tmp_path, "floor: {rectangle: [0, 0, 8, 4]}\nclutter: {density: dense}\n")
     solids = scenario.solids()
     assert sum(solid.footprint.area for solid in solids) == pytest.approx(0.24 * 28.0, rel=0.2)
+    share = float(re.search(r"cover ([0-9.]+)% of the floor off starts and goals", scenario.site().report[-1])[1])
+    assert share == pytest.approx(24.0, abs=3.0)
     assert all(solid.footprint.distance(shapely.Point(1.0, 1.0)) >= 0.45 for solid in solids)
     again = load(tmp_path, "floor: {rectangle: [0, 0, 8, 4]}\nclutter: {density: dense}\n")
     assert [solid.footprint for solid in again.solids()] == [solid.footprint for solid in solids]
