@@ -65,7 +65,8 @@ def draw_scenario(scenario: Scenario, behaviors: Sequence[Behavior]) -> Figure:
         _draw_ends(axes, scenario)
         margin = 0.02 * max(width, height)
         axes.set(xlim=(low_x - margin, high_x + margin), ylim=(low_y - margin, high_y + margin), aspect="equal")
-        axes.set_title(f"{layer.name}, {layer.low:g} to {layer.high:g} m", fontsize="medium")
+        heights = f"{layer.low:g} to {layer.high:g} m" if layer.high > layer.low else f"at {layer.low:g} m"
+        axes.set_title(f"{layer.name}, {heights}", fontsize="medium")
     labels = dict(zip(*reversed(figure.axes[0].get_legend_handles_labels()), strict=True))
     figure.legend(labels.values(), labels.keys(), loc="outside lower center", ncols=2, frameon=False)
     figure.suptitle(scenario.name)
