@@ -88,16 +88,15 @@ def check(
     """Report everything that is wrong with a scenario, without running it."""
     from dataclasses import asdict
 
-    from crowdsim.errors import ScenarioError
     from crowdsim.scenario.check import check_scenario
     from crowdsim.scenario.loader import load_scenario
 
     try:
         loaded = load_scenario(scenario, overrides or [])
-    except ScenarioError as error:
+    except CrowdSimError as error:
         if not as_json:
             raise
-        problems = [asdict(problem) for problem in error.problems] or [{"message": str(error)}]
+        problems = [asdict(problem) for problem in getattr(error, "problems", ())] or [{"message": str(error)}]
         typer.echo(json.dumps({"ok": False, "errors": problems, "warnings": [], "notes": []}))
         raise typer.Exit(error.exit_code) from None
     warnings, notes = check_scenario(loaded), loaded.site().report

@@ -16,6 +16,7 @@ from crowdsim.crowd.plans import Join, Plans
 from crowdsim.crowd.replanning import reach_goal
 from crowdsim.crowd.reservation_kernels import append_stop, reserve
 from crowdsim.ecs.world import View
+from crowdsim.environment.layers import polygons_only
 from crowdsim.motion.track_kernels import node_end
 from crowdsim.recording.header import AgentState
 
@@ -137,9 +138,9 @@ class Choosing:
         line = reserved_lines(view, slot)[row]
         distance = float(view.body_radius[row]) + KEPT_OFF
         segments = [_NOTHING]
-        for outline in waited_for:
-            if outline.distance(line) >= distance:
-                rings = [shapely.get_coordinates(ring) for ring in (outline.exterior, *outline.interiors)]
+        for part in (part for outline in waited_for for part in polygons_only(outline).geoms):
+            if part.distance(line) >= distance:
+                rings = [shapely.get_coordinates(ring) for ring in (part.exterior, *part.interiors)]
                 segments += [np.concatenate([ring[:-1], ring[1:]], axis=1) for ring in rings]
         return np.concatenate(segments)
 

@@ -34,8 +34,10 @@ def draw_clutter(
     Raises
     ------
     GeometryError
-        If the region is full before that share is covered.
+        If the region has no area, or is full before that share is covered.
     """
+    if not region.area > 0.0:
+        raise GeometryError(f"'{name}': there is no floor to stand on in its region; give another one")
     shapely.prepare(region)
     taken = _Taken(2.0 * sizes[1])
     solids: list[Solid] = []

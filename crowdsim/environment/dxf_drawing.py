@@ -95,9 +95,9 @@ def _document(file: Path) -> Any:
             return recover.readfile(str(file))[0]
     except PlaceError:
         raise
-    except OSError as error:
-        raise PlaceError(f"{file}: cannot be read ({error.strerror or error}); check the path") from None
     except Exception as error:  # whatever a parser does with what it was not made for
+        if isinstance(error, OSError) and error.strerror:
+            raise PlaceError(f"{file}: cannot be read ({error.strerror}); check the path") from None
         said = " ".join(str(error).split())
         raise PlaceError(
             f"{file}: cannot be read as DXF ({type(error).__name__}: {said[:120]}); export it again"

@@ -96,7 +96,7 @@ def read_floor_plan(
 
 def _read_wkt(file: Path, meters: float) -> FloorPlan:
     try:
-        text = file.read_text(encoding="utf-8").strip()
+        text = file.read_text(encoding="utf-8-sig").strip()
     except OSError as error:
         raise PlaceError(f"{file}: cannot be read ({error.strerror or error}); check the path") from None
     except UnicodeDecodeError:
@@ -105,7 +105,7 @@ def _read_wkt(file: Path, meters: float) -> FloorPlan:
         raise PlaceError(f"{file}: the file is empty; write a POLYGON into it")
     try:
         geometry = shapely.from_wkt(text)
-    except shapely.errors.ShapelyError as error:
+    except (shapely.errors.ShapelyError, NotImplementedError) as error:  # the latter for curves
         said = " ".join(str(error).split())
         raise PlaceError(f"{file}: is no well-known text ({said[:120]}); write one POLYGON") from None
     try:
@@ -115,6 +115,9 @@ def _read_wkt(file: Path, meters: float) -> FloorPlan:
     if meters != 1.0:
         floor = scaled(floor, meters, meters, origin=(0.0, 0.0))
     report = [f"{file.name}: floor of {floor.area:.1f} m2, obstacles are its holes"]
+    if not geometry.is_valid:
+        why = shapely.is_valid_reason(geometry)
+        report.append(f"{file.name}: warning: the outline crosses or touches itself ({why}) and was repaired")
     floor = polygons_only(floor)
     floor = floor.geoms[0] if len(floor.geoms) == 1 else floor
     return FloorPlan(floor, (), tuple(report + _doubts(file, floor)))
@@ -201,7 +204,8 @@ def _built(
     floor = shapely.union_all(floors) if floors else None
     if not solids and floor is None:
         raise PlaceError(
-            f"{file}: there is nothing to build with in the layers {', '.join(drawing.layers)}:\n" + "\n".join(report)
+            f"{file}: there is nothing to build with in the layers {', '.join(drawing.layers) or '(none)'}:\n"
+            + "\n".join(report)
         )
     whole = shapely.union_all([*floors, *(solid.footprint for solid in solids)])
     return FloorPlan(floor, tuple(solids), tuple(report + _doubts(file, whole)))

@@ -108,7 +108,7 @@ def place_on_floor(
         found = derive_floor(solids, height, floor)
     report = list(found.report) if found else []
     base = found.height if found else height or 0.0
-    polygon = floor if floor is not None or found is None else found.polygon
+    polygon = floor if floor is not None or found is None else clean_polygon(found.polygon, "floor")
     assert polygon is not None
     dropped = {role: [solid for solid in solids if _role(solid, base) == role] for role in _ROLES}
     report += [f"dropped {_ROLES[role]}: {_names(parts)}" for role, parts in dropped.items() if parts]

@@ -16,6 +16,7 @@ from shapely.geometry.base import BaseGeometry
 
 from crowdsim.environment.sections import DIGITS, enclosed, section_segments, snapped_union
 from crowdsim.errors import GeometryError
+from crowdsim.geometry.polygons import MAX_EXTENT
 
 Floats = NDArray[np.float64]
 
@@ -59,7 +60,8 @@ class MeshSolid:
     Raises
     ------
     GeometryError
-        If there is no triangle, a coordinate is not finite, or a corner is no row of ``vertices``.
+        If there is no triangle, a coordinate is not finite or larger than
+        :data:`crowdsim.geometry.polygons.MAX_EXTENT`, or a corner is no row of ``vertices``.
     """
 
     name: str
@@ -78,9 +80,16 @@ class MeshSolid:
             raise GeometryError(f"solid '{self.name}': the mesh has no triangles")
         if triangles.min() < 0 or triangles.max() >= len(vertices):
             raise GeometryError(f"solid '{self.name}': a triangle has a corner that is none of its vertices")
+        with np.errstate(over="ignore"):
+            vertices = np.round(vertices, DIGITS)  # makes the largest numbers infinite
         if not np.isfinite(vertices[triangles]).all():
             raise GeometryError(f"solid '{self.name}': the mesh has a coordinate that is not a finite number")
-        object.__setattr__(self, "vertices", np.round(vertices, DIGITS))
+        if (reach := float(np.abs(vertices[triangles]).max())) > MAX_EXTENT:
+            raise GeometryError(
+                f"solid '{self.name}': the mesh reaches {reach:g} m from the origin, more than {MAX_EXTENT:g} m; "
+                "move it there, or give its units"
+            )
+        object.__setattr__(self, "vertices", vertices)
         object.__setattr__(self, "triangles", triangles)
 
     @cached_property

@@ -169,7 +169,10 @@ class _Reader:
 
 def _moved(movable: Movable, placing: Placing, move: Move) -> Placing:
     """The placing after a move: turned about the center where it stands, then shifted."""
-    center = movable.footprint(placing).centroid
+    outline = movable.footprint(placing)
+    if outline.is_empty:  # a file of which nothing stands on the floor
+        return placing
+    center = outline.centroid
     dx, dy = move.by or (0.0, 0.0)
     if move.to is not None:
         dx, dy = move.to[0] - center.x, move.to[1] - center.y

@@ -103,7 +103,8 @@ def _finish(figure: Figure, title: str) -> None:
 def _draw_layer(axes: Axes, scenario: Scenario, layer: ClearanceLayer) -> None:
     fill(axes, scenario.floor_polygon(), facecolor=_FLOOR, edgecolor=_BLOCKED, linewidth=0.8)
     fill(axes, layer.obstacles.intersection(scenario.floor_polygon()), facecolor=_BLOCKED, edgecolor="none")
-    axes.set_title(f"{layer.name}, {layer.low:g} to {layer.high:g} m", fontsize="medium")
+    heights = f"{layer.low:g} to {layer.high:g} m" if layer.high > layer.low else f"at {layer.low:g} m"
+    axes.set_title(f"{layer.name}, {heights}", fontsize="medium")
 
 
 def _draw_ends(axes: Axes, scenario: Scenario) -> None:

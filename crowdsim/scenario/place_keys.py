@@ -60,13 +60,17 @@ class Floor(Part):
     polygon: Ring | None = None
     file: FileText | None = None
     drawing_layer: Name | None = None
+    units: Name | None = None
     derive: Literal[True] | None = None
     height: Length | None = None
 
     @model_validator(mode="after")
     def _check(self) -> Floor:
-        if self.only("rectangle", "polygon", "file", "derive") != "file" and self.drawing_layer is not None:
-            raise ValueError("'drawing_layer' is the layer of a drawing; give its 'file' with it, or drop it")
+        if self.only("rectangle", "polygon", "file", "derive") != "file":
+            if self.drawing_layer is not None:
+                raise ValueError("'drawing_layer' is the layer of a drawing; give its 'file' with it, or drop it")
+            if self.units is not None:
+                raise ValueError("'units' are those of a file; give the 'file' with them, or drop them")
         return self
 
 

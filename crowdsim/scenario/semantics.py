@@ -13,6 +13,7 @@ from crowdsim.scenario.changes import read_changes
 from crowdsim.scenario.messages import nearest
 from crowdsim.scenario.placement import NOMINAL_RADIUS, try_placement
 from crowdsim.scenario.scenario import Scenario
+from crowdsim.scenario.site import doubts_in
 
 
 def semantic_problems(scenario: Scenario) -> list[Problem]:
@@ -31,7 +32,9 @@ def semantic_problems(scenario: Scenario) -> list[Problem]:
     if len(set(names)) < len(names):
         return problems
     if polygons_only(scenario.layers()[0].free).is_empty:
-        return [*problems, scenario.problem(("floor",), "the floor is empty: obstacles cover all of it")]
+        doubts = doubts_in(scenario.site().report)
+        message = "; ".join(["the floor is empty: obstacles cover all of it", *doubts])
+        return [*problems, scenario.problem(("floor",), message)]
     return problems + try_placement(scenario, NOMINAL_RADIUS)[1]
 
 
@@ -50,6 +53,9 @@ def _duplicate_names(scenario: Scenario) -> list[Problem]:
             if first.setdefault(name, number) != number:
                 message = f"the name '{name}' is taken by {key}.{first[name]}"
                 problems.append(scenario.problem((key, number, "name"), message))
+        if key in ("obstacles", "doors") and scenario.clutter is not None and "clutter" in first:
+            message = "the name 'clutter' is that of the random obstacles; give another one"
+            problems.append(scenario.problem((key, first["clutter"], "name"), message))
     obstacles = {name: number for number, name in enumerate(named["obstacles"])}
     for number, name in enumerate(named["doors"]):
         if name in obstacles:

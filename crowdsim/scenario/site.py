@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from shapely import MultiPolygon, Polygon
 from crowdsim.environment.clutter import draw_clutter, open_ways
 from crowdsim.environment.floor_plans import read_floor_plan
 from crowdsim.environment.floors import place_on_floor
-from crowdsim.environment.layers import AnySolid
+from crowdsim.environment.layers import AnySolid, dropped_solids
 from crowdsim.environment.mesh_files import read_mesh_file
 from crowdsim.environment.mesh_solid import MeshSolid
 from crowdsim.environment.solids import polygon_from_points
@@ -51,6 +52,11 @@ class Site(NamedTuple):
     def solids(self) -> tuple[AnySolid, ...]:
         """All of them, in the order of the file."""
         return tuple(solid for solids in self.by_entry.values() for solid in solids)
+
+
+def doubts_in(report: Iterable[str]) -> list[str]:
+    """Those of its lines that may be why the place is not what was meant."""
+    return [line for line in report if "warning: " in line]
 
 
 def read_site(scenario: Scenario) -> Site:
@@ -147,7 +153,24 @@ class _Reader:
         for number, solid in zip(place.kept, place.solids, strict=True):
             path = placed[number][0]
             self.solids[path] = (*self.solids[path], solid)
+        if floor is not None:
+            self._require_effect({path for path, _ in placed}, floor)
         return place.floor
+
+    def _require_effect(self, paths: set[KeyPath], floor: Polygon | MultiPolygon) -> None:
+        """Refuse files of which nothing is in a layer over the floor: nobody means an empty place."""
+        bands = [layer.band() for layer in self.scenario.bands]
+        solids = [solid for path in paths for solid in self.solids[path] if not dropped_solids([solid], bands)]
+        if not any(solid.footprint.intersects(floor) for solid in solids):
+            for path in sorted(paths, key=lambda path: int(path[1])):
+                mesh = self.scenario.obstacles[int(path[1])].mesh
+                assert mesh is not None
+                message = (
+                    f"{mesh.file}: nothing of it is in a layer over the given floor; check 'units', "
+                    "'up' and 'position', and the floor's 'height'"
+                )
+                doubts = [line for line in doubts_in(self.report) if line.startswith(f"{Path(mesh.file).name}: ")]
+                self.problems.append(self.scenario.problem((*path, "mesh"), "; ".join([message, *doubts])))
 
     def _given_floor(self) -> Polygon | MultiPolygon | None:
         """The floor that the scenario draws or names; None if it is to be found."""
@@ -157,7 +180,9 @@ class _Reader:
         if floor.polygon is not None:
             return polygon_from_points(floor.polygon, "floor")
         if floor.file is not None:
-            found = read_floor_plan(self.scenario.beside(floor.file), floor_layer=floor.drawing_layer)
+            found = read_floor_plan(
+                self.scenario.beside(floor.file), floor_layer=floor.drawing_layer, units=floor.units
+            )
             if found.floor is None:
                 raise PlaceError(f"{floor.file}: draws no floor; name its layer as 'drawing_layer', or give 'derive'")
             self.report += found.report
@@ -173,14 +198,16 @@ class _Reader:
         free = floor.difference(shapely.union_all(standing))
         region = free if clutter.region is None else free.intersection(clutter.region.shape())
         generator = np.random.default_rng(np.random.SeedSequence(self.scenario.seed, spawn_key=(_CLUTTER_STREAM,)))
+        region = region.difference(ends)
         try:
-            drawn = draw_clutter("clutter", region.difference(ends), clutter.density, clutter.sizes, generator)
+            drawn = draw_clutter("clutter", region, clutter.density, clutter.sizes, generator)
             kept = open_ways(drawn, free, regions, CLUTTER_RADIUS)
         except GeometryError as error:
             self._complain(("clutter",), error)
             return
         self.solids[("clutter",)] = kept
+        share = sum(solid.footprint.area for solid in kept) / region.area
         self.report.append(
-            f"clutter: {len(kept)} obstacles cover {sum(s.footprint.area for s in kept) / region.area:.1%} of the floor"
+            f"clutter: {len(kept)} obstacles cover {share:.1%} of the floor off starts and goals"
             + (f"; {len(drawn) - len(kept)} were taken away to open ways" if len(kept) < len(drawn) else "")
         )

@@ -218,6 +218,16 @@ def test_what_cannot_come_to_the_end_is_reported(tmp_path: Path) -> None:
         assert [solid.name for solid in recording.movables_at(recording.duration)] == []
 
 
+def test_a_thing_of_several_parts_waits_as_one(tmp_path: Path) -> None:
+    stays = "name: sitter, count: 1, start: {point: [8, 4]}, goal: {point: [9, 4]}, on_arrival: stay"
+    walks = "name: walker, count: 1, start: {point: [1, 1.5]}, goal: {point: [11, 1]}"
+    line = "wall: {points: [[9, 0.3], [9, 5.5]], openings: [{at: 1.2, width: 1.2}]}"
+    events = f"at: 6, insert: {{name: fence, {line}, top: 2.5}}", "at: 20, remove: fence"
+    with run(two_rooms(stays, walks, events=events), tmp_path / "run.h5") as recording:
+        assert recording.summary["arrived"] == 2
+        assert [event["outcome"] for event in recording.summary["events"]] == ["overtaken", "happened"]
+
+
 def test_a_source_lets_in_so_many_at_their_times(tmp_path: Path) -> None:
     source = """\
 name: visitors, rate: 0.5, arrivals: regular, until: 16, start: {rectangle: [0.5, 0.5, 1.5, 5.5]},

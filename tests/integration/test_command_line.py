@@ -185,6 +185,19 @@ def test_check_gives_errors_as_json(crowdsim, tmp_path):
     assert len(report["errors"]) >= 2
 
 
+def test_check_names_the_file_of_a_mesh_it_cannot_use_in_json_too(crowdsim, tmp_path):
+    (tmp_path / "huge.obj").write_text("v 0 0 0\nv 1e308 0 0\nv 0 1e308 1e308\nf 1 2 3\n")
+    (tmp_path / "huge.yaml").write_text(
+        "crowdsim: 1\nname: huge\nseed: 1\nduration: 5\nfloor: {derive: true}\n"
+        "obstacles: [{name: a, mesh: {file: huge.obj}}]\n"
+        "agents: [{name: a, count: 1, start: {point: [1, 1]}, goal: {point: [2, 1]}}]\n"
+    )
+    finished = crowdsim("check", "huge.yaml", "--json")
+    assert finished.returncode == 2
+    [error] = json.loads(finished.stdout)["errors"]
+    assert (error["file"], error["line"], error["key"]) == ("huge.yaml", 6, "obstacles.0.mesh")
+
+
 def test_behaviors_are_listed_with_measured_radii(crowdsim):
     listed = json.loads(crowdsim("behaviors", "--json").stdout)
     assert [behavior["name"] for behavior in listed] == ["lateral", "arm_constrained", "frontal"]

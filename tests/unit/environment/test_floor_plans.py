@@ -52,6 +52,7 @@ def test_units_scale_a_plan_and_odd_sizes_are_doubted(tmp_path):
         ("POLYGON((0 0,inf 0,1 1,0 0))", "plan.wkt"),
         ("POLYGON((0 0,1 0", "well-known text"),
         ("hello", "well-known text"),
+        ("CURVEPOLYGON (CIRCULARSTRING (0 0, 4 0, 4 4, 0 4, 0 0))", "well-known text"),
     ],
 )
 def test_wkt_of_another_kind_names_the_file(tmp_path, text, word):
@@ -72,6 +73,15 @@ def test_broken_polygons_are_repaired_or_refused_and_never_leak(tmp_path, shared
             refused = False
             assert plan.floor.is_valid
         assert "reject" in case["expect"] if refused else case["expect"] != "reject", case
+
+
+def test_a_repair_is_reported(tmp_path):
+    crossed = read_floor_plan(wkt(tmp_path, "POLYGON((0 0,4 4,4 0,0 4,0 0))"))
+    assert any("warning" in line and "[2 2]" in line for line in crossed.report)
+
+
+def test_a_byte_order_mark_is_no_text(tmp_path):
+    assert read_floor_plan(wkt(tmp_path, "\ufeffPOLYGON((0 0,4 0,4 4,0 4,0 0))")).floor.area == pytest.approx(16.0)
 
 
 @pytest.mark.parametrize("name", ["a.pdf", "a"])
@@ -230,3 +240,6 @@ def test_drawings_of_nothing_and_damaged_ones_are_refused(drawing, tmp_path):
         path.write_bytes(content)
         with pytest.raises(PlaceError, match=r"plan\.dxf"):
             read_floor_plan(path)
+    path.write_bytes(b"hello")
+    with pytest.raises(PlaceError, match=r"plan\.dxf: cannot be read as DXF .*export it again"):
+        read_floor_plan(path)

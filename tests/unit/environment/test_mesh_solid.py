@@ -157,6 +157,8 @@ def test_meshes_far_from_the_origin_keep_their_shape():
         (np.zeros((3, 3)), np.array([(0, 1, 3)]), "none of its vertices"),
         (np.zeros((3, 3)), np.array([(0, 1, -1)]), "none of its vertices"),
         (np.array([(0, 0, 0), (1, 0, 0), (0, np.nan, 1)]), np.array([(0, 1, 2)]), "finite"),
+        (np.array([(0, 0, 0), (1, 0, 0), (0, 1e308, 1)]), np.array([(0, 1, 2)]), "finite"),
+        (np.array([(0, 0, 0), (1, 0, 0), (0, 1e9, 1)]), np.array([(0, 1, 2)]), "from the origin"),
     ],
 )
 def test_bad_meshes_name_the_part(vertices, triangles, word):

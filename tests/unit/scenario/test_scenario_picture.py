@@ -57,3 +57,9 @@ def test_the_picture_has_a_panel_a_layer_and_names_what_it_shows(tmp_path):
     assert {"start", "goal", f"within reach, wide: {areas[1].area:.1f} m²"} < set(texts)
     write_figure(figure, tmp_path / "rooms.png")
     assert (tmp_path / "rooms.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_a_plane_is_named_with_its_one_height():
+    planes = "layers: [{name: legs, height: 0.3}, {name: torso, height: 1.2}]\n"
+    figure = draw_scenario(parse_scenario(TEXT + planes), BEHAVIORS)
+    assert [axes.get_title() for axes in figure.axes] == ["legs, at 0.3 m", "torso, at 1.2 m"]

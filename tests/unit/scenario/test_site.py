@@ -82,6 +82,47 @@ def test_a_floor_in_a_file(tmp_path):
     assert scenario.layers()[0].free.area == pytest.approx(28.0)
 
 
+def test_a_floor_in_a_file_of_another_unit(tmp_path):
+    (tmp_path / "floor.wkt").write_text("POLYGON ((0 0, 800 0, 800 400, 0 400, 0 0))")
+    assert load(tmp_path, "floor: {file: floor.wkt, units: cm}\n").layers()[0].free.area == pytest.approx(32.0)
+
+
+@pytest.mark.parametrize("placed", ["units: mm", "scale: 1000", "position: [0, 0, 5]", "position: [50, 0, -1]"])
+def test_a_mesh_of_which_nothing_is_in_any_layer_leaves_no_silent_empty_place(room, placed):
+    said = refused(
+        room,
+        f"floor: {{rectangle: [0, 0, 8, 4]}}\nobstacles:\n  - {{name: house, mesh: {{file: room.glb, {placed}}}}}\n",
+    )
+    assert re.search(r"7:25: obstacles.0.mesh: room.glb: nothing of it is in a layer over the given floor", said)
+    assert ("warning: everything together is" in said) == ("position" not in placed)
+
+
+def test_a_floor_covered_by_a_mesh_of_another_unit_hints_at_it(room):
+    place = (
+        "floor: {rectangle: [0, 0, 8, 4]}\n"
+        "obstacles:\n  - {name: house, mesh: {file: room.glb, scale: 1000, position: [-4000, -2000, -1651]}}\n"
+    )
+    assert re.search("obstacles cover all of it; room.glb: warning: .* give units=m,", refused(room, place))
+
+
+def test_a_derived_floor_of_another_unit_is_refused_with_its_place(room):
+    mesh = "{file: room.glb, scale: 248000, position: [-100000, 0, 0]}"
+    said = refused(room, f"floor: {{derive: true}}\nobstacles: [{{name: house, mesh: {mesh}}}]\n")
+    assert "5:8: floor: floor: the polygon spans" in said
+
+
+def test_a_carpet_may_be_moved(room):
+    box = trimesh.creation.box((1.0, 0.02, 1.0))
+    box.export(room / "carpet.glb")
+    scenario = load(
+        room,
+        "floor: {derive: true}\nobstacles:\n  - {name: house, mesh: {file: room.glb}}\n"
+        "  - {name: carpet, mesh: {file: carpet.glb, position: [2, 2, 1.01]}}\n"
+        "events: [{at: 1, move: {name: carpet, to: [4, 2]}}]\n",
+    )
+    assert scenario.changes().movables[0].solids == ()
+
+
 def test_walls_with_doors_and_windows(tmp_path):
     scenario = load(
         tmp_path,
@@ -100,6 +141,8 @@ def test_clutter_is_dense_and_leaves_starts_and_goals(tmp_path):
     scenario = load(tmp_path, "floor: {rectangle: [0, 0, 8, 4]}\nclutter: {density: dense}\n")
     solids = scenario.solids()
     assert sum(solid.footprint.area for solid in solids) == pytest.approx(0.24 * 28.0, rel=0.2)
+    share = float(re.search(r"cover ([0-9.]+)% of the floor off starts and goals", scenario.site().report[-1])[1])
+    assert share == pytest.approx(24.0, abs=3.0)
     assert all(solid.footprint.distance(shapely.Point(1.0, 1.0)) >= 0.45 for solid in solids)
     again = load(tmp_path, "floor: {rectangle: [0, 0, 8, 4]}\nclutter: {density: dense}\n")
     assert [solid.footprint for solid in again.solids()] == [solid.footprint for solid in solids]
@@ -132,7 +175,21 @@ def test_clutter_is_dense_and_leaves_starts_and_goals(tmp_path):
             "floor: {rectangle: [0, 0, 8, 4]}\nclutter: {density: 0.4, sizes: [2.5, 3.0]}\n",
             "clutter: .*the floor is full",
         ),
+        (
+            "floor: {rectangle: [0, 0, 8, 4]}\nclutter: {density: 0.1, region: {rectangle: [9, 0, 10, 1]}}\n",
+            "clutter: .*no floor to stand on",
+        ),
+        (
+            "floor: {rectangle: [0, 0, 8, 4]}\nclutter: {density: 0.1, region: {point: [4, 2]}}\n",
+            "clutter: .*no floor to stand on",
+        ),
+        (
+            "floor: {rectangle: [0, 0, 8, 4]}\nclutter: {density: 0.1}\n"
+            "obstacles: [{name: clutter, box: {min: [3, 1], max: [4, 2]}, top: 1}]\n",
+            "7:20: obstacles.0.name: the name 'clutter' is that of the random obstacles",
+        ),
         ("floor: {rectangle: [0, 0, 8, 4]}\nclutter: {density: sparse}\n", "clutter.density: "),
+        ("floor: {rectangle: [0, 0, 8, 4], units: cm}\n", "'units' are those of a file"),
         ("floor: {rectangle: [0, 0, 8, 4]}\nlayers: [{name: a, low: 0.1}]\n", "given by 'low' and 'high', or by one"),
     ],
 )
