@@ -14,6 +14,8 @@ sys.path.insert(0, str(ROOT))
 
 from crowdsim.motion.bvh_writer import write_bvh  # noqa: E402
 from crowdsim.motion.gait_library import synthesize_default_set  # noqa: E402
+from crowdsim.planning.behaviors import list_behaviors  # noqa: E402
+from crowdsim.planning.clearance_profiles import measure_profile, write_profile  # noqa: E402
 
 
 def build(folder: Path) -> int:
@@ -29,6 +31,8 @@ def build(folder: Path) -> int:
     for clips, names in wanted.items():
         for stale in sorted(set(clips.glob("*.bvh")) - {clips / name for name in names}):
             stale.unlink()
+    for behavior in list_behaviors(folder):
+        write_profile(measure_profile(behavior, folder), folder)
     return size
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
@@ -22,7 +23,13 @@ def scenarios(as_json: Json = False, debug: Debug = False) -> None:
         print_table(list(found.items()))
 
 
-def behaviors(as_json: Json = False, debug: Debug = False) -> None:
+def behaviors(
+    picture: Annotated[
+        Path | None, typer.Option(metavar="OUT.png", help="Draw how wide each is at each height above the floor.")
+    ] = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
     """List the built-in behaviors, narrowest first."""
     from crowdsim.cli.tables import print_rows
     from crowdsim.environment.layers import LEGS, TORSO
@@ -32,6 +39,12 @@ def behaviors(as_json: Json = False, debug: Debug = False) -> None:
 
     bands = (LEGS, TORSO)
     found = load_behavior_set(list_behaviors(library_folder("behaviors")), [(b.low, b.high) for b in bands]).behaviors
+    if picture is not None:
+        from crowdsim.figures import write_figure
+        from crowdsim.planning.clearance_profiles import draw_profiles, measure_profile
+
+        profiles = [measure_profile(behavior.name, library_folder("behaviors")) for behavior in found]
+        write_figure(draw_profiles(profiles, [(band.name, band.low, band.high) for band in bands]), picture)
     rows: list[dict[str, Any]] = [
         {
             "name": behavior.name,

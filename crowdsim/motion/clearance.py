@@ -53,24 +53,57 @@ def measure_clearances(clip: Clip, bands: Sequence[tuple[float, float]], facing:
     in a curve tighter than 2 m or hardly moving are left out: there is no side to a sharp turn or to a stand. Where
     nothing of the body is in a band, or no frame goes on, the clearance is 0.
     """
-    track = track_of(clip)
-    if len(track) < 2:
+    found = _beside_track(clip, facing)
+    if found is None:
         return np.zeros(len(bands))
-    velocity = np.gradient(track, axis=0) * CAPTURE_RATE
-    speed = np.linalg.norm(velocity[:, :2], axis=1)
-    goes_on = (np.abs(velocity[:, 2]) <= _CURVE * speed) & (speed >= _MOVING)
-    if not goes_on.any():
-        return np.zeros(len(bands))
-    points, flesh = _body_points(clip)
-    points, motion, track = points[goes_on], track[goes_on, 2] - facing, track[goes_on]
-    side = np.stack([-np.sin(motion), np.cos(motion)], axis=1)
-    reach = np.abs(np.einsum("fpi,fi->fp", points[..., :2] - track[:, None, :2], side)) + flesh
-    height = points[..., 2]
+    offset, height, flesh = found
+    reach = np.abs(offset) + flesh
     result = []
     for low, high in bands:
         inside = (height + flesh >= low) & (height - flesh <= high)
         result.append(float(np.max(np.where(inside, reach, 0.0), initial=0.0)))
     return np.array(result)
+
+
+def clearance_profile(clip: Clip, heights: Floats, facing: float = 0.0) -> Floats:
+    """(F, heights) meters, smallest diameter that encloses the body across its motion, in planes at ``heights``.
+
+    One row for each frame that goes on (see :func:`measure_clearances`), 0 where nothing of the body is in the plane.
+    Unlike a clearance, which is measured about the track, a diameter does not ask where the body is (2018 paper,
+    section 3.1 and figure 2).
+    """
+    found = _beside_track(clip, facing)
+    if found is None:
+        return np.zeros((0, len(heights)))
+    offset, height, flesh = found
+    profile = np.zeros((len(offset), len(heights)))
+    for k, plane in enumerate(heights):
+        # What a plane cuts from the ball of flesh about a point.
+        cut = np.sqrt(np.maximum(flesh**2 - (height - plane) ** 2, 0.0))
+        inside = cut > 0.0
+        left = np.max(np.where(inside, offset + cut, -np.inf), axis=1)
+        right = np.min(np.where(inside, offset - cut, np.inf), axis=1)
+        profile[:, k] = np.where(inside.any(axis=1), left - right, 0.0)
+    return profile
+
+
+def _beside_track(clip: Clip, facing: float) -> tuple[Floats, Floats, Floats] | None:
+    """Points of the body to the left of the track (F, P), their heights (F, P) and the flesh (P,) about them.
+
+    Of the frames that go on; None if none does.
+    """
+    track = track_of(clip)
+    if len(track) < 2:
+        return None
+    velocity = np.gradient(track, axis=0) * CAPTURE_RATE
+    speed = np.linalg.norm(velocity[:, :2], axis=1)
+    goes_on = (np.abs(velocity[:, 2]) <= _CURVE * speed) & (speed >= _MOVING)
+    if not goes_on.any():
+        return None
+    points, flesh = _body_points(clip)
+    points, motion, track = points[goes_on], track[goes_on, 2] - facing, track[goes_on]
+    side = np.stack([-np.sin(motion), np.cos(motion)], axis=1)
+    return np.einsum("fpi,fi->fp", points[..., :2] - track[:, None, :2], side), points[..., 2], flesh
 
 
 def _body_points(clip: Clip) -> tuple[Floats, Floats]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from crowdsim.motion.bvh_reader import read_bvh
-from crowdsim.motion.clearance import measure_clearances
+from crowdsim.motion.clearance import clearance_profile, measure_clearances
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.foot_metrics import measure_feet, planted_speed
 from tests.unit.motion.walker import walk
@@ -48,6 +48,24 @@ def test_a_turn_on_the_spot_says_nothing_about_a_passage() -> None:
 def test_gentle_turns_count() -> None:
     gentle = measure_clearances(walk(steps=8, turn=0.8), [TORSO])[0]
     assert gentle == pytest.approx(measure_clearances(walk(steps=8), [TORSO])[0], abs=0.03)
+
+
+def test_a_profile_is_as_wide_as_the_body_in_each_plane() -> None:
+    clip = walk(steps=4, sway=0.0, yaw_sway=0.0)
+    heights = np.array([0.3, 1.3, 1.4, 3.0])
+    profile = clearance_profile(clip, heights)
+    legs, _, shoulders, above = profile.max(axis=0)
+    assert shoulders == pytest.approx(2 * (0.2 + 0.06), abs=0.02)
+    assert 0.15 < legs < 0.4
+    assert above == 0.0
+    # No wider than twice the reach about the track, and no narrower than the reach beyond the far side of the track.
+    reach = measure_clearances(clip, [(h, h) for h in heights])
+    assert (profile.max(axis=0) <= 2.0 * reach + 1e-9).all()
+
+
+def test_a_profile_does_not_ask_where_the_body_is() -> None:
+    still, swaying = (clearance_profile(walk(steps=4, sway=s, yaw_sway=0.0), np.array([1.4])) for s in (0.0, 0.05))
+    assert still.max() == pytest.approx(swaying.max(), abs=0.01)
 
 
 def test_an_empty_band_has_no_clearance() -> None:
