@@ -23,8 +23,10 @@ def advance(
                 at -= length
                 previous[i] = node[i]
                 node[i] = next_node[i]
-                origin[i] = next_origin[i]
-                seam[i] = next_seam[i]
+                # Not as rows, whose shape checks compile for two seconds.
+                for k in range(3):
+                    origin[i, k] = next_origin[i, k]
+                    seam[i, k] = next_seam[i, k]
                 next_node[i] = -1
                 behavior[i] = graph.node_behavior[node[i]]
                 cursor[i] = next_cursor[i]

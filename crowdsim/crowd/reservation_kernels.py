@@ -108,8 +108,8 @@ def node_is_free(graph, node, origin, seam, legs, torso, radii):
     """Whether the body disc of a node's behavior keeps clear of both layers along the whole node."""
     behavior = graph.node_behavior[node]
     frames = graph.node_frames[node]
-    hint_legs = -1
-    hint_torso = -1
+    hint_legs = np.int64(-1)
+    hint_torso = np.int64(-1)
     frame = 0
     while True:
         x, y, _ = track_pose(
@@ -137,8 +137,8 @@ def append_stop(graph, nodes, origins, seams, count):
             return -1
         edge = graph.stop_edge[node]
         o = origins[count - 1]
-        ex, ey, eh = node_end(graph, node, o[0], o[1], o[2])
-        x, y, h = next_origin(graph, edge, 0.0, ex, ey, eh)
+        ex, ey, eh = node_end(graph, np.int64(node), o[0], o[1], o[2])
+        x, y, h = next_origin(graph, np.int64(edge), 0.0, ex, ey, eh)
         node = graph.edge_target[edge]
         nodes[count] = node
         origins[count, 0] = x
@@ -178,7 +178,7 @@ def sample_chain(graph, nodes, origins, seams, count, frame, clock, slot_frames,
         return -1
     ended = slot
     o = origins[count - 1]
-    x, y, _ = node_end(graph, nodes[count - 1], o[0], o[1], o[2])
+    x, y, _ = node_end(graph, np.int64(nodes[count - 1]), o[0], o[1], o[2])
     while k < len(out):
         out[k, 0] = x
         out[k, 1] = y
@@ -218,9 +218,12 @@ def reserve(
     forever = np.int64(FOREVER)
     start = clock // slot_frames
     for taken in range(first, available + 1):
-        nodes[:] = chain
-        spots[:] = origins
-        jumps[:] = seams
+        # One by one, as the shape checks of whole arrays compile for three seconds.
+        for k in range(len(chain)):
+            nodes[k] = chain[k]
+            for axis in range(3):
+                spots[k, axis] = origins[k, axis]
+                jumps[k, axis] = seams[k, axis]
         leaves = ends_plan and taken == available
         count = taken + 1
         if not leaves:

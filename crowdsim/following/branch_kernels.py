@@ -86,8 +86,8 @@ def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
     if high - low <= 0.0:
         return 0.0
     node = np.int64(graph.edge_target[edge])
-    ox, oy, oh = next_origin(graph, edge, 0.0, x, y, heading)
-    ex, ey, eh = node_end(graph, node, ox, oy, oh)
+    ox, oy, oh = next_origin(graph, np.int64(edge), 0.0, x, y, heading)
+    ex, ey, eh = node_end(graph, np.int64(node), ox, oy, oh)
     jx, jy, _ = compose(x, y, heading, graph.edge_pivot[edge, 0], graph.edge_pivot[edge, 1], 0.0)
     aim, _ = project(guide, ex, ey, arc - 0.2, arc + graph.node_length[node] + 0.3)
     gx, gy = path_point(guide, aim)
@@ -124,8 +124,8 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
                 node = np.int64(maps.node[maps.first[root] + entry])
                 edge = np.int64(maps.edge[maps.first[root] + entry])
                 twist = _steer(graph, maps, guide, rules, edge, x, y, heading, arc)
-                ox, oy, oh = next_origin(graph, edge, twist, x, y, heading)
-            x, y, heading = node_end(graph, node, ox, oy, oh)
+                ox, oy, oh = next_origin(graph, np.int64(edge), twist, x, y, heading)
+            x, y, heading = node_end(graph, np.int64(node), ox, oy, oh)
             behavior = graph.node_behavior[node]
             travel = graph.node_length[node]
             moved = math.hypot(graph.node_motion[node, 0], graph.node_motion[node, 1])

@@ -230,7 +230,7 @@ def follow(graph, maps, guide, rules, legs, torso, start_pose, start_node, searc
     count = np.int64(0)
     travel = 0.0
     if start_node >= 0:
-        end[0], end[1], end[2] = node_end(graph, start_node, start_pose[0], start_pose[1], start_pose[2])
+        end[0], end[1], end[2] = node_end(graph, np.int64(start_node), start_pose[0], start_pose[1], start_pose[2])
         travel = graph.node_length[start_node]
         search.step[0, 0] = start_node
         search.step[0, 1] = NONE

@@ -130,12 +130,12 @@ def grow_maps(graph, depth, reach, capacity, first, key, parent, edge, node, lev
             above = total + local
             source = np.int64(node[above])
             x, y, heading = np.float64(pose[above, 0]), np.float64(pose[above, 1]), np.float64(pose[above, 2])
-            x, y, heading = node_end(graph, source, x, y, heading)
+            x, y, heading = node_end(graph, np.int64(source), x, y, heading)
             for e in range(np.int64(graph.edge_start[source]), np.int64(graph.edge_start[source + 1])):
                 target = graph.edge_target[e]
                 if graph.node_idle[target] or count == capacity:
                     continue
-                px, py, ph = next_origin(graph, e, 0.0, x, y, heading)
+                px, py, ph = next_origin(graph, np.int64(e), 0.0, x, y, heading)
                 cell = cell_key(px, py, ph)
                 if not _occupy(table_key, table_node, table_stamp, root, cell, target) and local > 0:
                     continue
