@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,18 +24,26 @@ _DIRECTIONS = 24
 _ROUNDING = 1e-7
 
 
-def clear_end(meshes: Sequence[NavMesh], need: Requirements, point: NDArray[np.float64]) -> NDArray[np.float64]:
-    """``point`` (2,), or a place nearby from where a path keeps its clearance, if only the bodies have theirs here.
+def clear_ends(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Each of ``points`` (n, 2), or a place nearby where a path keeps its clearance, if only the bodies have theirs here.
 
     A motion strays from its path, so whoever stands where it came to rest may be nearer to obstacles than planned.
     What counts is the widest behavior that fits; one for which the body must turn does only where no other fits.
     """
+    limit = float(need.radii.max()) + REACH
+    clear = np.array([mesh.clearances(points, limit) for mesh in meshes]).T + _ROUNDING
+    planned = (clear[:, None] >= need.radii).all(axis=2) & ~need.turned
+    free = planned.any(axis=1)
+    if free.all():
+        return points
+    return np.array([points[i] if free[i] else _clear_end(meshes, need, points[i]) for i in range(len(points))])
+
+
+def _clear_end(meshes: Sequence[NavMesh], need: Requirements, point: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``point`` (2,) or a place around it, where no behavior fits here that walks straight."""
     ring, offsets = _rings()
     places = point + offsets
     clear = np.array([mesh.clearances(places, float(need.radii.max()) + REACH) for mesh in meshes]) + _ROUNDING
-    planned = (clear[:, 0] >= need.radii).all(axis=1)
-    if (planned & ~need.turned).any():
-        return point
     for radii, body in zip(need.radii[::-1], need.bodies[::-1], strict=True):
         room = (clear - radii[:, None]).min(axis=0)
         if (clear[:, 0] >= body).all() and (room >= 0.0).any():
@@ -45,12 +54,15 @@ def clear_end(meshes: Sequence[NavMesh], need: Requirements, point: NDArray[np.f
 
 def nearby_place(mesh: NavMesh, point: NDArray[np.float64], radius: float) -> NDArray[np.float64] | None:
     """``point`` (2,), or a place within REACH of it, with ``radius`` meters of clearance; None if none was found."""
+    if mesh.clearances(point[None], 2.0 * radius)[0] >= radius:
+        return point
     _, offsets = _rings()
     places = point + offsets
     clear = mesh.clearances(places, 2.0 * radius) >= radius
     return places[int(np.argmax(clear))] if clear.any() else None
 
 
+@cache
 def _rings() -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Ring number (n,) and place (n, 2) of the origin and of points around it out to REACH."""
     ring = np.append(0, np.repeat(np.arange(1, _RINGS + 1), _DIRECTIONS))

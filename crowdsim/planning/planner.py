@@ -15,7 +15,7 @@ from crowdsim.errors import BehaviorError, PathNotFound
 from crowdsim.planning.annotated_path import AnnotatedPath
 from crowdsim.planning.behaviors import Behavior
 from crowdsim.planning.certificate import lower_bound
-from crowdsim.planning.clear_ends import clear_end, joined_to
+from crowdsim.planning.clear_ends import clear_ends, joined_to
 from crowdsim.planning.collision3d import Bodies, plan_collision3d
 from crowdsim.planning.diagnosis import why_not
 from crowdsim.planning.greedy import plan_greedy
@@ -102,5 +102,5 @@ def make_query(
 ) -> Query:
     """What planners are asked, from the arguments of :func:`plan_path`."""
     need = Requirements.of(behaviors, len(meshes), margin)
-    ends = np.array([clear_end(meshes, need, end) for end in np.array([start, goal], dtype=np.float64)])
+    ends = clear_ends(meshes, need, np.array([start, goal], dtype=np.float64))
     return Query(tuple(meshes), need, make_rooms(meshes, need, rooms), ends, terms)
