@@ -13,14 +13,14 @@ SWEPT = np.dtype([("h", np.int64)] + [(name, np.float64) for name in ("ax", "ay"
 
 
 @helper
-def _is_close(x, y, length, least):
+def is_close(x, y, length, least):
     """Whether (x, y) is closer than ``least`` to the segment (0, 0) -> (length, 0)."""
     beyond = max(-x, x - length, 0.0)
     return beyond * beyond + y * y < least * least
 
 
 @helper
-def _is_met(ax, ay, bx, by, length, least):
+def is_met(ax, ay, bx, by, length, least):
     """Whether the inside of the side a -> b is closer than ``least`` to the segment (0, 0) -> (length, 0)."""
     if (ay >= least and by >= least) or (ay <= -least and by <= -least):
         return False
@@ -75,7 +75,7 @@ def sweep(sides, vertices, stack, root, x0, y0, x1, y1, least):
     ay = ex * y - ey * x
     firstx = ax
     firsty = ay
-    if _is_close(ax, ay, length, least):
+    if is_close(ax, ay, length, least):
         return False, root
     for k in range(3):
         if k < 2:
@@ -84,12 +84,12 @@ def sweep(sides, vertices, stack, root, x0, y0, x1, y1, least):
             y = v.y - y0
             bx = ex * x + ey * y
             by = ex * y - ey * x
-            if _is_close(bx, by, length, least):
+            if is_close(bx, by, length, least):
                 return False, root
         else:
             bx = firstx
             by = firsty
-        if _is_met(ax, ay, bx, by, length, least):
+        if is_met(ax, ay, bx, by, length, least):
             row = stack[top]
             row.h = h + k
             row.ax = ax
@@ -123,15 +123,15 @@ def sweep(sides, vertices, stack, root, x0, y0, x1, y1, least):
         y = v.y - y0
         cx = ex * x + ey * y
         cy = ex * y - ey * x
-        if _is_close(cx, cy, length, least):
+        if is_close(cx, cy, length, least):
             return False, root
-        if _is_met(ax, ay, cx, cy, length, least):
+        if is_met(ax, ay, cx, cy, length, least):
             row.h = nxt(g)
             row.bx = cx
             row.by = cy
             top += 1
             row = stack[top]
-        if _is_met(cx, cy, bx, by, length, least):
+        if is_met(cx, cy, bx, by, length, least):
             row.h = p
             row.ax = cx
             row.ay = cy
