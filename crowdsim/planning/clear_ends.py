@@ -25,7 +25,7 @@ _ROUNDING = 1e-7
 
 
 def clear_ends(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Each of ``points`` (n, 2), or a place nearby where a path keeps its clearance if only the bodies have theirs here.
+    """Each of ``points`` (n, 2), or a place nearby where a path keeps its clearance if only bodies have theirs here.
 
     A motion strays from its path, so whoever stands where it came to rest may be nearer to obstacles than planned.
     What counts is the widest behavior that fits; one for which the body must turn does only where no other fits.
