@@ -196,7 +196,7 @@ def _follow(
         graph,
         setting.maps,
         samples,
-        (meshes[0].arrays, meshes[1].arrays),
+        tuple(mesh.arrays for mesh in meshes),
         setting.body_radii,
         setting.facings,
         start_pose=origin,

@@ -175,8 +175,8 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
             laid.fit[entry] = fit and (reached or arc_after <= last)
             laid.wide[entry] = wide
             laid.reached[entry] = reached
-            laid.free[entry, 0] = False
-            laid.free[entry, 1] = False
+            for k in range(laid.free.shape[1]):
+                laid.free[entry, k] = False
             laid.node[entry] = node
             laid.edge[entry] = edge
             laid.twist[entry] = twist
