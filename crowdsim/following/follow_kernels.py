@@ -268,9 +268,7 @@ def follow(graph, maps, guide, rules, layers, start_pose, start_node, search, la
         depth = lay_branch(graph, maps, guide, rules, search, laid, root, depth, end, arc, search.stage[top, SERIAL])
         free = depth > 0
         for k, mesh in enumerate(layers):
-            free = free and branch_is_free(
-                graph, rules, mesh, np.int64(k), search, laid, depth, end, root >= 0, hints
-            )
+            free = free and branch_is_free(graph, rules, mesh, np.int64(k), search, laid, depth, end, root >= 0, hints)
         if not free:
             continue
         count = search.stage[top, COUNT]

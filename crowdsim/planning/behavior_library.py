@@ -99,8 +99,8 @@ def _require_worth(behaviors: Sequence[Behavior]) -> None:
     for narrow, wide in pairwise(behaviors):
         if narrow.cost_per_meter <= wide.cost_per_meter:
             raise BehaviorError(
-                f"'{narrow.name}' is narrower than '{wide.name}' ({narrow.radii.max():.3f} m, {wide.radii.max():.3f} m) "
-                f"and no costlier, so '{wide.name}' would never be used; "
+                f"'{narrow.name}' is narrower than '{wide.name}' ({narrow.radii.max():.3f} m, {wide.radii.max():.3f} m)"
+                f" and no costlier, so '{wide.name}' would never be used; "
                 f"raise cost_per_meter in {narrow.folder}/behavior.yaml"
             )
 

@@ -11,6 +11,7 @@ import crowdsim
 from crowdsim.library import library_folder
 from crowdsim.planning import behavior_library
 from crowdsim.recording.reader import Recording
+from crowdsim.scenario import semantics
 from crowdsim.scenario.loader import parse_scenario
 
 ROOM = """\
@@ -66,9 +67,12 @@ def test_a_room_is_crossed_with_four_behaviors(tmp_path: Path, monkeypatch: pyte
     shutil.copytree(library_folder("behaviors"), library)
     shutil.copytree(library / "arm_constrained", library / "arm_bound")
     file = library / "arm_bound" / "behavior.yaml"
-    text = file.read_text().replace("arm_constrained", "arm_bound").replace("cost_per_meter: 1.1", "cost_per_meter: 1.2")
+    text = (
+        file.read_text().replace("arm_constrained", "arm_bound").replace("cost_per_meter: 1.1", "cost_per_meter: 1.2")
+    )
     file.write_text(text)
-    monkeypatch.setattr(behavior_library, "library_folder", lambda _: library)
+    for module in (behavior_library, semantics):
+        monkeypatch.setattr(module, "library_folder", lambda _: library)
     with run(tmp_path, "behaviors: [lateral, arm_bound, arm_constrained, frontal]", 0.33) as recording:
         require_sound(recording)
         assert [behavior.name for behavior in recording.header.behaviors] == [
