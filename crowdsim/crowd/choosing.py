@@ -104,7 +104,7 @@ class Choosing:
 
     def _extend(self, view: View, row: int, plan: MotionPlan, following: int) -> bool:
         """Reserve the node ``following`` of the plan, and as many after it as it takes to be able to stop."""
-        setting, meshes = self.plans.setting, self.plans.place.meshes
+        setting, layers = self.plans.setting, tuple(mesh.arrays for mesh in self.plans.place.meshes)
         available = min(plan.count - following, LOOKAHEAD)
         chain, origins, seams = self._chain, self._origins, self._seams
         chain[0], origins[0], seams[0] = view.node[row], view.origin[row], view.seam[row]
@@ -116,7 +116,7 @@ class Choosing:
         leaves = plan.arrives and last and not view.stays[row] and following + available == plan.count
         clock = self.plans.step * setting.frames_per_step
         taken, gone = reserve(
-            setting.graph, meshes[0].arrays, meshes[1].arrays, setting.body_radii,
+            setting.graph, layers, setting.body_radii,
             row, int(view.frame[row]), clock, SLOT_FRAMES, chain, origins, seams, 1, available, leaves,
             view.timeline, view.timeline_start, view.gone_slot, view.body_radius,
             self._kept_free(view, row), float(view.body_radius[row]) + KEPT_OFF, self._timeline,

@@ -17,7 +17,9 @@ from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.annotated_path import AnnotatedPath, PathSamples
 from crowdsim.planning.clear_ends import joined_to
-from crowdsim.planning.planner import plan_path
+from crowdsim.planning.layered import cheapest_uniform
+from crowdsim.planning.planner import make_query
+from crowdsim.planning.widening import with_slack
 
 WORTHWHILE = 2.0
 """Meters that a motion must lead along the route to be begun though it does not reach the goal: who shuffles on the
@@ -173,10 +175,12 @@ def _passing(setting: Setting, place: Place, request: Request) -> MotionPlan | N
     if not len(points):
         return None
     meshes = (legs.with_points(points), *place.meshes[1:])
-    try:
-        route = plan_path(meshes, setting.behaviors, request.position, request.goal)
-    except PathNotFound:
+    # Not over a roadmap, which would be made for this one plan.
+    query = make_query(meshes, setting.behaviors, request.position, request.goal)
+    route = cheapest_uniform(query)
+    if route is None:
         return None
+    route = joined_to(with_slack(query, route), np.array([request.position, request.goal]), setting.need.costs)
     plan = _follow(setting, request, route, meshes, PASSING_BUDGET)
     return plan if plan.arrives else None
 
@@ -196,7 +200,7 @@ def _follow(
         graph,
         setting.maps,
         samples,
-        (meshes[0].arrays, meshes[1].arrays),
+        tuple(mesh.arrays for mesh in meshes),
         setting.body_radii,
         setting.facings,
         start_pose=origin,

@@ -104,25 +104,20 @@ def _within_reach(center, other, first, last, reach):
 
 
 @helper
-def node_is_free(graph, node, origin, seam, legs, torso, radii):
-    """Whether the body disc of a node's behavior keeps clear of both layers along the whole node."""
+def _node_is_free(graph, node, origin, seam, layers, radii, hints):
+    """Whether the body disc of a node's behavior keeps clear of all layers along the whole node."""
     behavior = graph.node_behavior[node]
     frames = graph.node_frames[node]
-    hint_legs = np.int64(-1)
-    hint_torso = np.int64(-1)
     frame = 0
     while True:
         x, y, _ = track_pose(
             graph, np.int64(node), np.int64(frame), origin[0], origin[1], origin[2], seam[0], seam[1], seam[2]
         )
-        need = radii[behavior, 0]
-        distance, hint_legs = disc_clearance(legs, x, y, need, hint_legs)
-        if distance < need:
-            return False
-        need = radii[behavior, 1]
-        distance, hint_torso = disc_clearance(torso, x, y, need, hint_torso)
-        if distance < need:
-            return False
+        for k, mesh in enumerate(layers):
+            need = radii[behavior, k]
+            distance, hints[k] = disc_clearance(mesh, x, y, need, hints[k])
+            if distance < need:
+                return False
         if frame == frames:
             return True
         frame = min(frame + _STATIC_STRIDE, frames)
@@ -201,20 +196,22 @@ def comes_near(timeline, segments, distance):
 
 @kernel
 def reserve(
-    graph, legs, torso, body, row, frame, clock, slot_frames, chain, origins, seams, first, available, ends_plan,
+    graph, layers, body, row, frame, clock, slot_frames, chain, origins, seams, first, available, ends_plan,
     timelines, starts, gones, body_radii, kept_free, distance, timeline,
 ):  # fmt: skip
     """Find the shortest continuation that ends standing, touches nothing and meets no one.
 
     chain, origins, seams: buffers (C,), (C, 3), (C, 3); entry 0 is the present node, entries 1 to
     ``available`` the next nodes of the plan; at least ``first`` of them must be taken. ``ends_plan`` says that
-    the last of them leaves the world. ``body`` (B, 2) are the body radii per behavior and layer. ``kept_free`` (M, 4)
+    the last of them leaves the world. ``layers`` is a tuple of meshes, ``body`` (B, layers) are
+    the body radii per behavior and layer. ``kept_free`` (M, 4)
     are segments that the track stays ``distance`` away from.
     Returns (nodes taken, gone slot), no nodes where there is none, and leaves the timeline in ``timeline`` (K, 2).
     """
     nodes = chain.copy()
     spots = origins.copy()
     jumps = seams.copy()
+    hints = np.full(len(layers), np.int64(-1))
     forever = np.int64(FOREVER)
     start = clock // slot_frames
     for taken in range(first, available + 1):
@@ -229,7 +226,7 @@ def reserve(
         if not leaves:
             count = append_stop(graph, nodes, spots, jumps, taken + 1)
             for c in range(taken + 1, count):
-                if not node_is_free(graph, nodes[c], spots[c], jumps[c], legs, torso, body):
+                if not _node_is_free(graph, nodes[c], spots[c], jumps[c], layers, body, hints):
                     count = -1
                     break
             if count < 0:

@@ -88,11 +88,8 @@ class Setting:
 def load_behaviors(scenario: Scenario) -> BehaviorSet:
     """The behaviors of a scenario, measured on its layers, with their motion graph.
 
-    Raises ScenarioError, BehaviorError or MotionError where something cannot be used.
+    Raises BehaviorError or MotionError where something cannot be used.
     """
-    if len(scenario.bands) != 2:
-        message = f"{len(scenario.bands)} layers are given, but characters have two: legs, then torso"
-        raise ScenarioError([scenario.problem(("layers",), message)])
     bands = [(layer.low, layer.high) for layer in scenario.layers()]
     captures = scenario.captures()
     if captures is None:

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from crowdsim.constants import CAPTURE_RATE, NONE
-from crowdsim.following.path_kernels import path_point, project, sample_index
+from crowdsim.following.path_kernels import path_point, project, sample_before, sample_index
 from crowdsim.geometry.planar_kernels import compose, wrap_angle
 from crowdsim.jit import helper
 from crowdsim.motion.track_kernels import next_origin, node_end, track_pose
@@ -142,8 +142,10 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
                 and guide.allowed[behavior, here]
             )
             nearest = math.inf
-            squeezed = 0.0
+            wide = False
             if fit:
+                # Where a node begins its body is there already, which the outline leaves out.
+                wide = behavior > guide.behavior[sample_before(guide, arc)]
                 c, s = math.cos(oh), math.sin(oh)
                 begin, end = maps.outline_first[node], maps.outline_first[node + 1]
                 step = travel / (end - begin)
@@ -156,8 +158,7 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
                     area += step * math.hypot(px - qx, py - qy)
                     misfit = behavior - guide.behavior[sample_index(guide, along)]
                     area += step * _MISFIT_COST * abs(misfit)
-                    if misfit > 0:
-                        squeezed += step
+                    wide = wide or misfit > 0
                     nearest = min(nearest, math.hypot(px - goal_x, py - goal_y))
                 area += _NODE_COST + _TIME_COST * graph.node_frames[node] / CAPTURE_RATE
                 if maps.leads_to[node] != guide.behavior[here]:
@@ -172,10 +173,10 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
             stuck = rules.end_standing and graph.node_ends_standing[node]
             last = total if stuck else total + rules.goal_tolerance
             laid.fit[entry] = fit and (reached or arc_after <= last)
-            laid.wide[entry] = squeezed > 0.0
+            laid.wide[entry] = wide
             laid.reached[entry] = reached
-            laid.free[entry, 0] = False
-            laid.free[entry, 1] = False
+            for k in range(laid.free.shape[1]):
+                laid.free[entry, k] = False
             laid.node[entry] = node
             laid.edge[entry] = edge
             laid.twist[entry] = twist

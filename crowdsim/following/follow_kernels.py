@@ -215,14 +215,13 @@ def _record_best(search, count):
 
 
 @kernel
-def follow(graph, maps, guide, rules, legs, torso, start_pose, start_node, search, laid):
+def follow(graph, maps, guide, rules, layers, start_pose, start_node, search, laid):
     """Search the motion along a path. Returns (status, nodes of the best solution, arc it reached, map queries).
 
     The best solution is left in ``search.best_*``: complete where the status is FOUND, else the one that came farthest.
     ``start_node`` is -1 where any node may begin at ``start_pose``.
     """
-    hints = np.zeros(2, np.int64)
-    hints[0] = hints[1] = NONE
+    hints = np.full(len(layers), np.int64(NONE))
     room = search.candidate.shape[0] // search.stage.shape[0]
     end = np.empty(3)
     for k in range(3):
@@ -267,11 +266,10 @@ def follow(graph, maps, guide, rules, legs, torso, start_pose, start_node, searc
         search.stage[top, NEXT] += 1
         depth = _load_branch(maps, search, root, entry)
         depth = lay_branch(graph, maps, guide, rules, search, laid, root, depth, end, arc, search.stage[top, SERIAL])
-        if not (
-            depth > 0
-            and branch_is_free(graph, rules, legs, np.int64(0), search, laid, depth, end, root >= 0, hints)
-            and branch_is_free(graph, rules, torso, np.int64(1), search, laid, depth, end, root >= 0, hints)
-        ):
+        free = depth > 0
+        for k, mesh in enumerate(layers):
+            free = free and branch_is_free(graph, rules, mesh, np.int64(k), search, laid, depth, end, root >= 0, hints)
+        if not free:
             continue
         count = search.stage[top, COUNT]
         for d in range(depth):

@@ -143,17 +143,17 @@ def follow_path(
     graph: GraphArrays,
     maps: MotionMaps,
     samples: Samples,
-    meshes: tuple[Any, Any],
+    meshes: tuple[Any, ...],
     radii: Floats,
     facings: Floats,
     start_pose: Floats,
     start_node: int = -1,
     options: FollowOptions | None = None,
 ) -> FollowResult:
-    """Find nodes that walk along a path with every body disc free on both layers (2012 paper, section 5).
+    """Find nodes that walk along a path with every body disc free on all layers (2012 paper, section 5).
 
-    meshes: kernel arrays of the legs' and the torso's mesh. radii: (B, 2) body radius of each behavior on the two
-    layers. facings: (B, F) allowed headings of the body relative to its direction of motion, padded with NaN.
+    meshes: kernel arrays of each layer's mesh. radii: (B, layers) body radius of each behavior on them.
+    facings: (B, F) allowed headings of the body relative to its direction of motion, padded with NaN.
     start_pose: (3,) where the first node starts. start_node: the first node, taken as being played already and not
     tested; -1 to choose one. Safe to call from several threads at once. MotionError where shapes do not fit.
     """
@@ -161,9 +161,10 @@ def follow_path(
     behaviors = int(graph.node_behavior.max(initial=0)) + 1
     if len(samples.arc) < 2 or not samples.arc[-1] > 0.0:
         raise MotionError("a path to follow needs two samples and a length; there is nothing to walk")
-    if len(radii) < behaviors or len(facings) != len(radii) or radii.shape[1] != 2:
+    if len(radii) < behaviors or len(facings) != len(radii) or radii.shape[1] != len(meshes):
         raise MotionError(
-            f"radii {radii.shape} and facings {facings.shape} must have a row for each of the {behaviors} behaviors"
+            f"radii {radii.shape} and facings {facings.shape} must have a row for each of the {behaviors} behaviors,"
+            f" radii a column for each of the {len(meshes)} layers"
         )
     guide = _Guide(samples.pose, samples.arc, samples.behavior, _allowed(samples, facings, options.transition_reach))
     rules = _Rules(
@@ -181,7 +182,7 @@ def follow_path(
     search, laid = _workspace(graph, maps, float(samples.arc[-1]), rules)
     start = np.array(start_pose, np.float64)
     status, count, reached, expansions = follow(
-        graph, maps.arrays, guide, rules, meshes[0], meshes[1], start, int(start_node), search, laid
+        graph, maps.arrays, guide, rules, meshes, start, int(start_node), search, laid
     )
     return FollowResult(
         FollowStatus(status),
@@ -249,7 +250,7 @@ def _workspace(graph: GraphArrays, maps: MotionMaps, length: float, rules: _Rule
         fit=np.empty(entries, np.bool_),
         wide=np.empty(entries, np.bool_),
         reached=np.empty(entries, np.bool_),
-        free=np.empty((entries, 2), np.bool_),
+        free=np.empty((entries, rules.radii.shape[1]), np.bool_),
         node=ints(entries),
         edge=ints(entries),
         twist=np.empty(entries),

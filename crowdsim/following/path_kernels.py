@@ -18,6 +18,14 @@ def sample_index(guide, arc):
 
 
 @helper
+def sample_before(guide, arc):
+    """Index of the last path sample at or before ``arc``."""
+    last = guide.arc.shape[0] - 1
+    i = math.floor(arc / guide.arc[last] * last)
+    return min(max(i, 0), last)
+
+
+@helper
 def path_point(guide, arc):
     """Point (x, y) at ``arc``."""
     last = guide.arc.shape[0] - 1

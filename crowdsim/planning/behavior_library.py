@@ -20,7 +20,7 @@ from crowdsim.planning.behaviors import Behavior, BehaviorClips, BehaviorFile, r
 from crowdsim.planning.captured_behaviors import CAPTURED, captured_clips
 
 LEGS_TOP = 0.60
-"""Meters up to which a body is measured for the lowest layer: hanging hands are the next layer's."""
+"""Meters up to which a body is measured for the lowest layer of several: hanging hands are the next layer's."""
 
 Band = tuple[float, float]
 
@@ -58,7 +58,7 @@ def load_behavior_set(
         _require_captured(names, captures)
         clips = captured_clips(captures, capture_patterns, names)
     radii = {name: _radii(file, clips[name].clips, bands) for name, file in files.items()}
-    order = sorted(files, key=lambda name: (radii[name][-1], name))
+    order = sorted(files, key=lambda name: (float(radii[name].max()), name))
     behaviors = tuple(files[name].behavior(radii[name], library / name) for name in order)
     _require_worth(behaviors)
     graph = build_motion_graph(_sources(files, clips, order))
@@ -88,7 +88,8 @@ def _library_clips(file: BehaviorFile, folder: Path, names: Sequence[str]) -> Be
 
 def _radii(file: BehaviorFile, clips: Sequence[Clip], bands: Sequence[Band]) -> NDArray[np.float64]:
     """(bands,) largest reach of any clip of the behavior, to whichever side it may face."""
-    measured = [(bands[0][0], min(bands[0][1], LEGS_TOP)), *bands[1:]]
+    legs_top = LEGS_TOP if len(bands) > 1 else np.inf
+    measured = [(bands[0][0], min(bands[0][1], legs_top)), *bands[1:]]
     reaches = [measure_clearances(clip, measured, float(np.radians(side))) for clip in clips for side in file.facing]
     return np.max(reaches, axis=0)
 
@@ -98,8 +99,8 @@ def _require_worth(behaviors: Sequence[Behavior]) -> None:
     for narrow, wide in pairwise(behaviors):
         if narrow.cost_per_meter <= wide.cost_per_meter:
             raise BehaviorError(
-                f"'{narrow.name}' is narrower than '{wide.name}' ({narrow.radii[-1]:.3f} m, {wide.radii[-1]:.3f} m) "
-                f"and no costlier, so '{wide.name}' would never be used; "
+                f"'{narrow.name}' is narrower than '{wide.name}' ({narrow.radii.max():.3f} m, {wide.radii.max():.3f} m)"
+                f" and no costlier, so '{wide.name}' would never be used; "
                 f"raise cost_per_meter in {narrow.folder}/behavior.yaml"
             )
 

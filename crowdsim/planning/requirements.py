@@ -23,7 +23,8 @@ TOUCH = 1e-5
 class Requirements:
     """n behaviors on m layers, narrowest behavior first, the searched layer (the legs') first.
 
-    radii: (n, m) float64, planned clearance; on the searched layer all equal to the largest of the behaviors'.
+    radii: (n, m) float64, planned clearance; on the searched layer all equal to the largest of the behaviors',
+    on the others at least that of narrower ones.
     bodies: (n, m), the bodies' own clearance. costs: (n,) float64 a meter. turned: (n,) bool.
     """
 
@@ -45,6 +46,8 @@ class Requirements:
         bodies = np.array([behavior.radii for behavior in behaviors])
         radii = bodies + margin
         radii[:, 0] = radii[:, 0].max()
+        # Wherever a behavior fits, all narrower ones count as fitting.
+        radii = np.maximum.accumulate(radii, axis=0)
         return Requirements(
             radii=radii,
             bodies=bodies,

@@ -1,108 +1,132 @@
 """Moving a path off the obstacles where there is room.
 
-The shortest path with the clearance of the legs touches corners at exactly that clearance, though a meter beside them a
-wider behavior would fit. A stretch that is too close is replaced by the shortest way with more clearance between its
-ends, where that does not cost more.
+The cheapest path touches corners at exactly the clearance of its behaviors, though motions follow it only nearly. At
+stations along it the path may shift to one side, and dynamic programming chooses the shifts: length times the cost of
+the behavior that fits, and a price for every station that lacks slack.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.errors import PathNotFound
-from crowdsim.planning.annotated_path import AnnotatedPath, arc_lengths, points_at
-from crowdsim.planning.labelling import union
+from crowdsim.planning.annotated_path import AnnotatedPath, arc_lengths
 from crowdsim.planning.query import Query
-from crowdsim.planning.requirements import Requirements
-from crowdsim.planning.rooms import Room
+from crowdsim.planning.requirements import TOUCH
 
-if TYPE_CHECKING:
-    from crowdsim.navmesh.navmesh import NavMesh
+STATION = 0.12
+"""Meters between stations, at most."""
 
-RUN_UP = 0.5
-"""Meters before and after a stretch that is too close from where it may be replaced."""
+SLACK = 0.1
+"""Meters of clearance beyond the planned that a path takes where they cost (almost) nothing."""
 
-SLACKS = (0.1, 0.075, 0.05, 0.025)
-"""Meters of clearance beyond the planned that a path takes where they cost (almost) nothing, the first that fits."""
+SHIFTS = SLACK * np.linspace(-1.0, 1.0, 9)
+"""Meters to the left by which a station may shift."""
+
+SLACK_PRICE = 0.1
+"""Cost a meter of the preferred behavior, as a share of its own, for lacking all of the slack."""
 
 SLACK_WORTH = 0.03
-"""Share of the cost that slack may take altogether, and meters that it may take at one place."""
+"""Share of the cost that slack may take altogether."""
+
+_CHORD = 0.01
+"""Meters of clearance that shifted stations have left, for the straight pieces between them."""
+
+_ROUNDS = 4
+_STAY = len(SHIFTS) // 2
 
 
 def with_slack(query: Query, path: AnnotatedPath) -> AnnotatedPath:
     """The same way with more clearance where there is some: through the middle of gaps, wide around corners."""
-    levels = [(room, slack) for room in query.rooms for slack in (*SLACKS, 0.0) if slack < room.growth]
-    roomy = query.annotated(widen(query.meshes, query.need, path.points, levels[:-1], SLACK_WORTH))
-    return roomy if roomy.sections and roomy.cost <= path.cost * (1.0 + SLACK_WORTH) else path
+    if path.length < 2.0 * STATION:
+        return path
+    arc = np.linspace(0.0, path.length, int(np.ceil(path.length / STATION)) + 1)
+    along = path.at(arc + STATION) - path.at(arc - STATION)
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(*along.T)[:, None]
+    places = path.at(arc)[:, None] + SHIFTS[:, None] * normal[:, None]
+    prices = _prices(query, places)
+    if prices is None:
+        return path
+    steps = np.hypot(*(places[1:, None, :, :] - places[:-1, :, None, :]).transpose(3, 0, 1, 2))
+    legs, radius = query.meshes[0], query.need.search_radius - TOUCH
+    for _ in range(_ROUNDS):
+        chosen = _cheapest_shifts(prices, steps)
+        if (chosen == _STAY).all():
+            return path
+        points, first = _shifted(path, arc, places, chosen)
+        tight = legs.violations(points, radius)
+        if not len(tight):
+            roomy = query.annotated(points)
+            return roomy if roomy.sections and roomy.cost <= path.cost * (1.0 + SLACK_WORTH) else path
+        # Straight pieces between stations cut a corner there: they stay where they were.
+        at = arc_lengths(points)[first]
+        for low, high in tight.tolist():
+            begin, end = np.searchsorted(at, [low, high])
+            prices[max(begin - 1, 0) : end + 1, np.arange(len(SHIFTS)) != _STAY] = np.inf
+    return path
 
 
-def widen(
-    meshes: Sequence[NavMesh],
-    need: Requirements,
-    points: NDArray[np.float64],
-    levels: Sequence[tuple[Room, float]],
-    allowance: float,
-) -> NDArray[np.float64]:
-    """Polyline with the same ends that keeps one after the other of ``levels`` (room, slack) where it can.
+def _prices(query: Query, places: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """(n, shifts) cost a meter at each of ``places`` (n, shifts, 2), infinite where nobody fits; None if all is roomy.
 
-    A replacement is taken where it costs at most what it replaces and ``allowance`` meters of the preferred behavior
-    (each place by the behavior that fits it; sections and switches not counted). The points given come back where
-    nothing was replaced.
+    The cost is that of the most preferred behavior that fits, and the price of the slack that it lacks.
     """
-    for room, slack in levels:
-        close = room.too_close(points, slack)
-        if not len(close):
-            continue
-        arc = arc_lengths(points)
-        blocked = _blocked(meshes, need, points)
-        pieces, position = [], 0.0
-        for low, high in _with_run_up(close, float(arc[-1])):
-            try:
-                detour = room.find_path(points_at(points, arc, np.array([low, high])), slack)
-            except PathNotFound:
-                continue
-            limit = _cost(blocked, need.costs, low, high) + allowance * need.costs[-1]
-            length = float(arc_lengths(detour)[-1])
-            if length * need.costs[-1] > limit:
-                continue
-            if _cost(_blocked(meshes, need, detour), need.costs, 0.0, length) > limit + 1e-9:
-                continue
-            pieces += [_part(points, arc, position, low), detour]
-            position = high
-        if pieces:
-            points = joined([*pieces, _part(points, arc, position, float(arc[-1]))])
-    return points
+    need = query.need
+    reach = need.radii.max(axis=0) + SLACK
+    roomy = np.ones(len(places), np.bool_)
+    for mesh, limit in zip(query.meshes, reach.tolist(), strict=True):
+        roomy &= mesh.clearances(places[:, _STAY], limit) >= limit
+    if roomy.all():
+        return None
+    # Those next to a station that is too close may have to shift as well.
+    close = np.flatnonzero(np.convolve(~roomy, np.ones(7), "same") > 0.5)
+    room = np.full((len(close), len(SHIFTS), need.count), np.inf)
+    for layer, mesh in enumerate(query.meshes):
+        clear = mesh.clearances(places[close].reshape(-1, 2), float(reach[layer]))
+        room = np.minimum(room, clear.reshape(len(close), -1, 1) - need.radii[:, layer])
+    least = np.where(np.arange(len(SHIFTS)) == _STAY, -2.0 * TOUCH, _CHORD)[:, None]
+    lack = need.costs[-1] * SLACK_PRICE * (1.0 - np.clip(room / SLACK, 0.0, 1.0))
+    prices = np.full(places.shape[:2], np.inf)
+    prices[:, _STAY] = need.costs[-1]
+    prices[close] = np.where(room >= least, need.costs + lack, np.inf).min(axis=2)
+    stays = prices[:, _STAY]
+    stays[np.isinf(stays)] = need.costs[0]
+    prices[[0, -1]] = np.where(np.arange(len(SHIFTS)) == _STAY, prices[[0, -1]], np.inf)
+    return prices
 
 
-def _with_run_up(close: NDArray[np.float64], length: float) -> NDArray[np.float64]:
-    """Intervals lengthened to both sides, at most to the middle of the free stretch between two of them."""
-    gaps = np.concatenate([[2.0 * close[0, 0]], close[1:, 0] - close[:-1, 1], [2.0 * (length - close[-1, 1])]])
-    room = np.minimum(gaps / 2.0, RUN_UP)
-    return np.stack([close[:, 0] - room[:-1], close[:, 1] + room[1:]], axis=1)
+def _cheapest_shifts(prices: NDArray[np.float64], steps: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Shift (n,) of each station with the least sum of length times mean price; steps: (n - 1, from, to) meters."""
+    costs = 0.5 * (prices[:-1, :, None] + prices[1:, None, :]) * steps
+    before = np.empty(steps.shape[:2], np.int64)
+    total = np.zeros(len(SHIFTS))
+    every = np.arange(len(SHIFTS))
+    for k, cost in enumerate(costs):
+        sums = cost + total[:, None]
+        best = before[k] = sums.argmin(axis=0)
+        total = sums[best, every]
+    chosen = np.full(len(prices), _STAY)
+    for k in range(len(before) - 1, -1, -1):
+        chosen[k] = before[k, chosen[k + 1]]
+    return chosen
 
 
-def _blocked(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    return [union(intervals) for intervals in need.blocked(meshes, points)]
+def _shifted(
+    path: AnnotatedPath, arc: NDArray[np.float64], places: NDArray[np.float64], chosen: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The path through its stations as they are shifted, and which of its points they are.
 
-
-def _cost(blocked: list[NDArray[np.float64]], costs: NDArray[np.float64], low: float, high: float) -> float:
-    """Cost of the path between two arc lengths, each place by the most preferred behavior that fits it."""
-    total = (high - low) * costs[-1]
-    for i in range(1, len(blocked)):
-        covered = np.minimum(blocked[i][:, 1], high) - np.maximum(blocked[i][:, 0], low)
-        total += np.maximum(covered, 0.0).sum() * (costs[i - 1] - costs[i])
-    return float(total)
-
-
-def _part(points: NDArray[np.float64], arc: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
-    """Polyline between two arc lengths, both ends included."""
-    inside = (arc > low) & (arc < high)
-    ends = points_at(points, arc, np.array([low, high]))
-    return np.concatenate([ends[:1], points[inside], ends[1:]])
+    Where neither of two stations shifts, it is the path itself between them.
+    """
+    stays = chosen == _STAY
+    own = np.searchsorted(arc, path.arc, side="right") - 1
+    own = np.minimum(own, len(arc) - 2)
+    kept = stays[own] & stays[own + 1] & (path.arc > arc[own] + 1e-9) & (path.arc < arc[own + 1] - 1e-9)
+    points = np.concatenate([places[np.arange(len(arc)), chosen], path.points[kept]])
+    order = np.argsort(np.concatenate([arc, path.arc[kept]]), kind="stable")
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    return np.ascontiguousarray(points[order]), rank[: len(arc)]
 
 
 def joined(pieces: list[NDArray[np.float64]]) -> NDArray[np.float64]:

@@ -11,9 +11,3 @@ def test_steps_longer_than_the_shortest_movement() -> None:
         match=r"corridor\.yaml:\d+:\d+: steps_per_second: .*take more steps|--set.*take more steps",
     ):
         crowdsim.Simulation(crowdsim.load_scenario("corridor", ["steps_per_second=1"]))
-
-
-def test_another_number_of_layers() -> None:
-    scenario = crowdsim.load_scenario("doorway", ["layers=[{name: legs, low: 0.1, high: 2.0}]"])
-    with pytest.raises(crowdsim.ScenarioError, match="layers: 1 layers are given"):
-        crowdsim.Simulation(scenario)

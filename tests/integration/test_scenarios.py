@@ -43,6 +43,10 @@ def used_in(recording: Recording, area: shapely.Polygon, group: str) -> set[str]
     return {names[k] for k in np.unique(recording.behavior[:][:, agents][inside])}
 
 
+def scenario_floor(name: str) -> shapely.Polygon:
+    return crowdsim.load_scenario(name).floor_polygon()
+
+
 @pytest.mark.parametrize("name", sorted(set(builtin_scenarios()) - {"corridor"}))
 def test_everyone_arrives_and_touches_nothing(run: Run, name: str) -> None:
     summary = run(name).summary
@@ -50,6 +54,12 @@ def test_everyone_arrives_and_touches_nothing(run: Run, name: str) -> None:
     assert min(summary["obstacle_margin"].values()) >= LEAST_MARGIN
     assert summary["closest_pair"] is None or summary["closest_pair"] >= 0.3
     assert summary["lowest_foot"] >= -0.01
+
+
+def test_the_apartment_uses_all_three_behaviors(run: Run) -> None:
+    summary = run("apartment").summary
+    assert min(summary["behavior_share"].values()) > 0.03
+    assert summary["behavior_share_by_area"]["bedroom_door"]["arm_constrained"] > 0.9
 
 
 def test_the_study_is_entered_sideways_and_all_other_doors_walking(run: Run) -> None:
@@ -60,8 +70,7 @@ def test_the_study_is_entered_sideways_and_all_other_doors_walking(run: Run) -> 
     shares = recording.summary["behavior_share_by_area"]
     assert shares["study_door"]["lateral"] > 0.5
     for group in ("to_the_kitchen", "to_the_bathroom", "going_out"):
-        everywhere = scenario.floor_polygon()
-        assert "lateral" not in used_in(recording, everywhere, group), group
+        assert "lateral" not in used_in(recording, scenario_floor("apartment"), group), group
 
 
 def test_the_apartment_is_furnished(run: Run) -> None:
