@@ -16,6 +16,8 @@ from crowdsim.planning.roadmap import Roadmap, roadmap_of
 from crowdsim.planning.string_kernels import is_straight
 from crowdsim.planning.widening import joined
 
+ROUNDS=2
+BY_ROOMS=False
 DOUBT = -0.05
 """Share of the estimate by which a path may cost more before its wide sections are searched again in their rooms."""
 
@@ -66,13 +68,9 @@ def _cheaper(one: AnnotatedPath | None, other: AnnotatedPath | None) -> Annotate
 def _over_roadmap(query: Query, roadmap: Roadmap) -> tuple[AnnotatedPath | None, float]:
     """The cheapest path of the strings of the best way over the roadmap, and what the roadmap let expect."""
     road, estimate = roadmap.find(query.ends)
-    best: AnnotatedPath | None = None
-    for part in PARTS:
-        points = roadmap.pull(road, query.ends, query.need.count - 1, part)
-        if len(points):
-            path = query.annotated(points)
-            if path.sections and (best is None or path.cost < best.cost):
-                best = path
+    best = roadmap.polish(road, query, ROUNDS) if len(road) else None
+    if not BY_ROOMS:
+        return best, estimate
     if len(road) and (best is None or best.cost > estimate * (1.0 + DOUBT)):
         points = _by_rooms(query, roadmap, road)
         if len(points):
