@@ -25,8 +25,14 @@ PARTS = (0.0, 0.9)
 """How much of a gap the two circles around its corners fill at first: none more than a narrow behavior asks for, or
 nearly all, so that the path is in the middle."""
 
-BESIDE = 0.7
+BESIDE = 0.3
 """Meters before and after a section of a narrow behavior where corners are tried."""
+
+WORTH = 0.1
+"""Cost above which meters of a narrow behavior are worth trying to save."""
+
+MOST_TRIALS = 24
+"""Strings that are tried at most, as each takes some 50 microseconds."""
 
 GAIN = 1e-4
 """Cost that a change has to save."""
@@ -49,8 +55,12 @@ def _fit(m, channel, count, v, radius, around, reach):
 
 
 @helper
-def _beside_narrow(points, sections, top, x, y, within):
-    """Whether (x, y) is closer than ``within`` to the polyline in or beside a section of a behavior below ``top``."""
+def _beside_narrow(points, sections, costs, least, x, y, within):
+    """Whether (x, y) is closer than ``within`` to the polyline, in or beside a section that may be worth shortening.
+
+    That is one whose meters beyond the ``least`` length of sections cost more than :data:`WORTH`.
+    """
+    preferred = costs[costs.size - 1]
     at = 0.0
     for i in range(points.shape[0] - 1):
         ax = points[i, 0]
@@ -60,7 +70,7 @@ def _beside_narrow(points, sections, top, x, y, within):
         length = math.hypot(bx - ax, by - ay)
         for k in range(sections.shape[0]):
             if (
-                sections[k, 0] < top
+                (costs[int(sections[k, 0])] - preferred) * (sections[k, 2] - sections[k, 1] - least) > WORTH
                 and sections[k, 1] - BESIDE < at + length
                 and at < sections[k, 2] + BESIDE
                 and point_segment_distance2(x, y, ax, ay, bx, by) < within * within
@@ -96,7 +106,8 @@ def polish_road(m, upper, points, road, around, reach, ends, radii, costs, turne
     tried = 0
     before = math.inf
     last = len(PARTS) + rounds * filled * (top + 1)
-    while tried < last:
+    pulled = 0
+    while tried < last and pulled < MOST_TRIALS:
         if tried < len(PARTS):
             fill_gaps(m, channel, levels, count, around, corners, filled, PARTS[tried], radius, reach)
         else:
@@ -111,7 +122,9 @@ def polish_road(m, upper, points, road, around, reach, ends, radii, costs, turne
             j = step % (top + 1)
             corner = corners[c]
             v = corner.vertex
-            if j == 0 and not _beside_narrow(line, sections, top, corner.x, corner.y, 1.01 * around[v, top] + 1e-3):
+            if j == 0 and not _beside_narrow(
+                line, sections, costs, terms[1], corner.x, corner.y, 1.01 * around[v, top] + 1e-3
+            ):
                 tried += top + 1
                 continue
             r = min(corner.most, max(radius, around[v, j]))
@@ -125,12 +138,18 @@ def polish_road(m, upper, points, road, around, reach, ends, radii, costs, turne
             for i in range(filled):
                 corners[i].reach = reach[corners[i].vertex]
         tried += 1
+        pulled += 1
         nodes, size = taut_string(m, channel, count, reach, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1])
         size = keep_off(nodes, size, corners, filled)
         if size < 0:
             continue
         done, found = pull(m, stack, nodes, size, radius, least, start, np.bool_(False))
         if not done:
+            continue
+        length = 0.0
+        for i in range(found.shape[0] - 1):
+            length += math.hypot(found[i + 1, 0] - found[i, 0], found[i + 1, 1] - found[i, 1])
+        if length * costs[top] >= cost:
             continue
         labels, value, _ = annotate(upper, radii, costs, turned, terms, found)
         if value < cost - (GAIN if tried > len(PARTS) else 0.0):

@@ -169,8 +169,8 @@ def taut_string(m, channel, count, reach, sx, sy, gx, gy):
 def channel_corners(m, channel, count, around, radius, ends, corners):
     """Fill ``corners`` with the vertices of the channel, in its order; how many they are.
 
-    A string keeps off each what the widest behavior asks for, or as far as leaves ``radius`` to what is narrowest beside
-    it: the far end of a side, or an edge across. The ends of the way are not closer.
+    A string keeps off each what the widest behavior asks for, or as far as leaves ``radius`` to what is narrowest
+    beside it: the far end of a side, or an edge across. The ends of the way are not closer.
     """
     sides = m.sides
     vertices = m.vertices
