@@ -1,7 +1,7 @@
 """What plans cost, planner beside planner: any start and any goal where the narrowest behavior fits, in four places.
 
-``layered`` is compared with the published planner, read literally and with blockers kept. In places where most plans are
-straight the mean ratio is near one whatever the planner does; so it is also given without the queries that the
+``layered`` is compared with the published planner, read literally and with blockers kept. In places where most plans
+are straight the mean ratio is near one whatever the planner does; so it is also given without the queries that the
 published planner answers with the widest behavior alone.
 """
 
