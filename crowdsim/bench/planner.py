@@ -60,11 +60,11 @@ def measure(
     for density in DENSITIES:
         place = cluttered_place(density)
         for steps in STEPS:
-            queries = place_queries(place, goals, steps * STEP, seed=steps)
+            pairs = place_queries(place, goals, steps * STEP, seed=steps)
             seconds, costs = {}, {}
             for name in PLANNERS:
                 whole_bodies = name == "collision3d"
-                asked, passes = (queries[::_EVERY], 1) if whole_bodies else (queries, PASSES)
+                asked, passes = (pairs[::_EVERY], 1) if whole_bodies else (pairs, PASSES)
                 seconds[name], costs[name], found = run(place, name, asked, passes)
                 times[density, steps, name] = 1e3 * seconds[name][np.isfinite(costs[name])]
                 row = _row(density, steps, name, times[density, steps, name], costs[name])
