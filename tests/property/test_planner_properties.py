@@ -10,7 +10,7 @@ from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.heap_kernels import HEAP_ROW
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.planning import roadmap_search_kernels
+from crowdsim.planning import polishing_kernels, roadmap_search_kernels
 from crowdsim.planning.labelling_kernels import TERMS
 from crowdsim.planning.planner import PLANNERS, plan_path
 from crowdsim.planning.query import Query
@@ -148,6 +148,7 @@ def test_polished_roads_are_sound_and_no_dearer(seed, count):
     roadmap = roadmap_of(meshes, need)
     road, _ = roadmap.find(query.ends)
     rough, polished = (roadmap.polish(road, query, rounds) for rounds in (0, 2))
+    assert min(polishing_kernels.PARTS) == 0.0  # one string as narrow as its behaviors allow
     assert (rough is None) == (polished is None)
     if polished is not None:
         assert_sound(polished, polygons)
