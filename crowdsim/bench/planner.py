@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.bench import planner_comparison
 from crowdsim.bench.registry import Measurement
 from crowdsim.crowd.place import Place
 from crowdsim.crowd.setting import prepare
@@ -42,8 +43,16 @@ _EVERY = 5
 """Of so many goals, one is also planned to in 3D."""
 
 
-def measure(goals: int = GOALS, picture: Path | None = None) -> Measurement:
-    """All planners on all places and distances; ``picture`` is written with their times."""
+def measure(
+    goals: int = GOALS,
+    picture: Path | None = None,
+    worlds: Path | None = None,
+    queries: int = planner_comparison.QUERIES,
+) -> Measurement:
+    """All planners on all places and distances; ``picture`` is written with their times.
+
+    Then costs side by side, of ``queries`` in each of the places of :mod:`crowdsim.bench.planner_comparison`.
+    """
     rows: list[dict[str, Any]] = []
     figures: dict[str, float] = {}
     times: dict[tuple[str, int, str], Floats] = {}
@@ -51,11 +60,11 @@ def measure(goals: int = GOALS, picture: Path | None = None) -> Measurement:
     for density in DENSITIES:
         place = cluttered_place(density)
         for steps in STEPS:
-            queries = place_queries(place, goals, steps * STEP, seed=steps)
+            pairs = place_queries(place, goals, steps * STEP, seed=steps)
             seconds, costs = {}, {}
             for name in PLANNERS:
                 whole_bodies = name == "collision3d"
-                asked, passes = (queries[::_EVERY], 1) if whole_bodies else (queries, PASSES)
+                asked, passes = (pairs[::_EVERY], 1) if whole_bodies else (pairs, PASSES)
                 seconds[name], costs[name], found = run(place, name, asked, passes)
                 times[density, steps, name] = 1e3 * seconds[name][np.isfinite(costs[name])]
                 row = _row(density, steps, name, times[density, steps, name], costs[name])
@@ -72,6 +81,10 @@ def measure(goals: int = GOALS, picture: Path | None = None) -> Measurement:
             figures[f"ratio_3d_over_layered_{density}_{steps}"] = float(same)
     figures["layered_over_greedy_cost_max"] = float(np.concatenate(ratios).max())
     figures["gap_mean"] = float(np.concatenate(gaps).mean())
+    words, compared = planner_comparison.measure(queries, worlds)
+    figures |= compared
+    nothing = np.empty(0)
+    rows += [_row(name, 0, "layered", nothing, nothing) | {"steps": None, "note": note} for name, note in words.items()]
     if picture is not None:
         write_figure(draw_times(times), picture)
     return Measurement(rows, figures)
@@ -145,18 +158,19 @@ def draw_times(times: Mapping[tuple[str, int, str], Floats]) -> Figure:
 
 def _row(density: str, steps: int, name: str, ms: Floats, costs: Floats) -> dict[str, Any]:
     """Mean, median, deviation and outliers (beyond 1.5 quartile ranges) as in the paper's figure 7."""
-    low, middle, high = np.quantile(ms, [0.25, 0.5, 0.75])
+    low, middle, high = np.quantile(ms, [0.25, 0.5, 0.75]) if len(ms) else (0.0, 0.0, 0.0)
     outliers = int((ms > high + 1.5 * (high - low)).sum())
     found = np.isfinite(costs)
     return {
         "place": density,
         "steps": steps,
         "planner": name,
-        "mean_ms": round(float(ms.mean()), 3),
-        "median_ms": round(float(middle), 3),
-        "deviation_ms": round(float(ms.std()), 3),
+        "mean_ms": round(float(ms.mean()), 3) if len(ms) else None,
+        "median_ms": round(float(middle), 3) if len(ms) else None,
+        "deviation_ms": round(float(ms.std()), 3) if len(ms) else None,
         "outliers": outliers,
         "found": int(found.sum()),
         "cost": round(float(costs[found].mean()), 3) if found.any() else None,
         "gap": None,
+        "note": "",
     }

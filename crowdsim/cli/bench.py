@@ -18,7 +18,9 @@ def bench(
     ] = None,
     worlds: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="For environment: the folder of small_house.glb and the others."),
+        typer.Option(
+            metavar="FOLDER", help="For environment and planner: the folder of small_house.glb and the others."
+        ),
     ] = None,
     picture: Annotated[
         Path | None, typer.Option(metavar="OUT.png", help="For planner: draw the times of all planners.")

@@ -16,6 +16,9 @@ from crowdsim.planning.roadmap import Roadmap, roadmap_of
 from crowdsim.planning.string_kernels import is_straight
 from crowdsim.planning.widening import joined
 
+ROUNDS = 1
+"""How often the corners beside narrow sections are tried."""
+
 DOUBT = -0.05
 """Share of the estimate by which a path may cost more before its wide sections are searched again in their rooms."""
 
@@ -27,10 +30,6 @@ ALARM = 0.03
 
 NEAR = 6.0
 """Meters of a path below which they are tried anyway, as that takes little time and ends weigh much."""
-
-PARTS = (0.0, 0.9)
-"""How much of a gap the two circles around its corners fill: none more than a narrow behavior asks for, or nearly all,
-so that the path is in the middle."""
 
 
 def plan_layered(query: Query) -> AnnotatedPath | None:
@@ -66,19 +65,17 @@ def _cheaper(one: AnnotatedPath | None, other: AnnotatedPath | None) -> Annotate
 def _over_roadmap(query: Query, roadmap: Roadmap) -> tuple[AnnotatedPath | None, float]:
     """The cheapest path of the strings of the best way over the roadmap, and what the roadmap let expect."""
     road, estimate = roadmap.find(query.ends)
-    best: AnnotatedPath | None = None
-    for part in PARTS:
-        points = roadmap.pull(road, query.ends, query.need.count - 1, part)
-        if len(points):
-            path = query.annotated(points)
-            if path.sections and (best is None or path.cost < best.cost):
-                best = path
-    if len(road) and (best is None or best.cost > estimate * (1.0 + DOUBT)):
+    if not len(road):
+        return None, estimate
+    if (road[:, 1] == query.need.count - 1).all():
+        # The widest room may know better: the estimate is too high where triangles are large.
+        return _cheaper(roadmap.polish(road, query, 0), cheapest_uniform(query)), estimate
+    best = roadmap.polish(road, query, ROUNDS)
+    if best is None or best.cost > estimate * (1.0 + DOUBT):
         points = _by_rooms(query, roadmap, road)
         if len(points):
             path = query.annotated(points)
-            if path.sections and (best is None or path.cost < best.cost):
-                best = path
+            best = _cheaper(best, path) if path.sections else best
     return best, estimate
 
 

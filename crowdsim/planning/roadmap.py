@@ -12,12 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.navmesh.heap_kernels import HEAP_ROW
-from crowdsim.planning import roadmap_kernels, roadmap_search_kernels, string_kernels
+from crowdsim.planning import polishing_kernels, roadmap_kernels, roadmap_search_kernels
+from crowdsim.planning.annotated_path import AnnotatedPath, Section, arc_lengths
 from crowdsim.planning.labelling_kernels import TERMS
-from crowdsim.planning.requirements import Requirements
+from crowdsim.planning.requirements import TOUCH, Requirements
 
 if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
+    from crowdsim.planning.query import Query
 
 LANDMARKS = 12
 """Points of the roadmap from where the costs to all others are kept, as bounds for the search."""
@@ -37,6 +39,7 @@ class Roadmap:
         self.terms = terms
         radii = np.ascontiguousarray(need.radii)
         self._radii = radii
+        self._touching = np.ascontiguousarray(need.radii[:, 1:] - TOUCH)
         self.points, self.spans = roadmap_kernels.place_points(self.layers, radii)
         self.around = roadmap_kernels.corner_radii(self.layers, radii)
         self.ways = roadmap_kernels.join_points(self.layers, radii, self.around, self.points, self.spans)
@@ -87,14 +90,19 @@ class Roadmap:
             )  # fmt: skip
         return road, float(cost)
 
-    def pull(self, road: NDArray[np.int64], ends: NDArray[np.float64], cap: int, part: float) -> NDArray[np.float64]:
-        """The polyline (n, 2) of a way pulled taut, around corners at most as wide as behavior ``cap`` asks for."""
-        radius = self.need.search_radius
+    def polish(self, road: NDArray[np.int64], query: Query, rounds: int) -> AnnotatedPath | None:
+        """The cheapest string found along a road, or None where it tangles or fits nothing."""
+        need = self.need
+        radius = need.search_radius
         least = radius - 1e-6 * radius - 2.0 * float(self.layers[0].frame["cell"][0])
-        line: NDArray[np.float64] = string_kernels.pull_road(
-            self.layers[0], self.points, road, self.around, np.empty(len(self.around)), ends, cap, part, radius, least
-        )
-        return line
+        line, found, cost = polishing_kernels.polish_road(
+            self.layers[0], self.layers[1:], self.points, road, self.around, np.empty(len(self.around)), query.ends,
+            self._touching, need.costs, need.turned, self.terms, radius, least, rounds,
+        )  # fmt: skip
+        if not len(found):
+            return None
+        sections = tuple(Section(int(label), start, end) for label, start, end in found.tolist())
+        return AnnotatedPath(line, arc_lengths(line), sections, float(cost))
 
 
 _Key = tuple[tuple[int, ...], bytes, bytes, bytes, bytes]

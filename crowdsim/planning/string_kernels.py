@@ -8,12 +8,30 @@ from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, sweep
 from crowdsim.navmesh.half_edge_kernels import nxt, triangle_of
 from crowdsim.navmesh.mesh_arrays import NONE
-from crowdsim.navmesh.paths.string_kernels import pull
+from crowdsim.navmesh.paths.string_kernels import tighten
 from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE, set_node, tangent
+
+CORNER = np.dtype(
+    [("x", np.float64), ("y", np.float64), ("side", np.float64), ("most", np.float64)]
+    + [("reach", np.float64), ("kept", np.float64), ("vertex", np.int64)],
+    align=True,
+)
+"""A vertex of a channel. side: 1 where it is to the left, -1 to the right. most: how far a string may keep from it and
+still pass. reach: how far it is to; kept: how far the best one did.
+"""
+
+FULL = 0.98
+"""Share of a gap that the circles around its ends fill at most."""
+
+_LOOK_BACK = 16
+"""Corners before this one among which a vertex is looked for, to have each but once."""
+
+_TOUCHING = 1e-4
+"""Meters by which the string may be closer to a corner than it is to."""
 
 
 @helper
-def _channel(m, points, road, start, goal, cap, channel, levels):
+def road_channel(m, points, road, start, goal, cap, channel, levels):
     """Half-edges crossed from triangle ``start`` to ``goal``, with the behavior at each, at most ``cap``; how many.
 
     -1 where the road does not hang together.
@@ -69,7 +87,7 @@ def _swallowed(one, other):
 
 
 @helper
-def _funnel(m, channel, count, reach, sx, sy, gx, gy):
+def taut_string(m, channel, count, reach, sx, sy, gx, gy):
     """Nodes of the taut string through the channel around vertices v as wide as reach[v], and their number."""
     sides = m.sides
     vertices = m.vertices
@@ -147,27 +165,66 @@ def _funnel(m, channel, count, reach, sx, sy, gx, gy):
     return nodes, filled
 
 
-@kernel
-def pull_road(m, points, road, around, reach, ends, cap, part, radius, least):
-    """The polyline (n, 2) of the way over the roadmap from ends[0] to ends[1] pulled taut; no rows where it tangles.
+@helper
+def channel_corners(m, channel, count, around, radius, ends, corners):
+    """Fill ``corners`` with the vertices of the channel, in its order; how many they are.
 
-    It keeps ``radius`` in the lowest mesh m, ``least`` of it at least, and as far from each vertex that it winds around
-    as around (nv, n) of the least behavior that passes it, at most ``cap``. reach: (nv,) scratch.
+    A string keeps off each what the widest behavior asks for, or as far as leaves ``radius`` to what is narrowest
+    beside it: the far end of a side, or an edge across. The ends of the way are not closer.
     """
     sides = m.sides
-    channel = np.empty(road.shape[0] + 1, np.int64)
-    levels = np.empty(road.shape[0] + 1, np.int64)
-    stack = np.empty(64, SWEPT)
-    start = triangle_of(m, ends[0, 0], ends[0, 1], NONE)
-    goal = triangle_of(m, ends[1, 0], ends[1, 1], NONE)
-    count = _channel(m, points, road, start, goal, cap, channel, levels)
-    if count < 0:
-        return np.empty((0, 2))
+    vertices = m.vertices
+    top = around.shape[1] - 1
+    filled = 0
     for k in range(count):
-        reach[sides[channel[k]].org] = math.inf
-        reach[sides[nxt(channel[k])].org] = math.inf
+        h = channel[k]
+        gap = math.hypot(
+            vertices[sides[h].org].x - vertices[sides[nxt(h)].org].x,
+            vertices[sides[h].org].y - vertices[sides[nxt(h)].org].y,
+        )
+        turn = NONE
+        if k > 0:
+            turn = sides[channel[k - 1]].twin
+            turn = h if nxt(turn) == h else turn
+        for left in range(2):
+            v = sides[nxt(h) if left == 1 else h].org
+            known = filled - 1
+            while known >= 0 and known >= filled - _LOOK_BACK and corners[known].vertex != v:
+                known -= 1
+            if known < 0 or corners[known].vertex != v:
+                known = filled
+                filled += 1
+                corner = corners[known]
+                corner.vertex = v
+                corner.x = vertices[v].x
+                corner.y = vertices[v].y
+                corner.side = 1.0 if left == 1 else -1.0
+                corner.most = around[v, top]
+                for end in range(2):
+                    corner.most = min(corner.most, math.hypot(corner.x - ends[end, 0], corner.y - ends[end, 1]))
+            corner = corners[known]
+            wide = gap
+            if turn >= 0 and sides[turn].org == v:
+                wide = min(wide, sides[turn].clr)
+            corner.most = max(radius, around[v, 0], min(corner.most, FULL * wide - radius))
+    return filled
+
+
+@helper
+def fill_gaps(m, channel, levels, count, around, corners, filled, part, radius, reach):
+    """Set the reach of all corners, in ``reach`` (nv,) too.
+
+    It is what the least behavior that passes asks for; where that is not the widest, the circles of both ends of a
+    side fill ``part`` of it at least. With ``part`` 0 they are as the narrow behavior asks.
+    """
+    sides = m.sides
+    cap = around.shape[1] - 1
+    for c in range(filled):
+        reach[corners[c].vertex] = corners[c].most
     for k in range(count):
-        # As wide as the widest behavior asks for, or both ends of the side come closer alike.
+        if levels[k] == cap:
+            continue
+        # Both ends of the side come closer alike.
         a = sides[channel[k]].org
         b = sides[nxt(channel[k])].org
         gap = math.hypot(m.vertices[a].x - m.vertices[b].x, m.vertices[a].y - m.vertices[b].y)
@@ -175,20 +232,64 @@ def pull_road(m, points, road, around, reach, ends, cap, part, radius, least):
         least_b = max(radius, around[b, 0])
         more_a = max(around[a, cap] - least_a, 0.0)
         more_b = max(around[b, cap] - least_b, 0.0)
-        share = 1.0
-        if levels[k] < cap:
-            share = 0.0
-            if more_a + more_b > 0.0:
-                share = min(1.0, max(0.0, (part * gap - least_a - least_b) / (more_a + more_b)))
-            if part == 0.0:
-                more_a = max(around[a, levels[k]] - least_a, 0.0)
-                more_b = max(around[b, levels[k]] - least_b, 0.0)
-                share = 1.0
+        share = 0.0
+        if more_a + more_b > 0.0:
+            share = min(1.0, max(0.0, (part * gap - least_a - least_b) / (more_a + more_b)))
+        if part == 0.0:
+            more_a = max(around[a, levels[k]] - least_a, 0.0)
+            more_b = max(around[b, levels[k]] - least_b, 0.0)
+            share = 1.0
         reach[a] = min(reach[a], least_a + share * more_a)
         reach[b] = min(reach[b], least_b + share * more_b)
-    nodes, filled = _funnel(m, channel, count, reach, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1])
-    done, line = pull(m, stack, nodes, filled, radius, least, start, np.bool_(False))
-    return line if done else np.empty((0, 2))
+    for c in range(filled):
+        corners[c].reach = reach[corners[c].vertex]
+
+
+@helper
+def keep_off(nodes, size, corners, filled):
+    """Wind the string around all corners that it is closer to than their reach; its new size, -1 where it tangles.
+
+    The funnel takes the ends of sides one after the other, but wide circles of close corners may touch the string in
+    another order.
+    """
+    size, _ = tighten(nodes, size, np.int64(1), size)
+    i = np.int64(0)
+    for _ in range(2 * filled + 64):
+        if size < 0 or i >= size - 1:
+            break
+        a = nodes[i]
+        b = nodes[i + 1]
+        exists, dx, dy = tangent(a, b)
+        if not exists:
+            return -1
+        ax = a.x + a.q * dy
+        ay = a.y - a.q * dx
+        length = (b.x + b.q * dy - ax) * dx + (b.y - b.q * dx - ay) * dy
+        worst = NONE
+        most = _TOUCHING
+        for c in range(filled):
+            corner = corners[c]
+            # How far beyond its circle, on the other side of it, the line is.
+            over = corner.reach - corner.side * ((corner.y - ay) * dx - (corner.x - ax) * dy)
+            if over > most and over < 2.0 * corner.reach:
+                along = (corner.x - ax) * dx + (corner.y - ay) * dy
+                if along > 0.0 and along < length and corner.vertex != a.vertex and corner.vertex != b.vertex:
+                    most = over
+                    worst = c
+        if worst < 0:
+            i += 1
+            continue
+        if size == nodes.size:
+            return -1
+        for k in range(size, i + 1, -1):
+            nodes[k] = nodes[k - 1]
+        corner = corners[worst]
+        set_node(nodes[i + 1], corner.x, corner.y, corner.side * corner.reach, corner.vertex)
+        size += 1
+        i = max(np.int64(1), i - 1)
+        size, first = tighten(nodes, size, i, i + 4)
+        i = max(np.int64(0), min(i, first) - 1)
+    return size
 
 
 @kernel

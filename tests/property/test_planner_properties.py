@@ -10,7 +10,7 @@ from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.heap_kernels import HEAP_ROW
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.planning import roadmap_search_kernels
+from crowdsim.planning import polishing_kernels, roadmap_search_kernels
 from crowdsim.planning.labelling_kernels import TERMS
 from crowdsim.planning.planner import PLANNERS, plan_path
 from crowdsim.planning.query import Query
@@ -137,6 +137,25 @@ def test_points_and_ways_keep_what_they_promise():
     sources = np.repeat(np.arange(len(roadmap.points)), np.diff(begins))
     links = set(zip(sources.tolist(), roadmap.ways["to"].tolist(), strict=True))
     assert links == {(b, a) for a, b in links}
+
+
+@settings(max_examples=15, deadline=None, derandomize=True)
+@given(st.integers(0, 10_000), st.sampled_from([12, 24, 32]))
+def test_polished_roads_are_sound_and_no_dearer(seed, count):
+    polygons, meshes, rooms = place(seed, count)
+    need = Requirements.of(BEHAVIORS, 2, TRACKING_MARGIN)
+    query = Query(meshes, need, make_rooms(meshes, need, rooms), ends_in(meshes, seed), TERMS)
+    roadmap = roadmap_of(meshes, need)
+    road, _ = roadmap.find(query.ends)
+    rough, polished = (roadmap.polish(road, query, rounds) for rounds in (0, 2))
+    assert min(polishing_kernels.PARTS) == 0.0  # one string as narrow as its behaviors allow
+    assert (rough is None) == (polished is None)
+    if polished is not None:
+        assert_sound(polished, polygons)
+        np.testing.assert_array_equal(polished.points[[0, -1]], query.ends)
+        assert polished.cost <= rough.cost
+        _, cost = plan_roadmap.annotate(meshes, need, polished.points, TERMS)
+        assert polished.cost == pytest.approx(cost, abs=1e-3)
 
 
 def test_a_roadmap_is_made_anew_after_an_edit():

@@ -19,7 +19,7 @@ _MARK = np.dtype([("points", np.int64), ("triangle", np.int64)], align=True)
 
 
 @helper
-def _tighten(nodes, count, i, last):
+def tighten(nodes, count, i, last):
     """Drop nodes from i to ``last`` at which the string turns away from its obstacle, and more as it moves by that.
 
     Returns the new number, or -1 if nodes are pinched, and the first node whose neighbors have changed.
@@ -182,7 +182,7 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
     marks[1].points = 1
     marks[1].triangle = start
     if not taut:  # which takes turns of more than half a circle for wrong ones
-        count, _ = _tighten(nodes, count, np.int64(1), count)
+        count, _ = tighten(nodes, count, np.int64(1), count)
     first = np.int64(1)
     finest = 0.25 * (radius - least)
     for _ in range(_REPAIRS):
@@ -237,6 +237,6 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
             nodes[i + 1] = nodes[i]
             set_node(nodes[i], vx, vy, q, vertex)
         i = max(1, i - 1)
-        count, first = _tighten(nodes, count, i, i + 4)
+        count, first = tighten(nodes, count, i, i + 4)
         first = max(1, first - 1)
     return False, points[:0]

@@ -1,0 +1,138 @@
+"""What plans cost, planner beside planner: any start and any goal where the narrowest behavior fits, in four places.
+
+``layered`` is compared with the published planner, read literally and with blockers kept. In places where most plans
+are straight the mean ratio is near one whatever the planner does; so it is also given without the queries that the
+published planner answers with the widest behavior alone.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.bench.environment import prepare as prepare_world
+from crowdsim.constants import TRACKING_MARGIN
+from crowdsim.crowd.place import Place
+from crowdsim.crowd.setting import load_behaviors, prepare
+from crowdsim.errors import PathNotFound
+from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.planning.annotated_path import AnnotatedPath
+from crowdsim.planning.behaviors import Behavior
+from crowdsim.planning.planner import plan_path
+from crowdsim.planning.requirements import Requirements
+from crowdsim.planning.rooms import room_polygons
+from crowdsim.scenario.loader import load_scenario
+
+Floats = NDArray[np.float64]
+
+QUERIES = 250
+PLACES = ("normal", "dense", "small_house", "apartment")
+ALIKE = 1e-6
+"""Share by which a cost may be above another and count as the same."""
+
+_WORLD = "small_house"
+
+
+class Ground(NamedTuple):
+    """Meshes of the layers and of the rooms, the behaviors that go there, and the box (x0, y0, x1, y1) around it."""
+
+    meshes: tuple[NavMesh, ...]
+    rooms: tuple[NavMesh | None, ...]
+    behaviors: tuple[Behavior, ...]
+    bounds: tuple[float, ...]
+
+
+def measure(queries: int = QUERIES, worlds: Path | None = None) -> tuple[dict[str, str], dict[str, float]]:
+    """What was found of each place, in words, and figures; a world that is not in the folder ``worlds`` is left out."""
+    words: dict[str, str] = {}
+    figures: dict[str, float] = {}
+    literals, kepts = [], []
+    for name in PLACES:
+        ground = ground_of(name, worlds)
+        if ground is None:
+            words[name] = f"not measured: there is no {name}.glb; give its folder with --worlds FOLDER"
+            continue
+        costs, wide = compare(ground, queries)
+        literal, kept = costs[:, 0] / costs[:, 1], costs[:, 0] / costs[:, 2]
+        bent = literal[~wide] if (~wide).any() else literal
+        own = {
+            "layered_over_literal_max": float(literal.max()),
+            "layered_over_literal_mean": float(literal.mean()),
+            "layered_over_literal_mean_not_wide": float(bent.mean()),
+            "layered_above_kept_share": float((kept > 1.0 + ALIKE).mean()),
+            "layered_over_kept_max": float(kept.max()),
+        }
+        figures |= {f"{key}_{name}": value for key, value in own.items()}
+        words[name] = (
+            f"{len(costs)} queries; over literal: mean {literal.mean():.3f} ({bent.mean():.3f} where not all wide), "
+            f"most {literal.max():.3f}; above kept blockers: {100.0 * own['layered_above_kept_share']:.1f} %"
+        )
+        literals.append(literal)
+        kepts.append(kept)
+    figures["layered_over_literal_max"] = float(np.concatenate(literals).max())
+    figures["layered_over_literal_mean"] = float(np.concatenate(literals).mean())
+    figures["layered_above_kept_share"] = float((np.concatenate(kepts) > 1.0 + ALIKE).mean())
+    return words, figures
+
+
+def ground_of(name: str, worlds: Path | None = None) -> Ground | None:
+    """The clutter as dense as ``name`` says, a scenario, or a world of the folder; None where that is not there."""
+    if name != _WORLD:
+        clutter = name in ("normal", "dense")
+        scenario = load_scenario("clutter", [f"clutter.density={name}"]) if clutter else load_scenario(name)
+        place = Place(prepare(scenario), scenario.changes())
+        return Ground(place.meshes, place.rooms, place.setting.behaviors, place.setting.layers[0].free.bounds)
+    folder = worlds or Path(os.environ.get("CROWDSIM_SHARED", "../shared")) / "worlds"
+    if not (folder / f"{name}.glb").is_file():
+        return None
+    world = prepare_world(folder / f"{name}.glb", {})
+    behaviors = load_behaviors(load_scenario("clutter")).behaviors
+    rooms = room_polygons([layer.free for layer in world.layers], behaviors)
+    meshes = tuple(None if room.is_empty else NavMesh(room) for room in rooms)
+    return Ground(world.meshes, meshes, behaviors, world.layers[0].free.bounds)
+
+
+def random_queries(ground: Ground, count: int, seed: int) -> list[Floats]:
+    """Pairs (2, 2) of places where the narrowest behavior fits, joined or not."""
+    need = Requirements.of(ground.behaviors, len(ground.meshes), TRACKING_MARGIN)
+    rng = np.random.default_rng(seed)
+    x0, y0, x1, y1 = ground.bounds
+    found: list[Floats] = []
+    while len(found) < count:
+        ends = rng.uniform((x0, y0), (x1, y1), (2, 2))
+        fits = [m.clearances(ends, radius) >= radius for m, radius in zip(ground.meshes, need.radii[0], strict=True)]
+        if np.all(fits):
+            found.append(ends)
+    return found
+
+
+def compare(ground: Ground, count: int, seed: int = 1) -> tuple[Floats, NDArray[np.bool_]]:
+    """Costs (n, 3) of layered, greedy_literal and greedy for ``count`` queries that the second answers, or fewer.
+
+    And whether (n,) that answer has the widest behavior alone.
+    """
+    costs, wide = [], []
+    for ends in random_queries(ground, 3 * count, seed):
+        literal = _plan(ground, ends, "greedy_literal")
+        if literal is None:
+            continue
+        others = [_plan(ground, ends, name) for name in ("layered", "greedy")]
+        layered, kept = (np.inf if path is None else path.cost for path in others)
+        costs.append([layered, literal.cost, kept])
+        wide.append({section.behavior for section in literal.sections} <= {len(ground.behaviors) - 1})
+        if len(costs) == count:
+            break
+    return np.array(costs), np.array(wide)
+
+
+def _plan(ground: Ground, ends: Floats, planner: str) -> AnnotatedPath | None:
+    try:
+        return plan_path(
+            ground.meshes, ground.behaviors, ends[0], ends[1], rooms=ground.rooms, planner=planner, slack=False
+        )
+    except PathNotFound:
+        return None
