@@ -15,7 +15,7 @@ from crowdsim.planning.behaviors import Behavior
 if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
 
-TOUCH = 1e-5
+TOUCH = 8e-6
 """Meters a path may come closer than planned: it touches corners at exactly its clearance."""
 
 
