@@ -116,6 +116,9 @@ def joint_speeds(clip: Clip, joint: int) -> Floats:
     return np.linalg.norm(np.gradient(clip.joint_positions[:, joint], axis=0), axis=1) * CAPTURE_RATE
 
 
+WALKING_DETECTORS = ("crossing", "standing")
+"""Names of the detectors of the 2011 paper, which between them cut walking and stepping."""
+
 DETECTORS: dict[str, FeatureDetector] = {d.name: d for d in (CrossingDetector(), StandingDetector())}
 """All detectors by the name that behavior files use."""
 

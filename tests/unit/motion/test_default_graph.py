@@ -7,7 +7,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from crowdsim.library import library_folder
-from crowdsim.motion.bvh_reader import read_capture
+from crowdsim.motion.capture_files import read_capture
 from crowdsim.motion.motion_graph import MotionGraph, MotionSource, build_motion_graph
 
 BEHAVIORS = ("lateral", "arm_constrained", "frontal")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from crowdsim.errors import MotionError
-from crowdsim.motion.bvh_reader import read_bvh
+from crowdsim.motion.capture_files import read_clip
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.features import DETECTORS, find_detector, joint_speeds
 from crowdsim.motion.segmentation import Segment, require_locomotion, segment_clip
@@ -117,7 +117,7 @@ def test_walks_of_subject_16_have_the_cycles_of_the_manifest(shared: Path) -> No
     assert len(walks) >= 10
     missed = 0
     for entry in walks:
-        clip = read_bvh(shared / "mocap" / entry["file"])
+        clip = read_clip(shared / "mocap" / entry["file"])
         track = track_of(clip)
         segments = segment_clip(clip, ("crossing",))
         listed = entry["cycle_frames60_and_m"]
