@@ -168,7 +168,7 @@ def test_a_skeleton_must_be_beside_an_amc_file(tmp_path: Path) -> None:
 
 
 def test_a_small_amc_file_is_read(tmp_path: Path) -> None:
-    frames = "".join(f"{f}\nroot 0 16 {f / 10} 0 0 0\nlfemur {f % 20} 0 0\n" for f in range(1, 61))
+    frames = "".join(f"{f}\nroot 0 16 {f / 10} 0 0 0\nlfemur {30 - abs(f - 30)} 0 0\n" for f in range(1, 61))
     clip = read_clip(write_amc(tmp_path, ":FULLY-SPECIFIED\n:DEGREES\n" + frames))
     assert clip.frame_count == 30
     assert clip.skeleton.leg_length() == pytest.approx(0.86, abs=0.02)
