@@ -13,13 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from crowdsim.bench.registry import Measurement
-from crowdsim.errors import CrowdSimError
 from crowdsim.library import library_folder
-from crowdsim.motion.capture_files import read_folder
+from crowdsim.motion.capture_files import capture_paths
+from crowdsim.motion.capture_sets import as_sources, read_clips
 from crowdsim.motion.clip import Clip
-from crowdsim.motion.features import WALKING_DETECTORS
 from crowdsim.motion.motion_graph import DEFAULT_THRESHOLD, MotionGraph, MotionSource, build_motion_graph
-from crowdsim.motion.retargeting import on_one_skeleton
 from crowdsim.motion.standard_graph import build_standard_graph
 
 FRAMES = (693, 1185, 1660, 2329, 3347, 6887)
@@ -35,12 +33,12 @@ _PAPER_SECONDS = {693: (208.1, 1.5), 1185: (650.0, 4.0), 1660: (1297.7, 6.3), 23
 
 def measure(captures: Path | None = None, sizes: Sequence[int] = FRAMES) -> Measurement:
     """Table 1 over the captures in the folder ``captures``, by default over the clips of the built-in behaviors."""
-    clips = _ordered(captures)
+    clips = _read(captures)
     total = sum(clip.frame_count for clip in clips)
     rows: list[dict[str, Any]] = []
     figures: dict[str, float] = {}
     for size in [size for size in sizes if size <= total] or [total]:
-        sources = [MotionSource(clip, 0, WALKING_DETECTORS) for clip in _first_frames(clips, size)]
+        sources = as_sources(_first_frames(clips, size))
         for (kind, build), paper in zip(_GRAPHS.items(), _PAPER_SECONDS.get(size, (None, None)), strict=True):
             seconds, graph = _timed(build, sources)
             report = graph.report
@@ -76,21 +74,14 @@ def _timed(
     return statistics.median(seconds), graph
 
 
-def _ordered(captures: Path | None) -> list[Clip]:
-    """All clips on one skeleton, those of the person who has most frames first, then by name."""
+def _read(captures: Path | None) -> list[Clip]:
+    """All clips on one skeleton, by default those of the built-in behaviors."""
     if captures is not None:
-        clips = [clip for capture in read_folder(captures) for clip in capture.clips]
+        paths = capture_paths(captures)
     else:
         folders = sorted(folder for folder in library_folder("behaviors").glob("*/clips") if folder.is_dir())
-        clips = [clip for folder in folders for capture in read_folder(folder) for clip in capture.clips]
-    if not clips:
-        raise CrowdSimError(f"{captures}: no captures to build a motion graph of")
-    frames: dict[bytes, int] = {}
-    for clip in clips:
-        bones = clip.skeleton.offsets.round(6).tobytes()
-        frames[bones] = frames.get(bones, 0) + clip.frame_count
-    clips.sort(key=lambda clip: -frames[clip.skeleton.offsets.round(6).tobytes()])
-    clips = on_one_skeleton(clips)
+        paths = [path for folder in folders for path in capture_paths(folder)]
+    clips = read_clips(paths)
     for clip in clips:
         clip.joint_positions  # noqa: B018  (cached: reading a clip is no part of building a graph)
     return clips

@@ -122,11 +122,6 @@ def capture_paths(folder: str | Path, patterns: Sequence[str] = ("*.bvh", "*.amc
     return paths
 
 
-def read_folder(folder: str | Path, patterns: Sequence[str] = ("*.bvh", "*.amc")) -> list[Capture]:
-    """All captures of a folder; see :func:`capture_paths` and :func:`read_capture`."""
-    return [read_capture(path) for path in capture_paths(folder, patterns)]
-
-
 def _parse(path: Path) -> RawMotion:
     formats = {".bvh": parse_bvh, ".amc": parse_amc}
     if path.suffix.lower() not in formats:

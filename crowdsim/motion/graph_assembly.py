@@ -67,6 +67,13 @@ def largest_component(count: int, source: Indices, target: Indices) -> NDArray[n
     return label == best
 
 
+def clip_frames(name: str) -> tuple[str, int, int]:
+    """Clip, first and last frame that the name of a node tells."""
+    clip, _, frames = name.rpartition(":")
+    first, _, last = frames.partition("-")
+    return clip, int(first), int(last)
+
+
 def follows(before: Node, after: Node) -> bool:
     """Whether ``after`` simply goes on where ``before`` ends."""
     return before.source == after.source and before.segment.last == after.segment.first

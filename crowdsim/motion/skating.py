@@ -20,8 +20,8 @@ NEAR_FLOOR = 0.02
 
 STANCE_SPEED = 0.4
 RISING_SPEED = 0.1
-"""Speeds (m/s) along and off the floor below which it then is. A foot that is faster, lands or lifts; so does one in the
-first and the last frame of a stance."""
+"""Speeds (m/s) along and off the floor below which it then is. A foot that is faster, lands or lifts; so does one in
+the first and the last frame of a stance."""
 
 HEEL_BACK = 0.055
 """Meters from the ankle joint back to the end of the heel, which no joint marks."""
@@ -65,8 +65,8 @@ def feet_of(skeleton: Skeleton, positions: Floats, world: Floats, lowest: Floats
         height = float(np.quantile(positions[:, ankle, 2], 0.05))
         heel = positions[:, ankle] + rotate(world[:, ankle], -HEEL_BACK * ahead - np.array([0.0, 0.0, height]))
         points = [heel, positions[:, toe]]
-        for end in np.flatnonzero(skeleton.end_parents == toe)[:1]:
-            points.append(positions[:, toe] + rotate(world[:, toe], skeleton.end_offsets[end]))
+        tips = skeleton.end_offsets[skeleton.end_parents == toe][:1]
+        points += [positions[:, toe] + rotate(world[:, toe], tip) for tip in tips]
         feet.append(np.stack(points, axis=1))
     count = min(points.shape[1] for points in feet)
     both = np.stack([points[:, :count] for points in feet], axis=1)

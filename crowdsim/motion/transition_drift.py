@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from crowdsim.geometry.planar import wrap_angle
 from crowdsim.motion.clip import Clip
-from crowdsim.motion.graph_assembly import MotionGraph
+from crowdsim.motion.graph_assembly import MotionGraph, clip_frames
 from crowdsim.motion.kinematics import Floats, forward_kinematics
 from crowdsim.motion.pose_kernels import pose_joints
 from crowdsim.motion.skating import Feet, Stance, feet_of, stances
@@ -46,7 +46,7 @@ def transition_drifts(graph: MotionGraph, clips: Sequence[Clip]) -> TransitionDr
     feet = {name: _clip_feet(clip) for name, clip in by_name.items()}
     lowest = np.min([found.lowest for found in feet.values()], axis=0)
     own = {name: stances(found) for name, found in feet.items()}
-    places = [_place(name) for name in graph.node_names]
+    places = [clip_frames(name) for name in graph.node_names]
     sources = np.repeat(np.arange(graph.report.nodes), np.diff(graph.arrays.edge_start))
     edges, played, raw = [], [], []
     for edge, (a, b) in enumerate(zip(sources.tolist(), graph.arrays.edge_target.tolist(), strict=True)):
@@ -64,7 +64,7 @@ def transition_drifts(graph: MotionGraph, clips: Sequence[Clip]) -> TransitionDr
 
 
 def play_edge(graph: MotionGraph, edge: int, source: int, twist: float = 0.0) -> tuple[Floats, Floats]:
-    """World joints (F, J, 3) and rotations (F, J, 4) of node ``source`` from its start, and of what ``edge`` leads to."""
+    """World joints (F, J, 3) and rotations (F, J, 4) of all of node ``source``, then of what ``edge`` leads to."""
     arrays = graph.arrays
     target = int(arrays.edge_target[edge])
     lengths = int(arrays.node_frames[source]), int(arrays.node_frames[target])
@@ -86,13 +86,6 @@ def play_edge(graph: MotionGraph, edge: int, source: int, twist: float = 0.0) ->
 
 def _clip_feet(clip: Clip) -> Feet:
     return feet_of(clip.skeleton, *forward_kinematics(clip.skeleton, clip.root_positions, clip.rotations))
-
-
-def _place(name: str) -> tuple[str, int, int]:
-    """Clip, first and last frame that the name of a node tells."""
-    clip, _, frames = name.rpartition(":")
-    first, _, last = frames.partition("-")
-    return clip, int(first), int(last)
 
 
 def _drift_at(found: Sequence[Stance], first: int, last: int) -> float:
