@@ -15,7 +15,8 @@ from crowdsim.motion.retargeting import on_one_skeleton
 def read_clips(paths: Sequence[Path]) -> list[Clip]:
     """All clean stretches of the captures ``paths`` on one skeleton.
 
-    That is the one of the person who has most frames, whose clips come first. MotionError where a file cannot be read or people have other joints.
+    That is the one of the person who has most frames, whose clips come first. MotionError where a file cannot be read
+    or people have other joints.
     """
     clips = [clip for path in paths for clip in read_capture(path).clips]
     frames: dict[bytes, int] = {}

@@ -107,8 +107,8 @@ def _draw_graph(axes: Axes, sources: Sequence[MotionSource], graph: MotionGraph)
         turn = np.degrees(angle[i])
         flip = 90.0 < turn < 270.0
         axes.text(
-            1.05 * place[i, 0], 1.05 * place[i, 1], graph.node_names[i][-26:], rotation=turn + 180.0 * flip, fontsize=6.5,
-            rotation_mode="anchor", ha="right" if flip else "left", va="center",
+            1.05 * place[i, 0], 1.05 * place[i, 1], graph.node_names[i][-26:], fontsize=6.5,
+            rotation=turn + 180.0 * flip, rotation_mode="anchor", ha="right" if flip else "left", va="center",
         )  # fmt: skip
     report = graph.report
     axes.set_title(

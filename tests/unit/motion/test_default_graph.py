@@ -15,6 +15,10 @@ BEHAVIORS = ("lateral", "arm_constrained", "frontal")
 
 @pytest.fixture(scope="module")
 def sources() -> list[MotionSource]:
+    return default_sources()
+
+
+def default_sources() -> list[MotionSource]:
     folder = library_folder("behaviors")
     files = {name: YAML(typ="safe").load(folder / name / "behavior.yaml") for name in BEHAVIORS}
     detectors = {name: tuple(entry["detectors"]) for name, entry in files.items()}
