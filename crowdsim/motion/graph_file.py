@@ -111,7 +111,7 @@ _SKELETON = ("parents", "offsets", "end_parents", "end_offsets")
 def _read(file: Path) -> tuple[dict[str, Any], MotionGraph | None]:
     """What the file says of itself, and the graph unless that is of another version."""
     try:
-        with np.load(file, allow_pickle=False) as stored:
+        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
             header = json.loads(stored["header"].tobytes())
             if header["format"] != FORMAT:
                 raise MotionError(f"{file}: not a motion graph")

@@ -45,7 +45,8 @@ class PreparedSource:
 
     track: (F, 3) track pose of every frame.
     foot_speed: (F, 2) m/s, mean over the joints of the left and the right foot.
-    foot_places: (F, 3, 2) meters, middle of the left foot, the right foot, and both, relative to the track pose.
+    foot_places: (F, 3, 2) meters, ball of the left foot, of the right foot, and the middle of both feet, relative to
+        the track pose. Where cycles are cut the standing foot turns about its ball and the heel already rises.
     """
 
     source: MotionSource
@@ -115,7 +116,8 @@ def _prepared(source: MotionSource) -> PreparedSource:
     feet = [_foot_joints(clip, side) for side in ("left", "right")]
     speed = np.stack([np.mean([joint_speeds(clip, joint) for joint in joints], axis=0) for joints in feet], axis=1)
     ground = clip.joint_positions[..., :2]
-    places = np.stack([ground[:, joints].mean(axis=1) for joints in (*feet, feet[0] + feet[1])], axis=1)
+    balls = [[joints[-1]] for joints in feet]
+    places = np.stack([ground[:, joints].mean(axis=1) for joints in (*balls, feet[0] + feet[1])], axis=1)
     return PreparedSource(source, track, speed, transform_points(invert(track)[:, None], places))
 
 

@@ -18,7 +18,7 @@ from crowdsim.motion.skeleton import Skeleton
 NEAR_FLOOR = 0.02
 """Meters above its lowest height up to which a point of the foot may be planted."""
 
-STANCE_SPEED = 0.4
+STANCE_SPEED = 0.25
 RISING_SPEED = 0.1
 """Speeds (m/s) along and off the floor below which it then is. A foot that is faster, lands or lifts; so does one in
 the first and the last frame of a stance."""
@@ -76,23 +76,37 @@ def feet_of(skeleton: Skeleton, positions: Floats, world: Floats, lowest: Floats
 def stances(feet: Feet, rate: float = CAPTURE_RATE) -> list[Stance]:
     """All stances of at least a tenth of a second, by foot, then in order."""
     found = []
+    steps, planted, along = _steps(feet, rate)
+    slowest = np.argmin(np.where(planted, along, np.inf), axis=2)
+    for foot in (0, 1):
+        for begin, end in _runs(np.any(planted[:, foot], axis=1)):
+            first, last = begin + (begin > 0), end - (end < len(steps))
+            if (last - first) / rate >= SHORTEST_STANCE:
+                found.append(Stance(foot, first, last, _way(steps, foot, slowest, first, last)))
+    return found
+
+
+def drift_over(feet: Feet, like: Feet, stance: Stance, rate: float = CAPTURE_RATE) -> float:
+    """Meters that the points on which ``like`` stands over ``stance`` drift in ``feet``, another version of it."""
+    _, planted, along = _steps(like, rate)
+    slowest = np.argmin(np.where(planted, along, np.inf), axis=2)
+    return _way(np.diff(feet.points, axis=0), stance.foot, slowest, stance.first, stance.last)
+
+
+def _steps(feet: Feet, rate: float) -> tuple[Floats, NDArray[np.bool_], Floats]:
+    """How each point moves to the next frame (F - 1, 2, P, 3), whether it is planted, and how far along the floor."""
     steps = np.diff(feet.points, axis=0)
     low = feet.points[..., 2] < feet.lowest + NEAR_FLOOR
     along = np.linalg.norm(steps[..., :2], axis=-1)
-    planted = low[1:] & low[:-1] & (along * rate < STANCE_SPEED) & (np.abs(steps[..., 2]) * rate < RISING_SPEED)
-    way = np.where(planted, along, np.inf)
-    slowest = np.argmin(way, axis=2)
-    for foot in (0, 1):
-        down = planted[:, foot].any(axis=1)
-        for begin, end in _runs(down):
-            first, last = begin + (begin > 0), end - (end < len(steps))
-            if (last - first) / rate < SHORTEST_STANCE:
-                continue
-            frames = np.arange(first, last)
-            moves = steps[frames, foot, slowest[frames, foot], :2]
-            places = np.concatenate([np.zeros((1, 2)), np.cumsum(moves, axis=0)])
-            found.append(Stance(foot, first, last, _widest(places)))
-    return found
+    slow = (along * rate < STANCE_SPEED) & (np.abs(steps[..., 2]) * rate < RISING_SPEED)
+    return steps, low[1:] & low[:-1] & slow, along
+
+
+def _way(steps: Floats, foot: int, slowest: NDArray[np.int64], first: int, last: int) -> float:
+    """Widest extent of the way that the point goes on which the foot stands."""
+    frames = np.arange(first, last)
+    moves = steps[frames, foot, slowest[frames, foot], :2]
+    return _widest(np.concatenate([np.zeros((1, 2)), np.cumsum(moves, axis=0)]))
 
 
 def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
