@@ -20,6 +20,10 @@ _BENCHES = {
         "3D worlds: time to layers and meshes, fit to a laser map, free area",
     ),
     "planner": ("crowdsim.bench.planner", "plans: time, cost and proven gap of each planner, 5 to 20 steps in clutter"),
+    "motion-graph": (
+        "crowdsim.bench.motion_graph",
+        "motion graphs: standard against feature-based, time, size and branching as the set grows",
+    ),
 }
 """Name -> (module with a ``measure`` function, one line on what it measures)."""
 
@@ -53,9 +57,13 @@ def bench_names() -> dict[str, str]:
 
 
 def run_bench(
-    name: str, maps: Path | None = None, worlds: Path | None = None, picture: Path | None = None
+    name: str,
+    maps: Path | None = None,
+    worlds: Path | None = None,
+    captures: Path | None = None,
+    picture: Path | None = None,
 ) -> BenchResult:
-    """Run the benchmark called ``name``, on the files in the folder ``maps`` or ``worlds`` if one is given.
+    """Run the benchmark called ``name``, on the files in the folder ``maps``, ``worlds`` or ``captures`` if given.
 
     Raises :class:`CrowdSimError` for a name that is not there, for a folder of a kind the benchmark takes none of, and
     for a ``picture`` to be written where it draws none.
@@ -63,11 +71,8 @@ def run_bench(
     if name not in _BENCHES:
         raise CrowdSimError(f"there is no benchmark '{name}'; there are: {', '.join(_BENCHES)}")
     measure: Callable[..., Measurement] = importlib.import_module(_BENCHES[name][0]).measure
-    given = {
-        kind: folder
-        for kind, folder in (("maps", maps), ("worlds", worlds), ("picture", picture))
-        if folder is not None
-    }
+    paths = (("maps", maps), ("worlds", worlds), ("captures", captures), ("picture", picture))
+    given = {kind: path for kind, path in paths if path is not None}
     for kind in given:
         if kind not in inspect.signature(measure).parameters:
             raise CrowdSimError(f"the benchmark '{name}' takes no {kind}; run it without")

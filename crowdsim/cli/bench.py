@@ -25,6 +25,9 @@ def bench(
     picture: Annotated[
         Path | None, typer.Option(metavar="OUT.png", help="For planner: draw the times of all planners.")
     ] = None,
+    captures: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="For motion-graph: a folder of captures.")
+    ] = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
@@ -40,7 +43,7 @@ def bench(
         else:
             print_table(list(bench_names().items()))
         return
-    result = run_bench(name, maps=maps, worlds=worlds, picture=picture)
+    result = run_bench(name, maps=maps, worlds=worlds, captures=captures, picture=picture)
     if as_json:
         typer.echo(json.dumps(asdict(result)))
         return

@@ -31,10 +31,17 @@ class FeatureDetector(Protocol):
 
 
 class CrossingDetector:
-    """The right ankle passes forward through the plane of left hip, right hip and left ankle: once a walk cycle."""
+    """The right ankle passes forward through the plane of left hip, right hip and left ankle: once a walk cycle.
+
+    The published rule takes every change of sign. Here a side counts from 1 cm off the plane on and once it has held
+    for five frames, else people who stand are cut to pieces; frames in which the plane lies nearly flat (a raised leg)
+    count for nothing.
+    """
 
     name = "crossing"
     standing = False
+    both_ways = False
+    """Whether the ankle's way back through the plane, which the left ankle's way forward is, cuts as well."""
     dead_band = 0.01
     hold_frames = 5
     steepest = 0.8
@@ -43,10 +50,11 @@ class CrossingDetector:
     def cuts(self, clip: Clip) -> Frames:
         distance, valid = self._distances(clip)
         sides = self._sides(distance, valid)
-        changes = np.flatnonzero((sides[1:] > 0) & (sides[:-1] < 0)) + 1
         cuts: list[int] = []
-        for change in changes:
-            cut = self._nearest_zero(distance, int(change))
+        for change in np.flatnonzero(sides[1:] * sides[:-1] < 0) + 1:
+            if sides[change] < 0 and not self.both_ways:
+                continue
+            cut = self._nearest_zero(distance * sides[change], int(change))
             if not cuts or cut - cuts[-1] >= self.shortest:
                 cuts.append(cut)
         return np.array(cuts, np.int64)
@@ -84,6 +92,13 @@ class CrossingDetector:
         return frame - 1 if frame > 0 and abs(distance[frame - 1]) < abs(distance[frame]) else frame
 
 
+class HalfCrossingDetector(CrossingDetector):
+    """Either ankle passes the other leg: twice a walk cycle, for captures too short to hold whole ones."""
+
+    name = "half_crossing"
+    both_ways = True
+
+
 class StandingDetector:
     """Both ankles rest: the middle of each such stretch, or its end nearest the movement at the ends of the clip."""
 
@@ -116,8 +131,20 @@ def joint_speeds(clip: Clip, joint: int) -> Floats:
     return np.linalg.norm(np.gradient(clip.joint_positions[:, joint], axis=0), axis=1) * CAPTURE_RATE
 
 
-DETECTORS: dict[str, FeatureDetector] = {d.name: d for d in (CrossingDetector(), StandingDetector())}
+WALKING_DETECTORS = ("crossing", "standing")
+"""Names of the detectors of the 2011 paper, which between them cut walking and stepping."""
+
+DETECTORS: dict[str, FeatureDetector] = {
+    d.name: d for d in (CrossingDetector(), HalfCrossingDetector(), StandingDetector())
+}
 """All detectors by the name that behavior files use."""
+
+
+def register_detector(detector: FeatureDetector) -> None:
+    """Let behavior files use ``detector`` by its name; MotionError where another one has that name."""
+    if DETECTORS.get(detector.name, detector) is not detector:
+        raise MotionError(f"there is a feature detector '{detector.name}' already; give the new one another name")
+    DETECTORS[detector.name] = detector
 
 
 def find_detector(name: str) -> FeatureDetector:

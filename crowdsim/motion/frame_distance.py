@@ -7,6 +7,7 @@ few matrix products.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,31 +28,78 @@ RANGE_CAP = 15
 
 def cloud_joints(skeleton: Skeleton) -> NDArray[np.int64]:
     """Joints that count in a cloud: each place of the rest pose once, since files hold zero-length dummy joints."""
-    rest = np.zeros((skeleton.joint_count, 3))
-    for joint, parent in enumerate(skeleton.parents):
-        if parent >= 0:
-            rest[joint] = rest[parent] + skeleton.offsets[joint]
+    rest = skeleton.rest_positions()
     gaps = np.linalg.norm(rest[:, None] - rest[None, :], axis=-1)
     return np.array([j for j in range(len(rest)) if not (gaps[j, :j] < 1e-6).any()], np.int64)
 
 
 def point_cloud(clip: Clip, track: Floats, frame: int, standing: bool) -> Floats:
-    """Points (P, 3) around ``frame``, relative to its track pose.
+    """Points (P, 3) around ``frame``, relative to its track pose; see :func:`point_clouds`."""
+    return point_clouds(clip, track, np.array([frame]), np.array([standing]))[0]
+
+
+def point_clouds(clip: Clip, track: Floats, frames: NDArray[np.int64], standing: NDArray[np.bool_]) -> Floats:
+    """Points (n, P, 3) around ``frames`` (n,), each relative to its track pose.
 
     The window runs over the neighbor frames of the clip and holds the clip's last pose beyond its ends. Around a
     standing cut it holds the pose of the cut itself: what a standing body did before or does next says nothing.
     """
-    window = np.full(2 * WINDOW_REACH + 1, frame)
-    if not standing:
-        window = np.clip(frame + np.arange(-WINDOW_REACH, WINDOW_REACH + 1), 0, clip.frame_count - 1)
-    points = clip.joint_positions[window][:, cloud_joints(clip.skeleton)].reshape(-1, 3)
-    planar = transform_points(invert(track[frame]), points[:, :2])
-    return np.concatenate([planar, points[:, 2:]], axis=1)
+    steps = np.where(standing[:, None], 0, np.arange(-WINDOW_REACH, WINDOW_REACH + 1))
+    window = np.clip(frames[:, None] + steps, 0, clip.frame_count - 1)
+    points = clip.joint_positions[:, cloud_joints(clip.skeleton)][window].reshape(len(frames), -1, 3)
+    planar = transform_points(invert(track[frames])[:, None], points[..., :2])
+    return np.concatenate([planar, points[..., 2:]], axis=-1)
+
+
+@dataclass(frozen=True)
+class PairAlignments:
+    """n pairs of clouds (a, b) of P points, each pair under its best alignment.
+
+    distance: (n,) meters, root mean square. rotation: (n,) radians by which cloud b turns onto cloud a.
+    dot, cross, fixed: (n,) sums over the points about their means: the squared distance under a turn by t is
+        ``fixed - 2 (cos(t) dot + sin(t) cross)``.
+    mean_a, mean_b: (n, 2) planar means.
+    """
+
+    distance: Floats
+    rotation: Floats
+    dot: Floats
+    cross: Floats
+    fixed: Floats
+    mean_a: Floats
+    mean_b: Floats
+    points: int
+
+    def pinned_distance(self, pivot_a: Floats, pivot_b: Floats, rotation: Floats) -> Floats:
+        """(n,) distance when b turns by ``rotation`` (n,) and ``pivot_b`` (n, 2) falls on ``pivot_a``."""
+        u, v = self.mean_a - pivot_a, self.mean_b - pivot_b
+        dot = self.dot + self.points * np.sum(u * v, axis=1)
+        cross = self.cross + self.points * (u[:, 1] * v[:, 0] - u[:, 0] * v[:, 1])
+        fixed = self.fixed + self.points * (np.sum(u * u, axis=1) + np.sum(v * v, axis=1))
+        squared = fixed - 2.0 * (np.cos(rotation) * dot + np.sin(rotation) * cross)
+        return np.sqrt(np.maximum(squared, 0.0) / self.points)
+
+    def rotation_range(self, pivot_a: Floats, pivot_b: Floats, threshold: float) -> tuple[Floats, Floats]:
+        """Extra rotation about the pivot, low <= 0 <= high (n,), that keeps the distance within ``threshold``.
+
+        2011 paper, section 3: by small steps either way until the threshold is passed. A pair whose pinned
+        distance is over the threshold from the start has no range.
+        """
+        within = self.pinned_distance(pivot_a, pivot_b, self.rotation) <= threshold
+        ends = []
+        for sign in (-1.0, 1.0):
+            good, end = within.copy(), np.zeros(len(within))
+            for step in range(1, RANGE_CAP + 1):
+                extra = sign * step * RANGE_STEP
+                good &= self.pinned_distance(pivot_a, pivot_b, self.rotation + extra) <= threshold
+                end[good] = extra
+            ends.append(end)
+        return ends[0], ends[1]
 
 
 @dataclass(frozen=True)
 class Alignments:
-    """All pairs of A clouds with B clouds of P points.
+    """All pairs of A clouds with B clouds of P points; see :class:`PairAlignments` for the sums.
 
     distance: (A, B) meters, root mean square under the best alignment.
     rotation: (A, B) radians by which cloud b turns onto cloud a.
@@ -66,55 +114,57 @@ class Alignments:
     _mean_b: Floats
     _points: int
 
-    def pinned_distance(
-        self, a: NDArray[np.int64], b: NDArray[np.int64], pivot_a: Floats, pivot_b: Floats, rotation: Floats
-    ) -> Floats:
-        """(n,) distance of pairs when b turns by ``rotation`` (n,) and ``pivot_b`` (n, 2) falls on ``pivot_a``."""
-        u, v = self._mean_a[a] - pivot_a, self._mean_b[b] - pivot_b
-        dot = self._dot[a, b] + self._points * np.sum(u * v, axis=1)
-        cross = self._cross[a, b] + self._points * (u[:, 1] * v[:, 0] - u[:, 0] * v[:, 1])
-        fixed = self._fixed[a, b] + self._points * (np.sum(u * u, axis=1) + np.sum(v * v, axis=1))
-        squared = fixed - 2.0 * (np.cos(rotation) * dot + np.sin(rotation) * cross)
-        return np.sqrt(np.maximum(squared, 0.0) / self._points)
-
-    def rotation_range(
-        self, a: NDArray[np.int64], b: NDArray[np.int64], pivot_a: Floats, pivot_b: Floats, threshold: float
-    ) -> tuple[Floats, Floats]:
-        """Extra rotation about the pivot, low <= 0 <= high (n,), that keeps the distance within ``threshold``.
-
-        2011 paper, section 3: by small steps either way until the threshold is passed. A pair whose pinned
-        distance is over the threshold from the start has no range.
-        """
-        middle = self.rotation[a, b]
-        within = self.pinned_distance(a, b, pivot_a, pivot_b, middle) <= threshold
-        ends = []
-        for sign in (-1.0, 1.0):
-            good, end = within.copy(), np.zeros(len(middle))
-            for step in range(1, RANGE_CAP + 1):
-                extra = sign * step * RANGE_STEP
-                good &= self.pinned_distance(a, b, pivot_a, pivot_b, middle + extra) <= threshold
-                end[good] = extra
-            ends.append(end)
-        return ends[0], ends[1]
+    def pairs(self, a: NDArray[np.int64], b: NDArray[np.int64]) -> PairAlignments:
+        """The pairs (a, b) (n,) of all of them."""
+        return PairAlignments(
+            self.distance[a, b], self.rotation[a, b], self._dot[a, b], self._cross[a, b], self._fixed[a, b],
+            self._mean_a[a], self._mean_b[b], self._points,
+        )  # fmt: skip
 
 
 def align_all(clouds_a: Floats, clouds_b: Floats) -> Alignments:
     """Compare every cloud of ``clouds_a`` (A, P, 3) with every one of ``clouds_b`` (B, P, 3)."""
-    mean_a, mean_b = clouds_a[..., :2].mean(axis=1), clouds_b[..., :2].mean(axis=1)
-    ax, ay = (clouds_a[..., i] - mean_a[:, None, i] for i in (0, 1))
-    bx, by = (clouds_b[..., i] - mean_b[:, None, i] for i in (0, 1))
-    az, bz = clouds_a[..., 2], clouds_b[..., 2]
+    (mean_a, ax, ay, az), (mean_b, bx, by, bz) = _centered(clouds_a), _centered(clouds_b)
     dot = _products(ax, bx) + _products(ay, by)
     cross = _products(ay, bx) - _products(ax, by)
     own_a = np.sum(ax * ax + ay * ay + az * az, axis=1)
     own_b = np.sum(bx * bx + by * by + bz * bz, axis=1)
     fixed = own_a[:, None] + own_b[None, :] - 2.0 * _products(az, bz)
-    squared = fixed - 2.0 * np.hypot(dot, cross)
     points = clouds_a.shape[1]
-    return Alignments(
-        np.sqrt(np.maximum(squared, 0.0) / points), np.arctan2(cross, dot),
-        dot, cross, fixed, mean_a, mean_b, points,
+    distance = _root_mean_square(fixed - 2.0 * np.hypot(dot, cross), points)
+    return Alignments(distance, np.arctan2(cross, dot), dot, cross, fixed, mean_a, mean_b, points)
+
+
+def align_pairs(clouds_a: Floats, clouds_b: Floats) -> PairAlignments:
+    """Compare each cloud of ``clouds_a`` (n, P, 3) with the one of ``clouds_b`` (n, P, 3) in the same row."""
+    (mean_a, ax, ay, az), (mean_b, bx, by, bz) = _centered(clouds_a), _centered(clouds_b)
+    dot, cross = np.sum(ax * bx + ay * by, axis=1), np.sum(ay * bx - ax * by, axis=1)
+    fixed = np.sum(ax**2 + ay**2 + bx**2 + by**2 + (az - bz) ** 2, axis=1)
+    points = clouds_a.shape[1]
+    distance = _root_mean_square(fixed - 2.0 * np.hypot(dot, cross), points)
+    return PairAlignments(distance, np.arctan2(cross, dot), dot, cross, fixed, mean_a, mean_b, points)
+
+
+def join_pairs(parts: Sequence[PairAlignments]) -> PairAlignments:
+    """The pairs of all ``parts``, one after the other."""
+
+    def joined(name: str) -> Floats:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    return PairAlignments(
+        joined("distance"), joined("rotation"), joined("dot"), joined("cross"), joined("fixed"),
+        joined("mean_a"), joined("mean_b"), parts[0].points,
     )  # fmt: skip
+
+
+def _centered(clouds: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Planar means (n, 2) of clouds (n, P, 3), and x and y about them and z, (n, P) each."""
+    mean = clouds[..., :2].mean(axis=1)
+    return mean, clouds[..., 0] - mean[:, None, 0], clouds[..., 1] - mean[:, None, 1], clouds[..., 2]
+
+
+def _root_mean_square(squared: Floats, points: int) -> Floats:
+    return np.sqrt(np.maximum(squared, 0.0) / points)
 
 
 def _products(a: Floats, b: Floats) -> Floats:

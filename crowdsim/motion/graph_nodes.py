@@ -11,7 +11,7 @@ from crowdsim.errors import MotionError
 from crowdsim.geometry.planar import compose, invert, transform_points
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.features import joint_speeds
-from crowdsim.motion.frame_distance import point_cloud
+from crowdsim.motion.frame_distance import point_clouds
 from crowdsim.motion.kinematics import Floats
 from crowdsim.motion.segmentation import Segment, require_locomotion, segment_clip
 from crowdsim.motion.tracks import track_of
@@ -40,15 +40,43 @@ class MotionSource:
 
 
 @dataclass(frozen=True)
-class Joint:
-    """One end of a node, where it may meet another: everything relative to the track pose there.
+class PreparedSource:
+    """A source with what all its cuts need.
 
-    cloud: (P, 3) point cloud; foot: planted foot; pivot: (2,) where it stands.
+    track: (F, 3) track pose of every frame.
+    foot_speed: (F, 2) m/s, mean over the joints of the left and the right foot.
+    foot_places: (F, 3, 2) meters, ball of the left foot, of the right foot, and the middle of both feet, relative to
+        the track pose. Where cycles are cut the standing foot turns about its ball and the heel already rises.
     """
 
+    source: MotionSource
+    track: Floats
+    foot_speed: Floats
+    foot_places: Floats
+
+    @property
+    def clip(self) -> Clip:
+        return self.source.clip
+
+
+@dataclass(frozen=True)
+class Moment:
+    """One end of a node, where it may meet another: everything relative to the track pose there.
+
+    frame: of the clip. cloud: (P, 3) point cloud. foot: planted foot. pivots: (3, 2) where either foot stands, and the
+    middle of both.
+    """
+
+    frame: int
     cloud: Floats
     foot: int
-    pivot: Floats
+    pivots: Floats
+
+    @property
+    def pivot(self) -> Floats:
+        """(2,) where the planted foot stands."""
+        pivot: Floats = self.pivots[self.foot]
+        return pivot
 
 
 @dataclass(frozen=True)
@@ -60,8 +88,8 @@ class Node:
     segment: Segment
     track: Floats
     length: float
-    start: Joint
-    end: Joint
+    start: Moment
+    end: Moment
 
     def leads_nowhere(self) -> bool:
         """Whether it neither moves nor turns nor ends in another pose, as holding the arms in does."""
@@ -70,52 +98,65 @@ class Node:
         return self.length < _SHORTEST_TRACK and turn < _SMALLEST_TURN and change < _SMALLEST_CHANGE
 
 
-def make_nodes(sources: Sequence[MotionSource]) -> tuple[list[Node], list[Floats]]:
-    """All segments of all sources in order, and the track of each source.
-
-    MotionError where the clips differ in their skeleton or one leads nowhere.
-    """
+def prepare_sources(sources: Sequence[MotionSource]) -> list[PreparedSource]:
+    """What the cuts of ``sources`` need; MotionError where the clips differ in their skeleton or one leads nowhere."""
     if not sources:
         raise MotionError("a motion graph needs at least one clip")
     for source in sources[1:]:
         _require_same_skeleton(sources[0].clip, source.clip)
-    nodes: list[Node] = []
-    tracks: list[Floats] = []
-    for index, source in enumerate(sources):
-        clip, track = source.clip, track_of(source.clip)
-        if source.idle:
-            if clip.frame_count < 2:
-                raise MotionError(f"idle clip '{clip.name}' has a single frame; waiting needs a clip that lasts")
-            segments = [Segment(0, clip.frame_count - 1, True, True)]
-        else:
-            require_locomotion(clip, track)
-            segments = segment_clip(clip, source.detectors)
-        tracks.append(track)
-        nodes.extend(_node(clip, track, index, segment) for segment in segments)
-    return nodes, tracks
+    return [_prepared(source) for source in sources]
 
 
-def _node(clip: Clip, track: Floats, source: int, segment: Segment) -> Node:
-    samples = track[segment.first : segment.last + 1]
+def _prepared(source: MotionSource) -> PreparedSource:
+    clip, track = source.clip, track_of(source.clip)
+    if not source.idle:
+        require_locomotion(clip, track)
+    elif clip.frame_count < 2:
+        raise MotionError(f"idle clip '{clip.name}' has a single frame; waiting needs a clip that lasts")
+    feet = [_foot_joints(clip, side) for side in ("left", "right")]
+    speed = np.stack([np.mean([joint_speeds(clip, joint) for joint in joints], axis=0) for joints in feet], axis=1)
+    ground = clip.joint_positions[..., :2]
+    balls = [[joints[-1]] for joints in feet]
+    places = np.stack([ground[:, joints].mean(axis=1) for joints in (*balls, feet[0] + feet[1])], axis=1)
+    return PreparedSource(source, track, speed, transform_points(invert(track)[:, None], places))
+
+
+def feature_segments(prepared: PreparedSource) -> list[Segment]:
+    """The segments between the feature cuts of a source; an idle clip is one that stands at both ends."""
+    if prepared.source.idle:
+        return [Segment(0, prepared.clip.frame_count - 1, True, True)]
+    return segment_clip(prepared.clip, prepared.source.detectors)
+
+
+def make_nodes(
+    prepared: PreparedSource, source: int, segments: Sequence[Segment], hold_standing: bool = True
+) -> list[Node]:
+    """A node for each of ``segments`` of the source with index ``source``.
+
+    ``hold_standing`` takes the pose of a cut that stands for its whole window; see :func:`point_clouds`.
+    """
+    if not segments:
+        return []
+    starts = _moments(prepared, [s.first for s in segments], [s.starts_standing for s in segments], hold_standing)
+    ends = _moments(prepared, [s.last for s in segments], [s.ends_standing for s in segments], hold_standing)
+    return [_node(prepared, source, *parts) for parts in zip(segments, starts, ends, strict=True)]
+
+
+def _node(prepared: PreparedSource, source: int, segment: Segment, start: Moment, end: Moment) -> Node:
+    samples = prepared.track[segment.first : segment.last + 1]
     relative = compose(invert(samples[0]), samples)
     length = float(np.sum(np.linalg.norm(np.diff(samples[:, :2], axis=0), axis=1)))
-    return Node(
-        f"{clip.name}:{segment.first}-{segment.last}", source, segment, relative, length,
-        _joint(clip, track, segment.first, segment.starts_standing),
-        _joint(clip, track, segment.last, segment.ends_standing),
-    )  # fmt: skip
+    name = f"{prepared.clip.name}:{segment.first}-{segment.last}"
+    return Node(name, source, segment, relative, length, start, end)
 
 
-def _joint(clip: Clip, track: Floats, frame: int, standing: bool) -> Joint:
-    feet = [_foot_joints(clip, side) for side in ("left", "right")]
-    if standing:
-        foot, joints = BOTH_FEET, feet[0] + feet[1]
-    else:
-        foot = int(np.argmin([np.mean([joint_speeds(clip, joint)[frame] for joint in joints]) for joints in feet]))
-        joints = feet[foot]
-    place = clip.joint_positions[frame, joints, :2].mean(axis=0)
-    pivot = transform_points(invert(track[frame]), place)
-    return Joint(point_cloud(clip, track, frame, standing), foot, pivot)
+def _moments(prepared: PreparedSource, frames: list[int], standing: list[bool], hold_standing: bool) -> list[Moment]:
+    clouds = point_clouds(prepared.clip, prepared.track, np.array(frames), np.array(standing) & hold_standing)
+    moments = []
+    for frame, stands, cloud in zip(frames, standing, clouds, strict=True):
+        foot = BOTH_FEET if stands else int(np.argmin(prepared.foot_speed[frame]))
+        moments.append(Moment(frame, cloud, foot, prepared.foot_places[frame]))
+    return moments
 
 
 def _foot_joints(clip: Clip, side: str) -> list[int]:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 _SIDED = {
     "shoulder": ("arm", "uparm", "upperarm", "humerus", "shoulder"),
     "elbow": ("forearm", "lowarm", "lowerarm", "radius", "elbow"),
-    "wrist": ("hand", "wrist"),
+    "wrist": ("wrist", "hand"),
     "hip": ("upleg", "upperleg", "femur", "thigh", "hip"),
     "knee": ("leg", "lowleg", "lowerleg", "tibia", "shin", "calf", "knee"),
     "ankle": ("foot", "ankle"),

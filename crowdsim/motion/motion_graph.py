@@ -7,17 +7,26 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from crowdsim.errors import MotionError
 from crowdsim.motion.frame_distance import Alignments, align_all
-from crowdsim.motion.graph_arrays import GraphArrays
-from crowdsim.motion.graph_nodes import BOTH_FEET, MotionSource, Node, make_nodes
-from crowdsim.motion.kinematics import Floats
-from crowdsim.motion.pose_table import PoseTable, make_pose_table
-from crowdsim.motion.skeleton import Skeleton
-from crowdsim.motion.stop_edges import choose_stop_edges
+from crowdsim.motion.graph_assembly import (
+    GraphReport,
+    MotionGraph,
+    assemble,
+    branching_factor,
+    follows,
+    largest_component,
+)
+from crowdsim.motion.graph_nodes import (
+    BOTH_FEET,
+    MotionSource,
+    Node,
+    PreparedSource,
+    feature_segments,
+    make_nodes,
+    prepare_sources,
+)
 
 __all__ = ["DEFAULT_THRESHOLD", "GraphReport", "MotionGraph", "MotionSource", "build_motion_graph"]
 
@@ -28,146 +37,132 @@ STANDING_ALLOWANCE = 1.5
 """How many times the threshold two standing poses may differ: a body at rest has the time to settle, and people never
 come to rest just as they set out."""
 
+WIDEST_THRESHOLD = 0.3
+"""Meters up to which a threshold is looked for that gives a wanted branching factor."""
 
-@dataclass(frozen=True)
-class GraphReport:
-    """Counts of a built graph.
-
-    branching: (N + 2E) / (N + E), the papers' average branching factor, which counts transitions as nodes.
-    out_degree: E / N.
-    dropped: (node, why) of the segments that are not in the graph.
-    """
-
-    nodes: int
-    edges: int
-    branching: float
-    out_degree: float
-    dropped: tuple[tuple[str, str], ...]
-
-
-@dataclass(frozen=True)
-class MotionGraph:
-    """A strongly connected graph of motion segments, and their poses."""
-
-    arrays: GraphArrays
-    node_names: tuple[str, ...]
-    poses: PoseTable
-    skeleton: Skeleton
-    report: GraphReport
+_AROUND = 8
+"""Distances tried either way of the one that halving finds."""
 
 
 def build_motion_graph(
-    sources: Sequence[MotionSource], threshold: float = DEFAULT_THRESHOLD, max_out_edges: int | None = None
+    sources: Sequence[MotionSource],
+    threshold: float = DEFAULT_THRESHOLD,
+    max_out_edges: int | None = None,
+    branching: float | None = None,
 ) -> MotionGraph:
     """Cut the clips, join their segments wherever the distance allows, keep the largest strongly connected part.
 
     An end may join a start if the same foot is planted in both, or both stand, and their distance is at most
     ``threshold`` meters (root mean square over joints and frames). ``max_out_edges`` keeps the nearest so many
-    edges out of each node; the one to the segment that followed in the capture always stays.
+    edges out of each node; the one to the segment that followed in the capture always stays. Where a ``branching``
+    factor is wanted, the threshold is the one up to WIDEST_THRESHOLD that comes nearest to it and keeps at least half
+    of the nodes; where many segments are alike, only ``max_out_edges`` brings it down.
     """
-    nodes, tracks = make_nodes(sources)
-    dropped = [(node.name, "leads nowhere") for node in nodes if node.leads_nowhere() and not sources[node.source].idle]
-    nodes = [node for node in nodes if not node.leads_nowhere() or sources[node.source].idle]
+    candidates = _candidates(sources, max_out_edges)
+    if branching is not None:
+        threshold = _calibrated(candidates, branching)
+    nodes, alignments = candidates.nodes, candidates.alignments
+    _require_loops(candidates, threshold)
+    source, target, keep = _edges(candidates, threshold)
+    if not len(source):
+        raise MotionError(
+            f"no cycle of segments joins within {threshold:g} m (the nearest end and start are "
+            f"{float(np.min(alignments.distance)):.3f} m apart); raise the threshold or add clips"
+        )
+    dropped = list(candidates.dropped)
+    dropped += [(nodes[i].name, "not strongly connected with the rest") for i in np.flatnonzero(~keep)]
+    place = np.cumsum(keep) - 1
+    return assemble(
+        candidates.prepared, [nodes[i] for i in np.flatnonzero(keep)], place[source], place[target],
+        alignments.pairs(source, target), threshold, dropped,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Candidates:
+    """N nodes and how near each end is to each start.
+
+    needed: (N, N) meters, the threshold from which on row's end joins column's start; 0 where it simply goes on,
+    infinite where it never may.
+    """
+
+    prepared: list[PreparedSource]
+    nodes: list[Node]
+    alignments: Alignments
+    needed: NDArray[np.float64]
+    dropped: list[tuple[str, str]]
+
+
+def _candidates(sources: Sequence[MotionSource], max_out_edges: int | None) -> _Candidates:
+    prepared = prepare_sources(sources)
+    cut = [node for i, source in enumerate(prepared) for node in make_nodes(source, i, feature_segments(source))]
+    idle = [source.idle for source in sources]
+    nodes = [node for node in cut if idle[node.source] or not node.leads_nowhere()]
     if not nodes:
         raise MotionError("the detectors cut no segment out of these clips; check the detectors and the clips' lengths")
-
+    dropped = [(node.name, "leads nowhere") for node in cut if not idle[node.source] and node.leads_nowhere()]
     alignments = align_all(np.stack([n.end.cloud for n in nodes]), np.stack([n.start.cloud for n in nodes]))
-    joined = _joined(nodes, alignments, threshold, max_out_edges)
-    _require_loops(sources, nodes, joined, alignments)
-    keep = _largest_component(joined)
-    dropped += [(nodes[i].name, "not strongly connected with the rest") for i in np.flatnonzero(~keep)]
-    kept = np.flatnonzero(keep)
-    if not joined[np.ix_(kept, kept)].any():
-        nearest = float(np.min(alignments.distance))
-        raise MotionError(
-            f"no cycle of segments joins within {threshold:g} m (the nearest end and start are {nearest:.3f} m "
-            f"apart); raise the threshold or add clips"
-        )
-    arrays = _arrays(sources, nodes, kept, joined, alignments, threshold)
-    nodes = [nodes[i] for i in kept]
-    n, e = len(nodes), len(arrays.edge_target)
-    report = GraphReport(n, e, (n + 2 * e) / (n + e), e / n, tuple(dropped))
-    names = tuple(node.name for node in nodes)
-    return MotionGraph(arrays, names, make_pose_table(sources, tracks, nodes), sources[0].clip.skeleton, report)
-
-
-def _joined(
-    nodes: Sequence[Node], alignments: Alignments, threshold: float, max_out_edges: int | None
-) -> NDArray[np.bool_]:
-    """(N, N) whether row's end may be followed by column's start."""
-    natural = np.array(
-        [[a.source == b.source and a.segment.last == b.segment.first for b in nodes] for a in nodes], bool
-    )
+    natural = np.array([[follows(a, b) for b in nodes] for a in nodes], bool)
     end_foot, start_foot = np.array([n.end.foot for n in nodes]), np.array([n.start.foot for n in nodes])
-    distance = np.where(natural, 0.0, alignments.distance)
-    limit = np.where(end_foot == BOTH_FEET, STANDING_ALLOWANCE, 1.0)[:, None] * threshold
-    joined = (distance <= limit) & (end_foot[:, None] == start_foot[None, :])
+    needed = alignments.distance / np.where(end_foot == BOTH_FEET, STANDING_ALLOWANCE, 1.0)[:, None]
+    needed = np.where(natural, 0.0, np.where(end_foot[:, None] == start_foot[None, :], needed, np.inf))
     if max_out_edges is not None:
-        order = np.argsort(np.where(joined, distance, np.inf), axis=1, kind="stable")
-        near = np.zeros_like(joined)
-        np.put_along_axis(near, order[:, :max_out_edges], True, axis=1)
-        joined &= near
-    return joined | natural
+        order = np.argsort(needed, axis=1, kind="stable")
+        far = np.ones_like(natural)
+        np.put_along_axis(far, order[:, :max_out_edges], False, axis=1)
+        needed = np.where(far & ~natural, np.inf, needed)
+    return _Candidates(prepared, nodes, alignments, needed, dropped)
 
 
-def _require_loops(
-    sources: Sequence[MotionSource], nodes: Sequence[Node], joined: NDArray[np.bool_], alignments: Alignments
-) -> None:
+def _edges(candidates: _Candidates, threshold: float) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+    """Sources and targets (E,) of the edges in the largest component, and (N,) the nodes that are in it."""
+    source, target = np.nonzero(candidates.needed <= threshold)
+    keep = largest_component(len(candidates.nodes), source, target)
+    inside = keep[source] & keep[target]
+    return source[inside], target[inside], keep
+
+
+def _calibrated(candidates: _Candidates, wanted: float) -> float:
+    """Threshold (m) whose graph comes nearest to the ``wanted`` branching factor, the smaller of equals.
+
+    Only the distances themselves can change the graph. Branching grows with the threshold almost everywhere, but a node
+    that comes into the component can lower it: halving finds the neighborhood, of which the best is taken. A graph
+    that loses more than half of the nodes is none.
+    """
+    steps = np.unique(candidates.needed[candidates.needed <= WIDEST_THRESHOLD])
+    natural = candidates.needed == 0.0
+    least = int(_edges(candidates, float(steps[-1]))[2].sum()) / 2.0
+
+    def judge(place: int) -> tuple[bool, float]:
+        """Whether it loses too many nodes, and how far over the wanted branching it is."""
+        source, target, keep = _edges(candidates, float(steps[place]))
+        transitions = len(source) - int(natural[source, target].sum())
+        nodes = int(keep.sum())
+        return nodes < least, branching_factor(nodes, transitions) - wanted
+
+    low, high = 0, len(steps) - 1
+    while low < high:
+        middle = (low + high) // 2
+        small, over = judge(middle)
+        if small or over < 0.0:
+            low = middle + 1
+        else:
+            high = middle
+    near = range(max(low - _AROUND, 0), min(low + _AROUND + 1, len(steps)))
+
+    def rank(place: int) -> tuple[bool, float, int]:
+        small, over = judge(place)
+        return small, abs(over), place
+
+    return float(steps[min(near, key=rank)])
+
+
+def _require_loops(candidates: _Candidates, threshold: float) -> None:
     """MotionError for an idle clip that cannot follow itself: who waits would have to stop waiting."""
-    for i, node in enumerate(nodes):
-        if sources[node.source].idle and not joined[i, i]:
+    for i, node in enumerate(candidates.nodes):
+        source = candidates.prepared[node.source].source
+        if source.idle and candidates.needed[i, i] > threshold:
             raise MotionError(
-                f"idle clip '{sources[node.source].clip.name}' ends {alignments.distance[i, i]:.3f} m away from the "
+                f"idle clip '{source.clip.name}' ends {candidates.alignments.distance[i, i]:.3f} m away from the "
                 f"pose it starts in and cannot repeat; trim it to end as it began, or raise the threshold"
             )
-
-
-def _largest_component(joined: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(N,) whether each node is in the strongly connected component of most nodes, the first of equals."""
-    _, label = connected_components(csr_array(joined), directed=True, connection="strong")
-    sizes = np.bincount(label)
-    best = next(int(component) for component in label if sizes[component] == sizes.max())
-    return label == best
-
-
-def _arrays(
-    sources: Sequence[MotionSource],
-    nodes: Sequence[Node],
-    kept: NDArray[np.int64],
-    joined: NDArray[np.bool_],
-    alignments: Alignments,
-    threshold: float,
-) -> GraphArrays:
-    chosen = [nodes[i] for i in kept]
-    source, target = np.nonzero(joined[np.ix_(kept, kept)])
-    a, b = kept[source], kept[target]
-    pivot_a = np.array([nodes[i].end.pivot for i in a])
-    pivot_b = np.array([nodes[i].start.pivot for i in b])
-    low, high = alignments.rotation_range(a, b, pivot_a, pivot_b, threshold)
-    frames = np.array([len(node.track) - 1 for node in chosen], np.int32)
-    arrays = GraphArrays(
-        node_frames=frames,
-        node_track=np.concatenate([[0], np.cumsum(frames[:-1] + 1)]).astype(np.int32),
-        tracks=np.concatenate([node.track for node in chosen]),
-        node_motion=np.array([node.track[-1] for node in chosen]),
-        node_length=np.array([node.length for node in chosen]),
-        node_behavior=np.array([sources[node.source].behavior for node in chosen], np.int32),
-        node_ends_standing=np.array([node.segment.ends_standing for node in chosen], bool),
-        node_idle=np.array([sources[node.source].idle for node in chosen], bool),
-        edge_start=np.searchsorted(source, np.arange(len(chosen) + 1)).astype(np.int32),
-        edge_target=target.astype(np.int32),
-        edge_transform=_pinned_transforms(alignments.rotation[a, b], pivot_a, pivot_b),
-        edge_pivot=pivot_a,
-        edge_low=low,
-        edge_high=high,
-        stop_edge=np.zeros(0, np.int32),
-    )
-    return arrays._replace(stop_edge=choose_stop_edges(arrays))
-
-
-def _pinned_transforms(rotation: Floats, pivot_a: Floats, pivot_b: Floats) -> Floats:
-    """(E, 3) poses that turn by ``rotation`` and bring ``pivot_b`` onto ``pivot_a``."""
-    c, s = np.cos(rotation), np.sin(rotation)
-    x = pivot_a[:, 0] - (c * pivot_b[:, 0] - s * pivot_b[:, 1])
-    y = pivot_a[:, 1] - (s * pivot_b[:, 0] + c * pivot_b[:, 1])
-    return np.stack([x, y, rotation], axis=1)

@@ -2,6 +2,7 @@
 
 import math
 
+from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.jit import helper, kernel
 from crowdsim.motion.track_kernels import BLEND_FRAMES, blend_weight
 
@@ -33,6 +34,19 @@ def _faded_difference(pool, old_row, first_row, joint, w):
     return math.cos(half), scale * d1, scale * d2, scale * d3
 
 
+@helper
+def _yaw(q):
+    """Heading (radians) of what a rotation turns x to."""
+    return math.atan2(2.0 * (q[1] * q[2] + q[0] * q[3]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]))
+
+
+@helper
+def _turned(angle, x, y):
+    c = math.cos(angle)
+    s = math.sin(angle)
+    return c * x - s * y, s * x + c * y
+
+
 @kernel
 def pose_joints(table, node, previous, frame, pose, out_positions, out_rotations):
     """World positions and rotations of all joints of A characters.
@@ -42,7 +56,9 @@ def pose_joints(table, node, previous, frame, pose, out_positions, out_rotations
     out_positions: (A, J, 3) float32. out_rotations: (A, J, 4) float32 unit quaternions.
 
     Over the first BLEND_FRAMES frames the difference between the last pose of the node before and the first of
-    this one fades out. It is the difference that fades and not the old pose, which would hold the feet back.
+    this one fades out. It is the difference that fades and not the old pose, which would hold the feet back. And it
+    fades in the world: the two nodes' tracks may head apart where the bodies do not, by ``apart``, and a root that
+    turned with the fading track would drag the planted foot along.
     """
     pool = table.pool_rotations
     root = table.pool_root
@@ -56,6 +72,13 @@ def pose_joints(table, node, previous, frame, pose, out_positions, out_rotations
             old = table.node_first[previous[a]] + table.node_frames[previous[a]]
         c = math.cos(pose[a, 2])
         s = math.sin(pose[a, 2])
+        x, y = float(root[row, 0]), float(root[row, 1])
+        if w > 0.0:
+            apart = wrap_angle(_yaw(pool[old, 0]) - _yaw(pool[first, 0]))
+            x, y = _turned(w * apart, x - w * root[first, 0], y - w * root[first, 1])
+            old_x, old_y = _turned((w - 1.0) * apart, float(root[old, 0]), float(root[old, 1]))
+            x += w * old_x
+            y += w * old_y
         for j in range(len(table.parents)):
             q = pool[row, j]
             q0, q1, q2, q3 = float(q[0]), float(q[1]), float(q[2]), float(q[3])
@@ -65,8 +88,6 @@ def pose_joints(table, node, previous, frame, pose, out_positions, out_rotations
             parent = table.parents[j]
             if parent < 0:
                 p0, p1, p2, p3 = math.cos(0.5 * pose[a, 2]), 0.0, 0.0, math.sin(0.5 * pose[a, 2])
-                x = root[row, 0] + w * (root[old, 0] - root[first, 0])
-                y = root[row, 1] + w * (root[old, 1] - root[first, 1])
                 out_positions[a, j, 0] = pose[a, 0] + c * x - s * y
                 out_positions[a, j, 1] = pose[a, 1] + s * x + c * y
                 out_positions[a, j, 2] = root[row, 2] + w * (root[old, 2] - root[first, 2])

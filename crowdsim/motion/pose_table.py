@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from crowdsim.geometry.planar import invert, transform_points
 from crowdsim.motion.clip import Clip
-from crowdsim.motion.graph_nodes import MotionSource, Node
+from crowdsim.motion.graph_nodes import Node, PreparedSource
 from crowdsim.motion.kinematics import Floats, about_axis, multiply
 
 
@@ -32,10 +32,11 @@ class PoseTable(NamedTuple):
     pool_rotations: NDArray[np.float32]
 
 
-def make_pose_table(sources: Sequence[MotionSource], tracks: Sequence[Floats], nodes: Sequence[Node]) -> PoseTable:
-    """The poses of ``nodes`` in order; ``tracks`` holds the track (F, 3) of each source."""
+def make_pose_table(prepared: Sequence[PreparedSource], nodes: Sequence[Node]) -> PoseTable:
+    """The poses of ``nodes`` in order."""
     local = {
-        index: _relative_poses(sources[index].clip, tracks[index]) for index in sorted({node.source for node in nodes})
+        index: _relative_poses(prepared[index].clip, prepared[index].track)
+        for index in sorted({node.source for node in nodes})
     }
     roots, rotations = [], []
     for node in nodes:
@@ -44,7 +45,7 @@ def make_pose_table(sources: Sequence[MotionSource], tracks: Sequence[Floats], n
         rotations.append(local[node.source][1][rows])
     frames = np.array([len(rows) - 1 for rows in roots], np.int32)
     first = np.concatenate([[0], np.cumsum(frames[:-1] + 1)]).astype(np.int32)
-    skeleton = sources[0].clip.skeleton
+    skeleton = prepared[0].clip.skeleton
     return PoseTable(
         np.ascontiguousarray(skeleton.parents, np.int32),
         np.ascontiguousarray(skeleton.offsets, np.float32),

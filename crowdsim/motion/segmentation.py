@@ -46,16 +46,26 @@ def segment_clip(clip: Clip, detectors: Sequence[str]) -> list[Segment]:
     return [Segment(a, b, standing_at[a], standing_at[b]) for a, b in pairwise(cuts)]
 
 
-def require_locomotion(clip: Clip, track: Floats) -> None:
-    """MotionError where a clip neither moves 10 cm nor turns 10 degrees, nor any joint of it moves 10 cm.
+def is_locomotion(clip: Clip, track: Floats) -> bool:
+    """Whether a clip moves 10 cm or turns 10 degrees, or any joint of it moves 10 cm.
 
     Holding the arms in while standing is no locomotion either, but leads to another pose.
     """
-    reach = float(np.max(np.linalg.norm(track[:, :2] - track[0, :2], axis=1)))
-    turn = float(np.ptp(track[:, 2]))
+    reach, turn = _reach_and_turn(track)
     stir = float(np.max(np.linalg.norm(clip.joint_positions - clip.joint_positions[0], axis=-1)))
-    if reach < 0.1 and turn < np.radians(10.0) and stir < 0.1:
+    return reach >= 0.1 or turn >= np.radians(10.0) or stir >= 0.1
+
+
+def require_locomotion(clip: Clip, track: Floats) -> None:
+    """MotionError where a clip is none; see :func:`is_locomotion`."""
+    if not is_locomotion(clip, track):
+        reach, turn = _reach_and_turn(track)
         raise MotionError(
             f"clip '{clip.name}' moves {reach * 100:.1f} cm and turns {np.degrees(turn):.1f} degrees: it is no "
             f"locomotion; mark it idle or leave it out"
         )
+
+
+def _reach_and_turn(track: Floats) -> tuple[float, float]:
+    """Meters from the start at most, and radians between the furthest headings."""
+    return float(np.max(np.linalg.norm(track[:, :2] - track[0, :2], axis=1))), float(np.ptp(track[:, 2]))

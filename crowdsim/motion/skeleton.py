@@ -41,6 +41,19 @@ class Skeleton:
     def joint_count(self) -> int:
         return len(self.names)
 
+    def rest_positions(self) -> NDArray[np.float64]:
+        """(J, 3) joints relative to the root with all rotations identity."""
+        rest = np.zeros((self.joint_count, 3))
+        for joint, parent in enumerate(self.parents):
+            if parent >= 0:
+                rest[joint] = rest[parent] + self.offsets[joint]
+        return rest
+
+    def leg_length(self) -> float:
+        """Meters from hip over knee to ankle along the bones, mean of both sides; MotionError without such joints."""
+        bones = [self.joint(f"{side}_{part}") for side in ("left", "right") for part in ("knee", "ankle")]
+        return float(np.linalg.norm(self.offsets[bones], axis=1).sum() / 2.0)
+
     def joint(self, role: str) -> int:
         """Index of the joint that plays ``role``; MotionError where the skeleton has none."""
         try:

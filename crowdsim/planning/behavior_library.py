@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import BehaviorError
 from crowdsim.library import library_folder
-from crowdsim.motion.bvh_reader import read_bvh
+from crowdsim.motion.capture_files import read_clip
 from crowdsim.motion.clearance import measure_clearances
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.motion_graph import MotionGraph, MotionSource, build_motion_graph
@@ -76,10 +76,10 @@ def _require_captured(names: Sequence[str], captures: Path) -> None:
 
 def _library_clips(file: BehaviorFile, folder: Path, names: Sequence[str]) -> BehaviorClips:
     return BehaviorClips(
-        tuple(read_bvh(folder / entry.file) for entry in file.clips),
-        tuple(read_bvh(folder / entry.file) for entry in file.idle),
+        tuple(read_clip(folder / entry.file) for entry in file.clips),
+        tuple(read_clip(folder / entry.file) for entry in file.idle),
         tuple(
-            (read_bvh(folder / entry.file), entry.from_, entry.to)
+            (read_clip(folder / entry.file), entry.from_, entry.to)
             for entry in file.transitions
             if entry.from_ in names and entry.to in names
         ),

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.errors import MotionError
 from crowdsim.motion.arm_edit import edit_arms
-from crowdsim.motion.bvh_reader import read_capture
+from crowdsim.motion.capture_files import read_capture
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.features import StandingDetector, joint_speeds
 from crowdsim.motion.kinematics import slerp

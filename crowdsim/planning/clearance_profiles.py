@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.motion.bvh_reader import read_bvh
+from crowdsim.motion.capture_files import read_clip
 from crowdsim.motion.clearance import clearance_profile
 from crowdsim.planning.behavior_library import LEGS_TOP
 from crowdsim.planning.behaviors import read_behavior
@@ -46,7 +46,7 @@ def measure_profile(name: str, library: Path, heights: Floats = HEIGHTS) -> Clea
     BehaviorError or MotionError where its files cannot be used.
     """
     behavior = read_behavior(name, library)
-    clips = [read_bvh(library / name / entry.file) for entry in behavior.clips]
+    clips = [read_clip(library / name / entry.file) for entry in behavior.clips]
     frames = np.concatenate(
         [clearance_profile(clip, heights, float(np.radians(side))) for clip in clips for side in behavior.facing]
     )

@@ -37,3 +37,29 @@ def shortest_stop(graph: GraphArrays, start: int, narrowing: bool) -> float:
                 continue
             cost[s] = min(cost[s], cost[t] + graph.node_length[t] + abs(graph.node_motion[t, 2]))
     return float(cost[start])
+
+
+def deepest_valleys(
+    image: np.ndarray, clip_first: np.ndarray, threshold: float, window: int, reach: int
+) -> list[tuple[int, int]]:
+    """Local minima of a symmetric error image, deepest first, none within ``reach`` of another; both ways, sorted."""
+    clip = np.repeat(np.arange(len(clip_first) - 1), np.diff(clip_first))
+    usable = [f for f in range(len(image)) if clip_first[clip[f]] + window <= f < clip_first[clip[f] + 1] - window]
+    minima = []
+    for i in usable:
+        for j in usable:
+            if j <= i or image[i, j] > threshold:
+                continue
+            around = [
+                ((i + di, j + dj), image[i + di, j + dj])
+                for di in (-1, 0, 1)
+                for dj in (-1, 0, 1)
+                if (di, dj) != (0, 0)
+            ]
+            if all(image[i, j] < v if place < (i, j) else image[i, j] <= v for place, v in around):
+                minima.append((float(image[i, j]), i, j))
+    kept: list[tuple[int, int]] = []
+    for _, i, j in sorted(minima):
+        if all(max(abs(i - a), abs(j - b)) > reach for a, b in kept):
+            kept.append((i, j))
+    return sorted(kept + [(j, i) for i, j in kept])

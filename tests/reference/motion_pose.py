@@ -20,7 +20,10 @@ def pose_one(
         old = table.node_first[previous] + table.node_frames[previous]
         difference = _rotation(table.pool_rotations[old]) * _rotation(table.pool_rotations[first]).inv()
         turns = Rotation.from_rotvec(weight * difference.as_rotvec()) * turns
-        root = root + weight * (table.pool_root[old] - table.pool_root[first])
+        apart = _yaw(table.pool_rotations[old, 0]) - _yaw(table.pool_rotations[first, 0])
+        apart = np.angle(np.exp(1j * apart))
+        ahead, back = (Rotation.from_rotvec([0.0, 0.0, turn]) for turn in (weight * apart, (weight - 1.0) * apart))
+        root = ahead.apply(root - weight * table.pool_root[first]) + weight * back.apply(table.pool_root[old])
     facing = Rotation.from_rotvec([0.0, 0.0, pose[2]])
     positions, world = [], []
     for joint, parent in enumerate(table.parents):
@@ -31,6 +34,12 @@ def pose_one(
             world.append(world[parent] * turns[joint])
             positions.append(positions[parent] + world[parent].apply(table.offsets[joint].astype(float)))
     return np.array(positions), np.array([r.as_quat(scalar_first=True) for r in world])
+
+
+def _yaw(quaternion: np.ndarray) -> float:
+    """Heading of what a rotation turns x to."""
+    ahead = _rotation(quaternion).apply([1.0, 0.0, 0.0])
+    return float(np.arctan2(ahead[1], ahead[0]))
 
 
 def _rotation(quaternions: np.ndarray) -> Rotation:

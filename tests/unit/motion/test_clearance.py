@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crowdsim.motion.bvh_reader import read_bvh
+from crowdsim.motion.capture_files import read_clip
 from crowdsim.motion.clearance import clearance_profile, measure_clearances
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.foot_metrics import measure_feet, planted_speed
@@ -73,7 +73,7 @@ def test_an_empty_band_has_no_clearance() -> None:
 
 
 def test_captured_straight_walks_need_what_the_facts_say(shared: Path) -> None:
-    legs, torso = measure_clearances(read_bvh(shared / "mocap" / "16_47_walk_straight_normal_a.bvh"), [LEGS, TORSO])
+    legs, torso = measure_clearances(read_clip(shared / "mocap" / "16_47_walk_straight_normal_a.bvh"), [LEGS, TORSO])
     assert 0.13 < legs < 0.22
     assert 0.30 < torso < 0.42
 

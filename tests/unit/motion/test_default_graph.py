@@ -7,7 +7,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from crowdsim.library import library_folder
-from crowdsim.motion.bvh_reader import read_capture
+from crowdsim.motion.capture_files import read_capture
 from crowdsim.motion.motion_graph import MotionGraph, MotionSource, build_motion_graph
 
 BEHAVIORS = ("lateral", "arm_constrained", "frontal")
@@ -15,6 +15,10 @@ BEHAVIORS = ("lateral", "arm_constrained", "frontal")
 
 @pytest.fixture(scope="module")
 def sources() -> list[MotionSource]:
+    return default_sources()
+
+
+def default_sources() -> list[MotionSource]:
     folder = library_folder("behaviors")
     files = {name: YAML(typ="safe").load(folder / name / "behavior.yaml") for name in BEHAVIORS}
     detectors = {name: tuple(entry["detectors"]) for name, entry in files.items()}

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from crowdsim.errors import MotionError
-from crowdsim.motion.bvh_reader import read_bvh
+from crowdsim.motion.capture_files import read_clip
 from crowdsim.motion.clip import Clip
-from crowdsim.motion.features import DETECTORS, find_detector, joint_speeds
+from crowdsim.motion.features import DETECTORS, find_detector, joint_speeds, register_detector
 from crowdsim.motion.segmentation import Segment, require_locomotion, segment_clip
 from crowdsim.motion.tracks import track_of
 from tests.unit.motion.walker import STEP_FRAMES, walk
@@ -117,7 +117,7 @@ def test_walks_of_subject_16_have_the_cycles_of_the_manifest(shared: Path) -> No
     assert len(walks) >= 10
     missed = 0
     for entry in walks:
-        clip = read_bvh(shared / "mocap" / entry["file"])
+        clip = read_clip(shared / "mocap" / entry["file"])
         track = track_of(clip)
         segments = segment_clip(clip, ("crossing",))
         listed = entry["cycle_frames60_and_m"]
@@ -129,3 +129,29 @@ def test_walks_of_subject_16_have_the_cycles_of_the_manifest(shared: Path) -> No
             assert walked == pytest.approx(meters, rel=0.15)
         assert len(DETECTORS["standing"].cuts(clip)) <= 1
     assert missed <= 2
+
+
+def test_half_cycles_are_cut_where_either_ankle_passes() -> None:
+    clip = walk(steps=9)
+    whole, half = (find_detector(name).cuts(clip) for name in ("crossing", "half_crossing"))
+    assert set(whole.tolist()) <= set(half.tolist())
+    assert len(half) >= 2 * len(whole) - 1
+    between = np.diff(half)
+    assert between.max() < 0.75 * np.diff(whole).max()
+
+
+def test_a_detector_of_the_users_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Middle:
+        name = "middle"
+        standing = False
+
+        def cuts(self, clip: Clip) -> np.ndarray:
+            return np.array([10, clip.frame_count // 2, clip.frame_count - 10])
+
+    monkeypatch.setattr("crowdsim.motion.features.DETECTORS", dict(DETECTORS))
+    own = Middle()
+    register_detector(own)
+    register_detector(own)
+    assert len(segment_clip(walk(steps=9), ("middle",))) == 2
+    with pytest.raises(MotionError, match="'middle' already"):
+        register_detector(Middle())

@@ -41,7 +41,7 @@ def test_pinned_distance_is_the_plain_formula() -> None:
     rows, columns = np.array([0, 1, 1]), np.array([1, 0, 1])
     pivot_a, pivot_b = np.array([[0.1, 0.2], [1, -1], [0, 3]]), np.array([[0.5, 0], [0.2, 0.1], [-1, 2]])
     turn = np.array([0.3, -2.0, 1.0])
-    found = alignments.pinned_distance(rows, columns, pivot_a, pivot_b, turn)
+    found = alignments.pairs(rows, columns).pinned_distance(pivot_a, pivot_b, turn)
     for k in range(3):
         c, s = np.cos(turn[k]), np.sin(turn[k])
         shift = pivot_a[k] - np.array([[c, -s], [s, c]]) @ pivot_b[k]
@@ -61,7 +61,7 @@ def test_stepped_rotation_range_brackets_the_closed_form(threshold: float) -> No
     shift = a[0, :, :2].mean(axis=0) - np.array([[c, -s], [s, c]]) @ b[0, :, :2].mean(axis=0)
     pivot_b = (np.linalg.inv([[c, -s], [s, c]]) @ (pivot_a[0] - shift))[None]
     zero = np.array([0])
-    low, high = alignments.rotation_range(zero, zero, pivot_a, pivot_b, threshold)
+    low, high = alignments.pairs(zero, zero).rotation_range(pivot_a, pivot_b, threshold)
     centered_a, centered_b = (x[0, :, :2] - x[0, :, :2].mean(axis=0) for x in (a, b))
     inertia = np.hypot(
         np.sum(centered_a * centered_b),
@@ -79,7 +79,7 @@ def test_stepped_rotation_range_brackets_the_closed_form(threshold: float) -> No
 def test_a_pair_over_the_threshold_has_no_range() -> None:
     a, b = random_clouds(6, 1), random_clouds(7, 1)
     zero, pivot = np.array([0]), np.zeros((1, 2))
-    low, high = align_all(a, b).rotation_range(zero, zero, pivot, pivot, 0.01)
+    low, high = align_all(a, b).pairs(zero, zero).rotation_range(pivot, pivot, 0.01)
     assert (low[0], high[0]) == (0.0, 0.0)
 
 
@@ -118,5 +118,5 @@ def test_distance_does_not_depend_on_where_the_clouds_are(
     assert after.distance[0, 0] == pytest.approx(before.distance[0, 0], abs=1e-5)
     zero, pivots = np.array([0]), np.zeros((1, 2))
     for turn in (0.0, 1.0, float(after.rotation[0, 0])):
-        pinned = after.pinned_distance(zero, zero, pivots, pivots, np.array([turn]))
+        pinned = after.pairs(zero, zero).pinned_distance(pivots, pivots, np.array([turn]))
         assert pinned[0] >= after.distance[0, 0] - 1e-6

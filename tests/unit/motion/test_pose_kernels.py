@@ -82,10 +82,10 @@ def test_seams_are_continuous_and_feet_stay_planted(graph: MotionGraph) -> None:
 def test_captured_planted_feet_move_less_than_a_centimeter_across_seams(shared: object) -> None:
     from pathlib import Path
 
-    from crowdsim.motion.bvh_reader import read_bvh
+    from crowdsim.motion.capture_files import read_clip
 
     files = sorted((Path(str(shared)) / "mocap").glob("16_1[1-6]*.bvh"))
-    graph = build_motion_graph([MotionSource(read_bvh(path), 0, ("crossing",)) for path in files])
+    graph = build_motion_graph([MotionSource(read_clip(path), 0, ("crossing",)) for path in files])
     left = [graph.skeleton.joint("left_ankle"), graph.skeleton.joint("left_toe")]
     sources = np.repeat(np.arange(graph.report.nodes), np.diff(graph.arrays.edge_start))
     drifts = []

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crowdsim.motion.bvh_reader import read_bvh
+from crowdsim.motion.capture_files import read_clip
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.tracks import track_of
 from tests.unit.motion.walker import HIP_HALF, make_skeleton, walk
@@ -68,7 +68,7 @@ def test_walker_has_the_proportions_the_tests_assume() -> None:
 
 def test_captured_feet_stand_about_the_track(shared: Path) -> None:
     for name in ("16_31_walk_straight_from_standstill", "16_33_walk_slow_walk_stop", "16_47_walk_straight_normal_a"):
-        clip = read_bvh(shared / "mocap" / f"{name}.bvh")
+        clip = read_clip(shared / "mocap" / f"{name}.bvh")
         track = track_of(clip)
         joints = [clip.skeleton.joint(f"{side}_{part}") for side in ("left", "right") for part in ("ankle", "toe")]
         feet = clip.joint_positions[:, joints, :2].mean(axis=1) - track[:, :2]

@@ -1,25 +1,26 @@
-"""Capture files in BVH to clips: units, axes, rate and bad frames are settled here, once.
+"""Capture files (BVH, ASF/AMC) to clips: units, axes, rate and bad frames are settled here, once.
 
-A BVH file says neither its unit nor which way is up, and captures carry calibration poses and spikes. What was
+Such a file says neither its unit nor which way is up, and captures carry calibration poses and spikes. What was
 assumed and what was cut out stands in the :class:`CaptureReport`.
 """
 
 from __future__ import annotations
 
-import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.errors import MotionError
+from crowdsim.motion.asf_format import parse_amc
+from crowdsim.motion.bvh_format import parse_bvh
 from crowdsim.motion.capture_cleaning import clean_stretches, resample
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.joint_roles import find_roles
-from crowdsim.motion.kinematics import Floats, about_axis, end_positions, forward_kinematics, multiply
+from crowdsim.motion.kinematics import Floats, end_positions, forward_kinematics
+from crowdsim.motion.raw_motion import RawMotion
 from crowdsim.motion.skeleton import Skeleton
 
 UNITS = {"m": 1.0, "cm": 0.01, "inch": 0.0254, "CMU unit": 0.056444}
@@ -38,6 +39,7 @@ class CaptureReport:
     source_rate: frames a second of the file.
     dropped_first: whether the first frame was a calibration pose.
     glitches: (frame of the file, joint) of every jump that was cut out.
+    assumed: what else the format does not say and was taken for granted.
     """
 
     path: Path
@@ -51,6 +53,7 @@ class CaptureReport:
     dropped_first: bool
     glitches: tuple[tuple[int, str], ...]
     kept_frames: int
+    assumed: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -61,28 +64,16 @@ class Capture:
     report: CaptureReport
 
 
-@dataclass(frozen=True)
-class _RawMotion:
-    """The file's content in its own unit, axes and rate."""
-
-    names: tuple[str, ...]
-    parents: NDArray[np.int32]
-    offsets: Floats
-    end_parents: NDArray[np.int32]
-    end_offsets: Floats
-    root_positions: Floats
-    rotations: Floats
-    rate: float
-
-
-def read_bvh(path: str | Path, meters_per_unit: float | None = None) -> Clip:
+def read_clip(path: str | Path, meters_per_unit: float | None = None) -> Clip:
     """The longest clean stretch of a capture file; see :func:`read_capture`."""
     clips = read_capture(path, meters_per_unit).clips
     return max(clips, key=lambda clip: clip.frame_count)
 
 
 def read_capture(path: str | Path, meters_per_unit: float | None = None) -> Capture:
-    """Read a BVH file as clips at 60 Hz, z up, meters, the lowest point of the feet at z = 0.
+    """Read a capture file as clips at 60 Hz, z up, meters, the lowest point of the feet at z = 0.
+
+    ``path`` ends in ``.bvh``, or in ``.amc`` with its ``.asf`` beside it (see :func:`parse_amc`).
 
     ``meters_per_unit`` overrides the unit that the leg length suggests. Raises MotionError for a file that is
     malformed, not finite, or of no recognizable size.
@@ -115,73 +106,27 @@ def read_capture(path: str | Path, meters_per_unit: float | None = None) -> Capt
     report = CaptureReport(
         path, unit, scale, leg, _axis_name(up), _axis_name(basis[0]), raw.rate, len(root), dropped_first,
         tuple((frame, raw.names[joint]) for frame, joint in jumps),
-        sum(last - first + 1 for first, last in stretches),
+        sum(last - first + 1 for first, last in stretches), raw.assumed,
     )  # fmt: skip
     return Capture(tuple(clips), report)
 
 
-def _parse(path: Path) -> _RawMotion:
-    """The file through pybvh, whose many kinds of error all become one."""
-    import pybvh
-
-    if not path.is_file():
-        raise MotionError(f"{path}: no such capture file")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            bvh = pybvh.read_bvh_file(path, world_up="+y", warn_on_world_up_disagreement=False)
-        return _from_pybvh(bvh)
-    except MotionError as error:
-        raise MotionError(f"{path}: {error}") from None
-    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, OSError, Warning) as error:
-        raise MotionError(f"{path}: not a BVH file that can be read: {error}") from error
+def capture_paths(folder: str | Path, patterns: Sequence[str] = ("*.bvh", "*.amc")) -> list[Path]:
+    """The capture files of a folder that match one of ``patterns``, by name; MotionError where there are none."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise MotionError(f"there is no folder of captures {folder}")
+    paths = sorted({path for pattern in patterns for path in folder.glob(pattern) if path.is_file()})
+    if not paths:
+        raise MotionError(f"no file in {folder} matches {', '.join(patterns)}")
+    return paths
 
 
-def _from_pybvh(bvh: Any) -> _RawMotion:
-    joints = [node for node in bvh.nodes if not node.is_end_site()]
-    ends = [node for node in bvh.nodes if node.is_end_site()]
-    names = tuple(node.name for node in joints)
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise MotionError(f"joint names must be unique, but {', '.join(twice)} stands more than once; rename them")
-    place = {name: index for index, name in enumerate(names)}
-    raw = _RawMotion(
-        names,
-        np.array([-1 if node.parent is None else place[node.parent.name] for node in joints], np.int32),
-        np.array([node.offset for node in joints], np.float64),
-        np.array([place[node.parent.name] for node in ends], np.int32),
-        np.array([node.offset for node in ends], np.float64).reshape(-1, 3),
-        np.asarray(bvh.root_pos, np.float64),
-        _quaternions(np.asarray(bvh.joint_angles, np.float64), [tuple(node.rot_channels) for node in joints]),
-        _snap_rate(1.0 / bvh.frame_time),
-    )
-    for what, values in (("offset", raw.offsets), ("end site", raw.end_offsets)):
-        if not np.isfinite(values).all():
-            raise MotionError(f"a joint's {what} is not a finite number")
-    bad = np.flatnonzero(~np.isfinite(raw.root_positions).all(axis=1) | ~np.isfinite(raw.rotations).all(axis=(1, 2)))
-    if len(bad):
-        raise MotionError(f"{len(bad)} frames hold values that are not finite, the first is frame {bad[0]}")
-    if not raw.rate > 0.0:
-        raise MotionError(f"the frame time {bvh.frame_time} is not a positive number of seconds")
-    return raw
-
-
-def _snap_rate(rate: float) -> float:
-    """Files round their frame time; a rate within 0.2 % of a whole number is that number."""
-    nearest = float(round(rate))
-    return nearest if nearest > 0.0 and abs(rate - nearest) <= 0.002 * nearest else rate
-
-
-def _quaternions(angles: Floats, orders: list[tuple[str, ...]]) -> Floats:
-    """Quaternions (F, J, 4) of Euler angles (F, J, 3), each joint in its own channel order, without sign flips."""
-    result = np.empty(angles.shape[:2] + (4,))
-    for order in sorted(set(orders)):
-        chosen = [joint for joint, own in enumerate(orders) if own == order]
-        turns = [about_axis(np.eye(3)["XYZ".index(axis)], angles[:, chosen, i]) for i, axis in enumerate(order)]
-        result[:, chosen] = multiply(multiply(turns[0], turns[1]), turns[2])
-    flips = np.sign(np.sum(result[1:] * result[:-1], axis=-1, keepdims=True))
-    result[1:] *= np.cumprod(np.where(flips < 0.0, -1.0, 1.0), axis=0)
-    return result
+def _parse(path: Path) -> RawMotion:
+    formats = {".bvh": parse_bvh, ".amc": parse_amc}
+    if path.suffix.lower() not in formats:
+        raise MotionError(f"{path}: captures are read from {' and '.join(formats)} files")
+    return formats[path.suffix.lower()](path)
 
 
 def _axes(skeleton: Skeleton, positions: Floats, tips: Floats, path: Path) -> tuple[Floats, Floats]:
@@ -189,7 +134,7 @@ def _axes(skeleton: Skeleton, positions: Floats, tips: Floats, path: Path) -> tu
     roles = skeleton.roles
     if "left_hip" not in roles or "right_hip" not in roles:
         return np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
-    rest = _rest_positions(skeleton.parents, skeleton.offsets)
+    rest = skeleton.rest_positions()
     hips = (positions[:, roles["left_hip"]] + positions[:, roles["right_hip"]]) / 2.0
     upward = np.mean(hips - _low_points(skeleton, positions, tips).mean(axis=1), axis=0)
     across = rest[roles["left_hip"]] - rest[roles["right_hip"]]
@@ -227,23 +172,15 @@ def _axis_name(axis: Floats) -> str:
     return ("-" if axis[largest] < 0 else "+") + "xyz"[largest]
 
 
-def _rest_positions(parents: NDArray[np.int32], offsets: Floats) -> Floats:
-    rest = np.zeros_like(offsets)
-    for joint, parent in enumerate(parents):
-        if parent >= 0:
-            rest[joint] = rest[parent] + offsets[joint]
-    return rest
-
-
 def _unit(
-    raw: _RawMotion, roles: dict[str, int], basis: Floats, given: float | None, path: Path
+    raw: RawMotion, roles: dict[str, int], basis: Floats, given: float | None, path: Path
 ) -> tuple[str, float, float]:
     """Name of the unit, meters a unit, and leg length in meters."""
+    rest_tree = Skeleton(raw.names, raw.parents, raw.offsets, raw.end_parents, raw.end_offsets, roles)
     if all(f"{side}_{part}" in roles for side in ("left", "right") for part in ("knee", "ankle")):
-        bones = [roles[f"{side}_{part}"] for side in ("left", "right") for part in ("knee", "ankle")]
-        leg = float(np.sum(np.linalg.norm(raw.offsets[bones], axis=1)) / 2.0)
+        leg = rest_tree.leg_length()
     else:
-        rest = _rest_positions(raw.parents, raw.offsets)
+        rest = rest_tree.rest_positions()
         points = np.concatenate([rest, rest[raw.end_parents] + raw.end_offsets]) @ basis.T
         leg = float(-points[:, 2].min())
     if given is not None:

@@ -8,8 +8,8 @@ import pybvh
 import pytest
 
 from crowdsim.errors import MotionError
-from crowdsim.motion.bvh_reader import read_bvh, read_capture
 from crowdsim.motion.capture_cleaning import clean_stretches, resample
+from crowdsim.motion.capture_files import read_capture, read_clip
 from crowdsim.motion.joint_roles import find_roles
 from crowdsim.motion.motion_graph import MotionSource, build_motion_graph
 from crowdsim.motion.skeleton import ROLES
@@ -30,7 +30,7 @@ def test_malformed_files_are_read_right_or_refused_with_a_typed_error(shared: Pa
         with pytest.raises(MotionError, match=name):
             read_capture(path)
         return
-    clip = read_bvh(path)
+    clip = read_clip(path)
     assert clip.frame_count == 5  # 3 frames at 30 a second
     assert np.isfinite(clip.joint_positions).all()
     assert np.allclose(np.linalg.norm(clip.rotations, axis=-1), 1.0)
@@ -48,25 +48,135 @@ def test_the_list_of_faults_is_complete(shared: Path) -> None:
 
 
 def test_channel_order_is_kept(shared: Path) -> None:
-    zxy = read_bvh(shared / "faults" / "bvh" / "ok.bvh")
-    xyz = read_bvh(shared / "faults" / "bvh" / "order_xyz.bvh")
+    zxy = read_clip(shared / "faults" / "bvh" / "ok.bvh")
+    xyz = read_clip(shared / "faults" / "bvh" / "order_xyz.bvh")
     assert not np.allclose(zxy.rotations[0], xyz.rotations[0])
 
 
+def test_joints_are_where_pybvh_has_them(shared: Path) -> None:
+    """On every capture: each clip is a stretch of the file, every second frame, on its own floor."""
+    paths = sorted((shared / "mocap").glob("*.bvh"))
+    assert len(paths) == 44
+    for path in paths:
+        bvh = pybvh.read_bvh_file(path, world_up="+y")
+        ours = np.asarray(bvh.joint_positions())[:, :, [2, 0, 1]] * 0.01
+        first = 0
+        for clip in read_capture(path).clips:
+            begin = clip.joint_positions[0, :, :2]
+            near = np.abs(ours[first:, :, :2] - begin).max(axis=(1, 2)) < 1e-6
+            assert near.any(), (path.name, clip.name)
+            first += int(np.argmax(near))
+            theirs = ours[first::2][: clip.frame_count]
+            lift = theirs[0, 0, 2] - clip.joint_positions[0, 0, 2]
+            assert np.allclose(clip.joint_positions, theirs - [0, 0, lift], rtol=0.0, atol=1e-6), (path.name, clip.name)
+
+
+@pytest.mark.parametrize("trial", ["16_15_walk_straight_slow_a", "16_27_brisk_walk_turn90_left_a"])
+def test_an_amc_file_is_its_bvh_conversion(shared: Path, trial: str) -> None:
+    original = read_capture(shared / "mocap" / "asfamc" / f"{trial[:5]}.amc")
+    converted = read_capture(shared / "mocap" / f"{trial}.bvh")
+    assert original.report.unit == "CMU unit"
+    assert original.report.assumed == ("120 frames a second", "the skeleton is 16.asf")
+    assert original.report.kept_frames == converted.report.kept_frames
+    for one, other in zip(original.clips, converted.clips, strict=True):
+        assert np.allclose(one.joint_positions, other.joint_positions, rtol=0.0, atol=1e-3)
+        assert one.skeleton.roles == other.skeleton.roles
+
+
+ASF = """:version 1.10
+:units
+  length 0.45
+  angle deg
+:root
+  order TX TY TZ RX RY RZ
+  axis XYZ
+:bonedata
+{bones}:hierarchy
+  begin
+    root lhipjoint rhipjoint
+    lhipjoint lfemur
+    rhipjoint rfemur
+    lfemur ltibia
+    ltibia lfoot
+    rfemur rtibia
+    rtibia rfoot
+  end
+"""
+BONE = """  begin
+    name {name}
+    direction {way}
+    length 7.6
+    axis 0 0 0 XYZ
+    dof rx ry rz
+  end
+"""
+
+
+def write_amc(folder: Path, motion: str, asf: str | None = None) -> Path:
+    bones = "".join(
+        BONE.format(name=side + part, way="0 0 1" if part == "foot" else f"{across} -0.97 0")
+        for side, across in (("l", 0.2), ("r", -0.2))
+        for part in ("hipjoint", "femur", "tibia", "foot")
+    )
+    (folder / "x.asf").write_text(ASF.format(bones=bones) if asf is None else asf)
+    path = folder / "x_01.amc"
+    path.write_text(motion)
+    return path
+
+
 @pytest.mark.parametrize(
-    "name",
-    ["16_15_walk_straight_slow_a", "05_16_dance_coupe_jete_en_tourant", "135_11_lateral_side_steps_with_side_kicks"],
+    ("motion", "said"),
+    [
+        (":DEGREES\n", "no frames"),
+        (":DEGREES\n1\nroot 0 0 0 0 0\n", "5 values for 'root'"),
+        (":DEGREES\n1\nroot 0 0 zero 0 0 0\n", "not numbers"),
+        (":DEGREES\n1\nroot 0 0 nan 0 0 0\n", "not finite"),
+        (":DEGREES\n2\nroot 0 0 0 0 0 0\n", "frame 2 follows frame 0"),
+        (":DEGREES\n1\ntail 1 2 3\n", "'tail' is no bone"),
+        ("root 0 0 0 0 0 0\n", "no frame yet"),
+        (":RADIANS\n1\nroot 0 0 0 0 0 0\n", "radians"),
+        (":DEGREES\n1\nroot 0 0 0 0 0 0\nlfoot 1 2 3\n2\nroot 0 0 0 0 0 0\n", "1 of 2 frames"),
+        ("\x00\xff", "text file"),
+    ],
 )
-def test_joints_are_where_pybvh_has_them(shared: Path, name: str) -> None:
-    path = shared / "mocap" / f"{name}.bvh"
-    capture = read_capture(path)
-    bvh = pybvh.read_bvh_file(path, world_up="+y")
-    ours = np.asarray(bvh.joint_positions())[:, :, [2, 0, 1]] * 0.01
-    clip = max(capture.clips, key=lambda c: c.frame_count)
-    first = next(f for f in range(len(ours)) if np.allclose(ours[f, :, :2], clip.joint_positions[0, :, :2], atol=1e-6))
-    theirs = ours[first::2][: clip.frame_count]
-    lift = theirs[0, 0, 2] - clip.joint_positions[0, 0, 2]
-    assert np.allclose(clip.joint_positions, theirs - [0, 0, lift], atol=1e-6)
+def test_what_is_wrong_in_an_amc_file_is_said(tmp_path: Path, motion: str, said: str) -> None:
+    path = write_amc(tmp_path, motion)
+    if "xff" in repr(motion) or chr(255) in motion:
+        path.write_bytes(b"\x00\xff")
+    with pytest.raises(MotionError, match=said):
+        read_capture(path)
+
+
+@pytest.mark.parametrize(
+    ("asf", "said"),
+    [
+        ("", "hierarchy has no root"),
+        (":bonedata\nbegin\nname a\nend\n", "no direction, length, axis"),
+        (":hierarchy\nbegin\nroot a\nend\n", "order"),
+        (":root\norder TX TY TZ RX RY RZ\n:hierarchy\nbegin\nroot a\nend\n", "not there: a"),
+    ],
+)
+def test_what_is_wrong_in_an_asf_file_is_said(tmp_path: Path, asf: str, said: str) -> None:
+    with pytest.raises(MotionError, match=said):
+        read_capture(write_amc(tmp_path, "1\nroot 0 0 0 0 0 0\n", asf))
+
+
+def test_a_skeleton_must_be_beside_an_amc_file(tmp_path: Path) -> None:
+    (tmp_path / "x_01.amc").write_text("1\nroot 0 0 0 0 0 0\n")
+    with pytest.raises(MotionError, match=r"put x_01\.asf beside it"):
+        read_capture(tmp_path / "x_01.amc")
+
+
+def test_a_small_amc_file_is_read(tmp_path: Path) -> None:
+    frames = "".join(f"{f}\nroot 0 16 {f / 10} 0 0 0\nlfemur {30 - abs(f - 30)} 0 0\n" for f in range(1, 61))
+    clip = read_clip(write_amc(tmp_path, ":FULLY-SPECIFIED\n:DEGREES\n" + frames))
+    assert clip.frame_count == 30
+    assert clip.skeleton.leg_length() == pytest.approx(0.86, abs=0.02)
+    # All of the leg swings; the other hangs.
+    ankle = clip.joint_positions[:, clip.skeleton.joint("left_ankle")] - clip.joint_positions[:, 0]
+    assert np.ptp(ankle[:, 0]) > 0.2
+    other = clip.joint_positions[:, clip.skeleton.joint("right_ankle")] - clip.joint_positions[:, 0]
+    assert np.ptp(other, axis=0) == pytest.approx(np.zeros(3), abs=1e-9)
 
 
 def test_reports_agree_with_the_manifest(shared: Path) -> None:
@@ -85,12 +195,12 @@ def test_calibration_pose_is_dropped_and_cmu_units_are_found(shared: Path) -> No
     capture = read_capture(shared / "mocap" / "asfamc" / "16_27_cgspeed_style_tpose_cmu_units.bvh")
     assert capture.report.unit == "CMU unit"
     assert capture.report.dropped_first
-    other = read_bvh(shared / "mocap" / "16_27_brisk_walk_turn90_left_a.bvh")
+    other = read_clip(shared / "mocap" / "16_27_brisk_walk_turn90_left_a.bvh")
     assert np.allclose(capture.clips[0].joint_positions, other.joint_positions, atol=2e-3)
 
 
 def test_feet_stand_on_the_floor(shared: Path) -> None:
-    clip = read_bvh(shared / "mocap" / "16_47_walk_straight_normal_a.bvh")
+    clip = read_clip(shared / "mocap" / "16_47_walk_straight_normal_a.bvh")
     feet = clip.joint_positions[:, [clip.skeleton.joint("left_toe"), clip.skeleton.joint("right_toe")], 2]
     assert 0.0 <= feet.min() < 0.03
 
@@ -175,7 +285,7 @@ def test_rates_are_snapped_and_resampled(tmp_path: Path, time: float, rate: floa
 
 def test_missing_file_is_a_motion_error(tmp_path: Path) -> None:
     with pytest.raises(MotionError, match="no such capture file"):
-        read_bvh(tmp_path / "none.bvh")
+        read_clip(tmp_path / "none.bvh")
 
 
 def test_a_spike_splits_the_capture() -> None:

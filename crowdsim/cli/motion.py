@@ -1,0 +1,105 @@
+"""``crowdsim motion``: what captures give."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from crowdsim.cli.options import Debug, Json
+
+motion = typer.Typer(no_args_is_help=True, rich_markup_mode=None, help="What a folder of captures gives.")
+
+Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="A folder of captures: BVH, or AMC with ASF files.")]
+
+
+@motion.command()
+def info(folder: Folder, as_json: Json = False, debug: Debug = False) -> None:
+    """Table of the captures: what was assumed of each, what was cut out of it, and what is in it."""
+    from crowdsim.cli.tables import print_rows
+    from crowdsim.errors import MotionError
+    from crowdsim.motion.capture_files import capture_paths
+    from crowdsim.motion.capture_summary import summarize_all
+
+    rows = summarize_all(capture_paths(folder))
+    if all(row["frames"] is None for row in rows):
+        raise MotionError("\n".join(f"{row['file']}: {row['problem']}" for row in rows))
+    if as_json:
+        typer.echo(json.dumps(rows))
+        return
+    print_rows([{name: value for name, value in row.items() if any(r[name] is not None for r in rows)} for row in rows])
+
+
+@motion.command()
+def graph(
+    folder: Folder,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="FILE.npz", help="Keep the graph there; it is built anew when captures change."
+        ),
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="OUT.png", help="Draw the error image with both graphs' transitions.")
+    ] = None,
+    threshold: Annotated[float, typer.Option(metavar="METERS", help="Distance up to which moments are joined.")] = 0.06,
+    branching: Annotated[
+        float | None, typer.Option(metavar="FACTOR", help="Choose the threshold that comes nearest to it, below 2.")
+    ] = None,
+    best: Annotated[
+        int | None, typer.Option(metavar="K", min=1, help="Keep the nearest so many ways on from each segment.")
+    ] = None,
+    detectors: Annotated[
+        str, typer.Option(metavar="NAMES", help="Feature detectors, separated by commas.")
+    ] = "crossing,standing",
+    standard: Annotated[
+        bool, typer.Option("--standard", help="Build a standard graph instead of a feature-based one.")
+    ] = False,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Build the motion graph of the captures."""
+    from crowdsim.cli.tables import print_table
+    from crowdsim.motion.capture_files import capture_paths
+    from crowdsim.motion.graph_file import GraphSettings, build_graph, graph_in_file
+
+    if threshold <= 0.0:
+        raise typer.BadParameter(f"{threshold} is not a positive distance", param_hint="--threshold")
+    names = tuple(name.strip() for name in detectors.split(",") if name.strip())
+    settings = GraphSettings(standard, threshold, branching, best, names)
+    paths = capture_paths(folder)
+    if output is None:
+        made, built = build_graph(paths, settings), True
+    else:
+        made, built = graph_in_file(output, paths, settings)
+    if picture is not None:
+        _draw(paths, settings, picture)
+    report = made.report
+    counts: dict[str, Any] = {
+        "kind": "standard" if standard else "feature-based",
+        "segments": report.nodes,
+        "edges": report.edges,
+        "transitions": report.transitions,
+        "branching": round(report.branching, 3),
+        "out_degree": round(report.out_degree, 3),
+        "threshold_m": round(report.threshold, 4),
+        "dropped": len(report.dropped),
+        "built": built,
+    }
+    if as_json:
+        typer.echo(json.dumps(counts))
+        return
+    print_table([(name, str(value)) for name, value in counts.items()])
+
+
+def _draw(paths: list[Path], settings: Any, picture: Path) -> None:
+    from crowdsim.figures import write_figure
+    from crowdsim.motion.capture_sets import as_sources, read_clips
+    from crowdsim.motion.graph_picture import draw_motion_graph
+    from crowdsim.motion.motion_graph import build_motion_graph
+
+    sources = as_sources(read_clips(paths), settings.detectors)
+    made = build_motion_graph(sources, settings.threshold, settings.max_out_edges, settings.branching)
+    write_figure(draw_motion_graph(sources, made), picture)

@@ -1,0 +1,72 @@
+"""``crowdsim motion``: tables of captures, graphs in files, pictures."""
+
+import json
+import shutil
+
+import pytest
+
+TRIALS = ("16_15_walk_straight_slow_a", "16_11_walk_veer_left_slow_a", "16_13_walk_veer_right_slow_a")
+
+
+@pytest.fixture
+def folder(tmp_path, shared):
+    for trial in TRIALS:
+        shutil.copy(shared / "mocap" / f"{trial}.bvh", tmp_path)
+    return tmp_path
+
+
+def test_info_says_what_was_assumed_and_cut(crowdsim, folder):
+    done = crowdsim("motion", "info", str(folder), "--json")
+    assert done.returncode == 0, done.stderr
+    rows = {row["file"]: row for row in json.loads(done.stdout)}
+    straight = rows["16_15_walk_straight_slow_a.bvh"]
+    assert (straight["unit"], straight["up"], straight["facing"]) == ("cm", "+y", "+z")
+    assert straight["glitches"] == "2"
+    assert straight["crossings"] == 4
+    assert straight["speed_m_s"] == pytest.approx(1.09, abs=0.02)
+    assert rows["16_11_walk_veer_left_slow_a.bvh"]["turn_deg"] == pytest.approx(45, abs=5)
+    table = crowdsim("motion", "info", str(folder))
+    assert table.stdout.splitlines()[0].split()[:3] == ["file", "stretches", "frames"]
+
+
+def test_info_lists_files_that_cannot_be_read(crowdsim, shared):
+    done = crowdsim("motion", "info", str(shared / "faults" / "bvh"), "--json")
+    assert done.returncode == 0, done.stderr
+    rows = {row["file"]: row for row in json.loads(done.stdout)}
+    assert len(rows) == 21
+    assert all(row["problem"] for row in rows.values())  # none of them has legs to walk on
+    assert rows["ok.bvh"]["frames"] == 5
+    assert rows["nan.bvh"]["frames"] is None
+
+
+def test_a_folder_without_captures_is_bad_input(crowdsim, tmp_path):
+    for arguments in (("info", str(tmp_path)), ("graph", str(tmp_path / "none"))):
+        done = crowdsim("motion", *arguments)
+        assert done.returncode == 2
+        assert done.stderr.startswith("error: ")
+
+
+def test_graph_is_kept_and_drawn(crowdsim, folder):
+    file, picture = folder / "walks.npz", folder / "walks.png"
+    command = ("motion", "graph", str(folder), "-o", str(file), "--picture", str(picture), "--json")
+    first = crowdsim(*command)
+    assert first.returncode == 0, first.stderr
+    counts = json.loads(first.stdout)
+    assert counts["built"]
+    assert counts["segments"] == 8
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    again = json.loads(crowdsim(*command).stdout)
+    assert again == counts | {"built": False}
+
+
+def test_standard_graphs_have_more_segments(crowdsim, folder):
+    done = crowdsim("motion", "graph", str(folder), "--standard", "--best", "2", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["segments"] > 50
+
+
+@pytest.mark.parametrize(("option", "value"), [("--threshold", "0"), ("--detectors", "leaps"), ("--best", "0")])
+def test_options_that_make_no_sense_are_bad_input(crowdsim, folder, option, value):
+    done = crowdsim("motion", "graph", str(folder), option, value)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr

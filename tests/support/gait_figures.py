@@ -1,0 +1,54 @@
+"""The figures by which gait laboratories describe a straight walk, of one cycle of a clip."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from crowdsim.constants import CAPTURE_RATE
+from crowdsim.motion.clip import Clip
+
+
+def gait_figures(clip: Clip, first: int, last: int) -> dict[str, float]:
+    """Figures of the cycle from frame ``first`` to ``last``, along the way between its ends; units in the names."""
+    joints, skeleton = clip.joint_positions[first : last + 1], clip.skeleton
+
+    def role(name: str) -> np.ndarray:
+        return joints[:, skeleton.joint(name)]
+
+    way = role("hips")[-1, :2] - role("hips")[0, :2]
+    stride, seconds = float(np.linalg.norm(way)), (last - first) / CAPTURE_RATE
+    ahead = way / stride
+    left = np.array([-ahead[1], ahead[0]])
+    across = role("left_hip") - role("right_hip")
+    sway = role("hips")[:, :2] @ left
+    sway = sway - np.linspace(sway[0], sway[-1], len(sway))
+    figures = {
+        "speed_m_s": stride / seconds,
+        "cadence_steps_min": 120.0 / seconds,
+        "stride_m": stride,
+        "pelvis_yaw_deg": np.ptp(np.degrees(np.arctan2(-across[:, :2] @ ahead, across[:, :2] @ left))),
+        "pelvis_obliquity_deg": np.ptp(np.degrees(np.arcsin(across[:, 2] / np.linalg.norm(across, axis=1)))),
+        "vertical_cm": 100.0 * np.ptp(role("hips")[:, 2]),
+        "lateral_cm": 100.0 * np.ptp(sway),
+        "step_width_cm": 100.0 * (_standing(role("left_ankle"), left) - _standing(role("right_ankle"), left)),
+    }
+    for side in ("left", "right"):
+        thigh, shank, foot = (
+            role(f"{side}_{below}") - role(f"{side}_{above}")
+            for above, below in (("hip", "knee"), ("knee", "ankle"), ("ankle", "toe"))
+        )
+        figures[f"{side}_knee_swing_deg"] = angles(thigh, shank).max()
+        figures[f"{side}_ankle_range_deg"] = np.ptp(angles(shank, foot))
+    return {name: float(value) for name, value in figures.items()}
+
+
+def angles(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Degrees (n,) between the vectors (n, 3) of each row."""
+    cosine = np.sum(a * b, axis=1) / (np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1))
+    return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def _standing(ankle: np.ndarray, left: np.ndarray) -> float:
+    """Where across the way an ankle is while it is slow."""
+    speed = np.linalg.norm(np.gradient(ankle, axis=0), axis=1)
+    return float(np.median((ankle[:, :2] @ left)[speed < np.quantile(speed, 0.4)]))

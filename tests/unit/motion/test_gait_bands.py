@@ -1,0 +1,86 @@
+"""The default set beside captured walks: every band of the reference facts, and joints within human limits."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crowdsim.library import library_folder
+from crowdsim.motion.capture_files import read_clip
+from crowdsim.motion.clip import Clip
+from crowdsim.motion.features import CrossingDetector
+from crowdsim.motion.gait_builder import NORMAL
+from crowdsim.motion.kinematics import forward_kinematics as pose
+from crowdsim.motion.kinematics import rotate
+from tests.support.gait_figures import angles, gait_figures
+
+BANDS = {
+    "speed_m_s": (1.2, 1.3), "cadence_steps_min": (106.0, 109.0), "stride_m": (1.31, 1.46),
+    "knee_swing_deg": (69.0, 78.0), "ankle_range_deg": (30.0, 46.0), "pelvis_yaw_deg": (7.0, 17.0),
+    "pelvis_obliquity_deg": (7.0, 15.0), "vertical_cm": (3.8, 5.6), "lateral_cm": (3.5, 7.9),
+    "step_width_cm": (5.0, 12.5),
+}  # fmt: skip
+"""Measured on captured straight walks (FACTS.md, section 1)."""
+
+CLIPS = sorted(library_folder("behaviors").glob("*/clips/*.bvh"))
+
+
+def band_of(figure: str) -> tuple[float, float]:
+    return BANDS[figure.removeprefix("left_").removeprefix("right_")]
+
+
+def normal_cycles() -> list[dict[str, float]]:
+    """Figures of the steady cycles of normal walking in the straight clip."""
+    clip = read_clip(library_folder("behaviors") / "frontal" / "clips" / "walk.bvh")
+    cuts = CrossingDetector().cuts(clip).tolist()
+    figures = [gait_figures(clip, a, b) for a, b in pairwise(cuts) if b - a == NORMAL.cycle]
+    return [f for f in figures if abs(f["stride_m"] - NORMAL.stride) < 0.01]
+
+
+def test_a_normal_straight_walk_meets_every_band() -> None:
+    cycles = normal_cycles()
+    assert len(cycles) >= 2
+    for cycle in cycles:
+        outside = {name: value for name, value in cycle.items() if not band_of(name)[0] <= value <= band_of(name)[1]}
+        assert not outside
+
+
+def test_the_figures_of_captured_walks_are_near_the_bands(shared: Path) -> None:
+    """The same measures on captures give what the bands were taken from, up to how angles are defined."""
+    for trial in ("16_47_walk_straight_normal_a", "16_58_walk_straight_normal_b"):
+        clip = read_clip(shared / "mocap" / f"{trial}.bvh")
+        for a, b in pairwise(CrossingDetector().cuts(clip).tolist()):
+            for name, value in gait_figures(clip, a, b).items():
+                low, high = band_of(name)
+                assert 0.85 * low <= value <= 1.15 * high, name
+
+
+def hinge(clip: Clip, side: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Degrees (F,) that the hip flexes, the knee bends and the ankle lifts the foot, about the body's left axis."""
+    positions, world = pose(clip.skeleton, clip.root_positions, clip.rotations)
+    hip, knee, ankle, toe = (
+        positions[:, clip.skeleton.joint(f"{side}_{part}")] for part in ("hip", "knee", "ankle", "toe")
+    )
+    pelvis = world[:, 0]
+    up, ahead = (rotate(pelvis, np.array(axis)) for axis in ([0.0, 0.0, 1.0], [1.0, 0.0, 0.0]))
+    thigh, shank, foot = knee - hip, ankle - knee, toe - ankle
+    flexion = np.degrees(np.arctan2(np.sum(thigh * ahead, axis=1), -np.sum(thigh * up, axis=1)))
+    flat = clip.skeleton.offsets[clip.skeleton.joint(f"{side}_toe")]
+    neutral = angles(np.array([[0.0, 0.0, -1.0]]), flat[None])[0]
+    return flexion, angles(thigh, shank), angles(shank, foot) - neutral
+
+
+@pytest.mark.parametrize("path", CLIPS, ids=lambda path: f"{path.parent.parent.name}/{path.stem}")
+def test_joints_stay_within_human_limits_and_legs_never_over_reach(path: Path) -> None:
+    """Hip -25 to 120 degrees, knee 0 to 140, ankle 35 up (under weight) and 50 down, elbow 0 to 150: healthy adults."""
+    clip = read_clip(path)
+    for side in ("left", "right"):
+        flexion, bend, lift = hinge(clip, side)
+        assert -25.0 <= flexion.min() <= flexion.max() <= 120.0
+        assert 5.0 <= bend.min() <= bend.max() <= 140.0  # a leg at 0 is at the end of its reach
+        assert -50.0 <= lift.min() <= lift.max() <= 35.0
+        arm = [
+            clip.joint_positions[:, clip.skeleton.joint(f"{side}_{part}")] for part in ("shoulder", "elbow", "wrist")
+        ]
+        assert angles(arm[1] - arm[0], arm[2] - arm[1]).max() <= 150.0

@@ -1,0 +1,87 @@
+"""Drift of planted feet: of feet that are known to slide, of the default set, and across its transitions."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crowdsim.library import library_folder
+from crowdsim.motion.capture_files import read_capture, read_clip
+from crowdsim.motion.motion_graph import MotionSource, build_motion_graph
+from crowdsim.motion.skating import Feet, stances
+from crowdsim.motion.transition_drift import clip_stances, transition_drifts
+from tests.unit.motion.test_default_graph import default_sources
+
+CLIPS = sorted(library_folder("behaviors").glob("*/clips/*.bvh"))
+
+
+def one_point(places: np.ndarray) -> Feet:
+    """Feet of one point each: the left one at ``places`` (F, 3), the right one in the air."""
+    points = np.stack([places, np.full_like(places, 0.5)], axis=1)[:, :, None]
+    return Feet(points, np.zeros((2, 1)))
+
+
+def test_a_foot_that_stands_does_not_drift() -> None:
+    (found,) = stances(one_point(np.zeros((40, 3))))
+    assert (found.foot, found.first, found.last, found.drift) == (0, 0, 39, 0.0)
+
+
+def test_a_foot_that_slides_drifts_as_far_as_it_slides() -> None:
+    places = np.zeros((41, 3))
+    places[:, 0] = 0.02 * np.sin(np.linspace(0.0, 2.0 * np.pi, 41))
+    (found,) = stances(one_point(places))
+    assert found.drift == pytest.approx(0.04, abs=1e-4)
+
+
+@pytest.mark.parametrize("way", [np.array([0.02, 0.0, 0.0]), np.array([0.0, 0.0, 0.01])])
+def test_a_foot_that_swings_or_lands_is_not_planted(way: np.ndarray) -> None:
+    still = np.zeros((30, 3))
+    moving = np.cumsum(np.tile(way, (30, 1)), axis=0)
+    found = stances(one_point(np.concatenate([still, moving])))
+    assert len(found) == 1
+    assert found[0].last <= 30
+    assert found[0].drift < 1e-9
+
+
+def test_what_touches_the_floor_for_a_moment_is_no_stance() -> None:
+    places = np.full((60, 3), 0.3)
+    places[20:25] = 0.0
+    assert stances(one_point(places)) == []
+
+
+def test_a_foot_rolls_over_its_points() -> None:
+    """Heel and ball take turns: each moves while the other stands."""
+    heel, ball = np.zeros((40, 3)), np.zeros((40, 3))
+    ball[:20, 0] = 0.002 * np.arange(20) - 0.04
+    heel[20:, 0] = 0.002 * np.arange(20)
+    points = np.stack([np.stack([heel, ball], axis=1), np.full((40, 2, 3), 0.5)], axis=1)
+    (found,) = stances(Feet(points, np.zeros((2, 2))))
+    assert found.drift < 0.003
+
+
+@pytest.mark.parametrize("path", CLIPS, ids=lambda path: f"{path.parent.parent.name}/{path.stem}")
+def test_planted_feet_of_the_default_set_drift_at_most_a_centimeter(path: Path) -> None:
+    found = clip_stances(read_clip(path))
+    assert {stance.foot for stance in found} == {0, 1}
+    assert max(stance.drift for stance in found) <= 0.01
+
+
+def test_transitions_of_the_default_set_drift_at_most_a_centimeter() -> None:
+    sources = default_sources()
+    renamed = [replace(s, clip=replace(s.clip, name=str(i))) for i, s in enumerate(sources)]
+    drift = transition_drifts(build_motion_graph(renamed), [s.clip for s in renamed])
+    assert len(drift.edge) > 1000
+    assert drift.played.max() <= 0.01
+
+
+def test_transitions_between_captures_add_hardly_more_than_half_a_centimeter(shared: Path) -> None:
+    """Three of 506 add more, 7 mm at most: two leave 16_13 just after its left foot flutters (frames 109 to 114)."""
+    paths = sorted((shared / "mocap").glob("16_[12][0-9]_*.bvh"))
+    clips = [clip for path in paths for clip in read_capture(path).clips]
+    drift = transition_drifts(build_motion_graph([MotionSource(c, 0, ("crossing", "standing")) for c in clips]), clips)
+    assert len(drift.edge) > 300
+    own = [stance.drift for clip in clips for stance in clip_stances(clip)]
+    assert drift.played.max() <= max(own)  # no transition slides further than the captures themselves
+    assert np.quantile(drift.added, 0.99) <= 0.005
+    assert drift.added.max() <= 0.007
