@@ -1,0 +1,254 @@
+"""A* on a motion graph with collision tests or within a channel, and inverse branch kinematics (2011 paper, 5 and 6).
+
+The search of both papers that motion maps are measured against, and the one that reaches a place exactly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+
+from crowdsim.constants import NONE
+from crowdsim.errors import MotionError
+from crowdsim.following import graph_search_kernels as columns
+from crowdsim.following.channel_kernels import draw_channel
+from crowdsim.following.follow_kernels import FOUND
+from crowdsim.following.path_follower import FollowStatus
+from crowdsim.following.probes import Probes
+from crowdsim.geometry.planar import compose
+from crowdsim.motion.graph_arrays import GraphArrays
+from crowdsim.navmesh.heap_kernels import HEAP_ROW
+from crowdsim.navmesh.navmesh import NavMesh
+
+Floats = NDArray[np.float64]
+
+CELL = 0.1
+"""Meters, side of a cell of a channel's grid."""
+
+_PIECE = 1.0
+"""Meters of the longest piece of a channel's path: the grid is filled piece by piece, each within its own box."""
+
+
+class Channel(NamedTuple):
+    """The places within ``radius`` of a planned path, as a grid; see :func:`make_channel`.
+
+    points: (n, 2) the path. near: (columns, rows) int32, the piece nearest to each cell, -1 where none is near.
+    """
+
+    points: Floats
+    near: NDArray[np.int32]
+    low_x: float
+    low_y: float
+    cell: float
+    radius: float
+
+
+def make_channel(points: ArrayLike, radius: float) -> Channel:
+    """The free channel of a path (n, 2) that was planned with the clearance ``radius``, meters."""
+    given = np.asarray(points, np.float64)
+    if given.ndim != 2 or given.shape[1] != 2 or len(given) < 2 or not np.isfinite(given).all() or not radius > 0.0:
+        raise MotionError(f"a channel needs a path of two points or more and a radius, not {given.shape} and {radius}")
+    pieces = np.maximum(np.ceil(np.hypot(*np.diff(given, axis=0).T) / _PIECE), 1.0).astype(np.int64)
+    at = np.concatenate([np.arange(n) / n + i for i, n in enumerate(pieces)] + [[len(given) - 1.0]])
+    whole = np.arange(len(given))
+    dense = np.column_stack([np.interp(at, whole, given[:, axis]) for axis in (0, 1)])
+    reach = float(radius) + CELL
+    low = given.min(axis=0) - reach
+    size = np.ceil((given.max(axis=0) + reach - low) / CELL).astype(np.int64)
+    near = np.full(size, NONE, np.int32)
+    draw_channel(dense, float(low[0]), float(low[1]), CELL, reach, near, np.full(size, np.inf))
+    return Channel(dense, near, float(low[0]), float(low[1]), CELL, float(radius))
+
+
+@dataclass(frozen=True)
+class SearchOptions:
+    """What a search holds to.
+
+    goal_tolerance: meters from the goal within which a node must end (the papers' d).
+    heading_tolerance: radians, for goals with a heading.
+    on_the_way: whether it is enough that a node passes within the tolerance, as the path follower asks.
+    end_standing: whether the last node must end standing.
+    branch_kinematics: whether branches that end near the goal are bent to reach it.
+    bend_reach: meters from the goal within which that is tried (d_o).
+    arrival: meters from the goal within which a bent branch must end (d_i).
+    exactness: meters at which bending stops.
+    heading_lever: meters a radian, by which bending weighs an error of heading, for goals with one.
+    place_grain, heading_grain: meters and radians within which two ends of one node count as the same.
+    budget: nodes expanded until the search gives up.
+    """
+
+    goal_tolerance: float = 0.1
+    heading_tolerance: float = float(np.radians(15.0))
+    on_the_way: bool = False
+    end_standing: bool = False
+    branch_kinematics: bool = True
+    bend_reach: float = 0.5
+    arrival: float = 0.1
+    exactness: float = 0.001
+    heading_lever: float = 0.4
+    place_grain: float = 0.1
+    heading_grain: float = float(np.radians(15.0))
+    budget: int = 20_000
+
+
+@dataclass(frozen=True)
+class SearchResult:
+    """Nodes of the motion graph in order: a solution, or the chain that came nearest to the goal.
+
+    nodes, edges: (K,) int32, edge taken into each node, -1 for the first. twists: (K,) radians of extra rotation at
+    that edge. origins: (K, 3) world pose where each node starts. length: meters along all of them. gap: meters from
+    the last one's end to the goal. bent: whether branch kinematics made the solution. expansions: nodes expanded.
+    collision_tests: discs tested on a mesh. channel_tests: places tested in the channel. bends: branches bent.
+    """
+
+    status: FollowStatus
+    nodes: NDArray[np.int32]
+    edges: NDArray[np.int32]
+    twists: Floats
+    origins: Floats
+    length: float
+    gap: float
+    bent: bool
+    expansions: int
+    collision_tests: int
+    channel_tests: int
+    bends: int
+
+
+class _Rules(NamedTuple):
+    in_channel: bool
+    in_meshes: bool
+    goal_tolerance: float
+    heading_tolerance: float
+    on_the_way: bool
+    end_standing: bool
+    bend_reach: float
+    arrival: float
+    exactness: float
+    heading_lever: float
+    place_grain: float
+    heading_grain: float
+    budget: int
+
+
+class _Queue(NamedTuple):
+    heap: NDArray[np.void]
+    link: NDArray[np.int32]
+
+
+class _Grown(NamedTuple):
+    link: NDArray[np.int32]
+    place: Floats
+
+
+class _Chain(NamedTuple):
+    joint: Floats
+    limit: Floats
+    turn: Floats
+    end: Floats
+
+
+class _Out(NamedTuple):
+    step: NDArray[np.int32]
+    place: Floats
+
+
+def search_graph(
+    graph: GraphArrays,
+    probes: Probes,
+    start_pose: ArrayLike,
+    start_node: int,
+    goal: ArrayLike,
+    *,
+    channel: Channel | None = None,
+    meshes: tuple[Any, Any] | None = None,
+    options: SearchOptions | None = None,
+) -> SearchResult:
+    """Find a short motion from a pose to a place by A* over the graph unrolled.
+
+    Parameters
+    ----------
+    graph, probes: the motion graph, and where a body is tested in each of its nodes.
+    start_pose: (3,) where the first node starts. start_node: that node, taken as being played already and not tested;
+        -1 to choose one.
+    goal: x, y in meters, or x, y and a heading.
+    channel: what the body must stay within. meshes: kernel arrays of the legs' and the torso's mesh, where every
+        probe must be free. With neither the floor is open; with both, both hold.
+
+    Raises
+    ------
+    MotionError: where numbers do not fit.
+
+    Safe to call from several threads at once.
+    """
+    options = options or SearchOptions()
+    nodes = len(graph.node_frames)
+    start = np.array(start_pose, np.float64)
+    given = np.array(goal, np.float64)
+    if start.shape != (3,) or given.shape not in ((2,), (3,)) or not np.isfinite(start).all() or np.isnan(given).any():
+        raise MotionError(f"a search needs a start x, y, heading and a goal x, y or x, y, heading, not {start}, {given}")
+    if not NONE <= start_node < nodes or len(probes.first) != nodes + 1:
+        raise MotionError(
+            f"start node {start_node} or probes of {len(probes.first) - 1} nodes: the graph has {nodes} nodes"
+        )
+    if options.budget < 1 or not (0.001 <= options.place_grain and 0.02 <= options.heading_grain):
+        raise MotionError("a search needs a budget of one node, and grains of a millimeter and 0.02 radians, or more")
+    rules = _Rules(
+        in_channel=channel is not None,
+        in_meshes=meshes is not None,
+        goal_tolerance=float(options.goal_tolerance),
+        heading_tolerance=float(options.heading_tolerance),
+        on_the_way=bool(options.on_the_way),
+        end_standing=bool(options.end_standing),
+        bend_reach=float(options.bend_reach) if options.branch_kinematics else 0.0,
+        arrival=float(options.arrival),
+        exactness=float(options.exactness),
+        heading_lever=float(options.heading_lever),
+        place_grain=float(options.place_grain),
+        heading_grain=float(options.heading_grain),
+        budget=int(options.budget),
+    )
+    # Room for the most that can happen; what is never touched takes no memory.
+    budget = rules.budget
+    room = nodes + budget * int(np.diff(graph.edge_start).max(initial=0))
+    queue = _Queue(np.empty(room, HEAP_ROW), np.empty((room, 2), np.int32))
+    grown = _Grown(np.empty((budget, 3), np.int32), np.empty((budget, columns.PLACE_COLUMNS)))
+    closed = np.zeros(1 << (4 * budget).bit_length(), np.int64)
+    chain = _Chain(np.empty((budget, 2)), np.empty((budget, 2)), np.empty(budget), np.empty(3))
+    out = _Out(np.empty((budget, 2), np.int32), np.empty((budget, 4)))
+    counters = np.zeros(columns.COUNTERS, np.int64)
+    target = np.array([given[0], given[1], given[2] if len(given) == 3 else np.nan])
+    nowhere = _nowhere()
+    status, count, expanded = columns.search(
+        graph, probes, channel or nowhere[0], *(meshes or nowhere[1]), rules, start, int(start_node), target,
+        queue, grown, closed, chain, out, counters,
+    )  # fmt: skip
+    found = out.step[:count]
+    origins = out.place[:count, :3].copy()
+    end = compose(origins[-1], graph.node_motion[found[-1, 0]]) if count else start
+    return SearchResult(
+        status=FollowStatus(status),
+        nodes=found[:, 0].copy(),
+        edges=found[:, 1].copy(),
+        twists=out.place[:count, 3].copy(),
+        origins=origins,
+        length=float(graph.node_length[found[:, 0]].sum()),
+        gap=float(np.hypot(*(end[:2] - target[:2]))),
+        bent=status == FOUND and bool(counters[columns.BENT]),
+        expansions=int(expanded),
+        collision_tests=int(counters[columns.COLLISION_TESTS]),
+        channel_tests=int(counters[columns.CHANNEL_TESTS]),
+        bends=int(counters[columns.BENDS]),
+    )
+
+
+@cache
+def _nowhere() -> tuple[Channel, tuple[Any, Any]]:
+    """What stands in for a channel or meshes that are not given, and is never looked at."""
+    arrays = NavMesh(shapely.box(0.0, 0.0, 1.0, 1.0)).arrays
+    return make_channel([(0.0, 0.0), (1.0, 0.0)], 0.1), (arrays, arrays)
