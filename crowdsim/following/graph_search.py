@@ -76,7 +76,6 @@ class SearchOptions:
     branch_kinematics: whether branches that end near the goal are bent to reach it.
     bend_reach: meters from the goal within which that is tried (d_o).
     arrival: meters from the goal within which a bent branch must end (d_i).
-    exactness: meters at which bending stops.
     heading_lever: meters a radian, by which bending weighs an error of heading, for goals with one.
     place_grain, heading_grain: meters and radians within which two ends of one node count as the same.
     budget: nodes expanded until the search gives up.
@@ -88,8 +87,7 @@ class SearchOptions:
     end_standing: bool = False
     branch_kinematics: bool = True
     bend_reach: float = 0.5
-    arrival: float = 0.1
-    exactness: float = 0.001
+    arrival: float = 0.001
     heading_lever: float = 0.4
     place_grain: float = 0.1
     heading_grain: float = float(np.radians(15.0))
@@ -129,7 +127,6 @@ class _Rules(NamedTuple):
     end_standing: bool
     bend_reach: float
     arrival: float
-    exactness: float
     heading_lever: float
     place_grain: float
     heading_grain: float
@@ -207,7 +204,6 @@ def search_graph(
         end_standing=bool(options.end_standing),
         bend_reach=float(options.bend_reach) if options.branch_kinematics else 0.0,
         arrival=float(options.arrival),
-        exactness=float(options.exactness),
         heading_lever=float(options.heading_lever),
         place_grain=float(options.place_grain),
         heading_grain=float(options.heading_grain),

@@ -35,6 +35,9 @@ COLLISION_TESTS, CHANNEL_TESTS, BENDS, BENT = range(4)
 COUNTERS = 4
 """What is counted: discs tested on a mesh, places tested in the channel, branches bent, and whether the result is."""
 
+EXACT = 5e-4
+"""Meters from the goal at which a branch is bent enough."""
+
 _BEYOND = 1e-6
 """Meters beyond the needed clearance up to which it is measured, so that rounding cannot make it look short."""
 
@@ -121,47 +124,86 @@ def _list_branch(grown, out, row):
 
 
 @helper
-def _bend_branch(graph, probes, channel, legs, torso, rules, goal, count, chain, out, counters, hints):
-    """Bend the ``count`` nodes in ``out`` to the goal; whether it is reached that way, within limits and free.
+def _link(graph, grown, chain, j, row, edge):
+    """Make ``edge`` behind ``row`` of the search joint ``j`` of the chain, not turned: it turns about the planted foot."""
+    chain.joint[j, 0], chain.joint[j, 1], _ = compose(
+        grown.place[row, END], grown.place[row, END + 1], grown.place[row, END + 2],
+        graph.edge_pivot[edge, 0], graph.edge_pivot[edge, 1], 0.0,
+    )  # fmt: skip
+    chain.limit[j, 0] = graph.edge_low[edge]
+    chain.limit[j, 1] = graph.edge_high[edge]
+    chain.turn[j] = 0.0
 
-    The first node stays. The joints are the planted feet at the transitions.
+
+@helper
+def _bend_branch(
+    graph, probes, channel, legs, torso, rules, goal, row, edge, x, y, heading, grown, chain, out, counters, hints
+):
+    """Bend the branch through ``row`` and ``edge``, which ends at (x, y, heading), to the goal.
+
+    Returns how many nodes the bent branch has, left in ``out``, or 0 where none arrives that is free. The last joints
+    are bent alone if that is enough: first two, then twice as many each time. So most of the branch stays as it was
+    found free.
     """
-    x, y, heading = out.place[0, 0], out.place[0, 1], out.place[0, 2]
-    x, y, heading = node_end(graph, np.int64(out.step[0, 0]), x, y, heading)
-    first_x, first_y, first_heading = x, y, heading
-    for j in range(count - 1):
-        edge = np.int64(out.step[j + 1, 1])
-        chain.joint[j, 0], chain.joint[j, 1], _ = compose(
-            x, y, heading, graph.edge_pivot[edge, 0], graph.edge_pivot[edge, 1], 0.0
-        )
-        chain.limit[j, 0] = graph.edge_low[edge]
-        chain.limit[j, 1] = graph.edge_high[edge]
-        chain.turn[j] = 0.0
-        x, y, heading = next_origin(graph, edge, 0.0, x, y, heading)
-        x, y, heading = node_end(graph, np.int64(out.step[j + 1, 0]), x, y, heading)
-    chain.end[0], chain.end[1], chain.end[2] = x, y, heading
+    joints = np.int64(0)
+    at = row
+    while at >= 0:
+        at = np.int64(grown.link[at, PARENT])
+        joints += 1
     counters[BENDS] += 1
-    miss = bend_chain(
-        chain.joint, chain.limit, chain.turn, count - 1, chain.end, goal, rules.heading_lever, rules.exactness
+    bent = np.int64(1)
+    while bent < joints:
+        bent = min(2 * bent, joints)
+        at = row
+        _link(graph, grown, chain, bent - 1, at, edge)
+        for j in range(bent - 2, -1, -1):
+            _link(graph, grown, chain, j, np.int64(grown.link[at, PARENT]), np.int64(grown.link[at, EDGE]))
+            at = np.int64(grown.link[at, PARENT])
+        chain.end[0], chain.end[1], chain.end[2] = x, y, heading
+        if not _within_reach(chain, bent, goal):
+            continue
+        miss = bend_chain(chain.joint, chain.limit, chain.turn, bent, chain.end, goal, rules.heading_lever, EXACT)
+        if miss <= rules.arrival and _lay_bent(
+            graph, probes, channel, legs, torso, rules, goal, row, edge, bent, grown, chain, out, counters, hints
+        ):
+            return joints + 1
+    return 0
+
+
+@helper
+def _within_reach(chain, count, goal):
+    """Whether the chain were long enough if it were straight."""
+    reach = 0.0
+    for j in range(count):
+        last = j == count - 1
+        x = chain.end[0] if last else chain.joint[j + 1, 0]
+        y = chain.end[1] if last else chain.joint[j + 1, 1]
+        reach += math.hypot(x - chain.joint[j, 0], y - chain.joint[j, 1])
+    return math.hypot(goal[0] - chain.joint[0, 0], goal[1] - chain.joint[0, 1]) <= reach
+
+
+@helper
+def _lay_bent(graph, probes, channel, legs, torso, rules, goal, row, edge, bent, grown, chain, out, counters, hints):
+    """Lay the branch to ``out`` with the turns of its last ``bent`` joints; whether what they move is free."""
+    count = _list_branch(grown, out, row) + 1
+    out.step[count - 1, 0] = graph.edge_target[edge]
+    out.step[count - 1, 1] = edge
+    first = count - bent
+    x, y, heading = node_end(
+        graph, np.int64(out.step[first - 1, 0]), out.place[first - 1, 0], out.place[first - 1, 1], out.place[first - 1, 2]
     )
-    if miss > rules.arrival:
-        return False
-    x, y, heading = first_x, first_y, first_heading
-    moved = False
-    for j in range(1, count):
-        node = np.int64(out.step[j, 0])
-        edge = np.int64(out.step[j, 1])
-        ox, oy, oh = next_origin(graph, edge, chain.turn[j - 1], x, y, heading)
-        moved = moved or chain.turn[j - 1] != 0.0
-        if moved:
-            free, _ = _node_is_free(
-                probes, channel, legs, torso, rules, node, ox, oy, oh,
-                x - ox, y - oy, wrap_angle(heading - oh), goal, counters, hints,
-            )  # fmt: skip
-            if not free:
-                return False
-        out.place[j, 0], out.place[j, 1], out.place[j, 2] = ox, oy, oh
-        out.place[j, 3] = chain.turn[j - 1]
+    for i in range(first, count):
+        node = np.int64(out.step[i, 0])
+        turn = chain.turn[i - first]
+        ox, oy, oh = next_origin(graph, np.int64(out.step[i, 1]), turn, x, y, heading)
+        free, _ = _node_is_free(
+            probes, channel, legs, torso, rules, node, ox, oy, oh,
+            x - ox, y - oy, wrap_angle(heading - oh), goal, counters, hints,
+        )  # fmt: skip
+        if not free:
+            return False
+        out.place[i, 0], out.place[i, 1], out.place[i, 2] = ox, oy, oh
+        out.place[i, 3] = turn
         x, y, heading = node_end(graph, node, ox, oy, oh)
     return True
 
@@ -175,7 +217,6 @@ def search(graph, probes, channel, legs, torso, rules, start, start_node, goal, 
     """
     hints = np.zeros(2, np.int64)
     hints[0] = hints[1] = NONE
-    straight = math.hypot(goal[0] - start[0], goal[1] - start[1])
     count = np.int64(0)
     made = np.int64(0)
     for node in range(graph.node_frames.shape[0]):
@@ -231,11 +272,6 @@ def search(graph, probes, channel, legs, torso, rules, start, start_node, goal, 
             best = row
             best_gap = gap
         if graph.node_ends_standing[node] or not rules.end_standing:
-            if parent >= 0 and gap < rules.bend_reach and walked > straight:
-                length = _list_branch(grown, out, row)
-                if _bend_branch(graph, probes, channel, legs, torso, rules, goal, length, chain, out, counters, hints):
-                    counters[BENT] = 1
-                    return FOUND, length, expanded
             off = 0.0 if math.isnan(goal[2]) else abs(wrap_angle(goal[2] - heading))
             if rules.on_the_way:
                 gap = min(gap, nearest)
@@ -250,8 +286,16 @@ def search(graph, probes, channel, legs, torso, rules, start, start_node, goal, 
             child = _key(rules, target, px, py, ph)
             if closed[_slot(closed, child)] == child:
                 continue
-            cost = walked + graph.node_length[target] + math.hypot(goal[0] - px, goal[1] - py)
-            count = _put(queue, count, made, row, e, cost)
+            gap = math.hypot(goal[0] - px, goal[1] - py)
+            if gap < rules.bend_reach and (graph.node_ends_standing[target] or not rules.end_standing):
+                length = _bend_branch(
+                    graph, probes, channel, legs, torso, rules, goal, row, np.int64(e), px, py, ph,
+                    grown, chain, out, counters, hints,
+                )  # fmt: skip
+                if length > 0:
+                    counters[BENT] = 1
+                    return FOUND, length, expanded
+            count = _put(queue, count, made, row, np.int64(e), walked + graph.node_length[target] + gap)
             made += 1
     length = _list_branch(grown, out, best)
     return (BLOCKED if count == 0 else OUT_OF_BUDGET), length, expanded
