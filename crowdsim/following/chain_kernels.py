@@ -8,7 +8,7 @@ from crowdsim.jit import kernel
 SWEEPS = 100
 """Sweeps over the chain at most."""
 
-_STALL = 0.01
+_STALL = 0.05
 """Share of the miss that a sweep must take off, or it counts as idle."""
 
 _IDLE_SWEEPS = 3

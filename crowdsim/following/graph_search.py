@@ -101,7 +101,7 @@ class SearchResult:
     nodes, edges: (K,) int32, edge taken into each node, -1 for the first. twists: (K,) radians of extra rotation at
     that edge. origins: (K, 3) world pose where each node starts. length: meters along all of them. gap: meters from
     the last one's end to the goal. bent: whether branch kinematics made the solution. expansions: nodes expanded.
-    collision_tests: discs tested on a mesh. channel_tests: places tested in the channel. bends: branches bent.
+    collision_tests: discs tested on a mesh. channel_tests: places tested in the channel. bends: chains bent.
     """
 
     status: FollowStatus
@@ -215,8 +215,9 @@ def search_graph(
     queue = _Queue(np.empty(room, HEAP_ROW), np.empty((room, 2), np.int32))
     grown = _Grown(np.empty((budget, 3), np.int32), np.empty((budget, columns.PLACE_COLUMNS)))
     closed = np.zeros(1 << (4 * budget).bit_length(), np.int64)
-    chain = _Chain(np.empty((budget, 2)), np.empty((budget, 2)), np.empty(budget), np.empty(3))
-    out = _Out(np.empty((budget, 2), np.int32), np.empty((budget, 4)))
+    most = columns.MOST_BENT
+    chain = _Chain(np.empty((most, 2)), np.empty((most, 2)), np.empty(most), np.empty(3))
+    out = _Out(np.empty((budget + 1, 2), np.int32), np.empty((budget + 1, 4)))
     counters = np.zeros(columns.COUNTERS, np.int64)
     target = np.array([given[0], given[1], given[2] if len(given) == 3 else np.nan])
     nowhere = _nowhere()

@@ -33,7 +33,10 @@ PLACE_COLUMNS = 7
 
 COLLISION_TESTS, CHANNEL_TESTS, BENDS, BENT = range(4)
 COUNTERS = 4
-"""What is counted: discs tested on a mesh, places tested in the channel, branches bent, and whether the result is."""
+"""What is counted: discs tested on a mesh, places tested in the channel, times a chain was bent, and whether the result is."""
+
+MOST_BENT = 8
+"""Joints that are bent at most, the last of a branch: more swing it far off the way it was found free on."""
 
 EXACT = 5e-4
 """Meters from the goal at which a branch is bent enough."""
@@ -147,10 +150,9 @@ def _bend_branch(
     """
     joints = np.int64(0)
     at = row
-    while at >= 0:
+    while at >= 0 and joints < MOST_BENT:
         at = np.int64(grown.link[at, PARENT])
         joints += 1
-    counters[BENDS] += 1
     bent = np.int64(1)
     while bent < joints:
         bent = min(2 * bent, joints)
@@ -162,29 +164,46 @@ def _bend_branch(
         chain.end[0], chain.end[1], chain.end[2] = x, y, heading
         if not _within_reach(chain, bent, goal):
             continue
+        counters[BENDS] += 1
         miss = bend_chain(chain.joint, chain.limit, chain.turn, bent, chain.end, goal, rules.heading_lever, EXACT)
-        if miss <= rules.arrival and _lay_bent(
-            graph, probes, channel, legs, torso, rules, goal, row, edge, bent, grown, chain, out, counters, hints
-        ):
-            return joints + 1
+        if miss <= rules.arrival:
+            count = _lay_bent(
+                graph, probes, channel, legs, torso, rules, goal, row, edge, bent, grown, chain, out, counters, hints
+            )
+            if count > 0:
+                return count
     return 0
 
 
 @helper
 def _within_reach(chain, count, goal):
-    """Whether the chain were long enough if it were straight."""
-    reach = 0.0
-    for j in range(count):
-        last = j == count - 1
-        x = chain.end[0] if last else chain.joint[j + 1, 0]
-        y = chain.end[1] if last else chain.joint[j + 1, 1]
-        reach += math.hypot(x - chain.joint[j, 0], y - chain.joint[j, 1])
-    return math.hypot(goal[0] - chain.joint[0, 0], goal[1] - chain.joint[0, 1]) <= reach
+    """Whether the chain may reach the goal: False only where it cannot, for it is too short or turns too little.
+
+    With turns t about joints from which the end is at v, the end moves by the sum of t x v, and what is beyond that is
+    at most half of (the sum of |t|)^2 times the length of the chain.
+    """
+    straight = 0.0
+    aside = 0.0
+    turned = 0.0
+    x, y = chain.end[0], chain.end[1]
+    dx, dy = goal[0] - x, goal[1] - y
+    gap = math.hypot(dx, dy)
+    for j in range(count - 1, -1, -1):
+        jx, jy = chain.joint[j, 0], chain.joint[j, 1]
+        straight += math.hypot(x - jx, y - jy)
+        x, y = jx, jy
+        toward = (chain.end[0] - jx) * dy - (chain.end[1] - jy) * dx
+        less, more = chain.limit[j, 0] - chain.turn[j], chain.limit[j, 1] - chain.turn[j]
+        aside += max(less * toward, more * toward)
+        turned += max(-less, more)
+    if gap * gap > aside + 0.5 * turned * turned * straight * gap:
+        return False
+    return math.hypot(goal[0] - x, goal[1] - y) <= straight
 
 
 @helper
 def _lay_bent(graph, probes, channel, legs, torso, rules, goal, row, edge, bent, grown, chain, out, counters, hints):
-    """Lay the branch to ``out`` with the turns of its last ``bent`` joints; whether what they move is free."""
+    """Lay the branch to ``out`` with the turns of its last ``bent`` joints; its nodes, 0 where what moves is not free."""
     count = _list_branch(grown, out, row) + 1
     out.step[count - 1, 0] = graph.edge_target[edge]
     out.step[count - 1, 1] = edge
@@ -201,11 +220,11 @@ def _lay_bent(graph, probes, channel, legs, torso, rules, goal, row, edge, bent,
             x - ox, y - oy, wrap_angle(heading - oh), goal, counters, hints,
         )  # fmt: skip
         if not free:
-            return False
+            return 0
         out.place[i, 0], out.place[i, 1], out.place[i, 2] = ox, oy, oh
         out.place[i, 3] = turn
         x, y, heading = node_end(graph, node, ox, oy, oh)
-    return True
+    return count
 
 
 @kernel
