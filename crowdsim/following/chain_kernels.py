@@ -1,4 +1,4 @@
-"""Inverse branch kinematics: a branch of a motion graph as a planar chain that is bent towards a goal (2011 paper, 6)."""
+"""Inverse branch kinematics: a branch of a motion graph is a planar chain, bent towards a goal (2011 paper, section 6)."""
 
 import math
 

@@ -5,7 +5,7 @@ The search of both papers that motion maps are measured against, and the one tha
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from crowdsim.constants import NONE
 from crowdsim.errors import MotionError
 from crowdsim.following import graph_search_kernels as columns
-from crowdsim.following.channel_kernels import draw_channel
+from crowdsim.following.channel import Channel, make_channel
 from crowdsim.following.follow_kernels import FOUND
-from crowdsim.following.path_follower import FollowStatus
+from crowdsim.following.path_follower import FollowResult, FollowStatus
 from crowdsim.following.probes import Probes
 from crowdsim.geometry.planar import compose
 from crowdsim.motion.graph_arrays import GraphArrays
@@ -26,43 +26,6 @@ from crowdsim.navmesh.heap_kernels import HEAP_ROW
 from crowdsim.navmesh.navmesh import NavMesh
 
 Floats = NDArray[np.float64]
-
-CELL = 0.1
-"""Meters, side of a cell of a channel's grid."""
-
-_PIECE = 1.0
-"""Meters of the longest piece of a channel's path: the grid is filled piece by piece, each within its own box."""
-
-
-class Channel(NamedTuple):
-    """The places within ``radius`` of a planned path, as a grid; see :func:`make_channel`.
-
-    points: (n, 2) the path. near: (columns, rows) int32, the piece nearest to each cell, -1 where none is near.
-    """
-
-    points: Floats
-    near: NDArray[np.int32]
-    low_x: float
-    low_y: float
-    cell: float
-    radius: float
-
-
-def make_channel(points: ArrayLike, radius: float) -> Channel:
-    """The free channel of a path (n, 2) that was planned with the clearance ``radius``, meters."""
-    given = np.asarray(points, np.float64)
-    if given.ndim != 2 or given.shape[1] != 2 or len(given) < 2 or not np.isfinite(given).all() or not radius > 0.0:
-        raise MotionError(f"a channel needs a path of two points or more and a radius, not {given.shape} and {radius}")
-    pieces = np.maximum(np.ceil(np.hypot(*np.diff(given, axis=0).T) / _PIECE), 1.0).astype(np.int64)
-    at = np.concatenate([np.arange(n) / n + i for i, n in enumerate(pieces)] + [[len(given) - 1.0]])
-    whole = np.arange(len(given))
-    dense = np.column_stack([np.interp(at, whole, given[:, axis]) for axis in (0, 1)])
-    reach = float(radius) + CELL
-    low = given.min(axis=0) - reach
-    size = np.ceil((given.max(axis=0) + reach - low) / CELL).astype(np.int64)
-    near = np.full(size, NONE, np.int32)
-    draw_channel(dense, float(low[0]), float(low[1]), CELL, reach, near, np.full(size, np.inf))
-    return Channel(dense, near, float(low[0]), float(low[1]), CELL, float(radius))
 
 
 @dataclass(frozen=True)
@@ -186,44 +149,29 @@ def search_graph(
     options = options or SearchOptions()
     nodes = len(graph.node_frames)
     start = np.array(start_pose, np.float64)
-    given = np.array(goal, np.float64)
-    if start.shape != (3,) or given.shape not in ((2,), (3,)) or not np.isfinite(start).all() or np.isnan(given).any():
-        raise MotionError(f"a search needs a start x, y, heading and a goal x, y or x, y, heading, not {start}, {given}")
-    if not NONE <= start_node < nodes or len(probes.first) != nodes + 1:
+    target = _as_goal(goal)
+    if start.shape != (3,) or not np.isfinite(start).all():
+        raise MotionError(f"a search starts at x, y and a heading, all finite, not at {start}")
+    if not NONE <= start_node < nodes <= columns.MOST_NODES or len(probes.first) != nodes + 1:
         raise MotionError(
-            f"start node {start_node} or probes of {len(probes.first) - 1} nodes: the graph has {nodes} nodes"
+            f"start node {start_node} and probes of {len(probes.first) - 1} nodes do not fit a graph of {nodes} nodes "
+            f"(at most {columns.MOST_NODES})"
         )
-    if options.budget < 1 or not (0.001 <= options.place_grain and 0.02 <= options.heading_grain):
+    if options.budget < 1 or not (options.place_grain >= 0.001 and options.heading_grain >= 0.02):
         raise MotionError("a search needs a budget of one node, and grains of a millimeter and 0.02 radians, or more")
-    rules = _Rules(
-        in_channel=channel is not None,
-        in_meshes=meshes is not None,
-        goal_tolerance=float(options.goal_tolerance),
-        heading_tolerance=float(options.heading_tolerance),
-        on_the_way=bool(options.on_the_way),
-        end_standing=bool(options.end_standing),
-        bend_reach=float(options.bend_reach) if options.branch_kinematics else 0.0,
-        arrival=float(options.arrival),
-        heading_lever=float(options.heading_lever),
-        place_grain=float(options.place_grain),
-        heading_grain=float(options.heading_grain),
-        budget=int(options.budget),
-    )
+    rules = _rules(options, channel, meshes)
     # Room for the most that can happen; what is never touched takes no memory.
     budget = rules.budget
     room = nodes + budget * int(np.diff(graph.edge_start).max(initial=0))
     queue = _Queue(np.empty(room, HEAP_ROW), np.empty((room, 2), np.int32))
     grown = _Grown(np.empty((budget, 3), np.int32), np.empty((budget, columns.PLACE_COLUMNS)))
     closed = np.zeros(1 << (4 * budget).bit_length(), np.int64)
-    most = columns.MOST_BENT
-    chain = _Chain(np.empty((most, 2)), np.empty((most, 2)), np.empty(most), np.empty(3))
     out = _Out(np.empty((budget + 1, 2), np.int32), np.empty((budget + 1, 4)))
     counters = np.zeros(columns.COUNTERS, np.int64)
-    target = np.array([given[0], given[1], given[2] if len(given) == 3 else np.nan])
     nowhere = _nowhere()
     status, count, expanded = columns.search(
         graph, probes, channel or nowhere[0], *(meshes or nowhere[1]), rules, start, int(start_node), target,
-        queue, grown, closed, chain, out, counters,
+        queue, grown, closed, _chain(), out, counters,
     )  # fmt: skip
     found = out.step[:count]
     origins = out.place[:count, :3].copy()
@@ -242,6 +190,69 @@ def search_graph(
         channel_tests=int(counters[columns.CHANNEL_TESTS]),
         bends=int(counters[columns.BENDS]),
     )
+
+
+def exact_arrival(
+    graph: GraphArrays,
+    probes: Probes,
+    result: FollowResult,
+    goal: ArrayLike,
+    *,
+    channel: Channel | None = None,
+    meshes: tuple[Any, Any] | None = None,
+    options: SearchOptions | None = None,
+) -> FollowResult | None:
+    """What the path follower found, its last transitions turned so that it ends exactly at the goal.
+
+    Arguments as of :func:`search_graph`; only what bending needs of the options counts. None where the turns that the
+    graph allows do not lead there, or what they move is not free.
+    """
+    target, count = _as_goal(goal), len(result.nodes)
+    if count < 2:
+        return None
+    grown = _Grown(np.empty((count, 3), np.int32), np.zeros((count, columns.PLACE_COLUMNS)))
+    grown.link[:, columns.PARENT] = np.arange(count) - 1
+    grown.link[:, columns.EDGE] = result.edges
+    grown.link[:, columns.NODE] = result.nodes
+    grown.place[:, :3] = result.origins
+    grown.place[:, columns.END : columns.END + 3] = compose(result.origins, graph.node_motion[result.nodes])
+    grown.place[:, columns.TWIST] = result.twists
+    out = _Out(np.empty((count, 2), np.int32), np.empty((count, 4)))
+    nowhere, rules = _nowhere(), _rules(options or SearchOptions(), channel, meshes)
+    bent = columns.finish(
+        graph, probes, channel or nowhere[0], *(meshes or nowhere[1]), rules, target, count, grown, _chain(), out, np.zeros(columns.COUNTERS, np.int64),
+    )  # fmt: skip
+    return replace(result, twists=out.place[:, 3].copy(), origins=out.place[:, :3].copy()) if bent else None
+
+
+def _as_goal(goal: ArrayLike) -> Floats:
+    """(3,) x, y and heading, nan where any will do."""
+    given = np.array(goal, np.float64)
+    if given.shape not in ((2,), (3,)) or not np.isfinite(given).all():
+        raise MotionError(f"a goal is x, y or x, y and a heading, all finite, not {given}")
+    return given if len(given) == 3 else np.append(given, np.nan)
+
+
+def _rules(options: SearchOptions, channel: Channel | None, meshes: tuple[Any, Any] | None) -> _Rules:
+    return _Rules(
+        in_channel=channel is not None,
+        in_meshes=meshes is not None,
+        goal_tolerance=float(options.goal_tolerance),
+        heading_tolerance=float(options.heading_tolerance),
+        on_the_way=bool(options.on_the_way),
+        end_standing=bool(options.end_standing),
+        bend_reach=float(options.bend_reach) if options.branch_kinematics else 0.0,
+        arrival=float(options.arrival),
+        heading_lever=float(options.heading_lever),
+        place_grain=float(options.place_grain),
+        heading_grain=float(options.heading_grain),
+        budget=int(options.budget),
+    )
+
+
+def _chain() -> _Chain:
+    most = columns.MOST_BENT
+    return _Chain(np.empty((most, 2)), np.empty((most, 2)), np.empty(most), np.empty(3))
 
 
 @cache

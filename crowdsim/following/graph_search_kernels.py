@@ -28,12 +28,20 @@ PARENT, EDGE, NODE = range(3)
 
 END = 3
 WALKED = 6
-PLACE_COLUMNS = 7
-"""Columns of ``grown.place``: the origin from 0 on, the end from END on, and meters walked to it."""
+TWIST = 7
+PLACE_COLUMNS = 8
+"""Columns of ``grown.place``: the origin from 0 on, the end from END on, meters walked to it, and the extra rotation
+at the edge into it (none in a search)."""
 
 COLLISION_TESTS, CHANNEL_TESTS, BENDS, BENT = range(4)
 COUNTERS = 4
-"""What is counted: discs tested on a mesh, places tested in the channel, times a chain was bent, and whether the result is."""
+"""What is counted: discs tested on a mesh, places tested in the channel, chains bent, and whether the result is bent.
+
+The last is 0 or 1.
+"""
+
+MOST_NODES = 1 << 14
+"""Nodes of a graph at most: what a key of the closed set has room for."""
 
 MOST_BENT = 8
 """Joints that are bent at most, the last of a branch: more swing it far off the way it was found free on."""
@@ -121,28 +129,28 @@ def _list_branch(grown, out, row):
         out.step[i, 1] = grown.link[at, EDGE] if i > 0 else NONE
         for k in range(3):
             out.place[i, k] = grown.place[at, k]
-        out.place[i, 3] = 0.0
+        out.place[i, 3] = grown.place[at, TWIST]
         at = np.int64(grown.link[at, PARENT])
     return count
 
 
 @helper
-def _link(graph, grown, chain, j, row, edge):
-    """Make ``edge`` behind ``row`` of the search joint ``j`` of the chain, not turned: it turns about the planted foot."""
+def _link(graph, grown, chain, j, row, edge, turn):
+    """Make ``edge`` behind ``row`` of the search, taken with ``turn``, joint ``j``: it turns about the planted foot."""
     chain.joint[j, 0], chain.joint[j, 1], _ = compose(
         grown.place[row, END], grown.place[row, END + 1], grown.place[row, END + 2],
         graph.edge_pivot[edge, 0], graph.edge_pivot[edge, 1], 0.0,
     )  # fmt: skip
     chain.limit[j, 0] = graph.edge_low[edge]
     chain.limit[j, 1] = graph.edge_high[edge]
-    chain.turn[j] = 0.0
+    chain.turn[j] = turn
 
 
 @helper
 def _bend_branch(
-    graph, probes, channel, legs, torso, rules, goal, row, edge, x, y, heading, grown, chain, out, counters, hints
+    graph, probes, channel, legs, torso, rules, goal, row, edge, turn, x, y, heading, grown, chain, out, counters, hints
 ):
-    """Bend the branch through ``row`` and ``edge``, which ends at (x, y, heading), to the goal.
+    """Bend the branch through ``row`` and ``edge`` (with ``turn``), which ends at (x, y, heading), to the goal.
 
     Returns how many nodes the bent branch has, left in ``out``, or 0 where none arrives that is free. The last joints
     are bent alone if that is enough: first two, then twice as many each time. So most of the branch stays as it was
@@ -157,10 +165,11 @@ def _bend_branch(
     while bent < joints:
         bent = min(2 * bent, joints)
         at = row
-        _link(graph, grown, chain, bent - 1, at, edge)
+        _link(graph, grown, chain, bent - 1, at, edge, turn)
         for j in range(bent - 2, -1, -1):
-            _link(graph, grown, chain, j, np.int64(grown.link[at, PARENT]), np.int64(grown.link[at, EDGE]))
-            at = np.int64(grown.link[at, PARENT])
+            before = np.int64(grown.link[at, PARENT])
+            _link(graph, grown, chain, j, before, np.int64(grown.link[at, EDGE]), grown.place[at, TWIST])
+            at = before
         chain.end[0], chain.end[1], chain.end[2] = x, y, heading
         if not _within_reach(chain, bent, goal):
             continue
@@ -203,13 +212,17 @@ def _within_reach(chain, count, goal):
 
 @helper
 def _lay_bent(graph, probes, channel, legs, torso, rules, goal, row, edge, bent, grown, chain, out, counters, hints):
-    """Lay the branch to ``out`` with the turns of its last ``bent`` joints; its nodes, 0 where what moves is not free."""
+    """Lay the branch to ``out``, its last ``bent`` joints as the chain is turned; its nodes, 0 if what moves is not free."""
     count = _list_branch(grown, out, row) + 1
     out.step[count - 1, 0] = graph.edge_target[edge]
     out.step[count - 1, 1] = edge
     first = count - bent
     x, y, heading = node_end(
-        graph, np.int64(out.step[first - 1, 0]), out.place[first - 1, 0], out.place[first - 1, 1], out.place[first - 1, 2]
+        graph,
+        np.int64(out.step[first - 1, 0]),
+        out.place[first - 1, 0],
+        out.place[first - 1, 1],
+        out.place[first - 1, 2],
     )
     for i in range(first, count):
         node = np.int64(out.step[i, 0])
@@ -228,7 +241,9 @@ def _lay_bent(graph, probes, channel, legs, torso, rules, goal, row, edge, bent,
 
 
 @kernel
-def search(graph, probes, channel, legs, torso, rules, start, start_node, goal, queue, grown, closed, chain, out, counters):
+def search(
+    graph, probes, channel, legs, torso, rules, start, start_node, goal, queue, grown, closed, chain, out, counters
+):
     """Search the shortest motion to the goal. Returns (status, nodes of the solution, nodes expanded).
 
     The solution is left in ``out``: complete where the status is FOUND, else the one whose end is nearest to the goal.
@@ -286,6 +301,7 @@ def search(graph, probes, channel, legs, torso, rules, start, start_node, goal, 
         grown.place[row, 0], grown.place[row, 1], grown.place[row, 2] = ox, oy, oh
         grown.place[row, END], grown.place[row, END + 1], grown.place[row, END + 2] = x, y, heading
         grown.place[row, WALKED] = walked
+        grown.place[row, TWIST] = 0.0
         gap = math.hypot(goal[0] - x, goal[1] - y)
         if gap < best_gap:
             best = row
@@ -308,7 +324,7 @@ def search(graph, probes, channel, legs, torso, rules, start, start_node, goal, 
             gap = math.hypot(goal[0] - px, goal[1] - py)
             if gap < rules.bend_reach and (graph.node_ends_standing[target] or not rules.end_standing):
                 length = _bend_branch(
-                    graph, probes, channel, legs, torso, rules, goal, row, np.int64(e), px, py, ph,
+                    graph, probes, channel, legs, torso, rules, goal, row, np.int64(e), 0.0, px, py, ph,
                     grown, chain, out, counters, hints,
                 )  # fmt: skip
                 if length > 0:
@@ -318,3 +334,19 @@ def search(graph, probes, channel, legs, torso, rules, start, start_node, goal, 
             made += 1
     length = _list_branch(grown, out, best)
     return (BLOCKED if count == 0 else OUT_OF_BUDGET), length, expanded
+
+
+@kernel
+def finish(graph, probes, channel, legs, torso, rules, goal, count, grown, chain, out, counters):
+    """Bend a motion of ``count`` nodes, which stand in ``grown`` one after the other, so that it ends at the goal.
+
+    Returns how many nodes the bent motion has, left in ``out``, or 0 where it cannot be bent so and stay free.
+    """
+    hints = np.zeros(2, np.int64)
+    hints[0] = hints[1] = NONE
+    last = count - 1
+    return _bend_branch(
+        graph, probes, channel, legs, torso, rules, goal, np.int64(last - 1), np.int64(grown.link[last, EDGE]),
+        grown.place[last, TWIST], grown.place[last, END], grown.place[last, END + 1], grown.place[last, END + 2],
+        grown, chain, out, counters, hints,
+    )  # fmt: skip
