@@ -40,6 +40,8 @@ class SearchOptions:
     bend_reach: meters from the goal within which that is tried (d_o).
     arrival: meters from the goal within which a bent branch must end (d_i).
     heading_lever: meters a radian, by which bending weighs an error of heading, for goals with one.
+    weight: of the distance to the goal against that walked. With 1 a plain search finds the shortest motion; with more it
+        finds one that is longer by that factor at most, sooner.
     place_grain, heading_grain: meters and radians within which two ends of one node count as the same.
     budget: nodes expanded until the search gives up.
     """
@@ -52,6 +54,7 @@ class SearchOptions:
     bend_reach: float = 0.5
     arrival: float = 0.001
     heading_lever: float = 0.4
+    weight: float = 1.0
     place_grain: float = 0.1
     heading_grain: float = float(np.radians(15.0))
     budget: int = 20_000
@@ -91,6 +94,7 @@ class _Rules(NamedTuple):
     bend_reach: float
     arrival: float
     heading_lever: float
+    weight: float
     place_grain: float
     heading_grain: float
     budget: int
@@ -157,6 +161,8 @@ def search_graph(
             f"start node {start_node} and probes of {len(probes.first) - 1} nodes do not fit a graph of {nodes} nodes "
             f"(at most {columns.MOST_NODES})"
         )
+    if not options.weight >= 1.0:
+        raise MotionError(f"a search weighs the distance to the goal by 1 or more, not {options.weight}")
     if options.budget < 1 or not (options.place_grain >= 0.001 and options.heading_grain >= 0.02):
         raise MotionError("a search needs a budget of one node, and grains of a millimeter and 0.02 radians, or more")
     rules = _rules(options, channel, meshes)
@@ -182,7 +188,7 @@ def search_graph(
         edges=found[:, 1].copy(),
         twists=out.place[:count, 3].copy(),
         origins=origins,
-        length=float(graph.node_length[found[:, 0]].sum()),
+        length=_length(graph, found[:, 0], origins),
         gap=float(np.hypot(*(end[:2] - target[:2]))),
         bent=status == FOUND and bool(counters[columns.BENT]),
         expansions=int(expanded),
@@ -220,9 +226,16 @@ def exact_arrival(
     out = _Out(np.empty((count, 2), np.int32), np.empty((count, 4)))
     nowhere, rules = _nowhere(), _rules(options or SearchOptions(), channel, meshes)
     bent = columns.finish(
-        graph, probes, channel or nowhere[0], *(meshes or nowhere[1]), rules, target, count, grown, _chain(), out, np.zeros(columns.COUNTERS, np.int64),
+        graph, probes, channel or nowhere[0], *(meshes or nowhere[1]), rules, target,
+        count, grown, _chain(), out, np.zeros(columns.COUNTERS, np.int64),
     )  # fmt: skip
     return replace(result, twists=out.place[:, 3].copy(), origins=out.place[:, :3].copy()) if bent else None
+
+
+def _length(graph: GraphArrays, nodes: NDArray[np.int32], origins: Floats) -> float:
+    """Meters along the tracks of a chain of nodes and across the seams between them."""
+    seams = compose(origins[:-1], graph.node_motion[nodes[:-1]])[:, :2] - origins[1:, :2]
+    return float(graph.node_length[nodes].sum() + np.hypot(*seams.T).sum())
 
 
 def _as_goal(goal: ArrayLike) -> Floats:
@@ -244,6 +257,7 @@ def _rules(options: SearchOptions, channel: Channel | None, meshes: tuple[Any, A
         bend_reach=float(options.bend_reach) if options.branch_kinematics else 0.0,
         arrival=float(options.arrival),
         heading_lever=float(options.heading_lever),
+        weight=float(options.weight),
         place_grain=float(options.place_grain),
         heading_grain=float(options.heading_grain),
         budget=int(options.budget),

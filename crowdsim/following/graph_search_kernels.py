@@ -1,7 +1,8 @@
 """A* on a motion graph: the baseline of both papers, with collision tests or within a channel (2011 paper, 5 and 6).
 
 A node of the search is a node of the motion graph at a place. It waits in a queue by f = meters walked to its end +
-straight distance from there to the goal, and is laid down, tested and expanded when it is taken out.
+``weight`` times the straight distance from there to the goal, and is laid down, tested and expanded when it is taken out. The jump at a
+seam is walked, too: otherwise turning in place would be a way to get along for nothing.
 """
 
 import math
@@ -212,7 +213,7 @@ def _within_reach(chain, count, goal):
 
 @helper
 def _lay_bent(graph, probes, channel, legs, torso, rules, goal, row, edge, bent, grown, chain, out, counters, hints):
-    """Lay the branch to ``out``, its last ``bent`` joints as the chain is turned; its nodes, 0 if what moves is not free."""
+    """Lay the branch to ``out``, its last joints as the chain is turned; its nodes, 0 if what moves is not free."""
     count = _list_branch(grown, out, row) + 1
     out.step[count - 1, 0] = graph.edge_target[edge]
     out.step[count - 1, 1] = edge
@@ -256,7 +257,7 @@ def search(
     for node in range(graph.node_frames.shape[0]):
         if node == start_node or (start_node < 0 and not graph.node_idle[node]):
             x, y, _ = node_end(graph, np.int64(node), start[0], start[1], start[2])
-            cost = graph.node_length[node] + math.hypot(goal[0] - x, goal[1] - y)
+            cost = graph.node_length[node] + rules.weight * math.hypot(goal[0] - x, goal[1] - y)
             count = _put(queue, count, made, np.int64(NONE), np.int64(node), cost)
             made += 1
     expanded = np.int64(0)
@@ -294,7 +295,7 @@ def search(
         closed[slot] = key
         row = expanded
         expanded += 1
-        walked += graph.node_length[node]
+        walked += graph.node_length[node] + math.hypot(dx, dy)
         grown.link[row, PARENT] = parent
         grown.link[row, EDGE] = edge
         grown.link[row, NODE] = node
@@ -317,6 +318,7 @@ def search(
             if graph.node_idle[target]:
                 continue
             px, py, ph = next_origin(graph, e, 0.0, x, y, heading)
+            cost = walked + graph.node_length[target] + math.hypot(x - px, y - py)
             px, py, ph = node_end(graph, target, px, py, ph)
             child = _key(rules, target, px, py, ph)
             if closed[_slot(closed, child)] == child:
@@ -330,7 +332,7 @@ def search(
                 if length > 0:
                     counters[BENT] = 1
                     return FOUND, length, expanded
-            count = _put(queue, count, made, row, np.int64(e), walked + graph.node_length[target] + gap)
+            count = _put(queue, count, made, row, np.int64(e), cost + rules.weight * gap)
             made += 1
     length = _list_branch(grown, out, best)
     return (BLOCKED if count == 0 else OUT_OF_BUDGET), length, expanded

@@ -73,7 +73,8 @@ def shortest_motion(
             origin = pose_after(graph, edge, 0.0, end)
             if free(faded_track(graph, target, origin, end)):
                 after = compose(origin, graph.node_motion[target])
-                grow([*branch, target], after, walked + float(graph.node_length[target]))
+                seam = float(np.hypot(*(end[:2] - origin[:2])))
+                grow([*branch, target], after, walked + seam + float(graph.node_length[target]))
 
     grow([start_node], compose(start_pose, graph.node_motion[start_node]), float(graph.node_length[start_node]))
     return best, nodes
