@@ -19,6 +19,10 @@ _BENCHES = {
         "crowdsim.bench.environment",
         "3D worlds: time to layers and meshes, fit to a laser map, free area",
     ),
+    "motion-search": (
+        "crowdsim.bench.motion_search",
+        "A* on the motion graph: collision tests against channels, with and without branch kinematics",
+    ),
 }
 """Name -> (module with a ``measure`` function, one line on what it measures)."""
 
@@ -51,15 +55,18 @@ def bench_names() -> dict[str, str]:
     return {name: line for name, (_, line) in _BENCHES.items()}
 
 
-def run_bench(name: str, maps: Path | None = None, worlds: Path | None = None) -> BenchResult:
-    """Run the benchmark called ``name``, on the files in the folder ``maps`` or ``worlds`` if one is given.
+def run_bench(
+    name: str, maps: Path | None = None, worlds: Path | None = None, captures: Path | None = None
+) -> BenchResult:
+    """Run the benchmark called ``name``, on the files in the folder ``maps``, ``worlds`` or ``captures`` if given.
 
     Raises :class:`CrowdSimError` for a name that is not there, and for a folder of a kind the benchmark takes none of.
     """
     if name not in _BENCHES:
         raise CrowdSimError(f"there is no benchmark '{name}'; there are: {', '.join(_BENCHES)}")
     measure: Callable[..., Measurement] = importlib.import_module(_BENCHES[name][0]).measure
-    given = {kind: folder for kind, folder in (("maps", maps), ("worlds", worlds)) if folder is not None}
+    folders = (("maps", maps), ("worlds", worlds), ("captures", captures))
+    given = {kind: folder for kind, folder in folders if folder is not None}
     for kind in given:
         if kind not in inspect.signature(measure).parameters:
             raise CrowdSimError(f"the benchmark '{name}' takes no {kind}; run it without")

@@ -20,6 +20,9 @@ def bench(
         Path | None,
         typer.Option(metavar="FOLDER", help="For environment: the folder of small_house.glb and the others."),
     ] = None,
+    captures: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="For motion-search: a folder of captures of subject 16.")
+    ] = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
@@ -35,7 +38,7 @@ def bench(
         else:
             print_table(list(bench_names().items()))
         return
-    result = run_bench(name, maps=maps, worlds=worlds)
+    result = run_bench(name, maps=maps, worlds=worlds, captures=captures)
     if as_json:
         typer.echo(json.dumps(asdict(result)))
         return
