@@ -178,6 +178,14 @@ def _figures(
             figures[f"bending_less_{what}_percent_{key}"] = 100.0 * (1.0 - bent[what] / max(plain[what], 1e-9))
         whole = [m["length"] + m["left"] for m in (plain, bent)]
         figures[f"bending_less_length_to_goal_percent_{key}"] = 100.0 * (1.0 - whole[1] / max(whole[0], 1e-9))
+    pairs = [
+        (fine, bent)
+        for fine, bent in zip(tried["channel, to 1 cm"], tried["channel, bent"], strict=True)
+        if fine[0].status is FollowStatus.FOUND and bent[0].bent
+    ]
+    fine, bent = (_means([pair[k] for pair in pairs]) for k in (0, 1))
+    for what in ("length", "expansions", "ms"):
+        figures[f"bending_less_{what}_percent_than_to_1_cm"] = 100.0 * (1.0 - bent[what] / max(fine[what], 1e-9))
     for name, found in tried.items():
         key = name.replace(",", "").replace(" ", "_")
         figures[f"found_{key}"] = float(sum(result.status is FollowStatus.FOUND for result, _ in found))

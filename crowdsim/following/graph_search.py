@@ -40,8 +40,8 @@ class SearchOptions:
     bend_reach: meters from the goal within which that is tried (d_o).
     arrival: meters from the goal within which a bent branch must end (d_i).
     heading_lever: meters a radian, by which bending weighs an error of heading, for goals with one.
-    weight: of the distance to the goal against that walked. With 1 a plain search finds the shortest motion; with more it
-        finds one that is longer by that factor at most, sooner.
+    weight: of the distance to the goal against that walked. With 1 a plain search finds the shortest motion; with more
+        it finds one that is longer by that factor at most, sooner.
     place_grain, heading_grain: meters and radians within which two ends of one node count as the same.
     budget: nodes expanded until the search gives up.
     """

@@ -1,8 +1,8 @@
 """A* on a motion graph: the baseline of both papers, with collision tests or within a channel (2011 paper, 5 and 6).
 
 A node of the search is a node of the motion graph at a place. It waits in a queue by f = meters walked to its end +
-``weight`` times the straight distance from there to the goal, and is laid down, tested and expanded when it is taken out. The jump at a
-seam is walked, too: otherwise turning in place would be a way to get along for nothing.
+``weight`` times the straight distance from there to the goal, and is laid down, tested and expanded when it is taken
+out. The jump at a seam is walked, too: otherwise turning in place would be a way to get along for nothing.
 """
 
 import math
@@ -46,6 +46,9 @@ MOST_NODES = 1 << 14
 
 MOST_BENT = 8
 """Joints that are bent at most, the last of a branch: more swing it far off the way it was found free on."""
+
+HASTE = 0.1
+"""Meters by which a branch may be longer than any solution must be, to be bent when it is not its turn yet."""
 
 EXACT = 5e-4
 """Meters from the goal at which a branch is bent enough."""
@@ -267,6 +270,7 @@ def search(
         pop(queue.heap, count)
         count -= 1
         item = queue.heap[count].item
+        promised = queue.heap[count].key
         parent = np.int64(queue.link[item, PARENT])
         edge = np.int64(queue.link[item, EDGE])
         if parent < 0:
@@ -308,6 +312,14 @@ def search(
             best = row
             best_gap = gap
         if graph.node_ends_standing[node] or not rules.end_standing:
+            if parent >= 0 and gap < rules.bend_reach:
+                length = _bend_branch(
+                    graph, probes, channel, legs, torso, rules, goal, parent, edge, 0.0, x, y, heading,
+                    grown, chain, out, counters, hints,
+                )  # fmt: skip
+                if length > 0:
+                    counters[BENT] = 1
+                    return FOUND, length, expanded
             off = 0.0 if math.isnan(goal[2]) else abs(wrap_angle(goal[2] - heading))
             if rules.on_the_way:
                 gap = min(gap, nearest)
@@ -324,7 +336,8 @@ def search(
             if closed[_slot(closed, child)] == child:
                 continue
             gap = math.hypot(goal[0] - px, goal[1] - py)
-            if gap < rules.bend_reach and (graph.node_ends_standing[target] or not rules.end_standing):
+            ends = graph.node_ends_standing[target] or not rules.end_standing
+            if ends and gap < rules.bend_reach and cost <= promised + HASTE:
                 length = _bend_branch(
                     graph, probes, channel, legs, torso, rules, goal, row, np.int64(e), 0.0, px, py, ph,
                     grown, chain, out, counters, hints,
