@@ -24,6 +24,10 @@ _BENCHES = {
         "crowdsim.bench.motion_graph",
         "motion graphs: standard against feature-based, time, size and branching as the set grows",
     ),
+    "motion-search": (
+        "crowdsim.bench.motion_search",
+        "A* on the motion graph: collision tests against channels, with and without branch kinematics",
+    ),
 }
 """Name -> (module with a ``measure`` function, one line on what it measures)."""
 

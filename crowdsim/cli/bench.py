@@ -26,7 +26,8 @@ def bench(
         Path | None, typer.Option(metavar="OUT.png", help="For planner: draw the times of all planners.")
     ] = None,
     captures: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="For motion-graph: a folder of captures.")
+        Path | None,
+        typer.Option(metavar="FOLDER", help="For motion-graph and motion-search: a folder of captures."),
     ] = None,
     as_json: Json = False,
     debug: Debug = False,

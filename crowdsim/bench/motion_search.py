@@ -1,0 +1,212 @@
+"""A* on a motion graph among obstacles (2011 paper, tables 2 and 3): collision tests against the channel of a path, and
+what inverse branch kinematics takes off the search; in the graph with all its edges, and with as few as the paper's.
+
+Times are milliseconds of one thread, the best of :data:`PASSES` for each query. Means are over the queries that were
+solved with and without bending.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from crowdsim.bench.registry import Measurement
+from crowdsim.bench.thinned_graph import thinned
+from crowdsim.environment.clutter import draw_clutter
+from crowdsim.environment.layers import LEGS, TORSO, clearance_layers
+from crowdsim.errors import PathNotFound
+from crowdsim.following.channel import Channel, make_channel
+from crowdsim.following.graph_search import SearchOptions, SearchResult, search_graph
+from crowdsim.following.path_follower import FollowStatus
+from crowdsim.following.probes import Probes, body_probes
+from crowdsim.motion.graph_arrays import GraphArrays
+from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.planning.behavior_library import load_behavior_set
+
+FOUND = FollowStatus.FOUND
+
+SIDE = 20.0
+"""Meters, side of the square rooms."""
+
+DENSITIES = (0.02, 0.04, 0.08, 0.12)
+"""Shares of the floor that the obstacles of the four environments take."""
+
+SIZES = (0.4, 1.2)
+"""Meters, least and greatest extent of an obstacle."""
+
+CLEARANCE = 0.6
+"""Meters that paths keep, and the radius of their channels."""
+
+LENGTHS = (5.0, 14.0)
+"""Meters between which the paths of the queries are long."""
+
+FEW_EDGES = 3
+"""Edges out of a node of the sparse graph, which gives about the paper's branching factor (1.66)."""
+
+PASSES = 3
+
+_CAPTURED = ("16_1*.bvh", "16_31*", "16_33*", "16_47*", "16_58*")
+"""Captured walks, straight ones and turns of one person."""
+
+_SEARCHES = ("collision tests", "collision tests, bent", "channel", "channel, bent", "channel, to 1 cm")
+_COMPARED = _SEARCHES[:4]
+_Found = dict[str, list[tuple[SearchResult, float]]]
+"""What each search gives for each query, and milliseconds."""
+
+
+@dataclass(frozen=True)
+class _Environment:
+    """A cluttered room; each query is the channel of a path from start to goal."""
+
+    obstacles: int
+    meshes: tuple[Any, Any]
+    queries: list[tuple[NDArray[np.float64], Channel]]
+
+
+def measure(
+    captures: Path | None = None,
+    densities: Sequence[float] = DENSITIES,
+    queries: int = 16,
+    budget: int = 5_000,
+) -> Measurement:
+    """Tables 2 and 3 over the graph of the built-in behaviors, or of the walks of the folder ``captures``."""
+    bands = [(LEGS.low, LEGS.high), (TORSO.low, TORSO.high)]
+    if captures is None:
+        loaded = load_behavior_set(["lateral", "arm_constrained", "frontal"], bands)
+    else:
+        loaded = load_behavior_set(["frontal"], bands, captures=captures, capture_patterns=_CAPTURED)
+    radii = np.array([behavior.radii for behavior in loaded.behaviors])
+    places = [_environment(density, queries, number) for number, density in enumerate(densities)]
+    rows: list[dict[str, Any]] = []
+    figures: dict[str, float] = {}
+    for name, graph in (("all", loaded.graph.arrays), ("few", thinned(loaded.graph.arrays, FEW_EDGES))):
+        solved: _Found = {search: [] for search in _SEARCHES}
+        tried: _Found = {search: [] for search in _SEARCHES}
+        for number, place in enumerate(places):
+            found = {
+                search: _search_all(search, graph, body_probes(graph, radii), place, budget) for search in _SEARCHES
+            }
+            for search in _SEARCHES:
+                alike = [found[other] for other in _COMPARED if other.startswith(search.split(",")[0])]
+                rows.append(_row(name, number, place, search, found[search], _solved(alike)))
+                solved[search] += [found[search][i] for i in _solved([found[other] for other in _COMPARED])]
+                tried[search] += found[search]
+        nodes, edges = len(graph.node_frames), len(graph.edge_target)
+        figures |= {f"{name}_nodes": float(nodes), f"{name}_branching": (nodes + 2 * edges) / (nodes + edges)}
+        figures |= {f"{name}_{key}": value for key, value in _figures(solved, tried).items()}
+    return Measurement(rows, figures)
+
+
+def _solved(searches: Sequence[list[tuple[SearchResult, float]]]) -> list[int]:
+    """The queries that all of ``searches`` solved."""
+    return [i for i, results in enumerate(zip(*searches, strict=True)) if all(r.status == FOUND for r, _ in results)]
+
+
+def _environment(density: float, count: int, seed: int) -> _Environment:
+    rng = np.random.default_rng(seed)
+    floor = shapely.box(0.0, 0.0, SIDE, SIDE)
+    solids = draw_clutter("clutter", floor.buffer(-0.5), density, SIZES, rng)
+    legs, torso = (NavMesh(layer.free) for layer in clearance_layers(floor, solids, (LEGS, TORSO)))
+    queries: list[tuple[NDArray[np.float64], Channel]] = []
+    while len(queries) < count:
+        start, goal = rng.uniform(1.0, SIDE - 1.0, (2, 2))
+        try:
+            path = legs.find_path(start, goal, CLEARANCE)
+        except PathNotFound:
+            continue
+        if LENGTHS[0] <= path.length <= LENGTHS[1]:
+            queries.append((np.array(path.points), make_channel(path.points, CLEARANCE)))
+    return _Environment(len(solids), (legs.arrays, torso.arrays), queries)
+
+
+def _search_all(
+    name: str, graph: GraphArrays, probes: Probes, place: _Environment, budget: int
+) -> list[tuple[SearchResult, float]]:
+    """What each query of an environment gives, and the least milliseconds it took."""
+    options = SearchOptions(branch_kinematics="bent" in name, budget=budget)
+    if "1 cm" in name:
+        options = replace(options, goal_tolerance=0.01)
+    # The last behavior is the preferred one; a body waits in it for the search to begin.
+    waits = np.flatnonzero(graph.node_idle & (graph.node_behavior == graph.node_behavior.max()))
+    waiting = int(waits[0]) if len(waits) else -1
+    results = []
+    for points, channel in place.queries:
+        ahead = points[1] - points[0]
+        start = np.array([*points[0], np.arctan2(ahead[1], ahead[0])])
+        where: dict[str, Any] = {"channel": channel} if "channel" in name else {"meshes": place.meshes}
+        seconds = []
+        for _ in range(PASSES):
+            begin = time.perf_counter()
+            result = search_graph(graph, probes, start, waiting, points[-1], options=options, **where)
+            seconds.append(time.perf_counter() - begin)
+        results.append((result, min(seconds) * 1e3))
+    return results
+
+
+def _row(
+    graph: str, number: int, place: _Environment, name: str, found: list[tuple[SearchResult, float]], common: list[int]
+) -> dict[str, Any]:
+    means = _means([found[i] for i in common])
+    bent = [result.gap * 1e3 for result, _ in found if result.bent]
+    return {
+        "edges": graph,
+        "environment": number + 1,
+        "obstacles": place.obstacles,
+        "search": name,
+        "found": sum(result.status == FOUND for result, _ in found),
+        "compared": len(common),
+        "length_m": round(means["length"], 2),
+        "left_m": round(means["left"], 3),
+        "expansions": round(means["expansions"]),
+        "collision_tests": round(means["collision_tests"]),
+        "ms": round(means["ms"], 2),
+        "all_ms": round(_means(found)["ms"], 2),
+        "bent": len(bent),
+        "most_off_mm": round(max(bent, default=0.0), 2),
+    }
+
+
+def _means(found: list[tuple[SearchResult, float]]) -> dict[str, float]:
+    table = [(r.length, r.gap, r.expansions, r.collision_tests, ms) for r, ms in found]
+    keys = ("length", "left", "expansions", "collision_tests", "ms")
+    return dict(zip(keys, np.mean(table, axis=0).tolist() if table else [0.0] * len(keys), strict=True))
+
+
+def _figures(solved: _Found, tried: _Found) -> dict[str, float]:
+    """Over all environments: how much the channel and bending take off, in percent of the search without."""
+    mean = {name: _means(found) for name, found in solved.items()}
+    figures = {"compared": float(len(solved["channel"])), "queries": float(len(tried["channel"]))}
+    if solved["channel"]:
+        tests = mean["collision tests"]["collision_tests"], mean["channel"]["collision_tests"]
+        figures["collision_tests_ratio"] = tests[0] / max(tests[1], 1.0)
+        figures["ratio_tests_over_channel_ms"] = mean["collision tests"]["ms"] / max(mean["channel"]["ms"], 1e-9)
+    for name in ("channel", "collision tests"):
+        # Of this way to test alone: in a sparse graph few queries are solved in a channel.
+        both = _solved([tried[name], tried[f"{name}, bent"]])
+        if not both:
+            continue
+        plain, bent = (_means([tried[search][i] for i in both]) for search in (name, f"{name}, bent"))
+        key = name.replace(" ", "_")
+        for what in ("length", "expansions", "ms"):
+            figures[f"bending_less_{what}_percent_{key}"] = 100.0 * (1.0 - bent[what] / max(plain[what], 1e-9))
+        whole = [m["length"] + m["left"] for m in (plain, bent)]
+        figures[f"bending_less_length_to_goal_percent_{key}"] = 100.0 * (1.0 - whole[1] / max(whole[0], 1e-9))
+    both = _solved([tried["channel, to 1 cm"], tried["channel, bent"]])
+    fine, bent = (_means([tried[search][i] for i in both]) for search in ("channel, to 1 cm", "channel, bent"))
+    for what in ("length", "expansions", "ms") if both else ():
+        figures[f"bending_less_{what}_percent_than_to_1_cm"] = 100.0 * (1.0 - bent[what] / max(fine[what], 1e-9))
+    for name, found in tried.items():
+        key = name.replace(",", "").replace(" ", "_")
+        figures[f"found_{key}"] = float(sum(result.status == FOUND for result, _ in found))
+        figures[f"all_ms_{key}"] = _means(found)["ms"]
+    gaps = [result.gap for found in tried.values() for result, _ in found if result.bent]
+    figures["bent"] = float(len(gaps))
+    figures["bent_most_off_mm"] = 1e3 * max(gaps, default=0.0)
+    return figures

@@ -1,0 +1,91 @@
+"""Slow, obvious twins of searching motion graphs: bending a chain, the channel, all branches one by one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.geometry.planar import compose, wrap_angle
+from crowdsim.motion.graph_arrays import GraphArrays
+from tests.reference.follow_maps import pose_after
+
+Floats = NDArray[np.float64]
+
+
+def turned_about(point: complex, center: complex, angle: float) -> complex:
+    """``point`` turned about ``center``."""
+    return center + (point - center) * complex(math.cos(angle), math.sin(angle))
+
+
+def chain_with(joints: Floats, end: Floats, turns: Floats) -> tuple[Floats, Floats]:
+    """Joints (K, 2) and end (3,) of a chain after its joints were turned by ``turns``, the base first."""
+    points = [complex(*joint) for joint in joints] + [complex(*end[:2])]
+    for j, turn in enumerate(turns):
+        points[j + 1 :] = [turned_about(point, points[j], turn) for point in points[j + 1 :]]
+    moved = np.array([[point.real, point.imag] for point in points])
+    return moved[:-1], np.array([*moved[-1], wrap_angle(end[2] + float(np.sum(turns)))])
+
+
+def slow_bend(joints: Floats, limits: Floats, end: Floats, goal: Floats, sweeps: int) -> tuple[Floats, Floats]:
+    """Turns (K,) and end (3,) after ``sweeps`` of cyclic coordinate descent; the goal has no heading.
+
+    Every joint turns the end into its own line to the goal, as far as its limits (K, 2) allow, from the base on; what
+    comes after it is turned point by point.
+    """
+    turns = np.zeros(len(joints))
+    for _ in range(sweeps):
+        for j in range(len(joints)):
+            places, tip = chain_with(joints, end, turns)
+            at = complex(*places[j])
+            wanted = np.angle((complex(*goal[:2]) - at) / (complex(*tip[:2]) - at))
+            turns[j] = np.clip(turns[j] + wanted, *limits[j])
+    return turns, chain_with(joints, end, turns)[1]
+
+
+def shortest_motion(
+    graph: GraphArrays,
+    start_pose: Floats,
+    start_node: int,
+    goal: Floats,
+    tolerance: float,
+    most: float,
+    free: Callable[[Floats], bool],
+) -> tuple[float, list[int]]:
+    """Least meters walked plus meters left of all branches that end within ``tolerance`` of the goal, and its nodes.
+
+    Tries every branch for which that sum is below ``most``, one by one; ``free`` says whether a track (F, 3) may be
+    walked. Infinite where there is none.
+    """
+    best, nodes = math.inf, []
+
+    def grow(branch: list[int], end: Floats, walked: float) -> None:
+        nonlocal best, nodes
+        gap = float(np.hypot(*(goal[:2] - end[:2])))
+        if walked + gap >= min(best, most):
+            return
+        if gap <= tolerance:
+            best, nodes = walked + gap, branch
+        for edge in range(graph.edge_start[branch[-1]], graph.edge_start[branch[-1] + 1]):
+            target = int(graph.edge_target[edge])
+            origin = pose_after(graph, edge, 0.0, end)
+            if free(faded_track(graph, target, origin, end)):
+                after = compose(origin, graph.node_motion[target])
+                seam = float(np.hypot(*(end[:2] - origin[:2])))
+                grow([*branch, target], after, walked + seam + float(graph.node_length[target]))
+
+    grow([start_node], compose(start_pose, graph.node_motion[start_node]), float(graph.node_length[start_node]))
+    return best, nodes
+
+
+def faded_track(graph: GraphArrays, node: int, origin: Floats, before: Floats) -> Floats:
+    """World track (F, 3) of a node behind one that ended at ``before``: every fourth frame and the last."""
+    last = int(graph.node_frames[node])
+    frames = np.array(sorted({*range(0, last, 4), last}))
+    world = compose(origin, graph.tracks[graph.node_track[node] + frames])
+    seam = before - origin
+    seam[2] = wrap_angle(seam[2])
+    u = np.minimum(frames / 12.0, 1.0)
+    return world + (1.0 - u * u * (3.0 - 2.0 * u))[:, None] * seam
