@@ -32,8 +32,8 @@ def clear_ends(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np
     """
     limit = float(need.radii.max()) + REACH
     clear = np.array([mesh.clearances(points, limit) for mesh in meshes]).T + _ROUNDING
-    planned = (clear[:, None] >= need.radii).all(axis=2) & ~need.turned
-    free = planned.any(axis=1)
+    planned = np.all(clear[:, None] >= need.radii, axis=2)
+    free = np.any(planned & ~need.turned, axis=1)
     if free.all():
         return points
     return np.array([points[i] if free[i] else _clear_end(meshes, need, points[i]) for i in range(len(points))])
