@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import shapely
+from crowdsim.motion.bvh_reader import read_bvh
 
 from crowdsim.environment.layers import LEGS, TORSO, clearance_layers
 from crowdsim.environment.solids import box, cylinder
 from crowdsim.library import library_folder
 from crowdsim.motion.body_capsules import Capsules, body_capsules
-from crowdsim.motion.bvh_reader import read_bvh
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.behavior_library import load_behavior_set
 from crowdsim.planning.collision3d import annotated_in_3d, make_bodies, plan_collision3d
