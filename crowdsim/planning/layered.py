@@ -16,7 +16,7 @@ from crowdsim.planning.roadmap import Roadmap, roadmap_of
 from crowdsim.planning.string_kernels import is_straight
 from crowdsim.planning.widening import joined
 
-ROUNDS = 1
+ROUNDS = 3
 """How often the corners beside narrow sections are tried."""
 
 DOUBT = -0.05

@@ -96,8 +96,8 @@ class Roadmap:
         radius = need.search_radius
         least = radius - 1e-6 * radius - 2.0 * float(self.layers[0].frame["cell"][0])
         line, found, cost = polishing_kernels.polish_road(
-            self.layers[0], self.layers[1:], self.points, road, self.around, np.empty(len(self.around)), query.ends,
-            self._touching, need.costs, need.turned, self.terms, radius, least, rounds,
+            self.layers[0], self.layers, self.points, road, self.around, np.empty(len(self.around)), query.ends,
+            self._touching, self._radii, need.costs, need.turned, self.terms, radius, least, rounds,
         )  # fmt: skip
         if not len(found):
             return None
