@@ -126,9 +126,7 @@ def pinned_string(nodes, size, corners, filled, around, gates, found, string):
                             before >= 0 and _is_beside(corner, gates[before])
                         )
                         corner.reach = around[corner.vertex, top] if beside else corner.most
-                near = min(
-                    math.hypot(corner.x - fx, corner.y - fy), math.hypot(corner.x - tx, corner.y - ty)
-                )
+                near = min(math.hypot(corner.x - fx, corner.y - fy), math.hypot(corner.x - tx, corner.y - ty))
                 corner.reach = min(corner.reach, near - 0.5 * _OFF)
             for i in range(1, size - 1):
                 for c in range(filled):

@@ -1,4 +1,4 @@
-"""The cheapest string along a way over the roadmap: how wide it winds around each corner is found by trying."""
+"""The cheapest string along a way over the roadmap: pinned in gates or not, which is found by trying."""
 
 import math
 
@@ -9,8 +9,8 @@ from crowdsim.navmesh.clearance.sweep_kernels import SWEPT
 from crowdsim.navmesh.half_edge_kernels import triangle_of
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.string_kernels import pull
-from crowdsim.planning.fitting_kernels import annotate
 from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE
+from crowdsim.planning.fitting_kernels import annotate
 from crowdsim.planning.gate_kernels import GATE, find_gates, pinned_string
 from crowdsim.planning.shifting_kernels import shifted_path
 from crowdsim.planning.string_kernels import (
@@ -25,18 +25,19 @@ from crowdsim.planning.string_kernels import (
 MOST_GATES = 8
 """Gates that are pinned at most."""
 
-SPREADS = (0.24, 0.12, 0.04)
-"""Meters aside."""
+SPREAD = 0.12
+"""Meters by which stations of the cheapest string may shift aside."""
 
 
 @kernel
-def polish_road(m, layers, points, road, around, reach, ends, radii, full, costs, turned, terms, radius, least, rounds):
-    """Polyline (n, 2), its sections (k, 3) and cost, of the cheapest string found along a road; no rows if it tangles.
+def polish_road(layers, points, road, around, reach, ends, radii, full, costs, turned, terms, radius, least):
+    """Polyline (n, 2), its sections (k, 3) and cost, of the cheapest string found along a road; no rows if all tangle.
 
-    The string keeps ``radius`` in the lowest mesh m, ``least`` of it at least. upper: tuple of the other meshes.
-    around: (nv, n) of `corner_radii`. reach: (nv,) scratch. radii: (n, m - 1) as of `annotate`. ``rounds``:
-    how often all corners beside sections of narrow behaviors are tried with the radius of each behavior.
+    The first string is not pinned, the second in all gates, the next differ from the cheapest by one gate each; at
+    last stations of the cheapest shift. All keep ``radius`` in the lowest of ``layers``, ``least`` of it at least.
+    around: (nv, n) of `corner_radii`. reach: (nv,) scratch. radii: (n, m - 1) as of `annotate`. full: (n, m).
     """
+    m = layers[0]
     upper = layers[1:]
     top = costs.size - 1
     channel = np.empty(road.shape[0] + 1, np.int64)
@@ -61,7 +62,7 @@ def polish_road(m, layers, points, road, around, reach, ends, radii, full, costs
     strings = 1 + (1 + found_gates if found_gates > 0 else 0)
     if found_gates == 1:
         strings = 2
-    for tried in range(strings + rounds):
+    for tried in range(strings + 1):
         if tried < strings:
             flip = tried - 2
             for g in range(found_gates):
@@ -88,7 +89,7 @@ def polish_road(m, layers, points, road, around, reach, ends, radii, full, costs
             flip = NONE
             if sections.shape[0] < 2:
                 break
-            found = shifted_path(layers, hints, full, costs, line, sections, terms[1], SPREADS[tried - strings], stack, least)
+            found = shifted_path(layers, hints, full, costs, line, sections, terms[1], SPREAD, stack, least)
             if found.shape[0] == 0:
                 continue
         length = 0.0

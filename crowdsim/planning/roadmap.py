@@ -90,14 +90,14 @@ class Roadmap:
             )  # fmt: skip
         return road, float(cost)
 
-    def polish(self, road: NDArray[np.int64], query: Query, rounds: int) -> AnnotatedPath | None:
+    def polish(self, road: NDArray[np.int64], query: Query) -> AnnotatedPath | None:
         """The cheapest string found along a road, or None where it tangles or fits nothing."""
         need = self.need
         radius = need.search_radius
         least = radius - 1e-6 * radius - 2.0 * float(self.layers[0].frame["cell"][0])
         line, found, cost = polishing_kernels.polish_road(
-            self.layers[0], self.layers, self.points, road, self.around, np.empty(len(self.around)), query.ends,
-            self._touching, self._radii, need.costs, need.turned, self.terms, radius, least, rounds,
+            self.layers, self.points, road, self.around, np.empty(len(self.around)), query.ends,
+            self._touching, self._radii, need.costs, need.turned, self.terms, radius, least,
         )  # fmt: skip
         if not len(found):
             return None

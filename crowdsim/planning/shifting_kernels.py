@@ -17,10 +17,10 @@ from crowdsim.navmesh.mesh_arrays import NONE
 STATION = 0.12
 """Meters between stations, at most."""
 
-BESIDE = 1.0
+BESIDE = 0.6
 """Meters before and after a section of a narrow behavior where stations may shift."""
 
-SHIFTS = 9
+SHIFTS = 7
 """Places of a station: its own in the middle, and as many to both sides."""
 
 CHORD = 0.008
@@ -205,7 +205,7 @@ def shifted_path(layers, hints, radii, costs, points, sections, section, spread,
     ``section``: least length of a section. ``least``: clearance that the legs must keep.
     """
     length = sections[sections.shape[0] - 1, 2]
-    count = int(math.ceil(length / STATION)) + 1
+    count = math.ceil(length / STATION) + 1
     line = np.empty((count + points.shape[0], 2))
     if count < 3:
         return line[:0]
