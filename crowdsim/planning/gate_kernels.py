@@ -26,19 +26,14 @@ _OFF = 2e-6
 
 
 @helper
-def _meeting(m, around, h, sign):
-    """Where the circles of the widest behavior around both ends of half-edge h meet, to its left for a ``sign`` of 1.
+def circles_meet(ax, ay, bx, by, one, other, sign):
+    """Where circles of radii ``one`` around a and ``other`` around b meet, to the left of a -> b for a ``sign`` of 1.
 
     Whether they do, x, y.
     """
-    a = m.sides[h].org
-    b = m.sides[nxt(h)].org
-    top = around.shape[1] - 1
-    dx = m.vertices[b].x - m.vertices[a].x
-    dy = m.vertices[b].y - m.vertices[a].y
+    dx = bx - ax
+    dy = by - ay
     gap = math.hypot(dx, dy)
-    one = around[a, top] + _OFF
-    other = around[b, top] + _OFF
     if gap == 0.0 or gap >= one + other:
         return False, 0.0, 0.0
     along = 0.5 * (gap * gap + one * one - other * other) / gap
@@ -46,7 +41,18 @@ def _meeting(m, around, h, sign):
     if off2 <= 0.0:
         return False, 0.0, 0.0
     off = sign * math.sqrt(off2)
-    return True, m.vertices[a].x + (along * dx - off * dy) / gap, m.vertices[a].y + (along * dy + off * dx) / gap
+    return True, ax + (along * dx - off * dy) / gap, ay + (along * dy + off * dx) / gap
+
+
+@helper
+def _meeting(m, around, h, sign):
+    """`circles_meet` for those of the widest behavior around both ends of half-edge h."""
+    a = m.sides[h].org
+    b = m.sides[nxt(h)].org
+    top = around.shape[1] - 1
+    p = m.vertices[a]
+    q = m.vertices[b]
+    return circles_meet(p.x, p.y, q.x, q.y, around[a, top] + _OFF, around[b, top] + _OFF, sign)
 
 
 @helper

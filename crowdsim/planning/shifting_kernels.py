@@ -31,7 +31,7 @@ _SINE = 1e-4
 
 _REPAIRS = 3
 
-_STATION = np.dtype(
+PLACE = np.dtype(
     [(name, np.float64) for name in ("x", "y", "nx", "ny", "at", "most")]
     + [("piece", np.int64), ("near", np.int64), ("label", np.int64), ("shift", np.int64)],
     align=True,
@@ -209,7 +209,7 @@ def shifted_path(layers, hints, radii, costs, points, sections, section, spread,
     line = np.empty((count + points.shape[0], 2))
     if count < 3:
         return line[:0]
-    stations = np.empty(count, _STATION)
+    stations = np.empty(count, PLACE)
     place_stations(points, sections, costs, section, stations)
     prices = np.full((count, SHIFTS), math.inf)
     befores = np.zeros((count, SHIFTS), np.int64)
