@@ -178,7 +178,7 @@ def test_gates_are_crossed_where_the_widest_behavior_comes_closest(gap, wall, le
     off = wall + np.sqrt(width**2 - gap**2 / 4.0)
     pins = np.array([[middle - off, middle], [middle + off, middle]])
     plain = query.annotated(np.array([query.ends[0], *pins, query.ends[1]]))
-    assert polished.cost <= plain.cost + 1e-6 or not plain.sections
+    assert polished.cost <= plain.cost + 1e-4 or not plain.sections  # pins stay off circles by micrometers
     wide = [np.hypot(*(end - pin)) for end, pin in zip(query.ends, pins, strict=True)]
     narrow = max(2.0 * off, TERMS[1])
     bend = 0.5 * np.pi * width  # around the corner of the gate at most
