@@ -16,11 +16,8 @@ from crowdsim.planning.roadmap import Roadmap, roadmap_of
 from crowdsim.planning.string_kernels import is_straight
 from crowdsim.planning.widening import joined
 
-ROUNDS = 1
-"""How often the corners beside narrow sections are tried."""
-
-DOUBT = -0.05
-"""Share of the estimate by which a path may cost more before its wide sections are searched again in their rooms."""
+LONG = 0.5
+"""Cost of narrow sections, beyond that of their least length, above which wide ones are searched again in rooms."""
 
 SURPRISE = 0.01
 """Share of the estimate by which the best path may cost more before the shortest paths of all rooms are tried too."""
@@ -57,6 +54,12 @@ def _is_near_and_narrow(path: AnnotatedPath) -> bool:
     return path.length < NEAR and any(section.behavior == 0 for section in path.sections)
 
 
+def _is_long_and_narrow(path: AnnotatedPath, query: Query) -> bool:
+    """Whether a section is longer than it has to be, and dear: pins are where sides of triangles are narrow only."""
+    more = query.need.costs - query.need.costs[-1]
+    return any(more[s.behavior] * (s.end - s.start - query.terms[1]) > LONG for s in path.sections)
+
+
 def _cheaper(one: AnnotatedPath | None, other: AnnotatedPath | None) -> AnnotatedPath | None:
     """The cheaper of two paths, the first where they cost the same."""
     return other if one is None or (other is not None and other.cost < one.cost) else one
@@ -69,9 +72,9 @@ def _over_roadmap(query: Query, roadmap: Roadmap) -> tuple[AnnotatedPath | None,
         return None, estimate
     if (road[:, 1] == query.need.count - 1).all():
         # The widest room may know better: the estimate is too high where triangles are large.
-        return _cheaper(roadmap.polish(road, query, 0), cheapest_uniform(query)), estimate
-    best = roadmap.polish(road, query, ROUNDS)
-    if best is None or best.cost > estimate * (1.0 + DOUBT):
+        return _cheaper(roadmap.polish(road, query), cheapest_uniform(query)), estimate
+    best = roadmap.polish(road, query)
+    if best is None or best.cost > estimate or _is_long_and_narrow(best, query):
         points = _by_rooms(query, roadmap, road)
         if len(points):
             path = query.annotated(points)

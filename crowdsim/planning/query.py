@@ -28,11 +28,11 @@ class Query(NamedTuple):
     def annotated(self, points: NDArray[np.float64]) -> AnnotatedPath:
         """Algorithm 2: the polyline (n, 2) with its cheapest sections; none and infinite cost where nothing fits.
 
-        The layer of the legs is not tested again, unless it is the only one: every path is found with their clearance.
+        The layer of the legs is not tested again where there are others: every path is found with their clearance.
         """
-        first = min(1, len(self.meshes) - 1)
-        upper = tuple(mesh.arrays for mesh in self.meshes[first:])
         need = self.need
+        first = need.first_labelled
+        upper = tuple(mesh.arrays for mesh in self.meshes[first:])
         radii = np.ascontiguousarray(need.radii[:, first:] - TOUCH)
         found, cost, _ = annotate(upper, radii, need.costs, need.turned, self.terms, points)
         sections = tuple(Section(int(label), start, end) for label, start, end in found.tolist())

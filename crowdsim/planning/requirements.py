@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import BehaviorError
 from crowdsim.planning.behaviors import Behavior
-
-if TYPE_CHECKING:
-    from crowdsim.navmesh.navmesh import NavMesh
 
 TOUCH = 8e-6
 """Meters a path may come closer than planned: it touches corners at exactly its clearance."""
@@ -60,16 +56,11 @@ class Requirements:
         return len(self.costs)
 
     @property
+    def first_labelled(self) -> int:
+        """The lowest layer that tells which behavior fits: the legs' asks all behaviors for the same."""
+        return min(1, self.radii.shape[1] - 1)
+
+    @property
     def search_radius(self) -> float:
         """Clearance of the legs, the least that a path must keep from everything."""
         return float(self.radii[0, 0])
-
-    def blocked(self, meshes: Sequence[NavMesh], points: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """For each behavior the arc-length intervals (k, 2) of a polyline where an upper layer is too narrow for it."""
-        return [
-            np.concatenate(
-                [np.empty((0, 2))]
-                + [mesh.violations(points, row[layer + 1] - TOUCH) for layer, mesh in enumerate(meshes[1:])]
-            )
-            for row in self.radii
-        ]

@@ -39,7 +39,7 @@ class Roadmap:
         self.terms = terms
         radii = np.ascontiguousarray(need.radii)
         self._radii = radii
-        self._touching = np.ascontiguousarray(need.radii[:, 1:] - TOUCH)
+        self._touching = np.ascontiguousarray(need.radii[:, need.first_labelled :] - TOUCH)
         self.points, self.spans = roadmap_kernels.place_points(self.layers, radii)
         self.around = roadmap_kernels.corner_radii(self.layers, radii)
         self.ways = roadmap_kernels.join_points(self.layers, radii, self.around, self.points, self.spans)
@@ -90,14 +90,15 @@ class Roadmap:
             )  # fmt: skip
         return road, float(cost)
 
-    def polish(self, road: NDArray[np.int64], query: Query, rounds: int) -> AnnotatedPath | None:
+    def polish(self, road: NDArray[np.int64], query: Query) -> AnnotatedPath | None:
         """The cheapest string found along a road, or None where it tangles or fits nothing."""
         need = self.need
         radius = need.search_radius
         least = radius - 1e-6 * radius - 2.0 * float(self.layers[0].frame["cell"][0])
         line, found, cost = polishing_kernels.polish_road(
-            self.layers[0], self.layers[1:], self.points, road, self.around, np.empty(len(self.around)), query.ends,
-            self._touching, need.costs, need.turned, self.terms, radius, least, rounds,
+            self.layers, self.layers[need.first_labelled :], self.points, road, self.around,
+            np.empty(len(self.around)), query.ends,
+            self._touching, self._radii, need.costs, need.turned, self.terms, radius, least,
         )  # fmt: skip
         if not len(found):
             return None

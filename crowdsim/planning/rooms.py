@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.planning.behaviors import Behavior
-from crowdsim.planning.labelling import union
-from crowdsim.planning.requirements import TOUCH, Requirements
+from crowdsim.planning.requirements import Requirements
 
 if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
@@ -29,22 +28,15 @@ _ARC_STEPS = 4
 class Room(NamedTuple):
     """Where to search for paths that fit a behavior.
 
-    radius: clearance with which a path on ``mesh`` does. keeps: what such a path keeps, as (layer's mesh, clearance).
-    growth: meters up to which more clearance is not yet that of the next wider room.
+    radius: clearance with which a path on ``mesh`` does.
     """
 
     mesh: NavMesh
     radius: float
-    keeps: tuple[tuple[NavMesh, float], ...]
-    growth: float
 
     def find_path(self, ends: NDArray[np.float64], slack: float = 0.0) -> NDArray[np.float64]:
         """Points of the shortest path that keeps ``slack`` more than needed; PathNotFound where there is none."""
         return self.mesh.find_path(ends[0], ends[1], self.radius + slack).points
-
-    def too_close(self, points: NDArray[np.float64], slack: float = 0.0) -> NDArray[np.float64]:
-        """Arc-length intervals (k, 2) of a polyline that keep less than the room's clearance and ``slack``."""
-        return union(np.concatenate([mesh.violations(points, radius + slack - TOUCH) for mesh, radius in self.keeps]))
 
 
 def room_polygons(
@@ -91,18 +83,9 @@ def make_rooms(
     behavior fits there or not.
     """
     order = range(need.count - 1, -1, -1)
-    growths = [np.inf, *(need.radii[1:] - need.radii[:-1]).max(axis=1)[::-1]]
     if given is not None:
-        rooms = [
-            Room(mesh, need.search_radius, tuple(zip(meshes, need.radii[i].tolist(), strict=True)), float(growth))
-            for i, growth in zip(order, growths, strict=True)
-            if (mesh := given[i]) is not None
-        ]
-        legs = Room(meshes[0], need.search_radius, ((meshes[0], need.search_radius),), 0.0)
+        rooms = [Room(mesh, need.search_radius) for i in order if (mesh := given[i]) is not None]
+        legs = Room(meshes[0], need.search_radius)
         return (*rooms, legs) if need.radii[0].max() > need.search_radius or not rooms else tuple(rooms)
     reach = np.unique(np.append(need.radii.max(axis=1), need.search_radius))[::-1]
-    growths = [np.inf, *(reach[:-1] - reach[1:])]
-    return tuple(
-        Room(meshes[0], radius, ((meshes[0], radius),), float(growth))
-        for radius, growth in zip(reach.tolist(), growths, strict=True)
-    )
+    return tuple(Room(meshes[0], radius) for radius in reach.tolist())

@@ -13,11 +13,11 @@ from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE, set_node, tangen
 
 CORNER = np.dtype(
     [("x", np.float64), ("y", np.float64), ("side", np.float64), ("most", np.float64)]
-    + [("reach", np.float64), ("kept", np.float64), ("vertex", np.int64)],
+    + [("reach", np.float64), ("kept", np.float64), ("vertex", np.int64), ("first", np.int64), ("last", np.int64)],
     align=True,
 )
 """A vertex of a channel. side: 1 where it is to the left, -1 to the right. most: how far a string may keep from it and
-still pass. reach: how far it is to; kept: how far the best one did.
+still pass. reach: how far it is to; kept: the same where nothing is pinned. first, last: sides of the channel it ends.
 """
 
 FULL = 0.98
@@ -196,6 +196,7 @@ def channel_corners(m, channel, count, around, radius, ends, corners):
                 filled += 1
                 corner = corners[known]
                 corner.vertex = v
+                corner.first = k
                 corner.x = vertices[v].x
                 corner.y = vertices[v].y
                 corner.side = 1.0 if left == 1 else -1.0
@@ -203,6 +204,7 @@ def channel_corners(m, channel, count, around, radius, ends, corners):
                 for end in range(2):
                     corner.most = min(corner.most, math.hypot(corner.x - ends[end, 0], corner.y - ends[end, 1]))
             corner = corners[known]
+            corner.last = k
             wide = gap
             if turn >= 0 and sides[turn].org == v:
                 wide = min(wide, sides[turn].clr)
@@ -211,43 +213,28 @@ def channel_corners(m, channel, count, around, radius, ends, corners):
 
 
 @helper
-def fill_gaps(m, channel, levels, count, around, corners, filled, part, radius, reach):
-    """Set the reach of all corners, in ``reach`` (nv,) too.
-
-    It is what the least behavior that passes asks for; where that is not the widest, the circles of both ends of a
-    side fill ``part`` of it at least. With ``part`` 0 they are as the narrow behavior asks.
-    """
+def fill_gaps(m, channel, levels, count, around, corners, filled, radius, reach):
+    """Set the reach of all corners, in ``reach`` (nv,) too: what the behaviors ask for that pass."""
     sides = m.sides
-    cap = around.shape[1] - 1
+    top = around.shape[1] - 1
     for c in range(filled):
         reach[corners[c].vertex] = corners[c].most
     for k in range(count):
-        if levels[k] == cap:
-            continue
-        # Both ends of the side come closer alike.
-        a = sides[channel[k]].org
-        b = sides[nxt(channel[k])].org
-        gap = math.hypot(m.vertices[a].x - m.vertices[b].x, m.vertices[a].y - m.vertices[b].y)
-        least_a = max(radius, around[a, 0])
-        least_b = max(radius, around[b, 0])
-        more_a = max(around[a, cap] - least_a, 0.0)
-        more_b = max(around[b, cap] - least_b, 0.0)
-        share = 0.0
-        if more_a + more_b > 0.0:
-            share = min(1.0, max(0.0, (part * gap - least_a - least_b) / (more_a + more_b)))
-        if part == 0.0:
-            more_a = max(around[a, levels[k]] - least_a, 0.0)
-            more_b = max(around[b, levels[k]] - least_b, 0.0)
-            share = 1.0
-        reach[a] = min(reach[a], least_a + share * more_a)
-        reach[b] = min(reach[b], least_b + share * more_b)
+        if levels[k] < top:
+            a = sides[channel[k]].org
+            b = sides[nxt(channel[k])].org
+            reach[a] = min(reach[a], max(radius, around[a, levels[k]]))
+            reach[b] = min(reach[b], max(radius, around[b, levels[k]]))
     for c in range(filled):
         corners[c].reach = reach[corners[c].vertex]
+        corners[c].kept = corners[c].reach
 
 
 @helper
-def keep_off(nodes, size, corners, filled):
+def keep_off(nodes, size, corners, filled, low, high):
     """Wind the string around all corners that it is closer to than their reach; its new size, -1 where it tangles.
+
+    Only those count that end a side of the channel from ``low`` to ``high``.
 
     The funnel takes the ends of sides one after the other, but wide circles of close corners may touch the string in
     another order.
@@ -269,6 +256,8 @@ def keep_off(nodes, size, corners, filled):
         most = _TOUCHING
         for c in range(filled):
             corner = corners[c]
+            if corner.last < low or corner.first > high:
+                continue
             # How far beyond its circle, on the other side of it, the line is.
             over = corner.reach - corner.side * ((corner.y - ay) * dx - (corner.x - ax) * dy)
             if over > most and over < 2.0 * corner.reach:
