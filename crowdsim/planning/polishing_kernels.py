@@ -35,8 +35,8 @@ def polish_road(layers, upper, points, road, around, reach, ends, radii, full, c
 
     The first string is not pinned, the second in all gates, the next differ from the cheapest by one gate each; at
     last stations of the cheapest shift. All keep ``radius`` in the lowest of ``layers``, ``least`` of it at least.
-    upper: those labelled by, with radii (n, k) as of `annotate`. around: (nv, n) of `corner_radii`. reach: (nv,) scratch.
-    full: (n, m), radii on all layers.
+    upper: those labelled by, with radii (n, k) as of `annotate`. around: (nv, n) of `corner_radii`. reach: (nv,), for
+    scratch. full: (n, m), radii on all layers.
     """
     m = layers[0]
     top = costs.size - 1
