@@ -28,11 +28,12 @@ _ARC_STEPS = 4
 class Room(NamedTuple):
     """Where to search for paths that fit a behavior.
 
-    radius: clearance with which a path on ``mesh`` does.
+    radius: clearance with which a path on ``mesh`` does. keeps: what such a path keeps, as (layer's mesh, clearance).
     """
 
     mesh: NavMesh
     radius: float
+    keeps: tuple[tuple[NavMesh, float], ...]
 
     def find_path(self, ends: NDArray[np.float64], slack: float = 0.0) -> NDArray[np.float64]:
         """Points of the shortest path that keeps ``slack`` more than needed; PathNotFound where there is none."""
@@ -84,8 +85,12 @@ def make_rooms(
     """
     order = range(need.count - 1, -1, -1)
     if given is not None:
-        rooms = [Room(mesh, need.search_radius) for i in order if (mesh := given[i]) is not None]
-        legs = Room(meshes[0], need.search_radius)
+        rooms = [
+            Room(mesh, need.search_radius, tuple(zip(meshes, need.radii[i].tolist(), strict=True)))
+            for i in order
+            if (mesh := given[i]) is not None
+        ]
+        legs = Room(meshes[0], need.search_radius, ((meshes[0], need.search_radius),))
         return (*rooms, legs) if need.radii[0].max() > need.search_radius or not rooms else tuple(rooms)
     reach = np.unique(np.append(need.radii.max(axis=1), need.search_radius))[::-1]
-    return tuple(Room(meshes[0], radius) for radius in reach.tolist())
+    return tuple(Room(meshes[0], radius, ((meshes[0], radius),)) for radius in reach.tolist())

@@ -10,7 +10,7 @@ from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.heap_kernels import HEAP_ROW
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.planning import roadmap_search_kernels
+from crowdsim.planning import polishing_kernels, roadmap_search_kernels
 from crowdsim.planning.labelling_kernels import TERMS
 from crowdsim.planning.planner import PLANNERS, plan_path
 from crowdsim.planning.query import Query
@@ -183,6 +183,19 @@ def test_gates_are_crossed_where_the_widest_behavior_comes_closest(gap, wall, le
     narrow = max(2.0 * off, TERMS[1])
     bend = 0.5 * np.pi * width  # around the corner of the gate at most
     assert polished.cost <= sum(wide) + 2.0 * bend + need.costs[0] * narrow + 2.0 * TERMS[0] + 1e-6
+
+
+def test_a_road_that_does_not_hang_together_has_no_string():
+    _, meshes, _ = place(5, 20)
+    need = Requirements.of(BEHAVIORS, 2, TRACKING_MARGIN)
+    roadmap = roadmap_of(meshes, need)
+    line, sections, cost = polishing_kernels.polish_road(
+        roadmap.layers, roadmap.points, np.empty((0, 2), np.int64), roadmap.around, np.empty(len(roadmap.around)),
+        ends_in(meshes, 5), np.ascontiguousarray(need.radii[:, 1:]), need.radii, need.costs, need.turned, TERMS,
+        need.search_radius, 0.99 * need.search_radius,
+    )  # fmt: skip
+    assert len(line) == len(sections) == 0
+    assert cost == np.inf
 
 
 def test_a_roadmap_is_made_anew_after_an_edit():
