@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.paths.detour_kernels import keeps_off
 from crowdsim.navmesh.paths.detours import Detours
-from crowdsim.planning.annotated_path import AnnotatedPath, Section, arc_lengths
+from crowdsim.planning.annotated_path import AnnotatedPath, Section
 from crowdsim.planning.labelling_kernels import MIN_SECTION
 from crowdsim.planning.query import Query
 
@@ -46,59 +46,54 @@ def plan_greedy(query: Query, keep_blockers: bool, annotate: Annotate | None = N
         direct = query.meshes[0].find_path(query.ends[0], query.ends[1], radius)
     except PathNotFound:
         return None
-    label = _Labels(query.annotated if annotate is None else annotate)
-    best = label(direct.points)
+    sections = query.annotated if annotate is None else annotate
+    cost_of = _Costs((lambda points: query.labelled(points)[1]) if annotate is None else lambda p: annotate(p).cost)
+    best = sections(direct.points)
     with _own_detours(query.meshes[0]) as detours:
         mesh, handles = detours.mesh, []
-        tried: dict[tuple[int, ...], NDArray[np.float64]] = {}
+        closest = radius - mesh.tolerance(radius)
+        tried: dict[tuple[int, int], NDArray[np.float64]] = {}
         try:
             detours.aim(query.ends[0], query.ends[1], radius, direct.length)
             for _ in range(_MOST_ROUNDS):
-                cheapest, blocker = best, None
+                least, blocker, chosen = best.cost, None, best.points
                 for point in _conflict_points(query, best):
-                    place = tuple(np.rint(point / _SAME_PLACE).astype(np.int64).tolist())
+                    x, y = point.tolist()
+                    place = round(x / _SAME_PLACE), round(y / _SAME_PLACE)
                     if place in tried:  # with fewer blockers, and it was no cheaper than what is best by now
                         continue
                     handle = mesh.insert_obstacle(point)
                     try:
-                        points = detours.path()
+                        points, length = detours.path()
                     finally:
                         mesh.remove(handle)
                     tried[place] = _NOWHERE if points is None else points
-                    if points is None or _length(points) >= cheapest.cost / preferred:
-                        continue
-                    path = label(points)
-                    if path.cost < cheapest.cost:
-                        cheapest, blocker = path, point
+                    if points is not None and length * preferred < least and (cost := cost_of(points)) < least:
+                        least, blocker, chosen = cost, point, points
                 if blocker is None:
                     break
-                best = cheapest
+                best = sections(chosen)
                 if keep_blockers:
                     handles.append(mesh.insert_obstacle(blocker))
-                    least = radius - mesh.tolerance(radius)
-                    tried = {k: points for k, points in tried.items() if keeps_off(points, *blocker.tolist(), least)}
+                    tried = {k: points for k, points in tried.items() if keeps_off(points, *blocker.tolist(), closest)}
         finally:
             for handle in handles:
                 mesh.remove(handle)
     return best if best.sections else None
 
 
-class _Labels:
-    """Sections of paths, found once for each: many blockers lead to the same detour."""
+class _Costs:
+    """Costs of paths, found once for each: many blockers lead to the same detour."""
 
-    def __init__(self, annotate: Annotate) -> None:
-        self._annotate = annotate
-        self._known: dict[bytes, AnnotatedPath] = {}
+    def __init__(self, cost: Callable[[NDArray[np.float64]], float]) -> None:
+        self._cost = cost
+        self._known: dict[bytes, float] = {}
 
-    def __call__(self, points: NDArray[np.float64]) -> AnnotatedPath:
+    def __call__(self, points: NDArray[np.float64]) -> float:
         key = points.tobytes()
         if key not in self._known:
-            self._known[key] = self._annotate(points)
+            self._known[key] = self._cost(points)
         return self._known[key]
-
-
-def _length(points: NDArray[np.float64]) -> float:
-    return float(arc_lengths(points)[-1])
 
 
 def _conflict_points(query: Query, path: AnnotatedPath) -> NDArray[np.float64]:

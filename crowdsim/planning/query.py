@@ -30,9 +30,14 @@ class Query(NamedTuple):
 
         The layer of the legs is not tested again: every path is found with their clearance.
         """
+        found, cost = self.labelled(points)
+        sections = tuple(Section(int(label), start, end) for label, start, end in found.tolist())
+        return AnnotatedPath(points, arc_lengths(points), sections, cost)
+
+    def labelled(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+        """Sections (k, 3) of the polyline (behavior, start, end) and their cost, as of :meth:`annotated`."""
         upper = tuple(mesh.arrays for mesh in self.meshes[1:])
         need = self.need
         radii = np.ascontiguousarray(need.radii[:, 1:] - TOUCH)
         found, cost, _ = annotate(upper, radii, need.costs, need.turned, self.terms, points)
-        sections = tuple(Section(int(label), start, end) for label, start, end in found.tolist())
-        return AnnotatedPath(points, arc_lengths(points), sections, float(cost))
+        return found, float(cost)

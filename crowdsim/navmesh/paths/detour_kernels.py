@@ -22,8 +22,12 @@ def make_guide(m, work, sx, sy, gx, gy, radius, least, limit, guide):
 
 @kernel
 def plan_guided(m, work, sx, sy, gx, gy, radius, least, guide):
-    """(status, points (n, 2)) as of :func:`crowdsim.navmesh.paths.path_kernels.plan_path`, found with ``guide``."""
-    return plan_path(m, None, work, sx, sy, gx, gy, radius, least, guide)
+    """(status, points (n, 2), meters) as of `crowdsim.navmesh.paths.path_kernels.plan_path`, found with ``guide``."""
+    status, points = plan_path(m, None, work, sx, sy, gx, gy, radius, least, guide)
+    length = 0.0
+    for k in range(points.shape[0] - 1):
+        length += math.hypot(points[k + 1, 0] - points[k, 0], points[k + 1, 1] - points[k, 1])
+    return status, points, length
 
 
 @kernel

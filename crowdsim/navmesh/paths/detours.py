@@ -44,14 +44,20 @@ class Detours:
         with workspace(len(arrays.wind)) as work:
             detour_kernels.make_guide(arrays, work, *self._ends, limit, self._guide)
 
-    def path(self) -> Floats | None:
-        """The points (n, 2) of a path in the mesh as it is now, as of `NavMesh.find_path`; None where there is none."""
+    def path(self) -> tuple[Floats | None, float]:
+        """The points (n, 2) of a path in the mesh as it is now, as of `NavMesh.find_path`, and its meters.
+
+        None and infinite where there is no path.
+        """
         arrays = self.mesh.arrays
         with workspace(len(arrays.wind)) as work:
-            status, points = detour_kernels.plan_guided(arrays, work, *self._ends, self._guide)
+            status, points, length = detour_kernels.plan_guided(arrays, work, *self._ends, self._guide)
+        if status == FOUND:
+            return points, length
         if status == TANGLED:
             try:
-                return self.mesh.find_path(self._ends[:2], self._ends[2:4], self._ends[4]).points
+                path = self.mesh.find_path(self._ends[:2], self._ends[2:4], self._ends[4])
+                return path.points, path.length
             except PathNotFound:
-                return None
-        return points if status == FOUND else None
+                pass
+        return None, np.inf
