@@ -21,7 +21,7 @@ from crowdsim.navmesh.paths.detour_kernels import keeps_off
 from crowdsim.navmesh.paths.detours import Detours
 from crowdsim.planning.annotated_path import AnnotatedPath, Section
 from crowdsim.planning.labelling_kernels import MIN_SECTION
-from crowdsim.planning.query import Query
+from crowdsim.planning.query import Query, with_sections
 
 if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
@@ -46,9 +46,8 @@ def plan_greedy(query: Query, keep_blockers: bool, annotate: Annotate | None = N
         direct = query.meshes[0].find_path(query.ends[0], query.ends[1], radius)
     except PathNotFound:
         return None
-    sections = query.annotated if annotate is None else annotate
-    cost_of = _Costs((lambda points: query.labelled(points)[1]) if annotate is None else lambda p: annotate(p).cost)
-    best = sections(direct.points)
+    paths = _Paths(query, annotate)
+    best = paths.path(direct.points)
     with _own_detours(query.meshes[0]) as detours:
         mesh, handles = detours.mesh, []
         closest = radius - mesh.tolerance(radius)
@@ -68,11 +67,11 @@ def plan_greedy(query: Query, keep_blockers: bool, annotate: Annotate | None = N
                     finally:
                         mesh.remove(handle)
                     tried[place] = _NOWHERE if points is None else points
-                    if points is not None and length * preferred < least and (cost := cost_of(points)) < least:
+                    if points is not None and length * preferred < least and (cost := paths.cost(points)) < least:
                         least, blocker, chosen = cost, point, points
                 if blocker is None:
                     break
-                best = sections(chosen)
+                best = paths.path(chosen)
                 if keep_blockers:
                     handles.append(mesh.insert_obstacle(blocker))
                     tried = {k: points for k, points in tried.items() if keeps_off(points, *blocker.tolist(), closest)}
@@ -82,17 +81,26 @@ def plan_greedy(query: Query, keep_blockers: bool, annotate: Annotate | None = N
     return best if best.sections else None
 
 
-class _Costs:
-    """Costs of paths, found once for each: many blockers lead to the same detour."""
+class _Paths:
+    """Paths by their points, labelled once each: many blockers lead to the same detour."""
 
-    def __init__(self, cost: Callable[[NDArray[np.float64]], float]) -> None:
-        self._cost = cost
-        self._known: dict[bytes, float] = {}
+    def __init__(self, query: Query, annotate: Annotate | None) -> None:
+        self._query = query
+        self._annotate = annotate
+        self._known: dict[bytes, AnnotatedPath | tuple[NDArray[np.float64], float]] = {}
 
-    def __call__(self, points: NDArray[np.float64]) -> float:
+    def cost(self, points: NDArray[np.float64]) -> float:
+        known = self._labelled(points)
+        return known.cost if isinstance(known, AnnotatedPath) else known[1]
+
+    def path(self, points: NDArray[np.float64]) -> AnnotatedPath:
+        known = self._labelled(points)
+        return known if isinstance(known, AnnotatedPath) else with_sections(points, *known)
+
+    def _labelled(self, points: NDArray[np.float64]) -> AnnotatedPath | tuple[NDArray[np.float64], float]:
         key = points.tobytes()
         if key not in self._known:
-            self._known[key] = self._cost(points)
+            self._known[key] = self._query.labelled(points) if self._annotate is None else self._annotate(points)
         return self._known[key]
 
 

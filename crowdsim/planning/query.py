@@ -30,9 +30,7 @@ class Query(NamedTuple):
 
         The layer of the legs is not tested again: every path is found with their clearance.
         """
-        found, cost = self.labelled(points)
-        sections = tuple(Section(int(label), start, end) for label, start, end in found.tolist())
-        return AnnotatedPath(points, arc_lengths(points), sections, cost)
+        return with_sections(points, *self.labelled(points))
 
     def labelled(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
         """Sections (k, 3) of the polyline (behavior, start, end) and their cost, as of :meth:`annotated`."""
@@ -41,3 +39,9 @@ class Query(NamedTuple):
         radii = np.ascontiguousarray(need.radii[:, 1:] - TOUCH)
         found, cost, _ = annotate(upper, radii, need.costs, need.turned, self.terms, points)
         return found, float(cost)
+
+
+def with_sections(points: NDArray[np.float64], found: NDArray[np.float64], cost: float) -> AnnotatedPath:
+    """The path along ``points`` (n, 2) with sections (k, 3), as of :meth:`Query.labelled`."""
+    sections = tuple(Section(int(label), start, end) for label, start, end in found.tolist())
+    return AnnotatedPath(points, arc_lengths(points), sections, cost)

@@ -87,9 +87,8 @@ def _leave_start(m, regions, work, start, sx, sy, gx, gy, radius, width, guide):
     for h in range(3 * start, 3 * start + 3):
         if not can_leave(sides, vertices, h, sx, sy, width):
             continue
-        if regions is not None:
-            if waypoints[regions[sides[h].twin // 3].top].stamp != stamp:
-                continue
+        if regions is not None and waypoints[regions[sides[h].twin // 3].top].stamp != stamp:
+            continue
         a = vertices[sides[h].org]
         b = vertices[sides[nxt(h)].org]
         ux = b.x - a.x
@@ -110,7 +109,7 @@ def _leave_start(m, regions, work, start, sx, sy, gx, gy, radius, width, guide):
 
 @helper
 def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide, limit):
-    """The last label of a short way from triangle ``start`` to ``goal``, -1 where none is found, and how many there are.
+    """The last label of a short way from triangle ``start`` to ``goal``, -1 where there is none, and how many were made.
 
     ``width`` is the least width passed, that of the disc of ``radius`` less what rounding may take. Where regions hang
     together by narrow passages, a way that goes back through one to turn around behind it is not found; nor is one
@@ -128,9 +127,8 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
     vertices = m.vertices
     work.stamp[0] += 1
     stamp = work.stamp[0]
-    if regions is not None:
-        if not lay_waypoints(m, regions, waypoints, heap, stamp, start, goal, gx, gy, radius):
-            return NONE, np.int64(0)
+    if regions is not None and not lay_waypoints(m, regions, waypoints, heap, stamp, start, goal, gx, gy, radius):
+        return NONE, np.int64(0)
     width = max(width, 1e-30)  # that of the corners of closed sides is 0
     most = 6 * m.frame[0].triangles - 6
     count = _leave_start(m, regions, work, start, sx, sy, gx, gy, radius, width, guide)
@@ -143,9 +141,8 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
                 break
             pop(heap, count)
             count -= 1
-            if guide is not None:
-                if heap[count].key > limit:
-                    break
+            if guide is not None and heap[count].key > limit:
+                break
             i = heap[count].item
         following = NONE
         label = labels[i]
@@ -195,9 +192,8 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
                 continue
             f = sides[e].twin
             t = f // 3
-            if regions is not None:
-                if waypoints[regions[t].top].stamp != stamp:
-                    continue
+            if regions is not None and waypoints[regions[t].top].stamp != stamp:
+                continue
             if sides[f].clr < width and sides[nxt(f)].clr < width and t != goal:
                 continue
             o = vertices[sides[around].org]
