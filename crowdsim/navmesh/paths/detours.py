@@ -34,7 +34,7 @@ class Detours:
     def __init__(self, mesh: NavMesh) -> None:
         self.mesh = mesh.with_points(np.empty((0, 2)))
         sides = 3 * int(self.mesh.arrays.frame["triangles"][0])
-        self._guide: NDArray[np.void] = np.zeros(1 << (2 * sides).bit_length(), GUIDE)
+        self._guide: NDArray[np.void] = np.zeros((1 << (2 * sides).bit_length()) + 1, GUIDE)
 
     def aim(self, start: Floats, goal: Floats, radius: float, length: float) -> None:
         """Look for ways between two places from now on, which is ``length`` meters long in the mesh as it is."""

@@ -12,11 +12,11 @@ from crowdsim.jit import helper
 from crowdsim.navmesh.half_edge_kernels import nxt
 
 GUIDE = np.dtype([("side", np.int64), ("left", np.float64), ("right", np.float64)], align=True)
-"""A row of a hash table of sides, as long as a power of two; ``side`` is 0 where it is empty.
+"""A row of a hash table of sides, one longer than a power of two; ``side`` is 0 where it is empty.
 
 side: one more than the origin, shifted left by 32 bits, and the vertex at the other end. left, right: meters to the
-goal from the ends of the side, cut by the radius, for ways that leave the side's triangle over it. Where left is
-infinite, no such way was followed: from start to goal none is shorter than ``right``.
+goal from the ends of the side, cut by the radius, for ways that leave the side's triangle over it; infinite where none
+was followed. The left of the last row, which is no side's, is the limit up to which ways were followed.
 """
 
 _SPREAD = 0x1E3779B97F4A7C15
@@ -27,9 +27,9 @@ _SPREAD = 0x1E3779B97F4A7C15
 def _row(guide, origin, end):
     """Row of the side between two vertices, or the empty one where it belongs."""
     side = ((origin + 1) << 32) + end
-    i = ((side * _SPREAD) >> 24) & (guide.size - 1)
+    i = ((side * _SPREAD) >> 24) & (guide.size - 2)
     while guide[i].side != side and guide[i].side != 0:
-        i = (i + 1) & (guide.size - 1)
+        i = (i + 1) & (guide.size - 2)
     return i
 
 
@@ -42,8 +42,9 @@ def guided_estimate(sides, vertices, guide, label, radius, otherwise):
     row = guide[_row(guide, origin, end)]
     if row.side == 0:
         return otherwise
+    limit = guide[guide.size - 1].left
     if row.left == math.inf:
-        return max(row.right, otherwise)
+        return max(limit, otherwise)
     a = vertices[origin]
     b = vertices[end]
     ux = b.x - a.x
@@ -62,7 +63,8 @@ def guided_estimate(sides, vertices, guide, label, radius, otherwise):
     width = length - 2.0 * inset
     at = min(max(0.5 * (row.right - row.left + width), low), high)
     rest = max(row.right - at, row.left - width + at)
-    return max(label.spent + math.sqrt((at - root) ** 2 + off * off) + rest, otherwise)
+    # Beyond the limit not all ways were followed, so that there may be shorter ones than known.
+    return max(min(label.spent + math.sqrt((at - root) ** 2 + off * off) + rest, limit), otherwise)
 
 
 @helper
@@ -71,6 +73,7 @@ def clear_guide(m, limit, guide):
     sides = m.sides
     for i in range(guide.size):
         guide[i].side = 0
+    guide[guide.size - 1].left = limit
     for h in range(3 * m.frame[0].triangles):
         if sides[h].cst == 0 and m.wind[h // 3] == 0:
             origin = sides[h].org
@@ -78,7 +81,7 @@ def clear_guide(m, limit, guide):
             row = guide[_row(guide, origin, end)]
             row.side = ((origin + 1) << 32) + end
             row.left = math.inf
-            row.right = limit
+            row.right = math.inf
 
 
 @helper
@@ -108,5 +111,5 @@ def fill_guide(m, labels, used, radius, guide):
         at_right = label.spent + math.sqrt((px - label.rx) ** 2 + (py - label.ry) ** 2)
         at_left += math.sqrt((b.x - ux - lx) ** 2 + (b.y - uy - ly) ** 2)
         at_right += math.sqrt((a.x + ux - px) ** 2 + (a.y + uy - py) ** 2)
-        row.right = at_left if row.left == math.inf else min(row.right, at_left)
+        row.right = min(row.right, at_left)
         row.left = min(row.left, at_right)

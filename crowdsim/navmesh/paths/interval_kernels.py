@@ -109,7 +109,7 @@ def _leave_start(m, regions, work, start, sx, sy, gx, gy, radius, width, guide):
 
 @helper
 def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide, limit):
-    """The last label of a short way from triangle ``start`` to ``goal``, -1 where there is none, and how many were made.
+    """The last label of a short way from triangle ``start`` to ``goal``, -1 for none, and the number of labels.
 
     ``width`` is the least width passed, that of the disc of ``radius`` less what rounding may take. Where regions hang
     together by narrow passages, a way that goes back through one to turn around behind it is not found; nor is one
