@@ -17,14 +17,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import PathNotFound
+from crowdsim.navmesh.paths.detour_kernels import keeps_off
+from crowdsim.navmesh.paths.detours import Detours
 from crowdsim.planning.annotated_path import AnnotatedPath, Section
 from crowdsim.planning.labelling_kernels import MIN_SECTION
-from crowdsim.planning.query import Query
+from crowdsim.planning.query import Query, with_sections
 
 if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
 
 _MOST_ROUNDS = 64
+
+_SAME_PLACE = 1e-6
+"""Meters within which conflict points are the same."""
+
+_NOWHERE = np.empty((0, 2))
+"""The points of a path that does not exist."""
 
 Annotate = Callable[[NDArray[np.float64]], AnnotatedPath]
 """The points (n, 2) of a path to the path with its sections, none where nothing fits."""
@@ -32,42 +40,68 @@ Annotate = Callable[[NDArray[np.float64]], AnnotatedPath]
 
 def plan_greedy(query: Query, keep_blockers: bool, annotate: Annotate | None = None) -> AnnotatedPath | None:
     """Algorithm 1; None where no path fits any behavior. ``annotate`` finds the sections, by default in the layers."""
-    sections = query.annotated if annotate is None else annotate
     preferred = float(query.need.costs[-1])
-    with _own_copy(query.meshes[0]) as mesh:
-        handles = []
+    radius = query.need.search_radius
+    try:
+        direct = query.meshes[0].find_path(query.ends[0], query.ends[1], radius)
+    except PathNotFound:
+        return None
+    paths = _Paths(query, annotate)
+    best = paths.path(direct.points)
+    with _own_detours(query.meshes[0]) as detours:
+        mesh, handles = detours.mesh, []
+        closest = radius - mesh.tolerance(radius)
+        tried: dict[tuple[int, int], NDArray[np.float64]] = {}
         try:
-            best = _annotated(query, mesh, sections, np.inf)
-            if best is None:
-                return None
+            detours.aim(query.ends[0], query.ends[1], radius, direct.length)
             for _ in range(_MOST_ROUNDS):
-                cheapest, blocker = best, None
+                least, blocker, chosen = best.cost, None, best.points
                 for point in _conflict_points(query, best):
+                    x, y = point.tolist()
+                    place = round(x / _SAME_PLACE), round(y / _SAME_PLACE)
+                    if place in tried:  # with fewer blockers, and it was no cheaper than what is best by now
+                        continue
                     handle = mesh.insert_obstacle(point)
                     try:
-                        path = _annotated(query, mesh, sections, cheapest.cost / preferred)
+                        points, length = detours.path()
                     finally:
                         mesh.remove(handle)
-                    if path is not None and path.cost < cheapest.cost:
-                        cheapest, blocker = path, point
+                    tried[place] = _NOWHERE if points is None else points
+                    if points is not None and length * preferred < least and (cost := paths.cost(points)) < least:
+                        least, blocker, chosen = cost, point, points
                 if blocker is None:
                     break
-                best = cheapest
+                best = paths.path(chosen)
                 if keep_blockers:
                     handles.append(mesh.insert_obstacle(blocker))
+                    tried = {k: points for k, points in tried.items() if keeps_off(points, *blocker.tolist(), closest)}
         finally:
             for handle in handles:
                 mesh.remove(handle)
     return best if best.sections else None
 
 
-def _annotated(query: Query, mesh: NavMesh, annotate: Annotate, longest: float) -> AnnotatedPath | None:
-    """The shortest path with its sections; None where there is none, or it is as long as ``longest``."""
-    try:
-        path = mesh.find_path(query.ends[0], query.ends[1], query.need.search_radius)
-    except PathNotFound:
-        return None
-    return annotate(path.points) if path.length < longest else None
+class _Paths:
+    """Paths by their points, labelled once each: many blockers lead to the same detour."""
+
+    def __init__(self, query: Query, annotate: Annotate | None) -> None:
+        self._query = query
+        self._annotate = annotate
+        self._known: dict[bytes, AnnotatedPath | tuple[NDArray[np.float64], float]] = {}
+
+    def cost(self, points: NDArray[np.float64]) -> float:
+        known = self._labelled(points)
+        return known.cost if isinstance(known, AnnotatedPath) else known[1]
+
+    def path(self, points: NDArray[np.float64]) -> AnnotatedPath:
+        known = self._labelled(points)
+        return known if isinstance(known, AnnotatedPath) else with_sections(points, *known)
+
+    def _labelled(self, points: NDArray[np.float64]) -> AnnotatedPath | tuple[NDArray[np.float64], float]:
+        key = points.tobytes()
+        if key not in self._known:
+            self._known[key] = self._query.labelled(points) if self._annotate is None else self._annotate(points)
+        return self._known[key]
 
 
 def _conflict_points(query: Query, path: AnnotatedPath) -> NDArray[np.float64]:
@@ -81,20 +115,20 @@ def _conflict_points(query: Query, path: AnnotatedPath) -> NDArray[np.float64]:
     return points[away > 2.0 * query.need.search_radius]
 
 
-_copies: weakref.WeakKeyDictionary[NavMesh, list[tuple[int, NavMesh]]] = weakref.WeakKeyDictionary()
+_kept: weakref.WeakKeyDictionary[NavMesh, list[tuple[int, Detours]]] = weakref.WeakKeyDictionary()
 _lock = threading.Lock()
 
 
 @contextmanager
-def _own_copy(mesh: NavMesh) -> Iterator[NavMesh]:
+def _own_detours(mesh: NavMesh) -> Iterator[Detours]:
     """Lend a copy of ``mesh`` that one thread may edit; who is given it leaves it as it was."""
     revision = mesh.revision
     with _lock:
-        kept = [entry for entry in _copies.get(mesh, []) if entry[0] == revision]
-        copy = kept.pop()[1] if kept else None
-        _copies[mesh] = kept
-    if copy is None:
-        copy = mesh.with_points(np.empty((0, 2)))
-    yield copy
+        kept = [entry for entry in _kept.get(mesh, []) if entry[0] == revision]
+        detours = kept.pop()[1] if kept else None
+        _kept[mesh] = kept
+    if detours is None:
+        detours = Detours(mesh)
+    yield detours
     with _lock:
-        _copies[mesh].append((revision, copy))
+        _kept[mesh].append((revision, detours))

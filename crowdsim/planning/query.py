@@ -30,10 +30,19 @@ class Query(NamedTuple):
 
         The layer of the legs is not tested again where there are others: every path is found with their clearance.
         """
+        return with_sections(points, *self.labelled(points))
+
+    def labelled(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+        """Sections (k, 3) of the polyline (behavior, start, end) and their cost, as of :meth:`annotated`."""
         need = self.need
         first = need.first_labelled
         upper = tuple(mesh.arrays for mesh in self.meshes[first:])
         radii = np.ascontiguousarray(need.radii[:, first:] - TOUCH)
         found, cost, _ = annotate(upper, radii, need.costs, need.turned, self.terms, points)
-        sections = tuple(Section(int(label), start, end) for label, start, end in found.tolist())
-        return AnnotatedPath(points, arc_lengths(points), sections, float(cost))
+        return found, float(cost)
+
+
+def with_sections(points: NDArray[np.float64], found: NDArray[np.float64], cost: float) -> AnnotatedPath:
+    """The path along ``points`` (n, 2) with sections (k, 3), as of :meth:`Query.labelled`."""
+    sections = tuple(Section(int(label), start, end) for label, start, end in found.tolist())
+    return AnnotatedPath(points, arc_lengths(points), sections, cost)

@@ -9,8 +9,8 @@ from crowdsim.navmesh.mesh_arrays import MeshArrays
 from crowdsim.navmesh.paths.search_kernels import can_leave
 
 
-def shortest_way(mesh: MeshArrays, start, triangle, goal, last, radius: float, width: float, points: int = 7) -> float:
-    """Meters from ``start`` in ``triangle`` to ``goal`` in ``last`` over ``points`` of each side; inf if none."""
+def _places_reached(mesh: MeshArrays, start, triangle, radius: float, width: float, points: int):
+    """(meters, half-edge, number, place) of ``points`` of each side in the order of the ways there from ``start``."""
     sides, vertices = mesh.sides.view(np.recarray), mesh.vertices.view(np.recarray)
 
     def after(h: int) -> int:
@@ -34,16 +34,34 @@ def shortest_way(mesh: MeshArrays, start, triangle, goal, last, radius: float, w
     for h in range(3 * triangle, 3 * triangle + 3):
         if can_leave.py_func(sides, vertices, h, *start, width):
             reach(h, 0.0, start)
-    shortest = math.inf
     while heap:
         spent, h, k = heapq.heappop(heap)
-        if spent > best[h, k] or spent >= shortest:
+        if spent > best[h, k]:
             continue
         place = places(h)[k]
+        yield spent, h, k, place
         g = int(sides[h].twin)
-        if g // 3 == last and can_leave.py_func(sides, vertices, g, *goal, width):
-            shortest = min(shortest, spent + math.dist(place, goal))
         for e, around in ((after(g), after(g)), (after(after(g)), g)):
             if sides[e].cst == 0 and sides[around].clr >= width:
                 reach(e, spent, place)
+
+
+def shortest_way(mesh: MeshArrays, start, triangle, goal, last, radius: float, width: float, points: int = 7) -> float:
+    """Meters from ``start`` in ``triangle`` to ``goal`` in ``last`` over ``points`` of each side; inf if none."""
+    sides, vertices = mesh.sides.view(np.recarray), mesh.vertices.view(np.recarray)
+    shortest = math.inf
+    for spent, h, _, place in _places_reached(mesh, start, triangle, radius, width, points):
+        if spent >= shortest:
+            break
+        g = int(sides[h].twin)
+        if g // 3 == last and can_leave.py_func(sides, vertices, g, *goal, width):
+            shortest = min(shortest, spent + math.dist(place, goal))
     return shortest
+
+
+def side_distances(mesh: MeshArrays, start, triangle, radius: float, width: float, points: int = 7):
+    """Half-edge -> meters from ``start`` in ``triangle`` to its cut right and left end, for those that are reached."""
+    found: dict[int, list[float]] = {}
+    for spent, h, k, _ in _places_reached(mesh, start, triangle, radius, width, points):
+        found.setdefault(h, [math.inf] * points)[k] = spent
+    return {h: (meters[0], meters[-1]) for h, meters in found.items()}

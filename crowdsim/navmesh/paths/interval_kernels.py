@@ -13,6 +13,7 @@ from crowdsim.jit import helper
 from crowdsim.navmesh.half_edge_kernels import nxt, prv
 from crowdsim.navmesh.heap_kernels import place, pop
 from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.paths.guide_kernels import guided_estimate
 from crowdsim.navmesh.paths.region_kernels import lay_waypoints
 from crowdsim.navmesh.paths.search_kernels import can_leave
 from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE, set_node
@@ -74,7 +75,7 @@ def _estimate(label, x, y):
 
 
 @helper
-def _leave_start(m, regions, work, start, sx, sy, radius, width):
+def _leave_start(m, regions, work, start, sx, sy, gx, gy, radius, width, guide):
     """Put labels of the sides that lead out of triangle ``start`` towards the goal into the heap; their number."""
     labels = work.labels
     heap = work.heap
@@ -86,8 +87,7 @@ def _leave_start(m, regions, work, start, sx, sy, radius, width):
     for h in range(3 * start, 3 * start + 3):
         if not can_leave(sides, vertices, h, sx, sy, width):
             continue
-        aim = waypoints[regions[sides[h].twin // 3].top]
-        if aim.stamp != stamp:
+        if regions is not None and waypoints[regions[sides[h].twin // 3].top].stamp != stamp:
             continue
         a = vertices[sides[h].org]
         b = vertices[sides[nxt(h)].org]
@@ -97,17 +97,27 @@ def _leave_start(m, regions, work, start, sx, sy, radius, width):
         ux *= k
         uy *= k
         _set_label(labels[count], sx, sy, 0.0, b.x - ux, b.y - uy, a.x + ux, a.y + uy, h, NONE, NONE, np.int64(3))
-        count = place(heap, count, _GREED * aim.rest + _estimate(labels[count], aim.x, aim.y), count)
+        key = 0.0
+        if guide is not None:
+            key = guided_estimate(sides, vertices, guide, labels[count], radius, _estimate(labels[count], gx, gy))
+        if regions is not None:
+            aim = waypoints[regions[sides[h].twin // 3].top]
+            key = _GREED * aim.rest + _estimate(labels[count], aim.x, aim.y)
+        count = place(heap, count, key, count)
     return count
 
 
 @helper
-def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
-    """The last label of a short way from triangle ``start`` to ``goal``, -1 where none is found.
+def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide, limit):
+    """The last label of a short way from triangle ``start`` to ``goal``, -1 for none, and the number of labels.
 
     ``width`` is the least width passed, that of the disc of ``radius`` less what rounding may take. Where regions hang
     together by narrow passages, a way that goes back through one to turn around behind it is not found; nor is one
     for which there is no room in the workspace.
+
+    ``guide`` is None, or a :func:`crowdsim.navmesh.paths.guide_kernels.fill_guide` to this goal, which stands in for
+    ``regions`` (None then). With a guide the triangle ``goal`` may be -1: then all ways are followed as far as they may
+    be shorter than ``limit``.
     """
     labels = work.labels
     heap = work.heap
@@ -117,11 +127,11 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
     vertices = m.vertices
     work.stamp[0] += 1
     stamp = work.stamp[0]
-    if not lay_waypoints(m, regions, waypoints, heap, stamp, start, goal, gx, gy, radius):
-        return NONE
+    if regions is not None and not lay_waypoints(m, regions, waypoints, heap, stamp, start, goal, gx, gy, radius):
+        return NONE, np.int64(0)
     width = max(width, 1e-30)  # that of the corners of closed sides is 0
     most = 6 * m.frame[0].triangles - 6
-    count = _leave_start(m, regions, work, start, sx, sy, radius, width)
+    count = _leave_start(m, regions, work, start, sx, sy, gx, gy, radius, width, guide)
     used = count
     following = NONE  # the best of the labels just made need not pass through the heap if nothing in there is better
     while used < most:
@@ -131,6 +141,8 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
                 break
             pop(heap, count)
             count -= 1
+            if guide is not None and heap[count].key > limit:
+                break
             i = heap[count].item
         following = NONE
         label = labels[i]
@@ -143,7 +155,7 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
         h = np.int64(label.h)
         g = sides[h].twin
         if g // 3 == goal and can_leave(sides, vertices, g, gx, gy, width):
-            return i
+            return i, used
         before = np.int64(label.before)
         ends = np.int64(label.ends)
         lx = label.lx
@@ -180,8 +192,9 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
                 continue
             f = sides[e].twin
             t = f // 3
-            aim = waypoints[regions[t].top]
-            if aim.stamp != stamp or (sides[f].clr < width and sides[nxt(f)].clr < width and t != goal):
+            if regions is not None and waypoints[regions[t].top].stamp != stamp:
+                continue
+            if sides[f].clr < width and sides[nxt(f)].clr < width and t != goal:
                 continue
             o = vertices[sides[around].org]
             ux = vx - o.x
@@ -233,8 +246,12 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
             continue
         best = math.inf
         for k in range(first, used):
-            aim = waypoints[regions[sides[labels[k].h].twin // 3].top]
-            key = _GREED * aim.rest + _estimate(labels[k], aim.x, aim.y)
+            key = 0.0
+            if guide is not None:
+                key = guided_estimate(sides, vertices, guide, labels[k], radius, _estimate(labels[k], gx, gy))
+            if regions is not None:
+                aim = waypoints[regions[sides[labels[k].h].twin // 3].top]
+                key = _GREED * aim.rest + _estimate(labels[k], aim.x, aim.y)
             if key < best:
                 if following >= 0:
                     count = place(heap, count, best, following)
@@ -245,7 +262,7 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width):
         if following >= 0 and count > 0 and heap[0].key < best:
             count = place(heap, count, best, following)
             following = NONE
-    return NONE
+    return NONE, used
 
 
 @helper

@@ -124,12 +124,13 @@ def straight_path(sx, sy, gx, gy):
 
 
 @helper
-def plan_path(m, regions, work, sx, sy, gx, gy, radius, least):
+def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide):
     """(status, points (n, 2)) of a short path of a disc of ``radius`` that comes nowhere closer than ``least``.
 
     Found whenever one exists, but for the few that end TANGLED. ``regions`` (nt,) are those of
     :func:`crowdsim.navmesh.paths.region_kernels.find_regions`, ``work`` is a
-    :class:`crowdsim.navmesh.paths.workspace.Workspace`.
+    :class:`crowdsim.navmesh.paths.workspace.Workspace`. ``guide`` is None, or one of
+    :func:`crowdsim.navmesh.paths.guide_kernels.fill_guide` for the goal, with which ``regions`` is None.
     """
     points = np.empty((0, 2))
     stack = np.empty(64, SWEPT)
@@ -148,7 +149,7 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least):
         done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False))
         if done:
             return OK, points
-    last = find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, 2.0 * least)
+    last, _ = find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, 2.0 * least, guide, math.inf)
     if last >= 0:
         nodes, count = string_along(m, work.labels, last, sx, sy, gx, gy, radius)
         done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False))
@@ -192,7 +193,7 @@ def plan_paths(m, regions, work, starts, goals, radii, least, status, lengths, c
     filled = np.int64(0)
     for i in range(status.size):
         found, path = plan_path(
-            m, regions, work, starts[i, 0], starts[i, 1], goals[i, 0], goals[i, 1], radii[i], least[i]
+            m, regions, work, starts[i, 0], starts[i, 1], goals[i, 0], goals[i, 1], radii[i], least[i], None
         )
         status[i] = found
         counts[i] = 0
