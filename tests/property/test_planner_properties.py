@@ -76,15 +76,16 @@ def assert_sound(path, polygons):
 def test_plans_are_sound_and_no_dearer_than_the_published_planner(seed, count):
     polygons, meshes, rooms = place(seed, count)
     ends = ends_in(meshes, seed)
+    names = sorted(set(PLANNERS) - {"collision3d"})  # which asks for bodies
     paths = {}
-    for name in PLANNERS:
+    for name in names:
         try:
             paths[name] = plan_path(meshes, BEHAVIORS, *ends, rooms=rooms, planner=name, slack=False)
         except PathNotFound:
             continue
         assert_sound(paths[name], polygons)
         assert paths[name].bound <= paths[name].cost * (1.0 + 1e-6)
-    assert len(paths) in (0, len(PLANNERS))
+    assert len(paths) in (0, len(names))
     if paths:
         assert paths["layered"].cost <= paths["greedy_literal"].cost * (1.0 + 1e-6)
         assert paths["greedy"].cost <= paths["greedy_literal"].cost * 1.2
