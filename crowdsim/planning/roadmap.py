@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from crowdsim.navmesh.heap_kernels import HEAP_ROW
 from crowdsim.planning import polishing_kernels, roadmap_kernels, roadmap_search_kernels
-from crowdsim.planning.annotated_path import AnnotatedPath, Section, arc_lengths
+from crowdsim.planning.annotated_path import AnnotatedPath
 from crowdsim.planning.labelling_kernels import TERMS
+from crowdsim.planning.query import Query, with_sections
 from crowdsim.planning.requirements import TOUCH, Requirements
 
 if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
-    from crowdsim.planning.query import Query
+
 
 LANDMARKS = 12
 """Points of the roadmap from where the costs to all others are kept, as bounds for the search."""
@@ -100,10 +101,7 @@ class Roadmap:
             np.empty(len(self.around)), query.ends,
             self._touching, self._radii, need.costs, need.turned, self.terms, radius, least,
         )  # fmt: skip
-        if not len(found):
-            return None
-        sections = tuple(Section(int(label), start, end) for label, start, end in found.tolist())
-        return AnnotatedPath(line, arc_lengths(line), sections, float(cost))
+        return with_sections(line, found, float(cost)) if len(found) else None
 
 
 _Key = tuple[tuple[int, ...], bytes, bytes, bytes, bytes]
