@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from crowdsim.errors import MotionError
+
 
 class Style(NamedTuple):
     """How feet and body go about short steps.
@@ -106,11 +108,22 @@ DANCING = Manner(
     Gait("normal", 1.00, 68, 26.0, 0.065),
     Gait("slow", 0.84, 76, 28.0, 0.070),
     Gait("brisk", 1.14, 62, 24.0, 0.060),
-    lift=0.03, crouch=0.02, bounce=2.0, sway=1.5, pelvis_yaw=0.20, pelvis_roll=0.13, trunk_yaw=0.30, trunk_roll=0.13,
-    lean=0.0, arm_swing=0.25, elbow=1.25, elbow_swing=0.3, arm_out=float(np.radians(52.0)), arm_twist=-0.9, wave=0.38,
+    lift=0.03, bounce=1.6, sway=1.5, pelvis_yaw=0.20, pelvis_roll=0.13, trunk_yaw=0.30, trunk_roll=0.13,
+    lean=0.0, arm_swing=0.25, elbow=1.35, elbow_swing=0.3, arm_out=float(np.radians(52.0)), arm_twist=-1.4, wave=0.38,
     head_pitch=-0.04, head_roll=-0.08,
 )  # fmt: skip
 """Short swaying steps with raised arms that wave from side to side."""
 
 MANNERS = {manner.name: manner for manner in (PLAIN, HAPPY, DANCING)}
 """All of them by the names of their motion sets."""
+
+DEFAULT_SET = PLAIN.name
+"""The motion set whose clips lie in the behaviors' folders; the others are synthesized when they are asked for."""
+
+
+def find_manner(motion_set: str) -> Manner:
+    """The manner of the motion set called ``motion_set``; MotionError lists what there is."""
+    try:
+        return MANNERS[motion_set]
+    except KeyError:
+        raise MotionError(f"no motion set is called '{motion_set}'; there are {', '.join(MANNERS)}") from None
