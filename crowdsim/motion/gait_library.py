@@ -202,3 +202,9 @@ def synthesize_set(manner: Manner = PLAIN) -> list[tuple[str, str, Clip]]:
     clips += [("arm_constrained", clip) for clip in [*map(_held, [*constrained, stand]), *_arm_transitions(manner)]]
     clips += [("lateral", clip) for clip in [*map(synthesize, side), *_quarter_turns(manner), stand]]
     return [(folder, f"{clip.name}.bvh", clip) for folder, clip in clips]
+
+
+def motion_database(manner: Manner) -> list[Clip]:
+    """The clips of a motion set that nothing was edited in, each name once: walks and turns, then side steps."""
+    clips = [clip for folder, _, clip in synthesize_set(manner) if folder != "arm_constrained"]
+    return list({clip.name: clip for clip in clips}.values())
