@@ -1,5 +1,6 @@
 """A* on a motion graph among obstacles (2011 paper, tables 2 and 3): collision tests against the channel of a path, and
-what inverse branch kinematics takes off the search; in the graph with all its edges, and with as few as the paper's.
+what inverse branch kinematics takes off the search; in the feature-based graph with all its edges, with as few as the
+paper's, and where captures are given in their standard graph.
 
 Times are milliseconds of one thread, the best of :data:`PASSES` for each query. Means are over the queries that were
 solved with and without bending.
@@ -26,7 +27,10 @@ from crowdsim.following.channel import Channel, make_channel
 from crowdsim.following.graph_search import SearchOptions, SearchResult, search_graph
 from crowdsim.following.path_follower import FollowStatus
 from crowdsim.following.probes import Probes, body_probes
+from crowdsim.motion.capture_files import capture_paths
+from crowdsim.motion.capture_sets import as_sources, read_clips
 from crowdsim.motion.graph_arrays import GraphArrays
+from crowdsim.motion.standard_graph import build_standard_graph
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.behavior_library import load_behavior_set
 
@@ -77,16 +81,11 @@ def measure(
     budget: int = 5_000,
 ) -> Measurement:
     """Tables 2 and 3 over the graph of the built-in behaviors, or of the walks of the folder ``captures``."""
-    bands = [(LEGS.low, LEGS.high), (TORSO.low, TORSO.high)]
-    if captures is None:
-        loaded = load_behavior_set(["lateral", "arm_constrained", "frontal"], bands)
-    else:
-        loaded = load_behavior_set(["frontal"], bands, captures=captures, capture_patterns=_CAPTURED)
-    radii = np.array([behavior.radii for behavior in loaded.behaviors])
+    radii, graphs = _graphs(captures)
     places = [_environment(density, queries, number) for number, density in enumerate(densities)]
     rows: list[dict[str, Any]] = []
     figures: dict[str, float] = {}
-    for name, graph in (("all", loaded.graph.arrays), ("few", thinned(loaded.graph.arrays, FEW_EDGES))):
+    for name, graph in graphs.items():
         solved: _Found = {search: [] for search in _SEARCHES}
         tried: _Found = {search: [] for search in _SEARCHES}
         for number, place in enumerate(places):
@@ -102,6 +101,28 @@ def measure(
         figures |= {f"{name}_nodes": float(nodes), f"{name}_branching": (nodes + 2 * edges) / (nodes + edges)}
         figures |= {f"{name}_{key}": value for key, value in _figures(solved, tried).items()}
     return Measurement(rows, figures)
+
+
+def _graphs(captures: Path | None) -> tuple[NDArray[np.float64], dict[str, GraphArrays]]:
+    """Radii of the behaviors (B, layers), and the graphs to compare: of captures the standard one, too."""
+    bands = [(LEGS.low, LEGS.high), (TORSO.low, TORSO.high)]
+    if captures is None:
+        loaded = load_behavior_set(["lateral", "arm_constrained", "frontal"], bands)
+        standard = {}
+    else:
+        names = _capture_names(captures)
+        loaded = load_behavior_set(["frontal"], bands, captures=captures, capture_patterns=names)
+        sources = as_sources(read_clips([captures / name for name in names]))
+        standard = {"standard": build_standard_graph(sources).arrays}
+    graph = loaded.graph.arrays
+    radii = np.array([behavior.radii for behavior in loaded.behaviors])
+    return radii, {"all": graph, "few": thinned(graph, FEW_EDGES)} | standard
+
+
+def _capture_names(captures: Path) -> list[str]:
+    """The walks of one person among the curated captures, and all files of any other folder."""
+    walks = [path for pattern in _CAPTURED for path in captures.glob(pattern)]
+    return sorted(path.name for path in walks or capture_paths(captures, ["*.bvh"]))
 
 
 def _solved(searches: Sequence[list[tuple[SearchResult, float]]]) -> list[int]:
