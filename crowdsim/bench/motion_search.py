@@ -56,6 +56,9 @@ FEW_EDGES = 3
 
 PASSES = 3
 
+STANDARD_BUDGET = 40
+"""How many times as many nodes a search of the standard graph may expand: its segments last a frame or two."""
+
 _CAPTURED = ("16_1*.bvh", "16_31*", "16_33*", "16_47*", "16_58*")
 """Captured walks, straight ones and turns of one person."""
 
@@ -85,6 +88,7 @@ def measure(
     places = [_environment(density, queries, number) for number, density in enumerate(densities)]
     rows: list[dict[str, Any]] = []
     figures: dict[str, float] = {}
+    standard = graphs.pop("standard", None)
     for name, graph in graphs.items():
         solved: _Found = {search: [] for search in _SEARCHES}
         tried: _Found = {search: [] for search in _SEARCHES}
@@ -100,7 +104,38 @@ def measure(
         nodes, edges = len(graph.node_frames), len(graph.edge_target)
         figures |= {f"{name}_nodes": float(nodes), f"{name}_branching": (nodes + 2 * edges) / (nodes + edges)}
         figures |= {f"{name}_{key}": value for key, value in _figures(solved, tried).items()}
+        if standard is not None and name == "all":
+            beside, compared = _standard(standard, radii, places, tried, budget)
+            rows += beside
+            figures |= compared
     return Measurement(rows, figures)
+
+
+def _standard(
+    graph: GraphArrays, radii: NDArray[np.float64], places: Sequence[_Environment], features: _Found, budget: int
+) -> tuple[list[dict[str, Any]], dict[str, float]]:
+    """Rows of plain searches of the standard graph, and what they take over those of the feature-based one.
+
+    ``features`` holds what the same searches gave there. Rows compare with themselves; figures are over the queries
+    solved in both graphs.
+    """
+    probes = body_probes(graph, radii)
+    rows: list[dict[str, Any]] = []
+    figures = {"standard_nodes": float(len(graph.node_frames))}
+    for search in ("collision tests", "channel"):
+        tried: list[tuple[SearchResult, float]] = []
+        for number, place in enumerate(places):
+            found = _search_all(search, graph, probes, place, budget * STANDARD_BUDGET, passes=1)
+            rows.append(_row("standard", number, place, search, found, _solved([found])))
+            tried += found
+        both = _solved([tried, features[search]])
+        key = search.replace(" ", "_")
+        figures[f"standard_found_{key}"] = float(sum(result.status == FOUND for result, _ in tried))
+        figures[f"standard_compared_{key}"] = float(len(both))
+        ours, theirs = (_means([found[i] for i in both]) for found in (features[search], tried))
+        for what in ("length", "expansions", "ms") if both else ():
+            figures[f"standard_over_features_{what}_{key}"] = theirs[what] / max(ours[what], 1e-9)
+    return rows, figures
 
 
 def _graphs(captures: Path | None) -> tuple[NDArray[np.float64], dict[str, GraphArrays]]:
@@ -148,7 +183,7 @@ def _environment(density: float, count: int, seed: int) -> _Environment:
 
 
 def _search_all(
-    name: str, graph: GraphArrays, probes: Probes, place: _Environment, budget: int
+    name: str, graph: GraphArrays, probes: Probes, place: _Environment, budget: int, passes: int = PASSES
 ) -> list[tuple[SearchResult, float]]:
     """What each query of an environment gives, and the least milliseconds it took."""
     options = SearchOptions(branch_kinematics="bent" in name, budget=budget)
@@ -163,7 +198,7 @@ def _search_all(
         start = np.array([*points[0], np.arctan2(ahead[1], ahead[0])])
         where: dict[str, Any] = {"channel": channel} if "channel" in name else {"meshes": place.meshes}
         seconds = []
-        for _ in range(PASSES):
+        for _ in range(passes):
             begin = time.perf_counter()
             result = search_graph(graph, probes, start, waiting, points[-1], options=options, **where)
             seconds.append(time.perf_counter() - begin)

@@ -11,6 +11,7 @@ from crowdsim.motion.gait_library import synthesize_set
 from crowdsim.motion.gait_manner import DEFAULT_SET, find_manner
 from crowdsim.planning.behaviors import BehaviorClips, BehaviorFile
 
+
 def styled_clips(motion_set: str, files: Mapping[str, BehaviorFile]) -> dict[str, BehaviorClips]:
     """Clips of the behaviors ``files`` as the motion set called ``motion_set`` has them.
 
@@ -34,7 +35,7 @@ def _clips(
             )
         return made[Path(path).name]
 
-    apart = {Path(entry.file).name for entry in [*file.idle, *file.transitions]}
+    apart = {Path(path).name for path in [*(e.file for e in file.idle), *(e.file for e in file.transitions)]}
     listed = {Path(entry.file).name: find(entry.file) for entry in file.clips}
     return BehaviorClips(
         (*listed.values(), *(clip for name, clip in made.items() if name not in apart and name not in listed)),

@@ -11,8 +11,8 @@ from crowdsim.constants import CAPTURE_RATE
 from crowdsim.motion.body import ANKLE_HEIGHT, BALL_HEIGHT, HEEL_BACK, default_skeleton
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.gait_builder import PlanBuilder
-from crowdsim.motion.gait_manner import BRISK, NORMAL, SIDE_STEPPING, SLOW
 from crowdsim.motion.gait_library import synthesize_set
+from crowdsim.motion.gait_manner import BRISK, NORMAL, SIDE_STEPPING, SLOW
 from crowdsim.motion.gait_plan import LEFT, RIGHT, Plan
 from crowdsim.motion.gait_synthesis import synthesize
 from crowdsim.motion.kinematics import end_positions, forward_kinematics, rotate

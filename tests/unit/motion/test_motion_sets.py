@@ -1,4 +1,4 @@
-"""The sets made in other manners: bodies that could be real, graphs that hold together, and the mood they are named for."""
+"""The sets made in other manners: bodies that could be real, graphs that hold together, the mood they are named for."""
 
 from dataclasses import replace
 from functools import cache
@@ -136,7 +136,7 @@ def test_styled_clips_are_the_behaviors_own_and_more() -> None:
 
 def test_a_behavior_that_a_set_does_not_have_is_named() -> None:
     file = read_behavior("frontal", library_folder("behaviors"))
-    with pytest.raises(BehaviorError, match="'happy' has no 'clips/walk.bvh' for 'crawling'"):
+    with pytest.raises(BehaviorError, match=r"'happy' has no 'clips/walk\.bvh' for 'crawling'"):
         styled_clips("happy", {"crawling": file.model_copy(update={"name": "crawling"})})
 
 
