@@ -1,6 +1,7 @@
 """The benchmark of searching motion graphs, on one small environment."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -54,3 +55,21 @@ def test_a_thinned_graph_keeps_the_edges_that_turn_farthest_and_stays_connected(
         widest = np.sort(graph.edge_high[edges])[-4:]
         kept = thin.edge_high[thin.edge_start[node] : thin.edge_start[node + 1]]
         assert set(kept.tolist()) <= set(widest.tolist())
+
+
+def test_the_standard_graph_of_captures_takes_far_more_expansions(shared, tmp_path):
+    for trial in ("16_15_walk_straight_slow_a", "16_11_walk_veer_left_slow_a", "16_13_walk_veer_right_slow_a"):
+        shutil.copy(shared / "mocap" / f"{trial}.bvh", tmp_path)
+    radii, graphs = motion_search._graphs(tmp_path)
+    assert len(graphs["standard"].node_frames) > 5 * len(graphs["all"].node_frames)
+    place = motion_search._environment(0.02, 2, 0)
+    probes = motion_search.body_probes(graphs["all"], radii)
+    features = {
+        search: motion_search._search_all(search, graphs["all"], probes, place, 1_000, passes=1)
+        for search in ("collision tests", "channel")
+    }
+    rows, figures = motion_search._standard(graphs["standard"], radii, [place], features, 1_000)
+    assert [row["search"] for row in rows] == ["collision tests", "channel"]
+    assert rows[1]["collision_tests"] == 0
+    assert np.isfinite(list(figures.values())).all()
+    assert figures["standard_nodes"] == len(graphs["standard"].node_frames)
