@@ -1,13 +1,15 @@
 """The benchmark of searching motion graphs, on one small environment."""
 
 import json
-import shutil
 
 import numpy as np
 import pytest
 
 from crowdsim.bench import motion_search
 from crowdsim.bench.thinned_graph import thinned
+from crowdsim.motion.bvh_writer import write_bvh
+from crowdsim.motion.gait_library import motion_database
+from crowdsim.motion.gait_manner import HAPPY
 from tests.unit.following.walking_graph import graph_of, pieces
 
 
@@ -57,9 +59,10 @@ def test_a_thinned_graph_keeps_the_edges_that_turn_farthest_and_stays_connected(
         assert set(kept.tolist()) <= set(widest.tolist())
 
 
-def test_the_standard_graph_of_captures_takes_far_more_expansions(shared, tmp_path):
-    for trial in ("16_15_walk_straight_slow_a", "16_11_walk_veer_left_slow_a", "16_13_walk_veer_right_slow_a"):
-        shutil.copy(shared / "mocap" / f"{trial}.bvh", tmp_path)
+def test_the_standard_graph_of_captures_takes_far_more_segments(tmp_path):
+    for clip in motion_database(HAPPY):
+        if clip.name in ("walk", "walk_left_45", "walk_right_45"):
+            write_bvh(clip, tmp_path / f"{clip.name}.bvh")
     radii, graphs = motion_search._graphs(tmp_path)
     assert len(graphs["standard"].node_frames) > 5 * len(graphs["all"].node_frames)
     place = motion_search._environment(0.02, 2, 0)
