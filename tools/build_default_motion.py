@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from crowdsim.motion.bvh_writer import write_bvh  # noqa: E402
-from crowdsim.motion.gait_library import synthesize_default_set  # noqa: E402
+from crowdsim.motion.gait_library import synthesize_set  # noqa: E402
 from crowdsim.planning.behaviors import list_behaviors  # noqa: E402
 from crowdsim.planning.clearance_profiles import measure_profile, write_profile  # noqa: E402
 
@@ -22,7 +22,7 @@ def build(folder: Path) -> int:
     """Write every clip below ``folder``; returns the bytes written. Clips of the set that are no more are removed."""
     wanted: dict[Path, set[str]] = {}
     size = 0
-    for behavior, file_name, clip in synthesize_default_set():
+    for behavior, file_name, clip in synthesize_set():
         clips = folder / behavior / "clips"
         clips.mkdir(parents=True, exist_ok=True)
         write_bvh(clip, clips / file_name)

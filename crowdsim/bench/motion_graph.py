@@ -13,10 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from crowdsim.bench.registry import Measurement
-from crowdsim.library import library_folder
 from crowdsim.motion.capture_files import capture_paths
 from crowdsim.motion.capture_sets import as_sources, read_clips
 from crowdsim.motion.clip import Clip
+from crowdsim.motion.gait_library import motion_database
+from crowdsim.motion.gait_manner import MANNERS
+from crowdsim.motion.graph_assembly import GraphReport
 from crowdsim.motion.motion_graph import DEFAULT_THRESHOLD, MotionGraph, MotionSource, build_motion_graph
 from crowdsim.motion.standard_graph import build_standard_graph
 
@@ -32,35 +34,41 @@ _PAPER_SECONDS = {693: (208.1, 1.5), 1185: (650.0, 4.0), 1660: (1297.7, 6.3), 23
 
 
 def measure(captures: Path | None = None, sizes: Sequence[int] = FRAMES) -> Measurement:
-    """Table 1 over the captures in the folder ``captures``, by default over the clips of the built-in behaviors."""
-    clips = _read(captures)
-    total = sum(clip.frame_count for clip in clips)
+    """Table 1 over the captures in the folder ``captures``, by default over each of the built-in motion sets.
+
+    A size beyond what a set has stands for all of it.
+    """
     rows: list[dict[str, Any]] = []
     figures: dict[str, float] = {}
-    for size in [size for size in sizes if size <= total] or [total]:
-        sources = as_sources(_first_frames(clips, size))
-        for (kind, build), paper in zip(_GRAPHS.items(), _PAPER_SECONDS.get(size, (None, None)), strict=True):
-            seconds, graph = _timed(build, sources)
-            report = graph.report
-            rows.append(
-                {
-                    "frames": size,
-                    "graph": kind,
-                    "seconds": round(seconds, 3),
-                    "nodes": report.nodes,
-                    "edges": report.edges,
-                    "transitions": report.transitions,
-                    "branching": round(report.branching, 2),
-                    "out_degree": round(report.out_degree, 2),
-                    "paper_s": paper,
-                }
-            )
-            name = f"{kind}_{size}"
-            figures[f"{name}_s"] = seconds
-            figures |= {f"{name}_{key}": float(rows[-1][key]) for key in ("nodes", "edges", "transitions")}
-            figures[f"{name}_branching"] = report.branching
+    for name, clips in _sets(captures).items():
+        total = sum(clip.frame_count for clip in clips)
+        for size in dict.fromkeys(min(size, total) for size in sizes):
+            sources = as_sources(_first_frames(clips, size))
+            paper = _PAPER_SECONDS.get(size, (None, None))
+            for (kind, build), paper_seconds in zip(_GRAPHS.items(), paper, strict=True):
+                seconds, graph = _timed(build, sources)
+                row = _row(name, size, kind, seconds, graph.report)
+                rows.append(row | {"paper_s": paper_seconds})
+                prefix = f"{name}_{kind}_{size}"
+                figures[f"{prefix}_s"] = seconds
+                figures |= {f"{prefix}_{key}": float(row[key]) for key in ("nodes", "edges", "transitions")}
+                figures[f"{prefix}_branching"] = graph.report.branching
     figures["threshold_m"] = DEFAULT_THRESHOLD
     return Measurement(rows, figures)
+
+
+def _row(name: str, size: int, kind: str, seconds: float, report: GraphReport) -> dict[str, Any]:
+    return {
+        "set": name,
+        "frames": size,
+        "graph": kind,
+        "seconds": round(seconds, 3),
+        "nodes": report.nodes,
+        "edges": report.edges,
+        "transitions": report.transitions,
+        "branching": round(report.branching, 2),
+        "out_degree": round(report.out_degree, 2),
+    }
 
 
 def _timed(
@@ -74,17 +82,15 @@ def _timed(
     return statistics.median(seconds), graph
 
 
-def _read(captures: Path | None) -> list[Clip]:
-    """All clips on one skeleton, by default those of the built-in behaviors."""
+def _sets(captures: Path | None) -> dict[str, list[Clip]]:
+    """Clips on one skeleton by the name of their set."""
     if captures is not None:
-        paths = capture_paths(captures)
+        sets = {"captures": read_clips(capture_paths(captures))}
     else:
-        folders = sorted(folder for folder in library_folder("behaviors").glob("*/clips") if folder.is_dir())
-        paths = [path for folder in folders for path in capture_paths(folder)]
-    clips = read_clips(paths)
-    for clip in clips:
+        sets = {name: motion_database(manner) for name, manner in MANNERS.items()}
+    for clip in (clip for clips in sets.values() for clip in clips):
         clip.joint_positions  # noqa: B018  (cached: reading a clip is no part of building a graph)
-    return clips
+    return sets
 
 
 def _first_frames(clips: Sequence[Clip], count: int) -> list[Clip]:

@@ -1,5 +1,6 @@
 """A* on a motion graph among obstacles (2011 paper, tables 2 and 3): collision tests against the channel of a path, and
-what inverse branch kinematics takes off the search; in the graph with all its edges, and with as few as the paper's.
+what inverse branch kinematics takes off the search; in the feature-based graph with all its edges, with as few as the
+paper's, and where captures are given in their standard graph.
 
 Times are milliseconds of one thread, the best of :data:`PASSES` for each query. Means are over the queries that were
 solved with and without bending.
@@ -26,7 +27,10 @@ from crowdsim.following.channel import Channel, make_channel
 from crowdsim.following.graph_search import SearchOptions, SearchResult, search_graph
 from crowdsim.following.path_follower import FollowStatus
 from crowdsim.following.probes import Probes, body_probes
+from crowdsim.motion.capture_files import capture_paths
+from crowdsim.motion.capture_sets import as_sources, read_clips
 from crowdsim.motion.graph_arrays import GraphArrays
+from crowdsim.motion.standard_graph import build_standard_graph
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.behavior_library import load_behavior_set
 
@@ -51,6 +55,9 @@ FEW_EDGES = 3
 """Edges out of a node of the sparse graph, which gives about the paper's branching factor (1.66)."""
 
 PASSES = 3
+
+STANDARD_BUDGET = 40
+"""How many times as many nodes a search of the standard graph may expand: its segments last a frame or two."""
 
 _CAPTURED = ("16_1*.bvh", "16_31*", "16_33*", "16_47*", "16_58*")
 """Captured walks, straight ones and turns of one person."""
@@ -77,16 +84,12 @@ def measure(
     budget: int = 5_000,
 ) -> Measurement:
     """Tables 2 and 3 over the graph of the built-in behaviors, or of the walks of the folder ``captures``."""
-    bands = [(LEGS.low, LEGS.high), (TORSO.low, TORSO.high)]
-    if captures is None:
-        loaded = load_behavior_set(["lateral", "arm_constrained", "frontal"], bands)
-    else:
-        loaded = load_behavior_set(["frontal"], bands, captures=captures, capture_patterns=_CAPTURED)
-    radii = np.array([behavior.radii for behavior in loaded.behaviors])
+    radii, graphs = _graphs(captures)
     places = [_environment(density, queries, number) for number, density in enumerate(densities)]
     rows: list[dict[str, Any]] = []
     figures: dict[str, float] = {}
-    for name, graph in (("all", loaded.graph.arrays), ("few", thinned(loaded.graph.arrays, FEW_EDGES))):
+    standard = graphs.pop("standard", None)
+    for name, graph in graphs.items():
         solved: _Found = {search: [] for search in _SEARCHES}
         tried: _Found = {search: [] for search in _SEARCHES}
         for number, place in enumerate(places):
@@ -101,7 +104,60 @@ def measure(
         nodes, edges = len(graph.node_frames), len(graph.edge_target)
         figures |= {f"{name}_nodes": float(nodes), f"{name}_branching": (nodes + 2 * edges) / (nodes + edges)}
         figures |= {f"{name}_{key}": value for key, value in _figures(solved, tried).items()}
+        if standard is not None and name == "all":
+            beside, compared = _standard(standard, radii, places, tried, budget)
+            rows += beside
+            figures |= compared
     return Measurement(rows, figures)
+
+
+def _standard(
+    graph: GraphArrays, radii: NDArray[np.float64], places: Sequence[_Environment], features: _Found, budget: int
+) -> tuple[list[dict[str, Any]], dict[str, float]]:
+    """Rows of plain searches of the standard graph, and what they take over those of the feature-based one.
+
+    ``features`` holds what the same searches gave there. Rows compare with themselves; figures are over the queries
+    solved in both graphs.
+    """
+    probes = body_probes(graph, radii)
+    rows: list[dict[str, Any]] = []
+    figures = {"standard_nodes": float(len(graph.node_frames))}
+    for search in ("collision tests", "channel"):
+        tried: list[tuple[SearchResult, float]] = []
+        for number, place in enumerate(places):
+            found = _search_all(search, graph, probes, place, budget * STANDARD_BUDGET, passes=1)
+            rows.append(_row("standard", number, place, search, found, _solved([found])))
+            tried += found
+        both = _solved([tried, features[search]])
+        key = search.replace(" ", "_")
+        figures[f"standard_found_{key}"] = float(sum(result.status == FOUND for result, _ in tried))
+        figures[f"standard_compared_{key}"] = float(len(both))
+        ours, theirs = (_means([found[i] for i in both]) for found in (features[search], tried))
+        for what in ("length", "expansions", "ms") if both else ():
+            figures[f"standard_over_features_{what}_{key}"] = theirs[what] / max(ours[what], 1e-9)
+    return rows, figures
+
+
+def _graphs(captures: Path | None) -> tuple[NDArray[np.float64], dict[str, GraphArrays]]:
+    """Radii of the behaviors (B, layers), and the graphs to compare: of captures the standard one, too."""
+    bands = [(LEGS.low, LEGS.high), (TORSO.low, TORSO.high)]
+    if captures is None:
+        loaded = load_behavior_set(["lateral", "arm_constrained", "frontal"], bands)
+        standard = {}
+    else:
+        names = _capture_names(captures)
+        loaded = load_behavior_set(["frontal"], bands, captures=captures, capture_patterns=names)
+        sources = as_sources(read_clips([captures / name for name in names]))
+        standard = {"standard": build_standard_graph(sources).arrays}
+    graph = loaded.graph.arrays
+    radii = np.array([behavior.radii for behavior in loaded.behaviors])
+    return radii, {"all": graph, "few": thinned(graph, FEW_EDGES)} | standard
+
+
+def _capture_names(captures: Path) -> list[str]:
+    """The walks of one person among the curated captures, and all files of any other folder."""
+    walks = [path for pattern in _CAPTURED for path in captures.glob(pattern)]
+    return sorted(path.name for path in walks or capture_paths(captures, ["*.bvh"]))
 
 
 def _solved(searches: Sequence[list[tuple[SearchResult, float]]]) -> list[int]:
@@ -127,7 +183,7 @@ def _environment(density: float, count: int, seed: int) -> _Environment:
 
 
 def _search_all(
-    name: str, graph: GraphArrays, probes: Probes, place: _Environment, budget: int
+    name: str, graph: GraphArrays, probes: Probes, place: _Environment, budget: int, passes: int = PASSES
 ) -> list[tuple[SearchResult, float]]:
     """What each query of an environment gives, and the least milliseconds it took."""
     options = SearchOptions(branch_kinematics="bent" in name, budget=budget)
@@ -142,7 +198,7 @@ def _search_all(
         start = np.array([*points[0], np.arctan2(ahead[1], ahead[0])])
         where: dict[str, Any] = {"channel": channel} if "channel" in name else {"meshes": place.meshes}
         seconds = []
-        for _ in range(PASSES):
+        for _ in range(passes):
             begin = time.perf_counter()
             result = search_graph(graph, probes, start, waiting, points[-1], options=options, **where)
             seconds.append(time.perf_counter() - begin)

@@ -1,4 +1,4 @@
-"""``crowdsim motion``: what captures give."""
+"""``crowdsim motion``: what captures give, and clips that need none."""
 
 from __future__ import annotations
 
@@ -92,6 +92,32 @@ def graph(
         typer.echo(json.dumps(counts))
         return
     print_table([(name, str(value)) for name, value in counts.items()])
+
+
+@motion.command()
+def synthesize(
+    motion_set: Annotated[str, typer.Argument(metavar="SET", help="default, happy or dance.")],
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Where to write the clips; made if need be.")],
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Write the clips of a built-in motion set as BVH, to look at or to use as captures."""
+    from crowdsim.motion.bvh_writer import write_bvh
+    from crowdsim.motion.gait_library import motion_database
+    from crowdsim.motion.gait_manner import find_manner
+
+    clips = motion_database(find_manner(motion_set))
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise typer.BadParameter(f"cannot make {folder}: {error.strerror}", param_hint="FOLDER") from None
+    for clip in clips:
+        write_bvh(clip, folder / f"{clip.name}.bvh")
+    frames = sum(clip.frame_count for clip in clips)
+    if as_json:
+        typer.echo(json.dumps({"set": motion_set, "folder": str(folder), "clips": len(clips), "frames": frames}))
+        return
+    typer.echo(f"{len(clips)} clips of {frames:,} frames in {folder}")
 
 
 def _draw(paths: list[Path], settings: Any, picture: Path) -> None:

@@ -93,7 +93,8 @@ def load_behaviors(scenario: Scenario) -> BehaviorSet:
     bands = [(layer.low, layer.high) for layer in scenario.layers()]
     captures = scenario.captures()
     if captures is None:
-        return load_behavior_set(scenario.behaviors, bands)
+        # A scenario names a set or captures, never both.
+        return load_behavior_set(scenario.behaviors, bands, motion_set=str(scenario.motion.set))
     return load_behavior_set(scenario.behaviors, bands, captures=captures.folder, capture_patterns=captures.patterns)
 
 

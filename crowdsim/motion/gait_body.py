@@ -29,10 +29,11 @@ _OVER_FOOT = 0.055
 SCALARS = (
     "height", "pelvis_yaw", "pelvis_roll", "pelvis_pitch", "trunk_yaw", "trunk_roll", "trunk_pitch", "head_yaw",
     "left_arm", "left_elbow", "right_arm", "right_elbow",
+    "left_out", "right_out", "arm_twist", "head_pitch", "head_roll",
     "left_ankle_height", "left_pitch", "left_toe", "right_ankle_height", "right_pitch", "right_toe",
 )  # fmt: skip
 """Columns of :attr:`Controls.scalars`; the last six belong to the feet."""
-FOOT_SCALARS = slice(12, 18)
+FOOT_SCALARS = slice(17, 23)
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Controls:
     """Everything that fixes a pose, in numbers that may be averaged.
 
     placed: (F, 9) planar poses (x, y, heading without jumps) of pelvis, left foot and right foot.
-    scalars: (F, 18) see :data:`SCALARS`.
+    scalars: (F, 23) see :data:`SCALARS`.
     """
 
     placed: Floats
@@ -107,6 +108,7 @@ def _supports(plan: Plan) -> tuple[Floats, Floats]:
 
 def controls_of(plan: Plan) -> Controls:
     """The controls of a plan before its hubs are made to agree."""
+    manner = plan.manner
     course, load = _course(plan)
     side, apart = _supports(plan)
     feet = foot_curves(plan, LEFT), foot_curves(plan, RIGHT)
@@ -114,7 +116,7 @@ def controls_of(plan: Plan) -> Controls:
     heading = smoothed(course[:, 2], 5.0)
     sway = smoothed(load - course[:, :2], 5.5)
     c, s = np.cos(heading), np.sin(heading)
-    across = plan.style.sway * (-s * sway[:, 0] + c * sway[:, 1])
+    across = manner.sway * plan.style.sway * (-s * sway[:, 0] + c * sway[:, 1])
     pelvis = np.stack([body[:, 0] - s * across, body[:, 1] + c * across, heading], axis=-1)
 
     def ahead(foot: FootCurves) -> Floats:
@@ -127,20 +129,25 @@ def controls_of(plan: Plan) -> Controls:
     forward = np.clip(c * speed[:, 0] + s * speed[:, 1], 0.0, 2.0)
     look = smoothed(np.concatenate([course[14:, 2], np.repeat(course[-1:, 2], 14)]), 9.0)
     walking = ease(forward / 0.8)
-    height = STANDING_HEIGHT - _DROP * walking - smoothed(_DROP_APART * apart**2, 4.0)
+    height = STANDING_HEIGHT - manner.crouch - _DROP * walking - manner.bounce * smoothed(_DROP_APART * apart**2, 4.0)
     columns = {
         "height": height,
-        "pelvis_yaw": 0.125 * spread,
-        "pelvis_roll": 0.075 * support,
+        "pelvis_yaw": manner.pelvis_yaw * spread,
+        "pelvis_roll": manner.pelvis_roll * support,
         "pelvis_pitch": np.full_like(height, np.radians(4.0)),
-        "trunk_yaw": -0.14 * swing,
-        "trunk_roll": -0.02 * support,
-        "trunk_pitch": 0.022 * forward,
+        "trunk_yaw": -manner.trunk_yaw * swing,
+        "trunk_roll": -manner.trunk_roll * support,
+        "trunk_pitch": manner.lean * forward,
         "head_yaw": 0.6 * (look - heading),
-        "left_arm": -0.05 * walking + 0.50 * swing,
-        "left_elbow": 0.22 + 0.16 * walking + 0.22 * swing,
-        "right_arm": -0.05 * walking - 0.50 * swing,
-        "right_elbow": 0.22 + 0.16 * walking - 0.22 * swing,
+        "left_arm": -0.05 * walking + manner.arm_swing * swing,
+        "left_elbow": manner.elbow + 0.16 * walking + manner.elbow_swing * swing,
+        "right_arm": -0.05 * walking - manner.arm_swing * swing,
+        "right_elbow": manner.elbow + 0.16 * walking - manner.elbow_swing * swing,
+        "left_out": manner.arm_out + manner.wave * support,
+        "right_out": manner.arm_out - manner.wave * support,
+        "arm_twist": np.full_like(height, manner.arm_twist),
+        "head_pitch": np.full_like(height, manner.head_pitch),
+        "head_roll": manner.head_roll * support,
     }
     for side_name, foot in zip(("left", "right"), feet, strict=True):
         columns[f"{side_name}_ankle_height"] = foot.ankle[:, 2]

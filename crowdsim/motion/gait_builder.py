@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import MotionError
 from crowdsim.geometry.planar import compose
-from crowdsim.motion.gait_plan import LEFT, RIGHT, STANDING_HALF_WIDTH, WALKING, Hub, Plan, Step, Style, along_arc
+from crowdsim.motion.gait_manner import PLAIN, WALKING, Gait, Manner, Style
+from crowdsim.motion.gait_plan import LEFT, RIGHT, STANDING_HALF_WIDTH, Hub, Plan, Step, along_arc
 
 Floats = NDArray[np.float64]
 
@@ -19,32 +18,11 @@ PASSING = 0.52
 """Part of the right foot's swing after which it passes the left one: where cycles are cut."""
 
 
-@dataclass(frozen=True)
-class Gait:
-    """A steady walk. stride: meters a cycle; cycle, swing: frames; half_width: meters from the path to an ankle."""
-
-    name: str
-    stride: float
-    cycle: int
-    swing: float
-    half_width: float
-
-    @property
-    def double_support(self) -> float:
-        """Frames with both feet down, twice a cycle."""
-        return self.cycle / 2.0 - self.swing
-
-
-NORMAL = Gait("normal", 1.40, 67, 25.5, 0.043)
-SLOW = Gait("slow", 1.18, 78, 28.5, 0.047)
-BRISK = Gait("brisk", 1.60, 62, 24.5, 0.040)
-
-
 class PlanBuilder:
     """Adds movements to a plan one after another; each begins where the one before ended."""
 
-    def __init__(self, name: str, style: Style = WALKING) -> None:
-        self.plan = Plan(name, style)
+    def __init__(self, name: str, style: Style = WALKING, manner: Manner = PLAIN) -> None:
+        self.plan = Plan(name, style, manner)
         self.body = self.plan.start
         self.frame = float(REST)
         self.gait: Gait | None = None

@@ -194,7 +194,7 @@ def foot_curves(plan: Plan, side: int) -> FootCurves:
         way *= min(1.0, float(np.hypot(*way[:2])) / _FULL_STRIDE)
         path = quintic(u, ends[0], v0 * duration, _SPRING * way, ends[1], v1 * duration, -_BRAKE * way)
         ahead = max(0.0, _way_ahead(old.place, new.place))
-        high = plan.style.raised + _LIFT_STRIDE * min(ahead / _FULL_STRIDE, 1.1)
+        high = plan.style.raised + plan.manner.lift + _LIFT_STRIDE * min(ahead / _FULL_STRIDE, 1.1)
         path[:, 2] += high * u**2 * (1.0 - u) ** _SINK * (2.0 + _SINK) ** (2.0 + _SINK) / (4.0 * _SINK**_SINK)
         middle = old.place[2] + 0.5 * (new.place[2] - old.place[2])
         clear = 0.012 * np.sin(np.pi * u) ** 2 * outward

@@ -8,39 +8,19 @@ half a step width to the side of it, the ankle a little behind, the toes a littl
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.geometry.planar import compose
 from crowdsim.motion.body import HIP_AHEAD
+from crowdsim.motion.gait_manner import PLAIN, WALKING, Manner, Style
 
 Floats = NDArray[np.float64]
 
 LEFT, RIGHT = 0, 1
 STANDING_HALF_WIDTH = 0.066
 TOE_OUT = np.radians(5.0)
-
-
-class Style(NamedTuple):
-    """How feet and body go about short steps.
-
-    soft: frames over which a heel rises from standing before its foot lifts, or comes down after its foot has closed;
-    slowing: frames in which that rise slows down again before the foot lifts, so that it stays low in its swing;
-    sway: how far the body goes over to the foot that carries it, 0 not at all, 1 all the way;
-    raised: meters that even the shortest step takes its foot up in its swing.
-    """
-
-    soft: float
-    slowing: float
-    sway: float
-    raised: float
-
-
-WALKING = Style(11.0, 0.0, 0.52, 0.035)
-SIDE_STEPPING = Style(4.5, 2.0, 0.2, 0.0)
-"""Side steps follow one another briskly, carried by their momentum, on feet that skim the floor."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +60,7 @@ class Plan:
 
     name: str
     style: Style = WALKING
+    manner: Manner = PLAIN
     start: Floats = field(default_factory=lambda: np.zeros(3))
     steps: list[Step] = field(default_factory=list)
     hubs: list[Hub] = field(default_factory=list)
@@ -108,4 +89,5 @@ def mirrored(plan: Plan, name: str) -> Plan:
         hubs=[Hub(h.frame, h.kind, h.body * flip) for h in plan.hubs],
         frame_count=plan.frame_count,
         style=plan.style,
+        manner=plan.manner,
     )

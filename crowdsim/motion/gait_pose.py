@@ -13,9 +13,10 @@ from crowdsim.motion.kinematics import about_axis, conjugate, multiply, rotate
 Floats = NDArray[np.float64]
 
 _X, _Y, _Z = np.eye(3)
+_NECK_LEAN = 0.17
+"""Radians that the neck leans ahead of the head."""
 STRAIGHTEST = float(np.sqrt(THIGH**2 + SHANK**2 + 2.0 * THIGH * SHANK * np.cos(np.radians(6.0))))
 """Meters from hip to ankle at the least bend of a knee."""
-_ARM_OUT = np.radians(8.5)
 
 
 def _column(controls: Controls, name: str) -> Floats:
@@ -91,11 +92,11 @@ def _leg(controls: Controls, side: str) -> tuple[Floats, Floats, Floats, Floats]
 def _arm(controls: Controls, side: str, carrier: Floats) -> tuple[Floats, Floats, Floats]:
     """World rotations (F, 4) of upper arm, forearm and hand; ``carrier`` is the chest's."""
     sign = 1.0 if side == "left" else -1.0
-    hang = _turns(_X, np.full(len(carrier), sign * (_ARM_OUT - np.pi / 2.0)))
+    hang = _turns(_X, sign * (_column(controls, f"{side}_out") - np.pi / 2.0))
     swing = _turns(_Y, -_column(controls, f"{side}_arm"))
     upper = multiply(carrier, multiply(swing, hang))
     flex = _turns(_Z, -sign * _column(controls, f"{side}_elbow"))
-    inward = _turns(_Y, np.full(len(carrier), 0.35))
+    inward = _turns(_Y, _column(controls, "arm_twist"))
     forearm = multiply(upper, multiply(inward, flex))
     return upper, forearm, multiply(forearm, _turns(_Z, np.full(len(carrier), -sign * 0.08)))
 
@@ -118,14 +119,13 @@ def pose_clip(name: str, controls: Controls) -> Clip:
         multiply(level, _turns(_X, 0.5 * (_column(controls, "trunk_roll") + _column(controls, "pelvis_roll")))),
         _turns(_Y, 0.5 * (_column(controls, "trunk_pitch") + _column(controls, "pelvis_pitch"))),
     )
-    head = _turns(_Z, heading + _column(controls, "head_yaw"))
     put("hips", pelvis)
     put("spine", between)
     put("chest", chest)
-    put(
-        "neck", multiply(_turns(_Z, heading + 0.5 * _column(controls, "head_yaw")), _turns(_Y, np.full(len(head), 0.2)))
-    )
-    put("head", multiply(head, _turns(_Y, np.full(len(head), 0.03))))
+    nod = _column(controls, "head_pitch")
+    head = multiply(_turns(_Z, heading + _column(controls, "head_yaw")), _turns(_X, _column(controls, "head_roll")))
+    put("neck", multiply(_turns(_Z, heading + 0.5 * _column(controls, "head_yaw")), _turns(_Y, _NECK_LEAN + nod)))
+    put("head", multiply(head, _turns(_Y, nod)))
     for side in ("left", "right"):
         thigh, shank, foot, toes = _leg(controls, side)
         upper, forearm, hand = _arm(controls, side, chest)

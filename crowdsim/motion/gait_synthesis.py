@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.gait_body import FOOT_SCALARS, SCALARS, Controls, controls_of
-from crowdsim.motion.gait_builder import BRISK, NORMAL, SLOW, PlanBuilder
+from crowdsim.motion.gait_builder import PlanBuilder
 from crowdsim.motion.gait_curves import ease, smoothed
+from crowdsim.motion.gait_manner import PLAIN, Gait, Manner
 from crowdsim.motion.gait_plan import LEFT, Hub, Plan, footprint
 from crowdsim.motion.gait_pose import STRAIGHTEST, ankle_targets, hip_positions, pose_clip
 
 Floats = NDArray[np.float64]
 
-_GAITS = {gait.name: gait for gait in (NORMAL, SLOW, BRISK)}
 _HELD = 3
 """Frames on either side of a hub that are equal in all movements through it."""
 _FADE = 10
@@ -41,9 +41,9 @@ def _lowered(controls: Controls) -> Controls:
     return Controls(controls.placed, scalars)
 
 
-def _hub_frame(hub: Hub) -> Floats:
+def _hub_frame(hub: Hub, manner: Manner) -> Floats:
     """Planar pose that the controls about a hub are expressed in: the left foot's, or the body's when standing."""
-    return hub.body if hub.kind == "stand" else footprint(LEFT, hub.body, _GAITS[hub.kind].half_width)
+    return hub.body if hub.kind == "stand" else footprint(LEFT, hub.body, manner.gait(hub.kind).half_width)
 
 
 def _moved(frame: Floats, placed: Floats, inverse: bool) -> Floats:
@@ -63,24 +63,23 @@ def _moved(frame: Floats, placed: Floats, inverse: bool) -> Floats:
 
 
 @cache
-def _standing() -> tuple[Floats, Floats]:
-    """Controls (1, 9), (1, 18) of the standing pose at the origin."""
-    controls = _lowered(controls_of(PlanBuilder("stand").finish()))
+def _standing(manner: Manner) -> tuple[Floats, Floats]:
+    """Controls (1, 9), (1, S) of the standing pose at the origin."""
+    controls = _lowered(controls_of(PlanBuilder("stand", manner=manner).finish()))
     return controls.placed[:1], controls.scalars[:1]
 
 
 @cache
-def _passing(gait_name: str) -> tuple[Floats, Floats]:
-    """Controls of a steady walk about its hub, relative to the left foot: (2 W + 1, 9), (2 W + 1, 18)."""
-    gait = _GAITS[gait_name]
-    builder = PlanBuilder(gait_name).start(gait)
+def _passing(gait: Gait, manner: Manner) -> tuple[Floats, Floats]:
+    """Controls of a steady walk about its hub, relative to the left foot: (2 W + 1, 9), (2 W + 1, S)."""
+    builder = PlanBuilder(gait.name, manner=manner).start(gait)
     for _ in range(4):
         builder.cycle(gait)
     plan = builder.stop().finish()
-    hub = [h for h in plan.hubs if h.kind == gait_name][2]
+    hub = [h for h in plan.hubs if h.kind == gait.name][2]
     controls = _lowered(controls_of(plan))
     rows = slice(hub.frame - _HELD - _FADE, hub.frame + _HELD + _FADE + 1)
-    return _moved(_hub_frame(hub), controls.placed[rows], inverse=True), controls.scalars[rows]
+    return _moved(_hub_frame(hub, manner), controls.placed[rows], inverse=True), controls.scalars[rows]
 
 
 def _blend(controls: Controls, plan: Plan) -> Controls:
@@ -88,13 +87,13 @@ def _blend(controls: Controls, plan: Plan) -> Controls:
     placed, scalars = controls.placed.copy(), controls.scalars.copy()
     stands = [h.frame for h in plan.hubs if h.kind == "stand"]
     for hub in plan.hubs:
-        frame = _hub_frame(hub)
+        frame = _hub_frame(hub, plan.manner)
         if hub.kind == "stand":
             held, fade = 1, round(plan.style.soft)
-            hub_placed, hub_scalars = (np.repeat(a, 2 * (held + fade) + 1, 0) for a in _standing())
+            hub_placed, hub_scalars = (np.repeat(a, 2 * (held + fade) + 1, 0) for a in _standing(plan.manner))
         else:
             held, fade = _HELD, _FADE
-            hub_placed, hub_scalars = _passing(hub.kind)
+            hub_placed, hub_scalars = _passing(plan.manner.gait(hub.kind), plan.manner)
         rows = np.arange(hub.frame - held - fade, hub.frame + held + fade + 1)
         inside = (rows >= 0) & (rows < len(placed))
         rows = rows[inside]
@@ -118,9 +117,9 @@ def synthesize(plan: Plan) -> Clip:
     return pose_clip(plan.name, _lowered(_blend(_lowered(controls_of(plan)), plan)))
 
 
-def synthesize_idle(name: str, frames: int) -> Clip:
+def synthesize_idle(name: str, frames: int, manner: Manner = PLAIN) -> Clip:
     """Standing for ``frames`` frames: a breath and a little sway that begin and end in the standing pose."""
-    placed, scalars = (np.repeat(a, frames, 0) for a in _standing())
+    placed, scalars = (np.repeat(a, frames, 0) for a in _standing(manner))
     u = np.linspace(0.0, 1.0, frames)
     envelope = np.sin(np.pi * u) ** 2
     breath, sway = envelope * np.sin(2.0 * np.pi * u), envelope * np.sin(2.0 * np.pi * u + 0.7)

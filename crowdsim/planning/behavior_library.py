@@ -15,6 +15,7 @@ from crowdsim.library import library_folder
 from crowdsim.motion.capture_files import read_clip
 from crowdsim.motion.clearance import measure_clearances
 from crowdsim.motion.clip import Clip
+from crowdsim.motion.gait_manner import DEFAULT_SET
 from crowdsim.motion.motion_graph import MotionGraph, MotionSource, build_motion_graph
 from crowdsim.planning.behaviors import Behavior, BehaviorClips, BehaviorFile, read_behavior
 from crowdsim.planning.captured_behaviors import CAPTURED, captured_clips
@@ -39,12 +40,13 @@ def load_behavior_set(
     library: Path | None = None,
     captures: Path | None = None,
     capture_patterns: Sequence[str] = ("*.bvh",),
+    motion_set: str = DEFAULT_SET,
 ) -> BehaviorSet:
     """Read the behaviors ``names``, measure them in height bands (low, high) meters, and build their graph.
 
     library: folder of behavior folders, the built-in one if None. captures: folder of the user's own walks, from whose
     files that match ``capture_patterns`` frontal walking and, with the arms edited, arm-constrained walking are made.
-
+    motion_set: other clips for the same behaviors (see ``MANNERS``), made when they are asked for; captures come first.
     Raises
     ------
     BehaviorError: for files that are wrong, or behaviors that contradict each other.
@@ -52,11 +54,16 @@ def load_behavior_set(
     """
     library = library_folder("behaviors") if library is None else library
     files = {name: read_behavior(name, library) for name in names}
-    if captures is None:
-        clips = {name: _library_clips(file, library / name, names) for name, file in files.items()}
-    else:
+    if captures is not None:
         _require_captured(names, captures)
         clips = captured_clips(captures, capture_patterns, names)
+    elif motion_set == DEFAULT_SET:
+        clips = {name: _library_clips(file, library / name, names) for name, file in files.items()}
+    else:
+        # Not before it is needed: the synthesizer takes no part in loading the default set.
+        from crowdsim.planning.styled_behaviors import styled_clips
+
+        clips = styled_clips(motion_set, files)
     radii = {name: _radii(file, clips[name].clips, bands) for name, file in files.items()}
     order = sorted(files, key=lambda name: (float(radii[name].max()), name))
     behaviors = tuple(files[name].behavior(radii[name], library / name) for name in order)

@@ -16,7 +16,7 @@ class Motion(Part):
     """Where movement comes from: a built-in set, or captures in a folder beside the scenario file."""
 
     model_config = ConfigDict(json_schema_extra=one_of(("set",), ("captures",)))
-    set: Literal["default"] | None = None
+    set: Literal["default", "happy", "dance"] | None = None
     captures: FileText | None = None
     clips: Annotated[tuple[FileText, ...], Field(strict=False, min_length=1)] = ("*.bvh",)
 

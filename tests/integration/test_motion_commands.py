@@ -70,3 +70,20 @@ def test_options_that_make_no_sense_are_bad_input(crowdsim, folder, option, valu
     done = crowdsim("motion", "graph", str(folder), option, value)
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
+
+
+def test_synthesized_clips_are_captures_like_any_other(crowdsim, tmp_path):
+    folder = tmp_path / "sets" / "dance"
+    done = crowdsim("motion", "synthesize", "dance", str(folder), "--json")
+    assert done.returncode == 0, done.stderr
+    counts = json.loads(done.stdout)
+    assert counts["clips"] == len(list(folder.glob("*.bvh"))) > 30
+    graph = json.loads(crowdsim("motion", "graph", str(folder), "--json").stdout)
+    assert graph["dropped"] == 0
+    assert graph["branching"] > 1.9
+
+
+def test_a_set_that_is_none_is_bad_input(crowdsim, tmp_path):
+    done = crowdsim("motion", "synthesize", "hapy", str(tmp_path))
+    assert done.returncode == 2
+    assert "there are default, happy, dance" in done.stderr

@@ -7,6 +7,9 @@ import pytest
 
 from crowdsim.bench import motion_search
 from crowdsim.bench.thinned_graph import thinned
+from crowdsim.motion.bvh_writer import write_bvh
+from crowdsim.motion.gait_library import motion_database
+from crowdsim.motion.gait_manner import HAPPY
 from tests.unit.following.walking_graph import graph_of, pieces
 
 
@@ -54,3 +57,22 @@ def test_a_thinned_graph_keeps_the_edges_that_turn_farthest_and_stays_connected(
         widest = np.sort(graph.edge_high[edges])[-4:]
         kept = thin.edge_high[thin.edge_start[node] : thin.edge_start[node + 1]]
         assert set(kept.tolist()) <= set(widest.tolist())
+
+
+def test_the_standard_graph_of_captures_takes_far_more_segments(tmp_path):
+    for clip in motion_database(HAPPY):
+        if clip.name in ("walk", "walk_left_45", "walk_right_45"):
+            write_bvh(clip, tmp_path / f"{clip.name}.bvh")
+    radii, graphs = motion_search._graphs(tmp_path)
+    assert len(graphs["standard"].node_frames) > 5 * len(graphs["all"].node_frames)
+    place = motion_search._environment(0.02, 2, 0)
+    probes = motion_search.body_probes(graphs["all"], radii)
+    features = {
+        search: motion_search._search_all(search, graphs["all"], probes, place, 1_000, passes=1)
+        for search in ("collision tests", "channel")
+    }
+    rows, figures = motion_search._standard(graphs["standard"], radii, [place], features, 1_000)
+    assert [row["search"] for row in rows] == ["collision tests", "channel"]
+    assert rows[1]["collision_tests"] == 0
+    assert np.isfinite(list(figures.values())).all()
+    assert figures["standard_nodes"] == len(graphs["standard"].node_frames)

@@ -9,7 +9,8 @@ import pytest
 from crowdsim.errors import MotionError
 from crowdsim.motion.arm_edit import edit_arms
 from crowdsim.motion.clip import Clip
-from crowdsim.motion.gait_builder import NORMAL, PlanBuilder
+from crowdsim.motion.gait_builder import PlanBuilder
+from crowdsim.motion.gait_manner import NORMAL
 from crowdsim.motion.gait_synthesis import synthesize
 from crowdsim.motion.kinematics import about_axis, forward_kinematics, multiply
 from crowdsim.motion.skeleton import Skeleton

@@ -11,7 +11,8 @@ from crowdsim.errors import MotionError
 from crowdsim.motion.body import default_skeleton
 from crowdsim.motion.bvh_writer import bvh_text, euler_zxy, write_bvh
 from crowdsim.motion.clip import Clip
-from crowdsim.motion.gait_builder import NORMAL, PlanBuilder
+from crowdsim.motion.gait_builder import PlanBuilder
+from crowdsim.motion.gait_manner import NORMAL
 from crowdsim.motion.gait_synthesis import synthesize
 from crowdsim.motion.kinematics import about_axis, multiply
 

@@ -10,7 +10,7 @@ from crowdsim.library import library_folder
 from crowdsim.motion.capture_files import read_clip
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.features import CrossingDetector
-from crowdsim.motion.gait_builder import NORMAL
+from crowdsim.motion.gait_manner import NORMAL
 from crowdsim.motion.kinematics import forward_kinematics as pose
 from crowdsim.motion.kinematics import rotate
 from tests.support.gait_figures import angles, gait_figures

@@ -8,13 +8,13 @@ import pytest
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.features import joint_speeds
-from crowdsim.motion.gait_library import synthesize_default_set
+from crowdsim.motion.gait_library import synthesize_set
 from crowdsim.motion.segmentation import Segment, segment_clip
 
 
 @cache
 def default_set() -> dict[str, Clip]:
-    return {f"{folder}/{clip.name}": clip for folder, _, clip in synthesize_default_set()}
+    return {f"{folder}/{clip.name}": clip for folder, _, clip in synthesize_set()}
 
 
 def kinds(segments: list[Segment]) -> str:

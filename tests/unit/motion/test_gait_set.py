@@ -10,9 +10,10 @@ import pytest
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.motion.body import ANKLE_HEIGHT, BALL_HEIGHT, HEEL_BACK, default_skeleton
 from crowdsim.motion.clip import Clip
-from crowdsim.motion.gait_builder import BRISK, NORMAL, SLOW, PlanBuilder
-from crowdsim.motion.gait_library import synthesize_default_set
-from crowdsim.motion.gait_plan import LEFT, RIGHT, SIDE_STEPPING, Plan
+from crowdsim.motion.gait_builder import PlanBuilder
+from crowdsim.motion.gait_library import synthesize_set
+from crowdsim.motion.gait_manner import BRISK, NORMAL, SIDE_STEPPING, SLOW
+from crowdsim.motion.gait_plan import LEFT, RIGHT, Plan
 from crowdsim.motion.gait_synthesis import synthesize
 from crowdsim.motion.kinematics import end_positions, forward_kinematics, rotate
 
@@ -21,7 +22,7 @@ ROOT = Path(__file__).parents[3]
 
 @cache
 def default_set() -> dict[str, Clip]:
-    return {f"{folder}/clips/{name}": clip for folder, name, clip in synthesize_default_set()}
+    return {f"{folder}/clips/{name}": clip for folder, name, clip in synthesize_set()}
 
 
 def role(clip: Clip, name: str) -> np.ndarray:

@@ -5,7 +5,8 @@ import pytest
 
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.motion.clip import Clip
-from crowdsim.motion.gait_builder import NORMAL, PlanBuilder
+from crowdsim.motion.gait_builder import PlanBuilder
+from crowdsim.motion.gait_manner import NORMAL
 from crowdsim.motion.gait_synthesis import synthesize
 from crowdsim.motion.kinematics import forward_kinematics
 

@@ -109,7 +109,7 @@ def test_a_good_file_has_its_values_and_defaults():
         ("[0, 0, 10, 6]", "[0, 0, 0, 6]", "6:20: floor.rectangle: a rectangle is [xmin, ymin, xmax, ymax] with xmin b"),
         ("[0, 0, 10, 6]", "[0, 0, 1e6, 6]", "6:27: floor.rectangle.2: must be at most 100000"),
         ("set: default", "set: defualt", "13:15: motion.set: unknown value 'defualt'; did you mean 'default'?"),
-        ("set: default", "set: 3", "13:15: motion.set: expected 'default', got the number 3"),
+        ("set: default", "set: 3", "13:15: motion.set: expected 'default', 'happy' or 'dance', got the number 3"),
         (
             "on_arrival: leave",
             "on_arrival: leav",
