@@ -68,7 +68,11 @@ def _fit_heading(maps, guide, rules, node, heading, arc, window):
             if math.isnan(facing):
                 continue
             for i in range(begin, end + 1):
-                turn = wrap_angle(guide.pose[i, 2] + facing - heading)
+                turn = guide.pose[i, 2] + facing - heading
+                while turn > math.pi:
+                    turn -= 2.0 * math.pi
+                while turn <= -math.pi:
+                    turn += 2.0 * math.pi
                 if abs(turn) < abs(best):
                     best = turn
     return best
@@ -155,11 +159,11 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
                     px, py = ox + c * u - s * v, oy + s * u + c * v
                     along = min(arc + pace * maps.outline[row, 2], total)
                     qx, qy = path_point(guide, along)
-                    area += step * math.hypot(px - qx, py - qy)
+                    area += step * math.sqrt((px - qx) * (px - qx) + (py - qy) * (py - qy))
                     misfit = behavior - guide.behavior[sample_index(guide, along)]
                     area += step * _MISFIT_COST * abs(misfit)
                     wide = wide or misfit > 0
-                    nearest = min(nearest, math.hypot(px - goal_x, py - goal_y))
+                    nearest = min(nearest, (px - goal_x) * (px - goal_x) + (py - goal_y) * (py - goal_y))
                 area += _NODE_COST + _TIME_COST * graph.node_frames[node] / CAPTURE_RATE
                 if maps.leads_to[node] != guide.behavior[here]:
                     area += _SWITCH_COST
@@ -167,7 +171,7 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
                 goal_gap = math.hypot(x - goal_x, y - goal_y)
                 reached = graph.node_ends_standing[node] and goal_gap <= rules.goal_tolerance
             else:
-                reached = nearest <= rules.goal_tolerance
+                reached = nearest <= rules.goal_tolerance * rules.goal_tolerance
             laid.serial[entry] = serial
             # Who stands past the end, out of reach of the goal, could only shuffle: there are no steps back.
             stuck = rules.end_standing and graph.node_ends_standing[node]
