@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.motion.body_capsules import body_capsules
-from crowdsim.motion.bvh_reader import read_bvh
+from crowdsim.motion.capture_files import read_clip
 from crowdsim.motion.tracks import track_of
 from crowdsim.planning.annotated_path import AnnotatedPath, arc_lengths, points_at
 from crowdsim.planning.behaviors import Behavior, read_behavior
@@ -44,7 +44,7 @@ def make_bodies(scene: CollisionScene, behaviors: Sequence[Behavior]) -> Bodies:
     strides, facings = [], []
     for behavior in behaviors:
         entry = read_behavior(behavior.name, behavior.folder.parent)
-        clip = read_bvh(behavior.folder / entry.clips[0].file)
+        clip = read_clip(behavior.folder / entry.clips[0].file)
         first, last = len(clip.root_positions) // 4, 3 * len(clip.root_positions) // 4
         way = np.diff(track_of(clip)[first:last, :2], axis=0)
         strides.append(Stride(body_capsules(clip, first, last), float(np.hypot(*way.T).sum())))

@@ -234,4 +234,5 @@ def test_doctor_reports_versions_threads_cache_and_drawing(crowdsim):
 def test_bench_lists_its_names(crowdsim):
     finished = crowdsim("bench")
     assert finished.returncode == 0
-    assert [line.split()[0] for line in finished.stdout.splitlines()] == ["startup", "navmesh", "environment"]
+    names = [line.split()[0] for line in finished.stdout.splitlines()]
+    assert names == ["startup", "navmesh", "environment", "motion-graph"]

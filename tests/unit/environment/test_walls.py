@@ -30,7 +30,7 @@ def test_a_door_leaves_a_lintel_and_a_passage():
 
 
 def test_a_window_stops_legs_and_lets_the_torso_lean_out():
-    solids = wall("w", [(0, 0), (5, 0)], 0.2, 0.0, 2.6, [Opening(2.0, 1.2, bottom=0.7, top=2.1)])
+    solids = wall("w", [(0, 0), (5, 0)], 0.2, 0.0, 2.6, [Opening(2.0, 1.2, bottom=0.6, top=2.1)])
     assert [s.name for s in solids] == ["w 1", "w 2", "w, sill", "w, lintel"]
     legs, torso = clearance_layers(FLOOR, solids, [LEGS, TORSO])
     assert legs.obstacles.area == pytest.approx(1.0)

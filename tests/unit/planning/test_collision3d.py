@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import shapely
-from crowdsim.motion.bvh_reader import read_bvh
 
 from crowdsim.environment.layers import LEGS, TORSO, clearance_layers
 from crowdsim.environment.solids import box, cylinder
 from crowdsim.library import library_folder
 from crowdsim.motion.body_capsules import Capsules, body_capsules
+from crowdsim.motion.capture_files import read_clip
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.behavior_library import load_behavior_set
 from crowdsim.planning.collision3d import annotated_in_3d, make_bodies, plan_collision3d
@@ -87,5 +87,5 @@ def test_nothing_fits_through_a_wall(behaviors):
 def test_strides_are_cycles_of_the_library(behaviors):
     bodies = make_bodies(CollisionScene([post(1.0, 0.0)]), behaviors)
     assert all(0.3 < stride.length < 10.0 for stride in bodies.strides)
-    clip = read_bvh(library_folder("behaviors") / "frontal" / "clips" / "walk.bvh")
+    clip = read_clip(library_folder("behaviors") / "frontal" / "clips" / "walk.bvh")
     assert len(clip.root_positions) > 100

@@ -146,6 +146,6 @@ def test_events_that_come_to_nothing_are_warned_of():
     text = with_events("at: 1, insert: {name: rug, box: {min: [1, 1], max: [2, 2]}, top: 0.02}", "at: 60, remove: pole")
     assert check_scenario(parse_scenario(text)) == [
         "<text>:16:10: events.1.at: the run ends at 60 s, before this happens",
-        "<text>:15:21: events.0.insert: 'rug' (0 to 0.02 m) meets no layer (legs 0.1 to 2 m, torso 0.8 to 1.5 m) "
+        "<text>:15:21: events.0.insert: 'rug' (0 to 0.02 m) meets no layer (legs 0.1 to 2 m, torso 0.65 to 1.5 m) "
         "and has no effect",
     ]

@@ -51,7 +51,7 @@ def test_the_wide_stays_in_its_room_and_the_narrow_passes():
 def test_the_picture_has_a_panel_a_layer_and_names_what_it_shows(tmp_path):
     scenario = parse_scenario(TEXT)
     figure = draw_scenario(scenario, BEHAVIORS)
-    assert [axes.get_title() for axes in figure.axes] == ["legs, 0.1 to 2 m", "torso, 0.8 to 1.5 m"]
+    assert [axes.get_title() for axes in figure.axes] == ["legs, 0.1 to 2 m", "torso, 0.65 to 1.5 m"]
     areas = reachable_areas(scenario, BEHAVIORS)
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
     assert {"start", "goal", f"within reach, wide: {areas[1].area:.1f} m²"} < set(texts)
