@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from crowdsim.constants import NONE
-from crowdsim.following.branch_kernels import branch_is_free, lay_branch
+from crowdsim.following.branch_kernels import MISFIT_COST, NODE_COST, branch_is_free, lay_branch
 from crowdsim.following.map_kernels import BIN, CELL, pack_cell
 from crowdsim.following.path_kernels import path_point, project, sample_index
 from crowdsim.geometry.planar_kernels import to_local
@@ -110,26 +110,26 @@ def _rank(search, count, capacity, score, entry):
 
 
 @helper
-def _promise(graph, maps, guide, root, row, origin, arc):
+def _promise(graph, maps, guide, root, row, x, y, c, s, arc):
     """What an entry laid as the map has it, without extra rotations, would about score: less is better.
 
-    The area between branch and path is taken for a triangle over what its end is off.
+    The area between branch and path is taken for a triangle over what its end is off. (x, y) is the map's origin, c and
+    s are the cosine and sine of its heading.
     """
     node = np.int64(maps.node[row])
     mx, my, heading = np.float64(maps.pose[row, 0]), np.float64(maps.pose[row, 1]), np.float64(maps.pose[row, 2])
-    c, s = math.cos(heading), math.sin(heading)
-    mx += c * graph.node_motion[node, 0] - s * graph.node_motion[node, 1]
-    my += s * graph.node_motion[node, 0] + c * graph.node_motion[node, 1]
-    c, s = math.cos(origin[2]), math.sin(origin[2])
+    u, v = math.cos(heading), math.sin(heading)
+    mx += u * graph.node_motion[node, 0] - v * graph.node_motion[node, 1]
+    my += v * graph.node_motion[node, 0] + u * graph.node_motion[node, 1]
     walked = np.float64(maps.length[row]) + graph.node_length[node] - graph.node_length[root]
     at = arc + walked
     gx, gy = path_point(guide, at)
-    gx -= origin[0] + c * mx - s * my
-    gy -= origin[1] + s * mx + c * my
+    gx -= x + c * mx - s * my
+    gy -= y + s * mx + c * my
     gap = math.sqrt(gx * gx + gy * gy)
     misfit = abs(graph.node_behavior[node] - guide.behavior[sample_index(guide, at)])
     gain = max(walked, 0.1)
-    return (gap * (0.5 * gain + 0.25) + 0.01 * maps.level[row] + 0.15 * misfit * gain) / (gain * gain)
+    return (gap * (0.5 * gain + 0.25) + NODE_COST * maps.level[row] + MISFIT_COST * misfit * gain) / (gain * gain)
 
 
 @helper
@@ -142,6 +142,7 @@ def _look_along_path(graph, maps, guide, rules, search, root, origin, arc, seria
     base, stop = maps.first[root], maps.first[root + 1]
     points = int(maps.average[root] / CELL) + 1
     count = np.int64(0)
+    c, s = math.cos(origin[2]), math.sin(origin[2])
     for q in range(points + 1):
         at = arc + q * CELL
         gx, gy = path_point(guide, at)
@@ -167,7 +168,7 @@ def _look_along_path(graph, maps, guide, rules, search, root, origin, arc, seria
                 if not fits or search.marked[entry] == serial or maps.level[base + entry] < 2:
                     continue
                 search.marked[entry] = serial
-                score = _promise(graph, maps, guide, root, base + entry, origin, arc)
+                score = _promise(graph, maps, guide, root, base + entry, origin[0], origin[1], c, s, arc)
                 count = _rank(search, count, search.look.shape[0], score, entry)
     for i in range(count):
         search.marked[search.look[i]] = -serial

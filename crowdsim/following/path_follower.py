@@ -61,7 +61,7 @@ class FollowOptions:
     deviation: float = 0.6
     slack: float = 0.005
     candidates: int = 48
-    looks: int = 32
+    looks: int = 24
     budget: int = 4_000
 
 
