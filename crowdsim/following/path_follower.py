@@ -170,6 +170,10 @@ def follow_path(
             f"radii {radii.shape} and facings {facings.shape} must have a row for each of the {behaviors} behaviors,"
             f" radii a column for each of the {len(meshes)} layers"
         )
+    if options.looks < 1 or options.candidates < 1:
+        raise MotionError(
+            f"a search keeps one candidate and looks at one branch or more, not {options.candidates}, {options.looks}"
+        )
     guide = _Guide(samples.pose, samples.arc, samples.behavior, _allowed(samples, facings, options.transition_reach))
     rules = _Rules(
         np.ascontiguousarray(radii, np.float64),

@@ -26,8 +26,8 @@ def test_maps_lead_along_every_path_and_no_shorter_than_it(measured):
 def test_bodies_keep_near_the_path_and_exact_arrivals_are_exact(measured):
     figures = measured.figures
     assert figures["joints_excess_m_most_default"] < 0.5
-    assert figures["standing_off_m_most_default"] <= 0.35
-    assert figures["exact_share_percent_default"] == 0.0 or figures["exact_off_m_most_default"] <= 0.001
+    assert 0.0 <= figures["standing_off_m_most_default"] <= 0.1
+    assert figures["exact_share_percent_default"] >= 50.0
 
 
 def test_astar_stands_beside_maps(measured):

@@ -17,7 +17,8 @@ SMALL = {"depth": 2, "reach": 2.2, "max_entries": 400}
 
 def equal(a: MotionMaps, b: MotionMaps) -> bool:
     return all(
-        x.dtype == y.dtype and x.shape == y.shape and np.array_equal(x, y) for x, y in zip(a.arrays, b.arrays, strict=True)
+        x.dtype == y.dtype and x.shape == y.shape and np.array_equal(x, y)
+        for x, y in zip(a.arrays, b.arrays, strict=True)
     )
 
 
