@@ -131,7 +131,12 @@ def measure(
         figures[f"success_{motions.name}"] = rows[-1]["success_percent"]
         for name in ("search_ms_median", "length_ratio_mean"):
             figures[f"{name}_{motions.name}"] = rows[-1]["median_ms" if "ms" in name else "length_ratio"]
-        figures |= _of_bodies(motions, ground, found)
+        figures |= _of_bodies(motions, ground, found, motions.name)
+        stray = CLEARANCE - float(motions.radii[-1].max())
+        kept = follow_all(motions, made[-1][1][0], ground, stray)
+        rows.append(made[-1][1][1] | _summary(motions, ground, kept) | {"search": "maps, no straying"})
+        figures |= _of_bodies(motions, ground, kept, f"no_straying_{motions.name}")
+        figures[f"success_no_straying_{motions.name}"] = rows[-1]["success_percent"]
         figures |= _arrivals(motions, made[-1][1][0], ground)
         figures[f"first_movement_ms_median_{motions.name}"] = _first_movement(motions, made[-1][1][0], ground)
         more, ratios = _beside_astar(motions, ground, found, beside, astar_budget)
@@ -197,9 +202,11 @@ def follow_trial(
     )  # fmt: skip
 
 
-def follow_all(motions: MotionSet, maps: MotionMaps, ground: Ground) -> list[tuple[FollowResult, float]]:
+def follow_all(
+    motions: MotionSet, maps: MotionMaps, ground: Ground, stray: float = np.inf
+) -> list[tuple[FollowResult, float]]:
     """What the follower finds in each trial, and milliseconds."""
-    options = FollowOptions(goal_tolerance=TOLERANCE, budget=2_000)
+    options = FollowOptions(goal_tolerance=TOLERANCE, stray=stray, budget=2_000)
     follow_trial(motions, maps, ground, ground.trials[0], options)
     return [_best(lambda t=trial: follow_trial(motions, maps, ground, t, options)) for trial in ground.trials]  # type: ignore[misc]
 
@@ -270,7 +277,9 @@ def _walked(graph: GraphArrays, found: FollowResult | SearchResult, goal: Floats
     return float(graph.node_length[found.nodes[:-1]].sum() + last + np.hypot(*seams.T).sum())
 
 
-def _of_bodies(motions: MotionSet, ground: Ground, found: Sequence[tuple[FollowResult, float]]) -> dict[str, float]:
+def _of_bodies(
+    motions: MotionSet, ground: Ground, found: Sequence[tuple[FollowResult, float]], name: str
+) -> dict[str, float]:
     """How far joints, projected on the floor, leave the clearance of the path, over all motions found (meters)."""
     joints = range(len(motions.motion.poses.parents))
     probes = joint_probes(motions.graph, motions.motion.poses, list(joints))
@@ -279,9 +288,13 @@ def _of_bodies(motions: MotionSet, ground: Ground, found: Sequence[tuple[FollowR
         if result.status != FOUND:
             continue
         line = shapely.LineString(trial.points)
-        places = []
+        places: list[Floats] = []
         for node, origin in zip(result.nodes, result.origins, strict=True):
             rows = probes.row[probes.first[node] : probes.first[node + 1]]
+            if len(places) == len(result.nodes) - 1:
+                # The motion is over where it passes the goal.
+                track = compose(origin, np.column_stack([rows[:, X : X + 2], np.zeros(len(rows))]))[:, :2]
+                rows = rows[: int(np.argmin(np.hypot(*(track - trial.points[-1]).T))) + len(joints)]
             local = np.zeros((len(rows), 3))
             local[:, :2] = rows[:, X : X + 2] + rows[:, ASIDE_X : ASIDE_X + 2]
             places.append(compose(origin, local)[:, :2])
@@ -289,8 +302,8 @@ def _of_bodies(motions: MotionSet, ground: Ground, found: Sequence[tuple[FollowR
         excess.append(float(shapely.distance(line, shapely.points(points)).max()) - CLEARANCE)
     table = np.array(excess or [np.inf])
     return {
-        f"joints_excess_m_most_{motions.name}": float(table.max()),
-        f"joints_within_2_cm_percent_{motions.name}": 100.0 * float((table <= 0.02).mean()),
+        f"joints_excess_m_most_{name}": float(table.max()),
+        f"joints_within_2_cm_percent_{name}": 100.0 * float((table <= 0.02).mean()),
     }
 
 

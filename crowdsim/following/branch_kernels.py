@@ -168,7 +168,9 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
                     px, py = ox + c * u - s * v, oy + s * u + c * v
                     along = min(arc + pace * maps.outline[row, 2], total)
                     qx, qy = path_point(guide, along)
-                    area += step * math.sqrt((px - qx) * (px - qx) + (py - qy) * (py - qy))
+                    gap = math.sqrt((px - qx) * (px - qx) + (py - qy) * (py - qy))
+                    area += step * gap
+                    fit = fit and (gap <= rules.stray or maps.outline[row, 2] > total - arc)
                     misfit = behavior - guide.behavior[sample_index(guide, along)]
                     area += step * MISFIT_COST * abs(misfit)
                     wide = wide or misfit > 0

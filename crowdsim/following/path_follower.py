@@ -47,6 +47,7 @@ class FollowOptions:
     transition_reach: meters around a section in which a behavior that faces off the direction of motion is allowed.
     heading_tolerance: radians between body and path at the end of each node that moves.
     deviation: meters that the end of a node may lie off the path.
+    stray: meters that a track may lie off the path anywhere, without limit where only collisions count.
     slack: meters kept free beyond the body's radius, for what passes between two samples of the test.
     candidates: branches kept at each stage beside the single successors.
     looks: branches laid on the path at each stage beside the single successors: of more, those that promise most.
@@ -59,6 +60,7 @@ class FollowOptions:
     transition_reach: float = 2.0
     heading_tolerance: float = float(np.radians(35.0))
     deviation: float = 0.6
+    stray: float = float("inf")
     slack: float = 0.005
     candidates: int = 48
     looks: int = 24
@@ -98,6 +100,7 @@ class _Rules(NamedTuple):
     margin: float
     heading_tolerance: float
     deviation: float
+    stray: float
     slack: float
     candidates: int
     budget: int
@@ -183,6 +186,7 @@ def follow_path(
         float(options.margin),
         float(options.heading_tolerance),
         float(options.deviation),
+        float(options.stray),
         float(options.slack),
         int(options.candidates),
         int(options.budget),
