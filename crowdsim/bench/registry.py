@@ -28,6 +28,10 @@ _BENCHES = {
         "crowdsim.bench.motion_search",
         "A* on the motion graph: collision tests against channels, with and without branch kinematics",
     ),
+    "motion-maps": (
+        "crowdsim.bench.motion_maps",
+        "motion maps: size, success and time by depth, beside A*; lengths, bodies and arrivals",
+    ),
 }
 """Name -> (module with a ``measure`` function, one line on what it measures)."""
 

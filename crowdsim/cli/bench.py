@@ -27,7 +27,7 @@ def bench(
     ] = None,
     captures: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", help="For motion-graph and motion-search: a folder of captures."),
+        typer.Option(metavar="FOLDER", help="For motion-graph, motion-search and motion-maps: a folder of captures."),
     ] = None,
     as_json: Json = False,
     debug: Debug = False,

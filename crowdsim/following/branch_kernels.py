@@ -10,7 +10,7 @@ import numpy as np
 
 from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.following.path_kernels import path_point, project, sample_before, sample_index
-from crowdsim.geometry.planar_kernels import compose, wrap_angle
+from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.jit import helper
 from crowdsim.motion.track_kernels import next_origin, node_end, track_pose
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
@@ -33,7 +33,7 @@ _HEADING_LEVER = 0.2
 _HEADING_WINDOW = 0.3
 """Meters of path around the end of a node in which its heading must fit."""
 
-_NODE_COST = 0.01
+NODE_COST = 0.01
 """Square meters that each node adds to the area between branch and path: few long nodes rather than many short."""
 
 _TIME_COST = 0.02
@@ -42,7 +42,7 @@ _TIME_COST = 0.02
 _SWITCH_COST = 0.05
 """Square meters for ending where another behavior than the planned goes on."""
 
-_MISFIT_COST = 0.15
+MISFIT_COST = 0.15
 """Square meters a meter moved with a behavior one step off the planned one."""
 
 _END_COST = 0.25
@@ -68,7 +68,11 @@ def _fit_heading(maps, guide, rules, node, heading, arc, window):
             if math.isnan(facing):
                 continue
             for i in range(begin, end + 1):
-                turn = wrap_angle(guide.pose[i, 2] + facing - heading)
+                turn = guide.pose[i, 2] + facing - heading
+                while turn > math.pi:
+                    turn -= 2.0 * math.pi
+                while turn <= -math.pi:
+                    turn += 2.0 * math.pi
                 if abs(turn) < abs(best):
                     best = turn
     return best
@@ -86,13 +90,17 @@ def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
     if high - low <= 0.0:
         return 0.0
     node = np.int64(graph.edge_target[edge])
-    ox, oy, oh = next_origin(graph, np.int64(edge), 0.0, x, y, heading)
+    c, s = math.cos(heading), math.sin(heading)
+    tx, ty = graph.edge_transform[edge, 0], graph.edge_transform[edge, 1]
+    ox, oy, oh = x + c * tx - s * ty, y + s * tx + c * ty, heading + graph.edge_transform[edge, 2]
+    px, py = graph.edge_pivot[edge, 0], graph.edge_pivot[edge, 1]
+    jx, jy = x + c * px - s * py, y + s * px + c * py
     ex, ey, eh = node_end(graph, np.int64(node), ox, oy, oh)
-    jx, jy, _ = compose(x, y, heading, graph.edge_pivot[edge, 0], graph.edge_pivot[edge, 1], 0.0)
     aim, _ = project(guide, ex, ey, arc - 0.2, arc + graph.node_length[node] + 0.3)
     gx, gy = path_point(guide, aim)
     lever = (ex - jx) ** 2 + (ey - jy) ** 2
-    toward = wrap_angle(math.atan2(gy - jy, gx - jx) - math.atan2(ey - jy, ex - jx))
+    ax, ay, bx, by = ex - jx, ey - jy, gx - jx, gy - jy
+    toward = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
     mend = _fit_heading(maps, guide, rules, node, eh, aim, 0.0)
     weight = _HEADING_LEVER * _HEADING_LEVER
     return min(max((lever * toward + weight * mend) / (lever + weight), low), high)
@@ -123,9 +131,16 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
             if root >= 0:
                 node = np.int64(maps.node[maps.first[root] + entry])
                 edge = np.int64(maps.edge[maps.first[root] + entry])
+            if not guide.allowed[graph.node_behavior[node], sample_index(guide, arc)]:
+                laid.serial[entry] = serial
+                laid.fit[entry] = False
+                return 0
+            if root >= 0:
                 twist = _steer(graph, maps, guide, rules, edge, x, y, heading, arc)
                 ox, oy, oh = next_origin(graph, np.int64(edge), twist, x, y, heading)
-            x, y, heading = node_end(graph, np.int64(node), ox, oy, oh)
+            c, s = math.cos(oh), math.sin(oh)
+            u, v = graph.node_motion[node, 0], graph.node_motion[node, 1]
+            x, y, heading = ox + c * u - s * v, oy + s * u + c * v, wrap_angle(oh + graph.node_motion[node, 2])
             behavior = graph.node_behavior[node]
             travel = graph.node_length[node]
             moved = math.hypot(graph.node_motion[node, 0], graph.node_motion[node, 1])
@@ -138,7 +153,6 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
                 end_gap <= rules.deviation
                 and backward <= _MOST_BACKWARD
                 and (moved < IN_PLACE or error <= rules.heading_tolerance)
-                and guide.allowed[behavior, sample_index(guide, arc)]
                 and guide.allowed[behavior, here]
             )
             nearest = math.inf
@@ -146,7 +160,6 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
             if fit:
                 # Where a node begins its body is there already, which the outline leaves out.
                 wide = behavior > guide.behavior[sample_before(guide, arc)]
-                c, s = math.cos(oh), math.sin(oh)
                 begin, end = maps.outline_first[node], maps.outline_first[node + 1]
                 step = travel / (end - begin)
                 pace = (arc_after - arc) / max(travel, 1e-9)
@@ -155,19 +168,21 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
                     px, py = ox + c * u - s * v, oy + s * u + c * v
                     along = min(arc + pace * maps.outline[row, 2], total)
                     qx, qy = path_point(guide, along)
-                    area += step * math.hypot(px - qx, py - qy)
+                    gap = math.sqrt((px - qx) * (px - qx) + (py - qy) * (py - qy))
+                    area += step * gap
+                    fit = fit and (gap <= rules.stray or maps.outline[row, 2] > total - arc)
                     misfit = behavior - guide.behavior[sample_index(guide, along)]
-                    area += step * _MISFIT_COST * abs(misfit)
+                    area += step * MISFIT_COST * abs(misfit)
                     wide = wide or misfit > 0
-                    nearest = min(nearest, math.hypot(px - goal_x, py - goal_y))
-                area += _NODE_COST + _TIME_COST * graph.node_frames[node] / CAPTURE_RATE
+                    nearest = min(nearest, (px - goal_x) * (px - goal_x) + (py - goal_y) * (py - goal_y))
+                area += NODE_COST + _TIME_COST * graph.node_frames[node] / CAPTURE_RATE
                 if maps.leads_to[node] != guide.behavior[here]:
                     area += _SWITCH_COST
             if rules.end_standing:
                 goal_gap = math.hypot(x - goal_x, y - goal_y)
                 reached = graph.node_ends_standing[node] and goal_gap <= rules.goal_tolerance
             else:
-                reached = nearest <= rules.goal_tolerance
+                reached = nearest <= rules.goal_tolerance * rules.goal_tolerance
             laid.serial[entry] = serial
             # Who stands past the end, out of reach of the goal, could only shuffle: there are no steps back.
             stuck = rules.end_standing and graph.node_ends_standing[node]

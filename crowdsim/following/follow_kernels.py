@@ -10,10 +10,10 @@ import math
 import numpy as np
 
 from crowdsim.constants import NONE
-from crowdsim.following.branch_kernels import branch_is_free, lay_branch
+from crowdsim.following.branch_kernels import MISFIT_COST, NODE_COST, branch_is_free, lay_branch
 from crowdsim.following.map_kernels import BIN, CELL, pack_cell
 from crowdsim.following.path_kernels import path_point, project, sample_index
-from crowdsim.geometry.planar_kernels import to_local, wrap_angle
+from crowdsim.geometry.planar_kernels import to_local
 from crowdsim.jit import helper, kernel
 from crowdsim.motion.track_kernels import node_end
 
@@ -79,23 +79,70 @@ def _keep(search, begin, count, capacity, score, entry):
 
 
 @helper
-def _faces_along(rules, turn):
-    """Whether a body turned by ``turn`` from the direction of motion may face that way in some behavior."""
+def _facing_bins(rules, along):
+    """Heading bins of a map, as bits, that a body may be in that moves in the direction ``along`` in some behavior."""
+    bins = np.int64(0)
     for b in range(rules.facings.shape[0]):
         for f in range(rules.facings.shape[1]):
-            if abs(wrap_angle(turn - rules.facings[b, f])) <= 1.5 * BIN:
-                return True
-    return False
+            facing = rules.facings[b, f]
+            if not math.isnan(facing):
+                middle = np.int64(math.floor((along + facing) / BIN + 0.5)) + 12
+                bins |= 1 << (middle - 1) % 12 | 1 << middle % 12 | 1 << (middle + 1) % 12
+    return bins
 
 
 @helper
-def _mark_along_path(maps, guide, rules, search, root, origin, arc, serial):
-    """Mark the entries of the map in and around the cells that the path crosses from ``arc`` on.
+def _rank(search, count, capacity, score, entry):
+    """Sort an entry into the list of those to be laid, at most ``capacity``; ties by entry. Returns the new count."""
+    at = count
+    if count == capacity:
+        at -= 1
+        if (score, entry) >= (search.look_score[at], search.look[at]):
+            return count
+        count -= 1
+    while at > 0 and (score, entry) < (search.look_score[at - 1], search.look[at - 1]):
+        search.look_score[at] = search.look_score[at - 1]
+        search.look[at] = search.look[at - 1]
+        at -= 1
+    search.look_score[at] = score
+    search.look[at] = entry
+    return count + 1
 
-    Query points lie a cell apart up to the map's average length. Marked entries carry ``serial``.
+
+@helper
+def _promise(graph, maps, guide, root, row, x, y, c, s, arc):
+    """What an entry laid as the map has it, without extra rotations, would about score: less is better.
+
+    The area between branch and path is taken for a triangle over what its end is off. (x, y) is the map's origin, c and
+    s are the cosine and sine of its heading.
+    """
+    node = np.int64(maps.node[row])
+    mx, my, heading = np.float64(maps.pose[row, 0]), np.float64(maps.pose[row, 1]), np.float64(maps.pose[row, 2])
+    u, v = math.cos(heading), math.sin(heading)
+    mx += u * graph.node_motion[node, 0] - v * graph.node_motion[node, 1]
+    my += v * graph.node_motion[node, 0] + u * graph.node_motion[node, 1]
+    walked = np.float64(maps.length[row]) + graph.node_length[node] - graph.node_length[root]
+    at = arc + walked
+    gx, gy = path_point(guide, at)
+    gx -= x + c * mx - s * my
+    gy -= y + s * mx + c * my
+    gap = math.sqrt(gx * gx + gy * gy)
+    misfit = abs(graph.node_behavior[node] - guide.behavior[sample_index(guide, at)])
+    gain = max(walked, 0.1)
+    return (gap * (0.5 * gain + 0.25) + NODE_COST * maps.level[row] + MISFIT_COST * misfit * gain) / (gain * gain)
+
+
+@helper
+def _look_along_path(graph, maps, guide, rules, search, root, origin, arc, serial):
+    """List the entries of the map to be laid: in and around the cells that the path crosses from ``arc`` on.
+
+    Query points lie a cell apart up to the map's average length. Of more than ``rules.looks`` entries those that
+    promise most are listed. Returns their number; marked with ``-serial``, what was looked at with ``serial``.
     """
     base, stop = maps.first[root], maps.first[root + 1]
     points = int(maps.average[root] / CELL) + 1
+    count = np.int64(0)
+    c, s = math.cos(origin[2]), math.sin(origin[2])
     for q in range(points + 1):
         at = arc + q * CELL
         gx, gy = path_point(guide, at)
@@ -103,6 +150,7 @@ def _mark_along_path(maps, guide, rules, search, root, origin, arc, serial):
         lx, ly, along = to_local(origin[0], origin[1], origin[2], gx, gy, direction)
         ix = math.floor(lx / CELL + 0.5)
         iy = math.floor(ly / CELL + 0.5)
+        bins = _facing_bins(rules, along)
         for column in range(ix - 1, ix + 2):
             low = pack_cell(column, iy - 1, 0)
             high = pack_cell(column, iy + 1, 15)
@@ -114,10 +162,17 @@ def _mark_along_path(maps, guide, rules, search, root, origin, arc, serial):
                 else:
                     end = middle
             while begin < stop and maps.key[begin] <= high:
-                entry = maps.order[begin]
-                if search.marked[entry] != serial and _faces_along(rules, maps.pose[base + entry, 2] - along):
-                    search.marked[entry] = serial
+                fits = bins >> (maps.key[begin] & 15) & 1
+                entry = np.int64(maps.order[begin])
                 begin += 1
+                if not fits or search.marked[entry] == serial or maps.level[base + entry] < 2:
+                    continue
+                search.marked[entry] = serial
+                score = _promise(graph, maps, guide, root, base + entry, origin[0], origin[1], c, s, arc)
+                count = _rank(search, count, search.look.shape[0], score, entry)
+    for i in range(count):
+        search.marked[search.look[i]] = -serial
+    return count
 
 
 @helper
@@ -128,37 +183,34 @@ def _collect(graph, maps, guide, rules, search, laid, root, origin, end, arc, be
     leaves all cells of the map. Without a root every node may be the first. The score is equation 5 of the 2012
     paper, with the last node's own track: where it begins, all children of a node look alike.
     """
-    skipped = 0
-    size = graph.node_frames.shape[0]
-    singles = size
+    skipped = np.int64(0)
+    looks = np.int64(0)
+    singles = np.int64(graph.node_frames.shape[0])
     if root >= 0:
         base = maps.first[root]
-        skipped = 1
+        skipped = np.int64(1)
         size = maps.first[root + 1] - base
-        singles = 1
+        singles = np.int64(1)
         while singles < size and maps.level[base + singles] == 1:
             singles += 1
-        _mark_along_path(maps, guide, rules, search, root, origin, arc, serial)
+        looks = _look_along_path(graph, maps, guide, rules, search, root, origin, arc, serial)
     count = np.int64(0)
     capacity = rules.candidates
-    for i in range(size - skipped):
-        entry = singles + i if singles + i < size else singles + i - size + skipped
-        single = entry < singles
-        if single:
+    for i in range(looks + singles - skipped):
+        entry = search.look[i] if i < looks else skipped + i - looks
+        if i >= looks:
             capacity += 1
             if root < 0 and graph.node_idle[entry]:
                 continue
-        elif search.marked[entry] != serial:
-            continue
         depth = _load_branch(maps, search, root, entry)
         taken = lay_branch(graph, maps, guide, rules, search, laid, root, depth, end, arc, serial)
         if taken == 0:
             continue
         entry = search.branch[taken - 1]
         if taken < depth:
-            if entry < singles or search.marked[entry] == serial:
+            if entry < singles or search.marked[entry] == -serial:
                 continue
-            search.marked[entry] = serial
+            search.marked[entry] = -serial
         gain = max(laid.arc[entry] - arc, 0.1)
         score = (laid.area[entry] + laid.off[entry]) / (gain * gain)
         if laid.reached[entry]:

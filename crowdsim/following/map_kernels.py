@@ -90,11 +90,11 @@ def _sift_down(heap, cost, size):
 
 
 @kernel
-def grow_maps(graph, depth, reach, capacity, first, key, parent, edge, node, level, pose, length):
-    """Grow the map of every node; returns the number of entries of all maps.
+def grow_maps(graph, begin, end, depth, reach, capacity, first, key, parent, edge, node, level, pose, length):
+    """Grow the maps of the nodes ``begin`` to ``end``; returns the number of their entries.
 
     All children of an entry start where its node ends, at one cost: the queue holds the parents, by the cost at
-    which their children start, and an entry's children are put in together. first: (N + 1,) int64; the other
+    which their children start, and an entry's children are put in together. first: (nodes + 1,) int64; the other
     outputs hold ``capacity`` rows a map. The frontier never culls a successor of the root: a small turn may be
     taken twice within one cell.
     """
@@ -107,8 +107,8 @@ def grow_maps(graph, depth, reach, capacity, first, key, parent, edge, node, lev
     heap = np.empty(capacity, np.int64)
     cost = np.empty(capacity, np.float64)
     total = 0
-    for root in range(graph.node_frames.shape[0]):
-        first[root] = total
+    for root in range(begin, end):
+        first[root - begin] = total
         key[total] = cell_key(0.0, 0.0, 0.0)
         parent[total] = -1
         edge[total] = -1
@@ -158,5 +158,5 @@ def grow_maps(graph, depth, reach, capacity, first, key, parent, edge, node, lev
                     _sift_up(heap, cost, size - 1)
                 count += 1
         total += count
-    first[graph.node_frames.shape[0]] = total
+    first[end - begin] = total
     return total

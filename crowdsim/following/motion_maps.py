@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +14,13 @@ from numpy.typing import NDArray
 from crowdsim.errors import MotionError
 from crowdsim.following.map_kernels import CELL, grow_maps
 from crowdsim.motion.graph_arrays import GraphArrays
+
+DEPTH = 4
+REACH = 3.5
+MAX_ENTRIES = 2500
+
+_ROWS_AT_ONCE = 1_000_000
+"""Entries that are grown at once: what a long build tells of its progress, and holds twice."""
 
 
 class MapArrays(NamedTuple):
@@ -62,17 +72,34 @@ class MotionMaps:
         a = self.arrays
         return sum(len(np.unique(a.key[i:j])) for i, j in zip(a.first[:-1], a.first[1:], strict=True))
 
+    @cached_property
+    def depth(self) -> int:
+        """Most edges of a branch."""
+        return max(int(self.arrays.level.max(initial=1)), 1)
+
+    @cached_property
+    def most_entries(self) -> int:
+        """Entries of the largest map."""
+        return int(np.diff(self.arrays.first).max(initial=1))
+
     @property
     def bytes(self) -> int:
         return sum(column.nbytes for column in self.arrays)
 
     @classmethod
-    def build(cls, graph: GraphArrays, depth: int = 4, reach: float = 3.5, max_entries: int = 2500) -> MotionMaps:
+    def build(
+        cls,
+        graph: GraphArrays,
+        depth: int = DEPTH,
+        reach: float = REACH,
+        max_entries: int = MAX_ENTRIES,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> MotionMaps:
         """Grow the map of every node by Dijkstra's search over track length (2012 paper, algorithm 1).
 
         depth: most edges of a branch. reach: meters of search cost (track length, turning, a little for each
         node) beyond which no node is expanded. max_entries: most entries of a map; all successors of a node
-        always fit. MotionError where a number is out of range.
+        always fit. progress: called with the nodes done and their number. MotionError where a number is out of range.
         """
         degree = int(np.diff(graph.edge_start).max(initial=0))
         if depth < 1 or reach <= 0.0 or max_entries < 1:
@@ -81,29 +108,29 @@ class MotionMaps:
             )
         nodes = len(graph.node_frames)
         capacity = max(max_entries, degree + 1)
-        rows = nodes * capacity
-        first = np.empty(nodes + 1, np.int64)
-        key = np.empty(rows, np.int64)
-        parent, edge, node, level = (np.empty(rows, np.int32) for _ in range(4))
-        pose = np.empty((rows, 3), np.float32)
-        length = np.empty(rows, np.float32)
-        count = grow_maps(graph, depth, float(reach), capacity, first, key, parent, edge, node, level, pose, length)
-        sizes = np.diff(first)
-        owner = np.repeat(np.arange(nodes), sizes)
-        ranks = np.lexsort((key[:count], owner))
+        batch = min(max(_ROWS_AT_ONCE // capacity, 1), nodes)
+        parts = []
+        for begin in range(0, nodes, batch):
+            parts.append(_grow(graph, begin, min(begin + batch, nodes), depth, float(reach), capacity))
+            if progress is not None:
+                progress(min(begin + batch, nodes), nodes)
+        sizes, key, order, parent, edge, node, level, pose, length = (
+            np.concatenate(column) for column in zip(*parts, strict=True)
+        )
+        first = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
         outline_first, outline = _outlines(graph)
         successors = _behavior_counts(graph)
         arrays = MapArrays(
             first=first,
-            key=key[ranks],
-            order=(ranks - first[owner]).astype(np.int32),
-            parent=parent[:count].copy(),
-            edge=edge[:count].copy(),
-            node=node[:count].copy(),
-            level=level[:count].copy(),
-            pose=pose[:count].copy(),
-            length=length[:count].copy(),
-            average=np.add.reduceat(length[:count].astype(np.float64), first[:-1]) / sizes,
+            key=key,
+            order=order,
+            parent=parent,
+            edge=edge,
+            node=node,
+            level=level,
+            pose=pose,
+            length=length,
+            average=np.add.reduceat(length.astype(np.float64), first[:-1]) / sizes,
             family=_families(graph),
             ends_as=successors > 0,
             leads_to=np.argmax(successors - np.eye(successors.shape[1])[graph.node_behavior], axis=1).astype(np.int32),
@@ -111,6 +138,24 @@ class MotionMaps:
             outline=outline,
         )
         return cls(arrays)
+
+
+def _grow(
+    graph: GraphArrays, begin: int, end: int, depth: int, reach: float, capacity: int
+) -> tuple[NDArray[Any], ...]:
+    """Maps of the nodes ``begin`` to ``end``: their sizes, and columns of :class:`MapArrays` from key to length."""
+    rows = (end - begin) * capacity
+    first = np.empty(end - begin + 1, np.int64)
+    key = np.empty(rows, np.int64)
+    parent, edge, node, level = (np.empty(rows, np.int32) for _ in range(4))
+    pose = np.empty((rows, 3), np.float32)
+    length = np.empty(rows, np.float32)
+    columns = (parent, edge, node, level, pose, length)
+    count = grow_maps(graph, begin, end, depth, reach, capacity, first, key, *columns)
+    sizes = np.diff(first)
+    ranks = np.concatenate([np.argsort(key[i:j], kind="stable") + i for i, j in pairwise(first.tolist())])
+    order = (ranks - np.repeat(first[:-1], sizes)).astype(np.int32)
+    return sizes, key[ranks], order, *(column[:count].copy() for column in columns)
 
 
 def _families(graph: GraphArrays) -> NDArray[np.int32]:

@@ -47,8 +47,10 @@ class FollowOptions:
     transition_reach: meters around a section in which a behavior that faces off the direction of motion is allowed.
     heading_tolerance: radians between body and path at the end of each node that moves.
     deviation: meters that the end of a node may lie off the path.
+    stray: meters that a track may lie off the path anywhere, without limit where only collisions count.
     slack: meters kept free beyond the body's radius, for what passes between two samples of the test.
     candidates: branches kept at each stage beside the single successors.
+    looks: branches laid on the path at each stage beside the single successors: of more, those that promise most.
     budget: map queries until the search gives up.
     """
 
@@ -58,8 +60,10 @@ class FollowOptions:
     transition_reach: float = 2.0
     heading_tolerance: float = float(np.radians(35.0))
     deviation: float = 0.6
+    stray: float = float("inf")
     slack: float = 0.005
     candidates: int = 48
+    looks: int = 24
     budget: int = 4_000
 
 
@@ -96,6 +100,7 @@ class _Rules(NamedTuple):
     margin: float
     heading_tolerance: float
     deviation: float
+    stray: float
     slack: float
     candidates: int
     budget: int
@@ -130,6 +135,8 @@ class _Search(NamedTuple):
     stage_arc: Floats
     candidate: NDArray[np.int64]
     score: Floats
+    look: NDArray[np.int64]
+    look_score: Floats
     marked: NDArray[np.int64]
     branch: NDArray[np.int64]
     memory: NDArray[np.int64]
@@ -166,6 +173,10 @@ def follow_path(
             f"radii {radii.shape} and facings {facings.shape} must have a row for each of the {behaviors} behaviors,"
             f" radii a column for each of the {len(meshes)} layers"
         )
+    if options.looks < 1 or options.candidates < 1:
+        raise MotionError(
+            f"a search keeps one candidate and looks at one branch or more, not {options.candidates}, {options.looks}"
+        )
     guide = _Guide(samples.pose, samples.arc, samples.behavior, _allowed(samples, facings, options.transition_reach))
     rules = _Rules(
         np.ascontiguousarray(radii, np.float64),
@@ -175,11 +186,12 @@ def follow_path(
         float(options.margin),
         float(options.heading_tolerance),
         float(options.deviation),
+        float(options.stray),
         float(options.slack),
         int(options.candidates),
         int(options.budget),
     )
-    search, laid = _workspace(graph, maps, float(samples.arc[-1]), rules)
+    search, laid = _workspace(graph, maps, float(samples.arc[-1]), rules, options.looks)
     start = np.array(start_pose, np.float64)
     status, count, reached, expansions = follow(
         graph, maps.arrays, guide, rules, meshes, start, int(start_node), search, laid
@@ -203,7 +215,7 @@ def _allowed(samples: Samples, facings: Floats, reach: float) -> NDArray[np.bool
     """
     allowed = np.ones((len(facings), len(samples.arc)), np.bool_)
     for b, row in enumerate(facings):
-        if np.nanmin(np.abs(row)) <= np.pi / 4.0:
+        if (np.abs(row) <= np.pi / 4.0).any():
             continue
         planned = samples.arc[samples.behavior <= b]
         if not len(planned):
@@ -216,15 +228,14 @@ def _allowed(samples: Samples, facings: Floats, reach: float) -> NDArray[np.bool
     return allowed
 
 
-def _workspace(graph: GraphArrays, maps: MotionMaps, length: float, rules: _Rules) -> tuple[_Search, _Laid]:
+def _workspace(graph: GraphArrays, maps: MotionMaps, length: float, rules: _Rules, looks: int) -> tuple[_Search, _Laid]:
     """Room for one search; a solution has some nodes for each meter of path."""
-    arrays = maps.arrays
-    depth = max(int(arrays.level.max(initial=1)), 1)
+    depth = maps.depth
     stages = 64 + int(8.0 * length)
     nodes = stages * depth + 1
-    singles = max(int(np.diff(graph.edge_start).max(initial=0)), len(graph.node_frames))
-    pool = stages * (rules.candidates + singles)
-    entries = max(int(np.diff(arrays.first).max(initial=1)), len(graph.node_frames))
+    entries = max(maps.most_entries, len(graph.node_frames))
+    # Every single successor is an entry; what of the pool is never touched takes no memory.
+    pool = stages * (rules.candidates + entries)
     memory = 1 << max(10, int(2 * rules.budget).bit_length())
 
     def ints(n: int) -> NDArray[np.int64]:
@@ -237,6 +248,8 @@ def _workspace(graph: GraphArrays, maps: MotionMaps, length: float, rules: _Rule
         stage_arc=np.empty(stages),
         candidate=ints(pool),
         score=np.empty(pool),
+        look=ints(looks),
+        look_score=np.empty(looks),
         marked=np.zeros(entries, np.int64),
         branch=ints(depth),
         memory=np.zeros(memory, np.int64),

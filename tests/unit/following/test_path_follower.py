@@ -236,10 +236,34 @@ def test_two_threads_find_what_one_finds(maps: MotionMaps) -> None:
     assert len({len(a.nodes) for a in alone}) > 1
 
 
+def test_who_must_not_stray_keeps_to_the_path(maps: MotionMaps) -> None:
+    world, path = scene(OPEN_GROUND), sample([(0.0, 0.0), (6.0, 0.0), (9.0, 5.0), (18.0, 5.0)])
+    freely = follow(maps, world, path, (0.0, 0.0, 0.0))
+    closely = follow(maps, world, path, (0.0, 0.0, 0.0), stray=0.1)
+    assert freely.status is closely.status is FollowStatus.FOUND
+    assert deviation(check(closely, world), path).max() <= 0.1 < deviation(check(freely, world), path).max()
+
+
+def test_few_looks_lead_there_too_and_all_of_them_are_as_many_as_one_asks(maps: MotionMaps) -> None:
+    world, path = corridor()
+    start = (0.0, 0.2, 1.0)
+    for looks in (1, 6):
+        result = follow(maps, world, path, start, looks=looks)
+        assert result.status is FollowStatus.FOUND
+        check(result, world)
+    assert same(follow(maps, world, path, start, looks=2_500), follow(maps, world, path, start, looks=9_999))
+    bend = sample([(0.0, 0.0), (6.0, 0.0), (9.0, 3.0), (9.0, 9.0)])
+    few, many = (follow(maps, scene(OPEN_GROUND), bend, (0.0, 0.0, 0.0), looks=looks) for looks in (1, 200))
+    assert len(many.nodes) <= len(few.nodes)
+    assert not same(few, many)
+
+
 def test_input_that_does_not_fit_is_refused(maps: MotionMaps) -> None:
     world, path = scene(OPEN_GROUND), sample([(0.0, 0.0), (5.0, 0.0)])
     with pytest.raises(MotionError, match="each of the 3 behaviors"):
         follow_path(GRAPH, maps, path, world.meshes, RADII[:2], FACINGS[:2], np.zeros(3))
+    with pytest.raises(MotionError, match="one candidate and looks at one branch"):
+        follow(maps, world, path, (0.0, 0.0, 0.0), looks=0)
     short = Samples(path.pose[:1], path.arc[:1], path.behavior[:1])
     with pytest.raises(MotionError, match="two samples"):
         follow_path(GRAPH, maps, short, world.meshes, RADII, FACINGS, np.zeros(3))
