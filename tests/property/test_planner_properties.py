@@ -191,7 +191,8 @@ def test_a_road_that_does_not_hang_together_has_no_string():
     need = Requirements.of(BEHAVIORS, 2, TRACKING_MARGIN)
     roadmap = roadmap_of(meshes, need)
     line, sections, cost = polishing_kernels.polish_road(
-        roadmap.layers, roadmap.points, np.empty((0, 2), np.int64), roadmap.around, np.empty(len(roadmap.around)),
+        roadmap.layers, roadmap.layers[1:], roadmap.points, np.empty((0, 2), np.int64), roadmap.around,
+        np.empty(len(roadmap.around)),
         ends_in(meshes, 5), np.ascontiguousarray(need.radii[:, 1:]), need.radii, need.costs, need.turned, TERMS,
         need.search_radius, 0.99 * need.search_radius,
     )  # fmt: skip
