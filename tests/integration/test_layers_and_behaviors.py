@@ -52,7 +52,8 @@ def test_a_room_is_crossed_whatever_the_number_of_layers(tmp_path: Path, layers:
         require_sound(recording)
         assert list(recording.summary["obstacle_margin"]) == (names or ["legs", "torso"])
         share = recording.summary["behavior_share"]["arm_constrained"]
-        assert share > 0.1 if len(recording.header.layers) > 1 else share == 0.0
+        # With one layer no plan asks for it; a follower may still take a step of it.
+        assert share > 0.1 if len(recording.header.layers) > 1 else share < 0.05
 
 
 @pytest.mark.parametrize("names", [["frontal"], ["frontal", "arm_constrained"]])
