@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crowdsim.errors import MotionError
 from crowdsim.following.motion_maps import DEPTH, MAX_ENTRIES, REACH, MapArrays, MotionMaps
@@ -53,7 +54,8 @@ def maps_in_file(
 def maps_key(graph: GraphArrays, depth: int, reach: float, max_entries: int) -> str:
     """Hash of all that maps are built of."""
     digest = hashlib.sha256(f"{VERSION} {depth} {float(reach)!r} {max_entries}".encode())
-    for name, column in zip(graph._fields, graph, strict=True):
+    columns: tuple[NDArray[Any], ...] = tuple(graph)
+    for name, column in zip(graph._fields, columns, strict=True):
         digest.update(f"{name} {column.dtype.str} {column.shape}".encode())
         digest.update(np.ascontiguousarray(column).data)
     return digest.hexdigest()[:24]
@@ -63,7 +65,8 @@ def save_maps(maps: MotionMaps, file: Path) -> None:
     """Write maps to a file, which takes its name when it is whole."""
     header: dict[str, Any] = {"version": VERSION, "arrays": {}}
     offset = 0
-    for name, column in zip(MapArrays._fields, maps.arrays, strict=True):
+    columns: tuple[NDArray[Any], ...] = tuple(maps.arrays)
+    for name, column in zip(MapArrays._fields, columns, strict=True):
         header["arrays"][name] = [column.dtype.str, list(column.shape), offset]
         offset += -(-column.nbytes // _ALIGNED) * _ALIGNED
     header["bytes"] = offset
@@ -71,7 +74,7 @@ def save_maps(maps: MotionMaps, file: Path) -> None:
     head += b" " * (-len(head) % _ALIGNED)
     with whole_file(file, (SUFFIX,), "motion maps") as written, written.open("wb") as stream:
         stream.write(head)
-        for column in maps.arrays:
+        for column in columns:
             stream.write(np.ascontiguousarray(column).data)
             stream.write(b"\0" * (-column.nbytes % _ALIGNED))
 
