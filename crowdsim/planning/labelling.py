@@ -15,17 +15,6 @@ Intervals = NDArray[np.float64]
 _NOWHERE = np.empty((0, 2))
 
 
-def union(intervals: Intervals) -> Intervals:
-    """Sorted, disjoint intervals (k, 2) that cover the same places; touching ones become one."""
-    merged: list[list[float]] = []
-    for low, high in sorted(intervals.tolist()):
-        if merged and low <= merged[-1][1]:
-            merged[-1][1] = max(merged[-1][1], high)
-        else:
-            merged.append([low, high])
-    return np.array(merged).reshape(-1, 2)
-
-
 def label_path(
     blocked: Sequence[Intervals],
     costs: NDArray[np.float64],

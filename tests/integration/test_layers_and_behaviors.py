@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 import crowdsim
+from crowdsim.crowd.place import Place
+from crowdsim.crowd.setting import prepare
 from crowdsim.library import library_folder
 from crowdsim.planning import behavior_library
 from crowdsim.recording.reader import Recording
@@ -52,8 +54,16 @@ def test_a_room_is_crossed_whatever_the_number_of_layers(tmp_path: Path, layers:
         require_sound(recording)
         assert list(recording.summary["obstacle_margin"]) == (names or ["legs", "torso"])
         share = recording.summary["behavior_share"]["arm_constrained"]
-        # With one layer no plan asks for it; a follower may still take a step of it.
         assert share > 0.1 if len(recording.header.layers) > 1 else share < 0.05
+
+
+def test_with_one_layer_no_plan_asks_for_a_narrower_behavior() -> None:
+    """All behaviors need the same room there; a follower may still take a step with the arms held in."""
+    scenario = parse_scenario(ROOM.format(more=ONE, gap=0.5))
+    place = Place(prepare(scenario), scenario.changes())
+    for y in (-0.5, 0.0, 0.5):
+        sections = place.route((1.0, y), (7.2, -y)).sections
+        assert [section.behavior for section in sections] == [len(place.setting.behaviors) - 1]
 
 
 @pytest.mark.parametrize("names", [["frontal"], ["frontal", "arm_constrained"]])

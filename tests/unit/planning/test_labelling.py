@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from crowdsim.planning.labelling import label_path, union
+from crowdsim.planning.labelling import label_path
 from crowdsim.planning.labelling_kernels import MIN_SECTION, TERMS, label_cells
 from tests.reference.plan_labelling import cheapest, cost_of
 
@@ -82,8 +82,3 @@ def test_path_of_no_length():
     sections, cost = label_path([NOTHING] * 3, COSTS, TURNED, 0.0)
     assert sections == ((2, 0.0, 0.0),)
     assert cost == 0.0
-
-
-def test_intervals():
-    assert union(intervals((3, 4), (0, 1), (1, 2))).tolist() == [[0, 2], [3, 4]]
-    assert union(NOTHING).shape == (0, 2)
