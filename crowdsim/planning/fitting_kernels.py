@@ -12,7 +12,7 @@ from crowdsim.navmesh.half_edge_kernels import nxt, prv, triangle_near
 from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
 from crowdsim.planning.labelling_kernels import label_stretches
 
-_OWN_SPAN = np.dtype([("lo", np.float64), ("hi", np.float64), ("owner", np.int64)], align=True)
+OWN_SPAN = np.dtype([("lo", np.float64), ("hi", np.float64), ("owner", np.int64)], align=True)
 """An interval of arc length where behavior ``owner`` does not fit."""
 
 _GRAZE = 1e-9
@@ -81,7 +81,7 @@ def _inside(m, t, px, py, ux, uy):
 
 
 @helper
-def _add_span(spans, lasts, count, owner, lo, hi, start):
+def add_span(spans, lasts, count, owner, lo, hi, start):
     """Record the interval for behavior ``owner`` on the piece from ``start`` on; it may widen that one's last."""
     lo += start
     hi += start
@@ -113,7 +113,7 @@ def _add_corner(spans, lasts, count, radii, k, x, y, start, length):
         hi = min(x + half, length)
         if lo >= hi:  # what is clear enough for this one is for all that are narrower
             break
-        spans, count = _add_span(spans, lasts, count, b, lo, hi, start)
+        spans, count = add_span(spans, lasts, count, b, lo, hi, start)
     return spans, count
 
 
@@ -125,12 +125,12 @@ def _add_inside(m, t, px, py, ux, uy, start, length, behaviors, spans, lasts, co
     hi = min(hi, length)
     if lo < hi:
         for b in range(behaviors):
-            spans, count = _add_span(spans, lasts, count, b, lo, hi, start)
+            spans, count = add_span(spans, lasts, count, b, lo, hi, start)
     return spans, count
 
 
 @helper
-def _add_misfits(m, stack, marks, mark, root, px, py, ux, uy, start, length, radii, k, spans, lasts, count):
+def add_misfits(m, stack, marks, mark, root, px, py, ux, uy, start, length, radii, k, spans, lasts, count):
     """Record where p + s u, s from 0 to ``length``, is too near to obstacles for each behavior; (spans, count, stack).
 
     Triangles are walked from ``root``, that of p, as far as the widest behavior reaches. Sides of obstacles are passed
@@ -175,7 +175,7 @@ def _add_misfits(m, stack, marks, mark, root, px, py, ux, uy, start, length, rad
                 hi = min(hi, length)
                 if lo >= hi:
                     break
-                spans, count = _add_span(spans, lasts, count, b, lo, hi, start)
+                spans, count = add_span(spans, lasts, count, b, lo, hi, start)
             if not _crosses(ax, ay, bx, by, length):
                 continue
         g = sides[h].twin
@@ -208,6 +208,31 @@ def _add_misfits(m, stack, marks, mark, root, px, py, ux, uy, start, length, rad
     return spans, count, stack
 
 
+@helper
+def label_spans(spans, total, costs, turned, terms, length):
+    """Cheapest sections and their cost, as of `label_stretches`, of a path with ``total`` intervals, in any order."""
+    count = costs.size
+    ends = np.zeros(count, np.int64)
+    own = np.empty(total + 1, SPAN)
+    blocked = np.empty((total, 2))
+    rows = 0
+    for b in range(count):
+        filled = np.int64(0)
+        for s in range(total):
+            if spans[s].owner == b:
+                own[filled].lo = spans[s].lo
+                own[filled].hi = spans[s].hi
+                filled += 1
+        union = merged(own, filled)
+        # Not as slices, whose shape checks compile for a second.
+        for s in range(union.shape[0]):
+            blocked[rows, 0] = union[s, 0]
+            blocked[rows, 1] = union[s, 1]
+            rows += 1
+        ends[b] = rows
+    return label_stretches(blocked, ends, costs, turned, terms, length)
+
+
 @kernel
 def annotate(layers, radii, costs, turned, terms, points):
     """Cheapest sections (k, 3) of the polyline (n, 2), as of `label_stretches`, their cost and the polyline's length.
@@ -217,9 +242,8 @@ def annotate(layers, radii, costs, turned, terms, points):
     count = costs.size
     pieces = points.shape[0] - 1
     stack = np.empty(64, SWEPT)
-    ends = np.zeros(count, np.int64)
     lasts = np.empty(count, np.int64)
-    spans = np.empty(64, _OWN_SPAN)
+    spans = np.empty(64, OWN_SPAN)
     most = 0
     for m in layers:
         most = max(most, m.wind.size)
@@ -246,29 +270,12 @@ def annotate(layers, radii, costs, turned, terms, points):
                 )  # fmt: skip
             if size > 0.0 and not free:
                 mark += 1
-                spans, total, stack = _add_misfits(
+                spans, total, stack = add_misfits(
                     m, stack, marks, mark, triangle, px, py, ux / size, uy / size, start, size, radii, k,
                     spans, lasts, total,
                 )  # fmt: skip
             triangle = end if free else triangle_near(m, points[i + 1, 0], points[i + 1, 1], triangle)
             start += size
         length = start
-    own = np.empty(total + 1, SPAN)
-    blocked = np.empty((total, 2))
-    rows = 0
-    for b in range(count):
-        filled = np.int64(0)
-        for s in range(total):
-            if spans[s].owner == b:
-                own[filled].lo = spans[s].lo
-                own[filled].hi = spans[s].hi
-                filled += 1
-        union = merged(own, filled)
-        # Not as slices, whose shape checks compile for a second.
-        for s in range(union.shape[0]):
-            blocked[rows, 0] = union[s, 0]
-            blocked[rows, 1] = union[s, 1]
-            rows += 1
-        ends[b] = rows
-    sections, cost = label_stretches(blocked, ends, costs, turned, terms, length)
+    sections, cost = label_spans(spans, total, costs, turned, terms, length)
     return sections, cost, length

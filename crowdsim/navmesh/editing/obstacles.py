@@ -74,6 +74,15 @@ class Obstacles:
         self.mesh, self._work = mesh, work
         self._places = address_kernels.places_of(mesh, work)
 
+    @property
+    def places(self) -> Integers:
+        """Addresses (12, 2) of the arrays as they are now, for kernels that put points in and take them out again."""
+        return self._places
+
+    def make_room(self) -> None:
+        """Room for more vertices than one point makes."""
+        self._grow(len(self.mesh.vertices) // 4 + 256)
+
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self._set(self.mesh, self._work)  # the arrays of a copy are elsewhere
@@ -192,10 +201,10 @@ class Obstacles:
         slot.shape, slot.snapped = shape, snapped
         if not self._enter(number, slot):
             slot.ids = None
-            self._rebuild()
+            self.rebuild()
             if not self._enter(number, slot):
                 slot.ids = None
-                self._rebuild()
+                self.rebuild()
                 count = len(shape) if isinstance(shape, list) else len(snapped.points)
                 raise GeometryError(
                     f"the obstacle of {count} corners cannot be put into the mesh; simplify or repair it"
@@ -210,7 +219,7 @@ class Obstacles:
             done = self._edit(REMOVE, number, slot)
         slot.ids = None
         if not done:
-            self._rebuild()
+            self.rebuild()
 
     def _enter(self, number: int, slot: _Slot) -> bool:
         """Insert what slot ``number`` says; False where that left the mesh useless."""
@@ -268,7 +277,7 @@ class Obstacles:
         work.progress["uses"] = count
         self._set(mesh, work)
 
-    def _rebuild(self) -> None:
+    def rebuild(self) -> None:
         """The mesh anew, with all obstacles that are in it, in arrays twice as large."""
         room = 2 * len(self.mesh.vertices)
         self._set(resized(self._base, room), workshop(room, 2 * len(self._work.uses)))
