@@ -53,32 +53,27 @@ def plan_greedy(query: Query, keep_blockers: bool, annotate: Annotate | None = N
     fitting = judge.cheapest(only, np.inf)
     best = fitting[1] if fitting else AnnotatedPath(direct.points, arc_lengths(direct.points), (), np.inf)
     with _own_detours(query.meshes[0]) as detours:
-        mesh, handles = detours.mesh, []
-        closest = radius - mesh.tolerance(radius)
+        closest = radius - detours.mesh.tolerance(radius)
         tried: dict[tuple[int, int], NDArray[np.float64]] = {}
-        try:
-            detours.aim(query.ends[0], query.ends[1], radius, direct.length)
-            for _ in range(_MOST_ROUNDS):
-                points = _conflict_points(query, best)
-                places = [(round(x / _SAME_PLACE), round(y / _SAME_PLACE)) for x, y in points.tolist()]
-                # Those tried before were with fewer blockers, and no cheaper than what is best by now.
-                new = {place: k for k, place in enumerate(places) if place not in tried}
-                if not new:
-                    break
-                blockers = points[list(new.values())]
-                ways = detours.around(blockers)
-                tried |= {place: ways[k] for k, place in enumerate(new)}
-                found = judge.cheapest(ways, best.cost)
-                if found is None:
-                    break
-                chosen, best = found
-                if keep_blockers:
-                    blocker = blockers[chosen]
-                    handles.append(mesh.insert_obstacle(blocker))
-                    tried = {k: points for k, points in tried.items() if keeps_off(points, *blocker.tolist(), closest)}
-        finally:
-            for handle in handles:
-                mesh.remove(handle)
+        detours.aim(query.ends[0], query.ends[1], radius, direct.length)
+        for _ in range(_MOST_ROUNDS):
+            points = _conflict_points(query, best)
+            places = [(round(x / _SAME_PLACE), round(y / _SAME_PLACE)) for x, y in points.tolist()]
+            # Those tried before were with fewer blockers, and no cheaper than what is best by now.
+            new = {place: k for k, place in enumerate(places) if place not in tried}
+            if not new:
+                break
+            blockers = points[list(new.values())]
+            ways = detours.around(blockers)
+            tried |= {place: ways[k] for k, place in enumerate(new)}
+            found = judge.cheapest(ways, best.cost)
+            if found is None:
+                break
+            chosen, best = found
+            if keep_blockers:
+                blocker = blockers[chosen]
+                detours.mesh.insert_obstacle(blocker)
+                tried = {k: points for k, points in tried.items() if keeps_off(points, *blocker.tolist(), closest)}
     return best if best.sections else None
 
 
@@ -139,7 +134,7 @@ _lock = threading.Lock()
 
 @contextmanager
 def _own_detours(mesh: NavMesh) -> Iterator[Detours]:
-    """Lend a copy of ``mesh`` that one thread may edit; who is given it leaves it as it was."""
+    """Lend a copy of ``mesh`` that one thread may edit."""
     revision = mesh.revision
     with _lock:
         kept = [entry for entry in _kept.get(mesh, []) if entry[0] == revision]
@@ -148,5 +143,6 @@ def _own_detours(mesh: NavMesh) -> Iterator[Detours]:
     if detours is None:
         detours = Detours(mesh)
     yield detours
-    with _lock:
-        _kept[mesh].append((revision, detours))
+    if detours.reset():
+        with _lock:
+            _kept[mesh].append((revision, detours))

@@ -10,7 +10,7 @@ from crowdsim.navmesh.editing.address_kernels import mesh_at, workshop_at
 from crowdsim.navmesh.editing.point_kernels import INSERT, REMOVE, edit_point, has_room
 from crowdsim.navmesh.half_edge_kernels import triangle_of
 from crowdsim.navmesh.mesh_arrays import NONE
-from crowdsim.navmesh.paths.guide_kernels import clear_guide, fill_guide
+from crowdsim.navmesh.paths.guide_kernels import add_sides, clear_guide, fill_guide
 from crowdsim.navmesh.paths.interval_kernels import find_way
 from crowdsim.navmesh.paths.path_kernels import OK, append_path, plan_path
 
@@ -25,9 +25,18 @@ LOST = 2
 
 
 @kernel
-def make_guide(m, work, sx, sy, gx, gy, radius, least, limit, guide):
-    """Fill ``guide`` for ways of a disc of ``radius`` from (sx, sy) to (gx, gy), both free, up to ``limit`` meters."""
-    clear_guide(m, limit, guide)
+def begin_guide(m, guide):
+    """Make a ``guide`` of zeros one for the mesh, of whatever radius and goal."""
+    add_sides(m, guide)
+
+
+@kernel
+def aim_guide(m, work, sx, sy, gx, gy, radius, least, limit, guide):
+    """Fill ``guide`` for ways of a disc of ``radius`` from (sx, sy) to (gx, gy), both free, up to ``limit`` meters.
+
+    What it knew of others before is forgotten; the mesh is as it was when the guide was begun.
+    """
+    clear_guide(guide, limit)
     goal = triangle_of(m, gx, gy, NONE)
     _, used = find_way(m, None, work, goal, gx, gy, NONE, sx, sy, radius, 2.0 * least, guide, limit)
     fill_guide(m, work.labels, used, radius, guide)

@@ -42,25 +42,38 @@ class Ways:
 class Detours:
     """A copy of a mesh that one thread may edit, and the paths in it between two places.
 
-    After :meth:`aim`, obstacles may be put into :attr:`mesh` and removed again. They only make ways longer, so the
-    distances from the goal without them, worked out once, guide every search: it looks at little more than the ways
-    that are as short as the one it finds.
+    After :meth:`aim`, obstacles may be put into :attr:`mesh`. They only make ways longer, so the distances from the
+    goal without them, worked out once, guide every search: it looks at little more than the ways that are as short as
+    the one it finds.
     """
 
     mesh: NavMesh
 
     def __init__(self, mesh: NavMesh) -> None:
         self.mesh = mesh.with_points(np.empty((0, 2)))
-        sides = 3 * int(self.mesh.arrays.frame["triangles"][0])
-        self._guide: NDArray[np.void] = np.zeros((1 << (2 * sides).bit_length()) + 1, GUIDE)
+        with self.mesh.edited() as obstacles:
+            self._snapshot = obstacles.snapshot()
+        arrays = self._snapshot.mesh
+        crossed = int(np.count_nonzero((arrays.sides["cst"].reshape(-1, 3) == 0) & (arrays.wind == 0)[:, None]))
+        self._guide: NDArray[np.void] = np.zeros((1 << (2 * crossed).bit_length()) + 1, GUIDE)
+        detour_kernels.begin_guide(arrays, self._guide)
+
+    def reset(self) -> bool:
+        """Take all obstacles out again that were put in; False where that fails, and another copy is to be made.
+
+        Everything is as it was at first then. Were they taken out one by one, sides whose corners are on one circle
+        might lie otherwise, and what is found would depend on what was looked for before.
+        """
+        with self.mesh.edited() as obstacles:
+            return obstacles.restore(self._snapshot)
 
     def aim(self, start: Floats, goal: Floats, radius: float, length: float) -> None:
-        """Look for ways between two places from now on, which is ``length`` meters long in the mesh as it is."""
+        """Look for ways between two places from now on, ``length`` meters long in the mesh, which is as at first."""
         self._ends = (*map(float, start), *map(float, goal), radius, radius - self.mesh.tolerance(radius))
         limit = _FARTHER[0] * length + _FARTHER[1]
         arrays = self.mesh.arrays
         with workspace(len(arrays.wind)) as work:
-            detour_kernels.make_guide(arrays, work, *self._ends, limit, self._guide)
+            detour_kernels.aim_guide(arrays, work, *self._ends, limit, self._guide)
 
     def around(self, places: Floats) -> Ways:
         """For each of ``places`` (n, 2) the path in the mesh as it is now and with a point obstacle there as well."""
