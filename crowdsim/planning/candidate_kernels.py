@@ -93,7 +93,7 @@ def _known_more(pieces, layers, points, first, last):
 def cheapest_path(layers, radii, costs, turned, terms, points, ends, lengths, least, pieces, spans, filled):
     """(row, cost, sections) of the cheapest of paths that cost less than ``least``; row -1 where none does.
 
-    Path i has points[ends[i - 1] : ends[i]] and is lengths[i] long; layers, radii, costs, turned, terms and the sections
+    Path i has points[ends[i - 1] : ends[i]] and is lengths[i] long; layers, radii, costs, turned, terms and sections
     are as of :func:`crowdsim.planning.fitting_kernels.annotate`. What is known by now: ``pieces`` (n,), a table of
     :data:`PIECE`, all zeros at first, and ``spans`` (k,) of what does not fit; ``filled`` (2,) says how many there are.
     Both may grow and are returned last.
@@ -117,7 +117,7 @@ def cheapest_path(layers, radii, costs, turned, terms, points, ends, lengths, le
         first = ends[i - 1] if i > 0 else 0
         last = ends[i] - 1
         shortest = lengths[i] * preferred
-        # Shorter ones first, as far as that takes no test: length alone, then what is known by now.
+        # What takes no test may be too much by itself: the length, and then what is known by now.
         if last < first or shortest >= least:
             continue
         if 2 * (filled[0] + (last - first) * len(layers)) > pieces.size:
