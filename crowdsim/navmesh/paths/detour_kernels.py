@@ -14,6 +14,10 @@ from crowdsim.navmesh.paths.guide_kernels import add_sides, clear_guide, fill_gu
 from crowdsim.navmesh.paths.interval_kernels import find_way
 from crowdsim.navmesh.paths.path_kernels import OK, append_path, plan_path
 
+_INSERT = np.int64(INSERT)
+_REMOVE = np.int64(REMOVE)
+"""As they come from Python: for bare numbers the whole edit would compile once more."""
+
 _ROOM = np.int64(16)
 """Corners that an edit must have room for beforehand, so that the one that undoes it has room as well."""
 
@@ -58,11 +62,11 @@ def plan_detours(places, work, sx, sy, gx, gy, radius, least, guide, blocked, fi
     for i in range(first, blocked.shape[0]):
         if not has_room(m, w, _ROOM):
             return NO_ROOM, i, points
-        v = edit_point(places, INSERT, blocked[i, 0], blocked[i, 1], NONE)
+        v = edit_point(places, _INSERT, blocked[i, 0], blocked[i, 1], NONE)
         if v < NONE:
             return LOST, i, points
         found, path = plan_path(m, None, work, sx, sy, gx, gy, radius, least, guide)
-        if edit_point(places, REMOVE, 0.0, 0.0, v) < NONE:
+        if edit_point(places, _REMOVE, 0.0, 0.0, v) < NONE:
             return LOST, i, points
         status[i] = found
         lengths[i] = math.inf
