@@ -51,6 +51,12 @@ def graph(
     best: Annotated[
         int | None, typer.Option(metavar="K", min=1, help="Keep the nearest so many ways on from each segment.")
     ] = None,
+    drift: Annotated[
+        float,
+        typer.Option(
+            metavar="METERS", min=0.0, help="Leave out transitions that let a planted foot slide so much further."
+        ),
+    ] = 0.005,
     detectors: Annotated[
         str, typer.Option(metavar="NAMES", help="Feature detectors, separated by commas.")
     ] = "crossing,standing",
@@ -68,7 +74,7 @@ def graph(
     if threshold <= 0.0:
         raise typer.BadParameter(f"{threshold} is not a positive distance", param_hint="--threshold")
     names = tuple(name.strip() for name in detectors.split(",") if name.strip())
-    settings = GraphSettings(standard, threshold, branching, best, names)
+    settings = GraphSettings(standard, threshold, branching, best, drift, names)
     paths = capture_paths(folder)
     if output is None:
         made, built = build_graph(paths, settings), True
@@ -86,6 +92,7 @@ def graph(
         "out_degree": round(report.out_degree, 3),
         "threshold_m": round(report.threshold, 4),
         "dropped": len(report.dropped),
+        "skating": report.skating,
         "built": built,
     }
     if as_json:
@@ -127,5 +134,7 @@ def _draw(paths: list[Path], settings: Any, picture: Path) -> None:
     from crowdsim.motion.motion_graph import build_motion_graph
 
     sources = as_sources(read_clips(paths), settings.detectors)
-    made = build_motion_graph(sources, settings.threshold, settings.max_out_edges, settings.branching)
+    made = build_motion_graph(
+        sources, settings.threshold, settings.max_out_edges, settings.branching, settings.most_drift
+    )
     write_figure(draw_motion_graph(sources, made), picture)
