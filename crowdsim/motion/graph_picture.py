@@ -28,7 +28,8 @@ def draw_motion_graph(sources: Sequence[MotionSource], graph: MotionGraph) -> Fi
 
     image = error_image([source.clip for source in sources])
     figure = Figure(figsize=(19.0, 9.2), dpi=110)
-    left, right = figure.subplots(1, 2, gridspec_kw={"left": 0.04, "right": 0.99, "bottom": 0.09, "top": 0.9, "wspace": 0.02})
+    margins = {"left": 0.04, "right": 0.99, "bottom": 0.09, "top": 0.9, "wspace": 0.02}
+    left, right = figure.subplots(1, 2, gridspec_kw=margins)
     _draw_image(left, image, sources, graph)
     _draw_graph(right, sources, graph)
     return figure
@@ -50,7 +51,9 @@ def _draw_image(axes: Axes, image: ErrorImage, sources: Sequence[MotionSource], 
     ends = np.array([first[clip] + last for clip, _, last in places])[row_of]
     starts = np.array([first[clip] + begin for clip, begin, _ in places])[graph.arrays.edge_target]
     joins = ends != starts
-    axes.scatter(minima[1], minima[0], s=size, c="red", linewidths=0, label=f"{len(minima[0]):,} local minima (standard graph)")
+    axes.scatter(
+        minima[1], minima[0], s=size, c="red", linewidths=0, label=f"{len(minima[0]):,} local minima (standard graph)"
+    )
     axes.scatter(starts[joins], ends[joins], s=3.0 * size, c="white", marker="x", linewidths=2.4)
     axes.scatter(
         starts[joins], ends[joins], s=2.4 * size, c="black", marker="x", linewidths=1.1,
@@ -63,11 +66,12 @@ def _draw_image(axes: Axes, image: ErrorImage, sources: Sequence[MotionSource], 
     for row in image.clip_first[1:-1]:
         axes.axvline(row, color="white", lw=0.3)
         axes.axhline(row, color="white", lw=0.3)
-    axes.set(xlim=(-2.0 * bar, count), ylim=(count, -2.0 * bar), xlabel="frame that is entered", ylabel="frame that is left")
+    axes.set(xlim=(-2.0 * bar, count), ylim=(count, -2.0 * bar))
+    axes.set(xlabel="frame that is entered", ylabel="frame that is left")
     clips = len(image.clip_first) - 1
     axes.set_title(
         f"How far each frame is from each other: {count:,} frames of {clips} clips (white lines)\n"
-        f"marks where they may be joined, within {graph.report.threshold * 100:.1f} cm; ticks outside: the feature cuts",
+        f"marks: where they may be joined, within {graph.report.threshold * 100:.1f} cm; ticks: the feature cuts",
         pad=14,
     )
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=2, frameon=False, markerscale=1.5)
