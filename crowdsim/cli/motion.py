@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -46,7 +47,8 @@ def graph(
     ] = None,
     threshold: Annotated[float, typer.Option(metavar="METERS", help="Distance up to which moments are joined.")] = 0.06,
     branching: Annotated[
-        float | None, typer.Option(metavar="FACTOR", help="Choose the threshold that comes nearest to it, below 2.")
+        float | None,
+        typer.Option(metavar="FACTOR", help="Choose the threshold that comes nearest to it, between 1 and 2."),
     ] = None,
     best: Annotated[
         int | None, typer.Option(metavar="K", min=1, help="Keep the nearest so many ways on from each segment.")
@@ -71,9 +73,13 @@ def graph(
     from crowdsim.motion.capture_files import capture_paths
     from crowdsim.motion.graph_file import GraphSettings, build_graph, graph_in_file
 
-    if threshold <= 0.0:
+    if not (threshold > 0.0 and math.isfinite(threshold)):
         raise typer.BadParameter(f"{threshold} is not a positive distance", param_hint="--threshold")
+    if branching is not None and not 1.0 < branching < 2.0:
+        raise typer.BadParameter(f"{branching} is not between 1 and 2, as all are", param_hint="--branching")
     names = tuple(name.strip() for name in detectors.split(",") if name.strip())
+    if not names:
+        raise typer.BadParameter("give the name of one at least, as in crossing,standing", param_hint="--detectors")
     settings = GraphSettings(standard, threshold, branching, best, drift, names)
     paths = capture_paths(folder)
     if output is None:

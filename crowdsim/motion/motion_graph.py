@@ -90,9 +90,11 @@ def _joined(candidates: _Candidates, threshold: float) -> tuple[MotionGraph, NDA
     nodes, alignments = candidates.nodes, candidates.alignments
     source, target, keep = _edges(candidates, threshold)
     if not len(source):
+        apart = candidates.needed[candidates.needed > 0.0]
+        nearest = f"{float(apart.min()):.3f} m apart" if np.isfinite(apart).any() else "on other feet"
         raise MotionError(
-            f"no cycle of segments joins within {threshold:g} m (the nearest end and start are "
-            f"{float(np.min(alignments.distance)):.3f} m apart); raise the threshold or add clips"
+            f"no cycle of segments joins within {threshold:g} m (the nearest end and start that are not one are "
+            f"{nearest}); raise the threshold or add clips"
         )
     dropped = list(candidates.dropped)
     dropped += [(nodes[i].name, "not strongly connected with the rest") for i in np.flatnonzero(~keep)]
