@@ -77,13 +77,17 @@ def transition_drifts(graph: MotionGraph, clips: Sequence[Clip]) -> TransitionDr
     joins = [places[a][0] != places[b][0] or places[a][2] != places[b][1] for a, b in zip(source, target, strict=True)]
     edges = np.flatnonzero(joins)
     like = _clip_feet(clips[0])
+    opening = np.zeros((len(places), BLEND_FRAMES, *like.lowest.shape), bool)
+    for node, (name, first, last) in enumerate(places):
+        planted = standing[name].planted[first : min(first + BLEND_FRAMES, last)]
+        opening[node, : len(planted)] = planted
     figures = []
     for begin in range(0, len(edges), _EDGES):
         chosen = edges[begin : begin + _EDGES]
         a, b = source[chosen], target[chosen]
         ahead = arrays.node_motion[a, 2] + arrays.edge_transform[chosen, 2]
         turns = np.exp(1j * np.stack([-heading[a], ahead - heading[b]], axis=1))
-        faded = _faded_steps(graph, a, chosen, like)
+        faded = standing_moves(_faded_steps(graph, a, chosen, like), opening[b])
         for row, (i, j) in enumerate(zip(a.tolist(), b.tolist(), strict=True)):
             before, after = (standing[places[k][0]] for k in (i, j))
             figures.append(_drift(before, places[i], after, places[j], turns[row], faded[row]))
@@ -125,17 +129,16 @@ def _drift(
     after: _Standing,
     entered: tuple[str, int, int],
     turns: NDArray[np.complex128],
-    faded: Floats,
+    played: NDArray[np.complex128],
 ) -> tuple[float, float]:
     """Largest drift of a stance that the fade touches, and how much more than its own that is at most.
 
-    ``left`` and ``entered`` are clip, first and last frame of the two segments, ``turns`` what turns the clips to where
-    ``faded`` is played.
+    ``left`` and ``entered`` are clip, first and last frame of the two segments, ``played`` (BLEND_FRAMES, 2) the moves of
+    the feet while one fades into the other, ``turns`` what turns the clips to where that is played.
     """
     _, first, end = left
     _, begin, last = entered
     count = min(BLEND_FRAMES, last - begin)
-    played = standing_moves(faded[:count], after.planted[begin : begin + count])
     most, added = 0.0, 0.0
     for foot in (0, 1):
         step = begin
@@ -145,7 +148,7 @@ def _drift(
                 step += 1
                 continue
             own = after.moves[step:until, foot] * turns[1]
-            way = np.concatenate([played[step - begin :, foot], own[begin + count - step :]])[: until - step]
+            way = np.concatenate([played[step - begin : count, foot], own[begin + count - step :]])[: until - step]
             if step == begin and before.until[end - 1, foot]:
                 since = max(int(before.since[end - 1, foot]), first)
                 parts = before.moves[since:end, foot] * turns[0]

@@ -14,7 +14,7 @@ from crowdsim.motion.gait_manner import BRISK, NORMAL, SLOW, Gait
 from crowdsim.motion.kinematics import forward_kinematics as pose
 from crowdsim.motion.kinematics import rotate
 from crowdsim.motion.tracks import track_of
-from tests.support.gait_figures import angles, gait_figures
+from tests.support.gait_figures import LIMITS, angles, body_angles, gait_figures
 
 BANDS = {
     "speed_m_s": (1.2, 1.3), "cadence_steps_min": (106.0, 109.0), "stride_m": (1.31, 1.46),
@@ -109,3 +109,5 @@ def test_joints_stay_within_human_limits_and_legs_never_over_reach(path: Path) -
             clip.joint_positions[:, clip.skeleton.joint(f"{side}_{part}")] for part in ("shoulder", "elbow", "wrist")
         ]
         assert angles(arm[1] - arm[0], arm[2] - arm[1]).max() <= 150.0
+    for name, degrees in body_angles(clip).items():
+        assert LIMITS[name][0] <= degrees.min() <= degrees.max() <= LIMITS[name][1], name
