@@ -36,7 +36,7 @@ REPEATS = 3
 
 _Build = Callable[[Sequence[MotionSource]], MotionGraph]
 _GRAPHS: dict[str, _Build] = {
-    "standard": build_standard_graph,
+    "standard": partial(build_standard_graph, most_drift=CAPTURED_DRIFT),
     "features": partial(build_motion_graph, most_drift=CAPTURED_DRIFT),
 }
 _PAPER_SECONDS = {693: (208.1, 1.5), 1185: (650.0, 4.0), 1660: (1297.7, 6.3), 2329: (2577.5, 6.5),

@@ -51,7 +51,7 @@ def build_graph(paths: Sequence[Path], settings: GraphSettings) -> MotionGraph:
         )
     if settings.branching is not None:
         raise MotionError("a standard graph is built at a threshold, not for a branching factor; leave the latter out")
-    return build_standard_graph(sources, settings.threshold, settings.max_out_edges)
+    return build_standard_graph(sources, settings.threshold, settings.max_out_edges, most_drift=settings.most_drift)
 
 
 def graph_in_file(file: Path, paths: Sequence[Path], settings: GraphSettings) -> tuple[MotionGraph, bool]:

@@ -72,17 +72,14 @@ def build_motion_graph(
     if most_drift is None:
         return graph
     # Here, as it compiles how poses are blended, which the default set has no need of to be joined.
-    from crowdsim.motion.transition_drift import transition_drifts
+    from crowdsim.motion.transition_drift import skating_edges
 
-    drift = transition_drifts(graph, [source.clip for source in sources])
-    skates = drift.edge[drift.added > most_drift]
-    if not len(skates):
+    leave, enter = np.flatnonzero(keep)[skating_edges(graph, [source.clip for source in sources], most_drift)]
+    if not len(leave):
         return graph
-    place = np.flatnonzero(keep)
-    leave = np.searchsorted(graph.arrays.edge_start, skates, side="right") - 1
-    candidates.needed[place[leave], place[graph.arrays.edge_target[skates]]] = np.inf
+    candidates.needed[leave, enter] = np.inf
     graph, _ = _joined(candidates, threshold)
-    return replace(graph, report=replace(graph.report, skating=len(skates)))
+    return replace(graph, report=replace(graph.report, skating=len(leave)))
 
 
 def _joined(candidates: _Candidates, threshold: float) -> tuple[MotionGraph, NDArray[np.bool_]]:

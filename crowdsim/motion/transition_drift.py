@@ -95,6 +95,14 @@ def transition_drifts(graph: MotionGraph, clips: Sequence[Clip]) -> TransitionDr
     return TransitionDrift(edges, table[:, 0], table[:, 1])
 
 
+def skating_edges(graph: MotionGraph, clips: Sequence[Clip], most: float) -> Indices:
+    """(2, n) nodes left and entered by the transitions that add more than ``most`` meters to the drift of a foot."""
+    drift = transition_drifts(graph, clips)
+    skates = drift.edge[drift.added > most]
+    left = np.searchsorted(graph.arrays.edge_start, skates, side="right") - 1
+    return np.stack([left, graph.arrays.edge_target[skates].astype(np.int64)])
+
+
 def _heading(graph: MotionGraph, node: int, clip: Clip, first: int) -> float:
     """Heading of a node's track where the node starts, in the clip that it is taken from."""
     turned = clip.rotations[first, 0]
@@ -133,8 +141,8 @@ def _drift(
 ) -> tuple[float, float]:
     """Largest drift of a stance that the fade touches, and how much more than its own that is at most.
 
-    ``left`` and ``entered`` are clip, first and last frame of the two segments, ``played`` (BLEND_FRAMES, 2) the moves of
-    the feet while one fades into the other, ``turns`` what turns the clips to where that is played.
+    ``left`` and ``entered`` are clip, first and last frame of the two segments, ``played`` (BLEND_FRAMES, 2) the moves
+    of the feet while one fades into the other, ``turns`` what turns the clips to where that is played.
     """
     _, first, end = left
     _, begin, last = entered

@@ -11,7 +11,8 @@ from crowdsim.motion.capture_files import read_clip
 from crowdsim.motion.capture_sets import as_sources, read_clips
 from crowdsim.motion.motion_graph import CAPTURED_DRIFT, MotionSource, build_motion_graph
 from crowdsim.motion.skating import Feet, stances
-from crowdsim.motion.transition_drift import clip_stances, transition_drifts
+from crowdsim.motion.standard_graph import build_standard_graph
+from crowdsim.motion.transition_drift import clip_stances, skating_edges, transition_drifts
 from tests.reference.transition_play import drift_of_edge
 from tests.unit.motion.test_default_graph import default_sources
 from tests.unit.motion.walker import walk
@@ -101,3 +102,25 @@ def test_no_transition_between_captures_adds_more_than_half_a_centimeter(shared:
     every = build_motion_graph(sources)
     assert every.report.skating == 0
     assert int((transition_drifts(every, clips).added > CAPTURED_DRIFT).sum()) == graph.report.skating
+
+
+def test_a_standard_graph_leaves_out_what_skates_as_well(shared: Path) -> None:
+    clips = read_clips(sorted((shared / "mocap").glob("16_[12][13579]*.bvh")))
+    sources = as_sources(clips)
+    every, rest = (build_standard_graph(sources, most_drift=most) for most in (None, 0.002))
+    added = transition_drifts(every, clips).added
+    assert transition_drifts(rest, clips).added.max() <= 0.002 < added.max()
+    assert rest.report.skating == int((added > 0.002).sum())
+    assert rest.report.transitions >= 0.8 * every.report.transitions
+
+
+def test_what_skates_is_named_by_the_nodes_it_joins() -> None:
+    clips = [walk(steps=9, name="straight"), walk(steps=10, step_length=0.64, turn=1.2, name="left")]
+    graph = build_motion_graph([MotionSource(clip, 0, ("crossing", "standing")) for clip in clips])
+    drift = transition_drifts(graph, clips)
+    most = float(np.median(drift.added))
+    pairs = {(int(a), int(b)) for a, b in skating_edges(graph, clips, most).T}
+    source = np.repeat(np.arange(graph.report.nodes), np.diff(graph.arrays.edge_start))
+    edges = drift.edge[drift.added > most]
+    assert len(edges) > 0
+    assert pairs == {(int(source[e]), int(graph.arrays.edge_target[e])) for e in edges}
