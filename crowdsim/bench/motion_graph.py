@@ -1,7 +1,8 @@
-"""Standard against feature-based motion graphs (2011 paper, table 1): time to build, size, branching, as the set grows.
+"""Standard against feature-based motion graphs (2011 paper, table 1): time to build, size, branching, drift of feet, as
+sets grow.
 
 Times are seconds from clips in memory to the finished graph, the median of :data:`REPEATS`. Both graphs are built with
-one threshold.
+one threshold, and without transitions that let planted feet slide.
 """
 
 from __future__ import annotations
@@ -13,13 +14,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from crowdsim.bench.registry import Measurement
 from crowdsim.motion.capture_files import capture_paths
 from crowdsim.motion.capture_sets import as_sources, read_clips
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.gait_library import motion_database
 from crowdsim.motion.gait_manner import MANNERS
-from crowdsim.motion.graph_assembly import GraphReport
+from crowdsim.motion.graph_assembly import GraphReport, clip_frames
 from crowdsim.motion.motion_graph import (
     CAPTURED_DRIFT,
     DEFAULT_THRESHOLD,
@@ -28,6 +31,7 @@ from crowdsim.motion.motion_graph import (
     build_motion_graph,
 )
 from crowdsim.motion.standard_graph import build_standard_graph
+from crowdsim.motion.transition_drift import clip_stances, transition_drifts
 
 FRAMES = (693, 1185, 1660, 2329, 3347, 6887)
 """The sizes of the paper's sets."""
@@ -58,7 +62,9 @@ def measure(captures: Path | None = None, sizes: Sequence[int] = FRAMES) -> Meas
             for (kind, build), paper_seconds in zip(_GRAPHS.items(), paper, strict=True):
                 seconds, graph = _timed(build, sources)
                 row = _row(name, size, kind, seconds, graph.report)
-                rows.append(row | {"paper_s": paper_seconds})
+                drift = _drift_cm(graph, [source.clip for source in sources])
+                rows.append(row | drift | {"paper_s": paper_seconds})
+                figures |= {f"{name}_{kind}_{size}_{key}": value for key, value in drift.items()}
                 prefix = f"{name}_{kind}_{size}"
                 figures[f"{prefix}_s"] = seconds
                 figures |= {f"{prefix}_{key}": float(row[key]) for key in ("nodes", "edges", "transitions")}
@@ -79,6 +85,15 @@ def _row(name: str, size: int, kind: str, seconds: float, report: GraphReport) -
         "branching": round(report.branching, 2),
         "out_degree": round(report.out_degree, 2),
     }
+
+
+def _drift_cm(graph: MotionGraph, clips: list[Clip]) -> dict[str, float]:
+    """How far a planted foot drifts at most: in a clip of the graph, across a transition, and more than on its own."""
+    used = {clip_frames(name)[0] for name in graph.node_names}
+    own = [stance.drift for clip in clips if clip.name in used for stance in clip_stances(clip)]
+    across = transition_drifts(graph, clips)
+    most = {"clip": np.array(own), "across": across.played, "added": across.added}
+    return {f"{key}_drift_cm": round(100.0 * float(np.max(drift, initial=0.0)), 2) for key, drift in most.items()}
 
 
 def _timed(
