@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.sweep_kernels import SWEPT
 from crowdsim.navmesh.half_edge_kernels import triangle_of
 from crowdsim.navmesh.mesh_arrays import NONE
@@ -26,7 +26,35 @@ MOST_GATES = 8
 """Gates that are pinned at most."""
 
 SPREAD = 0.12
-"""Meters by which stations of the cheapest string may shift aside."""
+"""Meters by which stations of the cheapest path may shift aside at once; half as many after each time in vain."""
+
+_LEAST_SPREAD = 0.05
+
+_ROUNDS = 4
+"""Times that stations shift, each from where they were shifted to."""
+
+_WORTH = 0.02
+"""Share of the cost that narrow sections cost beyond their least lengths, up to which nothing is shifted."""
+
+
+@helper
+def _length(line):
+    """Meters of a polyline (n, 2)."""
+    length = 0.0
+    for i in range(line.shape[0] - 1):
+        length += math.hypot(line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1])
+    return length
+
+
+@helper
+def _excess(sections, costs, least):
+    """Cost of narrow sections beyond that of their least length."""
+    top = costs.size - 1
+    cost = 0.0
+    for k in range(sections.shape[0]):
+        more = costs[int(sections[k, 0])] - costs[top]
+        cost += more * max(0.0, sections[k, 2] - sections[k, 1] - least)
+    return cost
 
 
 @kernel
@@ -34,7 +62,7 @@ def polish_road(layers, upper, points, road, around, reach, ends, radii, full, c
     """Polyline (n, 2), its sections (k, 3) and cost, of the cheapest string found along a road; no rows if all tangle.
 
     The first string is not pinned, the second in all gates, the next differ from the cheapest by one gate each; at
-    last stations of the cheapest shift. All keep ``radius`` in the lowest of ``layers``, ``least`` of it at least.
+    last stations of the cheapest shift, several times where that pays. All keep ``radius`` in the lowest of ``layers``, ``least`` of it at least.
     upper: those labelled by, with radii (n, k) as of `annotate`. around: (nv, n) of `corner_radii`. reach: (nv,), for
     scratch. full: (n, m), radii on all layers.
     """
@@ -59,49 +87,41 @@ def polish_road(layers, upper, points, road, around, reach, ends, radii, full, c
     nodes, size = taut_string(m, channel, count, reach, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1])
     string = np.empty(nodes.size + 4 * found_gates + 64, STRING_NODE)
     hints = np.full(len(layers), NONE)
-    strings = 1 + (1 + found_gates if found_gates > 0 else 0)
-    if found_gates == 1:
-        strings = 2
-    for tried in range(strings + 1):
-        if tried < strings:
-            flip = tried - 2
-            for g in range(found_gates):
-                if tried == 0:
-                    gates[g].pinned = 0
-                elif tried == 1:
-                    gates[g].pinned = 1
-            if flip >= 0:
-                gates[flip].pinned = 1 - gates[flip].pinned
+    strings = 1 + (1 + found_gates if found_gates > 1 else found_gates)
+    for tried in range(strings):
+        flip = tried - 2
+        for g in range(found_gates):
             if tried == 0:
-                for i in range(size):
-                    string[i] = nodes[i]
-                written = keep_off(string, size, corners, filled, np.int64(0), count)
-            else:
-                written = pinned_string(nodes, size, corners, filled, around, gates, found_gates, string)
-            done = False
-            if written >= 0:
-                done, found = pull(m, stack, string, written, radius, least, start, np.bool_(False))
-            if not done:
-                if flip >= 0:
-                    gates[flip].pinned = 1 - gates[flip].pinned
-                continue
+                gates[g].pinned = 0
+            elif tried == 1:
+                gates[g].pinned = 1
+        if flip >= 0:
+            gates[flip].pinned = 1 - gates[flip].pinned
+        if tried == 0:
+            for i in range(size):
+                string[i] = nodes[i]
+            written = keep_off(string, size, corners, filled, np.int64(0), count)
         else:
-            flip = NONE
-            if sections.shape[0] < 2:
-                break
-            found = shifted_path(layers, hints, full, costs, line, sections, terms[1], SPREAD, stack, least)
-            if found.shape[0] == 0:
-                continue
-        length = 0.0
-        for i in range(found.shape[0] - 1):
-            length += math.hypot(found[i + 1, 0] - found[i, 0], found[i + 1, 1] - found[i, 1])
-        if length * costs[top] >= cost:
-            if flip >= 0:
-                gates[flip].pinned = 1 - gates[flip].pinned
-            continue
-        labels, value, _ = annotate(upper, radii, costs, turned, terms, found)
+            written = pinned_string(nodes, size, corners, filled, around, gates, found_gates, string)
+        value = math.inf
+        if written >= 0:
+            done, found = pull(m, stack, string, written, radius, least, start, np.bool_(False))
+            if done and _length(found) * costs[top] < cost:
+                labels, value, _ = annotate(upper, radii, costs, turned, terms, found)
+                if value < cost:
+                    line, sections, cost = found, labels, value
+        if flip >= 0 and value > cost:
+            gates[flip].pinned = 1 - gates[flip].pinned
+    spread = SPREAD
+    for _ in range(_ROUNDS):
+        if _excess(sections, costs, terms[1]) <= _WORTH * cost or spread < _LEAST_SPREAD:
+            break
+        found = shifted_path(layers, hints, full, costs, line, sections, terms[1], spread, stack, least)
+        value = math.inf
+        if found.shape[0] > 0:
+            labels, value, _ = annotate(upper, radii, costs, turned, terms, found)
         if value < cost:
             line, sections, cost = found, labels, value
-        elif flip >= 0:
-            gates[flip].pinned = 1 - gates[flip].pinned
+        else:
+            spread *= 0.5
     return line, sections, cost
