@@ -1,4 +1,7 @@
-"""The cheapest string along a way over the roadmap: pinned in gates or not, which is found by trying."""
+"""The cheapest string along a way over the roadmap: pinned in gates or not, which is found by trying.
+
+And any path made cheaper where it is narrow, by shifting stations along it time and again.
+"""
 
 import math
 
@@ -33,9 +36,6 @@ _LEAST_SPREAD = 0.05
 _ROUNDS = 4
 """Times that stations shift, each from where they were shifted to."""
 
-_WORTH = 0.02
-"""Share of the cost that narrow sections cost beyond their least lengths, up to which nothing is shifted."""
-
 
 @helper
 def _length(line):
@@ -46,25 +46,13 @@ def _length(line):
     return length
 
 
-@helper
-def _excess(sections, costs, least):
-    """Cost of narrow sections beyond that of their least length."""
-    top = costs.size - 1
-    cost = 0.0
-    for k in range(sections.shape[0]):
-        more = costs[int(sections[k, 0])] - costs[top]
-        cost += more * max(0.0, sections[k, 2] - sections[k, 1] - least)
-    return cost
-
-
 @kernel
-def polish_road(layers, upper, points, road, around, reach, ends, radii, full, costs, turned, terms, radius, least):
+def polish_road(layers, upper, points, road, around, reach, ends, radii, costs, turned, terms, radius, least):
     """Polyline (n, 2), its sections (k, 3) and cost, of the cheapest string found along a road; no rows if all tangle.
 
-    The first string is not pinned, the second in all gates, the next differ from the cheapest by one gate each; at
-    last stations of the cheapest shift, several times where that pays. All keep ``radius`` in the lowest of ``layers``, ``least`` of it at least.
-    upper: those labelled by, with radii (n, k) as of `annotate`. around: (nv, n) of `corner_radii`. reach: (nv,), for
-    scratch. full: (n, m), radii on all layers.
+    The first string is not pinned, the second in all gates, the next differ from the cheapest by one gate each.
+    All keep ``radius`` in the lowest of ``layers``, ``least`` of it at least. upper: those labelled by, with radii
+    (n, k) as of `annotate`. around: (nv, n) of `corner_radii`. reach: (nv,), for scratch.
     """
     m = layers[0]
     top = costs.size - 1
@@ -86,7 +74,6 @@ def polish_road(layers, upper, points, road, around, reach, ends, radii, full, c
     fill_gaps(m, channel, levels, count, around, corners, filled, radius, reach)
     nodes, size = taut_string(m, channel, count, reach, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1])
     string = np.empty(nodes.size + 4 * found_gates + 64, STRING_NODE)
-    hints = np.full(len(layers), NONE)
     strings = 1 + (1 + found_gates if found_gates > 1 else found_gates)
     for tried in range(strings):
         flip = tried - 2
@@ -112,16 +99,28 @@ def polish_road(layers, upper, points, road, around, reach, ends, radii, full, c
                     line, sections, cost = found, labels, value
         if flip >= 0 and value > cost:
             gates[flip].pinned = 1 - gates[flip].pinned
+    return line, sections, cost
+
+
+@kernel
+def shift_path(layers, upper, points, sections, cost, radii, full, costs, turned, terms, least):
+    """Polyline (n, 2), its sections (k, 3) and cost, of the path with stations shifted aside where that is cheaper.
+
+    sections, cost: as of `annotate`, of the path along ``points``. Others: as of `polish_road`;
+    full: (n, m), radii on all layers.
+    """
+    stack = np.empty(64, SWEPT)
+    hints = np.full(len(layers), NONE)
     spread = SPREAD
     for _ in range(_ROUNDS):
-        if _excess(sections, costs, terms[1]) <= _WORTH * cost or spread < _LEAST_SPREAD:
+        if spread < _LEAST_SPREAD:
             break
-        found = shifted_path(layers, hints, full, costs, line, sections, terms[1], spread, stack, least)
+        found = shifted_path(layers, hints, full, costs, points, sections, terms[1], spread, stack, least)
         value = math.inf
         if found.shape[0] > 0:
             labels, value, _ = annotate(upper, radii, costs, turned, terms, found)
         if value < cost:
-            line, sections, cost = found, labels, value
+            points, sections, cost = found, labels, value
         else:
             spread *= 0.5
-    return line, sections, cost
+    return points, sections, cost
