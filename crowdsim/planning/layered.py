@@ -85,6 +85,7 @@ def _over_roadmap(query: Query, roadmap: Roadmap) -> tuple[AnnotatedPath | None,
         points = _by_rooms(query, roadmap, road)
         if len(points):
             path = query.annotated(points)
+            best = best if best is None else roadmap.shifted(best)
             best = _cheaper(best, path) if path.sections else best
     return best, estimate
 

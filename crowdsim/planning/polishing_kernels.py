@@ -50,7 +50,8 @@ def _length(line):
 def polish_road(layers, upper, points, road, around, reach, ends, radii, costs, turned, terms, radius, least):
     """Polyline (n, 2), its sections (k, 3) and cost, of the cheapest string found along a road; no rows if all tangle.
 
-    The first string is not pinned, the second in all gates, the next differ from the cheapest by one gate each.
+    The first string is as wide as the road's behaviors and not pinned, the second pinned in all gates and elsewhere as
+    wide as can be, the next differ from the cheapest by one gate each.
     All keep ``radius`` in the lowest of ``layers``, ``least`` of it at least. upper: those labelled by, with radii
     (n, k) as of `annotate`. around: (nv, n) of `corner_radii`. reach: (nv,), for scratch.
     """
@@ -74,7 +75,10 @@ def polish_road(layers, upper, points, road, around, reach, ends, radii, costs, 
     fill_gaps(m, channel, levels, count, around, corners, filled, radius, reach)
     nodes, size = taut_string(m, channel, count, reach, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1])
     string = np.empty(nodes.size + 4 * found_gates + 64, STRING_NODE)
-    strings = 1 + (1 + found_gates if found_gates > 1 else found_gates)
+    narrow = False
+    for k in range(count):
+        narrow = narrow or levels[k] < top
+    strings = 1 + (1 + found_gates if found_gates > 1 else int(narrow))
     for tried in range(strings):
         flip = tried - 2
         for g in range(found_gates):
