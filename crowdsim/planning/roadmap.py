@@ -31,7 +31,7 @@ _ENTRY = 0.05
 """Meters of the least length of a section that a change of behavior counts for, as what is walked of it counts too."""
 
 
-_WORTH = 0.02
+_WORTH = 0.03
 """Share of the cost of a path that narrow sections cost beyond their least lengths, up to which nothing is shifted."""
 
 
