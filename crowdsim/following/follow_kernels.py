@@ -14,7 +14,7 @@ from crowdsim.following.branch_kernels import MISFIT_COST, NODE_COST, branch_is_
 from crowdsim.following.map_kernels import BIN, CELL, pack_cell
 from crowdsim.following.path_kernels import path_point, project, sample_index
 from crowdsim.geometry.planar_kernels import to_local
-from crowdsim.jit import helper, kernel
+from crowdsim.jit import helper, kernel, unowned
 from crowdsim.motion.track_kernels import node_end
 
 GOAL_FIRST = 1e6
@@ -273,6 +273,8 @@ def follow(graph, maps, guide, rules, layers, start_pose, start_node, search, la
     The best solution is left in ``search.best_*``: complete where the status is FOUND, else the one that came farthest.
     ``start_node`` is -1 where any node may begin at ``start_pose``.
     """
+    graph, maps, guide, rules = unowned(graph), unowned(maps), unowned(guide), unowned(rules)
+    layers, search, laid = unowned(layers), unowned(search), unowned(laid)
     hints = np.full(len(layers), np.int64(NONE))
     room = search.candidate.shape[0] // search.stage.shape[0]
     end = np.empty(3)
