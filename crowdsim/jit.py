@@ -132,9 +132,7 @@ def unowned(_: Any, value: Any) -> Any:
             array.meminfo = cgutils.get_null_value(array.meminfo.type)
             return array._getvalue()
         if isinstance(kind, types.BaseTuple):
-            parts = [
-                stripped(context, builder, part, builder.extract_value(content, i)) for i, part in enumerate(kind)
-            ]
+            parts = [stripped(context, builder, part, builder.extract_value(content, i)) for i, part in enumerate(kind)]
             return context.make_tuple(builder, kind, parts)
         return content
 

@@ -116,7 +116,7 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
     equation 5 of the 2012 paper, at equal shares of the node's length) and in the same unit a little for each node,
     its time, and behaviors other than the planned.
     """
-    total = guide.arc[guide.arc.shape[0] - 1]
+    total = guide.length
     goal_x, goal_y = path_point(guide, total)
     x, y, heading = stage_end[0], stage_end[1], stage_end[2]
     arc = stage_arc

@@ -11,7 +11,7 @@ import numpy as np
 
 from crowdsim.constants import NONE
 from crowdsim.following.branch_kernels import MISFIT_COST, NODE_COST, branch_is_free, lay_branch
-from crowdsim.following.map_kernels import BIN, CELL, pack_cell
+from crowdsim.following.map_kernels import BEHAVIOR, BIN, CELL, END_X, END_Y, LEVEL, WALKED, pack_cell
 from crowdsim.following.path_kernels import path_point, project, sample_index
 from crowdsim.geometry.planar_kernels import to_local
 from crowdsim.jit import helper, kernel, unowned
@@ -33,6 +33,10 @@ SERIAL = 5
 STAGE_COLUMNS = 6
 """Columns of ``search.stage``: last node, nodes of the solution up to it, how many of them since the path was last
 gained on, candidates, the next of them, and serial (0 until the candidates are collected)."""
+
+ROW = 0
+ENTRY = 1
+"""Rows of ``search.marked``: rows of the map that a stage has looked at, and entries that it lists; by its serial."""
 
 _GAIN = 0.05
 """Meters of path that count as gained: a branch that gains less stands still."""
@@ -79,6 +83,18 @@ def _keep(search, begin, count, capacity, score, entry):
 
 
 @helper
+def _first_row(keys, begin, end, low):
+    """First row of the ascending ``keys`` between ``begin`` and ``end`` that is not below ``low``."""
+    while begin < end:
+        middle = (begin + end) >> 1
+        if keys[middle] < low:
+            begin = middle + 1
+        else:
+            end = middle
+    return begin
+
+
+@helper
 def _facing_bins(rules, along):
     """Heading bins of a map, as bits, that a body may be in that moves in the direction ``along`` in some behavior."""
     bins = np.int64(0)
@@ -110,38 +126,18 @@ def _rank(search, count, capacity, score, entry):
 
 
 @helper
-def _promise(graph, maps, guide, root, row, x, y, c, s, arc):
-    """What an entry laid as the map has it, without extra rotations, would about score: less is better.
-
-    The area between branch and path is taken for a triangle over what its end is off. (x, y) is the map's origin, c and
-    s are the cosine and sine of its heading.
-    """
-    node = np.int64(maps.node[row])
-    mx, my, heading = np.float64(maps.pose[row, 0]), np.float64(maps.pose[row, 1]), np.float64(maps.pose[row, 2])
-    u, v = math.cos(heading), math.sin(heading)
-    mx += u * graph.node_motion[node, 0] - v * graph.node_motion[node, 1]
-    my += v * graph.node_motion[node, 0] + u * graph.node_motion[node, 1]
-    walked = np.float64(maps.length[row]) + graph.node_length[node] - graph.node_length[root]
-    at = arc + walked
-    gx, gy = path_point(guide, at)
-    gx -= x + c * mx - s * my
-    gy -= y + s * mx + c * my
-    gap = math.sqrt(gx * gx + gy * gy)
-    misfit = abs(graph.node_behavior[node] - guide.behavior[sample_index(guide, at)])
-    gain = max(walked, 0.1)
-    return (gap * (0.5 * gain + 0.25) + NODE_COST * maps.level[row] + MISFIT_COST * misfit * gain) / (gain * gain)
-
-
-@helper
-def _look_along_path(graph, maps, guide, rules, search, root, origin, arc, serial):
+def _look_along_path(maps, guide, rules, search, root, origin, arc, serial):
     """List the entries of the map to be laid: in and around the cells that the path crosses from ``arc`` on.
 
-    Query points lie a cell apart up to the map's average length. Of more than ``rules.looks`` entries those that
-    promise most are listed. Returns their number; marked with ``-serial``, what was looked at with ``serial``.
+    Query points lie a cell apart up to the map's average length. Of more than ``search.look`` has room for those that
+    promise most are listed: what they would about score as the map has them, without extra rotations, with the area
+    between branch and path taken for a triangle over what its end is off. Returns their number.
     """
     base, stop = maps.first[root], maps.first[root + 1]
     points = int(maps.average[root] / CELL) + 1
     count = np.int64(0)
+    room = search.look.shape[0]
+    ahead, marked = maps.ahead, search.marked
     c, s = math.cos(origin[2]), math.sin(origin[2])
     for q in range(points + 1):
         at = arc + q * CELL
@@ -152,26 +148,31 @@ def _look_along_path(graph, maps, guide, rules, search, root, origin, arc, seria
         iy = math.floor(ly / CELL + 0.5)
         bins = _facing_bins(rules, along)
         for column in range(ix - 1, ix + 2):
-            low = pack_cell(column, iy - 1, 0)
             high = pack_cell(column, iy + 1, 15)
-            begin, end = base, stop
-            while begin < end:
-                middle = (begin + end) >> 1
-                if maps.key[middle] < low:
-                    begin = middle + 1
-                else:
-                    end = middle
-            while begin < stop and maps.key[begin] <= high:
-                fits = bins >> (maps.key[begin] & 15) & 1
-                entry = np.int64(maps.order[begin])
-                begin += 1
-                if not fits or search.marked[entry] == serial or maps.level[base + entry] < 2:
+            for row in range(_first_row(maps.key, base, stop, pack_cell(column, iy - 1, 0)), stop):
+                key = maps.key[row]
+                if key > high:
+                    break
+                if bins >> (key & 15) & 1 == 0 or marked[ROW, row - base] == serial:
                     continue
-                search.marked[entry] = serial
-                score = _promise(graph, maps, guide, root, base + entry, origin[0], origin[1], c, s, arc)
-                count = _rank(search, count, search.look.shape[0], score, entry)
+                marked[ROW, row - base] = serial
+                level = np.float64(ahead[row, LEVEL])
+                if level < 2.0:
+                    continue
+                walked = np.float64(ahead[row, WALKED])
+                px, py = path_point(guide, arc + walked)
+                mx, my = np.float64(ahead[row, END_X]), np.float64(ahead[row, END_Y])
+                px -= origin[0] + c * mx - s * my
+                py -= origin[1] + s * mx + c * my
+                gap = math.sqrt(px * px + py * py)
+                misfit = abs(ahead[row, BEHAVIOR] - guide.behavior[sample_index(guide, arc + walked)])
+                gain = max(walked, 0.1)
+                cost = gap * (0.5 * gain + 0.25) + NODE_COST * level + MISFIT_COST * misfit * gain
+                score = cost / (gain * gain)
+                if count < room or score <= search.look_score[count - 1]:
+                    count = _rank(search, count, room, score, np.int64(maps.order[row]))
     for i in range(count):
-        search.marked[search.look[i]] = -serial
+        marked[ENTRY, search.look[i]] = serial
     return count
 
 
@@ -193,7 +194,7 @@ def _collect(graph, maps, guide, rules, search, laid, root, origin, end, arc, be
         singles = np.int64(1)
         while singles < size and maps.level[base + singles] == 1:
             singles += 1
-        looks = _look_along_path(graph, maps, guide, rules, search, root, origin, arc, serial)
+        looks = _look_along_path(maps, guide, rules, search, root, origin, arc, serial)
     count = np.int64(0)
     capacity = rules.candidates
     for i in range(looks + singles - skipped):
@@ -208,9 +209,9 @@ def _collect(graph, maps, guide, rules, search, laid, root, origin, end, arc, be
             continue
         entry = search.branch[taken - 1]
         if taken < depth:
-            if entry < singles or search.marked[entry] == -serial:
+            if entry < singles or search.marked[ENTRY, entry] == serial:
                 continue
-            search.marked[entry] = -serial
+            search.marked[ENTRY, entry] = serial
         gain = max(laid.arc[entry] - arc, 0.1)
         score = (laid.area[entry] + laid.off[entry]) / (gain * gain)
         if laid.reached[entry]:

@@ -87,9 +87,11 @@ class FollowResult:
 
 class _Guide(NamedTuple):
     pose: Floats
-    arc: Floats
     behavior: NDArray[np.int32]
     allowed: NDArray[np.bool_]
+    length: float
+    step: float
+    per_meter: float
 
 
 class _Rules(NamedTuple):
@@ -177,7 +179,7 @@ def follow_path(
         raise MotionError(
             f"a search keeps one candidate and looks at one branch or more, not {options.candidates}, {options.looks}"
         )
-    guide = _Guide(samples.pose, samples.arc, samples.behavior, _allowed(samples, facings, options.transition_reach))
+    guide = _guide(samples, facings, options.transition_reach)
     rules = _Rules(
         np.ascontiguousarray(radii, np.float64),
         np.ascontiguousarray(facings, np.float64),
@@ -205,6 +207,13 @@ def follow_path(
         float(reached),
         int(expansions),
     )
+
+
+def _guide(samples: Samples, facings: Floats, reach: float) -> _Guide:
+    length = float(samples.arc[-1])
+    pieces = len(samples.arc) - 1
+    allowed = _allowed(samples, facings, reach)
+    return _Guide(samples.pose, samples.behavior, allowed, length, length / pieces, pieces / length)
 
 
 def _allowed(samples: Samples, facings: Floats, reach: float) -> NDArray[np.bool_]:
@@ -250,7 +259,7 @@ def _workspace(graph: GraphArrays, maps: MotionMaps, length: float, rules: _Rule
         score=np.empty(pool),
         look=ints(looks),
         look_score=np.empty(looks),
-        marked=np.zeros(entries, np.int64),
+        marked=np.zeros((2, entries), np.int64),
         branch=ints(depth),
         memory=np.zeros(memory, np.int64),
         step=np.empty((nodes, 2), np.int64),
