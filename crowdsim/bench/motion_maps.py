@@ -206,7 +206,7 @@ def follow_all(
     motions: MotionSet, maps: MotionMaps, ground: Ground, stray: float = np.inf
 ) -> list[tuple[FollowResult, float]]:
     """What the follower finds in each trial, and milliseconds."""
-    options = FollowOptions(goal_tolerance=TOLERANCE, stray=stray, budget=2_000)
+    options = FollowOptions(goal_tolerance=TOLERANCE, budget=2_000)
     follow_trial(motions, maps, ground, ground.trials[0], options)
     return [_best(lambda t=trial: follow_trial(motions, maps, ground, t, options)) for trial in ground.trials]  # type: ignore[misc]
 

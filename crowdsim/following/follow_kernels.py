@@ -13,6 +13,7 @@ from crowdsim.constants import NONE
 from crowdsim.following.branch_kernels import MISFIT_COST, NODE_COST, branch_is_free, lay_branch
 from crowdsim.following.map_kernels import BEHAVIOR, BIN, CELL, END_X, END_Y, LEVEL, WALKED, pack_cell
 from crowdsim.following.path_kernels import path_point, project, sample_index
+from crowdsim.following.reach_kernels import branch_keeps_in
 from crowdsim.geometry.planar_kernels import to_local
 from crowdsim.jit import helper, kernel, unowned
 from crowdsim.motion.track_kernels import node_end
@@ -33,6 +34,12 @@ SERIAL = 5
 STAGE_COLUMNS = 6
 """Columns of ``search.stage``: last node, nodes of the solution up to it, how many of them since the path was last
 gained on, candidates, the next of them, and serial (0 until the candidates are collected)."""
+
+TOP = 0
+QUERIES = 1
+BEST = 2
+STATE_COLUMNS = 3
+"""Columns of ``search.state``: the stage on top, map queries made, nodes of the best solution."""
 
 ROW = 0
 ENTRY = 1
@@ -267,24 +274,16 @@ def _record_best(search, count):
     return count
 
 
-@kernel
-def follow(graph, maps, guide, rules, layers, start_pose, start_node, search, laid):
-    """Search the motion along a path. Returns (status, nodes of the best solution, arc it reached, map queries).
-
-    The best solution is left in ``search.best_*``: complete where the status is FOUND, else the one that came farthest.
-    ``start_node`` is -1 where any node may begin at ``start_pose``.
-    """
-    graph, maps, guide, rules = unowned(graph), unowned(maps), unowned(guide), unowned(rules)
-    layers, search, laid = unowned(layers), unowned(search), unowned(laid)
-    hints = np.full(len(layers), np.int64(NONE))
-    room = search.candidate.shape[0] // search.stage.shape[0]
+@helper
+def _begin(graph, guide, start_pose, start_node, search):
+    """Open the first stage: at ``start_pose``, or where a node ends that begins there."""
     end = np.empty(3)
     for k in range(3):
         end[k] = start_pose[k]
     count = np.int64(0)
     travel = 0.0
     if start_node >= 0:
-        end[0], end[1], end[2] = node_end(graph, np.int64(start_node), start_pose[0], start_pose[1], start_pose[2])
+        end[0], end[1], end[2] = node_end(graph, start_node, start_pose[0], start_pose[1], start_pose[2])
         travel = graph.node_length[start_node]
         search.step[0, 0] = start_node
         search.step[0, 1] = NONE
@@ -293,22 +292,40 @@ def follow(graph, maps, guide, rules, layers, start_pose, start_node, search, la
         search.place[0, 3] = 0.0
         count = 1
     arc, _ = project(guide, end[0], end[1], 0.0, travel + 1.0)
-    top = np.int64(0)
-    _open_stage(search, top, start_node, start_pose, end, max(arc, 0.0), count, np.int64(0))
-    best_arc = -1.0
-    best_count = 0
-    queries = 0
+    _open_stage(search, np.int64(0), start_node, start_pose, end, max(arc, 0.0), count, np.int64(0))
+    search.state[TOP] = 0
+    search.state[BEST] = 0
+    search.best_arc[0] = -1.0
+
+
+@kernel
+def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, search, laid):
+    """Search the motion along a path. Returns (status, nodes of the best solution, arc it reached, map queries).
+
+    The best solution is left in ``search.best_*``: complete where the status is FOUND, else the one that came farthest.
+    ``start_node`` is -1 where any node may begin at ``start_pose``. ``reach`` says where the body's joints are, to keep
+    them in their section, or is None. A search that has found a solution goes on to the next when called again.
+    """
+    graph, maps, guide, rules = unowned(graph), unowned(maps), unowned(guide), unowned(rules)
+    layers, search, laid = unowned(layers), unowned(search), unowned(laid)
+    hints = np.full(len(layers), np.int64(NONE))
+    room = search.candidate.shape[0] // search.stage.shape[0]
+    state = search.state
+    if state[QUERIES] == 0:
+        _begin(graph, guide, start_pose, np.int64(start_node), search)
+    top = state[TOP]
+    queries = state[QUERIES]
     while top >= 0:
         root = search.stage[top, NODE]
         end = search.stage_end[top]
         arc = search.stage_arc[top]
         begin = top * room
         if search.stage[top, SERIAL] == 0:
-            if arc > best_arc + _GAIN:
-                best_arc = arc
-                best_count = _record_best(search, search.stage[top, COUNT])
+            if arc > search.best_arc[0] + _GAIN:
+                search.best_arc[0] = arc
+                state[BEST] = _record_best(search, search.stage[top, COUNT])
             if queries == rules.budget:
-                return OUT_OF_BUDGET, best_count, best_arc, queries
+                return OUT_OF_BUDGET, state[BEST], search.best_arc[0], queries
             queries += 1
             search.stage[top, SERIAL] = queries
             search.stage[top, SIZE] = _collect(
@@ -324,6 +341,9 @@ def follow(graph, maps, guide, rules, layers, start_pose, start_node, search, la
         free = depth > 0
         for k, mesh in enumerate(layers):
             free = free and branch_is_free(graph, rules, mesh, np.int64(k), search, laid, depth, end, root >= 0, hints)
+        if reach is not None:
+            kept = unowned(reach)
+            free = free and branch_keeps_in(graph, guide, rules, kept, search, laid, depth, end, arc, root >= 0)
         if not free:
             continue
         count = search.stage[top, COUNT]
@@ -336,7 +356,10 @@ def follow(graph, maps, guide, rules, layers, start_pose, start_node, search, la
             search.place[count, 3] = laid.twist[entry]
             count += 1
         if laid.reached[entry]:
-            return FOUND, _record_best(search, count), laid.arc[entry], queries
+            state[TOP], state[QUERIES] = top, queries
+            search.best_arc[0] = laid.arc[entry]
+            state[BEST] = _record_best(search, count)
+            return FOUND, count, laid.arc[entry], queries
         still = search.stage[top, STILL] + depth if laid.arc[entry] - arc < _GAIN else 0
         if top + 1 == search.stage.shape[0] or still > _MOST_STILL:
             continue
@@ -344,4 +367,5 @@ def follow(graph, maps, guide, rules, layers, start_pose, start_node, search, la
         if not _seen(search, maps.family[last], laid.end[entry], laid.arc[entry]):
             top += 1
             _open_stage(search, top, last, laid.origin[entry], laid.end[entry], laid.arc[entry], count, still)
-    return BLOCKED, best_count, best_arc, queries
+    state[TOP], state[QUERIES] = top, queries
+    return BLOCKED, state[BEST], search.best_arc[0], queries

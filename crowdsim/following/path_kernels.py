@@ -75,3 +75,14 @@ def project(guide, x, y, low, high):
         leap = np.int64((distance - near) * per_meter) - 1
         i = max(min(i + leap, last - 1), i + 1)
     return best_at * guide.step, math.sqrt(best)
+
+
+@helper
+def path_gap(guide, x, y, low, high):
+    """As :func:`project`, but a path ends at its ends."""
+    arc, gap = project(guide, x, y, low, high)
+    if arc < 0.0 or arc > guide.length:
+        arc = min(max(arc, 0.0), guide.length)
+        px, py = path_point(guide, arc)
+        gap = math.sqrt((x - px) * (x - px) + (y - py) * (y - py))
+    return arc, gap
