@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from crowdsim.constants import NONE
 from crowdsim.errors import MotionError
+from crowdsim.following.reach_kernels import WINDOW
 from crowdsim.motion.graph_arrays import GraphArrays
 from crowdsim.motion.pose_kernels import pose_joints
 from crowdsim.motion.pose_table import PoseTable
@@ -22,14 +23,17 @@ class BodyReach(NamedTuple):
 
     node_first: (N,) int64, the row of each node's frame 0. edge_first: (E,) int64, of the frame 0 of each edge's target
     after its source, whose pose fades out over the first BLEND_FRAMES frames: those have rows of their own.
+    node_pace: (N,) meters, the most that a track moves from one frame to the next.
     node_most, edge_most: (N,) and (E,) meters, the farthest joint in any of these rows.
     joint: (R, J, 2) float32, floor projections in the frame of the track pose, the farthest first.
-    far: (R,) meters from there to the farthest. room: (B,) meters from the path within which every joint must lie where
-    it was planned for each behavior; least: the least of them.
+    far: (R,) meters from there to the farthest in this frame or the next of the node up to WINDOW in all.
+    room: (B,) meters from the path within which every joint must lie where it was planned for each behavior.
+    least: the least of them.
     """
 
     node_first: NDArray[np.int64]
     edge_first: NDArray[np.int64]
+    node_pace: Floats
     node_most: Floats
     edge_most: Floats
     joint: NDArray[np.float32]
@@ -65,7 +69,24 @@ def body_reach(graph: GraphArrays, poses: PoseTable, room: Floats) -> BodyReach:
     order = np.argsort(-away, axis=1, kind="stable")
     far = away.max(axis=1).astype(np.float64)
     most = np.maximum.reduceat(far, first[:-1])
+    row = np.arange(first[-1])
+    later = []
+    for ahead in range(WINDOW):
+        at = np.minimum(frame + ahead, graph.node_frames[node])
+        later.append(far[np.where((before >= 0) & (at >= BLEND_FRAMES), first[node] + at, row + at - frame)])
+    far = np.max(later, axis=0)
+    steps = np.append(np.hypot(*np.diff(graph.tracks[:, :2], axis=0).T), 0.0)
+    steps[graph.node_track + graph.node_frames] = 0.0  # from one node's last sample to the next node's first
+    pace = np.maximum.reduceat(steps, graph.node_track)
     joint = np.ascontiguousarray(np.take_along_axis(flat, order[:, :, None], axis=1))
     return BodyReach(
-        first[:nodes], first[nodes : nodes + edges], most[:nodes], most[nodes:], joint, far, room, float(room.min())
+        first[:nodes],
+        first[nodes : nodes + edges],
+        pace,
+        most[:nodes],
+        most[nodes:],
+        joint,
+        far,
+        room,
+        float(room.min()),
     )

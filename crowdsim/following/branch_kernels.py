@@ -184,17 +184,17 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
                 area += NODE_COST + _TIME_COST * graph.node_frames[node] / CAPTURE_RATE
                 if maps.leads_to[node] != guide.behavior[here]:
                     area += _SWITCH_COST
-            turned = wrap_angle(rules.goal_heading - heading)
-            asked = not math.isnan(turned)
+            asked = not math.isnan(rules.goal_heading)
             if rules.end_standing or asked:
                 goal_gap = math.hypot(x - goal_x, y - goal_y)
-                reached = (
-                    goal_gap <= rules.goal_tolerance
-                    and (graph.node_ends_standing[node] or not rules.end_standing)
-                    and not abs(turned) > rules.goal_heading_tolerance
+                reached = goal_gap <= rules.goal_tolerance and (
+                    graph.node_ends_standing[node] or not rules.end_standing
                 )
-                if asked and arc_after > total - _HEADING_WINDOW:
-                    error = abs(turned)
+                if asked:
+                    turned = abs(wrap_angle(rules.goal_heading - heading))
+                    reached = reached and turned <= rules.goal_heading_tolerance
+                    if arc_after > total - _HEADING_WINDOW:
+                        error = turned
             else:
                 reached = nearest <= rules.goal_tolerance * rules.goal_tolerance
             laid.serial[entry] = serial

@@ -31,9 +31,11 @@ STILL = 2
 SIZE = 3
 NEXT = 4
 SERIAL = 5
-STAGE_COLUMNS = 6
+SINGLES = 6
+STAGE_COLUMNS = 7
 """Columns of ``search.stage``: last node, nodes of the solution up to it, how many of them since the path was last
-gained on, candidates, the next of them, and serial (0 until the candidates are collected)."""
+gained on, candidates, the next of them, serial (0 until candidates are collected), and what these are: none yet (-1),
+those found along the path (0), single successors (1)."""
 
 TOP = 0
 QUERIES = 1
@@ -47,6 +49,12 @@ ENTRY = 1
 
 _GAIN = 0.05
 """Meters of path that count as gained: a branch that gains less stands still."""
+
+_LAST = 2.0
+"""Meters before the end of a path from which on single successors are looked at together with all others."""
+
+_QUERY_STEP = 2.0 * CELL
+"""Meters between query points: with the cells around them, these leave no gaps."""
 
 _MOST_STILL = 6
 """Nodes in a row that may turn or shift in place: what more of them reach, fewer do too."""
@@ -136,18 +144,18 @@ def _rank(search, count, capacity, score, entry):
 def _look_along_path(maps, guide, rules, search, root, origin, arc, serial):
     """List the entries of the map to be laid: in and around the cells that the path crosses from ``arc`` on.
 
-    Query points lie a cell apart up to the map's average length. Of more than ``search.look`` has room for those that
-    promise most are listed: what they would about score as the map has them, without extra rotations, with the area
-    between branch and path taken for a triangle over what its end is off. Returns their number.
+    Query points lie two cells apart up to the map's average length. Of more than ``search.look`` has room for those
+    that promise most are listed: what they would about score as the map has them, without extra rotations, with the
+    area between branch and path taken for a triangle over what its end is off. Returns their number.
     """
     base, stop = maps.first[root], maps.first[root + 1]
-    points = int(maps.average[root] / CELL) + 1
+    points = int(maps.average[root] / _QUERY_STEP) + 1
     count = np.int64(0)
     room = search.look.shape[0]
     ahead, marked = maps.ahead, search.marked
     c, s = math.cos(origin[2]), math.sin(origin[2])
     for q in range(points + 1):
-        at = arc + q * CELL
+        at = arc + q * _QUERY_STEP
         gx, gy = path_point(guide, at)
         direction = guide.pose[sample_index(guide, at), 2]
         lx, ly, along = to_local(origin[0], origin[1], origin[2], gx, gy, direction)
@@ -164,7 +172,7 @@ def _look_along_path(maps, guide, rules, search, root, origin, arc, serial):
                     continue
                 marked[ROW, row - base] = serial
                 level = np.float64(ahead[row, LEVEL])
-                if level < 2.0:
+                if level < 1.0:
                     continue
                 walked = np.float64(ahead[row, WALKED])
                 px, py = path_point(guide, arc + walked)
@@ -184,46 +192,43 @@ def _look_along_path(maps, guide, rules, search, root, origin, arc, serial):
 
 
 @helper
-def _collect(graph, maps, guide, rules, search, laid, root, origin, end, arc, begin, serial):
+def _collect(graph, maps, guide, rules, search, laid, root, origin, end, arc, begin, serial, along, singles):
     """Score the candidates of a stage into its list, which starts at ``begin``; returns their number.
 
-    The best branches found along the path, and every single successor: these keep a stage going where the path
-    leaves all cells of the map. Without a root every node may be the first. The score is equation 5 of the 2012
-    paper, with the last node's own track: where it begins, all children of a node look alike.
+    These are the best branches found ``along`` the path and the ``singles``, all other single successors, which keep a
+    stage going where the path leaves the cells of the map. Without a root every node may be the first. The score is
+    equation 5 of the 2012 paper, with the last node's own track: where it begins, all children of a node look alike.
     """
-    skipped = np.int64(0)
     looks = np.int64(0)
-    singles = np.int64(graph.node_frames.shape[0])
-    if root >= 0:
-        base = maps.first[root]
-        skipped = np.int64(1)
-        size = maps.first[root + 1] - base
-        singles = np.int64(1)
-        while singles < size and maps.level[base + singles] == 1:
-            singles += 1
+    first, stop = np.int64(0), np.int64(0)
+    if along and root >= 0:
         looks = _look_along_path(maps, guide, rules, search, root, origin, arc, serial)
+    if singles and root >= 0:
+        base = maps.first[root]
+        first, stop = np.int64(1), np.int64(1)
+        while stop < maps.first[root + 1] - base and maps.level[base + stop] == 1:
+            stop += 1
+    elif singles:
+        stop = np.int64(graph.node_frames.shape[0])
     count = np.int64(0)
-    capacity = rules.candidates
-    for i in range(looks + singles - skipped):
-        entry = search.look[i] if i < looks else skipped + i - looks
-        if i >= looks:
-            capacity += 1
-            if root < 0 and graph.node_idle[entry]:
-                continue
+    for i in range(looks + stop - first):
+        entry = search.look[i] if i < looks else first + i - looks
+        if i >= looks and (search.marked[ENTRY, entry] == serial or (root < 0 and graph.node_idle[entry])):
+            continue
         depth = _load_branch(maps, search, root, entry)
         taken = lay_branch(graph, maps, guide, rules, search, laid, root, depth, end, arc, serial)
         if taken == 0:
             continue
         entry = search.branch[taken - 1]
         if taken < depth:
-            if entry < singles or search.marked[ENTRY, entry] == serial:
+            if search.marked[ENTRY, entry] == serial:
                 continue
             search.marked[ENTRY, entry] = serial
         gain = max(laid.arc[entry] - arc, 0.1)
         score = (laid.area[entry] + laid.off[entry]) / (gain * gain)
         if laid.reached[entry]:
             score -= GOAL_FIRST
-        count = _keep(search, begin, count, capacity, score, entry)
+        count = _keep(search, begin, count, rules.candidates + stop - first, score, entry)
     return count
 
 
@@ -261,6 +266,7 @@ def _open_stage(search, top, node, origin, end, arc, count, still):
     search.stage[top, COUNT] = count
     search.stage[top, SERIAL] = 0
     search.stage[top, NEXT] = 0
+    search.stage[top, SIZE] = 0
 
 
 @helper
@@ -328,11 +334,20 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
                 return OUT_OF_BUDGET, state[BEST], search.best_arc[0], queries
             queries += 1
             search.stage[top, SERIAL] = queries
-            search.stage[top, SIZE] = _collect(
-                graph, maps, guide, rules, search, laid, root, search.stage_origin[top], end, arc, begin, queries
-            )
+            search.stage[top, SINGLES] = NONE
         if search.stage[top, NEXT] == search.stage[top, SIZE]:
-            top -= 1
+            if search.stage[top, SINGLES] == 1:
+                top -= 1
+                continue
+            along = search.stage[top, SINGLES] == NONE
+            # Near the end a single node may be all that is wanted.
+            singles = not along or arc > guide.length - _LAST
+            search.stage[top, SINGLES] = np.int64(singles)
+            search.stage[top, NEXT] = 0
+            search.stage[top, SIZE] = _collect(
+                graph, maps, guide, rules, search, laid, root, search.stage_origin[top], end, arc, begin,
+                search.stage[top, SERIAL], along, singles,
+            )  # fmt: skip
             continue
         entry = search.candidate[begin + search.stage[top, NEXT]]
         search.stage[top, NEXT] += 1

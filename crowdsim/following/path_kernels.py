@@ -48,7 +48,8 @@ def project(guide, x, y, low, high):
     begin = min(max(np.int64(low * per_meter), 0), last - 1)
     end = min(max(np.int64(high * per_meter), begin), last - 1)
     ux, uy = x - pose[end, 0], y - pose[end, 1]
-    near = math.sqrt(ux * ux + uy * uy)
+    near = ux * ux + uy * uy
+    worth = 8.0 * guide.step * guide.step
     best_at = 0.0
     best = math.inf
     i = begin
@@ -66,13 +67,15 @@ def project(guide, x, y, low, high):
         else:
             u = along / whole
             gap = (ux - u * dx) ** 2 + (uy - u * dy) ** 2
-        distance = math.sqrt(gap)
         if gap < best:
             best = gap
             best_at = i + u
-            near = min(near, distance)
+            near = min(near, gap)
+        # Nothing can be leapt over unless this piece is two steps farther than the nearest, which is cheap to see.
+        leap = np.int64(1)
+        if gap > 2.0 * near + worth:
+            leap = max(np.int64((math.sqrt(gap) - math.sqrt(near)) * per_meter) - 1, leap)
         # The last piece goes on beyond the end of the path and may be nearer than its samples.
-        leap = np.int64((distance - near) * per_meter) - 1
         i = max(min(i + leap, last - 1), i + 1)
     return best_at * guide.step, math.sqrt(best)
 

@@ -10,8 +10,11 @@ from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.jit import helper
 from crowdsim.motion.track_kernels import BLEND_FRAMES, track_pose
 
-_BESIDE = 0.3
-"""Meters of path before and after a node's share of it in which what is nearest to a joint is looked for."""
+WINDOW = 6
+"""Frames over which ``reach.far`` looks ahead."""
+
+_BESIDE = 0.15
+"""Meters of path around where a track should be, or a joint might, in which the nearest place is looked for."""
 
 
 @helper
@@ -24,10 +27,11 @@ def _first_and_most(reach, node, edge):
 
 
 @helper
-def _joints_keep_in(guide, reach, row, gap, x, y, heading, low, high):
+def _joints_keep_in(guide, reach, row, gap, at, x, y, heading):
     """Whether all joints in one frame lie within the room of the section that is nearest; ``gap`` is that of the track.
 
-    They are sorted from the farthest from the track to the nearest, so that only those that may leave are looked at.
+    The joints are sorted from the farthest from the track to the nearest, so that only those that may leave are looked
+    at. ``at`` is the arc length that the track is beside.
     """
     c, s = math.cos(heading), math.sin(heading)
     for j in range(reach.joint.shape[1]):
@@ -35,7 +39,8 @@ def _joints_keep_in(guide, reach, row, gap, x, y, heading, low, high):
         far = math.sqrt(u * u + v * v)
         if gap + far <= reach.least:
             return True
-        arc, off = path_gap(guide, x + c * u - s * v, y + s * u + c * v, low - far, high + far)
+        far += _BESIDE
+        arc, off = path_gap(guide, x + c * u - s * v, y + s * u + c * v, at - far, at + far)
         if off > reach.room[guide.behavior[sample_index(guide, arc)]]:
             return False
     return True
@@ -76,20 +81,29 @@ def branch_keeps_in(graph, guide, rules, reach, search, laid, depth, stage_end, 
                 dx, dy, dh = x - ox, y - oy, wrap_angle(heading - oh)
             rows, fading, most = _first_and_most(reach, node, edge)
             # Between two points of the outline a track is at most half a cell from one of them.
-            if laid.strayed[entry] + 0.5 * CELL + math.sqrt(dx * dx + dy * dy) + most > reach.least:
-                low, high = arc - _BESIDE, laid.arc[entry] + _BESIDE
+            seam = math.sqrt(dx * dx + dy * dy)
+            if laid.strayed[entry] + 0.5 * CELL + seam + most > reach.least:
                 frames = np.int64(graph.node_frames[node])
                 if laid.reached[entry] and not rules.end_standing and math.isnan(rules.goal_heading):
                     frames = _frame_of_passing(graph, guide, node, frames, ox, oy, oh, dx, dy, dh)
-                for frame in range(frames + 1):
+                # The seam fades fastest half way: by 1.5 times what it does on average.
+                pace = reach.node_pace[node] + 1.5 * seam / BLEND_FRAMES + 1e-9
+                at, moved = arc, 0.0
+                frame = np.int64(0)
+                while frame <= frames:
                     row = frame + (fading if frame < BLEND_FRAMES else rows)
                     px, py, ph = track_pose(graph, node, frame, ox, oy, oh, dx, dy, dh)
-                    _, gap = path_gap(guide, px, py, low, high)
-                    if gap + reach.far[row] > reach.least and not _joints_keep_in(
-                        guide, reach, row, gap, px, py, ph, low, high
-                    ):
+                    at, gap = path_gap(guide, px, py, at - _BESIDE, at + moved + _BESIDE)
+                    leap = np.int64(1)
+                    if gap + reach.far[row] + (WINDOW - 1) * pace <= reach.least:
+                        leap = np.int64(WINDOW)
+                    elif not _joints_keep_in(guide, reach, row, gap, at, px, py, ph):
                         laid.fit[entry] = False
                         return False
+                    # Before that the track cannot come so far off that the farthest joint of any frame would leave.
+                    leap = max(leap, np.int64((reach.least - gap - most) / pace))
+                    moved = leap * pace
+                    frame += leap
             laid.free[entry, column] = True
         x, y, heading = laid.end[entry, 0], laid.end[entry, 1], laid.end[entry, 2]
         arc = laid.arc[entry]
