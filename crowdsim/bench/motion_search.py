@@ -15,14 +15,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
+from crowdsim.bench.random_ground import GroundKind, random_ground
 from crowdsim.bench.registry import Measurement
 from crowdsim.bench.thinned_graph import thinned
-from crowdsim.environment.clutter import draw_clutter
-from crowdsim.environment.layers import LEGS, TORSO, clearance_layers
-from crowdsim.errors import PathNotFound
+from crowdsim.environment.layers import LEGS, TORSO
 from crowdsim.following.channel import Channel, make_channel
 from crowdsim.following.graph_search import SearchOptions, SearchResult, search_graph
 from crowdsim.following.path_follower import FollowStatus
@@ -31,25 +29,15 @@ from crowdsim.motion.capture_files import capture_paths
 from crowdsim.motion.capture_sets import as_sources, read_clips
 from crowdsim.motion.graph_arrays import GraphArrays
 from crowdsim.motion.standard_graph import build_standard_graph
-from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.behavior_library import load_behavior_set
 
 FOUND = FollowStatus.FOUND
 
-SIDE = 20.0
-"""Meters, side of the square rooms."""
+ROOMS = GroundKind(side=20.0, sizes=(0.4, 1.2), clearance=0.6, lengths=(5.0, 14.0))
+"""What the environments are; the clearance of their paths is the radius of the channels."""
 
 DENSITIES = (0.02, 0.04, 0.08, 0.12)
 """Shares of the floor that the obstacles of the four environments take."""
-
-SIZES = (0.4, 1.2)
-"""Meters, least and greatest extent of an obstacle."""
-
-CLEARANCE = 0.6
-"""Meters that paths keep, and the radius of their channels."""
-
-LENGTHS = (5.0, 14.0)
-"""Meters between which the paths of the queries are long."""
 
 FEW_EDGES = 3
 """Edges out of a node of the sparse graph, which gives about the paper's branching factor (1.66)."""
@@ -166,20 +154,9 @@ def _solved(searches: Sequence[list[tuple[SearchResult, float]]]) -> list[int]:
 
 
 def _environment(density: float, count: int, seed: int) -> _Environment:
-    rng = np.random.default_rng(seed)
-    floor = shapely.box(0.0, 0.0, SIDE, SIDE)
-    solids = draw_clutter("clutter", floor.buffer(-0.5), density, SIZES, rng)
-    legs, torso = (NavMesh(layer.free) for layer in clearance_layers(floor, solids, (LEGS, TORSO)))
-    queries: list[tuple[NDArray[np.float64], Channel]] = []
-    while len(queries) < count:
-        start, goal = rng.uniform(1.0, SIDE - 1.0, (2, 2))
-        try:
-            path = legs.find_path(start, goal, CLEARANCE)
-        except PathNotFound:
-            continue
-        if LENGTHS[0] <= path.length <= LENGTHS[1]:
-            queries.append((np.array(path.points), make_channel(path.points, CLEARANCE)))
-    return _Environment(len(solids), (legs.arrays, torso.arrays), queries)
+    ground = random_ground(ROOMS, density, count, seed)
+    queries = [(points, make_channel(points, ROOMS.clearance)) for points in ground.paths]
+    return _Environment(ground.obstacles, (ground.legs.arrays, ground.torso.arrays), queries)
 
 
 def _search_all(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from typing import Annotated
 
 import typer
@@ -47,4 +48,6 @@ def crowdsim(
 
 def main() -> None:
     """Run the command line; leaves the process with the command's exit code."""
+    # Compiling kernels makes millions of objects that stay; looking through them again and again took seconds.
+    gc.set_threshold(50_000, 20, 20)
     app(prog_name="crowdsim")

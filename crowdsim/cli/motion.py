@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -46,11 +47,18 @@ def graph(
     ] = None,
     threshold: Annotated[float, typer.Option(metavar="METERS", help="Distance up to which moments are joined.")] = 0.06,
     branching: Annotated[
-        float | None, typer.Option(metavar="FACTOR", help="Choose the threshold that comes nearest to it, below 2.")
+        float | None,
+        typer.Option(metavar="FACTOR", help="Choose the threshold that comes nearest to it, between 1 and 2."),
     ] = None,
     best: Annotated[
         int | None, typer.Option(metavar="K", min=1, help="Keep the nearest so many ways on from each segment.")
     ] = None,
+    drift: Annotated[
+        float,
+        typer.Option(
+            metavar="METERS", min=0.0, help="Leave out transitions that let a planted foot slide so much further."
+        ),
+    ] = 0.005,
     detectors: Annotated[
         str, typer.Option(metavar="NAMES", help="Feature detectors, separated by commas.")
     ] = "crossing,standing",
@@ -65,10 +73,14 @@ def graph(
     from crowdsim.motion.capture_files import capture_paths
     from crowdsim.motion.graph_file import GraphSettings, build_graph, graph_in_file
 
-    if threshold <= 0.0:
+    if not (threshold > 0.0 and math.isfinite(threshold)):
         raise typer.BadParameter(f"{threshold} is not a positive distance", param_hint="--threshold")
+    if branching is not None and not 1.0 < branching < 2.0:
+        raise typer.BadParameter(f"{branching} is not between 1 and 2, as all are", param_hint="--branching")
     names = tuple(name.strip() for name in detectors.split(",") if name.strip())
-    settings = GraphSettings(standard, threshold, branching, best, names)
+    if not names:
+        raise typer.BadParameter("give the name of one at least, as in crossing,standing", param_hint="--detectors")
+    settings = GraphSettings(standard, threshold, branching, best, drift, names)
     paths = capture_paths(folder)
     if output is None:
         made, built = build_graph(paths, settings), True
@@ -86,6 +98,7 @@ def graph(
         "out_degree": round(report.out_degree, 3),
         "threshold_m": round(report.threshold, 4),
         "dropped": len(report.dropped),
+        "skating": report.skating,
         "built": built,
     }
     if as_json:
@@ -127,5 +140,7 @@ def _draw(paths: list[Path], settings: Any, picture: Path) -> None:
     from crowdsim.motion.motion_graph import build_motion_graph
 
     sources = as_sources(read_clips(paths), settings.detectors)
-    made = build_motion_graph(sources, settings.threshold, settings.max_out_edges, settings.branching)
+    made = build_motion_graph(
+        sources, settings.threshold, settings.max_out_edges, settings.branching, settings.most_drift
+    )
     write_figure(draw_motion_graph(sources, made), picture)

@@ -115,6 +115,8 @@ def capture_paths(folder: str | Path, patterns: Sequence[str] = ("*.bvh", "*.amc
     """The capture files of a folder that match one of ``patterns``, by name; MotionError where there are none."""
     folder = Path(folder)
     if not folder.is_dir():
+        if folder.is_file():
+            raise MotionError(f"{folder} is a file; give the folder that holds the captures")
         raise MotionError(f"there is no folder of captures {folder}")
     paths = sorted({path for pattern in patterns for path in folder.glob(pattern) if path.is_file()})
     if not paths:

@@ -18,9 +18,13 @@ from crowdsim.motion.tracks import track_of
 def read_clips(paths: Sequence[Path]) -> list[Clip]:
     """All clean stretches of the captures ``paths`` on one skeleton.
 
-    That is the one of the person who has most frames, whose clips come first. MotionError where a file cannot be read
-    or people have other joints.
+    That is the one of the person who has most frames, whose clips come first. MotionError where a file cannot be read,
+    two are called alike or people have other joints.
     """
+    seen: dict[str, Path] = {}
+    for path in paths:
+        if (other := seen.setdefault(path.stem, path)) is not path:
+            raise MotionError(f"{other.name} and {path.name} are called alike but for their ending; rename one of them")
     clips = [clip for path in paths for clip in read_capture(path).clips]
     frames: dict[bytes, int] = {}
     for clip in clips:

@@ -35,7 +35,12 @@ class Clip:
         """Seconds from the first frame to the last."""
         return (self.frame_count - 1) / CAPTURE_RATE
 
-    @cached_property
+    @property
     def joint_positions(self) -> NDArray[np.float64]:
         """(F, J, 3) world positions of all joints."""
-        return forward_kinematics(self.skeleton, self.root_positions, self.rotations)[0]
+        return self.posed[0]
+
+    @cached_property
+    def posed(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """World positions (F, J, 3) and world rotations (F, J, 4) of all joints."""
+        return forward_kinematics(self.skeleton, self.root_positions, self.rotations)

@@ -31,6 +31,7 @@ class GraphReport:
     out_degree: edges a node.
     threshold: meters up to which moments were joined.
     dropped: (node, why) of the segments that are not in the graph.
+    skating: transitions left out because of what they add to the drift of a planted foot.
     """
 
     nodes: int
@@ -40,6 +41,7 @@ class GraphReport:
     out_degree: float
     threshold: float
     dropped: tuple[tuple[str, str], ...]
+    skating: int = 0
 
 
 @dataclass(frozen=True)

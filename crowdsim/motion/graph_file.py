@@ -17,14 +17,14 @@ from crowdsim.motion.capture_sets import as_sources, read_clips
 from crowdsim.motion.features import WALKING_DETECTORS
 from crowdsim.motion.graph_arrays import GraphArrays
 from crowdsim.motion.graph_assembly import GraphReport, MotionGraph
-from crowdsim.motion.motion_graph import DEFAULT_THRESHOLD, build_motion_graph
+from crowdsim.motion.motion_graph import CAPTURED_DRIFT, DEFAULT_THRESHOLD, build_motion_graph
 from crowdsim.motion.pose_table import PoseTable
 from crowdsim.motion.skeleton import Skeleton
 from crowdsim.motion.standard_graph import build_standard_graph
 from crowdsim.whole_files import whole_file
 
 FORMAT = "crowdsim motion graph"
-VERSION = 1
+VERSION = 2
 """Of the file and of the way graphs are built: raise it when either changes, and graphs are built anew."""
 
 SUFFIX = ".npz"
@@ -38,6 +38,7 @@ class GraphSettings:
     threshold: float = DEFAULT_THRESHOLD
     branching: float | None = None
     max_out_edges: int | None = None
+    most_drift: float | None = CAPTURED_DRIFT
     detectors: tuple[str, ...] = WALKING_DETECTORS
 
 
@@ -45,10 +46,12 @@ def build_graph(paths: Sequence[Path], settings: GraphSettings) -> MotionGraph:
     """The graph of the captures ``paths``; MotionError where they or the settings do not give one."""
     sources = as_sources(read_clips(paths), settings.detectors)
     if not settings.standard:
-        return build_motion_graph(sources, settings.threshold, settings.max_out_edges, settings.branching)
+        return build_motion_graph(
+            sources, settings.threshold, settings.max_out_edges, settings.branching, settings.most_drift
+        )
     if settings.branching is not None:
         raise MotionError("a standard graph is built at a threshold, not for a branching factor; leave the latter out")
-    return build_standard_graph(sources, settings.threshold, settings.max_out_edges)
+    return build_standard_graph(sources, settings.threshold, settings.max_out_edges, most_drift=settings.most_drift)
 
 
 def graph_in_file(file: Path, paths: Sequence[Path], settings: GraphSettings) -> tuple[MotionGraph, bool]:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 _CLIP_COLORS = "tab20"
 _PIXELS = 2000
+_LABEL = 25
+"""Characters of a clip's name beside its node."""
 
 
 def draw_motion_graph(sources: Sequence[MotionSource], graph: MotionGraph) -> Figure:
@@ -25,8 +27,9 @@ def draw_motion_graph(sources: Sequence[MotionSource], graph: MotionGraph) -> Fi
     from matplotlib.figure import Figure
 
     image = error_image([source.clip for source in sources])
-    figure = Figure(figsize=(19.0, 9.2), dpi=110, layout="constrained")
-    left, right = figure.subplots(1, 2)
+    figure = Figure(figsize=(19.0, 9.2), dpi=110)
+    margins = {"left": 0.04, "right": 0.99, "bottom": 0.09, "top": 0.9, "wspace": 0.02}
+    left, right = figure.subplots(1, 2, gridspec_kw=margins)
     _draw_image(left, image, sources, graph)
     _draw_graph(right, sources, graph)
     return figure
@@ -39,7 +42,7 @@ def _draw_image(axes: Axes, image: ErrorImage, sources: Sequence[MotionSource], 
         image.distance[::step, ::step], cmap="jet", vmin=0.0, extent=(0, count, count, 0),
         interpolation="nearest",
     )  # fmt: skip
-    axes.figure.colorbar(shown, ax=axes, label="distance, m", shrink=0.8)
+    axes.figure.colorbar(shown, ax=axes, label="distance, m", fraction=0.04, pad=0.02)
     first = {s.clip.name: int(row) for s, row in zip(sources, image.clip_first, strict=False)}
     size = max(2.0, 900.0 / np.sqrt(count))
     minima = valleys(image, graph.report.threshold)
@@ -48,11 +51,13 @@ def _draw_image(axes: Axes, image: ErrorImage, sources: Sequence[MotionSource], 
     ends = np.array([first[clip] + last for clip, _, last in places])[row_of]
     starts = np.array([first[clip] + begin for clip, begin, _ in places])[graph.arrays.edge_target]
     joins = ends != starts
-    axes.scatter(minima[1], minima[0], s=size, c="red", linewidths=0, label=f"{len(minima[0])} local minima")
+    axes.scatter(
+        minima[1], minima[0], s=size, c="red", linewidths=0, label=f"{len(minima[0]):,} local minima (standard graph)"
+    )
     axes.scatter(starts[joins], ends[joins], s=3.0 * size, c="white", marker="x", linewidths=2.4)
     axes.scatter(
         starts[joins], ends[joins], s=2.4 * size, c="black", marker="x", linewidths=1.1,
-        label=f"{int(joins.sum())} transitions between features",
+        label=f"{int(joins.sum()):,} transitions between cuts (feature-based graph)",
     )  # fmt: skip
     cuts = np.array(_cut_frames(sources, image))
     bar = 0.012 * count
@@ -61,9 +66,15 @@ def _draw_image(axes: Axes, image: ErrorImage, sources: Sequence[MotionSource], 
     for row in image.clip_first[1:-1]:
         axes.axvline(row, color="white", lw=0.3)
         axes.axhline(row, color="white", lw=0.3)
-    axes.set(xlim=(-2.0 * bar, count), ylim=(count, -2.0 * bar), xlabel="frame gone on with", ylabel="frame left")
-    axes.set_title(f"{count} frames, threshold {graph.report.threshold * 100:.1f} cm", pad=14)
-    axes.legend(loc="lower left", framealpha=0.9)
+    axes.set(xlim=(-2.0 * bar, count), ylim=(count, -2.0 * bar))
+    axes.set(xlabel="frame that is entered", ylabel="frame that is left")
+    clips = len(image.clip_first) - 1
+    axes.set_title(
+        f"How far each frame is from each other: {count:,} frames of {clips} clips (white lines)\n"
+        f"marks: where they may be joined, within {graph.report.threshold * 100:.1f} cm; ticks: the feature cuts",
+        pad=14,
+    )
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=2, frameon=False, markerscale=1.5)
 
 
 def _cut_frames(sources: Sequence[MotionSource], image: ErrorImage) -> list[int]:
@@ -79,6 +90,7 @@ def _draw_graph(axes: Axes, sources: Sequence[MotionSource], graph: MotionGraph)
     """Nodes around a circle in the order of their clips; gray where one goes on with the same capture."""
     from matplotlib import colormaps
     from matplotlib.collections import LineCollection
+    from matplotlib.lines import Line2D
 
     count = graph.report.nodes
     angle = 2.0 * np.pi * np.arange(count) / count
@@ -107,16 +119,30 @@ def _draw_graph(axes: Axes, sources: Sequence[MotionSource], graph: MotionGraph)
         turn = np.degrees(angle[i])
         flip = 90.0 < turn < 270.0
         axes.text(
-            1.05 * place[i, 0], 1.05 * place[i, 1], graph.node_names[i][-26:], fontsize=6.5,
+            1.05 * place[i, 0], 1.05 * place[i, 1], _label(graph.node_names[i]), fontsize=6.5,
             rotation=turn + 180.0 * flip, rotation_mode="anchor", ha="right" if flip else "left", va="center",
         )  # fmt: skip
     report = graph.report
     axes.set_title(
-        f"{report.nodes} segments, {report.transitions} transitions, branching {report.branching:.2f}, "
-        f"out-degree {report.out_degree:.1f}"
+        f"Feature-based graph: {report.nodes} segments, {report.transitions:,} transitions, "
+        f"branching {report.branching:.2f}, {report.out_degree:.1f} ways on from each"
     )
-    axes.set(xlim=(-1.6, 1.6), ylim=(-1.6, 1.6), aspect="equal")
+    handles = [
+        Line2D([], [], color=(0.3, 0.3, 0.3), lw=2.2, label="goes on in its capture"),
+        Line2D([], [], color=color[0], lw=1.2, label="transition, in the color of the capture that is left"),
+    ]
+    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=2, frameon=False)
+    axes.set(xlim=(-1.72, 1.72), ylim=(-1.72, 1.72), aspect="equal")
     axes.axis("off")
+
+
+def _label(node: str) -> str:
+    """The name of a node, with its middle left out where it is long: trials differ at both ends."""
+    clip, first, last = clip_frames(node)
+    if len(clip) > _LABEL:
+        _, _, tail = clip[6 - _LABEL :].partition("_")
+        clip = f"{clip[:5]}\N{HORIZONTAL ELLIPSIS}{tail or clip[6 - _LABEL :]}"
+    return f"{clip} {first}\N{EN DASH}{last}"
 
 
 def _curve(a: Floats, b: Floats) -> Floats:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,10 @@ come to rest just as they set out."""
 WIDEST_THRESHOLD = 0.3
 """Meters up to which a threshold is looked for that gives a wanted branching factor."""
 
+CAPTURED_DRIFT = 0.005
+"""Meters that a transition between captures may add to the drift of a planted foot, which slides 1 to 2 cm in a stance
+as it was captured."""
+
 _AROUND = 8
 """Distances tried either way of the one that halving finds."""
 
@@ -49,6 +53,7 @@ def build_motion_graph(
     threshold: float = DEFAULT_THRESHOLD,
     max_out_edges: int | None = None,
     branching: float | None = None,
+    most_drift: float | None = None,
 ) -> MotionGraph:
     """Cut the clips, join their segments wherever the distance allows, keep the largest strongly connected part.
 
@@ -56,26 +61,46 @@ def build_motion_graph(
     ``threshold`` meters (root mean square over joints and frames). ``max_out_edges`` keeps the nearest so many
     edges out of each node; the one to the segment that followed in the capture always stays. Where a ``branching``
     factor is wanted, the threshold is the one up to WIDEST_THRESHOLD that comes nearest to it and keeps at least half
-    of the nodes; where many segments are alike, only ``max_out_edges`` brings it down.
+    of the nodes; where many segments are alike, only ``max_out_edges`` brings it down. Transitions that add more than
+    ``most_drift`` meters to the drift of a planted foot are then left out; the clips need names of their own for it.
     """
     candidates = _candidates(sources, max_out_edges)
     if branching is not None:
         threshold = _calibrated(candidates, branching)
-    nodes, alignments = candidates.nodes, candidates.alignments
     _require_loops(candidates, threshold)
+    graph, keep = _joined(candidates, threshold)
+    if most_drift is None:
+        return graph
+    # Here, as it compiles how poses are blended, which the default set has no need of to be joined.
+    from crowdsim.motion.transition_drift import skating_edges
+
+    leave, enter = np.flatnonzero(keep)[skating_edges(graph, [source.clip for source in sources], most_drift)]
+    if not len(leave):
+        return graph
+    candidates.needed[leave, enter] = np.inf
+    graph, _ = _joined(candidates, threshold)
+    return replace(graph, report=replace(graph.report, skating=len(leave)))
+
+
+def _joined(candidates: _Candidates, threshold: float) -> tuple[MotionGraph, NDArray[np.bool_]]:
+    """The largest component at ``threshold``, and (N,) the nodes that are in it."""
+    nodes, alignments = candidates.nodes, candidates.alignments
     source, target, keep = _edges(candidates, threshold)
     if not len(source):
+        apart = candidates.needed[candidates.needed > 0.0]
+        nearest = f"{float(apart.min()):.3f} m apart" if np.isfinite(apart).any() else "on other feet"
         raise MotionError(
-            f"no cycle of segments joins within {threshold:g} m (the nearest end and start are "
-            f"{float(np.min(alignments.distance)):.3f} m apart); raise the threshold or add clips"
+            f"no cycle of segments joins within {threshold:g} m (the nearest end and start that are not one are "
+            f"{nearest}); raise the threshold or add clips"
         )
     dropped = list(candidates.dropped)
     dropped += [(nodes[i].name, "not strongly connected with the rest") for i in np.flatnonzero(~keep)]
     place = np.cumsum(keep) - 1
-    return assemble(
+    graph = assemble(
         candidates.prepared, [nodes[i] for i in np.flatnonzero(keep)], place[source], place[target],
         alignments.pairs(source, target), threshold, dropped,
     )  # fmt: skip
+    return graph, keep
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,9 @@ from crowdsim.constants import CAPTURE_RATE
 from crowdsim.motion.kinematics import Floats, rotate
 from crowdsim.motion.skeleton import Skeleton
 
-NEAR_FLOOR = 0.02
-"""Meters above its lowest height up to which a point of the foot may be planted."""
+NEAR_FLOOR = 0.05
+"""Meters above its lowest height up to which a point of the foot may be planted. In captures the ball of a planted foot
+is up to 3 cm higher in one stance than in another: skeletons do not quite fit, nor are floors quite level."""
 
 STANCE_SPEED = 0.25
 RISING_SPEED = 0.1
@@ -32,13 +33,14 @@ SHORTEST_STANCE = 0.1
 
 @dataclass(frozen=True)
 class Feet:
-    """Points (F, 2, P, 3) of the left and the right foot over F frames, and the lowest height (2, P) of each."""
+    """Points (F, 2, P, 3) of the left and the right foot over F frames, and the lowest height (2, P) of each.
+
+    ankles: (2,) height of each ankle joint over the sole.
+    """
 
     points: Floats
     lowest: Floats
-
-    def __getitem__(self, frames: slice) -> Feet:
-        return Feet(self.points[frames], self.lowest)
+    ankles: Floats
 
 
 @dataclass(frozen=True)
@@ -51,70 +53,70 @@ class Stance:
     drift: float
 
 
-def feet_of(skeleton: Skeleton, positions: Floats, world: Floats, lowest: Floats | None = None) -> Feet:
+def feet_of(skeleton: Skeleton, positions: Floats, world: Floats, like: Feet | None = None) -> Feet:
     """Heels, balls and, where the skeleton has them, toe tips, of joints (F, J, 3) with world rotations (F, J, 4).
 
-    ``lowest`` are the heights from another movement of the same body, which had time to touch the floor.
+    ``like`` are the feet of another movement of the same body, which had time to touch the floor.
     """
-    feet = []
-    for side in ("left", "right"):
+    feet, ankles = [], []
+    for number, side in enumerate(("left", "right")):
         ankle = skeleton.joint(f"{side}_ankle")
         toe = skeleton.roles.get(f"{side}_toe", ankle)
         ahead = skeleton.offsets[toe] * np.array([1.0, 1.0, 0.0]) if toe != ankle else np.array([1.0, 0.0, 0.0])
         ahead = ahead / np.linalg.norm(ahead)
-        height = float(np.quantile(positions[:, ankle, 2], 0.05))
+        height = float(np.quantile(positions[:, ankle, 2], 0.05) if like is None else like.ankles[number])
         heel = positions[:, ankle] + rotate(world[:, ankle], -HEEL_BACK * ahead - np.array([0.0, 0.0, height]))
         points = [heel, positions[:, toe]]
         tips = skeleton.end_offsets[skeleton.end_parents == toe][:1]
         points += [positions[:, toe] + rotate(world[:, toe], tip) for tip in tips]
         feet.append(np.stack(points, axis=1))
+        ankles.append(height)
     count = min(points.shape[1] for points in feet)
     both = np.stack([points[:, :count] for points in feet], axis=1)
-    return Feet(both, both[..., 2].min(axis=0) if lowest is None else lowest)
+    return Feet(both, both[..., 2].min(axis=0) if like is None else like.lowest, np.array(ankles))
 
 
 def stances(feet: Feet, rate: float = CAPTURE_RATE) -> list[Stance]:
     """All stances of at least a tenth of a second, by foot, then in order."""
-    found = []
-    steps, planted, along = _steps(feet, rate)
-    slowest = np.argmin(np.where(planted, along, np.inf), axis=2)
-    for foot in (0, 1):
-        for begin, end in _runs(np.any(planted[:, foot], axis=1)):
-            first, last = begin + (begin > 0), end - (end < len(steps))
-            if (last - first) / rate >= SHORTEST_STANCE:
-                found.append(Stance(foot, first, last, _way(steps, foot, slowest, first, last)))
-    return found
+    planted = planted_steps(feet, rate)
+    moves = standing_moves(np.diff(feet.points[..., :2], axis=0), planted)
+    return [
+        Stance(foot, first, last, extent(moves[first:last, foot]))
+        for foot in (0, 1)
+        for first, last in runs(np.any(planted[:, foot], axis=1))
+    ]
 
 
-def drift_over(feet: Feet, like: Feet, stance: Stance, rate: float = CAPTURE_RATE) -> float:
-    """Meters that the points on which ``like`` stands over ``stance`` drift in ``feet``, another version of it."""
-    _, planted, along = _steps(like, rate)
-    slowest = np.argmin(np.where(planted, along, np.inf), axis=2)
-    return _way(np.diff(feet.points, axis=0), stance.foot, slowest, stance.first, stance.last)
-
-
-def _steps(feet: Feet, rate: float) -> tuple[Floats, NDArray[np.bool_], Floats]:
-    """How each point moves to the next frame (F - 1, 2, P, 3), whether it is planted, and how far along the floor."""
+def planted_steps(feet: Feet, rate: float = CAPTURE_RATE) -> NDArray[np.bool_]:
+    """(F - 1, 2, P) whether each point stands on the floor from a frame to the next, in a stance that lasts."""
     steps = np.diff(feet.points, axis=0)
     low = feet.points[..., 2] < feet.lowest + NEAR_FLOOR
     along = np.linalg.norm(steps[..., :2], axis=-1)
     slow = (along * rate < STANCE_SPEED) & (np.abs(steps[..., 2]) * rate < RISING_SPEED)
-    return steps, low[1:] & low[:-1] & slow, along
+    planted = low[1:] & low[:-1] & slow
+    lasting = np.zeros(planted.shape[:2], bool)
+    for foot in (0, 1):
+        for begin, end in runs(np.any(planted[:, foot], axis=1)):
+            first, last = begin + (begin > 0), end - (end < len(steps))
+            lasting[first:last, foot] = (last - first) / rate >= SHORTEST_STANCE
+    return planted & lasting[..., None]
 
 
-def _way(steps: Floats, foot: int, slowest: NDArray[np.int64], first: int, last: int) -> float:
-    """Widest extent of the way that the point goes on which the foot stands."""
-    frames = np.arange(first, last)
-    moves = steps[frames, foot, slowest[frames, foot], :2]
-    return _widest(np.concatenate([np.zeros((1, 2)), np.cumsum(moves, axis=0)]))
+def standing_moves(steps: Floats, planted: NDArray[np.bool_]) -> NDArray[np.complex128]:
+    """(..., n) complex steps of a foot: of its points (..., n, P, 2) that stand, the one with the least."""
+    ways = steps[..., 0] + 1j * steps[..., 1]
+    least = np.argmin(np.where(planted, np.abs(ways), np.inf), axis=-1)
+    moves: NDArray[np.complex128] = np.take_along_axis(ways, least[..., None], axis=-1)[..., 0]
+    return moves
 
 
-def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def extent(moves: NDArray[np.complex128]) -> float:
+    """Largest distance (m) between two places on a way of steps (n,)."""
+    places = np.concatenate([[0.0], np.cumsum(moves)])
+    return float(np.abs(places[:, None] - places).max())
+
+
+def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """(first, end) of the runs of true ``flags``."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
-
-
-def _widest(places: Floats) -> float:
-    """Largest distance between two of ``places`` (n, 2)."""
-    return float(np.max(np.linalg.norm(places[:, None] - places[None], axis=-1)))

@@ -6,6 +6,7 @@ All frames are compared with all; clips are cut and joined at the local minima o
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -29,11 +30,13 @@ def build_standard_graph(
     threshold: float = DEFAULT_THRESHOLD,
     max_out_edges: int | None = None,
     image: ErrorImage | None = None,
+    most_drift: float | None = None,
 ) -> MotionGraph:
     """Cut the clips at the valleys of their error image, join them there, keep the largest strongly connected part.
 
     ``max_out_edges`` keeps the nearest so many transitions out of each frame. ``image`` is the error image of the
-    clips, if it is known. Detectors do not matter here, and idle clips are left out.
+    clips, if it is known. ``most_drift`` is that of :func:`build_motion_graph`. Detectors do not matter here, and idle
+    clips are left out.
     """
     sources = [source for source in sources if not source.idle]
     prepared = prepare_sources(sources)
@@ -53,6 +56,27 @@ def build_standard_graph(
         raise MotionError(
             f"no two moments of these clips join within {threshold:g} m; raise the threshold or add clips"
         )
+    graph, keep = _joined(prepared, nodes, before, after, threshold)
+    if most_drift is None:
+        return graph
+    from crowdsim.motion.transition_drift import skating_edges
+
+    leave, enter = np.flatnonzero(keep)[skating_edges(graph, [source.clip for source in sources], most_drift)]
+    if not len(leave):
+        return graph
+    stays = ~np.isin(before * len(nodes) + after, leave * len(nodes) + enter)
+    graph, _ = _joined(prepared, nodes, before[stays], after[stays], threshold)
+    return replace(graph, report=replace(graph.report, skating=len(leave)))
+
+
+def _joined(
+    prepared: Sequence[PreparedSource],
+    nodes: list[Node],
+    before: NDArray[np.int64],
+    after: NDArray[np.int64],
+    threshold: float,
+) -> tuple[MotionGraph, NDArray[np.bool_]]:
+    """The largest component of ``nodes`` joined by edges ``before`` to ``after``, and (N,) the nodes that are in it."""
     keep = largest_component(len(nodes), before, after)
     inside = keep[before] & keep[after]
     before, after = before[inside], after[inside]
@@ -61,8 +85,8 @@ def build_standard_graph(
     place = np.cumsum(keep) - 1
     dropped = [(nodes[i].name, "not strongly connected with the rest") for i in np.flatnonzero(~keep)]
     alignments = _align(nodes, before, after)
-    nodes = [nodes[i] for i in np.flatnonzero(keep)]
-    return assemble(prepared, nodes, place[before], place[after], alignments, threshold, dropped)
+    kept = [nodes[i] for i in np.flatnonzero(keep)]
+    return assemble(prepared, kept, place[before], place[after], alignments, threshold, dropped), keep
 
 
 def _nearest(

@@ -65,7 +65,18 @@ def test_standard_graphs_have_more_segments(crowdsim, folder):
     assert json.loads(done.stdout)["segments"] > 50
 
 
-@pytest.mark.parametrize(("option", "value"), [("--threshold", "0"), ("--detectors", "leaps"), ("--best", "0")])
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        ("--threshold", "0"),
+        ("--threshold", "nan"),
+        ("--detectors", "leaps"),
+        ("--detectors", ","),
+        ("--best", "0"),
+        ("--branching", "3"),
+        ("--drift", "-1"),
+    ],
+)
 def test_options_that_make_no_sense_are_bad_input(crowdsim, folder, option, value):
     done = crowdsim("motion", "graph", str(folder), option, value)
     assert done.returncode == 2

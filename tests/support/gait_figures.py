@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from crowdsim.constants import CAPTURE_RATE
+from crowdsim.geometry.planar import wrap_angle
 from crowdsim.motion.clip import Clip
+from crowdsim.motion.kinematics import rotate
 
 
 def gait_figures(clip: Clip, first: int, last: int) -> dict[str, float]:
@@ -40,6 +42,37 @@ def gait_figures(clip: Clip, first: int, last: int) -> dict[str, float]:
         figures[f"{side}_knee_swing_deg"] = angles(thigh, shank).max()
         figures[f"{side}_ankle_range_deg"] = np.ptp(angles(shank, foot))
     return {name: float(value) for name, value in figures.items()}
+
+
+def body_angles(clip: Clip) -> dict[str, np.ndarray]:
+    """Degrees (F,): how far legs are spread and crossed, the trunk leans and twists on the pelvis, the head bends."""
+    positions, world = clip.posed
+
+    def role(name: str) -> np.ndarray:
+        return positions[:, clip.skeleton.joint(name)]
+
+    left, up = (rotate(world[:, 0], np.array(axis)) for axis in ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]))
+    trunk = role("neck") - role("hips")
+    lines = [role(f"left_{part}") - role(f"right_{part}") for part in ("shoulder", "hip")]
+    facing = [np.arctan2(line[:, 1], line[:, 0]) for line in lines]
+    found = {
+        "lean": angles(trunk, up),
+        "twist": np.degrees(wrap_angle(facing[0] - facing[1])),
+        "head": angles(role("head") - role("neck"), trunk),
+    }
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        thigh = role(f"{side}_knee") - role(f"{side}_hip")
+        found[f"{side}_spread"] = np.degrees(
+            np.arctan2(sign * np.sum(thigh * left, axis=1), -np.sum(thigh * up, axis=1))
+        )
+    return found
+
+
+LIMITS = {
+    "lean": (0.0, 45.0), "twist": (-45.0, 45.0), "head": (0.0, 45.0), "left_spread": (-30.0, 45.0),
+    "right_spread": (-30.0, 45.0),
+}  # fmt: skip
+"""Degrees that healthy adults reach: hips spread 45 and cross 30, trunks lean and twist 45 on the pelvis."""
 
 
 def angles(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -12,5 +12,9 @@ def test_rows_and_figures_of_both_graphs() -> None:
         assert row["nodes"] > 0
         assert row["edges"] >= row["transitions"] > 0
         assert 1.0 < row["branching"] < 2.0
+        assert 0.0 <= row["added_drift_cm"] <= row["across_drift_cm"]
+        assert row["clip_drift_cm"] <= 1.0
+        if row["graph"] == "features":
+            assert row["across_drift_cm"] <= 1.0
         assert measured.figures[f"{row['set']}_{row['graph']}_693_nodes"] == row["nodes"]
     assert measured.rows[0]["nodes"] > measured.rows[1]["nodes"]

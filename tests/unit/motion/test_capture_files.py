@@ -1,6 +1,7 @@
 """Capture files: every fault, unit, axis and rate."""
 
 import json
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -39,12 +40,31 @@ def test_malformed_files_are_read_right_or_refused_with_a_typed_error(shared: Pa
             build_motion_graph([MotionSource(clip, 0, ("crossing",))])
 
 
-def test_the_list_of_faults_is_complete(shared: Path) -> None:
+ALLOWED = {
+    "accept": {"accept"}, "reject": {"reject"}, "reject_no_alloc": {"reject"}, "reject_or_rename": {"reject"},
+    "accept_or_clear_error": {"accept", "reject"}, "reject_for_locomotion": {"reject", "no locomotion"},
+    "reject_as_locomotion": {"no locomotion"},
+}  # fmt: skip
+"""What may be done for each expectation of EXPECT.json."""
+
+
+def test_every_fault_is_treated_as_expected(shared: Path) -> None:
     wanted = json.loads((shared / "faults" / "bvh" / "EXPECT.json").read_text())
     assert wanted.keys() == FAULTS.keys()
-    for name, entry in wanted.items():
-        if entry["expect"] in ("accept", "reject"):
-            assert FAULTS[name] == entry["expect"]
+    assert {path.stem for path in (shared / "faults" / "bvh").glob("*.bvh")} == FAULTS.keys()
+    assert {
+        name: entry["expect"] for name, entry in wanted.items() if FAULTS[name] not in ALLOWED[entry["expect"]]
+    } == {}
+
+
+def test_a_file_that_declares_too_many_frames_takes_no_memory(shared: Path) -> None:
+    tracemalloc.start()
+    try:
+        with pytest.raises(MotionError, match="frames_huge"):
+            read_capture(shared / "faults" / "bvh" / "frames_huge.bvh")
+        assert tracemalloc.get_traced_memory()[1] < 10e6
+    finally:
+        tracemalloc.stop()
 
 
 def test_channel_order_is_kept(shared: Path) -> None:

@@ -10,10 +10,11 @@ from crowdsim.library import library_folder
 from crowdsim.motion.capture_files import read_clip
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.features import CrossingDetector
-from crowdsim.motion.gait_manner import NORMAL
+from crowdsim.motion.gait_manner import BRISK, NORMAL, SLOW, Gait
 from crowdsim.motion.kinematics import forward_kinematics as pose
 from crowdsim.motion.kinematics import rotate
-from tests.support.gait_figures import angles, gait_figures
+from crowdsim.motion.tracks import track_of
+from tests.support.gait_figures import LIMITS, angles, body_angles, gait_figures
 
 BANDS = {
     "speed_m_s": (1.2, 1.3), "cadence_steps_min": (106.0, 109.0), "stride_m": (1.31, 1.46),
@@ -30,20 +31,44 @@ def band_of(figure: str) -> tuple[float, float]:
     return BANDS[figure.removeprefix("left_").removeprefix("right_")]
 
 
-def normal_cycles() -> list[dict[str, float]]:
-    """Figures of the steady cycles of normal walking in the straight clip."""
-    clip = read_clip(library_folder("behaviors") / "frontal" / "clips" / "walk.bvh")
-    cuts = CrossingDetector().cuts(clip).tolist()
-    figures = [gait_figures(clip, a, b) for a, b in pairwise(cuts) if b - a == NORMAL.cycle]
-    return [f for f in figures if abs(f["stride_m"] - NORMAL.stride) < 0.01]
+PACES = {
+    "slow": ((0.9, 1.1), (0.67, 1.31)), "normal": ((1.2, 1.3), (1.31, 1.46)), "brisk": ((1.45, 1.7), (1.15, 1.66)),
+}  # fmt: skip
+"""Meters a second and meters a stride of captured walks (FACTS.md, section 1)."""
 
 
-def test_a_normal_straight_walk_meets_every_band() -> None:
-    cycles = normal_cycles()
+def steady_cycles(gait: Gait) -> dict[str, list[dict[str, float]]]:
+    """Figures of the straight cycles at one pace, by the clip of the default set that they are in."""
+    found: dict[str, list[dict[str, float]]] = {}
+    for path in CLIPS:
+        clip = read_clip(path)
+        for a, b in pairwise(CrossingDetector().cuts(clip).tolist()):
+            figures = gait_figures(clip, a, b)
+            heading = track_of(clip)[[a, b], 2]
+            if b - a == gait.cycle and abs(figures["stride_m"] - gait.stride) < 0.01 and np.ptp(heading) < 0.02:
+                found.setdefault(f"{path.parent.parent.name}/{path.stem}", []).append(figures)
+    return found
+
+
+def test_normal_straight_walks_meet_every_band_in_every_clip() -> None:
+    clips = steady_cycles(NORMAL)
+    assert {"frontal/walk", "arm_constrained/walk"} <= clips.keys()
+    assert {"arm_constrained/arms_in_walking", "arm_constrained/arms_out_walking"} <= clips.keys()
+    assert len(clips["frontal/walk"]) >= 2
+    for name, cycles in clips.items():
+        for cycle in cycles:
+            outside = {key: value for key, value in cycle.items() if not band_of(key)[0] <= value <= band_of(key)[1]}
+            assert not outside, name
+
+
+@pytest.mark.parametrize("gait", [SLOW, NORMAL, BRISK], ids=lambda gait: gait.name)
+def test_every_pace_is_that_of_captured_walks(gait: Gait) -> None:
+    (slowest, fastest), (shortest, longest) = PACES[gait.name]
+    cycles = [cycle for clip in steady_cycles(gait).values() for cycle in clip]
     assert len(cycles) >= 2
     for cycle in cycles:
-        outside = {name: value for name, value in cycle.items() if not band_of(name)[0] <= value <= band_of(name)[1]}
-        assert not outside
+        assert slowest <= cycle["speed_m_s"] <= fastest
+        assert shortest <= cycle["stride_m"] <= longest
 
 
 def test_the_figures_of_captured_walks_are_near_the_bands(shared: Path) -> None:
@@ -84,3 +109,5 @@ def test_joints_stay_within_human_limits_and_legs_never_over_reach(path: Path) -
             clip.joint_positions[:, clip.skeleton.joint(f"{side}_{part}")] for part in ("shoulder", "elbow", "wrist")
         ]
         assert angles(arm[1] - arm[0], arm[2] - arm[1]).max() <= 150.0
+    for name, degrees in body_angles(clip).items():
+        assert LIMITS[name][0] <= degrees.min() <= degrees.max() <= LIMITS[name][1], name

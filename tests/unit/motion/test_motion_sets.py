@@ -21,7 +21,7 @@ from crowdsim.planning.behavior_library import BehaviorSet, load_behavior_set
 from crowdsim.planning.behaviors import read_behavior
 from crowdsim.planning.styled_behaviors import styled_clips
 from crowdsim.scenario.agent_keys import Motion
-from tests.support.gait_figures import angles, gait_figures
+from tests.support.gait_figures import LIMITS, angles, body_angles, gait_figures
 from tests.unit.motion.test_gait_bands import hinge
 from tests.unit.motion.test_gait_set import knee_bend, role, soles
 
@@ -55,6 +55,8 @@ def test_bodies_stay_within_human_limits_on_feet_that_stand(manner: Manner, name
         assert -50.0 <= lift.min() <= lift.max() <= 35.0
         arm = [role(clip, f"{side}_{part}") for part in ("shoulder", "elbow", "wrist")]
         assert angles(arm[1] - arm[0], arm[2] - arm[1]).max() <= 150.0
+    for part, degrees in body_angles(clip).items():
+        assert LIMITS[part][0] <= degrees.min() <= degrees.max() <= LIMITS[part][1], part
     heights = np.stack([soles(clip, side) for side in ("left", "right")])
     assert heights.min() > -0.01
     assert heights.min(axis=(0, 2)).max() < 0.005
