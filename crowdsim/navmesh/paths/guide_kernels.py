@@ -68,20 +68,23 @@ def guided_estimate(sides, vertices, guide, label, radius, otherwise):
 
 
 @helper
-def clear_guide(m, limit, guide):
-    """Put all sides that can be crossed into ``guide``, as such that no way shorter than ``limit`` leads over."""
+def add_sides(m, guide):
+    """Put all sides that can be crossed into ``guide``, which has none."""
     sides = m.sides
-    for i in range(guide.size):
-        guide[i].side = 0
-    guide[guide.size - 1].left = limit
     for h in range(3 * m.frame[0].triangles):
         if sides[h].cst == 0 and m.wind[h // 3] == 0:
             origin = sides[h].org
             end = sides[nxt(h)].org
-            row = guide[_row(guide, origin, end)]
-            row.side = ((origin + 1) << 32) + end
-            row.left = math.inf
-            row.right = math.inf
+            guide[_row(guide, origin, end)].side = ((origin + 1) << 32) + end
+
+
+@helper
+def clear_guide(guide, limit):
+    """Let no way shorter than ``limit`` lead over any side of ``guide``."""
+    for i in range(guide.size):
+        guide[i].left = math.inf
+        guide[i].right = math.inf
+    guide[guide.size - 1].left = limit
 
 
 @helper
