@@ -48,9 +48,7 @@ def plan_layered(query: Query) -> AnnotatedPath | None:
     if best is None or best.cost > estimate * (1.0 + SURPRISE) or best.length < NEAR or _is_wide(best, query):
         best = _cheaper(best, cheapest_uniform(query))
     if best is not None and (best.cost > estimate * (1.0 + ALARM) or _is_near_and_narrow(best)):
-        import os
-
-        best = _cheaper(best, plan_greedy(query, keep_blockers=bool(os.environ.get("KEPT"))))
+        best = _cheaper(best, plan_greedy(query, keep_blockers=False))
     return best if best is None else roadmap.shifted(best)
 
 
