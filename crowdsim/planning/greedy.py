@@ -33,7 +33,7 @@ _MOST_ROUNDS = 64
 _SAME_PLACE = 1e-6
 """Meters within which conflict points are the same."""
 
-_PIECES = 4096
+_PIECES = 2048
 _SPANS = 1024
 """What is known of paths at first has room for so many pieces, and stretches of them where a behavior does not fit."""
 

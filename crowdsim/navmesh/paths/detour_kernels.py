@@ -40,10 +40,10 @@ def aim_guide(m, work, sx, sy, gx, gy, radius, least, limit, guide):
 
     What it knew of others before is forgotten; the mesh is as it was when the guide was begun.
     """
-    clear_guide(guide, limit)
+    clear_guide(guide)
     goal = triangle_of(m, gx, gy, NONE)
     _, used = find_way(m, None, work, goal, gx, gy, NONE, sx, sy, radius, 2.0 * least, guide, limit)
-    fill_guide(m, work.labels, used, radius, guide)
+    fill_guide(m, work.labels, used, radius, limit, guide)
 
 
 @kernel

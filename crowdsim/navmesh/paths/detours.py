@@ -18,7 +18,7 @@ from crowdsim.navmesh.paths.workspace import workspace
 if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
 
-_FARTHER = (1.02, 0.5)
+_FARTHER = (1.05, 1.5)
 """How much longer than without obstacles ways are that the guide knows: a factor, and meters. Longer ones are found all
 the same, but more is searched for them; and a guide that knows more takes longer to make."""
 
