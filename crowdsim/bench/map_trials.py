@@ -12,13 +12,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
+from crowdsim.bench.random_ground import GroundKind, random_ground
 from crowdsim.constants import NONE
-from crowdsim.environment.clutter import draw_clutter
-from crowdsim.environment.layers import LEGS, TORSO, clearance_layers
-from crowdsim.errors import PathNotFound
+from crowdsim.environment.layers import LEGS, TORSO
 from crowdsim.following.body_reach import BodyReach, body_reach
 from crowdsim.following.graph_search import SearchResult
 from crowdsim.following.motion_maps import MotionMaps
@@ -123,20 +121,8 @@ def load_standard(name: str, captures: Path, features: MotionSet) -> MotionSet:
 
 def make_ground(behavior: int, trials: int, seed: int = 0) -> Ground:
     """A room of obstacles like that of the paper's figure 8, and random paths in it for ``behavior``."""
-    rng = np.random.default_rng(seed)
-    floor = shapely.box(0.0, 0.0, SIDE, SIDE)
-    solids = draw_clutter("clutter", floor.buffer(-0.5), DENSITY, SIZES, rng)
-    legs, torso = (NavMesh(layer.free) for layer in clearance_layers(floor, solids, (LEGS, TORSO)))
-    found: list[Trial] = []
-    while len(found) < trials:
-        start, goal = rng.uniform(1.0, SIDE - 1.0, (2, 2))
-        try:
-            path = legs.find_path(start, goal, CLEARANCE)
-        except PathNotFound:
-            continue
-        if LENGTHS[0] <= path.length <= LENGTHS[1]:
-            found.append(as_trial(np.array(path.points), behavior))
-    return Ground((legs, torso), found)
+    ground = random_ground(GroundKind(SIDE, SIZES, CLEARANCE, LENGTHS), DENSITY, trials, seed)
+    return Ground((ground.legs, ground.torso), [as_trial(points, behavior) for points in ground.paths])
 
 
 def as_trial(points: Floats, behavior: int) -> Trial:
