@@ -1,0 +1,230 @@
+"""Bodies posed in 3D along plans, and how far they reach into obstacles.
+
+A walker's feet land where its way leads: in a bend, the foot ahead is already around it. So legs are bent along the
+path, each of their points to where the path is as many meters on, and held at its ends, where somebody stands; what
+is above the hips stays as it is and faces as followers make it, along the path smoothed over its corners. Before a
+section for which a body turns off its way, and behind it, where it turns back, it is posed as in the clips that turn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from crowdsim.environment.layers import AnySolid
+from crowdsim.environment.solids import Solid
+from crowdsim.motion.body_capsules import Capsules, body_capsules
+from crowdsim.motion.capture_files import read_clip
+from crowdsim.motion.clip import Clip
+from crowdsim.motion.tracks import track_of
+from crowdsim.planning.annotated_path import TANGENT_REACH, AnnotatedPath
+from crowdsim.planning.behaviors import Behavior, read_behavior
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+SPACING = 0.05
+"""Meters along a path between two poses."""
+
+LOWEST = 0.1
+"""Meters: what ends below is walked over."""
+
+SLICE = 0.02
+"""Meters of height of the upright prisms that stand for a solid of triangles."""
+
+_ON_AXIS = np.linspace(0.0, 1.0, 5)
+"""Places on the axis of a capsule that are tested."""
+
+_TURNED = 0.2
+"""Radians from the heading that a clip turns to, or from, within which it is there."""
+
+
+class Cycle(NamedTuple):
+    """What is posed for a behavior: its body over ``stride`` meters, facing ``facing`` radians off its way."""
+
+    body: Capsules
+    stride: float
+    facing: float
+
+
+class Turn(NamedTuple):
+    """A clip that turns off the way or back, on the way as far as it turns.
+
+    arc: (F,) meters up to each of its frames, ascending, from where it begins to turn. facing: (F,) radians off the way.
+    """
+
+    body: Capsules
+    arc: Floats
+    facing: Floats
+
+
+class Motions(NamedTuple):
+    """What is posed: the cycle of each behavior, and by behavior the turns into it and out of it, if there are."""
+
+    cycles: tuple[Cycle, ...]
+    turns: dict[int, tuple[Turn, Turn]]
+
+
+class Posed(NamedTuple):
+    """Places on the bones of all poses along a path.
+
+    places: (n, 3). reach: (n,) meters of flesh about them. arc: (n,) meters along the path where the body is.
+    """
+
+    places: Floats
+    reach: Floats
+    arc: Floats
+
+
+def motions_of(behaviors: Sequence[Behavior]) -> Motions:
+    """Of each behavior of a library the middle of its first clip, where it goes on steadily, to its first side.
+
+    And the first clips that lead from the last behavior to those that are turned, and back.
+    """
+    cycles, turns = [], {}
+    for k, behavior in enumerate(behaviors):
+        entry = read_behavior(behavior.name, behavior.folder.parent)
+        clip = read_clip(behavior.folder / entry.clips[0].file)
+        first, last = len(clip.root_positions) // 4, 3 * len(clip.root_positions) // 4
+        way = np.diff(track_of(clip)[first:last, :2], axis=0)
+        facing = behavior.facings[0]
+        cycles.append(Cycle(body_capsules(clip, first, last), float(np.hypot(*way.T).sum()), facing))
+        if not behavior.turned:
+            continue
+        pair = []
+        for ends, sign in (((behaviors[-1].name, behavior.name), 1.0), ((behavior.name, behaviors[-1].name), -1.0)):
+            clips = [read_clip(behavior.folder / t.file) for t in entry.transitions if (t.from_, t.to) == ends]
+            pair += [turn_of(clip, facing, sign < 0.0) for clip in clips if _turned_by(clip) * sign * facing > 0.0][:1]
+        if len(pair) == 2:
+            turns[k] = (pair[0], pair[1])
+    return Motions(tuple(cycles), turns)
+
+
+def _turned_by(clip: Clip) -> float:
+    """Radians from the first frame to the last."""
+    return float(np.diff(np.unwrap(track_of(clip)[:, 2])[[0, -1]])[0])
+
+
+def turn_of(clip: Clip, facing: float, back: bool) -> Turn:
+    """The frames of a clip in which it turns from its way to ``facing`` radians off it, or ``back``."""
+    track = track_of(clip)
+    heading = np.unwrap(track[:, 2])
+    off = heading - heading[-1] if back else heading - heading[0]
+    turning = np.flatnonzero((np.abs(off) > _TURNED) & (np.abs(off - facing) > _TURNED))
+    first, last = int(turning[0]), int(turning[-1]) + 1
+    steps = np.hypot(*np.diff(track[first:last, :2], axis=0).T)
+    return Turn(body_capsules(clip, first, last), np.append(0.0, np.cumsum(steps)), off[first:last])
+
+
+def posed_along(path: AnnotatedPath, motions: Motions, stiff: bool = False) -> Posed:
+    """Bodies every :data:`SPACING` meters; ``stiff``: with legs as on a straight way."""
+    samples = path.sample(SPACING)
+    arc, labels = samples.arc, samples.behavior
+    parts = []
+    turning = np.zeros(len(arc), np.bool_)
+    for turn, shift in turns_along(path, motions):
+        here = np.flatnonzero((arc >= shift) & (arc <= shift + turn.arc[-1]))
+        turning[here] = True
+        own = np.searchsorted(turn.arc, arc[here] - shift).clip(0, len(turn.arc) - 1)
+        parts.append(_posed(path, turn.body, own, arc[here], turn.facing[own], stiff))
+    for k, (body, stride, facing) in enumerate(motions.cycles):
+        here = np.flatnonzero((labels == k) & ~turning)
+        frames = (arc[here] / stride * len(body.ends)).astype(np.int64) % len(body.ends)
+        parts.append(_posed(path, body, frames, arc[here], np.full(len(here), facing), stiff))
+    return Posed(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def turns_along(path: AnnotatedPath, motions: Motions) -> list[tuple[Turn, float]]:
+    """The turns of a path, each with the arc length at which it begins: just outside of the section it is made for."""
+    found = []
+    for before, after in zip(path.sections[:-1], path.sections[1:], strict=True):
+        if after.behavior in motions.turns:
+            into = motions.turns[after.behavior][0]
+            found.append((into, before.end - float(into.arc[-1])))
+        if before.behavior in motions.turns:
+            found.append((motions.turns[before.behavior][1], before.end))
+    return found
+
+
+def _posed(
+    path: AnnotatedPath, body: Capsules, frames: Integers, arc: Floats, facing: Floats, stiff: bool
+) -> tuple[Floats, Floats, Floats]:
+    """A body in ``frames`` (s,) at arc lengths (s,), facing off its way by (s,) radians."""
+    ends = body.ends[frames]
+    points = ends[:, :, 0, None] + _ON_AXIS[:, None] * (ends[:, :, 1] - ends[:, :, 0])[:, :, None]
+    cos, sin = np.cos(facing)[:, None, None], np.sin(facing)[:, None, None]
+    along = cos * points[..., 0] - sin * points[..., 1]
+    aside = sin * points[..., 0] + cos * points[..., 1]
+    at = np.broadcast_to(arc[:, None, None], along.shape)
+    bent = np.broadcast_to(body.legs[:, None] & (not stiff), along.shape)
+    # How far on the path each point is taken to, and how far ahead of there it stays.
+    onward = np.where(bent, np.clip(at + along, 0.0, path.length), at)
+    ahead = np.where(bent, 0.0, along)
+    bearing = _bearings(path, onward)
+    cos, sin = np.cos(bearing), np.sin(bearing)
+    floor = path.at(onward.ravel()).reshape(*onward.shape, 2)
+    x = floor[..., 0] + cos * ahead - sin * aside
+    y = floor[..., 1] + sin * ahead + cos * aside
+    reach = np.broadcast_to(body.radii[:, None], along.shape)
+    return np.stack([x, y, points[..., 2]], axis=-1).reshape(-1, 3), reach.ravel(), at.ravel()
+
+
+def _bearings(path: AnnotatedPath, arc: Floats) -> Floats:
+    """Direction of motion at arc lengths of any shape, as :meth:`AnnotatedPath.sample` smooths it."""
+    chord = path.at((arc + TANGENT_REACH).ravel()) - path.at((arc - TANGENT_REACH).ravel())
+    return np.arctan2(chord[:, 1], chord[:, 0]).reshape(arc.shape)
+
+
+class Obstacles:
+    """Solids of a place as upright prisms, those of triangles in slices, to be asked how deep something is in them."""
+
+    def __init__(self, solids: Sequence[AnySolid]) -> None:
+        prisms = [prism for solid in solids if solid.top > LOWEST for prism in _prisms(solid)]
+        footprints = np.array([footprint for footprint, _, _ in prisms], dtype=object)
+        self._bottom = np.array([bottom for _, bottom, _ in prisms])
+        self._top = np.array([top for _, _, top in prisms])
+        self._footprints = footprints
+        self._rims = shapely.boundary(footprints)
+        shapely.prepare(footprints)
+        self._tree = shapely.STRtree(footprints)
+
+    def depths(self, posed: Posed) -> Floats:
+        """Meters (n,) by which the flesh about each place reaches into a solid; negative infinity where it is clear."""
+        depths = np.full(len(posed.reach), -np.inf)
+        points = shapely.points(posed.places[:, :2])
+        row, solid = self._tree.query(points, predicate="dwithin", distance=posed.reach)
+        z, reach = posed.places[row, 2], posed.reach[row]
+        above = np.maximum(self._bottom[solid] - z, z - self._top[solid])
+        near = above < reach
+        row, solid, above, reach = row[near], solid[near], above[near], reach[near]
+        distance = prism_distances(self._footprints[solid], self._rims[solid], points[row], above)
+        np.maximum.at(depths, row, reach - distance)
+        return depths
+
+
+def prism_distances(footprints: Floats, rims: Floats, points: Floats, above: Floats) -> Floats:
+    """Distances (n,) of places from upright prisms, negative inside.
+
+    footprints, rims: (n,) polygons and their boundaries. points: (n,) where a place is on the floor. above: (n,) how
+    far above or below the prism it is, negative between top and bottom.
+    """
+    rim = shapely.distance(rims, points)
+    beside = np.where(shapely.contains(footprints, points), -rim, rim)
+    outside = np.hypot(np.maximum(beside, 0.0), np.maximum(above, 0.0))
+    return np.where((beside < 0.0) & (above < 0.0), np.maximum(beside, above), outside)
+
+
+def _prisms(solid: AnySolid) -> list[tuple[shapely.Geometry, float, float]]:
+    """Footprint, bottom and top of what stands for a solid."""
+    if isinstance(solid, Solid):
+        return [(solid.footprint, solid.bottom, solid.top)]
+    heights = np.linspace(solid.bottom, solid.top, max(int(np.ceil((solid.top - solid.bottom) / SLICE)), 1) + 1)
+    prisms = []
+    for low, high in zip(heights[:-1].tolist(), heights[1:].tolist(), strict=True):
+        if high > LOWEST and not (footprint := solid.footprint_in(low, high)).is_empty:
+            prisms.append((footprint, low, high))
+    return prisms
