@@ -2,8 +2,9 @@
 
 A walker's feet land where its way leads: in a bend, the foot ahead is already around it. So legs are bent along the
 path, each of their points to where the path is as many meters on, and held at its ends, where somebody stands; what
-is above the hips stays as it is and faces as followers make it, along the path smoothed over its corners. Before a
-section for which a body turns off its way, and behind it, where it turns back, it is posed as in the clips that turn.
+is above the hips stays as it is and faces as followers make it, along the path smoothed over its corners. Clips begin
+and end standing, and so do paths, with hanging arms. Before a section for which a body turns off its way, and behind
+it, where it turns back, it is posed as in the clips that turn, in the middle of the room that plans leave for that.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from crowdsim.motion.clip import Clip
 from crowdsim.motion.tracks import track_of
 from crowdsim.planning.annotated_path import TANGENT_REACH, AnnotatedPath
 from crowdsim.planning.behaviors import Behavior, read_behavior
+from crowdsim.planning.labelling_kernels import TURN_ROOM
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -36,6 +38,12 @@ LOWEST = 0.1
 SLICE = 0.02
 """Meters of height of the upright prisms that stand for a solid of triangles."""
 
+ENDS = 0.6
+"""Meters at both ends of a path in which bodies are posed as they set out and come to rest."""
+
+AT_REST = 0.1
+"""Meters from there within which arms hang again that were held."""
+
 _ON_AXIS = np.linspace(0.0, 1.0, 5)
 """Places on the axis of a capsule that are tested."""
 
@@ -43,11 +51,16 @@ _TURNED = 0.2
 """Radians from the heading that a clip turns to, or from, within which it is there."""
 
 
-class Cycle(NamedTuple):
-    """What is posed for a behavior: its body over ``stride`` meters, facing ``facing`` radians off its way."""
+class Walk(NamedTuple):
+    """A clip from stand to stand, with what of it goes on steadily.
+
+    arc: (F,) meters up to each frame. steady: arc lengths (from, to) between which it repeats. facing: radians off the
+    way.
+    """
 
     body: Capsules
-    stride: float
+    arc: Floats
+    steady: tuple[float, float]
     facing: float
 
 
@@ -63,9 +76,9 @@ class Turn(NamedTuple):
 
 
 class Motions(NamedTuple):
-    """What is posed: the cycle of each behavior, and by behavior the turns into it and out of it, if there are."""
+    """What is posed: the walk of each behavior, and by behavior the turns into it and out of it, if there are."""
 
-    cycles: tuple[Cycle, ...]
+    walks: tuple[Walk, ...]
     turns: dict[int, tuple[Turn, Turn]]
 
 
@@ -81,18 +94,15 @@ class Posed(NamedTuple):
 
 
 def motions_of(behaviors: Sequence[Behavior]) -> Motions:
-    """Of each behavior of a library the middle of its first clip, where it goes on steadily, to its first side.
+    """Of each behavior of a library its first clip, to its first side.
 
     And the first clips that lead from the last behavior to those that are turned, and back.
     """
-    cycles, turns = [], {}
+    walks, turns = [], {}
     for k, behavior in enumerate(behaviors):
         entry = read_behavior(behavior.name, behavior.folder.parent)
-        clip = read_clip(behavior.folder / entry.clips[0].file)
-        first, last = len(clip.root_positions) // 4, 3 * len(clip.root_positions) // 4
-        way = np.diff(track_of(clip)[first:last, :2], axis=0)
         facing = behavior.facings[0]
-        cycles.append(Cycle(body_capsules(clip, first, last), float(np.hypot(*way.T).sum()), facing))
+        walks.append(walk_of(read_clip(behavior.folder / entry.clips[0].file), facing))
         if not behavior.turned:
             continue
         pair = []
@@ -101,7 +111,19 @@ def motions_of(behaviors: Sequence[Behavior]) -> Motions:
             pair += [turn_of(clip, facing, sign < 0.0) for clip in clips if _turned_by(clip) * sign * facing > 0.0][:1]
         if len(pair) == 2:
             turns[k] = (pair[0], pair[1])
-    return Motions(tuple(cycles), turns)
+    return Motions(tuple(walks), turns)
+
+
+def walk_of(clip: Clip, facing: float) -> Walk:
+    """A clip, whose middle half goes on steadily."""
+    arc = _arc_of(clip)
+    count = len(arc)
+    return Walk(body_capsules(clip, 0, count), arc, (float(arc[count // 4]), float(arc[3 * count // 4])), facing)
+
+
+def _arc_of(clip: Clip) -> Floats:
+    """(F,) meters that the track leads up to each frame."""
+    return np.append(0.0, np.cumsum(np.hypot(*np.diff(track_of(clip)[:, :2], axis=0).T)))
 
 
 def _turned_by(clip: Clip) -> float:
@@ -116,37 +138,50 @@ def turn_of(clip: Clip, facing: float, back: bool) -> Turn:
     off = heading - heading[-1] if back else heading - heading[0]
     turning = np.flatnonzero((np.abs(off) > _TURNED) & (np.abs(off - facing) > _TURNED))
     first, last = int(turning[0]), int(turning[-1]) + 1
-    steps = np.hypot(*np.diff(track[first:last, :2], axis=0).T)
-    return Turn(body_capsules(clip, first, last), np.append(0.0, np.cumsum(steps)), off[first:last])
+    arc = _arc_of(clip)[first:last]
+    return Turn(body_capsules(clip, first, last), arc - arc[0], off[first:last])
 
 
 def posed_along(path: AnnotatedPath, motions: Motions, stiff: bool = False) -> Posed:
     """Bodies every :data:`SPACING` meters; ``stiff``: with legs as on a straight way."""
     samples = path.sample(SPACING)
-    arc, labels = samples.arc, samples.behavior
+    arc, labels = samples.arc, samples.behavior.copy()
     parts = []
     turning = np.zeros(len(arc), np.bool_)
-    for turn, shift in turns_along(path, motions):
-        here = np.flatnonzero((arc >= shift) & (arc <= shift + turn.arc[-1]))
+    for behavior, turn, begin, (low, high) in turns_along(path, motions):
+        labels[(arc >= low) & (arc <= high)] = behavior
+        here = np.flatnonzero((arc >= begin) & (arc <= begin + turn.arc[-1]))
         turning[here] = True
-        own = np.searchsorted(turn.arc, arc[here] - shift).clip(0, len(turn.arc) - 1)
-        parts.append(_posed(path, turn.body, own, arc[here], turn.facing[own], stiff))
-    for k, (body, stride, facing) in enumerate(motions.cycles):
+        frames = np.searchsorted(turn.arc, arc[here] - begin).clip(0, len(turn.arc) - 1)
+        parts.append(_posed(path, turn.body, frames, arc[here], turn.facing[frames], stiff))
+    rest = path.length - arc
+    upright = np.array([abs(walk.facing) < np.pi / 4.0 for walk in motions.walks])
+    labels[upright[labels] & (np.minimum(arc, rest) < AT_REST)] = len(motions.walks) - 1
+    for k, walk in enumerate(motions.walks):
         here = np.flatnonzero((labels == k) & ~turning)
-        frames = (arc[here] / stride * len(body.ends)).astype(np.int64) % len(body.ends)
-        parts.append(_posed(path, body, frames, arc[here], np.full(len(here), facing), stiff))
+        low, high = walk.steady
+        on = low + arc[here] % (high - low)
+        on = np.where(arc[here] < ENDS, arc[here], on)
+        on = np.where(rest[here] < np.minimum(ENDS, arc[here]), walk.arc[-1] - rest[here], on)
+        frames = np.searchsorted(walk.arc, on).clip(0, len(walk.arc) - 1)
+        parts.append(_posed(path, walk.body, frames, arc[here], np.full(len(here), walk.facing), stiff))
     return Posed(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def turns_along(path: AnnotatedPath, motions: Motions) -> list[tuple[Turn, float]]:
-    """The turns of a path, each with the arc length at which it begins: just outside of the section it is made for."""
+def turns_along(path: AnnotatedPath, motions: Motions) -> list[tuple[int, Turn, float, tuple[float, float]]]:
+    """The turns of a path: the turned behavior, the turn, where it begins, and from where to where (meters) the body
+    is turned outside of the section it is turned for.
+    """
     found = []
     for before, after in zip(path.sections[:-1], path.sections[1:], strict=True):
         if after.behavior in motions.turns:
-            into = motions.turns[after.behavior][0]
-            found.append((into, before.end - float(into.arc[-1])))
+            turn = motions.turns[after.behavior][0]
+            end = before.end - 0.5 * (TURN_ROOM - float(turn.arc[-1]))
+            found.append((after.behavior, turn, end - float(turn.arc[-1]), (end, before.end)))
         if before.behavior in motions.turns:
-            found.append((motions.turns[before.behavior][1], before.end))
+            turn = motions.turns[before.behavior][1]
+            begin = before.end + 0.5 * (TURN_ROOM - float(turn.arc[-1]))
+            found.append((before.behavior, turn, begin, (before.end, begin)))
     return found
 
 
