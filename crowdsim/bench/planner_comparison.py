@@ -40,7 +40,7 @@ _WORLD = "small_house"
 
 
 class Ground(NamedTuple):
-    """Meshes of the layers and of the rooms, the behaviors that go there, free areas of the layers, and all obstacles."""
+    """Meshes of layers and rooms, the behaviors that go there, free areas of the layers, and all obstacles."""
 
     meshes: tuple[NavMesh, ...]
     rooms: tuple[NavMesh | None, ...]

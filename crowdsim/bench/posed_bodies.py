@@ -67,7 +67,7 @@ class Walk(NamedTuple):
 class Turn(NamedTuple):
     """A clip that turns off the way or back, on the way as far as it turns.
 
-    arc: (F,) meters up to each of its frames, ascending, from where it begins to turn. facing: (F,) radians off the way.
+    arc: (F,) meters up to each of its frames, ascending, from where it begins to turn. facing: (F,) radians off it.
     """
 
     body: Capsules
