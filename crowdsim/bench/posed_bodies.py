@@ -218,26 +218,36 @@ class Obstacles:
     """Solids of a place as upright prisms, those of triangles in slices, to be asked how deep something is in them."""
 
     def __init__(self, solids: Sequence[AnySolid]) -> None:
-        prisms = [prism for solid in solids if solid.top > LOWEST for prism in _prisms(solid)]
-        footprints = np.array([footprint for footprint, _, _ in prisms], dtype=object)
-        self._bottom = np.array([bottom for _, bottom, _ in prisms])
-        self._top = np.array([top for _, _, top in prisms])
-        self._footprints = footprints
-        self._rims = shapely.boundary(footprints)
-        shapely.prepare(footprints)
-        self._tree = shapely.STRtree(footprints)
+        solids = [solid for solid in solids if solid.top > LOWEST]
+        prisms = [_prisms(solid) for solid in solids]
+        self._counts = np.array([len(own) for own in prisms])
+        self._firsts = np.cumsum(self._counts) - self._counts
+        self._bottoms = np.array([solid.bottom for solid in solids])
+        self._heights = np.array([solid.top - solid.bottom for solid in solids]) / self._counts
+        self._footprints = np.array([footprint for own in prisms for footprint in own], dtype=object)
+        self._rims = shapely.boundary(self._footprints)
+        shapely.prepare(self._footprints)
+        self._tree = shapely.STRtree([solid.footprint for solid in solids])
 
     def depths(self, posed: Posed) -> Floats:
         """Meters (n,) by which the flesh about each place reaches into a solid; negative infinity where it is clear."""
         depths = np.full(len(posed.reach), -np.inf)
         points = shapely.points(posed.places[:, :2])
         row, solid = self._tree.query(points, predicate="dwithin", distance=posed.reach)
-        z, reach = posed.places[row, 2], posed.reach[row]
-        above = np.maximum(self._bottom[solid] - z, z - self._top[solid])
-        near = above < reach
-        row, solid, above, reach = row[near], solid[near], above[near], reach[near]
-        distance = prism_distances(self._footprints[solid], self._rims[solid], points[row], above)
-        np.maximum.at(depths, row, reach - distance)
+        # Prisms of the solid that are near enough in height.
+        up = posed.places[row, 2] - self._bottoms[solid]
+        reach, height = posed.reach[row], self._heights[solid]
+        low = np.maximum(np.floor((up - reach) / height), 0).astype(np.int64)
+        high = np.minimum(np.floor((up + reach) / height), self._counts[solid] - 1).astype(np.int64)
+        many = np.maximum(high - low + 1, 0)
+        pair = np.repeat(np.arange(len(row)), many)
+        level = low[pair] + np.arange(len(pair)) - np.repeat(np.cumsum(many) - many, many)
+        above = np.maximum(level * height[pair] - up[pair], up[pair] - (level + 1) * height[pair])
+        row, prism = row[pair], self._firsts[solid[pair]] + level
+        distance = prism_distances(self._footprints[prism], self._rims[prism], points[row], above)
+        depth = posed.reach[row] - distance
+        touched = depth > 0.0
+        np.maximum.at(depths, row[touched], depth[touched])
         return depths
 
 
@@ -253,13 +263,12 @@ def prism_distances(footprints: Floats, rims: Floats, points: Floats, above: Flo
     return np.where((beside < 0.0) & (above < 0.0), np.maximum(beside, above), outside)
 
 
-def _prisms(solid: AnySolid) -> list[tuple[shapely.Geometry, float, float]]:
-    """Footprint, bottom and top of what stands for a solid."""
+def _prisms(solid: AnySolid) -> list[shapely.Geometry]:
+    """Footprints of the equally high prisms that stand for a solid from bottom to top; those too low are empty."""
     if isinstance(solid, Solid):
-        return [(solid.footprint, solid.bottom, solid.top)]
+        return [solid.footprint]
     heights = np.linspace(solid.bottom, solid.top, max(int(np.ceil((solid.top - solid.bottom) / SLICE)), 1) + 1)
-    prisms = []
-    for low, high in zip(heights[:-1].tolist(), heights[1:].tolist(), strict=True):
-        if high > LOWEST and not (footprint := solid.footprint_in(low, high)).is_empty:
-            prisms.append((footprint, low, high))
-    return prisms
+    return [
+        solid.footprint_in(low, high) if high > LOWEST else shapely.Polygon()
+        for low, high in zip(heights[:-1].tolist(), heights[1:].tolist(), strict=True)
+    ]
