@@ -12,12 +12,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from crowdsim.bench.environment import prepare as prepare_world
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.crowd.place import Place
 from crowdsim.crowd.setting import load_behaviors, prepare
+from crowdsim.environment.layers import AnySolid
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.annotated_path import AnnotatedPath
@@ -38,12 +40,18 @@ _WORLD = "small_house"
 
 
 class Ground(NamedTuple):
-    """Meshes of the layers and of the rooms, the behaviors that go there, and the box (x0, y0, x1, y1) around it."""
+    """Meshes of layers and rooms, the behaviors that go there, free areas of the layers, and all obstacles."""
 
     meshes: tuple[NavMesh, ...]
     rooms: tuple[NavMesh | None, ...]
     behaviors: tuple[Behavior, ...]
-    bounds: tuple[float, ...]
+    layers: tuple[shapely.Geometry, ...]
+    solids: tuple[AnySolid, ...]
+
+    @property
+    def bounds(self) -> tuple[float, ...]:
+        """The box (x0, y0, x1, y1) around it."""
+        return tuple(self.layers[0].bounds)
 
 
 def measure(queries: int = QUERIES, worlds: Path | None = None) -> tuple[dict[str, str], dict[str, float]]:
@@ -84,16 +92,18 @@ def ground_of(name: str, worlds: Path | None = None) -> Ground | None:
     if name != _WORLD:
         clutter = name in ("normal", "dense")
         scenario = load_scenario("clutter", [f"clutter.density={name}"]) if clutter else load_scenario(name)
-        place = Place(prepare(scenario), scenario.changes())
-        return Ground(place.meshes, place.rooms, place.setting.behaviors, place.setting.layers[0].free.bounds)
+        changes = scenario.changes()
+        place = Place(prepare(scenario), changes)
+        free = tuple(layer.free for layer in place.setting.layers)
+        return Ground(place.meshes, place.rooms, place.setting.behaviors, free, changes.fixed)
     folder = worlds or Path(os.environ.get("CROWDSIM_SHARED", "../shared")) / "worlds"
     if not (folder / f"{name}.glb").is_file():
         return None
     world = prepare_world(folder / f"{name}.glb", {})
     behaviors = load_behaviors(load_scenario("clutter")).behaviors
-    rooms = room_polygons([layer.free for layer in world.layers], behaviors)
-    meshes = tuple(None if room.is_empty else NavMesh(room) for room in rooms)
-    return Ground(world.meshes, meshes, behaviors, world.layers[0].free.bounds)
+    free = tuple(layer.free for layer in world.layers)
+    rooms = tuple(None if room.is_empty else NavMesh(room) for room in room_polygons(free, behaviors))
+    return Ground(world.meshes, rooms, behaviors, free, tuple(world.place.solids))
 
 
 def random_queries(ground: Ground, count: int, seed: int) -> list[Floats]:

@@ -20,6 +20,10 @@ _BENCHES = {
         "3D worlds: time to layers and meshes, fit to a laser map, free area",
     ),
     "planner": ("crowdsim.bench.planner", "plans: time, cost and proven gap of each planner, 5 to 20 steps in clutter"),
+    "plan-soundness": (
+        "crowdsim.bench.plan_soundness",
+        "plans: clearance kept along their sections, and how deep bodies posed along them in 3D reach into obstacles",
+    ),
     "motion-graph": (
         "crowdsim.bench.motion_graph",
         "motion graphs: standard against feature-based, time, size and branching as the set grows",

@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crowdsim.motion.clearance import joint_flesh
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.kinematics import Floats, end_positions, forward_kinematics
+from crowdsim.motion.skeleton import Skeleton
 from crowdsim.motion.tracks import track_of
 
 _TIP = 0.03
@@ -18,11 +20,13 @@ _TIP = 0.03
 class Capsules(NamedTuple):
     """Capsules of a body in every frame, relative to its track.
 
-    ends: (F, K, 2, 3) meters, both ends of each axis. radii: (K,) meters.
+    ends: (F, K, 2, 3) meters, both ends of each axis. radii: (K,) meters. legs: (K,) bool, which of them are below the
+    hips.
     """
 
     ends: Floats
     radii: Floats
+    legs: NDArray[np.bool_]
 
 
 def body_capsules(clip: Clip, first: int, last: int) -> Capsules:
@@ -46,4 +50,15 @@ def body_capsules(clip: Clip, first: int, last: int) -> Capsules:
         [cos * offset[..., 0] + sin * offset[..., 1], cos * offset[..., 1] - sin * offset[..., 0], axes[..., 2]],
         axis=-1,
     )
-    return Capsules(relative, np.array(radii))
+    below = _below_hips(skeleton)
+    legs = below[[parent for parent, _ in bones] + list(skeleton.end_parents)]
+    return Capsules(relative, np.array(radii), legs)
+
+
+def _below_hips(skeleton: Skeleton) -> NDArray[np.bool_]:
+    """(J,) whether a joint is that of a hip or hangs on one."""
+    hips = {skeleton.roles[role] for role in ("left_hip", "right_hip") if role in skeleton.roles}
+    below = np.zeros(skeleton.joint_count, np.bool_)
+    for joint, parent in enumerate(skeleton.parents):
+        below[joint] = joint in hips or (parent >= 0 and below[parent])
+    return below

@@ -235,4 +235,13 @@ def test_bench_lists_its_names(crowdsim):
     finished = crowdsim("bench")
     assert finished.returncode == 0
     names = [line.split()[0] for line in finished.stdout.splitlines()]
-    assert names == ["startup", "navmesh", "environment", "planner", "motion-graph", "motion-search", "motion-maps"]
+    assert names == [
+        "startup",
+        "navmesh",
+        "environment",
+        "planner",
+        "plan-soundness",
+        "motion-graph",
+        "motion-search",
+        "motion-maps",
+    ]

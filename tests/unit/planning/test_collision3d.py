@@ -51,7 +51,7 @@ def test_capsules_follow_the_track_and_keep_to_the_body():
     ],
 )
 def test_a_ball_meets_what_it_reaches_into(solid, meets):
-    ball = Capsules(np.array([[[[1.0, 0.0, 1.0], [1.0, 0.0, 1.0]]]]), np.array([0.3]))
+    ball = Capsules(np.array([[[[1.0, 0.0, 1.0], [1.0, 0.0, 1.0]]]]), np.array([0.3]), np.array([False]))
     stride = Stride(ball, 1.0)
     assert CollisionScene([solid]).collides(stride.body(0.0), 2.0, 0.0, np.pi / 2) is meets
 

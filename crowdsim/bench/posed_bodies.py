@@ -1,0 +1,274 @@
+"""Bodies posed in 3D along plans, and how far they reach into obstacles.
+
+A walker's feet land where its way leads: in a bend, the foot ahead is already around it. So legs are bent along the
+path, each of their points to where the path is as many meters on, and held at its ends, where somebody stands; what
+is above the hips stays as it is and faces as followers make it, along the path smoothed over its corners. Clips begin
+and end standing, and so do paths, with hanging arms. Before a section for which a body turns off its way, and behind
+it, where it turns back, it is posed as in the clips that turn, in the middle of the room that plans leave for that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from crowdsim.environment.layers import AnySolid
+from crowdsim.environment.solids import Solid
+from crowdsim.motion.body_capsules import Capsules, body_capsules
+from crowdsim.motion.capture_files import read_clip
+from crowdsim.motion.clip import Clip
+from crowdsim.motion.tracks import track_of
+from crowdsim.planning.annotated_path import TANGENT_REACH, AnnotatedPath
+from crowdsim.planning.behaviors import Behavior, read_behavior
+from crowdsim.planning.labelling_kernels import TURN_ROOM
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+SPACING = 0.05
+"""Meters along a path between two poses."""
+
+LOWEST = 0.1
+"""Meters: what ends below is walked over."""
+
+SLICE = 0.02
+"""Meters of height of the upright prisms that stand for a solid of triangles."""
+
+ENDS = 0.6
+"""Meters at both ends of a path in which bodies are posed as they set out and come to rest."""
+
+AT_REST = 0.1
+"""Meters from there within which arms hang again that were held."""
+
+_ON_AXIS = np.linspace(0.0, 1.0, 5)
+"""Places on the axis of a capsule that are tested."""
+
+_TURNED = 0.2
+"""Radians from the heading that a clip turns to, or from, within which it is there."""
+
+
+class Walk(NamedTuple):
+    """A clip from stand to stand, with what of it goes on steadily.
+
+    arc: (F,) meters up to each frame. steady: arc lengths (from, to) between which it repeats. facing: radians off the
+    way.
+    """
+
+    body: Capsules
+    arc: Floats
+    steady: tuple[float, float]
+    facing: float
+
+
+class Turn(NamedTuple):
+    """A clip that turns off the way or back, on the way as far as it turns.
+
+    arc: (F,) meters up to each of its frames, ascending, from where it begins to turn. facing: (F,) radians off it.
+    """
+
+    body: Capsules
+    arc: Floats
+    facing: Floats
+
+
+class Motions(NamedTuple):
+    """What is posed: the walk of each behavior, and by behavior the turns into it and out of it, if there are."""
+
+    walks: tuple[Walk, ...]
+    turns: dict[int, tuple[Turn, Turn]]
+
+
+class Posed(NamedTuple):
+    """Places on the bones of all poses along a path.
+
+    places: (n, 3). reach: (n,) meters of flesh about them. arc: (n,) meters along the path where the body is.
+    """
+
+    places: Floats
+    reach: Floats
+    arc: Floats
+
+
+def motions_of(behaviors: Sequence[Behavior]) -> Motions:
+    """Of each behavior of a library its first clip, to its first side.
+
+    And the first clips that lead from the last behavior to those that are turned, and back.
+    """
+    walks, turns = [], {}
+    for k, behavior in enumerate(behaviors):
+        entry = read_behavior(behavior.name, behavior.folder.parent)
+        facing = behavior.facings[0]
+        walks.append(walk_of(read_clip(behavior.folder / entry.clips[0].file), facing))
+        if not behavior.turned:
+            continue
+        pair = []
+        for ends, sign in (((behaviors[-1].name, behavior.name), 1.0), ((behavior.name, behaviors[-1].name), -1.0)):
+            clips = [read_clip(behavior.folder / t.file) for t in entry.transitions if (t.from_, t.to) == ends]
+            pair += [turn_of(clip, facing, sign < 0.0) for clip in clips if _turned_by(clip) * sign * facing > 0.0][:1]
+        if len(pair) == 2:
+            turns[k] = (pair[0], pair[1])
+    return Motions(tuple(walks), turns)
+
+
+def walk_of(clip: Clip, facing: float) -> Walk:
+    """A clip, whose middle half goes on steadily."""
+    arc = _arc_of(clip)
+    count = len(arc)
+    return Walk(body_capsules(clip, 0, count), arc, (float(arc[count // 4]), float(arc[3 * count // 4])), facing)
+
+
+def _arc_of(clip: Clip) -> Floats:
+    """(F,) meters that the track leads up to each frame."""
+    return np.append(0.0, np.cumsum(np.hypot(*np.diff(track_of(clip)[:, :2], axis=0).T)))
+
+
+def _turned_by(clip: Clip) -> float:
+    """Radians from the first frame to the last."""
+    return float(np.diff(np.unwrap(track_of(clip)[:, 2])[[0, -1]])[0])
+
+
+def turn_of(clip: Clip, facing: float, back: bool) -> Turn:
+    """The frames of a clip in which it turns from its way to ``facing`` radians off it, or ``back``."""
+    track = track_of(clip)
+    heading = np.unwrap(track[:, 2])
+    off = heading - heading[-1] if back else heading - heading[0]
+    turning = np.flatnonzero((np.abs(off) > _TURNED) & (np.abs(off - facing) > _TURNED))
+    first, last = int(turning[0]), int(turning[-1]) + 1
+    arc = _arc_of(clip)[first:last]
+    return Turn(body_capsules(clip, first, last), arc - arc[0], off[first:last])
+
+
+def posed_along(path: AnnotatedPath, motions: Motions, stiff: bool = False) -> Posed:
+    """Bodies every :data:`SPACING` meters; ``stiff``: with legs as on a straight way."""
+    samples = path.sample(SPACING)
+    arc, labels = samples.arc, samples.behavior.copy()
+    parts = []
+    turning = np.zeros(len(arc), np.bool_)
+    for behavior, turn, begin, (low, high) in turns_along(path, motions):
+        labels[(arc >= low) & (arc <= high)] = behavior
+        here = np.flatnonzero((arc >= begin) & (arc <= begin + turn.arc[-1]))
+        turning[here] = True
+        frames = np.searchsorted(turn.arc, arc[here] - begin).clip(0, len(turn.arc) - 1)
+        parts.append(_posed(path, turn.body, frames, arc[here], turn.facing[frames], stiff))
+    rest = path.length - arc
+    upright = np.array([abs(walk.facing) < np.pi / 4.0 for walk in motions.walks])
+    labels[upright[labels] & (np.minimum(arc, rest) < AT_REST)] = len(motions.walks) - 1
+    for k, walk in enumerate(motions.walks):
+        here = np.flatnonzero((labels == k) & ~turning)
+        low, high = walk.steady
+        on = low + arc[here] % (high - low)
+        on = np.where(arc[here] < ENDS, arc[here], on)
+        on = np.where(rest[here] < np.minimum(ENDS, arc[here]), walk.arc[-1] - rest[here], on)
+        frames = np.searchsorted(walk.arc, on).clip(0, len(walk.arc) - 1)
+        parts.append(_posed(path, walk.body, frames, arc[here], np.full(len(here), walk.facing), stiff))
+    return Posed(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def turns_along(path: AnnotatedPath, motions: Motions) -> list[tuple[int, Turn, float, tuple[float, float]]]:
+    """The turns of a path: the turned behavior, the turn, where it begins, and from where to where (meters) the body
+    is turned outside of the section it is turned for.
+    """
+    found = []
+    for before, after in zip(path.sections[:-1], path.sections[1:], strict=True):
+        if after.behavior in motions.turns:
+            turn = motions.turns[after.behavior][0]
+            end = before.end - 0.5 * (TURN_ROOM - float(turn.arc[-1]))
+            found.append((after.behavior, turn, end - float(turn.arc[-1]), (end, before.end)))
+        if before.behavior in motions.turns:
+            turn = motions.turns[before.behavior][1]
+            begin = before.end + 0.5 * (TURN_ROOM - float(turn.arc[-1]))
+            found.append((before.behavior, turn, begin, (before.end, begin)))
+    return found
+
+
+def _posed(
+    path: AnnotatedPath, body: Capsules, frames: Integers, arc: Floats, facing: Floats, stiff: bool
+) -> tuple[Floats, Floats, Floats]:
+    """A body in ``frames`` (s,) at arc lengths (s,), facing off its way by (s,) radians."""
+    ends = body.ends[frames]
+    points = ends[:, :, 0, None] + _ON_AXIS[:, None] * (ends[:, :, 1] - ends[:, :, 0])[:, :, None]
+    cos, sin = np.cos(facing)[:, None, None], np.sin(facing)[:, None, None]
+    along = cos * points[..., 0] - sin * points[..., 1]
+    aside = sin * points[..., 0] + cos * points[..., 1]
+    at = np.broadcast_to(arc[:, None, None], along.shape)
+    bent = np.broadcast_to(body.legs[:, None] & (not stiff), along.shape)
+    # How far on the path each point is taken to, and how far ahead of there it stays.
+    onward = np.where(bent, np.clip(at + along, 0.0, path.length), at)
+    ahead = np.where(bent, 0.0, along)
+    bearing = _bearings(path, onward)
+    cos, sin = np.cos(bearing), np.sin(bearing)
+    floor = path.at(onward.ravel()).reshape(*onward.shape, 2)
+    x = floor[..., 0] + cos * ahead - sin * aside
+    y = floor[..., 1] + sin * ahead + cos * aside
+    reach = np.broadcast_to(body.radii[:, None], along.shape)
+    return np.stack([x, y, points[..., 2]], axis=-1).reshape(-1, 3), reach.ravel(), at.ravel()
+
+
+def _bearings(path: AnnotatedPath, arc: Floats) -> Floats:
+    """Direction of motion at arc lengths of any shape, as :meth:`AnnotatedPath.sample` smooths it."""
+    chord = path.at((arc + TANGENT_REACH).ravel()) - path.at((arc - TANGENT_REACH).ravel())
+    return np.arctan2(chord[:, 1], chord[:, 0]).reshape(arc.shape)
+
+
+class Obstacles:
+    """Solids of a place as upright prisms, those of triangles in slices, to be asked how deep something is in them."""
+
+    def __init__(self, solids: Sequence[AnySolid]) -> None:
+        solids = [solid for solid in solids if solid.top > LOWEST]
+        prisms = [_prisms(solid) for solid in solids]
+        self._counts = np.array([len(own) for own in prisms])
+        self._firsts = np.cumsum(self._counts) - self._counts
+        self._bottoms = np.array([solid.bottom for solid in solids])
+        self._heights = np.array([solid.top - solid.bottom for solid in solids]) / self._counts
+        self._footprints = np.array([footprint for own in prisms for footprint in own], dtype=object)
+        self._rims = shapely.boundary(self._footprints)
+        shapely.prepare(self._footprints)
+        self._tree = shapely.STRtree([solid.footprint for solid in solids])
+
+    def depths(self, posed: Posed) -> Floats:
+        """Meters (n,) by which the flesh about each place reaches into a solid; negative infinity where it is clear."""
+        depths = np.full(len(posed.reach), -np.inf)
+        points = shapely.points(posed.places[:, :2])
+        row, solid = self._tree.query(points, predicate="dwithin", distance=posed.reach)
+        # Prisms of the solid that are near enough in height.
+        up = posed.places[row, 2] - self._bottoms[solid]
+        reach, height = posed.reach[row], self._heights[solid]
+        low = np.maximum(np.floor((up - reach) / height), 0).astype(np.int64)
+        high = np.minimum(np.floor((up + reach) / height), self._counts[solid] - 1).astype(np.int64)
+        many = np.maximum(high - low + 1, 0)
+        pair = np.repeat(np.arange(len(row)), many)
+        level = low[pair] + np.arange(len(pair)) - np.repeat(np.cumsum(many) - many, many)
+        above = np.maximum(level * height[pair] - up[pair], up[pair] - (level + 1) * height[pair])
+        row, prism = row[pair], self._firsts[solid[pair]] + level
+        distance = prism_distances(self._footprints[prism], self._rims[prism], points[row], above)
+        depth = posed.reach[row] - distance
+        touched = depth > 0.0
+        np.maximum.at(depths, row[touched], depth[touched])
+        return depths
+
+
+def prism_distances(footprints: Floats, rims: Floats, points: Floats, above: Floats) -> Floats:
+    """Distances (n,) of places from upright prisms, negative inside.
+
+    footprints, rims: (n,) polygons and their boundaries. points: (n,) where a place is on the floor. above: (n,) how
+    far above or below the prism it is, negative between top and bottom.
+    """
+    rim = shapely.distance(rims, points)
+    beside = np.where(shapely.contains(footprints, points), -rim, rim)
+    outside = np.hypot(np.maximum(beside, 0.0), np.maximum(above, 0.0))
+    return np.where((beside < 0.0) & (above < 0.0), np.maximum(beside, above), outside)
+
+
+def _prisms(solid: AnySolid) -> list[shapely.Geometry]:
+    """Footprints of the equally high prisms that stand for a solid from bottom to top; those too low are empty."""
+    if isinstance(solid, Solid):
+        return [solid.footprint]
+    heights = np.linspace(solid.bottom, solid.top, max(int(np.ceil((solid.top - solid.bottom) / SLICE)), 1) + 1)
+    return [
+        solid.footprint_in(low, high) if high > LOWEST else shapely.Polygon()
+        for low, high in zip(heights[:-1].tolist(), heights[1:].tolist(), strict=True)
+    ]
