@@ -17,9 +17,12 @@ from typing import Any
 
 import numba
 from numba import njit, types
-from numba.core import cgutils
+from numba.core import cgutils, ir
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import PassManager, register_pass
+from numba.core.lowering import Lower
+from numba.core.typed_passes import NativeLowering
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
@@ -76,7 +79,53 @@ def is_cold() -> bool:
     return not any(_FOLDER.rglob("*.nbi"))
 
 
-kernel = njit(nogil=True, cache=True, **_OPTIONS)
+class _BorrowingLower(Lower):
+    """Arguments without a count of who refers to them, as far as they keep their names: callers hold them meanwhile.
+
+    numba counts every array of every argument up at the start of a function and down at its end, atomically.
+    """
+
+    def pre_lower(self) -> None:
+        super().pre_lower()
+        assigned = [each for block in self.func_ir.blocks.values() for each in block.find_insts(ir.Assign)]
+        names = [each.target.name for each in assigned]
+        self._borrowed = {
+            each.target.name
+            for each in assigned
+            if isinstance(each.value, ir.Arg)
+            and names.count(each.target.name) == 1
+            and self.typeof("arg." + each.value.name) == self.typeof(each.target.name)
+        }
+
+    def lower_assign(self, ty: Any, inst: Any) -> Any:
+        if inst.target.name in self._borrowed:
+            return self.fnargs[inst.value.index]
+        return super().lower_assign(ty, inst)
+
+    def delvar(self, name: str) -> None:
+        if name not in self._borrowed:
+            super().delvar(name)
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _BorrowingLowering(NativeLowering):
+    _name = "borrowing_lowering"
+
+    @property
+    def lowering_class(self) -> type[Lower]:
+        return _BorrowingLower
+
+
+class _KernelCompiler(CompilerBase):
+    def define_pipelines(self) -> list[Any]:
+        usual = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        passes = PassManager("crowdsim")
+        passes.passes = [(_BorrowingLowering if each is NativeLowering else each, why) for each, why in usual.passes]
+        passes.finalize()
+        return [passes]
+
+
+kernel = njit(nogil=True, cache=True, pipeline_class=_KernelCompiler, **_OPTIONS)
 """Decorator of a serial kernel: releases the GIL, callable from worker threads."""
 
 
@@ -116,10 +165,10 @@ class _LinkedLibrary(JITCodeLibrary):
         self._finalized = True
 
 
-class _HelperCompiler(CompilerBase):
+class _HelperCompiler(_KernelCompiler):
     def define_pipelines(self) -> list[Any]:
         self.state.library = _LinkedLibrary(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
-        return [DefaultPassBuilder.define_nopython_pipeline(self.state)]
+        return super().define_pipelines()
 
 
 def helper(function: Callable[..., Any]) -> Any:
