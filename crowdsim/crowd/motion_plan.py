@@ -31,9 +31,6 @@ SEARCH_BUDGET = 2000
 PASSING_BUDGET = 200
 """The same for a way around others or by a place beside, which is a try among several."""
 
-LOOKS = 200
-"""Branches that searches lay at each stage: with only those that promise most, characters came to stand at doors."""
-
 SIDE_STEP = 0.5
 """Meters that somebody steps aside who cannot set out from where it stands."""
 
@@ -208,7 +205,7 @@ def _follow(
         setting.facings,
         start_pose=origin,
         start_node=node,
-        options=FollowOptions(end_standing=request.stays, budget=budget, looks=LOOKS),
+        options=FollowOptions(end_standing=request.stays, budget=budget),
     )
     ends = compose(found.origins[:-1], graph.node_motion[found.nodes[:-1]])
     origins = found.origins[1:]

@@ -101,7 +101,10 @@ def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
     lever = (ex - jx) ** 2 + (ey - jy) ** 2
     ax, ay, bx, by = ex - jx, ey - jy, gx - jx, gy - jy
     toward = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
-    mend = _fit_heading(maps, guide, rules, node, eh, aim, 0.0)
+    if math.isnan(rules.goal_heading) or aim < guide.length - _HEADING_WINDOW:
+        mend = _fit_heading(maps, guide, rules, node, eh, aim, 0.0)
+    else:
+        mend = wrap_angle(rules.goal_heading - eh)
     weight = _HEADING_LEVER * _HEADING_LEVER
     return min(max((lever * toward + weight * mend) / (lever + weight), low), high)
 
@@ -110,13 +113,13 @@ def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
 def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, stage_arc, serial):
     """Lay the first ``depth`` entries of ``search.branch`` after the end pose of a stage; how many are to be taken.
 
-    Less than ``depth`` where an entry reaches the goal before; 0 where one is not fit: where it strays, goes back,
-    faces wrong, passes the goal, or is of a behavior that may not be used here. Without a root (-1) an entry is a
+    Less than ``depth`` where an entry reaches the goal before; 0 where one is not fit: where it ends far off, goes
+    back, faces wrong, passes the goal, or is of a behavior that may not be used here. Without a root (-1) an entry is a
     node, laid down at the stage's end pose itself. ``laid.area`` gathers the area between branch and path (the sum in
     equation 5 of the 2012 paper, at equal shares of the node's length) and in the same unit a little for each node,
     its time, and behaviors other than the planned.
     """
-    total = guide.arc[guide.arc.shape[0] - 1]
+    total = guide.length
     goal_x, goal_y = path_point(guide, total)
     x, y, heading = stage_end[0], stage_end[1], stage_end[2]
     arc = stage_arc
@@ -157,12 +160,15 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
             )
             nearest = math.inf
             wide = False
+            strayed = math.inf
             if fit:
                 # Where a node begins its body is there already, which the outline leaves out.
                 wide = behavior > guide.behavior[sample_before(guide, arc)]
                 begin, end = maps.outline_first[node], maps.outline_first[node + 1]
                 step = travel / (end - begin)
                 pace = (arc_after - arc) / max(travel, 1e-9)
+                qx, qy = path_point(guide, arc)
+                strayed = math.sqrt((ox - qx) * (ox - qx) + (oy - qy) * (oy - qy))
                 for row in range(begin, end):
                     u, v = maps.outline[row, 0], maps.outline[row, 1]
                     px, py = ox + c * u - s * v, oy + s * u + c * v
@@ -170,7 +176,7 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
                     qx, qy = path_point(guide, along)
                     gap = math.sqrt((px - qx) * (px - qx) + (py - qy) * (py - qy))
                     area += step * gap
-                    fit = fit and (gap <= rules.stray or maps.outline[row, 2] > total - arc)
+                    strayed = max(strayed, gap)
                     misfit = behavior - guide.behavior[sample_index(guide, along)]
                     area += step * MISFIT_COST * abs(misfit)
                     wide = wide or misfit > 0
@@ -178,9 +184,17 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
                 area += NODE_COST + _TIME_COST * graph.node_frames[node] / CAPTURE_RATE
                 if maps.leads_to[node] != guide.behavior[here]:
                     area += _SWITCH_COST
-            if rules.end_standing:
+            asked = not math.isnan(rules.goal_heading)
+            if rules.end_standing or asked:
                 goal_gap = math.hypot(x - goal_x, y - goal_y)
-                reached = graph.node_ends_standing[node] and goal_gap <= rules.goal_tolerance
+                reached = goal_gap <= rules.goal_tolerance and (
+                    graph.node_ends_standing[node] or not rules.end_standing
+                )
+                if asked:
+                    turned = abs(wrap_angle(rules.goal_heading - heading))
+                    reached = reached and turned <= rules.goal_heading_tolerance
+                    if arc_after > total - _HEADING_WINDOW:
+                        error = turned
             else:
                 reached = nearest <= rules.goal_tolerance * rules.goal_tolerance
             laid.serial[entry] = serial
@@ -189,6 +203,7 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
             last = total if stuck else total + rules.goal_tolerance
             laid.fit[entry] = fit and (reached or arc_after <= last)
             laid.wide[entry] = wide
+            laid.strayed[entry] = strayed
             laid.reached[entry] = reached
             for k in range(laid.free.shape[1]):
                 laid.free[entry, k] = False

@@ -11,10 +11,11 @@ import numpy as np
 
 from crowdsim.constants import NONE
 from crowdsim.following.branch_kernels import MISFIT_COST, NODE_COST, branch_is_free, lay_branch
-from crowdsim.following.map_kernels import BIN, CELL, pack_cell
+from crowdsim.following.map_kernels import BEHAVIOR, BIN, CELL, END_X, END_Y, LEVEL, WALKED, pack_cell
 from crowdsim.following.path_kernels import path_point, project, sample_index
+from crowdsim.following.reach_kernels import branch_keeps_in
 from crowdsim.geometry.planar_kernels import to_local
-from crowdsim.jit import helper, kernel
+from crowdsim.jit import helper, kernel, unowned
 from crowdsim.motion.track_kernels import node_end
 
 GOAL_FIRST = 1e6
@@ -30,12 +31,30 @@ STILL = 2
 SIZE = 3
 NEXT = 4
 SERIAL = 5
-STAGE_COLUMNS = 6
+SINGLES = 6
+STAGE_COLUMNS = 7
 """Columns of ``search.stage``: last node, nodes of the solution up to it, how many of them since the path was last
-gained on, candidates, the next of them, and serial (0 until the candidates are collected)."""
+gained on, candidates, the next of them, serial (0 until candidates are collected), and what these are: none yet (-1),
+those found along the path (0), single successors (1)."""
+
+TOP = 0
+QUERIES = 1
+BEST = 2
+STATE_COLUMNS = 3
+"""Columns of ``search.state``: the stage on top, map queries made, nodes of the best solution."""
+
+ROW = 0
+ENTRY = 1
+"""Rows of ``search.marked``: rows of the map that a stage has looked at, and entries that it lists; by its serial."""
 
 _GAIN = 0.05
 """Meters of path that count as gained: a branch that gains less stands still."""
+
+_LAST = 2.0
+"""Meters before the end of a path from which on single successors are looked at together with all others."""
+
+_QUERY_STEP = 2.0 * CELL
+"""Meters between query points: with the cells around them, these leave no gaps."""
 
 _MOST_STILL = 6
 """Nodes in a row that may turn or shift in place: what more of them reach, fewer do too."""
@@ -79,6 +98,18 @@ def _keep(search, begin, count, capacity, score, entry):
 
 
 @helper
+def _first_row(keys, begin, end, low):
+    """First row of the ascending ``keys`` between ``begin`` and ``end`` that is not below ``low``."""
+    while begin < end:
+        middle = (begin + end) >> 1
+        if keys[middle] < low:
+            begin = middle + 1
+        else:
+            end = middle
+    return begin
+
+
+@helper
 def _facing_bins(rules, along):
     """Heading bins of a map, as bits, that a body may be in that moves in the direction ``along`` in some behavior."""
     bins = np.int64(0)
@@ -110,41 +141,21 @@ def _rank(search, count, capacity, score, entry):
 
 
 @helper
-def _promise(graph, maps, guide, root, row, x, y, c, s, arc):
-    """What an entry laid as the map has it, without extra rotations, would about score: less is better.
-
-    The area between branch and path is taken for a triangle over what its end is off. (x, y) is the map's origin, c and
-    s are the cosine and sine of its heading.
-    """
-    node = np.int64(maps.node[row])
-    mx, my, heading = np.float64(maps.pose[row, 0]), np.float64(maps.pose[row, 1]), np.float64(maps.pose[row, 2])
-    u, v = math.cos(heading), math.sin(heading)
-    mx += u * graph.node_motion[node, 0] - v * graph.node_motion[node, 1]
-    my += v * graph.node_motion[node, 0] + u * graph.node_motion[node, 1]
-    walked = np.float64(maps.length[row]) + graph.node_length[node] - graph.node_length[root]
-    at = arc + walked
-    gx, gy = path_point(guide, at)
-    gx -= x + c * mx - s * my
-    gy -= y + s * mx + c * my
-    gap = math.sqrt(gx * gx + gy * gy)
-    misfit = abs(graph.node_behavior[node] - guide.behavior[sample_index(guide, at)])
-    gain = max(walked, 0.1)
-    return (gap * (0.5 * gain + 0.25) + NODE_COST * maps.level[row] + MISFIT_COST * misfit * gain) / (gain * gain)
-
-
-@helper
-def _look_along_path(graph, maps, guide, rules, search, root, origin, arc, serial):
+def _look_along_path(maps, guide, rules, search, root, origin, arc, serial):
     """List the entries of the map to be laid: in and around the cells that the path crosses from ``arc`` on.
 
-    Query points lie a cell apart up to the map's average length. Of more than ``rules.looks`` entries those that
-    promise most are listed. Returns their number; marked with ``-serial``, what was looked at with ``serial``.
+    Query points lie two cells apart up to the map's average length. Of more than ``search.look`` has room for those
+    that promise most are listed: what they would about score as the map has them, without extra rotations, with the
+    area between branch and path taken for a triangle over what its end is off. Returns their number.
     """
     base, stop = maps.first[root], maps.first[root + 1]
-    points = int(maps.average[root] / CELL) + 1
+    points = int(maps.average[root] / _QUERY_STEP) + 1
     count = np.int64(0)
+    room = search.look.shape[0]
+    ahead, marked = maps.ahead, search.marked
     c, s = math.cos(origin[2]), math.sin(origin[2])
     for q in range(points + 1):
-        at = arc + q * CELL
+        at = arc + q * _QUERY_STEP
         gx, gy = path_point(guide, at)
         direction = guide.pose[sample_index(guide, at), 2]
         lx, ly, along = to_local(origin[0], origin[1], origin[2], gx, gy, direction)
@@ -152,70 +163,72 @@ def _look_along_path(graph, maps, guide, rules, search, root, origin, arc, seria
         iy = math.floor(ly / CELL + 0.5)
         bins = _facing_bins(rules, along)
         for column in range(ix - 1, ix + 2):
-            low = pack_cell(column, iy - 1, 0)
             high = pack_cell(column, iy + 1, 15)
-            begin, end = base, stop
-            while begin < end:
-                middle = (begin + end) >> 1
-                if maps.key[middle] < low:
-                    begin = middle + 1
-                else:
-                    end = middle
-            while begin < stop and maps.key[begin] <= high:
-                fits = bins >> (maps.key[begin] & 15) & 1
-                entry = np.int64(maps.order[begin])
-                begin += 1
-                if not fits or search.marked[entry] == serial or maps.level[base + entry] < 2:
+            for row in range(_first_row(maps.key, base, stop, pack_cell(column, iy - 1, 0)), stop):
+                key = maps.key[row]
+                if key > high:
+                    break
+                if bins >> (key & 15) & 1 == 0 or marked[ROW, row - base] == serial:
                     continue
-                search.marked[entry] = serial
-                score = _promise(graph, maps, guide, root, base + entry, origin[0], origin[1], c, s, arc)
-                count = _rank(search, count, search.look.shape[0], score, entry)
+                marked[ROW, row - base] = serial
+                level = np.float64(ahead[row, LEVEL])
+                if level < 1.0:
+                    continue
+                walked = np.float64(ahead[row, WALKED])
+                px, py = path_point(guide, arc + walked)
+                mx, my = np.float64(ahead[row, END_X]), np.float64(ahead[row, END_Y])
+                px -= origin[0] + c * mx - s * my
+                py -= origin[1] + s * mx + c * my
+                gap = math.sqrt(px * px + py * py)
+                misfit = abs(ahead[row, BEHAVIOR] - guide.behavior[sample_index(guide, arc + walked)])
+                gain = max(walked, 0.1)
+                cost = gap * (0.5 * gain + 0.25) + NODE_COST * level + MISFIT_COST * misfit * gain
+                score = cost / (gain * gain)
+                if count < room or score <= search.look_score[count - 1]:
+                    count = _rank(search, count, room, score, np.int64(maps.order[row]))
     for i in range(count):
-        search.marked[search.look[i]] = -serial
+        marked[ENTRY, search.look[i]] = serial
     return count
 
 
 @helper
-def _collect(graph, maps, guide, rules, search, laid, root, origin, end, arc, begin, serial):
+def _collect(graph, maps, guide, rules, search, laid, root, origin, end, arc, begin, serial, along, singles):
     """Score the candidates of a stage into its list, which starts at ``begin``; returns their number.
 
-    The best branches found along the path, and every single successor: these keep a stage going where the path
-    leaves all cells of the map. Without a root every node may be the first. The score is equation 5 of the 2012
-    paper, with the last node's own track: where it begins, all children of a node look alike.
+    These are the best branches found ``along`` the path and the ``singles``, all other single successors, which keep a
+    stage going where the path leaves the cells of the map. Without a root every node may be the first. The score is
+    equation 5 of the 2012 paper, with the last node's own track: where it begins, all children of a node look alike.
     """
-    skipped = np.int64(0)
     looks = np.int64(0)
-    singles = np.int64(graph.node_frames.shape[0])
-    if root >= 0:
+    first, stop = np.int64(0), np.int64(0)
+    if along and root >= 0:
+        looks = _look_along_path(maps, guide, rules, search, root, origin, arc, serial)
+    if singles and root >= 0:
         base = maps.first[root]
-        skipped = np.int64(1)
-        size = maps.first[root + 1] - base
-        singles = np.int64(1)
-        while singles < size and maps.level[base + singles] == 1:
-            singles += 1
-        looks = _look_along_path(graph, maps, guide, rules, search, root, origin, arc, serial)
+        first, stop = np.int64(1), np.int64(1)
+        while stop < maps.first[root + 1] - base and maps.level[base + stop] == 1:
+            stop += 1
+    elif singles:
+        stop = np.int64(graph.node_frames.shape[0])
     count = np.int64(0)
-    capacity = rules.candidates
-    for i in range(looks + singles - skipped):
-        entry = search.look[i] if i < looks else skipped + i - looks
-        if i >= looks:
-            capacity += 1
-            if root < 0 and graph.node_idle[entry]:
-                continue
+    for i in range(looks + stop - first):
+        entry = search.look[i] if i < looks else first + i - looks
+        if i >= looks and (search.marked[ENTRY, entry] == serial or (root < 0 and graph.node_idle[entry])):
+            continue
         depth = _load_branch(maps, search, root, entry)
         taken = lay_branch(graph, maps, guide, rules, search, laid, root, depth, end, arc, serial)
         if taken == 0:
             continue
         entry = search.branch[taken - 1]
         if taken < depth:
-            if entry < singles or search.marked[entry] == -serial:
+            if search.marked[ENTRY, entry] == serial:
                 continue
-            search.marked[entry] = -serial
+            search.marked[ENTRY, entry] = serial
         gain = max(laid.arc[entry] - arc, 0.1)
         score = (laid.area[entry] + laid.off[entry]) / (gain * gain)
         if laid.reached[entry]:
             score -= GOAL_FIRST
-        count = _keep(search, begin, count, capacity, score, entry)
+        count = _keep(search, begin, count, rules.candidates + stop - first, score, entry)
     return count
 
 
@@ -253,6 +266,7 @@ def _open_stage(search, top, node, origin, end, arc, count, still):
     search.stage[top, COUNT] = count
     search.stage[top, SERIAL] = 0
     search.stage[top, NEXT] = 0
+    search.stage[top, SIZE] = 0
 
 
 @helper
@@ -266,22 +280,16 @@ def _record_best(search, count):
     return count
 
 
-@kernel
-def follow(graph, maps, guide, rules, layers, start_pose, start_node, search, laid):
-    """Search the motion along a path. Returns (status, nodes of the best solution, arc it reached, map queries).
-
-    The best solution is left in ``search.best_*``: complete where the status is FOUND, else the one that came farthest.
-    ``start_node`` is -1 where any node may begin at ``start_pose``.
-    """
-    hints = np.full(len(layers), np.int64(NONE))
-    room = search.candidate.shape[0] // search.stage.shape[0]
+@helper
+def _begin(graph, guide, start_pose, start_node, search):
+    """Open the first stage: at ``start_pose``, or where a node ends that begins there."""
     end = np.empty(3)
     for k in range(3):
         end[k] = start_pose[k]
     count = np.int64(0)
     travel = 0.0
     if start_node >= 0:
-        end[0], end[1], end[2] = node_end(graph, np.int64(start_node), start_pose[0], start_pose[1], start_pose[2])
+        end[0], end[1], end[2] = node_end(graph, start_node, start_pose[0], start_pose[1], start_pose[2])
         travel = graph.node_length[start_node]
         search.step[0, 0] = start_node
         search.step[0, 1] = NONE
@@ -290,29 +298,56 @@ def follow(graph, maps, guide, rules, layers, start_pose, start_node, search, la
         search.place[0, 3] = 0.0
         count = 1
     arc, _ = project(guide, end[0], end[1], 0.0, travel + 1.0)
-    top = np.int64(0)
-    _open_stage(search, top, start_node, start_pose, end, max(arc, 0.0), count, np.int64(0))
-    best_arc = -1.0
-    best_count = 0
-    queries = 0
+    _open_stage(search, np.int64(0), start_node, start_pose, end, max(arc, 0.0), count, np.int64(0))
+    search.state[TOP] = 0
+    search.state[BEST] = 0
+    search.best_arc[0] = -1.0
+
+
+@kernel
+def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, search, laid):
+    """Search the motion along a path. Returns (status, nodes of the best solution, arc it reached, map queries).
+
+    The best solution is left in ``search.best_*``: complete where the status is FOUND, else the one that came farthest.
+    ``start_node`` is -1 where any node may begin at ``start_pose``. ``reach`` says where the body's joints are, to keep
+    them in their section, or is None. A search that has found a solution goes on to the next when called again.
+    """
+    graph, maps, guide, rules = unowned(graph), unowned(maps), unowned(guide), unowned(rules)
+    layers, search, laid = unowned(layers), unowned(search), unowned(laid)
+    hints = np.full(len(layers), np.int64(NONE))
+    room = search.candidate.shape[0] // search.stage.shape[0]
+    state = search.state
+    if state[QUERIES] == 0:
+        _begin(graph, guide, start_pose, np.int64(start_node), search)
+    top = state[TOP]
+    queries = state[QUERIES]
     while top >= 0:
         root = search.stage[top, NODE]
         end = search.stage_end[top]
         arc = search.stage_arc[top]
         begin = top * room
         if search.stage[top, SERIAL] == 0:
-            if arc > best_arc + _GAIN:
-                best_arc = arc
-                best_count = _record_best(search, search.stage[top, COUNT])
+            if arc > search.best_arc[0] + _GAIN:
+                search.best_arc[0] = arc
+                state[BEST] = _record_best(search, search.stage[top, COUNT])
             if queries == rules.budget:
-                return OUT_OF_BUDGET, best_count, best_arc, queries
+                return OUT_OF_BUDGET, state[BEST], search.best_arc[0], queries
             queries += 1
             search.stage[top, SERIAL] = queries
-            search.stage[top, SIZE] = _collect(
-                graph, maps, guide, rules, search, laid, root, search.stage_origin[top], end, arc, begin, queries
-            )
+            search.stage[top, SINGLES] = NONE
         if search.stage[top, NEXT] == search.stage[top, SIZE]:
-            top -= 1
+            if search.stage[top, SINGLES] == 1:
+                top -= 1
+                continue
+            along = search.stage[top, SINGLES] == NONE
+            # Near the end a single node may be all that is wanted.
+            singles = not along or arc > guide.length - _LAST
+            search.stage[top, SINGLES] = np.int64(singles)
+            search.stage[top, NEXT] = 0
+            search.stage[top, SIZE] = _collect(
+                graph, maps, guide, rules, search, laid, root, search.stage_origin[top], end, arc, begin,
+                search.stage[top, SERIAL], along, singles,
+            )  # fmt: skip
             continue
         entry = search.candidate[begin + search.stage[top, NEXT]]
         search.stage[top, NEXT] += 1
@@ -321,6 +356,9 @@ def follow(graph, maps, guide, rules, layers, start_pose, start_node, search, la
         free = depth > 0
         for k, mesh in enumerate(layers):
             free = free and branch_is_free(graph, rules, mesh, np.int64(k), search, laid, depth, end, root >= 0, hints)
+        if reach is not None:
+            kept = unowned(reach)
+            free = free and branch_keeps_in(graph, guide, rules, kept, search, laid, depth, end, arc, root >= 0)
         if not free:
             continue
         count = search.stage[top, COUNT]
@@ -333,7 +371,10 @@ def follow(graph, maps, guide, rules, layers, start_pose, start_node, search, la
             search.place[count, 3] = laid.twist[entry]
             count += 1
         if laid.reached[entry]:
-            return FOUND, _record_best(search, count), laid.arc[entry], queries
+            state[TOP], state[QUERIES] = top, queries
+            search.best_arc[0] = laid.arc[entry]
+            state[BEST] = _record_best(search, count)
+            return FOUND, count, laid.arc[entry], queries
         still = search.stage[top, STILL] + depth if laid.arc[entry] - arc < _GAIN else 0
         if top + 1 == search.stage.shape[0] or still > _MOST_STILL:
             continue
@@ -341,4 +382,5 @@ def follow(graph, maps, guide, rules, layers, start_pose, start_node, search, la
         if not _seen(search, maps.family[last], laid.end[entry], laid.arc[entry]):
             top += 1
             _open_stage(search, top, last, laid.origin[entry], laid.end[entry], laid.arc[entry], count, still)
-    return BLOCKED, best_count, best_arc, queries
+    state[TOP], state[QUERIES] = top, queries
+    return BLOCKED, state[BEST], search.best_arc[0], queries

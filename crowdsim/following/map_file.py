@@ -17,7 +17,7 @@ from crowdsim.following.motion_maps import DEPTH, MAX_ENTRIES, REACH, MapArrays,
 from crowdsim.motion.graph_arrays import GraphArrays
 from crowdsim.whole_files import whole_file
 
-VERSION = 1
+VERSION = 2
 """Of the file and of the way maps are built: raise it when either changes, and maps are built anew."""
 
 SUFFIX = ".maps"
@@ -33,6 +33,7 @@ def maps_in_file(
     reach: float = REACH,
     max_entries: int = MAX_ENTRIES,
     progress: Callable[[int, int], None] | None = None,
+    workers: int = 1,
 ) -> MotionMaps:
     """The maps of ``graph`` out of ``folder``, or built and kept there; arguments as of :meth:`MotionMaps.build`.
 
@@ -45,7 +46,7 @@ def maps_in_file(
             return load_maps(file)
         except MotionError:
             pass  # a file of an older kind, or a broken one, is replaced
-    maps = MotionMaps.build(graph, depth, reach, max_entries, progress)
+    maps = MotionMaps.build(graph, depth, reach, max_entries, progress, workers)
     folder.mkdir(parents=True, exist_ok=True)
     save_maps(maps, file)
     return maps

@@ -23,6 +23,11 @@ TURN_COST = 0.3
 NODE_COST = 0.1
 """Meters of search cost for each node, so that chains of idle shuffling do not fill a map."""
 
+END_X, END_Y, WALKED, LEVEL, BEHAVIOR = range(5)
+AHEAD_COLUMNS = 5
+"""Columns of ``maps.ahead``: where an entry's node ends, meters of track from the end of the root to there, edges since
+the root, and the node's behavior."""
+
 _OFFSET = 1 << 19
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -12,15 +13,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import MotionError
-from crowdsim.following.map_kernels import CELL, grow_maps
+from crowdsim.following.map_kernels import (
+    AHEAD_COLUMNS,
+    BEHAVIOR,
+    CELL,
+    END_X,
+    END_Y,
+    LEVEL,
+    WALKED,
+    grow_maps,
+)
+from crowdsim.geometry.planar import compose
 from crowdsim.motion.graph_arrays import GraphArrays
 
 DEPTH = 4
 REACH = 3.5
 MAX_ENTRIES = 2500
 
-_ROWS_AT_ONCE = 1_000_000
-"""Entries that are grown at once: what a long build tells of its progress, and holds twice."""
+_BATCHES = 16
+_ROWS_AT_ONCE = 500_000
+"""A build is cut into so many batches of nodes at least, of so many entries at most: what workers take one by one, and
+what it tells of its progress. Both are the same for any number of workers."""
 
 
 class MapArrays(NamedTuple):
@@ -30,8 +43,9 @@ class MapArrays(NamedTuple):
     key, order: (E,) int64 and int32, cells of a map in ascending order and the entry (counted within the map) in each.
     parent: (E,) int32, entry before, counted within the map, -1 for the root.
     edge, node, level: (E,) int32, edge taken into the entry's node, the node, edges since the root.
-    pose: (E, 3) float32, where the node starts; length: (E,) float32, meters of track before it.
-    average: (N,) float64, mean of ``length`` over a map (2012 paper, equation 2).
+    ahead: (E, AHEAD_COLUMNS) float32, in the order of ``key``: what a search asks of an entry before it lays it down,
+    see :mod:`crowdsim.following.map_kernels`. Places are in the frame of the root's start.
+    average: (N,) float64, mean of the meters of track before the entries of a map (2012 paper, equation 2).
     family: (N,) int32, equal for nodes that have the same successors.
     ends_as: (N, B) bool, whether a node is of a behavior or leads straight to one of it.
     leads_to: (N,) int32, behavior of most successors.
@@ -46,8 +60,7 @@ class MapArrays(NamedTuple):
     edge: NDArray[np.int32]
     node: NDArray[np.int32]
     level: NDArray[np.int32]
-    pose: NDArray[np.float32]
-    length: NDArray[np.float32]
+    ahead: NDArray[np.float32]
     average: NDArray[np.float64]
     family: NDArray[np.int32]
     ends_as: NDArray[np.bool_]
@@ -94,27 +107,33 @@ class MotionMaps:
         reach: float = REACH,
         max_entries: int = MAX_ENTRIES,
         progress: Callable[[int, int], None] | None = None,
+        workers: int = 1,
     ) -> MotionMaps:
         """Grow the map of every node by Dijkstra's search over track length (2012 paper, algorithm 1).
 
         depth: most edges of a branch. reach: meters of search cost (track length, turning, a little for each
         node) beyond which no node is expanded. max_entries: most entries of a map; all successors of a node
-        always fit. progress: called with the nodes done and their number. MotionError where a number is out of range.
+        always fit. progress: called with the nodes done and their number. workers: threads that grow them, to the same
+        bits whatever their number. MotionError where a number is out of range.
         """
         degree = int(np.diff(graph.edge_start).max(initial=0))
-        if depth < 1 or reach <= 0.0 or max_entries < 1:
+        if depth < 1 or not reach > 0.0 or max_entries < 1 or workers < 1:
             raise MotionError(
-                f"motion maps need depth >= 1, reach > 0 and max_entries >= 1, not {depth}, {reach}, {max_entries}"
+                "motion maps need depth >= 1, reach > 0, max_entries >= 1 and a worker, not"
+                f" {depth}, {reach}, {max_entries} and {workers}"
             )
         nodes = len(graph.node_frames)
         capacity = max(max_entries, degree + 1)
-        batch = min(max(_ROWS_AT_ONCE // capacity, 1), nodes)
+        batch = max(min(_ROWS_AT_ONCE // capacity, -(-nodes // _BATCHES)), 1)
         parts = []
-        for begin in range(0, nodes, batch):
-            parts.append(_grow(graph, begin, min(begin + batch, nodes), depth, float(reach), capacity))
-            if progress is not None:
-                progress(min(begin + batch, nodes), nodes)
-        sizes, key, order, parent, edge, node, level, pose, length = (
+        with ThreadPoolExecutor(workers, thread_name_prefix="crowdsim") as pool:
+            begins = range(0, nodes, batch)
+            grown = [pool.submit(_grow, graph, i, min(i + batch, nodes), depth, float(reach), capacity) for i in begins]
+            for i, part in zip(begins, grown, strict=True):
+                parts.append(part.result())
+                if progress is not None:
+                    progress(min(i + batch, nodes), nodes)
+        sizes, average, key, order, parent, edge, node, level, ahead = (
             np.concatenate(column) for column in zip(*parts, strict=True)
         )
         first = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
@@ -128,9 +147,8 @@ class MotionMaps:
             edge=edge,
             node=node,
             level=level,
-            pose=pose,
-            length=length,
-            average=np.add.reduceat(length.astype(np.float64), first[:-1]) / sizes,
+            ahead=ahead,
+            average=average,
             family=_families(graph),
             ends_as=successors > 0,
             leads_to=np.argmax(successors - np.eye(successors.shape[1])[graph.node_behavior], axis=1).astype(np.int32),
@@ -143,19 +161,29 @@ class MotionMaps:
 def _grow(
     graph: GraphArrays, begin: int, end: int, depth: int, reach: float, capacity: int
 ) -> tuple[NDArray[Any], ...]:
-    """Maps of the nodes ``begin`` to ``end``: their sizes, and columns of :class:`MapArrays` from key to length."""
+    """Maps of the nodes ``begin`` to ``end``: their sizes and averages, and columns of :class:`MapArrays`.
+
+    These are key, order, parent, edge, node, level and ahead.
+    """
     rows = (end - begin) * capacity
     first = np.empty(end - begin + 1, np.int64)
     key = np.empty(rows, np.int64)
     parent, edge, node, level = (np.empty(rows, np.int32) for _ in range(4))
     pose = np.empty((rows, 3), np.float32)
     length = np.empty(rows, np.float32)
-    columns = (parent, edge, node, level, pose, length)
-    count = grow_maps(graph, begin, end, depth, reach, capacity, first, key, *columns)
+    columns = (parent, edge, node, level)
+    count = grow_maps(graph, begin, end, depth, reach, capacity, first, key, *columns, pose, length)
     sizes = np.diff(first)
     ranks = np.concatenate([np.argsort(key[i:j], kind="stable") + i for i, j in pairwise(first.tolist())])
     order = (ranks - np.repeat(first[:-1], sizes)).astype(np.int32)
-    return sizes, key[ranks], order, *(column[:count].copy() for column in columns)
+    average = np.add.reduceat(length[:count].astype(np.float64), first[:-1]) / sizes
+    ahead = np.empty((count, AHEAD_COLUMNS), np.float32)
+    nodes = node[ranks]
+    ahead[:, [END_X, END_Y]] = compose(pose[ranks].astype(np.float64), graph.node_motion[nodes])[:, :2]
+    ahead[:, WALKED] = length[ranks] + graph.node_length[nodes] - np.repeat(graph.node_length[begin:end], sizes)
+    ahead[:, LEVEL] = level[ranks]
+    ahead[:, BEHAVIOR] = graph.node_behavior[nodes]
+    return sizes, average, key[ranks], order, *(column[:count].copy() for column in columns), ahead
 
 
 def _families(graph: GraphArrays) -> NDArray[np.int32]:

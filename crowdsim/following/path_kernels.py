@@ -1,10 +1,13 @@
 """A path as samples at equal steps of arc length: where it is, where it goes, the nearest point of a stretch.
 
-``arc`` runs from 0 to the length L; a path goes on straight beyond both ends, so that a motion that starts before
-it or overshoots it still has somewhere to aim.
+``guide.pose`` holds the samples, ``guide.step`` meters apart, ``guide.per_meter`` of them a meter. An arc length runs
+from 0 to the path's length; a path goes on straight beyond both ends, so that a motion that starts before it or
+overshoots it still has somewhere to aim.
 """
 
 import math
+
+import numpy as np
 
 from crowdsim.jit import helper
 
@@ -12,49 +15,47 @@ from crowdsim.jit import helper
 @helper
 def sample_index(guide, arc):
     """Index of the path sample nearest to ``arc``."""
-    last = guide.arc.shape[0] - 1
-    i = math.floor(arc / guide.arc[last] * last + 0.5)
-    return min(max(i, 0), last)
+    # Cutting off rounds up below 0, where the first sample is meant all the same.
+    return min(max(np.int64(arc * guide.per_meter + 0.5), 0), guide.pose.shape[0] - 1)
 
 
 @helper
 def sample_before(guide, arc):
     """Index of the last path sample at or before ``arc``."""
-    last = guide.arc.shape[0] - 1
-    i = math.floor(arc / guide.arc[last] * last)
-    return min(max(i, 0), last)
+    return min(max(np.int64(arc * guide.per_meter), 0), guide.pose.shape[0] - 1)
 
 
 @helper
 def path_point(guide, arc):
     """Point (x, y) at ``arc``."""
-    last = guide.arc.shape[0] - 1
-    i = min(max(math.floor(arc / guide.arc[last] * last), 0), last - 1)
-    u = (arc - guide.arc[i]) / (guide.arc[i + 1] - guide.arc[i])
-    return (
-        guide.pose[i, 0] + u * (guide.pose[i + 1, 0] - guide.pose[i, 0]),
-        guide.pose[i, 1] + u * (guide.pose[i + 1, 1] - guide.pose[i, 1]),
-    )
+    samples = arc * guide.per_meter
+    i = min(max(np.int64(samples), 0), guide.pose.shape[0] - 2)
+    u = samples - i
+    x, y = guide.pose[i, 0], guide.pose[i, 1]
+    return x + u * (guide.pose[i + 1, 0] - x), y + u * (guide.pose[i + 1, 1] - y)
 
 
 @helper
 def project(guide, x, y, low, high):
     """Arc length of the point nearest to (x, y) between the arcs ``low`` and ``high``, and its distance.
 
-    Of points equally near the first. Pieces that cannot be nearer than the best are leapt over: no sample is
-    farther from the next than a step.
+    Of points equally near the first. Pieces that cannot be nearer than the best, or than the sample at ``high``, are
+    leapt over: no sample is farther from the next than a step.
     """
-    last = guide.arc.shape[0] - 1
-    step = guide.arc[last] / last
-    begin = min(max(math.floor(low / step), 0), last - 1)
-    end = min(max(math.floor(high / step), begin), last - 1)
-    best_arc = 0.0
+    pose = guide.pose
+    per_meter = guide.per_meter
+    last = pose.shape[0] - 1
+    begin = min(max(np.int64(low * per_meter), 0), last - 1)
+    end = min(max(np.int64(high * per_meter), begin), last - 1)
+    ux, uy = x - pose[end, 0], y - pose[end, 1]
+    near = ux * ux + uy * uy
+    worth = 8.0 * guide.step * guide.step
+    best_at = 0.0
     best = math.inf
-    near = math.inf
     i = begin
     while i <= end:
-        ax, ay = guide.pose[i, 0], guide.pose[i, 1]
-        dx, dy = guide.pose[i + 1, 0] - ax, guide.pose[i + 1, 1] - ay
+        ax, ay = pose[i, 0], pose[i, 1]
+        dx, dy = pose[i + 1, 0] - ax, pose[i + 1, 1] - ay
         ux, uy = x - ax, y - ay
         along, whole = ux * dx + uy * dy, dx * dx + dy * dy
         if along <= 0.0 and i > 0:
@@ -66,12 +67,25 @@ def project(guide, x, y, low, high):
         else:
             u = along / whole
             gap = (ux - u * dx) ** 2 + (uy - u * dy) ** 2
-        distance = math.sqrt(gap)
         if gap < best:
             best = gap
-            near = distance
-            best_arc = guide.arc[i] + u * (guide.arc[i + 1] - guide.arc[i])
+            best_at = i + u
+            near = min(near, gap)
+        # Nothing can be leapt over unless this piece is two steps farther than the nearest, which is cheap to see.
+        leap = np.int64(1)
+        if gap > 2.0 * near + worth:
+            leap = max(np.int64((math.sqrt(gap) - math.sqrt(near)) * per_meter) - 1, leap)
         # The last piece goes on beyond the end of the path and may be nearer than its samples.
-        leap = math.floor((distance - near) / step) - 1
         i = max(min(i + leap, last - 1), i + 1)
-    return best_arc, near
+    return best_at * guide.step, math.sqrt(best)
+
+
+@helper
+def path_gap(guide, x, y, low, high):
+    """As :func:`project`, but a path ends at its ends."""
+    arc, gap = project(guide, x, y, low, high)
+    if arc < 0.0 or arc > guide.length:
+        arc = min(max(arc, 0.0), guide.length)
+        px, py = path_point(guide, arc)
+        gap = math.sqrt((x - px) * (x - px) + (y - py) * (y - py))
+    return arc, gap

@@ -15,7 +15,8 @@ project = path_kernels.project.py_func
 
 class Guide(NamedTuple):
     pose: NDArray[np.float64]
-    arc: NDArray[np.float64]
+    step: float
+    per_meter: float
 
 
 @st.composite
@@ -27,12 +28,12 @@ def guides(draw: st.DrawFn) -> Guide:
     heading = np.cumsum(turns)
     moved = step * np.array(shares)[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
     points = np.concatenate([np.zeros((1, 2)), np.cumsum(moved, axis=0)])
-    return Guide(np.column_stack([points, np.zeros(len(points))]), step * np.arange(len(points)))
+    return Guide(np.column_stack([points, np.zeros(len(points))]), step, 1.0 / step)
 
 
 def nearest(guide: Guide, x: float, y: float, begin: int, end: int) -> float:
     """Distance to the pieces ``begin`` to ``end``, the first and the last of the path endless outward."""
-    last = len(guide.arc) - 1
+    last = len(guide.pose) - 1
     best = math.inf
     for i in range(begin, end + 1):
         a, b = guide.pose[i, :2], guide.pose[i + 1, :2]
@@ -45,13 +46,12 @@ def nearest(guide: Guide, x: float, y: float, begin: int, end: int) -> float:
 
 @given(guides(), st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(-1.0, 5.0), st.floats(0.0, 5.0))
 def test_leaps_over_pieces_lose_no_nearest_point(guide: Guide, x: float, y: float, low: float, span: float) -> None:
-    last = len(guide.arc) - 1
-    step = guide.arc[-1] / last
-    begin = min(max(math.floor(low / step), 0), last - 1)
-    end = min(max(math.floor((low + span) / step), begin), last - 1)
+    last = len(guide.pose) - 1
+    begin = min(max(math.floor(low * guide.per_meter), 0), last - 1)
+    end = min(max(math.floor((low + span) * guide.per_meter), begin), last - 1)
     arc, gap = project(guide, x, y, low, low + span)
     assert math.isclose(gap, nearest(guide, x, y, begin, end), rel_tol=1e-9, abs_tol=1e-12)
-    i = min(max(math.floor(arc / step), 0), last - 1)
-    u = (arc - guide.arc[i]) / step
+    i = min(max(math.floor(arc / guide.step), 0), last - 1)
+    u = arc / guide.step - i
     place = guide.pose[i, :2] + u * (guide.pose[i + 1, :2] - guide.pose[i, :2])
     assert math.isclose(float(np.hypot(*(place - [x, y]))), gap, rel_tol=1e-6, abs_tol=1e-6)

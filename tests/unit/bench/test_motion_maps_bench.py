@@ -15,7 +15,7 @@ def measured():
 
 def test_maps_lead_along_every_path_and_no_shorter_than_it(measured):
     rows = [row for row in measured.rows if row["table"] == "maps"]
-    assert [row["search"] for row in rows] == ["maps", "maps", "maps of runs", "maps, no straying"]
+    assert [row["search"] for row in rows] == ["maps", "maps", "maps of runs", "maps, discs alone"]
     for row in rows:
         assert row["success_percent"] >= 90.0
         assert 0.95 < row["length_ratio"] < 1.05
@@ -25,9 +25,13 @@ def test_maps_lead_along_every_path_and_no_shorter_than_it(measured):
 
 def test_bodies_keep_near_the_path_and_exact_arrivals_are_exact(measured):
     figures = measured.figures
-    assert figures["joints_excess_m_most_default"] < 0.5
+    assert figures["joints_excess_m_most_default"] <= 0.02
+    assert figures["joints_within_2_cm_percent_default"] == 100.0
+    assert figures["joints_excess_m_most_default"] <= figures["joints_excess_m_most_discs_alone_default"]
     assert 0.0 <= figures["standing_off_m_most_default"] <= 0.1
     assert figures["exact_share_percent_default"] >= 50.0
+    assert figures["heading_share_percent_default"] >= 50.0
+    assert 0.0 <= figures["heading_off_degrees_most_default"] <= 15.0
 
 
 def test_astar_stands_beside_maps(measured):

@@ -68,15 +68,3 @@ def test_a_write_that_fails_leaves_nothing(tmp_path: Path) -> None:
     with pytest.raises(CrowdSimError, match=r"\.maps"):
         save_maps(maps, tmp_path / "maps.txt")
     assert not list(tmp_path.iterdir())
-
-
-def test_a_long_build_tells_how_far_it_is_and_batches_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    told: list[tuple[int, int]] = []
-    at_once = MotionMaps.build(GRAPH, **SMALL, progress=lambda done, of: told.append((done, of)))
-    nodes = len(GRAPH.node_frames)
-    assert told == [(nodes, nodes)]
-    monkeypatch.setattr("crowdsim.following.motion_maps._ROWS_AT_ONCE", 10 * SMALL["max_entries"])
-    told.clear()
-    batched = MotionMaps.build(GRAPH, **SMALL, progress=lambda done, of: told.append((done, of)))
-    assert [done for done, _ in told] == [*range(10, nodes, 10), nodes]
-    assert equal(at_once, batched)

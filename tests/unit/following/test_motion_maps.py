@@ -35,19 +35,46 @@ def test_maps_equal_a_search_with_single_nodes(maps: MotionMaps, root: int) -> N
     assert branches == [edges for *_, edges in slow]
 
 
-def test_every_entry_starts_where_its_branch_leads(maps: MotionMaps) -> None:
+def test_every_entry_ends_where_its_branch_leads(maps: MotionMaps) -> None:
     a = maps.arrays
     for root in range(0, len(GRAPH.node_frames), 7):
         rows = entries(maps, root)
+        starts, walked = [np.zeros(3)], [0.0]
         for row in range(rows.start + 1, rows.stop):
             above = rows.start + a.parent[row]
             assert a.parent[row] < row - rows.start
             assert a.level[row] == a.level[above] + 1
             assert GRAPH.edge_target[a.edge[row]] == a.node[row]
             assert GRAPH.edge_start[a.node[above]] <= a.edge[row] < GRAPH.edge_start[a.node[above] + 1]
-            end = compose(a.pose[above], GRAPH.node_motion[a.node[above]])
-            np.testing.assert_allclose(a.pose[row], pose_after(GRAPH, int(a.edge[row]), 0.0, end), atol=2e-6)
-            assert a.length[row] == pytest.approx(a.length[above] + GRAPH.node_length[a.node[above]], abs=1e-5)
+            end = compose(starts[a.parent[row]], GRAPH.node_motion[a.node[above]])
+            starts.append(pose_after(GRAPH, int(a.edge[row]), 0.0, end))
+            walked.append(walked[a.parent[row]] + GRAPH.node_length[a.node[above]])
+        assert a.average[root] == pytest.approx(np.mean(walked), abs=1e-5)
+        for row in range(rows.start, rows.stop):
+            entry = a.order[row]
+            node = a.node[rows.start + entry]
+            x, y, meters, level, behavior = a.ahead[row].tolist()
+            assert (x, y) == pytest.approx(compose(starts[entry], GRAPH.node_motion[node])[:2], abs=5e-6)
+            beyond = walked[entry] + GRAPH.node_length[node] - GRAPH.node_length[root]
+            assert meters == pytest.approx(beyond, abs=1e-5)
+            assert (level, behavior) == (a.level[rows.start + entry], GRAPH.node_behavior[node])
+
+
+def test_any_number_of_workers_and_batches_grows_the_same_maps(
+    maps: MotionMaps, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[tuple[int, int]] = []
+    many = MotionMaps.build(
+        GRAPH, depth=2, reach=2.2, max_entries=100_000, progress=lambda *done: told.append(done), workers=3
+    )
+    assert all(np.array_equal(one, other) for one, other in zip(maps.arrays, many.arrays, strict=True))
+    nodes = len(GRAPH.node_frames)
+    assert len(told) >= 10
+    assert told[-1] == (nodes, nodes)
+    assert [done for done, _ in told] == sorted({done for done, _ in told})
+    monkeypatch.setattr("crowdsim.following.motion_maps._ROWS_AT_ONCE", 1)
+    single = MotionMaps.build(GRAPH, depth=2, reach=2.2, max_entries=100_000)
+    assert all(np.array_equal(one, other) for one, other in zip(maps.arrays, single.arrays, strict=True))
 
 
 def test_keys_ascend_and_orders_are_permutations(maps: MotionMaps) -> None:
@@ -56,7 +83,6 @@ def test_keys_ascend_and_orders_are_permutations(maps: MotionMaps) -> None:
         rows = entries(maps, root)
         assert np.all(np.diff(a.key[rows]) >= 0)
         assert np.array_equal(np.sort(a.order[rows]), np.arange(rows.stop - rows.start))
-        assert a.average[root] == pytest.approx(a.length[rows].mean(dtype=np.float64))
     assert maps.cell_count < maps.entry_count == len(a.key)
 
 
@@ -95,7 +121,7 @@ def test_outlines_follow_the_tracks(maps: MotionMaps) -> None:
         assert np.all(np.diff(outline[:, 2]) <= 0.1 + 1e-9)
 
 
-@pytest.mark.parametrize("wrong", [{"depth": 0}, {"reach": 0.0}, {"max_entries": 0}])
-def test_wrong_numbers_are_refused(wrong: dict[str, float]) -> None:
+@pytest.mark.parametrize("wrong", [{"depth": 0}, {"reach": 0.0}, {"max_entries": 0}, {"workers": 0}])
+def test_wrong_numbers_are_refused(wrong: dict[str, int]) -> None:
     with pytest.raises(MotionError, match="motion maps need"):
         MotionMaps.build(GRAPH, **wrong)

@@ -1,4 +1,5 @@
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -8,7 +9,14 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import MotionError
 from crowdsim.following.motion_maps import MotionMaps
-from crowdsim.following.path_follower import FollowOptions, FollowResult, FollowStatus, follow_path
+from crowdsim.following.path_follower import (
+    THOROUGH_LOOKS,
+    FollowOptions,
+    FollowResult,
+    FollowStatus,
+    PathSearch,
+    follow_path,
+)
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.navmesh.navmesh import NavMesh
 from tests.reference.follow_maps import pose_after, track_of
@@ -236,12 +244,42 @@ def test_two_threads_find_what_one_finds(maps: MotionMaps) -> None:
     assert len({len(a.nodes) for a in alone}) > 1
 
 
-def test_who_must_not_stray_keeps_to_the_path(maps: MotionMaps) -> None:
-    world, path = scene(OPEN_GROUND), sample([(0.0, 0.0), (6.0, 0.0), (9.0, 5.0), (18.0, 5.0)])
-    freely = follow(maps, world, path, (0.0, 0.0, 0.0))
-    closely = follow(maps, world, path, (0.0, 0.0, 0.0), stray=0.1)
-    assert freely.status is closely.status is FollowStatus.FOUND
-    assert deviation(check(closely, world), path).max() <= 0.1 < deviation(check(freely, world), path).max()
+def test_what_a_quick_search_cannot_find_is_searched_thoroughly(maps: MotionMaps) -> None:
+    world, path = corridor()
+    start = (0.0, 0.2, 1.0)
+    quick = follow(maps, world, path, start, looks=1)
+    needed = quick.expansions
+    short = follow(maps, world, path, start, looks=1, budget=3 * needed)
+    assert short.status is FollowStatus.FOUND
+    assert short.expansions > 3 * needed // 4
+    check(short, world)
+    assert same(short, follow(maps, world, path, start, looks=THOROUGH_LOOKS))
+    assert not same(short, quick)
+
+
+def test_a_search_goes_on_to_other_solutions(maps: MotionMaps) -> None:
+    world, path = corridor()
+    options = FollowOptions(end_standing=True, budget=400)
+    arguments = (GRAPH, maps, path, world.meshes, RADII, FACINGS, np.zeros(3), IDLE, options)
+    search = PathSearch(*arguments)
+    found = [search.next() for _ in range(5)]
+    assert same(found[0], PathSearch(*arguments).next())
+    for one, other in pairwise(found):
+        assert other.status is FollowStatus.FOUND
+        assert one.expansions <= other.expansions
+        check(other, world)
+    assert len({(*one.nodes.tolist(), *one.twists.tolist()) for one in found}) >= 3
+
+
+@pytest.mark.parametrize("asked", [-2.5, -1.2, 0.4, 1.6, 3.0])
+@pytest.mark.parametrize("standing", [True, False])
+def test_a_heading_that_is_asked_for_is_held_at_the_goal(maps: MotionMaps, asked: float, standing: bool) -> None:
+    world, path = scene(OPEN_GROUND), sample([(0.0, 0.0), (4.0, 0.0), (6.0, 3.0)])
+    result = follow(maps, world, path, (0.0, 0.0, 0.0), goal_heading=asked, end_standing=standing, goal_tolerance=0.2)
+    assert result.status is FollowStatus.FOUND
+    end = check(result, world)[-1]
+    assert np.hypot(*(end[:2] - [6.0, 3.0])) <= 0.2
+    assert abs(wrap_angle(end[2] - asked)) <= np.radians(15.0)
 
 
 def test_few_looks_lead_there_too_and_all_of_them_are_as_many_as_one_asks(maps: MotionMaps) -> None:
@@ -253,9 +291,9 @@ def test_few_looks_lead_there_too_and_all_of_them_are_as_many_as_one_asks(maps: 
         check(result, world)
     assert same(follow(maps, world, path, start, looks=2_500), follow(maps, world, path, start, looks=9_999))
     bend = sample([(0.0, 0.0), (6.0, 0.0), (9.0, 3.0), (9.0, 9.0)])
-    few, many = (follow(maps, scene(OPEN_GROUND), bend, (0.0, 0.0, 0.0), looks=looks) for looks in (1, 200))
-    assert len(many.nodes) <= len(few.nodes)
-    assert not same(few, many)
+    field = scene(OPEN_GROUND)
+    few, many = (follow(maps, field, bend, (0.0, 0.0, 0.0), looks=looks) for looks in (1, 200))
+    assert deviation(check(many, field), bend).mean() < deviation(check(few, field), bend).mean()
 
 
 def test_input_that_does_not_fit_is_refused(maps: MotionMaps) -> None:

@@ -15,8 +15,9 @@ FACINGS = np.array([[np.pi / 2, -np.pi / 2], [0.0, np.nan]])
 
 class Guide(NamedTuple):
     pose: NDArray[np.float64]
-    arc: NDArray[np.float64]
     allowed: NDArray[np.bool_]
+    step: float
+    per_meter: float
 
 
 class Maps(NamedTuple):
@@ -78,7 +79,7 @@ def guide() -> Guide:
     pose = np.column_stack([points, np.append(turn, turn[-1])])
     allowed = np.ones((2, 61), np.bool_)
     allowed[0, :30] = False
-    return Guide(pose, np.linspace(0.0, 6.0, 61), allowed)
+    return Guide(pose, allowed, 0.1, 10.0)
 
 
 def test_projection_and_points_agree_with_shapely(guide: Guide) -> None:

@@ -1,0 +1,221 @@
+"""Random paths through a room of obstacles like that of figure 8 of the 2012 paper, and what follows them.
+
+Paths are 10 to 18 m long, have a clearance of 0.5 m and are walked from standing to within 10 cm of the end.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from crowdsim.constants import NONE
+from crowdsim.environment.clutter import draw_clutter
+from crowdsim.environment.layers import LEGS, TORSO, clearance_layers
+from crowdsim.errors import PathNotFound
+from crowdsim.following.body_reach import BodyReach, body_reach
+from crowdsim.following.graph_search import SearchResult
+from crowdsim.following.motion_maps import MotionMaps
+from crowdsim.following.path_follower import FollowOptions, FollowResult, FollowStatus, follow_path
+from crowdsim.geometry.planar import compose, wrap_angle
+from crowdsim.motion.capture_files import capture_paths
+from crowdsim.motion.capture_sets import as_sources, read_clips
+from crowdsim.motion.graph_arrays import GraphArrays
+from crowdsim.motion.motion_graph import MotionGraph
+from crowdsim.motion.pose_kernels import pose_joints
+from crowdsim.motion.standard_graph import build_standard_graph
+from crowdsim.motion.track_kernels import BLEND_FRAMES
+from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.planning.annotated_path import AnnotatedPath, PathSamples, Section, arc_lengths
+from crowdsim.planning.behavior_library import load_behavior_set
+
+Floats = NDArray[np.float64]
+FOUND = FollowStatus.FOUND
+
+SIDE = 30.0
+"""Meters, side of the room."""
+
+DENSITY = 0.08
+"""Share of the floor that obstacles take."""
+
+SIZES = (0.5, 2.0)
+"""Meters, least and greatest extent of an obstacle."""
+
+CLEARANCE = 0.5
+LENGTHS = (10.0, 18.0)
+TOLERANCE = 0.1
+
+PASSES = 3
+
+CAPTURED = ("16_1*.bvh", "16_31*", "16_33*", "16_47*", "16_58*")
+"""Captured walks, straight ones and turns of one person."""
+
+
+class Trial(NamedTuple):
+    """A path to be walked: its points, its samples, and the pose to set out from, standing."""
+
+    points: Floats
+    samples: PathSamples
+    start: Floats
+
+
+@dataclass(frozen=True)
+class MotionSet:
+    """A motion graph with what follows paths with it: body radii (B, 2), facings (B, F), the node that waits.
+
+    reach: where its joints are, to keep all of them within the clearance that paths have; None where they may leave it.
+    """
+
+    name: str
+    motion: MotionGraph
+    radii: Floats
+    facings: Floats
+    waiting: int
+    reach: BodyReach | None
+
+    @property
+    def graph(self) -> GraphArrays:
+        return self.motion.arrays
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Meshes of legs and torso, and trials on them."""
+
+    meshes: tuple[NavMesh, NavMesh]
+    trials: list[Trial]
+
+    @property
+    def arrays(self) -> tuple[Any, Any]:
+        return self.meshes[0].arrays, self.meshes[1].arrays
+
+
+def load_set(name: str, captures: Path | None) -> MotionSet:
+    """The built-in behaviors, or frontal walking made of the walks in ``captures``."""
+    bands = [(LEGS.low, LEGS.high), (TORSO.low, TORSO.high)]
+    if captures is None:
+        loaded = load_behavior_set(["lateral", "arm_constrained", "frontal"], bands)
+    else:
+        loaded = load_behavior_set(["frontal"], bands, captures=captures, capture_patterns=CAPTURED)
+    facings = np.full((len(loaded.behaviors), max(len(b.facings) for b in loaded.behaviors)), np.nan)
+    for row, behavior in zip(facings, loaded.behaviors, strict=True):
+        row[: len(behavior.facings)] = behavior.facings
+    graph = loaded.graph.arrays
+    # The last behavior is the preferred one; a body waits in it for the search to begin.
+    waits = np.flatnonzero(graph.node_idle & (graph.node_behavior == graph.node_behavior.max()))
+    radii = np.array([behavior.radii for behavior in loaded.behaviors])
+    reach = body_reach(graph, loaded.graph.poses, np.full(len(radii), CLEARANCE))
+    return MotionSet(name, loaded.graph, radii, facings, int(waits[0]) if len(waits) else NONE, reach)
+
+
+def load_standard(name: str, captures: Path, features: MotionSet) -> MotionSet:
+    """The standard graph of the same captures as the feature-based one of ``features``; nobody waits in it."""
+    graph = build_standard_graph(as_sources(read_clips(capture_paths(captures, CAPTURED))))
+    reach = body_reach(graph.arrays, graph.poses, np.full(len(features.radii), CLEARANCE))
+    return MotionSet(name, graph, features.radii, features.facings, NONE, reach)
+
+
+def make_ground(behavior: int, trials: int, seed: int = 0) -> Ground:
+    """A room of obstacles like that of the paper's figure 8, and random paths in it for ``behavior``."""
+    rng = np.random.default_rng(seed)
+    floor = shapely.box(0.0, 0.0, SIDE, SIDE)
+    solids = draw_clutter("clutter", floor.buffer(-0.5), DENSITY, SIZES, rng)
+    legs, torso = (NavMesh(layer.free) for layer in clearance_layers(floor, solids, (LEGS, TORSO)))
+    found: list[Trial] = []
+    while len(found) < trials:
+        start, goal = rng.uniform(1.0, SIDE - 1.0, (2, 2))
+        try:
+            path = legs.find_path(start, goal, CLEARANCE)
+        except PathNotFound:
+            continue
+        if LENGTHS[0] <= path.length <= LENGTHS[1]:
+            found.append(as_trial(np.array(path.points), behavior))
+    return Ground((legs, torso), found)
+
+
+def as_trial(points: Floats, behavior: int) -> Trial:
+    """The path through ``points`` (n, 2), all of it in one behavior."""
+    arc = arc_lengths(points)
+    samples = AnnotatedPath(points, arc, (Section(behavior, 0.0, float(arc[-1])),), 0.0).sample()
+    return Trial(points, samples, samples.pose[0].copy())
+
+
+def follow_trial(
+    motions: MotionSet, maps: MotionMaps, ground: Ground, trial: Trial, options: FollowOptions
+) -> FollowResult:
+    return follow_path(
+        motions.graph, maps, trial.samples, ground.arrays, motions.radii, motions.facings,
+        trial.start, motions.waiting, options, motions.reach,
+    )  # fmt: skip
+
+
+def follow_all(motions: MotionSet, maps: MotionMaps, ground: Ground) -> list[tuple[FollowResult, float]]:
+    """What the follower finds in each trial, and milliseconds."""
+    options = FollowOptions(goal_tolerance=TOLERANCE, budget=2_000)
+    follow_trial(motions, maps, ground, ground.trials[0], options)
+    return [best_of(lambda t=trial: follow_trial(motions, maps, ground, t, options)) for trial in ground.trials]  # type: ignore[misc]
+
+
+def best_of(search: Callable[[], Any]) -> tuple[Any, float]:
+    seconds = []
+    for _ in range(PASSES):
+        begin = time.perf_counter()
+        result = search()
+        seconds.append(time.perf_counter() - begin)
+    return result, min(seconds) * 1e3
+
+
+def walked(graph: GraphArrays, found: FollowResult | SearchResult, goal: Floats) -> float:
+    """Meters of track to where the motion is nearest to ``goal`` in its last node."""
+    node = int(found.nodes[-1])
+    rows = int(graph.node_track[node]) + np.arange(int(graph.node_frames[node]) + 1)
+    track = compose(found.origins[-1], graph.tracks[rows])[:, :2]
+    arc = arc_lengths(track)
+    last = arc[int(np.argmin(np.hypot(*(track - goal).T)))]
+    seams = compose(found.origins[:-1], graph.node_motion[found.nodes[:-1]])[:, :2] - found.origins[1:, :2]
+    return float(graph.node_length[found.nodes[:-1]].sum() + last + np.hypot(*seams.T).sum())
+
+
+def most_excess(motions: MotionSet, trial: Trial, found: FollowResult) -> float:
+    """Meters by which a joint leaves the clearance of the path, projected on the floor, over all frames that are shown.
+
+    Seams fade out as in a recording. Frames in which no joint comes near the edge are left out: -0.05 where all are.
+    """
+    graph, poses = motions.graph, motions.motion.poses
+    tracks: list[Floats] = []
+    nodes: list[NDArray[Any]] = []
+    before: list[NDArray[Any]] = []
+    frames: list[NDArray[Any]] = []
+    end: Floats | None = None
+    for k, (node, origin) in enumerate(zip(found.nodes, found.origins, strict=True)):
+        frame = np.arange(int(graph.node_frames[node]) + 1)
+        track = compose(origin, graph.tracks[graph.node_track[node] + frame])
+        if end is not None:
+            seam = end - origin
+            seam[2] = wrap_angle(seam[2])
+            u = np.minimum(frame / BLEND_FRAMES, 1.0)
+            track += (1.0 - u * u * (3.0 - 2.0 * u))[:, None] * seam
+        end = compose(origin, graph.node_motion[node])
+        tracks.append(track)
+        nodes.append(np.full(len(frame), node, np.int32))
+        before.append(np.full(len(frame), found.nodes[k - 1] if k else NONE, np.int32))
+        frames.append(frame.astype(np.int32))
+    # The motion is over where it passes the goal.
+    last = int(np.argmin(np.hypot(*(tracks[-1][:, :2] - trial.points[-1]).T)))
+    count = sum(len(track) for track in tracks[:-1]) + last + 1
+    pose = np.concatenate(tracks)[:count]
+    node, previous, at = (np.concatenate(column)[:count] for column in (nodes, before, frames))
+    line = shapely.LineString(trial.points)
+    gap = shapely.distance(line, shapely.points(pose[:, :2]))
+    reach = motions.reach or body_reach(graph, poses, np.full(len(motions.radii), CLEARANCE))
+    near = gap + np.maximum(reach.node_most.max(), reach.edge_most.max()) > CLEARANCE - 0.05
+    joints = len(poses.parents)
+    places, turns = np.empty((near.sum(), joints, 3), np.float32), np.empty((near.sum(), joints, 4), np.float32)
+    pose_joints(poses, node[near], previous[near], at[near], np.ascontiguousarray(pose[near]), places, turns)
+    return float(shapely.distance(line, shapely.points(places[:, :, :2].reshape(-1, 2))).max(initial=0.45)) - CLEARANCE
