@@ -39,15 +39,14 @@ class Entering:
 
     def run(self, view: View) -> None:
         step = self.plans.step
-        latency = self.plans.pool.latency
         timelines, starts, gones, radii = (np.array(getattr(view, name)) for name in self.READS)
-        for agent in np.flatnonzero((self.entered < 0) & (self.cast.start_steps - latency <= step)).tolist():
+        for agent in np.flatnonzero((self.entered < 0) & (self.cast.start_steps - self.plans.lead <= step)).tolist():
             if agent not in self.requested:
                 self._request(agent)
                 continue
             plan = self.plans.motions.get(agent)
             if plan is None:
-                if step < self.requested[agent] + latency:
+                if self.plans.searches.is_under_way(agent):
                     continue
                 if self.requested[agent] < self.plans.place.last_edit_step:
                     self.plans.unreachable.pop(agent, None)
