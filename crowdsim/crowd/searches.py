@@ -33,10 +33,10 @@ class Ongoing:
 
     search: MotionSearch
     asked: float
+    looks: int
     handed: NDArray[np.int32] | None = None
     first: int = 0
     revision: int = 0
-    looks: int = SLICE_LOOKS
     ready: float | None = None
 
     def advance(self, kept: int) -> tuple[Ongoing, MotionPlan | PathNotFound]:
@@ -50,11 +50,15 @@ class Ongoing:
 class Searches:
     """Searches by agent, one for each at most. A slice that begins with one step is done with the next.
 
-    waits: seconds from asking to the first nodes to walk, of every search that found some. counts: searches that were
+    first_slice, longest_slice, each_step: branches that the first slice of a search, any slice of it and all slices of a
+    step lay at most. waits: seconds from asking to the first nodes to walk, of every search that found some. counts: searches that were
     asked for, that took more than one slice, that would have had to change what was played, that found a way from there.
     """
 
     pool: WorkerPool[tuple[Ongoing, MotionPlan | PathNotFound]]
+    first_slice: int = SLICE_LOOKS
+    longest_slice: int = LONGEST_SLICE
+    each_step: int = LOOKS_PER_STEP
     waits: list[float] = field(default_factory=list)
     counts: dict[str, int] = field(
         default_factory=lambda: dict.fromkeys(("asked", "sliced", "backtracked", "recovered"), 0)
@@ -65,7 +69,7 @@ class Searches:
         """Let an agent wait for its first slice behind all others; a search that it has is given up."""
         self.drop(agent)
         self.counts["asked"] += 1
-        self._ongoing[agent] = Ongoing(search, time.perf_counter())
+        self._ongoing[agent] = Ongoing(search, time.perf_counter(), self.first_slice)
 
     def drop(self, agent: int) -> None:
         """Give up a search, or forget one that is over."""
@@ -90,8 +94,8 @@ class Searches:
         """Begin the slices of a step; ``kept`` says how many nodes of a search are played, None where it is of no use."""
         begun = [(agent, search) for agent, search in self._ongoing.items() if search.search.slices]
         new = [(agent, search) for agent, search in self._ongoing.items() if not search.search.slices]
-        left = LOOKS_PER_STEP
-        share = LOOKS_PER_STEP // 2 // SLICE_LOOKS
+        left = self.each_step
+        share = max(self.each_step // 2 // self.first_slice, 1)
         for agent, search in (*new[:share], *begun, *new[share:]):
             if left < search.looks:
                 continue
@@ -109,7 +113,7 @@ class Searches:
         for agent, (search, found) in self.pool.collect(step):
             if self._ongoing.get(agent) is not search:
                 continue
-            search.looks = min(2 * search.looks, LONGEST_SLICE)
+            search.looks = min(2 * search.looks, self.longest_slice)
             if search.search.over:
                 self.drop(agent)
             results.append((agent, search, found))
