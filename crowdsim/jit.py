@@ -90,7 +90,7 @@ class _LinkedCodegen:
         return getattr(self._codegen, name)
 
     def set_env(self, *_: object) -> None:
-        """Nothing: the environment of Python objects is for functions that leave compiled code, which helpers cannot."""
+        """Nothing: an environment holds Python objects for code that calls Python, which helpers do not."""
 
 
 class _LinkedLibrary(JITCodeLibrary):

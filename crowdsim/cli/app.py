@@ -12,6 +12,7 @@ from crowdsim.cli.doctor import doctor
 from crowdsim.cli.errors_shown import Commands, remember_debug
 from crowdsim.cli.listings import behaviors, scenarios
 from crowdsim.cli.motion import motion
+from crowdsim.cli.motion_coverage import coverage
 from crowdsim.cli.plan import plan
 from crowdsim.cli.play import play
 from crowdsim.cli.run import check, run
@@ -21,6 +22,7 @@ app = typer.Typer(
 )
 for command in (run, check, play, plan, scenarios, behaviors, bench, doctor):
     app.command()(command)
+motion.command()(coverage)
 app.add_typer(motion, name="motion")
 
 

@@ -102,7 +102,7 @@ class RunProgress:
         """numba calls this when the cache does not hold a kernel, and not once it does."""
         self._compiled += 1
         if self._compiled == 1 and not self._is_terminal:
-            typer.echo("compiling kernels, once for this machine; it takes a minute or two", err=True)
+            typer.echo("compiling kernels, once for this machine; it takes about a minute", err=True)
         name = dispatcher.py_func.__name__
         self._bar.update(self._task, description=f"{self._title}: compiling, once for this machine: {name}")
 

@@ -1,0 +1,97 @@
+"""``crowdsim motion coverage``: what turns a set of motions can follow, and in how much room."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from crowdsim.cli.options import Debug, Json
+
+if TYPE_CHECKING:
+    from crowdsim.motion.motion_graph import MotionGraph
+
+
+def coverage(
+    motions: Annotated[
+        str, typer.Argument(metavar="FOLDER|SET", help="A folder of captures, or default, happy or dance.")
+    ] = "default",
+    picture: Annotated[Path | None, typer.Option(metavar="OUT.png", help="Draw the table.")] = None,
+    depth: Annotated[
+        str | None,
+        typer.Option(metavar="N|METERSm", help="How far maps look ahead: in nodes, as 4, or in meters, as 3.5m."),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Threads; any number gives the same table. By default one a core.")
+    ] = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Percent of turns that a set of motions can follow, by their radius and the clearance that every joint keeps."""
+    from crowdsim.cli.progress import progress_bar
+    from crowdsim.cli.tables import print_rows
+    from crowdsim.figures import write_figure
+    from crowdsim.following.coverage import coverage_rows, draw_coverage, measure_coverage
+    from crowdsim.following.motion_maps import MotionMaps
+
+    sizes = _read_depth(depth)
+    threads = workers or os.cpu_count() or 1
+    motion, facings = _load(motions)
+    with progress_bar() as bar:
+        task = bar.add_task("maps")
+
+        def tell(done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total)
+
+        maps = MotionMaps.build(motion.arrays, **sizes, progress=tell, workers=threads)
+        bar.update(task, description="turns", completed=0)
+        measured = measure_coverage(motion, maps, facings, len(facings) - 1, workers=threads, progress=tell)
+    if picture is not None:
+        write_figure(draw_coverage(measured, Path(motions).name), picture)
+    rows = coverage_rows(measured)
+    if as_json:
+        size = {"depth": maps.depth, "entries": maps.entry_count, "megabytes": round(maps.bytes / 1e6, 3)}
+        typer.echo(json.dumps({"motions": motions, "maps": size, "percent": rows}))
+        return
+    print_rows(rows)
+
+
+def _read_depth(text: str | None) -> dict[str, Any]:
+    """Sizes of maps as of ``MotionMaps.build``: as they are by default, or so deep."""
+    if text is None:
+        return {}
+    meters = text.endswith("m")
+    try:
+        number = float(text[:-1]) if meters else int(text)
+    except ValueError:
+        number = 0
+    if not 0 < number < 1000:
+        raise typer.BadParameter(f"'{text}' is neither nodes, as 4, nor meters, as 3.5m", param_hint="--depth")
+    most = {"max_entries": 100_000}
+    return most | ({"depth": 1000, "reach": number} if meters else {"depth": number, "reach": 1e3})
+
+
+def _load(motions: str) -> tuple[MotionGraph, Any]:
+    """The graph of a folder of captures or of a motion set, and how its behaviors may face, most preferred last."""
+    import numpy as np
+
+    from crowdsim.environment.layers import LEGS, TORSO
+    from crowdsim.errors import MotionError
+    from crowdsim.motion.capture_files import capture_paths
+    from crowdsim.motion.gait_manner import MANNERS
+    from crowdsim.motion.graph_file import GraphSettings, build_graph
+    from crowdsim.planning.behavior_library import load_behavior_set
+
+    if motions not in MANNERS:
+        if not Path(motions).is_dir():
+            raise MotionError(f"'{motions}' is neither a folder of captures nor one of {', '.join(MANNERS)}")
+        return build_graph(capture_paths(motions), GraphSettings()), np.zeros((1, 1))
+    bands = [(LEGS.low, LEGS.high), (TORSO.low, TORSO.high)]
+    loaded = load_behavior_set(["lateral", "arm_constrained", "frontal"], bands, motion_set=motions)
+    facings = np.full((len(loaded.behaviors), max(len(b.facings) for b in loaded.behaviors)), np.nan)
+    for row, behavior in zip(facings, loaded.behaviors, strict=True):
+        row[: len(behavior.facings)] = behavior.facings
+    return loaded.graph, facings

@@ -1,0 +1,92 @@
+"""What a set of motions can follow: of a set drawn with ruler and compass, and of that set without its left turns."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import shapely
+
+from crowdsim.errors import MotionError
+from crowdsim.following.coverage import (
+    ANGLES,
+    LEADS,
+    _paths,
+    coverage_rows,
+    draw_coverage,
+    measure_coverage,
+)
+from crowdsim.following.motion_maps import MotionMaps
+from crowdsim.motion.graph_arrays import GraphArrays
+from crowdsim.motion.pose_table import PoseTable
+from tests.unit.following.walking_graph import FRONTAL, graph_of, pieces
+
+
+def set_of(graph: GraphArrays) -> SimpleNamespace:
+    """The graph with bodies of one joint each, 0.2 m left of the track."""
+    rotations = np.zeros((len(graph.tracks), 2, 4), np.float32)
+    rotations[:, :, 0] = 1.0
+    root = np.tile(np.float32([0.0, 0.0, 1.0]), (len(graph.tracks), 1))
+    offsets = np.float32([[0.0, 0.0, 0.0], [0.0, 0.2, 0.0]])
+    poses = PoseTable(np.array([-1, 0], np.int32), offsets, graph.node_track, graph.node_frames, root, rotations)
+    return SimpleNamespace(arrays=graph, poses=poses)
+
+
+def measure(only_right: bool = False, **options: int):
+    parts = [part for part in pieces() if part.behavior == FRONTAL and part.begin in "CS" and part.end in "CS"]
+    graph = graph_of([part for part in parts if not (only_right and part.track[-1, 2] > 0.0)])
+    graph = graph._replace(node_behavior=np.zeros_like(graph.node_behavior))
+    maps = MotionMaps.build(graph)
+    return measure_coverage(
+        set_of(graph), maps, np.zeros((1, 1)), radii=(2.0, 0.5), clearances=(0.15, 0.3, 0.6), **options
+    )
+
+
+def test_narrow_ways_are_followed_less_and_bodies_need_their_room() -> None:
+    coverage = measure()
+    assert coverage.curvature.tolist() == [2.0, 0.5, 0.0, -0.5, -2.0]
+    assert (coverage.share[:, 0] == 0.0).all()
+    assert (coverage.share[:, 2] == 1.0).all()
+
+
+def test_the_table_shows_what_is_missing() -> None:
+    """Without pieces that turn left, long left turns fail; sharp ones are taken on the spot, the long way."""
+    whole, lacking = measure(), measure(only_right=True)
+    assert (whole.share[:, 1:] == 1.0).all()
+    assert lacking.share[1, 1] < 0.9
+    np.testing.assert_array_equal(lacking.share[2:], whole.share[2:])
+
+
+def test_any_number_of_workers_gives_the_same_and_tells_of_it() -> None:
+    told: list[tuple[int, int]] = []
+    one, three = measure(), measure(workers=3, progress=lambda *done: told.append(done))
+    np.testing.assert_array_equal(one.share, three.share)
+    assert told == [(done, 15) for done in range(1, 16)]
+
+
+def test_rows_and_picture_show_each_turn() -> None:
+    coverage = measure()
+    rows = coverage_rows(coverage)
+    assert [row["turn"] for row in rows] == ["left, 0.5 m", "left, 2 m", "straight", "right, 2 m", "right, 0.5 m"]
+    axes = draw_coverage(coverage, "walks").axes[0]
+    assert len(axes.texts) == coverage.share.size
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.5, -2.0])
+def test_paths_turn_as_they_should(bend: float) -> None:
+    paths = _paths(bend, 2)
+    assert len(paths) == len(LEADS) * (len(ANGLES) if bend else 1)
+    for path in paths:
+        line = shapely.LineString(path.pose[:, :2])
+        assert line.length == pytest.approx(path.arc[-1], rel=0.02)
+        chord = np.diff(path.pose[:, :2], axis=0)
+        ways = np.arctan2(chord[:, 1], chord[:, 0])
+        middle = 0.5 * (path.pose[1:, 2] + path.pose[:-1, 2])
+        assert np.abs((ways - middle + np.pi) % (2 * np.pi) - np.pi).max() < 0.11
+        assert (path.behavior == 2).all()
+        assert np.abs(np.diff(path.pose[:, 2])).max() <= abs(bend) * 0.1 + 1e-9
+
+
+@pytest.mark.parametrize("wrong", [{"workers": 0}])
+def test_wrong_numbers_are_refused(wrong: dict[str, int]) -> None:
+    with pytest.raises(MotionError, match="coverage needs radii"):
+        measure(**wrong)
