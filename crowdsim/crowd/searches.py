@@ -15,9 +15,9 @@ from crowdsim.crowd.motion_search import SLICE_LOOKS, MotionSearch
 from crowdsim.crowd.worker_pool import WorkerPool
 from crowdsim.errors import PathNotFound
 
-LOOKS_PER_STEP = 24 * SLICE_LOOKS
+LOOKS_PER_STEP = 12 * SLICE_LOOKS
 """Branches that all slices of a step lay together at most, so that a step stays short however many searches there are.
-Half of that is for those that begin, as long as there are any."""
+Half of that is for those that begin, as long as there are any. These count double, for the routes they plan."""
 
 LONGEST_SLICE = 12 * SLICE_LOOKS
 """Branches that a slice lays at most. Every slice of a search is twice as long as the one before: few searches need a
@@ -95,15 +95,16 @@ class Searches:
         begun = [(agent, search) for agent, search in self._ongoing.items() if search.search.slices]
         new = [(agent, search) for agent, search in self._ongoing.items() if not search.search.slices]
         left = self.each_step
-        share = max(self.each_step // 2 // self.first_slice, 1)
+        share = max(self.each_step // 4 // self.first_slice, 1)
         for agent, search in (*new[:share], *begun, *new[share:]):
-            if left < search.looks:
+            looks = search.looks if search.search.slices else 2 * search.looks
+            if left < looks:
                 continue
             played = kept(agent, search)
             if played is None:
                 self.drop(agent)
                 continue
-            left -= search.looks
+            left -= looks
             search.revision = revision
             self.pool.submit(step, agent, lambda search=search, played=played: search.advance(played))  # type: ignore[misc]
 

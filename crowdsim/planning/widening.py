@@ -97,11 +97,14 @@ def _prices(query: Query, places: NDArray[np.float64]) -> NDArray[np.float64] | 
 
 def _cheapest_shifts(prices: NDArray[np.float64], steps: NDArray[np.float64]) -> NDArray[np.int64]:
     """Shift (n,) of each station with the least sum of length times mean price; steps: (n - 1, from, to) meters."""
-    costs = 0.5 * (prices[:-1, :, None] + prices[1:, None, :]) * steps
-    before = np.empty(steps.shape[:2], np.int64)
+    before = np.full(steps.shape[:2], _STAY)
     total = np.zeros(len(SHIFTS))
     every = np.arange(len(SHIFTS))
-    for k, cost in enumerate(costs):
+    # Between two stations that can only stay there is nothing to choose.
+    free = np.isfinite(prices).sum(axis=1) > 1
+    pieces = np.flatnonzero(free[:-1] | free[1:])
+    costs = 0.5 * (prices[pieces, :, None] + prices[pieces + 1, None, :]) * steps[pieces]
+    for k, cost in zip(pieces.tolist(), costs, strict=True):
         sums = cost + total[:, None]
         best = before[k] = sums.argmin(axis=0)
         total = sums[best, every]
