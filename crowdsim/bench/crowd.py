@@ -65,9 +65,7 @@ def scenario_text(characters: int, interval: float) -> str:
         for x in range(3, round(side) - 1, 6)
         for y in range(3, round(side) - 1, 6)
     ]
-    return _SCENARIO.format(
-        side=side, obstacles=", ".join(obstacles), count=characters, interval=interval, goals=goals
-    )
+    return _SCENARIO.format(side=side, obstacles=", ".join(obstacles), count=characters, interval=interval, goals=goals)
 
 
 @dataclass
@@ -120,9 +118,7 @@ class Players:
             self.next_origin, self.next_seam, self.next_cursor, self.cursor, self.behavior, self.pose,
         )  # fmt: skip
         self.searches.submit(self.step, 0, self._played)
-        pose_joints(
-            self.setting.motion.poses, self.node, self.previous, self.frame, self.pose, self.joints, self.turns
-        )
+        pose_joints(self.setting.motion.poses, self.node, self.previous, self.frame, self.pose, self.joints, self.turns)
         self.step += 1
 
     @property
@@ -213,8 +209,9 @@ def measure(characters: int = 1000, seconds: float = 60.0, run_seconds: float = 
         walking = int((players.cursor >= 0).sum())
     scenario = parse_scenario(scenario_text(characters, interval=0.02))
     simulation = Simulation(scenario, workers)
-    simulation.step()
     with simulation.searches.pool:
+        for _ in range(30):
+            simulation.step()
         steps = _paced(simulation.step, round(run_seconds / FRAME_SECONDS))
         reached = int(simulation.errands.reached.sum())
         rows.append(_row("run", simulation.world.count, steps, simulation.searches, reached))
@@ -250,9 +247,7 @@ def _paced(work: Any, count: int) -> NDArray[np.float64]:
     return times
 
 
-def _row(
-    what: str, characters: int, times: NDArray[np.float64], searches: Searches, arrivals: int
-) -> dict[str, Any]:
+def _row(what: str, characters: int, times: NDArray[np.float64], searches: Searches, arrivals: int) -> dict[str, Any]:
     ms = times * 1e3
     return {
         "what": what,

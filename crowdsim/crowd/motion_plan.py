@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.crowd.state_hash import digest_of
 from crowdsim.planning.annotated_path import AnnotatedPath
 
 
@@ -53,9 +53,7 @@ class MotionPlan:
     @property
     def digest(self) -> int:
         """64 bits that name the plan, for the state hash."""
-        content = hashlib.blake2b(self.nodes.tobytes(), digest_size=8)
-        content.update(self.origins.tobytes())
-        return int.from_bytes(content.digest(), "little")
+        return digest_of(self.nodes.tobytes() + self.origins.tobytes())
 
     def until(self, last: int) -> MotionPlan:
         """The plan up to and with node ``last``."""

@@ -86,9 +86,9 @@ class Simulation:
                 System("plans", replanning.run, replanning.READS, replanning.WRITES),
                 System("enter", entering.run, entering.READS),
                 System("choose", choosing.run, choosing.READS, choosing.WRITES),
+                System("search", searching.run, searching.READS),
                 System("advance", advancing.run, writes=advancing.WRITES),
                 System("arrive", arriving.run, arriving.READS),
-                System("search", searching.run, searching.READS),
             ],
         )
 
