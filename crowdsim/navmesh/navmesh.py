@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import os
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -298,6 +300,15 @@ class NavMesh:
         obstacles = self._edited()
         try:
             obstacles.move(handle, *place)
+        finally:
+            self._update(obstacles)
+
+    @contextmanager
+    def edited(self) -> Iterator[Obstacles]:
+        """Lend what edits the mesh to who runs kernels on it that do."""
+        obstacles = self._edited()
+        try:
+            yield obstacles
         finally:
             self._update(obstacles)
 

@@ -12,37 +12,11 @@ from crowdsim.navmesh.half_edge_kernels import nxt, prv, triangle_near
 from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
 from crowdsim.planning.labelling_kernels import label_stretches
 
-_OWN_SPAN = np.dtype([("lo", np.float64), ("hi", np.float64), ("owner", np.int64)], align=True)
+OWN_SPAN = np.dtype([("lo", np.float64), ("hi", np.float64), ("owner", np.int64)], align=True)
 """An interval of arc length where behavior ``owner`` does not fit."""
 
 _GRAZE = 1e-9
 """Meters within which a piece that touches an obstacle's side may as well cross it."""
-
-
-@helper
-def _beside(ax, ay, bx, by, radius):
-    """Interval of x where (x, 0) is beside segment ab and closer than ``radius`` to it; lo > hi if none."""
-    ex = bx - ax
-    ey = by - ay
-    length = math.hypot(ex, ey)
-    ex /= length
-    ey /= length
-    lo = -math.inf
-    hi = math.inf
-    # Beside the segment: |n.(x - a)| < radius and 0 < e.(x - a) < length.
-    for at, rate, least, most in (
-        (ey * ax - ex * ay, -ey, -radius, radius),
-        (-ex * ax - ey * ay, ex, 0.0, length),
-    ):
-        if rate == 0.0:
-            if at <= least or at >= most:
-                return math.inf, -math.inf
-        else:
-            s0 = (least - at) / rate
-            s1 = (most - at) / rate
-            lo = max(lo, min(s0, s1))
-            hi = min(hi, max(s0, s1))
-    return lo, hi
 
 
 @helper
@@ -60,10 +34,8 @@ def _crosses(ax, ay, bx, by, length):
 
 
 @helper
-def _inside(m, t, px, py, ux, uy):
+def _inside(sides, vertices, t, px, py, ux, uy):
     """Interval (lo, hi) of s where p + s u is inside triangle t; lo > hi if none."""
-    sides = m.sides
-    vertices = m.vertices
     lo = -math.inf
     hi = math.inf
     for h in range(3 * t, 3 * t + 3):
@@ -81,29 +53,29 @@ def _inside(m, t, px, py, ux, uy):
 
 
 @helper
-def _add_span(spans, lasts, count, owner, lo, hi, start):
-    """Record the interval for behavior ``owner`` on the piece from ``start`` on; it may widen that one's last."""
-    lo += start
-    hi += start
+def _add_span(spans, lasts, count, owner, lo, hi):
+    """Record the interval for behavior ``owner``, or widen that one's last by it; the new count.
+
+    Callers see to room. An array that came back would be counted anew in each call.
+    """
     k = lasts[owner]
     if k >= 0:
         last = spans[k]
         if lo <= last.hi and hi >= last.lo:
             last.lo = min(last.lo, lo)
             last.hi = max(last.hi, hi)
-            return spans, count
-    if count == spans.size:
-        spans = longer(spans)
-    spans[count].owner = owner
-    spans[count].lo = lo
-    spans[count].hi = hi
+            return count
+    last = spans[count]
+    last.owner = owner
+    last.lo = lo
+    last.hi = hi
     lasts[owner] = count
-    return spans, count + 1
+    return count + 1
 
 
 @helper
 def _add_corner(spans, lasts, count, radii, k, x, y, start, length):
-    """Record for each behavior where the piece is too near to the corner at (x, y) of its frame; (spans, count)."""
+    """Record for each behavior where the piece is too near to the corner at (x, y) of its frame; the new count."""
     for b in range(radii.shape[0] - 1, -1, -1):
         half2 = radii[b, k] * radii[b, k] - y * y
         if half2 <= 0.0:
@@ -113,24 +85,64 @@ def _add_corner(spans, lasts, count, radii, k, x, y, start, length):
         hi = min(x + half, length)
         if lo >= hi:  # what is clear enough for this one is for all that are narrower
             break
-        spans, count = _add_span(spans, lasts, count, b, lo, hi, start)
-    return spans, count
+        count = _add_span(spans, lasts, count, b, lo + start, hi + start)
+    return count
 
 
 @helper
-def _add_inside(m, t, px, py, ux, uy, start, length, behaviors, spans, lasts, count):
-    """Record for all behaviors where the piece is in the blocked triangle t; (spans, count)."""
-    lo, hi = _inside(m, t, px, py, ux, uy)
+def _add_side(spans, lasts, count, radii, k, ax, ay, bx, by, start, length):
+    """Record for each behavior where the piece is beside the side ab of its frame and too near; the new count."""
+    ex = bx - ax
+    ey = by - ay
+    size = math.hypot(ex, ey)
+    ex /= size
+    ey /= size
+    # Beside the side: 0 < e.(x - a) < size.
+    from_a = -ex * ax - ey * ay
+    least = 0.0
+    most = length
+    if ex == 0.0:
+        if from_a <= 0.0 or from_a >= size:
+            return count
+    else:
+        s0 = -from_a / ex
+        s1 = (size - from_a) / ex
+        least = max(min(s0, s1), 0.0)
+        most = min(max(s0, s1), length)
+    off = ey * ax - ex * ay
+    for b in range(radii.shape[0] - 1, -1, -1):
+        # Too near: |n.(x - a)| < radius.
+        radius = radii[b, k]
+        lo = least
+        hi = most
+        if ey == 0.0:
+            if abs(off) >= radius:
+                break
+        else:
+            s0 = (radius + off) / ey
+            s1 = (off - radius) / ey
+            lo = max(lo, min(s0, s1))
+            hi = min(hi, max(s0, s1))
+        if lo >= hi:
+            break
+        count = _add_span(spans, lasts, count, b, lo + start, hi + start)
+    return count
+
+
+@helper
+def _add_inside(sides, vertices, t, px, py, ux, uy, start, length, behaviors, spans, lasts, count):
+    """Record for all behaviors where the piece is in the blocked triangle t; the new count."""
+    lo, hi = _inside(sides, vertices, t, px, py, ux, uy)
     lo = max(lo, 0.0)
     hi = min(hi, length)
     if lo < hi:
         for b in range(behaviors):
-            spans, count = _add_span(spans, lasts, count, b, lo, hi, start)
-    return spans, count
+            count = _add_span(spans, lasts, count, b, lo + start, hi + start)
+    return count
 
 
 @helper
-def _add_misfits(m, stack, marks, mark, root, px, py, ux, uy, start, length, radii, k, spans, lasts, count):
+def add_misfits(m, stack, marks, mark, root, px, py, ux, uy, start, length, radii, k, spans, lasts, count):
     """Record where p + s u, s from 0 to ``length``, is too near to obstacles for each behavior; (spans, count, stack).
 
     Triangles are walked from ``root``, that of p, as far as the widest behavior reaches. Sides of obstacles are passed
@@ -138,8 +150,11 @@ def _add_misfits(m, stack, marks, mark, root, px, py, ux, uy, start, length, rad
     """
     sides = m.sides
     vertices = m.vertices
-    widest = radii.shape[0] - 1
-    reach = radii[widest, k]
+    wind = m.wind
+    behaviors = radii.shape[0]
+    reach = radii[behaviors - 1, k]
+    if count + 4 * behaviors > spans.size:  # for the corners and the inside of the first triangle
+        spans = longer(spans)
     for i in range(3):
         row = stack[i]
         row.h = 3 * root + i
@@ -147,20 +162,19 @@ def _add_misfits(m, stack, marks, mark, root, px, py, ux, uy, start, length, rad
         row.ax = (v.x - px) * ux + (v.y - py) * uy
         row.ay = (v.y - py) * ux - (v.x - px) * uy
         if is_close(row.ax, row.ay, length, reach) and sides[row.h].org >= BOX_CORNERS:
-            spans, count = _add_corner(spans, lasts, count, radii, k, row.ax, row.ay, start, length)
+            count = _add_corner(spans, lasts, count, radii, k, row.ax, row.ay, start, length)
     for i in range(3):
         row = stack[i]
         after = stack[i + 1 if i < 2 else 0]
         row.bx = after.ax
         row.by = after.ay
     marks[root] = mark
-    if m.wind[root] != 0:
-        spans, count = _add_inside(m, root, px, py, ux, uy, start, length, widest + 1, spans, lasts, count)
+    if wind[root] != 0:
+        count = _add_inside(sides, vertices, root, px, py, ux, uy, start, length, behaviors, spans, lasts, count)
     top = 3
     while top > 0:
         top -= 1
         row = stack[top]
-        h = row.h
         ax = row.ax
         ay = row.ay
         bx = row.bx
@@ -168,28 +182,30 @@ def _add_misfits(m, stack, marks, mark, root, px, py, ux, uy, start, length, rad
         near = is_close(ax, ay, length, reach) or is_close(bx, by, length, reach)
         if not near and not is_met(ax, ay, bx, by, length, reach):
             continue
-        if sides[h].cst != 0:
-            for b in range(widest, -1, -1):
-                lo, hi = _beside(ax, ay, bx, by, radii[b, k])
-                lo = max(lo, 0.0)
-                hi = min(hi, length)
-                if lo >= hi:
-                    break
-                spans, count = _add_span(spans, lasts, count, b, lo, hi, start)
+        if count + 3 * behaviors > spans.size:  # for a side, a corner and the inside of a triangle
+            spans = longer(spans)
+        h = row.h
+        side = sides[h]
+        if side.cst != 0:
+            count = _add_side(spans, lasts, count, radii, k, ax, ay, bx, by, start, length)
             if not _crosses(ax, ay, bx, by, length):
                 continue
-        g = sides[h].twin
-        if g < 0 or marks[g // 3] == mark:
+        g = side.twin
+        t = g // 3
+        if g < 0 or marks[t] == mark:
             continue
-        marks[g // 3] = mark
-        if m.wind[g // 3] != 0:
-            spans, count = _add_inside(m, g // 3, px, py, ux, uy, start, length, widest + 1, spans, lasts, count)
+        marks[t] = mark
+        if wind[t] != 0:
+            count = _add_inside(sides, vertices, t, px, py, ux, uy, start, length, behaviors, spans, lasts, count)
         p = prv(g)
-        v = vertices[sides[p].org]
-        cx = (v.x - px) * ux + (v.y - py) * uy
-        cy = (v.y - py) * ux - (v.x - px) * uy
-        if is_close(cx, cy, length, reach) and sides[p].org >= BOX_CORNERS:
-            spans, count = _add_corner(spans, lasts, count, radii, k, cx, cy, start, length)
+        origin = sides[p].org
+        v = vertices[origin]
+        x = v.x - px
+        y = v.y - py
+        cx = x * ux + y * uy
+        cy = y * ux - x * uy
+        if is_close(cx, cy, length, reach) and origin >= BOX_CORNERS:
+            count = _add_corner(spans, lasts, count, radii, k, cx, cy, start, length)
         if top + 2 > stack.size:
             stack = longer(stack)
         row = stack[top]
@@ -208,6 +224,31 @@ def _add_misfits(m, stack, marks, mark, root, px, py, ux, uy, start, length, rad
     return spans, count, stack
 
 
+@helper
+def label_spans(spans, total, costs, turned, terms, length):
+    """Cheapest sections and their cost, as of `label_stretches`, of a path with ``total`` intervals, in any order."""
+    count = costs.size
+    ends = np.zeros(count, np.int64)
+    own = np.empty(total + 1, SPAN)
+    blocked = np.empty((total, 2))
+    rows = 0
+    for b in range(count):
+        filled = np.int64(0)
+        for s in range(total):
+            if spans[s].owner == b:
+                own[filled].lo = spans[s].lo
+                own[filled].hi = spans[s].hi
+                filled += 1
+        union = merged(own, filled)
+        # Not as slices, whose shape checks compile for a second.
+        for s in range(union.shape[0]):
+            blocked[rows, 0] = union[s, 0]
+            blocked[rows, 1] = union[s, 1]
+            rows += 1
+        ends[b] = rows
+    return label_stretches(blocked, ends, costs, turned, terms, length)
+
+
 @kernel
 def annotate(layers, radii, costs, turned, terms, points):
     """Cheapest sections (k, 3) of the polyline (n, 2), as of `label_stretches`, their cost and the polyline's length.
@@ -217,9 +258,8 @@ def annotate(layers, radii, costs, turned, terms, points):
     count = costs.size
     pieces = points.shape[0] - 1
     stack = np.empty(64, SWEPT)
-    ends = np.zeros(count, np.int64)
     lasts = np.empty(count, np.int64)
-    spans = np.empty(64, _OWN_SPAN)
+    spans = np.empty(64, OWN_SPAN)
     most = 0
     for m in layers:
         most = max(most, m.wind.size)
@@ -246,29 +286,12 @@ def annotate(layers, radii, costs, turned, terms, points):
                 )  # fmt: skip
             if size > 0.0 and not free:
                 mark += 1
-                spans, total, stack = _add_misfits(
+                spans, total, stack = add_misfits(
                     m, stack, marks, mark, triangle, px, py, ux / size, uy / size, start, size, radii, k,
                     spans, lasts, total,
                 )  # fmt: skip
             triangle = end if free else triangle_near(m, points[i + 1, 0], points[i + 1, 1], triangle)
             start += size
         length = start
-    own = np.empty(total + 1, SPAN)
-    blocked = np.empty((total, 2))
-    rows = 0
-    for b in range(count):
-        filled = np.int64(0)
-        for s in range(total):
-            if spans[s].owner == b:
-                own[filled].lo = spans[s].lo
-                own[filled].hi = spans[s].hi
-                filled += 1
-        union = merged(own, filled)
-        # Not as slices, whose shape checks compile for a second.
-        for s in range(union.shape[0]):
-            blocked[rows, 0] = union[s, 0]
-            blocked[rows, 1] = union[s, 1]
-            rows += 1
-        ends[b] = rows
-    sections, cost = label_stretches(blocked, ends, costs, turned, terms, length)
+    sections, cost = label_spans(spans, total, costs, turned, terms, length)
     return sections, cost, length

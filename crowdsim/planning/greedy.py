@@ -18,8 +18,10 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.paths.detour_kernels import keeps_off
-from crowdsim.navmesh.paths.detours import Detours
-from crowdsim.planning.annotated_path import AnnotatedPath, Section
+from crowdsim.navmesh.paths.detours import Detours, Ways
+from crowdsim.planning.annotated_path import AnnotatedPath, Section, arc_lengths
+from crowdsim.planning.candidate_kernels import PIECE, cheapest_path
+from crowdsim.planning.fitting_kernels import OWN_SPAN
 from crowdsim.planning.labelling_kernels import MIN_SECTION
 from crowdsim.planning.query import Query, with_sections
 
@@ -31,8 +33,9 @@ _MOST_ROUNDS = 64
 _SAME_PLACE = 1e-6
 """Meters within which conflict points are the same."""
 
-_NOWHERE = np.empty((0, 2))
-"""The points of a path that does not exist."""
+_PIECES = 2048
+_SPANS = 1024
+"""What is known of paths at first has room for so many pieces, and stretches of them where a behavior does not fit."""
 
 Annotate = Callable[[NDArray[np.float64]], AnnotatedPath]
 """The points (n, 2) of a path to the path with its sections, none where nothing fits."""
@@ -40,68 +43,78 @@ Annotate = Callable[[NDArray[np.float64]], AnnotatedPath]
 
 def plan_greedy(query: Query, keep_blockers: bool, annotate: Annotate | None = None) -> AnnotatedPath | None:
     """Algorithm 1; None where no path fits any behavior. ``annotate`` finds the sections, by default in the layers."""
-    preferred = float(query.need.costs[-1])
     radius = query.need.search_radius
     try:
         direct = query.meshes[0].find_path(query.ends[0], query.ends[1], radius)
     except PathNotFound:
         return None
-    paths = _Paths(query, annotate)
-    best = paths.path(direct.points)
+    judge = _ByLayers(query) if annotate is None else _ByCaller(query, annotate)
+    only = Ways(direct.points, np.array([len(direct.points)]), np.array([direct.length]))
+    fitting = judge.cheapest(only, np.inf)
+    best = fitting[1] if fitting else AnnotatedPath(direct.points, arc_lengths(direct.points), (), np.inf)
     with _own_detours(query.meshes[0]) as detours:
-        mesh, handles = detours.mesh, []
-        closest = radius - mesh.tolerance(radius)
+        closest = radius - detours.mesh.tolerance(radius)
         tried: dict[tuple[int, int], NDArray[np.float64]] = {}
-        try:
-            detours.aim(query.ends[0], query.ends[1], radius, direct.length)
-            for _ in range(_MOST_ROUNDS):
-                least, blocker, chosen = best.cost, None, best.points
-                for point in _conflict_points(query, best):
-                    x, y = point.tolist()
-                    place = round(x / _SAME_PLACE), round(y / _SAME_PLACE)
-                    if place in tried:  # with fewer blockers, and it was no cheaper than what is best by now
-                        continue
-                    handle = mesh.insert_obstacle(point)
-                    try:
-                        points, length = detours.path()
-                    finally:
-                        mesh.remove(handle)
-                    tried[place] = _NOWHERE if points is None else points
-                    if points is not None and length * preferred < least and (cost := paths.cost(points)) < least:
-                        least, blocker, chosen = cost, point, points
-                if blocker is None:
-                    break
-                best = paths.path(chosen)
-                if keep_blockers:
-                    handles.append(mesh.insert_obstacle(blocker))
-                    tried = {k: points for k, points in tried.items() if keeps_off(points, *blocker.tolist(), closest)}
-        finally:
-            for handle in handles:
-                mesh.remove(handle)
+        detours.aim(query.ends[0], query.ends[1], radius, direct.length)
+        for _ in range(_MOST_ROUNDS):
+            points = _conflict_points(query, best)
+            places = [(round(x / _SAME_PLACE), round(y / _SAME_PLACE)) for x, y in points.tolist()]
+            # Those tried before were with fewer blockers, and no cheaper than what is best by now.
+            new = {place: k for k, place in enumerate(places) if place not in tried}
+            if not new:
+                break
+            blockers = points[list(new.values())]
+            ways = detours.around(blockers)
+            tried |= {place: ways[k] for k, place in enumerate(new)}
+            found = judge.cheapest(ways, best.cost)
+            if found is None:
+                break
+            chosen, best = found
+            if keep_blockers:
+                blocker = blockers[chosen]
+                detours.mesh.insert_obstacle(blocker)
+                tried = {k: points for k, points in tried.items() if keeps_off(points, *blocker.tolist(), closest)}
     return best if best.sections else None
 
 
-class _Paths:
-    """Paths by their points, labelled once each: many blockers lead to the same detour."""
+class _ByLayers:
+    """Which of many paths costs least, by the layers; what is known of a piece of one serves for the others."""
 
-    def __init__(self, query: Query, annotate: Annotate | None) -> None:
-        self._query = query
+    def __init__(self, query: Query) -> None:
+        self._fitting = query.fitting()
+        self._known = np.zeros(_PIECES, PIECE), np.empty(_SPANS, OWN_SPAN)
+        self._filled = np.zeros(2, np.int64)
+
+    def cheapest(self, ways: Ways, least: float) -> tuple[int, AnnotatedPath] | None:
+        """Number of the first of those that cost least, and the path with its sections; None if it is not less."""
+        chosen, cost, sections, *known = cheapest_path(
+            *self._fitting, ways.points, ways.ends, ways.lengths, least, *self._known, self._filled
+        )
+        self._known = known[0], known[1]
+        return None if chosen < 0 else (chosen, with_sections(ways[chosen].copy(), sections, cost))
+
+
+class _ByCaller:
+    """The same by a function; each path is asked for once, as many blockers lead to the same detour."""
+
+    def __init__(self, query: Query, annotate: Annotate) -> None:
+        self._preferred = float(query.need.costs[-1])
         self._annotate = annotate
-        self._known: dict[bytes, AnnotatedPath | tuple[NDArray[np.float64], float]] = {}
+        self._known: dict[bytes, AnnotatedPath] = {}
 
-    def cost(self, points: NDArray[np.float64]) -> float:
-        known = self._labelled(points)
-        return known.cost if isinstance(known, AnnotatedPath) else known[1]
-
-    def path(self, points: NDArray[np.float64]) -> AnnotatedPath:
-        known = self._labelled(points)
-        return known if isinstance(known, AnnotatedPath) else with_sections(points, *known)
-
-    def _labelled(self, points: NDArray[np.float64]) -> AnnotatedPath | tuple[NDArray[np.float64], float]:
-        key = points.tobytes()
-        if key not in self._known:
-            self._known[key] = self._query.labelled(points) if self._annotate is None else self._annotate(points)
-        return self._known[key]
+    def cheapest(self, ways: Ways, least: float) -> tuple[int, AnnotatedPath] | None:
+        best = None
+        for k, length in enumerate(ways.lengths.tolist()):
+            if length * self._preferred >= least:
+                continue
+            points = ways[k]
+            key = points.tobytes()
+            if key not in self._known:
+                self._known[key] = self._annotate(points)
+            if self._known[key].cost < least:
+                best = k, self._known[key]
+                least = best[1].cost
+        return best
 
 
 def _conflict_points(query: Query, path: AnnotatedPath) -> NDArray[np.float64]:
@@ -121,7 +134,7 @@ _lock = threading.Lock()
 
 @contextmanager
 def _own_detours(mesh: NavMesh) -> Iterator[Detours]:
-    """Lend a copy of ``mesh`` that one thread may edit; who is given it leaves it as it was."""
+    """Lend a copy of ``mesh`` that one thread may edit."""
     revision = mesh.revision
     with _lock:
         kept = [entry for entry in _kept.get(mesh, []) if entry[0] == revision]
@@ -130,5 +143,6 @@ def _own_detours(mesh: NavMesh) -> Iterator[Detours]:
     if detours is None:
         detours = Detours(mesh)
     yield detours
-    with _lock:
-        _kept[mesh].append((revision, detours))
+    if detours.reset():
+        with _lock:
+            _kept[mesh].append((revision, detours))

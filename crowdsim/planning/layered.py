@@ -25,6 +25,9 @@ SURPRISE = 0.01
 ALARM = 0.03
 """Share of the estimate above which blocked places are worth a try: sections of the least length near the ends."""
 
+WIDE = 1.0
+"""What a path costs beyond its length, below which they are tried too."""
+
 NEAR = 6.0
 """Meters of a path below which they are tried anyway, as that takes little time and ends weigh much."""
 
@@ -42,11 +45,16 @@ def plan_layered(query: Query) -> AnnotatedPath | None:
         if whole:
             return AnnotatedPath(query.ends, arc, whole, length * float(query.need.costs[-1]))
     best, estimate = _over_roadmap(query, roadmap)
-    if best is None or best.cost > estimate * (1.0 + SURPRISE) or best.length < NEAR:
+    if best is None or best.cost > estimate * (1.0 + SURPRISE) or best.length < NEAR or _is_wide(best, query):
         best = _cheaper(best, cheapest_uniform(query))
     if best is not None and (best.cost > estimate * (1.0 + ALARM) or _is_near_and_narrow(best)):
         best = _cheaper(best, plan_greedy(query, keep_blockers=False))
-    return best
+    return best if best is None else roadmap.shifted(best)
+
+
+def _is_wide(path: AnnotatedPath, query: Query) -> bool:
+    """Whether it costs little more than its length: the roadmap knows lengths worse than where it is narrow."""
+    return path.cost - path.length * float(query.need.costs[-1]) < WIDE
 
 
 def _is_near_and_narrow(path: AnnotatedPath) -> bool:
@@ -70,14 +78,12 @@ def _over_roadmap(query: Query, roadmap: Roadmap) -> tuple[AnnotatedPath | None,
     road, estimate = roadmap.find(query.ends)
     if not len(road):
         return None, estimate
-    if (road[:, 1] == query.need.count - 1).all():
-        # The widest room may know better: the estimate is too high where triangles are large.
-        return _cheaper(roadmap.polish(road, query), cheapest_uniform(query)), estimate
     best = roadmap.polish(road, query)
     if best is None or best.cost > estimate or _is_long_and_narrow(best, query):
         points = _by_rooms(query, roadmap, road)
         if len(points):
             path = query.annotated(points)
+            best = best if best is None else roadmap.shifted(best)
             best = _cheaper(best, path) if path.sections else best
     return best, estimate
 

@@ -1,10 +1,13 @@
-"""The cheapest string along a way over the roadmap: pinned in gates or not, which is found by trying."""
+"""The cheapest string along a way over the roadmap: pinned in gates or not, which is found by trying.
+
+And any path made cheaper where it is narrow, by shifting stations along it time and again.
+"""
 
 import math
 
 import numpy as np
 
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.sweep_kernels import SWEPT
 from crowdsim.navmesh.half_edge_kernels import triangle_of
 from crowdsim.navmesh.mesh_arrays import NONE
@@ -26,17 +29,31 @@ MOST_GATES = 8
 """Gates that are pinned at most."""
 
 SPREAD = 0.12
-"""Meters by which stations of the cheapest string may shift aside."""
+"""Meters by which stations of the cheapest path may shift aside at once; half as many after each time in vain."""
+
+_LEAST_SPREAD = 0.05
+
+_ROUNDS = 4
+"""Times that stations shift, each from where they were shifted to."""
+
+
+@helper
+def _length(line):
+    """Meters of a polyline (n, 2)."""
+    length = 0.0
+    for i in range(line.shape[0] - 1):
+        length += math.hypot(line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1])
+    return length
 
 
 @kernel
-def polish_road(layers, upper, points, road, around, reach, ends, radii, full, costs, turned, terms, radius, least):
+def polish_road(layers, upper, points, road, around, reach, ends, radii, costs, turned, terms, radius, least):
     """Polyline (n, 2), its sections (k, 3) and cost, of the cheapest string found along a road; no rows if all tangle.
 
-    The first string is not pinned, the second in all gates, the next differ from the cheapest by one gate each; at
-    last stations of the cheapest shift. All keep ``radius`` in the lowest of ``layers``, ``least`` of it at least.
-    upper: those labelled by, with radii (n, k) as of `annotate`. around: (nv, n) of `corner_radii`. reach: (nv,), for
-    scratch. full: (n, m), radii on all layers.
+    The first string is as wide as the road's behaviors and not pinned, the second pinned in all gates and elsewhere as
+    wide as can be, the next differ from the cheapest by one gate each.
+    All keep ``radius`` in the lowest of ``layers``, ``least`` of it at least. upper: those labelled by, with radii
+    (n, k) as of `annotate`. around: (nv, n) of `corner_radii`. reach: (nv,), for scratch.
     """
     m = layers[0]
     top = costs.size - 1
@@ -58,50 +75,56 @@ def polish_road(layers, upper, points, road, around, reach, ends, radii, full, c
     fill_gaps(m, channel, levels, count, around, corners, filled, radius, reach)
     nodes, size = taut_string(m, channel, count, reach, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1])
     string = np.empty(nodes.size + 4 * found_gates + 64, STRING_NODE)
-    hints = np.full(len(layers), NONE)
-    strings = 1 + (1 + found_gates if found_gates > 0 else 0)
-    if found_gates == 1:
-        strings = 2
-    for tried in range(strings + 1):
-        if tried < strings:
-            flip = tried - 2
-            for g in range(found_gates):
-                if tried == 0:
-                    gates[g].pinned = 0
-                elif tried == 1:
-                    gates[g].pinned = 1
-            if flip >= 0:
-                gates[flip].pinned = 1 - gates[flip].pinned
+    narrow = False
+    for k in range(count):
+        narrow = narrow or levels[k] < top
+    strings = 1 + (1 + found_gates if found_gates > 1 else int(narrow))
+    for tried in range(strings):
+        flip = tried - 2
+        for g in range(found_gates):
             if tried == 0:
-                for i in range(size):
-                    string[i] = nodes[i]
-                written = keep_off(string, size, corners, filled, np.int64(0), count)
-            else:
-                written = pinned_string(nodes, size, corners, filled, around, gates, found_gates, string)
-            done = False
-            if written >= 0:
-                done, found = pull(m, stack, string, written, radius, least, start, np.bool_(False))
-            if not done:
-                if flip >= 0:
-                    gates[flip].pinned = 1 - gates[flip].pinned
-                continue
+                gates[g].pinned = 0
+            elif tried == 1:
+                gates[g].pinned = 1
+        if flip >= 0:
+            gates[flip].pinned = 1 - gates[flip].pinned
+        if tried == 0:
+            for i in range(size):
+                string[i] = nodes[i]
+            written = keep_off(string, size, corners, filled, np.int64(0), count)
         else:
-            flip = NONE
-            if sections.shape[0] < 2:
-                break
-            found = shifted_path(layers, hints, full, costs, line, sections, terms[1], SPREAD, stack, least)
-            if found.shape[0] == 0:
-                continue
-        length = 0.0
-        for i in range(found.shape[0] - 1):
-            length += math.hypot(found[i + 1, 0] - found[i, 0], found[i + 1, 1] - found[i, 1])
-        if length * costs[top] >= cost:
-            if flip >= 0:
-                gates[flip].pinned = 1 - gates[flip].pinned
-            continue
-        labels, value, _ = annotate(upper, radii, costs, turned, terms, found)
-        if value < cost:
-            line, sections, cost = found, labels, value
-        elif flip >= 0:
+            written = pinned_string(nodes, size, corners, filled, around, gates, found_gates, string)
+        value = math.inf
+        if written >= 0:
+            done, found = pull(m, stack, string, written, radius, least, start, np.bool_(False))
+            if done and _length(found) * costs[top] < cost:
+                labels, value, _ = annotate(upper, radii, costs, turned, terms, found)
+                if value < cost:
+                    line, sections, cost = found, labels, value
+        if flip >= 0 and value > cost:
             gates[flip].pinned = 1 - gates[flip].pinned
     return line, sections, cost
+
+
+@kernel
+def shift_path(layers, upper, points, sections, cost, radii, full, costs, turned, terms, least):
+    """Polyline (n, 2), its sections (k, 3) and cost, of the path with stations shifted aside where that is cheaper.
+
+    sections, cost: as of `annotate`, of the path along ``points``. Others: as of `polish_road`;
+    full: (n, m), radii on all layers.
+    """
+    stack = np.empty(64, SWEPT)
+    hints = np.full(len(layers), NONE)
+    spread = SPREAD
+    for _ in range(_ROUNDS):
+        if spread < _LEAST_SPREAD:
+            break
+        found = shifted_path(layers, hints, full, costs, points, sections, terms[1], spread, stack, least)
+        value = math.inf
+        if found.shape[0] > 0:
+            labels, value, _ = annotate(upper, radii, costs, turned, terms, found)
+        if value < cost:
+            points, sections, cost = found, labels, value
+        else:
+            spread *= 0.5
+    return points, sections, cost

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,23 +26,23 @@ class Query(NamedTuple):
     terms: NDArray[np.float64]
 
     def annotated(self, points: NDArray[np.float64]) -> AnnotatedPath:
-        """Algorithm 2: the polyline (n, 2) with its cheapest sections; none and infinite cost where nothing fits.
+        """Algorithm 2: the polyline (n, 2) with its cheapest sections; none and infinite cost where nothing fits."""
+        found, cost, _ = annotate(*self.fitting(), points)
+        return with_sections(points, found, cost)
+
+    def fitting(self) -> tuple[Any, ...]:
+        """What kernels of sections are given: layers, radii, costs, which are turned, and terms of changes.
 
         The layer of the legs is not tested again where there are others: every path is found with their clearance.
         """
-        return with_sections(points, *self.labelled(points))
-
-    def labelled(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-        """Sections (k, 3) of the polyline (behavior, start, end) and their cost, as of :meth:`annotated`."""
         need = self.need
         first = need.first_labelled
         upper = tuple(mesh.arrays for mesh in self.meshes[first:])
         radii = np.ascontiguousarray(need.radii[:, first:] - TOUCH)
-        found, cost, _ = annotate(upper, radii, need.costs, need.turned, self.terms, points)
-        return found, float(cost)
+        return upper, radii, need.costs, need.turned, self.terms
 
 
 def with_sections(points: NDArray[np.float64], found: NDArray[np.float64], cost: float) -> AnnotatedPath:
-    """The path along ``points`` (n, 2) with sections (k, 3), as of :meth:`Query.labelled`."""
+    """The path along ``points`` (n, 2) with sections (k, 3), as of `annotate`."""
     sections = tuple(Section(int(label), start, end) for label, start, end in found.tolist())
-    return AnnotatedPath(points, arc_lengths(points), sections, cost)
+    return AnnotatedPath(points, arc_lengths(points), sections, float(cost))

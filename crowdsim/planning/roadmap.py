@@ -31,6 +31,10 @@ _ENTRY = 0.05
 """Meters of the least length of a section that a change of behavior counts for, as what is walked of it counts too."""
 
 
+_WORTH = 0.03
+"""Share of the cost of a path that narrow sections cost beyond their least lengths, up to which nothing is shifted."""
+
+
 class Roadmap:
     """Points, ways and landmarks (:mod:`crowdsim.planning.roadmap_kernels`) of meshes as they are now."""
 
@@ -40,6 +44,7 @@ class Roadmap:
         self.terms = terms
         radii = np.ascontiguousarray(need.radii)
         self._radii = radii
+        self._least = float(radii[0, 0] - 1e-6 * radii[0, 0] - 2.0 * self.layers[0].frame["cell"][0])
         self._touching = np.ascontiguousarray(need.radii[:, need.first_labelled :] - TOUCH)
         self.points, self.spans = roadmap_kernels.place_points(self.layers, radii)
         self.around = roadmap_kernels.corner_radii(self.layers, radii)
@@ -94,14 +99,25 @@ class Roadmap:
     def polish(self, road: NDArray[np.int64], query: Query) -> AnnotatedPath | None:
         """The cheapest string found along a road, or None where it tangles or fits nothing."""
         need = self.need
-        radius = need.search_radius
-        least = radius - 1e-6 * radius - 2.0 * float(self.layers[0].frame["cell"][0])
         line, found, cost = polishing_kernels.polish_road(
             self.layers, self.layers[need.first_labelled :], self.points, road, self.around,
             np.empty(len(self.around)), query.ends,
-            self._touching, self._radii, need.costs, need.turned, self.terms, radius, least,
+            self._touching, need.costs, need.turned, self.terms, need.search_radius, self._least,
         )  # fmt: skip
         return with_sections(line, found, float(cost)) if len(found) else None
+
+    def shifted(self, path: AnnotatedPath) -> AnnotatedPath:
+        """The path with stations shifted aside, if it is cheaper, where narrow sections cost more than their least."""
+        need = self.need
+        excess = need.costs - need.costs[-1]
+        more = sum(excess[s.behavior] * max(s.end - s.start - self.terms[1], 0.0) for s in path.sections)
+        if more <= _WORTH * path.cost:
+            return path
+        line, found, cost = polishing_kernels.shift_path(
+            self.layers, self.layers[need.first_labelled :], path.points, np.array(path.sections), path.cost,
+            self._touching, self._radii, need.costs, need.turned, self.terms, self._least,
+        )  # fmt: skip
+        return with_sections(line, found, float(cost)) if cost < path.cost else path
 
 
 _Key = tuple[tuple[int, ...], bytes, bytes, bytes, bytes]

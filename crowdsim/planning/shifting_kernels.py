@@ -29,6 +29,9 @@ CHORD = 0.008
 _SINE = 1e-4
 """Meters that a place may lack where its station does not shift."""
 
+_SPARE = 0.1
+"""Share of the least length of a section that one is longer by at least where stations may shift."""
+
 _REPAIRS = 3
 
 PLACE = np.dtype(
@@ -79,6 +82,8 @@ def place_stations(points, sections, costs, least, stations):
             k += 1
         for j in range(max(k - 1, 0), min(k + 2, last + 1)):
             label = int(sections[j, 0])
+            if sections[j, 2] - sections[j, 1] <= (1.0 + _SPARE) * least:
+                continue  # it cannot get shorter
             if label < top and sections[j, 1] - BESIDE < at and at < sections[j, 2] + BESIDE:
                 station.near = 1
                 middle = 0.5 * (sections[j, 1] + sections[j, 2])

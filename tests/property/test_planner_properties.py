@@ -154,6 +154,10 @@ def test_polished_roads_are_sound_and_cost_what_they_say(seed, count):
         np.testing.assert_array_equal(polished.points[[0, -1]], query.ends)
         _, cost = plan_roadmap.annotate(meshes, need, polished.points, TERMS)
         assert polished.cost == pytest.approx(cost, abs=1e-3)
+        shifted = roadmap.shifted(polished)
+        assert shifted.cost <= polished.cost
+        assert_sound(shifted, polygons)
+        np.testing.assert_array_equal(shifted.points[[0, -1]], query.ends)
 
 
 @settings(max_examples=12, deadline=None, derandomize=True)
@@ -172,7 +176,7 @@ def test_gates_are_crossed_where_the_widest_behavior_comes_closest(gap, wall, le
     query = Query(meshes, need, make_rooms(meshes, need, None), np.array([[1.0, left], [8.0, right]]), TERMS)
     roadmap = roadmap_of(meshes, need)
     road, _ = roadmap.find(query.ends)
-    polished = roadmap.polish(road, query)
+    polished = roadmap.shifted(roadmap.polish(road, query))
     assert_sound(polished, (free, free))
     # Straight to the middle of the gate, through it and on, with the narrowest behavior as long as it has to be.
     width = need.radii[-1, 1]
@@ -193,7 +197,7 @@ def test_a_road_that_does_not_hang_together_has_no_string():
     line, sections, cost = polishing_kernels.polish_road(
         roadmap.layers, roadmap.layers[1:], roadmap.points, np.empty((0, 2), np.int64), roadmap.around,
         np.empty(len(roadmap.around)),
-        ends_in(meshes, 5), np.ascontiguousarray(need.radii[:, 1:]), need.radii, need.costs, need.turned, TERMS,
+        ends_in(meshes, 5), np.ascontiguousarray(need.radii[:, 1:]), need.costs, need.turned, TERMS,
         need.search_radius, 0.99 * need.search_radius,
     )  # fmt: skip
     assert len(line) == len(sections) == 0

@@ -25,7 +25,7 @@ from crowdsim.navmesh.editing.shapes import (
     rings_of,
     shape_of,
 )
-from crowdsim.navmesh.mesh_arrays import USE, MeshArrays, Workshop, resized, workshop
+from crowdsim.navmesh.mesh_arrays import USE, MeshArrays, Workshop, resized, trimmed, workshop
 from crowdsim.navmesh.paths.paths import as_numbers
 from crowdsim.navmesh.triangulation.use_kernels import keep_used
 
@@ -51,6 +51,18 @@ class _Slot:
     """Vertices of the corners of ``snapped``, or of points, -1 for those outside; None where it is not in the mesh."""
 
 
+class Snapshot(NamedTuple):
+    """A mesh with its obstacles as it was at some time; of no use after its arrays were replaced by larger ones."""
+
+    places: Integers
+    """Addresses of the arrays at that time, the very array."""
+    mesh: MeshArrays
+    """Copies of what was filled."""
+    uses: int
+    slots: list[_Slot]
+    free: list[int]
+
+
 class Obstacles:
     """The obstacles that were inserted into one mesh, and the mesh.
 
@@ -73,6 +85,32 @@ class Obstacles:
         """Take other arrays: nothing else may, as kernels go by their addresses."""
         self.mesh, self._work = mesh, work
         self._places = address_kernels.places_of(mesh, work)
+
+    @property
+    def places(self) -> Integers:
+        """Addresses (12, 2) of the arrays as they are now, for kernels that put points in and take them out again."""
+        return self._places
+
+    def snapshot(self) -> Snapshot:
+        """What :meth:`restore` takes to undo all edits from now on."""
+        arrays = MeshArrays(*(array.copy() for array in trimmed(self.mesh)))
+        uses = int(self._work.progress["uses"][0])
+        return Snapshot(self._places, arrays, uses, [replace(slot) for slot in self._slots], list(self._free))
+
+    def restore(self, snapshot: Snapshot) -> bool:
+        """Make everything as it was, to the numbers of vertices and triangles; False where that cannot be done."""
+        if snapshot.places is not self._places:
+            return False
+        for now, before in zip(self.mesh, snapshot.mesh, strict=True):
+            now.view(np.uint8)[: before.nbytes] = before.view(np.uint8)  # records would be copied field by field
+        self._work.progress["uses"] = snapshot.uses
+        self._slots = [replace(slot) for slot in snapshot.slots]
+        self._free = list(snapshot.free)
+        return True
+
+    def make_room(self) -> None:
+        """Room for more vertices than one point makes."""
+        self._grow(len(self.mesh.vertices) // 4 + 256)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -192,10 +230,10 @@ class Obstacles:
         slot.shape, slot.snapped = shape, snapped
         if not self._enter(number, slot):
             slot.ids = None
-            self._rebuild()
+            self.rebuild()
             if not self._enter(number, slot):
                 slot.ids = None
-                self._rebuild()
+                self.rebuild()
                 count = len(shape) if isinstance(shape, list) else len(snapped.points)
                 raise GeometryError(
                     f"the obstacle of {count} corners cannot be put into the mesh; simplify or repair it"
@@ -210,7 +248,7 @@ class Obstacles:
             done = self._edit(REMOVE, number, slot)
         slot.ids = None
         if not done:
-            self._rebuild()
+            self.rebuild()
 
     def _enter(self, number: int, slot: _Slot) -> bool:
         """Insert what slot ``number`` says; False where that left the mesh useless."""
@@ -268,7 +306,7 @@ class Obstacles:
         work.progress["uses"] = count
         self._set(mesh, work)
 
-    def _rebuild(self) -> None:
+    def rebuild(self) -> None:
         """The mesh anew, with all obstacles that are in it, in arrays twice as large."""
         room = 2 * len(self.mesh.vertices)
         self._set(resized(self._base, room), workshop(room, 2 * len(self._work.uses)))

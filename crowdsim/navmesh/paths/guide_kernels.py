@@ -19,6 +19,10 @@ goal from the ends of the side, cut by the radius, for ways that leave the side'
 was followed. The left of the last row, which is no side's, is the limit up to which ways were followed.
 """
 
+GREED = 1.05
+"""What a meter that is still to go counts. Ways are seldom as short as can be, so 1 would search much that is too
+long; at 1.05 ways are 0.1 or 0.2 percent longer and found in a quarter of the time."""
+
 _SPREAD = 0x1E3779B97F4A7C15
 """A multiplier without pattern (of Knuth's multiplicative hashing)."""
 
@@ -35,7 +39,10 @@ def _row(guide, origin, end):
 
 @helper
 def guided_estimate(sides, vertices, guide, label, radius, otherwise):
-    """Meters from the start over the label's interval to the goal of ``guide``, ``otherwise`` for an unknown side."""
+    """Meters from the start over the label's interval to the goal of ``guide``, those still to go weighted.
+
+    ``otherwise`` for an unknown side.
+    """
     h = np.int64(label.h)
     origin = sides[h].org
     end = sides[nxt(h)].org
@@ -64,29 +71,33 @@ def guided_estimate(sides, vertices, guide, label, radius, otherwise):
     at = min(max(0.5 * (row.right - row.left + width), low), high)
     rest = max(row.right - at, row.left - width + at)
     # Beyond the limit not all ways were followed, so that there may be shorter ones than known.
-    return max(min(label.spent + math.sqrt((at - root) ** 2 + off * off) + rest, limit), otherwise)
+    return max(min(label.spent + GREED * (math.sqrt((at - root) ** 2 + off * off) + rest), limit), otherwise)
 
 
 @helper
-def clear_guide(m, limit, guide):
-    """Put all sides that can be crossed into ``guide``, as such that no way shorter than ``limit`` leads over."""
+def add_sides(m, guide):
+    """Put all sides that can be crossed into ``guide``, which has none."""
     sides = m.sides
-    for i in range(guide.size):
-        guide[i].side = 0
-    guide[guide.size - 1].left = limit
     for h in range(3 * m.frame[0].triangles):
         if sides[h].cst == 0 and m.wind[h // 3] == 0:
             origin = sides[h].org
             end = sides[nxt(h)].org
-            row = guide[_row(guide, origin, end)]
-            row.side = ((origin + 1) << 32) + end
-            row.left = math.inf
-            row.right = math.inf
+            guide[_row(guide, origin, end)].side = ((origin + 1) << 32) + end
 
 
 @helper
-def fill_guide(m, labels, used, radius, guide):
-    """Take the ``used`` labels of ways that lead away from its goal into ``guide``."""
+def clear_guide(guide):
+    """Let no way lead over any side of ``guide``, which is known up to 0 m."""
+    for i in range(guide.size):
+        guide[i].left = math.inf
+        guide[i].right = math.inf
+    guide[guide.size - 1].left = 0.0
+
+
+@helper
+def fill_guide(m, labels, used, radius, limit, guide):
+    """Take the ``used`` labels of ways that lead away from its goal, up to ``limit`` meters, into ``guide``."""
+    guide[guide.size - 1].left = limit
     sides = m.sides
     vertices = m.vertices
     for i in range(used):
