@@ -1,7 +1,7 @@
 """From a place and a goal to a chain of nodes, slice by slice: what worker threads compute while characters walk.
 
-The 2012 paper's concurrent synthesis (section 6): whoever asked sets out on the first part of a motion while the rest is
-searched for. A slice is a number of map queries, never a time, so that what has been found by when is always the same.
+The 2012 paper's concurrent synthesis (section 6): whoever asked sets out on the first part of a motion while the rest
+is searched for. A slice is a number of map queries, never a time, so that what is found by when is the same always.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ SLICE_LOOKS = 1200
 """Branches that the first slice of a search lays at most: a millisecond or two. Most searches are over with it."""
 
 RECOVERIES = 3
-"""How often a search begins anew from where its character will be, which has walked past where it should have turned."""
+"""How often a search begins anew from where its character will be that has walked past where it should have turned."""
 
 SIDE_STEP = 0.5
 """Meters that somebody steps aside who cannot set out from where it stands."""
@@ -70,8 +70,8 @@ class MotionSearch:
     then a new one. Where all that is left would change what is played already, or the place has changed, the search
     begins anew from there.
 
-    over: whether it has come to an end. slices: how many it took. backtracks: how often it would have had to change what
-    was played. recoveries: how many of these searches found a motion from there.
+    over: whether it has come to an end. slices: how many it took. backtracks: how often it would have had to change
+    what was played. recoveries: how many of these searches found a motion from there.
     """
 
     setting: Setting
@@ -275,7 +275,7 @@ def _departure(
 def _as_plan(
     setting: Setting, route: AnnotatedPath, found: FollowResult, played: MotionPlan | None, kept: int
 ) -> MotionPlan:
-    """What was found, behind what is ``played`` before it; ``kept`` nodes of it stay even where it is not worthwhile."""
+    """What was found behind what is ``played``; ``kept`` nodes of it stay even where it is not worthwhile."""
     graph = setting.graph
     ends = compose(found.origins[:-1], graph.node_motion[found.nodes[:-1]])
     origins = found.origins[1:]

@@ -41,8 +41,8 @@ class Join(NamedTuple):
 class Found(NamedTuple):
     """What a slice of a search came to.
 
-    plan: as far as it goes, None where there is none. join: where it joins. first: node from which on it takes the place
-    of the plan that its agent follows, None where it is the first that was found. over: whether the search is.
+    plan: as far as it goes, None where there is none. join: where it joins. first: node from which on it takes the
+    place of the plan that its agent follows, None where it is the first that was found. over: whether the search is.
     outdated: whether it was overtaken by a change of the place.
     """
 

@@ -50,9 +50,10 @@ class Ongoing:
 class Searches:
     """Searches by agent, one for each at most. A slice that begins with one step is done with the next.
 
-    first_slice, longest_slice, each_step: branches that the first slice of a search, any slice of it and all slices of a
-    step lay at most. waits: seconds from asking to the first nodes to walk, of every search that found some. counts: searches that were
-    asked for, that took more than one slice, that would have had to change what was played, that found a way from there.
+    first_slice, longest_slice, each_step: branches that the first slice of a search, any slice of it and all slices of
+    a step lay at most. waits: seconds from asking to the first nodes to walk, of every search that found some.
+    counts: searches that were asked for, that took more than one slice, that would have had to change what was played,
+    that found a way from there.
     """
 
     pool: WorkerPool[tuple[Ongoing, MotionPlan | PathNotFound]]
@@ -91,7 +92,7 @@ class Searches:
             search.handed, search.first = nodes, first
 
     def submit(self, step: int, revision: int, kept: Played) -> None:
-        """Begin the slices of a step; ``kept`` says how many nodes of a search are played, None where it is of no use."""
+        """Begin the slices of a step; ``kept`` says how many nodes of a search are played, None where it is useless."""
         begun = [(agent, search) for agent, search in self._ongoing.items() if search.search.slices]
         new = [(agent, search) for agent, search in self._ongoing.items() if not search.search.slices]
         left = self.each_step

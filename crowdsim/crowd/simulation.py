@@ -46,13 +46,15 @@ Progress = Callable[[int, int, "Simulation"], None]
 class Simulation:
     """Characters of one scenario, moved step by step.
 
-    ``workers`` threads search motions; the result never depends on it. Raises what
-    :func:`crowdsim.crowd.setting.prepare` raises.
+    ``workers`` threads search motions; the result never depends on it. ``preparing`` is called as
+    :func:`crowdsim.crowd.setting.prepare` does while motion maps are built. Raises what that raises.
     """
 
-    def __init__(self, scenario: Scenario, workers: int = 2) -> None:
+    def __init__(
+        self, scenario: Scenario, workers: int = 2, preparing: Callable[[int, int], None] | None = None
+    ) -> None:
         self.scenario = scenario
-        self.setting = prepare(scenario)
+        self.setting = prepare(scenario, workers, preparing)
         self.place = Place(self.setting, scenario.changes())
         rate = scenario.steps_per_second
         self.step_limit = round(scenario.duration * rate)

@@ -144,7 +144,7 @@ class PathSearch:
         return _result(status, search.best_step[:count], search.best_place[:count], reached, expansions)
 
     def advance(self, queries: int, kept: int = 0) -> FollowResult | None:
-        """Go on for so many map queries: what :meth:`next` gives, or None where neither the search nor its budget is over.
+        """Go on for so many map queries: what :meth:`next` gives, or None where the search and its budget are not over.
 
         kept: nodes at the beginning of what :attr:`present` was last that must stay, as they are being played.
         """
