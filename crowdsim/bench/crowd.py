@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.bench.map_trials import LENGTHS
 from crowdsim.bench.registry import Measurement
 from crowdsim.constants import NONE, TRACKING_MARGIN
 from crowdsim.crowd.advance_kernels import advance
@@ -55,7 +56,7 @@ agents:
 
 def scenario_text(characters: int, interval: float) -> str:
     """A cluttered square where everybody goes from one random place to another, for ever."""
-    side = round((AREA * characters) ** 0.5, 1)
+    side = round(max((AREA * characters) ** 0.5, LENGTHS[0] + 5.0), 1)
     goals = ", ".join([f"{{rectangle: [0, 0, {side}, {side}]}}"] * 4)
     rng = np.random.default_rng(5)
     obstacles = [
@@ -190,8 +191,13 @@ class Players:
         self.next_origin[agent], self.next_seam[agent] = origin, seam
 
 
-def measure(characters: int = 1000, seconds: float = 60.0, run_seconds: float = 30.0, workers: int = 2) -> Measurement:
-    """Frame times of characters that play alone, and steps of a run with as many; both in real time, as if shown."""
+def measure(
+    characters: int = 1000, seconds: float = 60.0, run_seconds: float = 30.0, workers: int = 2, requests: int = 200
+) -> Measurement:
+    """Frame times of characters that play alone, and steps of a run with as many; both in real time, as if shown.
+
+    And what passes from a request to the first movement where nothing else is to be done.
+    """
     frames = round(seconds / FRAME_SECONDS)
     scenario = parse_scenario(scenario_text(characters, interval=0.0))
     setting = prepare(scenario)
@@ -215,15 +221,48 @@ def measure(characters: int = 1000, seconds: float = 60.0, run_seconds: float = 
         steps = _paced(simulation.step, round(run_seconds / FRAME_SECONDS))
         reached = int(simulation.errands.reached.sum())
         rows.append(_row("run", simulation.world.count, steps, simulation.searches, reached))
-    figures = {f"{row['what']}_{key}": value for row in rows for key, value in row.items() if key in _FIGURES}
-    figures |= {"playing_stops": players.stops, "playing_walking_at_the_end": walking}
-    return Measurement(rows, {name: float(value) for name, value in figures.items()})
+    figures = {
+        f"{row['what'].split(',')[0]}_{key}": float(row[key])
+        for row in rows[1:]
+        for key in _FIGURES
+        if row[key] is not None
+    }
+    figures |= {"playing_stops": float(players.stops), "playing_walking_at_the_end": float(walking)}
+    first = _first_movements(setting, place, cast, requests)
+    figures |= {
+        "first_movement_ms_median": float(np.median(first)),
+        "first_movement_ms_p95": float(np.quantile(first, 0.95)),
+    }
+    return Measurement(rows, figures)
 
 
 _FIGURES = (
     "frame_ms_median", "frame_ms_p95", "frame_ms_most", "late_percent", "first_movement_ms_median",
-    "first_movement_ms_p95", "backtracked", "recovered",
+    "first_movement_ms_p95", "sliced", "backtracked", "recovered",
 )  # fmt: skip
+
+
+def _first_movements(setting: Setting, place: Place, cast: Placement, count: int) -> list[float]:
+    """Milliseconds from a request to the first nodes to walk, path and all, while nothing else goes on; best of three.
+
+    The ways are 10 to 18 m long as the crow flies, the length of the paths of :mod:`crowdsim.bench.map_trials`.
+    """
+    ends = [
+        (start, goal)
+        for start in cast.starts
+        for goal in cast.starts
+        if LENGTHS[0] < np.hypot(*(goal - start)) < LENGTHS[1]
+    ]
+    times = []
+    for k in range(count):
+        start, goal = ends[k * len(ends) // count]
+        tries = []
+        for _ in range(3):
+            begin = time.perf_counter()
+            MotionSearch(setting, place, Request(start, goal, stays=True)).advance()
+            tries.append(time.perf_counter() - begin)
+        times.append(min(tries) * 1e3)
+    return times
 
 
 def _warm_up(setting: Setting, place: Place, cast: Placement) -> None:
