@@ -153,3 +153,9 @@ def test_runs_in_the_shortest_slices_arrive_and_are_the_same_for_any_number_of_w
         assert min(summary["obstacle_margin"].values()) > -0.01
         hashes.add(summary["state_hash"])
     assert len(hashes) == 1
+
+
+def test_ways_of_any_length_past_a_corner_are_found(place: Place) -> None:
+    for length in np.linspace(0.2, 2.0, 19):
+        route = place.route((7.4 - length / 2, 0.7), (7.4 + length / 2, 0.7))
+        assert length - 1e-9 <= route.length < length + 0.5
