@@ -32,6 +32,10 @@ _BENCHES = {
         "crowdsim.bench.motion_search",
         "A* on the motion graph: collision tests against channels, with and without branch kinematics",
     ),
+    "crowd": (
+        "crowdsim.bench.crowd",
+        "1,000 characters that search and play at 30 frames a second, and run as a crowd",
+    ),
     "motion-maps": (
         "crowdsim.bench.motion_maps",
         "motion maps: size, success and time by depth, beside A*; lengths, bodies and arrivals",

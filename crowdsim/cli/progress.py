@@ -82,6 +82,13 @@ class RunProgress:
         event.unregister("numba:compile", self._watcher)
         self._bar.stop()
 
+    def maps(self, done: int, nodes: int) -> None:
+        """Show for how many of the motion graph's nodes the map is built."""
+        description = f"{self._title}: motion maps" if done < nodes else f"{self._title}: preparing"
+        self._bar.update(self._task, completed=done, total=nodes, description=description)
+        if done == nodes:
+            self._bar.reset(self._task, total=None, description=description)
+
     def begin_steps(self) -> None:
         """From now on ``step`` is called again and again."""
         self._stepping = True

@@ -46,7 +46,7 @@ def run(
         from crowdsim.crowd.simulation import Simulation
 
         try:
-            simulation = Simulation(loaded, workers=workers)
+            simulation = Simulation(loaded, workers=workers, preparing=progress.maps)
             progress.begin_steps()
             with simulation.run(file, progress=progress.step) as recording:
                 summary = {**recording.summary, "recording": str(file)}

@@ -26,6 +26,7 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         *((f"  no way for character {agent}", reason) for agent, reason in summary["unreachable"].items()),
         *((f"rounds of {group}", str(count)) for group, count in summary["laps"].items()),
         *_event_rows(summary),
+        _search_row(summary["searches"]),
         ("steps", str(summary["steps"])),
         ("mean time to arrive", _quantity(summary["mean_time"], "{:.1f} s")),
         ("share of the way", _shares(summary["behavior_share"])),
@@ -54,6 +55,17 @@ def _event_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         elif event["late"] > _ON_TIME:
             rows.append((label, f"{event['late']:.1f} s late: somebody was in the way"))
     return [*rows, ("plans made anew for them", str(summary["replans"]))]
+
+
+def _search_row(searches: Mapping[str, Any]) -> tuple[str, str]:
+    """How many searches for motion there were, and what became of those that took longer than others."""
+    text = str(searches["asked"])
+    if searches["sliced"]:
+        text += f", {searches['sliced']} went on while their motion was walked"
+    if searches["backtracked"]:
+        text += f", {searches['backtracked']} had to turn back behind that, {searches['recovered']} found a way on"
+    first = searches["first_movement_ms_median"]
+    return "searches for motion", text if first is None else f"{text}; first movement after {first:.1f} ms"
 
 
 def _quantity(value: float | None, form: str) -> str:

@@ -64,7 +64,7 @@ class Changing:
                 continue
             self.happened[number] = self.plans.step / rate
             if change.placing != self.place.placing(change.movable):
-                self.plans.pool.settle()
+                self.plans.searches.pool.settle()
                 edit = self.place.put(change.movable, change.placing, self.plans.step)
                 _Concerned(self.plans, view).plan_anew(edit)
         self._waiting = still
@@ -193,7 +193,7 @@ class _Concerned:
         end = max(min(clear, plan.count), int(view.reserved[row]) + 1)
         left = int(lengths[after]) - int(view.frame[row])
         while after + 1 < end and (
-            after < view.reserved[row] or left <= (plans.pool.latency + 1) * self.setting.frames_per_step
+            after < view.reserved[row] or left <= (plans.lead + 1) * self.setting.frames_per_step
         ):
             after += 1
             left += int(lengths[after])

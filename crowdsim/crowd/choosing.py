@@ -15,6 +15,7 @@ from crowdsim.crowd.motion_plan import MotionPlan
 from crowdsim.crowd.plans import Join, Plans
 from crowdsim.crowd.replanning import reach_goal
 from crowdsim.crowd.reservation_kernels import append_stop, reserve
+from crowdsim.crowd.state_hash import digest_of
 from crowdsim.ecs.world import View
 from crowdsim.environment.layers import polygons_only
 from crowdsim.motion.track_kernels import node_end
@@ -45,7 +46,7 @@ class Choosing:
     READS = ("agent", "frame", "pose", "body_radius", "node", "origin", "seam", "stays")
     WRITES = (
         "state", "next_node", "next_origin", "next_seam", "next_cursor", "cursor", "reserved", "blocked_since",
-        "timeline", "timeline_start", "gone_slot", "goal", "awaiting_plan", "retry_step",
+        "timeline", "timeline_digest", "timeline_start", "gone_slot", "goal", "awaiting_plan", "retry_step",
     )  # fmt: skip
 
     def __init__(self, plans: Plans) -> None:
@@ -124,6 +125,7 @@ class Choosing:
         if not taken:
             return False
         view.timeline[row] = self._timeline
+        view.timeline_digest[row] = digest_of(self._timeline.tobytes())
         view.timeline_start[row] = clock // SLOT_FRAMES
         view.gone_slot[row] = gone
         view.reserved[row] = following + taken - 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from shapely import Point
 
@@ -39,15 +40,15 @@ class Entering:
 
     def run(self, view: View) -> None:
         step = self.plans.step
-        latency = self.plans.pool.latency
         timelines, starts, gones, radii = (np.array(getattr(view, name)) for name in self.READS)
-        for agent in np.flatnonzero((self.entered < 0) & (self.cast.start_steps - latency <= step)).tolist():
+        parked = np.empty((TIMELINE_SLOTS, 2))
+        for agent in np.flatnonzero((self.entered < 0) & (self.cast.start_steps - self.plans.lead <= step)).tolist():
             if agent not in self.requested:
                 self._request(agent)
                 continue
             plan = self.plans.motions.get(agent)
             if plan is None:
-                if step < self.requested[agent] + latency:
+                if self.plans.searches.is_under_way(agent):
                     continue
                 if self.requested[agent] < self.plans.place.last_edit_step:
                     self.plans.unreachable.pop(agent, None)
@@ -59,14 +60,14 @@ class Entering:
                 continue
             pose = plan.departure
             slot = step * self.setting.frames_per_step // SLOT_FRAMES
-            parked = np.tile(pose[:2], (TIMELINE_SLOTS, 1))
+            parked[:] = pose[:2]
             radius = self.setting.personal_radius
-            place = Point(pose[:2])
-            if any(place.distance(outline) < radius + KEPT_OFF for outline in self.plans.place.waited_for):
+            waited_for = self.plans.place.waited_for
+            if waited_for and shapely.distance(Point(pose[:2]), waited_for).min() < radius + KEPT_OFF:
                 continue
             if meets_anyone(-1, parked, slot, FOREVER, slot, radius, timelines, starts, gones, radii):
                 continue
-            self._spawn(agent, plan, parked, slot)
+            self._spawn(agent, plan, parked.copy(), slot)
             self.entered[agent] = step
             timelines = np.concatenate([timelines, parked[None]])
             starts, gones, radii = np.append(starts, slot), np.append(gones, FOREVER), np.append(radii, radius)

@@ -11,10 +11,11 @@ import numpy as np
 from crowdsim.constants import NONE
 from crowdsim.crowd.concern import outdated
 from crowdsim.crowd.errands import Errands
-from crowdsim.crowd.motion_plan import MotionPlan, Request, search_motion
+from crowdsim.crowd.motion_plan import MotionPlan, Request
+from crowdsim.crowd.motion_search import MotionSearch
 from crowdsim.crowd.place import Place
+from crowdsim.crowd.searches import Ongoing, Searches
 from crowdsim.crowd.setting import Setting
-from crowdsim.crowd.worker_pool import WorkerPool
 from crowdsim.errors import PathNotFound
 from crowdsim.motion.track_kernels import node_end
 from crowdsim.planning.annotated_path import AnnotatedPath
@@ -38,11 +39,18 @@ class Join(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What a search came to: a plan, or none; where it joins; whether it was overtaken by a change of the place."""
+    """What a slice of a search came to.
+
+    plan: as far as it goes, None where there is none. join: where it joins. first: node from which on it takes the
+    place of the plan that its agent follows, None where it is the first that was found. over: whether the search is.
+    outdated: whether it was overtaken by a change of the place.
+    """
 
     agent: int
     plan: MotionPlan | None
     join: Join | None
+    first: int | None
+    over: bool
     outdated: bool
 
 
@@ -52,50 +60,81 @@ class Plans:
 
     on_route is told (agent, route) of every route that is newly taken; unreachable holds the reason for
     agents to whose goal no path was found when they last asked; replans counts how often a change of the place made
-    somebody plan anew.
+    somebody plan anew. lead: steps ahead of its need at which a plan is asked for, where that can be told.
     """
 
     setting: Setting
     place: Place
     errands: Errands
-    pool: WorkerPool[MotionPlan | PathNotFound]
+    searches: Searches
     on_route: Callable[[int, AnnotatedPath], None]
+    lead: int
     step: int = 0
     replans: int = 0
     motions: dict[int, MotionPlan] = field(default_factory=dict)
     routes: dict[int, AnnotatedPath] = field(default_factory=dict)
     unreachable: dict[int, str] = field(default_factory=dict)
-    _asked: dict[int, tuple[int, Request, Join | None]] = field(default_factory=dict)
+    _joins: dict[int, Join | None] = field(default_factory=dict)
 
     def request(self, agent: int, request: Request, join: Join | None = None) -> None:
-        """Start the search for one agent, which must have none under way; it is collected after the pool's latency."""
-        self._asked[agent] = self.place.revision, request, join
-        self.pool.submit(self.step, agent, lambda: search_motion(self.setting, self.place, request))
+        """Ask for a search for one agent, instead of the one that is under way; a slice of it begins with this step."""
+        self._joins[agent] = join
+        self.searches.begin(agent, MotionSearch(self.setting, self.place, request))
 
     def request_on(self, agent: int, join: Join, ahead: int) -> None:
-        """Start the search for the way on from ``join`` to the place that comes ``ahead`` after the present goal."""
+        """Ask for the way on from ``join`` to the place that comes ``ahead`` after the present goal."""
         node, origin = int(join.plan.nodes[join.after]), join.plan.origins[join.after]
         end = node_end(self.setting.graph, node, *origin)
         position, goal = np.array(end[:2]), self.errands.goal(agent, ahead)
         stays = self.errands.stands(agent, ahead)
         self.request(agent, Request(position, goal, stays, departure=(node, origin)), join)
 
+    def search_on(self, played: Callable[[int], int]) -> None:
+        """Begin the slices of this step; ``played(agent)`` nodes of a plan will be played whatever is found."""
+
+        def kept(agent: int, search: Ongoing) -> int | None:
+            plan = self.motions.get(agent)
+            if search.handed is None:
+                return 0
+            if plan is None or plan.nodes is not search.handed:
+                return None  # it has come to a stand, or plans otherwise
+            return max(played(agent) - search.first, 0)
+
+        self.searches.submit(self.step, self.place.revision, kept)
+
     def collect(self) -> list[Found]:
-        """What all searches that are due now came to."""
+        """What all slices that were begun in the step before came to."""
         results = []
-        for agent, found in self.pool.collect(self.step):
-            revision, request, join = self._asked.pop(agent)
+        for agent, search, found in self.searches.collect(self.step):
             plan = None if isinstance(found, PathNotFound) else found
-            late = outdated(self.setting, plan, request.position, self.place.edits[revision:])
-            if join is None and not late:
+            request, join, over = search.search.request, self._joins[agent], search.search.over
+            late = outdated(self.setting, plan, request.position, self.place.edits[search.revision :])
+            goes_on = search.handed is not None
+            followed = self.motions.get(agent)
+            if goes_on and (late or followed is None or followed.nodes is not search.handed):
+                continue  # it follows another plan, or the next slice takes the change in
+            if late:
+                self.searches.drop(agent)
+            elif join is None:
                 if isinstance(found, PathNotFound):
                     self.unreachable[agent] = str(found)
                 else:
                     self.unreachable.pop(agent, None)
                     self.follow_route(agent, found.route)
             usable = plan is not None and plan.count > 0 and not late
-            results.append(Found(agent, plan if usable else None, join, late))
+            results.append(
+                Found(agent, plan if usable else None, join, search.first if goes_on else None, over or late, late)
+            )
         return results
+
+    def hand_out(self, agent: int, plan: MotionPlan | None, first: int = 0) -> None:
+        """Let an agent follow a plan of which nodes from ``first`` on are what its search found, or none."""
+        if plan is None:
+            self.motions.pop(agent, None)
+            self.searches.handed(agent, None, 0)
+        else:
+            self.motions[agent] = plan
+            self.searches.handed(agent, plan.nodes, first)
 
     def follow_route(self, agent: int, route: AnnotatedPath) -> None:
         """Note the route that an agent follows from now on."""

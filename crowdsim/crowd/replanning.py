@@ -27,6 +27,20 @@ AT_GOAL = 0.25
 
 
 @dataclass
+class Searching:
+    """The system that lets searches go on for another slice, while what they found so far is walked."""
+
+    plans: Plans
+
+    READS = ("agent", "cursor", "reserved")
+
+    def run(self, view: View) -> None:
+        played = np.maximum(view.cursor, view.reserved) + 1
+        nodes = dict(zip(view.agent.tolist(), played.tolist(), strict=True))
+        self.plans.search_on(lambda agent: nodes.get(agent, 0))
+
+
+@dataclass
 class Replanning:
     """The system that gives characters their plans and asks for new ones for those who stand without."""
 
@@ -41,9 +55,10 @@ class Replanning:
         for found in plans.collect():
             row = row_of.get(found.agent)
             if row is None:
-                if found.plan is not None:
-                    plans.motions[found.agent] = found.plan  # entering looks there itself
-            elif found.join is not None:
+                plans.hand_out(found.agent, found.plan)  # entering looks there itself
+            elif found.first:
+                self._go_on(view, row, found, found.first)
+            elif found.first is None and found.join is not None:
                 self._join(view, row, found, found.join)
             else:
                 self._hand_out(view, row, found)
@@ -78,32 +93,42 @@ class Replanning:
             )
 
     def _hand_out(self, view: View, row: int, found: Found) -> None:
-        """Give a plan to somebody who stands, or let it stand a while where there is none."""
+        """Give a plan to somebody who stands or has begun it, or let it stand a while where there is none."""
         plans, plan = self.plans, found.plan
-        view.awaiting_plan[row] = False
-        view.cursor[row] = view.reserved[row] = NONE
+        view.awaiting_plan[row] = plan is None and not found.over
+        if found.first is None or plan is None:
+            view.cursor[row] = view.reserved[row] = NONE
         view.plan_digest[row] = 0 if plan is None else plan.digest
-        if plan is not None:
-            plans.motions[found.agent] = plan
-        else:
+        plans.hand_out(found.agent, plan)
+        if plan is None and found.over:
             pause = 0.0 if found.outdated else RETRY_SECONDS
             view.retry_step[row] = plans.step + int(pause * plans.setting.steps_per_second)
 
     def _join(self, view: View, row: int, found: Found, join: Join) -> None:
         """Let somebody who walks go on as was found, unless it has come to a stand or elsewhere meanwhile."""
         plans, agent, cursor = self.plans, found.agent, int(view.cursor[row])
-        view.awaiting_plan[row] = False
         plan = plans.motions.get(agent)
-        if found.plan is None or plan is None or not join.fits(plan, cursor):
+        fits = plan is not None and join.fits(plan, cursor)
+        if found.plan is None and not found.over and fits:
             return
-        if found.plan.route.length >= join.shorter_than:
+        view.awaiting_plan[row] = False
+        if found.plan is None or plan is None or not fits or found.plan.route.length >= join.shorter_than:
+            plans.searches.drop(agent)
             return
         joined = plan.joined(cursor, join.after, found.plan, join.reaches)
-        plans.motions[agent] = joined
+        plans.hand_out(agent, joined, join.after - cursor + 1)
         plans.follow_route(agent, joined.route)
         view.reserved[row] -= cursor
         view.cursor[row] = 0
         view.plan_digest[row] = joined.digest
+
+    def _go_on(self, view: View, row: int, found: Found, first: int) -> None:
+        """Let somebody who walks what was found of its way go on as was found since."""
+        plan = self.plans.motions[found.agent]
+        plan = plan.until(first - 1) if found.plan is None else plan.joined(0, first - 1, found.plan, reaches=False)
+        self.plans.hand_out(found.agent, plan, first)
+        self.plans.follow_route(found.agent, plan.route)
+        view.plan_digest[row] = plan.digest
 
     def _is_there(self, view: View, row: int, agent: int) -> bool:
         """Whether somebody stands at a goal from where it goes on."""

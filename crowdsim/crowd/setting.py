@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,7 +12,9 @@ from numpy.typing import NDArray
 from crowdsim.constants import CAPTURE_RATE, NONE, TRACKING_MARGIN
 from crowdsim.environment.layers import ClearanceLayer
 from crowdsim.errors import MotionError, ScenarioError
+from crowdsim.following.map_file import maps_in_file
 from crowdsim.following.motion_maps import MotionMaps
+from crowdsim.jit import cache_folder
 from crowdsim.motion.graph_arrays import GraphArrays
 from crowdsim.motion.motion_graph import MotionGraph
 from crowdsim.planning.behavior_library import BehaviorSet, load_behavior_set
@@ -98,8 +101,11 @@ def load_behaviors(scenario: Scenario) -> BehaviorSet:
     return load_behavior_set(scenario.behaviors, bands, captures=captures.folder, capture_patterns=captures.patterns)
 
 
-def prepare(scenario: Scenario) -> Setting:
+def prepare(scenario: Scenario, workers: int = 1, progress: Callable[[int, int], None] | None = None) -> Setting:
     """Build layers, motion graph and motion maps for a scenario.
+
+    Maps that were built before are mapped from a file. Else so many ``workers`` build them, and ``progress`` is called
+    with the nodes whose map is done and their number.
 
     Raises ScenarioError, GeometryError, BehaviorError or MotionError where something cannot be used.
     """
@@ -122,7 +128,7 @@ def prepare(scenario: Scenario) -> Setting:
         layers=layers,
         behaviors=behavior_set.behaviors,
         motion=behavior_set.graph,
-        maps=MotionMaps.build(behavior_set.graph.arrays),
+        maps=maps_in_file(cache_folder() / "maps", behavior_set.graph.arrays, progress=progress, workers=workers),
         steps_per_second=scenario.steps_per_second,
         planner=scenario.planner,
         bodies=bodies,

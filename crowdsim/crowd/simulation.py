@@ -19,17 +19,16 @@ from crowdsim.crowd.components import COLUMNS
 from crowdsim.crowd.entering import Entering
 from crowdsim.crowd.errands import Errands
 from crowdsim.crowd.header import labeled_points, record_header
-from crowdsim.crowd.motion_plan import MotionPlan
 from crowdsim.crowd.place import Place
 from crowdsim.crowd.plans import Plans
-from crowdsim.crowd.replanning import Replanning
+from crowdsim.crowd.replanning import Replanning, Searching
+from crowdsim.crowd.searches import Searches
 from crowdsim.crowd.setting import prepare
 from crowdsim.crowd.state_hash import state_hash
 from crowdsim.crowd.statistics import Statistics
 from crowdsim.crowd.worker_pool import WorkerPool
 from crowdsim.ecs.schedule import Schedule, System
 from crowdsim.ecs.world import World
-from crowdsim.errors import PathNotFound
 from crowdsim.planning.annotated_path import AnnotatedPath
 from crowdsim.recording.header import AgentState, RecordedFrame
 from crowdsim.recording.reader import Recording
@@ -38,8 +37,8 @@ from crowdsim.scenario.changes import Placing, placed
 from crowdsim.scenario.placement import place_agents
 from crowdsim.scenario.scenario import Scenario
 
-THINKING_SECONDS = 0.2
-"""From asking for a plan to having it, whatever the number of workers."""
+LEAD_SECONDS = 0.2
+"""How long before it is needed a plan is asked for, where that can be told."""
 
 Progress = Callable[[int, int, "Simulation"], None]
 
@@ -47,34 +46,37 @@ Progress = Callable[[int, int, "Simulation"], None]
 class Simulation:
     """Characters of one scenario, moved step by step.
 
-    ``workers`` threads search motions; the result never depends on it. Raises what
-    :func:`crowdsim.crowd.setting.prepare` raises.
+    ``workers`` threads search motions; the result never depends on it. ``preparing`` is called as
+    :func:`crowdsim.crowd.setting.prepare` does while motion maps are built. Raises what that raises.
     """
 
-    def __init__(self, scenario: Scenario, workers: int = 2) -> None:
+    def __init__(
+        self, scenario: Scenario, workers: int = 2, preparing: Callable[[int, int], None] | None = None
+    ) -> None:
         self.scenario = scenario
-        self.setting = prepare(scenario)
+        self.setting = prepare(scenario, workers, preparing)
         self.place = Place(self.setting, scenario.changes())
         rate = scenario.steps_per_second
         self.step_limit = round(scenario.duration * rate)
         self.cast = place_agents(scenario, self.setting.personal_radius + TRACKING_MARGIN)
         self.world = World(COLUMNS, capacity=len(self.cast.starts))
-        latency = max(1, round(THINKING_SECONDS * rate))
-        self._pool: WorkerPool[MotionPlan | PathNotFound] = WorkerPool(workers, latency)
+        self.searches = Searches(WorkerPool(workers, latency=1))
         self._new_routes: list[tuple[int, AnnotatedPath]] = []
         self.errands = Errands(self.cast)
         self.plans = Plans(
             self.setting,
             self.place,
             self.errands,
-            self._pool,
+            self.searches,
             lambda agent, route: self._new_routes.append((agent, route)),
+            lead=max(1, round(LEAD_SECONDS * rate)),
         )
         self.hash = 0
 
         changing = Changing(self.plans, self.place)
         entering = Entering(self.world, self.setting, self.cast, self.plans)
         replanning = Replanning(self.plans)
+        searching = Searching(self.plans)
         choosing = Choosing(self.plans)
         advancing = Advancing(self.setting)
         arriving = Arriving(self.world, self.plans, len(self.cast.starts))
@@ -86,6 +88,7 @@ class Simulation:
                 System("plans", replanning.run, replanning.READS, replanning.WRITES),
                 System("enter", entering.run, entering.READS),
                 System("choose", choosing.run, choosing.READS, choosing.WRITES),
+                System("search", searching.run, searching.READS),
                 System("advance", advancing.run, writes=advancing.WRITES),
                 System("arrive", arriving.run, arriving.READS),
             ],
@@ -122,7 +125,7 @@ class Simulation:
         """
         statistics = Statistics(self.setting, self.place, {area.name: area.shape() for area in self.scenario.areas})
         header = record_header(self.scenario, self.setting, self.cast)
-        with self._pool, RecordingWriter(output, header) as writer:
+        with self.searches.pool, RecordingWriter(output, header) as writer:
             before: list[Placing | None] = [None] * len(self.place.changes.movables)
             started = time.perf_counter()
             while not self.finished:
@@ -177,6 +180,7 @@ class Simulation:
             "laps": self.errands.laps(),
             "events": self._changing.report(),
             "replans": self.plans.replans,
+            "searches": self.searches.summary(),
             "steps": self.step_count,
             "mean_time": float(times.mean()) if len(times) else None,
             "state_hash": f"{self.hash:016x}",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 
+from crowdsim.crowd.components import DIGESTED
 from crowdsim.ecs.world import World
 
 
@@ -13,6 +14,12 @@ def state_hash(world: World, place: bytes, step: int, before: int) -> int:
     digest.update(before.to_bytes(8, "little") + step.to_bytes(8, "little"))
     digest.update(place)
     for name in world.column_names:
-        digest.update(name.encode())
-        digest.update(world.column(name).tobytes())
+        if name not in DIGESTED:
+            digest.update(name.encode())
+            digest.update(world.column(name).tobytes())
     return int.from_bytes(digest.digest(), "little")
+
+
+def digest_of(content: bytes) -> int:
+    """64 bits that stand for the content."""
+    return int.from_bytes(hashlib.blake2b(content, digest_size=8).digest(), "little")

@@ -24,6 +24,7 @@ GOAL_FIRST = 1e6
 FOUND = 0
 OUT_OF_BUDGET = 1
 BLOCKED = 2
+PAST_KEPT = 3
 
 NODE = 0
 COUNT = 1
@@ -40,8 +41,10 @@ those found along the path (0), single successors (1)."""
 TOP = 0
 QUERIES = 1
 BEST = 2
-STATE_COLUMNS = 3
-"""Columns of ``search.state``: the stage on top, map queries made, nodes of the best solution."""
+KEPT = 3
+STATE_COLUMNS = 4
+"""Columns of ``search.state``: the stage on top, map queries made, nodes of the best solution, and nodes of the present
+one that may not be changed any more, as they are being played."""
 
 ROW = 0
 ENTRY = 1
@@ -310,7 +313,8 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
 
     The best solution is left in ``search.best_*``: complete where the status is FOUND, else the one that came farthest.
     ``start_node`` is -1 where any node may begin at ``start_pose``. ``reach`` says where the body's joints are, to keep
-    them in their section, or is None. A search that has found a solution goes on to the next when called again.
+    them in their section, or is None. A search that has found a solution goes on to the next when called again, one out
+    of budget goes on with a greater one, and one that would have to change a kept node is PAST_KEPT.
     """
     graph, maps, guide, rules = unowned(graph), unowned(maps), unowned(guide), unowned(rules)
     layers, search, laid = unowned(layers), unowned(search), unowned(laid)
@@ -322,6 +326,8 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
     top = state[TOP]
     queries = state[QUERIES]
     while top >= 0:
+        if search.stage[top, COUNT] < state[KEPT]:
+            return PAST_KEPT, state[BEST], search.best_arc[0], queries
         root = search.stage[top, NODE]
         end = search.stage_end[top]
         arc = search.stage_arc[top]
@@ -331,6 +337,7 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
                 search.best_arc[0] = arc
                 state[BEST] = _record_best(search, search.stage[top, COUNT])
             if queries == rules.budget:
+                state[TOP], state[QUERIES] = top, queries
                 return OUT_OF_BUDGET, state[BEST], search.best_arc[0], queries
             queries += 1
             search.stage[top, SERIAL] = queries

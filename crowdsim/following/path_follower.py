@@ -12,7 +12,17 @@ from numpy.typing import NDArray
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import MotionError
 from crowdsim.following.body_reach import BodyReach
-from crowdsim.following.follow_kernels import BLOCKED, FOUND, OUT_OF_BUDGET, follow
+from crowdsim.following.follow_kernels import (
+    BLOCKED,
+    COUNT,
+    FOUND,
+    KEPT,
+    OUT_OF_BUDGET,
+    PAST_KEPT,
+    QUERIES,
+    TOP,
+    follow,
+)
 from crowdsim.following.follow_workspace import Rules, Samples, make_guide, make_workspace
 from crowdsim.following.motion_maps import MotionMaps
 from crowdsim.motion.graph_arrays import GraphArrays
@@ -21,11 +31,12 @@ Floats = NDArray[np.float64]
 
 
 class FollowStatus(IntEnum):
-    """How a search for motion along a path ended."""
+    """How a search for motion along a path ended. PAST_KEPT: all that is left would change nodes that must stay."""
 
     FOUND = FOUND
     OUT_OF_BUDGET = OUT_OF_BUDGET
     BLOCKED = BLOCKED
+    PAST_KEPT = PAST_KEPT
 
 
 THOROUGH_LOOKS = 200
@@ -129,15 +140,42 @@ class PathSearch:
         Expansions are counted from the first on.
         """
         status, count, reached, expansions = follow(*self._arguments)
-        return FollowResult(
-            FollowStatus(status),
-            self._search.best_step[:count, 0].astype(np.int32),
-            self._search.best_step[:count, 1].astype(np.int32),
-            self._search.best_place[:count, 3].copy(),
-            self._search.best_place[:count, :3].copy(),
-            float(reached),
-            int(expansions),
-        )
+        search = self._search
+        return _result(status, search.best_step[:count], search.best_place[:count], reached, expansions)
+
+    def advance(self, queries: int, kept: int = 0) -> FollowResult | None:
+        """Go on for so many map queries: what :meth:`next` gives, or None where the search and its budget are not over.
+
+        kept: nodes at the beginning of what :attr:`present` was last that must stay, as they are being played.
+        """
+        state, (graph, maps, guide, rules, *rest) = self._search.state, self._arguments
+        limit = min(int(state[QUERIES]) + queries, rules.budget)
+        state[KEPT] = kept
+        status, count, reached, expansions = follow(graph, maps, guide, rules._replace(budget=limit), *rest)
+        if status == OUT_OF_BUDGET and limit < rules.budget:
+            return None
+        search = self._search
+        return _result(status, search.best_step[:count], search.best_place[:count], reached, expansions)
+
+    @property
+    def present(self) -> FollowResult:
+        """What the search is trying to go on from, after :meth:`advance` gave None; ``reached`` is its end."""
+        search, top = self._search, self._search.state[TOP]
+        count, reached = int(search.stage[top, COUNT]), float(search.stage_arc[top])
+        return _result(OUT_OF_BUDGET, search.step[:count], search.place[:count], reached, int(search.state[QUERIES]))
+
+
+def _result(status: int, steps: NDArray[np.int64], places: Floats, reached: float, expansions: int) -> FollowResult:
+    """A copy of a solution."""
+    return FollowResult(
+        FollowStatus(status),
+        steps[:, 0].astype(np.int32),
+        steps[:, 1].astype(np.int32),
+        places[:, 3].copy(),
+        places[:, :3].copy(),
+        float(reached),
+        int(expansions),
+    )
 
 
 def follow_path(

@@ -79,7 +79,7 @@ def _prices(query: Query, places: NDArray[np.float64]) -> NDArray[np.float64] | 
     if roomy.all():
         return None
     # Those next to a station that is too close may have to shift as well.
-    close = np.flatnonzero(np.convolve(~roomy, np.ones(7), "same") > 0.5)
+    close = np.flatnonzero(np.convolve(~roomy, np.ones(7))[3:-3] > 0.5)
     room = np.full((len(close), len(SHIFTS), need.count), np.inf)
     for layer, mesh in enumerate(query.meshes):
         clear = mesh.clearances(places[close].reshape(-1, 2), float(reach[layer]))
@@ -97,11 +97,14 @@ def _prices(query: Query, places: NDArray[np.float64]) -> NDArray[np.float64] | 
 
 def _cheapest_shifts(prices: NDArray[np.float64], steps: NDArray[np.float64]) -> NDArray[np.int64]:
     """Shift (n,) of each station with the least sum of length times mean price; steps: (n - 1, from, to) meters."""
-    costs = 0.5 * (prices[:-1, :, None] + prices[1:, None, :]) * steps
-    before = np.empty(steps.shape[:2], np.int64)
+    before = np.full(steps.shape[:2], _STAY)
     total = np.zeros(len(SHIFTS))
     every = np.arange(len(SHIFTS))
-    for k, cost in enumerate(costs):
+    # Between two stations that can only stay there is nothing to choose.
+    free = np.isfinite(prices).sum(axis=1) > 1
+    pieces = np.flatnonzero(free[:-1] | free[1:])
+    costs = 0.5 * (prices[pieces, :, None] + prices[pieces + 1, None, :]) * steps[pieces]
+    for k, cost in zip(pieces.tolist(), costs, strict=True):
         sums = cost + total[:, None]
         best = before[k] = sums.argmin(axis=0)
         total = sums[best, every]

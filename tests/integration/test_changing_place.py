@@ -19,7 +19,7 @@ BUSY = (
     "at: 3, move: {name: crate, by: [0, 3]}",
     "at: 5, close: door_a",
     "at: 8, insert: {name: barrel, cylinder: {center: [9, 3], radius: 0.3}, top: 1.1}",
-    "at: 12, open: door_a",
+    "at: 14, open: door_a",
     "at: 20, remove: barrel",
 )
 GUARD = """\
@@ -69,10 +69,10 @@ def test_everyone_arrives_by_the_door_that_is_open(busy: Recording) -> None:
     assert busy.summary["arrived"] == busy.summary["characters"] == 5
     times = crossings(busy)
     assert len(times) == 4
-    closed = [y for second, y in times.values() if 5.0 <= second < 12.0]
+    closed = [y for second, y in times.values() if 5.0 <= second < 14.0]
     assert closed
     assert all(4.0 < y < 5.0 for y in closed)
-    assert any(1.0 < y < 2.0 for second, y in times.values() if second >= 12.0), "open, it is taken again"
+    assert any(1.0 < y < 2.0 for second, y in times.values() if second >= 14.0), "open, it is taken again"
 
 
 def test_all_events_happen_and_make_some_plan_anew(busy: Recording) -> None:
@@ -97,7 +97,7 @@ def test_the_recording_shows_what_is_there_at_each_time(busy: Recording) -> None
     assert names(0.0) == ["crate"]
     assert names(5.5 + late["close 'door_a'"]) == ["crate", "door_a"]
     assert names(8.5 + late["insert 'barrel'"]) == ["crate", "door_a", "barrel"]
-    assert names(13.0) == ["crate", "barrel"]
+    assert names(15.0) == ["crate", "barrel"]
     assert names(21.0) == ["crate"]
     before, after = (shapely.from_wkt(busy.movables_at(time)[0].footprint).centroid for time in (2.0, 4.0))
     assert (before.x, before.y, after.x, after.y) == pytest.approx((8.0, 1.5, 8.0, 4.5))

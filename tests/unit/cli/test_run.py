@@ -18,6 +18,14 @@ SUMMARY = {
         {"event": "insert 'crate'", "at": 11.5, "outcome": "waiting", "late": None},
     ],
     "replans": 5,
+    "searches": {
+        "asked": 58,
+        "sliced": 3,
+        "backtracked": 2,
+        "recovered": 1,
+        "first_movement_ms_median": 3.21,
+        "first_movement_ms_p95": 9.0,
+    },
     "steps": 300,
     "mean_time": 8.25,
     "state_hash": "00ff00ff00ff00ff",
@@ -51,10 +59,17 @@ def test_the_summary_is_shown_with_units():
     assert "  open 'front' at 9 s" not in rows
     assert rows["plans made anew for them"] == "5"
     assert rows["state hash"] == "00ff00ff00ff00ff"
+    assert rows["searches for motion"] == (
+        "58, 3 went on while their motion was walked, 2 had to turn back behind that, 1 found a way on; first movement"
+        " after 3.2 ms"
+    )
 
 
 def test_a_run_without_arrivals_or_company_has_a_summary():
-    rows = dict(summary_rows({**SUMMARY, "events": [], "arrived": 0, "mean_time": None, "closest_pair": None}))
+    searches = dict.fromkeys(SUMMARY["searches"], 0) | {"asked": 1, "first_movement_ms_median": None}
+    nothing = {"events": [], "arrived": 0, "mean_time": None, "closest_pair": None, "searches": searches}
+    rows = dict(summary_rows({**SUMMARY, **nothing}))
+    assert rows["searches for motion"] == "1"
     assert rows["mean time to arrive"] == "none"
     assert rows["closest two, center to center"] == "none"
 

@@ -5,7 +5,8 @@ import pytest
 import shapely
 
 from crowdsim.crowd.concern import could_shorten, first_taken, outdated, route_taken, way_left
-from crowdsim.crowd.motion_plan import Request, search_motion
+from crowdsim.crowd.motion_plan import Request
+from crowdsim.crowd.motion_search import search_motion
 from crowdsim.crowd.place import Edit, Place
 from crowdsim.crowd.setting import Setting, prepare
 from crowdsim.environment.layers import Band, clearance_layers

@@ -1,0 +1,301 @@
+"""A thousand characters that search and play at 30 frames a second (2012 paper, section 6: ten on four cores).
+
+Played alone, as in the paper, characters walk through each other: every frame hands out what searches found, begins the
+next slices, enters and advances nodes and poses every joint of everybody. The run beside it has all that a run has but
+the recording: the same characters in the same place, none of whom ever meets another.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.bench.map_trials import LENGTHS
+from crowdsim.bench.registry import Measurement
+from crowdsim.constants import NONE, TRACKING_MARGIN
+from crowdsim.crowd.advance_kernels import advance
+from crowdsim.crowd.motion_plan import MotionPlan, Request
+from crowdsim.crowd.motion_search import MotionSearch
+from crowdsim.crowd.place import Place
+from crowdsim.crowd.reservation_kernels import append_stop
+from crowdsim.crowd.searches import Ongoing, Searches
+from crowdsim.crowd.setting import Setting, prepare
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.crowd.worker_pool import WorkerPool
+from crowdsim.errors import PathNotFound
+from crowdsim.motion.pose_kernels import pose_joints
+from crowdsim.motion.track_kernels import node_end
+from crowdsim.scenario.loader import parse_scenario
+from crowdsim.scenario.placement import Placement, place_agents
+
+FRAME_SECONDS = 1.0 / 30.0
+
+BURST_FRAMES = 300
+"""Frames that are told of by themselves: in the first of them all characters ask for their way at once."""
+
+AREA = 4.0
+"""Square meters of floor for each character."""
+
+_SCENARIO = """\
+crowdsim: 1
+name: many
+seed: 5
+duration: 600.0
+steps_per_second: 30
+floor: {{rectangle: [0, 0, {side}, {side}]}}
+obstacles: [{obstacles}]
+agents:
+  - {{name: all, count: {count}, start: {{rectangle: [0, 0, {side}, {side}]}}, interval: {interval}, repeat: forever,
+      goals: [{goals}]}}
+"""
+
+
+def scenario_text(characters: int, interval: float) -> str:
+    """A cluttered square where everybody goes from one random place to another, for ever."""
+    side = round(max((AREA * characters) ** 0.5, LENGTHS[0] + 5.0), 1)
+    goals = ", ".join([f"{{rectangle: [0, 0, {side}, {side}]}}"] * 4)
+    rng = np.random.default_rng(5)
+    obstacles = [
+        f"{{name: box_{x}_{y}, box: {{center: [{x + rng.uniform(-1, 1):.2f}, {y + rng.uniform(-1, 1):.2f}],"
+        f" size: [{rng.uniform(0.5, 2.5):.2f}, {rng.uniform(0.5, 2.5):.2f}], rotation: {rng.uniform(0, 90):.0f}}},"
+        f" top: {rng.uniform(0.3, 2.2):.2f}}}"
+        for x in range(3, round(side) - 1, 6)
+        for y in range(3, round(side) - 1, 6)
+    ]
+    return _SCENARIO.format(side=side, obstacles=", ".join(obstacles), count=characters, interval=interval, goals=goals)
+
+
+@dataclass
+class Players:
+    """Characters that play what is found for them and ask for the next way where it ends; nobody avoids anybody.
+
+    stops: how often a search was not far enough when its nodes were played.
+    """
+
+    setting: Setting
+    place: Place
+    cast: Placement
+    searches: Searches
+    step: int = 0
+    stops: int = 0
+    reached: NDArray[np.int64] = field(init=False)
+
+    def __post_init__(self) -> None:
+        count = len(self.cast.starts)
+        self.plans: list[MotionPlan | None] = [None] * count
+        self.reached = np.zeros(count, np.int64)
+        idle = int(self.setting.idle_nodes[-1])
+        self.node = np.full(count, idle, np.int32)
+        self.previous = np.full(count, NONE, np.int32)
+        # Not all in step with each other.
+        self.frame = (7 * np.arange(count) % int(self.setting.graph.node_frames[idle])).astype(np.int32)
+        self.origin = np.column_stack([self.cast.starts, np.zeros(count)])
+        self.seam = np.zeros((count, 3))
+        self.next_node = np.full(count, NONE, np.int32)
+        self.next_origin, self.next_seam = np.zeros((count, 3)), np.zeros((count, 3))
+        self.next_cursor, self.cursor = np.full(count, NONE, np.int32), np.full(count, NONE, np.int32)
+        self.behavior, self.pose = np.zeros(count, np.int32), np.zeros((count, 3))
+        joints = len(self.setting.motion.poses.parents)
+        self.joints = np.empty((count, joints, 3), np.float32)
+        self.turns = np.empty((count, joints, 4), np.float32)
+        self._chain = np.zeros(16, np.int32), np.zeros((16, 3)), np.zeros((16, 3))
+        for agent in range(count):
+            self._ask(agent)
+
+    def frame_on(self) -> None:
+        """All that happens between two frames that are shown."""
+        graph = self.setting.graph
+        for agent, search, found in self.searches.collect(self.step):
+            self._hand_out(agent, search, found)
+        frames = self.setting.frames_per_step
+        for agent in np.flatnonzero(self.frame + frames >= graph.node_frames[self.node]).tolist():
+            self._choose(agent)
+        advance(
+            graph, frames, self.node, self.previous, self.frame, self.origin, self.seam, self.next_node,
+            self.next_origin, self.next_seam, self.next_cursor, self.cursor, self.behavior, self.pose,
+        )  # fmt: skip
+        self.searches.submit(self.step, 0, self._played)
+        pose_joints(self.setting.motion.poses, self.node, self.previous, self.frame, self.pose, self.joints, self.turns)
+        self.step += 1
+
+    @property
+    def arrivals(self) -> int:
+        return int(self.reached.sum())
+
+    def _played(self, agent: int, search: Ongoing) -> int | None:
+        plan = self.plans[agent]
+        if search.handed is None:
+            return 0
+        return None if plan is None or plan.nodes is not search.handed else int(self.cursor[agent]) + 1
+
+    def _ask(self, agent: int) -> None:
+        node, origin = int(self.node[agent]), self.origin[agent].copy()
+        position = np.array(node_end(self.setting.graph, node, *origin)[:2])
+        goal = self.cast.goal(agent, int(self.reached[agent]))
+        self.searches.begin(
+            agent, MotionSearch(self.setting, self.place, Request(position, goal, True, departure=(node, origin)))
+        )
+
+    def _hand_out(self, agent: int, search: Ongoing, found: MotionPlan | PathNotFound) -> None:
+        if search.handed is not None and (self.plans[agent] is None or self.cursor[agent] == NONE):
+            self.searches.drop(agent)
+            return
+        if isinstance(found, PathNotFound) or found.count == 0:
+            if search.search.over:  # no way: it goes elsewhere
+                self.reached[agent] += 1
+                self.plans[agent] = None
+                self._ask(agent)
+            return
+        self.plans[agent] = found
+        self.searches.handed(agent, found.nodes, 0)
+
+    def _choose(self, agent: int) -> None:
+        """The next node of a plan, of a stop, or of waiting."""
+        graph, plan = self.setting.graph, self.plans[agent]
+        following = int(self.cursor[agent]) + 1
+        if plan is not None and following < plan.count:
+            self._enter(agent, int(plan.nodes[following]), plan.origins[following], plan.seams[following], following)
+            return
+        if plan is not None:
+            self.stops += not plan.arrives
+            self.reached[agent] += plan.arrives
+            self.plans[agent] = None
+        node = int(self.node[agent])
+        if graph.stop_edge[node] != NONE:
+            nodes, origins, seams = self._chain
+            nodes[0], origins[0], seams[0] = node, self.origin[agent], self.seam[agent]
+            append_stop(graph, nodes, origins, seams, 1)
+            self._enter(agent, int(nodes[1]), origins[1], seams[1])
+            return
+        if not graph.node_idle[node]:
+            end = np.array(node_end(graph, node, *self.origin[agent]))
+            self._enter(agent, self.setting.idle_after(node), end, np.zeros(3))
+        else:
+            self._enter(agent, node, self.origin[agent], np.zeros(3))
+            if not self.searches.is_under_way(agent):
+                self._ask(agent)
+
+    def _enter(
+        self,
+        agent: int,
+        node: int,
+        origin: NDArray[np.float64],
+        seam: NDArray[np.float64],
+        cursor: int = NONE,
+    ) -> None:
+        self.next_node[agent], self.next_cursor[agent] = node, cursor
+        self.next_origin[agent], self.next_seam[agent] = origin, seam
+
+
+def measure(
+    characters: int = 1000, seconds: float = 60.0, run_seconds: float = 30.0, workers: int = 2, requests: int = 200
+) -> Measurement:
+    """Frame times of characters that play alone, and steps of a run with as many; both in real time, as if shown.
+
+    And what passes from a request to the first movement where nothing else is to be done.
+    """
+    frames = round(seconds / FRAME_SECONDS)
+    scenario = parse_scenario(scenario_text(characters, interval=0.0))
+    setting = prepare(scenario)
+    cast = place_agents(scenario, setting.personal_radius + TRACKING_MARGIN)
+    place = Place(setting, scenario.changes())
+    _warm_up(setting, place, cast)
+    rows = []
+    with WorkerPool[tuple[Ongoing, MotionPlan | PathNotFound]](workers, latency=1) as pool:
+        players = Players(setting, place, cast, Searches(pool))
+        times = _paced(players.frame_on, BURST_FRAMES)
+        rows.append(_row("playing, after all asked at once", characters, times, players.searches, players.arrivals))
+        players.searches.waits.clear()
+        times = _paced(players.frame_on, frames)
+        rows.append(_row("playing", characters, times, players.searches, players.arrivals))
+        walking = int((players.cursor >= 0).sum())
+    scenario = parse_scenario(scenario_text(characters, interval=0.02))
+    simulation = Simulation(scenario, workers)
+    with simulation.searches.pool:
+        for _ in range(30):
+            simulation.step()
+        steps = _paced(simulation.step, round(run_seconds / FRAME_SECONDS))
+        reached = int(simulation.errands.reached.sum())
+        rows.append(_row("run", simulation.world.count, steps, simulation.searches, reached))
+    figures = {
+        f"{row['what'].split(',')[0]}_{key}": float(row[key])
+        for row in rows[1:]
+        for key in _FIGURES
+        if row[key] is not None
+    }
+    figures |= {"playing_stops": float(players.stops), "playing_walking_at_the_end": float(walking)}
+    first = _first_movements(setting, place, cast, requests)
+    figures |= {
+        "first_movement_ms_median": float(np.median(first)),
+        "first_movement_ms_p95": float(np.quantile(first, 0.95)),
+    }
+    return Measurement(rows, figures)
+
+
+_FIGURES = (
+    "frame_ms_median", "frame_ms_p95", "frame_ms_most", "late_percent", "first_movement_ms_median",
+    "first_movement_ms_p95", "sliced", "backtracked", "recovered",
+)  # fmt: skip
+
+
+def _first_movements(setting: Setting, place: Place, cast: Placement, count: int) -> list[float]:
+    """Milliseconds from a request to the first nodes to walk, path and all, while nothing else goes on; best of three.
+
+    The ways are 10 to 18 m long as the crow flies, the length of the paths of :mod:`crowdsim.bench.map_trials`.
+    """
+    ends = [
+        (start, goal)
+        for start in cast.starts
+        for goal in cast.starts
+        if LENGTHS[0] < np.hypot(*(goal - start)) < LENGTHS[1]
+    ]
+    times = []
+    for k in range(count):
+        start, goal = ends[k * len(ends) // count]
+        tries = []
+        for _ in range(3):
+            begin = time.perf_counter()
+            MotionSearch(setting, place, Request(start, goal, stays=True)).advance()
+            tries.append(time.perf_counter() - begin)
+        times.append(min(tries) * 1e3)
+    return times
+
+
+def _warm_up(setting: Setting, place: Place, cast: Placement) -> None:
+    """Load all kernels, and make what is made once for the place."""
+    with WorkerPool[tuple[Ongoing, MotionPlan | PathNotFound]](1, latency=1) as pool:
+        few = Players(setting, place, cast, Searches(pool))
+        for _ in range(40):
+            few.frame_on()
+
+
+def _paced(work: Any, count: int) -> NDArray[np.float64]:
+    """Seconds that ``work`` takes each time, begun at every thirtieth of a second; searches have the time between."""
+    times = np.empty(count)
+    due = time.perf_counter()
+    for k in range(count):
+        begin = time.perf_counter()
+        work()
+        times[k] = time.perf_counter() - begin
+        due = max(due + FRAME_SECONDS, begin + times[k])
+        time.sleep(max(due - time.perf_counter(), 0.0))
+    return times
+
+
+def _row(what: str, characters: int, times: NDArray[np.float64], searches: Searches, arrivals: int) -> dict[str, Any]:
+    ms = times * 1e3
+    return {
+        "what": what,
+        "characters": characters,
+        "frames": len(ms),
+        "frame_ms_median": round(float(np.median(ms)), 2),
+        "frame_ms_p95": round(float(np.quantile(ms, 0.95)), 2),
+        "frame_ms_most": round(float(ms.max()), 1),
+        "late_percent": round(100.0 * float((times > FRAME_SECONDS).mean()), 2),
+        "arrivals": arrivals,
+        **searches.summary(),
+    }
