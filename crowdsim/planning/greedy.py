@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import PathNotFound
-from crowdsim.navmesh.paths.detour_kernels import keeps_off
-from crowdsim.navmesh.paths.detours import Detours, Ways
+from crowdsim.navmesh.editing.detour_kernels import keeps_off
+from crowdsim.navmesh.editing.detours import Detours, Ways
 from crowdsim.planning.annotated_path import AnnotatedPath, Section, arc_lengths
 from crowdsim.planning.candidate_kernels import PIECE, cheapest_path
 from crowdsim.planning.fitting_kernels import OWN_SPAN

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from crowdsim.errors import PathNotFound
+from crowdsim.navmesh.editing import detour_kernels
+from crowdsim.navmesh.editing.detours import Detours
 from crowdsim.navmesh.mesh_arrays import trimmed
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.navmesh.paths import detour_kernels
-from crowdsim.navmesh.paths.detours import Detours
 from crowdsim.navmesh.paths.guide_kernels import GUIDE
 from crowdsim.navmesh.paths.workspace import workspace
 from tests.reference.navmesh_reference import random_area

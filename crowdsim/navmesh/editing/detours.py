@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import PathNotFound
-from crowdsim.navmesh.paths import detour_kernels
-from crowdsim.navmesh.paths.detour_kernels import DONE, NO_ROOM
+from crowdsim.navmesh.editing import detour_kernels
+from crowdsim.navmesh.editing.detour_kernels import DONE, NO_ROOM
 from crowdsim.navmesh.paths.guide_kernels import GUIDE
 from crowdsim.navmesh.paths.paths import TANGLED, Floats
 from crowdsim.navmesh.paths.workspace import workspace
