@@ -243,5 +243,6 @@ def test_bench_lists_its_names(crowdsim):
         "plan-soundness",
         "motion-graph",
         "motion-search",
+        "crowd",
         "motion-maps",
     ]
