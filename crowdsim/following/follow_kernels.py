@@ -83,20 +83,20 @@ def _load_branch(maps, search, root, entry):
 
 
 @helper
-def _keep(search, begin, count, capacity, score, entry):
-    """Sort a candidate into the stage's list of at most ``capacity``; ties by entry. Returns the new count."""
+def _keep(scores, items, begin, count, capacity, score, item):
+    """Sort an item into the list of at most ``capacity`` from row ``begin`` on; ties by item. Returns the new count."""
     at = begin + count
     if count == capacity:
         at -= 1
-        if (score, entry) >= (search.score[at], search.candidate[at]):
+        if (score, item) >= (scores[at], items[at]):
             return count
         count -= 1
-    while at > begin and (score, entry) < (search.score[at - 1], search.candidate[at - 1]):
-        search.score[at] = search.score[at - 1]
-        search.candidate[at] = search.candidate[at - 1]
+    while at > begin and (score, item) < (scores[at - 1], items[at - 1]):
+        scores[at] = scores[at - 1]
+        items[at] = items[at - 1]
         at -= 1
-    search.score[at] = score
-    search.candidate[at] = entry
+    scores[at] = score
+    items[at] = item
     return count + 1
 
 
@@ -123,24 +123,6 @@ def _facing_bins(rules, along):
                 middle = np.int64(math.floor((along + facing) / BIN + 0.5)) + 12
                 bins |= 1 << (middle - 1) % 12 | 1 << middle % 12 | 1 << (middle + 1) % 12
     return bins
-
-
-@helper
-def _rank(search, count, capacity, score, entry):
-    """Sort an entry into the list of those to be laid, at most ``capacity``; ties by entry. Returns the new count."""
-    at = count
-    if count == capacity:
-        at -= 1
-        if (score, entry) >= (search.look_score[at], search.look[at]):
-            return count
-        count -= 1
-    while at > 0 and (score, entry) < (search.look_score[at - 1], search.look[at - 1]):
-        search.look_score[at] = search.look_score[at - 1]
-        search.look[at] = search.look[at - 1]
-        at -= 1
-    search.look_score[at] = score
-    search.look[at] = entry
-    return count + 1
 
 
 @helper
@@ -188,7 +170,8 @@ def _look_along_path(maps, guide, rules, search, root, origin, arc, serial):
                 cost = gap * (0.5 * gain + 0.25) + NODE_COST * level + MISFIT_COST * misfit * gain
                 score = cost / (gain * gain)
                 if count < room or score <= search.look_score[count - 1]:
-                    count = _rank(search, count, room, score, np.int64(maps.order[row]))
+                    entry = np.int64(maps.order[row])
+                    count = _keep(search.look_score, search.look, np.int64(0), count, room, score, entry)
     for i in range(count):
         marked[ENTRY, search.look[i]] = serial
     return count
@@ -231,7 +214,8 @@ def _collect(graph, maps, guide, rules, search, laid, root, origin, end, arc, be
         score = (laid.area[entry] + laid.off[entry]) / (gain * gain)
         if laid.reached[entry]:
             score -= GOAL_FIRST
-        count = _keep(search, begin, count, rules.candidates + stop - first, score, entry)
+        most = rules.candidates + stop - first
+        count = _keep(search.score, search.candidate, begin, count, most, score, entry)
     return count
 
 

@@ -56,7 +56,7 @@ def key(x, y, heading):
 def keep_all(search, capacity, scores, entries):
     count = 0
     for i in range(len(scores)):
-        count = follow_kernels._keep(search, 0, count, capacity, scores[i], entries[i])
+        count = follow_kernels._keep(search.score, search.candidate, 0, count, capacity, scores[i], entries[i])
     return count
 
 
