@@ -5,10 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.motion.foot_metrics import NEAR_FLOOR, STANCE_SPEED, foot_joints
 from crowdsim.motion.motion_graph import MotionGraph
 from crowdsim.motion.pose_kernels import pose_joints
+from crowdsim.motion.skeleton import Skeleton
 from crowdsim.recording.header import RecordedFrame
+
+NEAR_FLOOR = 0.03
+"""Meters above its lowest height up to which a foot joint may be planted."""
+
+STANCE_SPEED = 0.5
+"""Speed (m/s) below which it then is."""
 
 
 class FootStatistics:
@@ -68,3 +74,9 @@ class FootStatistics:
         at = np.concatenate([np.arange(length, dtype=np.int32) for length in lengths])
         heights = self._posed_feet(node, np.full(len(node), -1, np.int32), at, np.zeros((len(node), 3)))[..., 2]
         return heights.min(axis=0)
+
+
+def foot_joints(skeleton: Skeleton) -> list[int]:
+    """Ankles and, where the skeleton has them, toes: left, then right."""
+    roles = [f"{side}_{part}" for side in ("left", "right") for part in ("ankle", "toe")]
+    return [skeleton.joint(role) for role in roles if role.endswith("ankle") or role in skeleton.roles]

@@ -33,11 +33,6 @@ def cloud_joints(skeleton: Skeleton) -> NDArray[np.int64]:
     return np.array([j for j in range(len(rest)) if not (gaps[j, :j] < 1e-6).any()], np.int64)
 
 
-def point_cloud(clip: Clip, track: Floats, frame: int, standing: bool) -> Floats:
-    """Points (P, 3) around ``frame``, relative to its track pose; see :func:`point_clouds`."""
-    return point_clouds(clip, track, np.array([frame]), np.array([standing]))[0]
-
-
 def point_clouds(clip: Clip, track: Floats, frames: NDArray[np.int64], standing: NDArray[np.bool_]) -> Floats:
     """Points (n, P, 3) around ``frames`` (n,), each relative to its track pose.
 

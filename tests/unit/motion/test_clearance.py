@@ -1,4 +1,4 @@
-"""Room that motions need, and how feet keep to the floor."""
+"""Room that motions need."""
 
 from pathlib import Path
 
@@ -8,7 +8,6 @@ import pytest
 from crowdsim.motion.capture_files import read_clip
 from crowdsim.motion.clearance import clearance_profile, measure_clearances
 from crowdsim.motion.clip import Clip
-from crowdsim.motion.foot_metrics import measure_feet, planted_speed
 from tests.unit.motion.walker import walk
 
 LEGS, TORSO = (0.0, 0.5), (0.8, 1.5)
@@ -76,26 +75,3 @@ def test_captured_straight_walks_need_what_the_facts_say(shared: Path) -> None:
     legs, torso = measure_clearances(read_clip(shared / "mocap" / "16_47_walk_straight_normal_a.bvh"), [LEGS, TORSO])
     assert 0.13 < legs < 0.22
     assert 0.30 < torso < 0.42
-
-
-def test_planted_feet_of_the_walker_rest_and_of_a_sliding_body_do_not() -> None:
-    clip = walk(steps=8)
-    report = measure_feet(clip.skeleton, clip.joint_positions)
-    assert report.skate_median < 0.01
-    assert report.planted_share > 0.8
-    assert report.lowest == pytest.approx(0.03, abs=1e-6)
-    sliding = clip.joint_positions + np.linspace(0, 1, clip.frame_count)[:, None, None] * [0, 1.0, 0] * 2
-    assert measure_feet(clip.skeleton, sliding).skate_median == pytest.approx(2.0 / (clip.duration), rel=0.05)
-
-
-def test_a_body_in_the_air_has_no_planted_foot() -> None:
-    clip = walk(steps=4)
-    falling = clip.joint_positions + np.arange(clip.frame_count)[:, None, None] * [0, 0, 1.0]
-    assert np.isnan(planted_speed(clip.skeleton, falling)[5:]).all()
-    assert measure_feet(clip.skeleton, falling[10:]).planted_share == 0.0
-
-
-def test_foot_metrics_scale_with_the_rate() -> None:
-    clip = walk(steps=4)
-    half = measure_feet(clip.skeleton, clip.joint_positions[::2], rate=30.0)
-    assert half.skate_median == pytest.approx(measure_feet(clip.skeleton, clip.joint_positions).skate_median, abs=0.02)

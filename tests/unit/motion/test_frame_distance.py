@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crowdsim.geometry.planar import transform_points
-from crowdsim.motion.frame_distance import RANGE_CAP, RANGE_STEP, WINDOW_REACH, align_all, cloud_joints, point_cloud
+from crowdsim.motion.frame_distance import RANGE_CAP, RANGE_STEP, WINDOW_REACH, align_all, cloud_joints, point_clouds
 from crowdsim.motion.tracks import track_of
 from tests.reference.motion_distance import best_distance, distance_under
 from tests.unit.motion.walker import make_skeleton, walk
@@ -94,10 +94,10 @@ def test_windows_use_neighbors_hold_the_ends_and_hold_standing_poses() -> None:
     track = track_of(clip)
     joints = len(cloud_joints(clip.skeleton))
     last = clip.frame_count - 1
-    moving = point_cloud(clip, track, 80, False).reshape(-1, joints, 3)
+    at, standing = np.array([80, 80, last]), np.array([False, True, False])
+    moving, stood, held = point_clouds(clip, track, at, standing).reshape(3, -1, joints, 3)
     assert np.linalg.norm(moving[0] - moving[-1], axis=-1).max() > 0.1
-    assert np.allclose(moving[WINDOW_REACH], point_cloud(clip, track, 80, True).reshape(-1, joints, 3)[0])
-    held = point_cloud(clip, track, last, False).reshape(-1, joints, 3)
+    assert np.allclose(moving[WINDOW_REACH], stood)
     assert np.allclose(held[WINDOW_REACH:], held[-1])
 
 

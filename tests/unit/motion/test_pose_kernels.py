@@ -5,12 +5,12 @@ import pytest
 
 from crowdsim.geometry.planar import compose
 from crowdsim.motion.clip import Clip
-from crowdsim.motion.foot_metrics import planted_speed
 from crowdsim.motion.motion_graph import MotionGraph, MotionSource, build_motion_graph
 from crowdsim.motion.pose_kernels import pose_joints
 from crowdsim.motion.track_kernels import BLEND_FRAMES, blend_weight, next_origin, track_pose
 from crowdsim.motion.tracks import track_of
 from tests.reference.motion_pose import pose_one
+from tests.reference.planted_feet import planted_speed
 from tests.unit.motion.walker import walk
 
 DETECTORS = ("crossing", "standing")
