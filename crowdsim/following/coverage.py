@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 RADII = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25)
 """Meters, radii of turns to either side; the straight comes besides."""
 
-CLEARANCES = (0.3, 0.35, 0.4, 0.45, 0.5, 0.7)
+CLEARANCES = (0.2, 0.25, 0.3, 0.35, 0.4, 0.5)
 ANGLES = (45.0, 90.0, 135.0)
 LEADS = (1.5, 1.7, 1.9, 2.1)
 """Meters of the straight before a turn: motions that fit must not be a matter of where their steps fall."""
