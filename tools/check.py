@@ -1,7 +1,8 @@
 """Every check of the repository: format, lint, types, import directions, then the tests.
 
 All of them run, whatever fails before; the exit code is 1 if any failed. The tests come last, so that their closing
-line closes the output. Arguments go to pytest: ``python tools/check.py tests/unit -x``.
+line closes the output. They run in several processes, each file in one; arguments go to a single pytest instead:
+``python tools/check.py tests/unit -x``.
 """
 
 from __future__ import annotations
@@ -20,6 +21,9 @@ CHECKS = (
     [str(TOOLS / "lint-imports"), "--no-logo"],
 )
 
+PROCESSES = min(os.cpu_count() or 1, 4)
+"""Each compiles the kernels that it is the first to need, so that many more gain nothing."""
+
 
 def passes(command: list[str]) -> bool:
     """Whether ``command``, run in the repository's root, ends well; its output goes to the terminal."""
@@ -31,7 +35,8 @@ def main() -> int:
     failed = [command for command in CHECKS if not passes(command)]
     for command in failed:
         print("FAILED:", Path(command[0]).name, *command[1:], flush=True)
-    tests_pass = passes([sys.executable, "-m", "pytest", *sys.argv[1:]])
+    arguments = sys.argv[1:] or ["-n", str(PROCESSES), "--dist", "loadfile"]
+    tests_pass = passes([sys.executable, "-m", "pytest", *arguments])
     return 0 if tests_pass and not failed else 1
 
 
