@@ -10,7 +10,7 @@ import numpy as np
 from crowdsim.constants import NONE
 from crowdsim.following.branch_kernels import branch_is_free
 from crowdsim.following.chain_kernels import bend_chain
-from crowdsim.following.path_kernels import path_gap, project, sample_before, sample_index
+from crowdsim.following.path_kernels import project, sample_before, sample_index
 from crowdsim.following.reach_kernels import branch_keeps_in
 from crowdsim.geometry.planar_kernels import compose, wrap_angle
 from crowdsim.jit import helper, kernel, unowned

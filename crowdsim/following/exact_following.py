@@ -25,9 +25,11 @@ from crowdsim.motion.graph_arrays import GraphArrays
 
 Floats = NDArray[np.float64]
 
-SCHEDULE = ((1.0, 1.0, 24), (1.0, 2.0, 24), (0.5, 1.0, 24), (1.0, 1.0, 200), (0.5, 1.0, 200), (1.0, 2.0, 200))
 _TRIES = 40
 """Solutions looked at in one search: what it finds after the first ends elsewhere, and costs next to nothing."""
+
+_FEW_LOOKS = 8
+"""Branches laid at each stage of searches that shall come to other motions than broader ones, sooner."""
 
 
 def follow_exactly(
@@ -45,7 +47,7 @@ def follow_exactly(
 ) -> tuple[FollowResult, float]:
     """Follow a path to a stand, with the last transitions turned so that it is within ``arrival`` meters of the end.
 
-    Arguments as of :func:`follow_path`. Of the motions that end within the goal tolerance in ``options`` (10 cm without)
+    Arguments as of :func:`follow_path`. Of the motions that end within the tolerance in ``options`` (10 cm without)
     the first that can be bent is taken. Searches that end elsewhere follow one another until one does: to within other
     distances, a wider range of headings, of more branches. Returns the motion and the meters it ends off: that of least
     where none arrives, the one that came farthest where none is found.
@@ -74,12 +76,23 @@ def follow_exactly(
 
 
 def _searches(options: FollowOptions) -> Iterator[FollowOptions]:
-    """What is searched for one after the other until something arrives."""
-    for scale, spread, looks in SCHEDULE:
-        tolerance = min(spread * options.goal_heading_tolerance, math.pi)
-        yield replace(
-            options, goal_tolerance=scale * options.goal_tolerance, goal_heading_tolerance=tolerance, looks=looks
-        )
+    """What is searched for one after the other until something arrives: first quickly, then with the whole budget.
+
+    Where motions end is a matter of chance, and one search goes on to what ends alike: searches of another breadth that
+    end within other tolerances find others. A wider heading may be turned to the one that is asked for.
+    """
+    spreads = (1.0,) if options.goal_heading is None else (1.0, 2.0)
+    quick = max(options.budget // 4, 1)
+    for looks, budget in ((options.looks, quick), (_FEW_LOOKS, options.budget), (THOROUGH_LOOKS, options.budget)):
+        for share in (1.0, 0.5):
+            for spread in spreads:
+                yield replace(
+                    options,
+                    goal_tolerance=share * options.goal_tolerance,
+                    goal_heading_tolerance=min(spread * options.goal_heading_tolerance, math.pi),
+                    looks=looks,
+                    budget=budget,
+                )
 
 
 def _rank(found: FollowResult, off: float) -> tuple[bool, float]:

@@ -26,7 +26,16 @@ from crowdsim.following.follow_kernels import (
     TOP,
     follow,
 )
-from crowdsim.following.follow_workspace import Chain, Laid, Rules, Samples, Search, make_chain, make_guide, make_workspace
+from crowdsim.following.follow_workspace import (
+    Chain,
+    Laid,
+    Rules,
+    Samples,
+    Search,
+    make_chain,
+    make_guide,
+    make_workspace,
+)
 from crowdsim.following.motion_maps import MotionMaps
 from crowdsim.motion.graph_arrays import GraphArrays
 
