@@ -1,4 +1,4 @@
-"""Exact arrival: the last transitions of a followed path turned so that it ends at the very goal (2011 paper, section 6).
+"""Exact arrival: the last transitions of a motion turned so that it ends at the very goal (2011 paper, section 6).
 
 The motion that a search has found is bent as a planar chain and tested as the search tests its branches.
 """
