@@ -25,8 +25,10 @@ from crowdsim.motion.graph_arrays import GraphArrays
 
 Floats = NDArray[np.float64]
 
-_TRIES = 40
-"""Solutions looked at in one search: what it finds after the first ends elsewhere, and costs next to nothing."""
+_QUICK_TRIES = 40
+_TRIES = 200
+"""Solutions looked at in a quick search and in one with the whole budget: what is found after the first ends elsewhere,
+and costs little."""
 
 _FEW_LOOKS = 8
 """Branches laid at each stage of searches that shall come to other motions than broader ones, sooner."""
@@ -54,9 +56,9 @@ def follow_exactly(
     """
     options = replace(options or FollowOptions(goal_tolerance=0.1), end_standing=True)
     best: tuple[FollowResult, float] | None = None
-    for sought in _searches(options):
+    for sought, tries in _searches(options):
         search = PathSearch(graph, maps, samples, meshes, radii, facings, start_pose, start_node, sought, reach)
-        for _ in range(_TRIES):
+        for _ in range(tries):
             found = search.next()
             off = _off(graph, found, samples)
             if found.status == FollowStatus.FOUND and off > arrival:
@@ -75,24 +77,29 @@ def follow_exactly(
     return best
 
 
-def _searches(options: FollowOptions) -> Iterator[FollowOptions]:
-    """What is searched for one after the other until something arrives: first quickly, then with the whole budget.
+def _searches(options: FollowOptions) -> Iterator[tuple[FollowOptions, int]]:
+    """What is searched for one after the other until something arrives, and how many solutions of it are looked at.
 
     Where motions end is a matter of chance, and one search goes on to what ends alike: searches of another breadth that
     end within other tolerances find others. A wider heading may be turned to the one that is asked for.
     """
     spreads = (1.0,) if options.goal_heading is None else (1.0, 2.0)
-    quick = max(options.budget // 4, 1)
-    for looks, budget in ((options.looks, quick), (_FEW_LOOKS, options.budget), (THOROUGH_LOOKS, options.budget)):
+    rounds = (
+        (options.looks, max(options.budget // 4, 1), _QUICK_TRIES),
+        (_FEW_LOOKS, options.budget, _TRIES),
+        (THOROUGH_LOOKS, options.budget, _TRIES),
+    )
+    for looks, budget, tries in rounds:
         for share in (1.0, 0.5):
             for spread in spreads:
-                yield replace(
+                sought = replace(
                     options,
                     goal_tolerance=share * options.goal_tolerance,
                     goal_heading_tolerance=min(spread * options.goal_heading_tolerance, math.pi),
                     looks=looks,
                     budget=budget,
                 )
+                yield sought, tries
 
 
 def _rank(found: FollowResult, off: float) -> tuple[bool, float]:
