@@ -113,7 +113,8 @@ def _faces(graph: GraphArrays, found: FollowResult, options: FollowOptions) -> b
     if options.goal_heading is None:
         return True
     heading = found.origins[-1, 2] + graph.node_motion[found.nodes[-1], 2]
-    return abs(float(wrap_angle(heading - options.goal_heading))) <= options.goal_heading_tolerance
+    # Kernels round otherwise.
+    return abs(float(wrap_angle(heading - options.goal_heading))) <= options.goal_heading_tolerance + 1e-9
 
 
 def _off(graph: GraphArrays, found: FollowResult, samples: Samples) -> float:
