@@ -25,6 +25,8 @@ from crowdsim.following.path_follower import FollowOptions, FollowResult, Follow
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.motion.capture_files import capture_paths
 from crowdsim.motion.capture_sets import as_sources, read_clips
+from crowdsim.motion.gait_library import motion_database
+from crowdsim.motion.gait_manner import MANNERS
 from crowdsim.motion.graph_arrays import GraphArrays
 from crowdsim.motion.motion_graph import MotionGraph
 from crowdsim.motion.pose_kernels import pose_joints
@@ -113,9 +115,13 @@ def load_set(name: str, captures: Path | None) -> MotionSet:
     return MotionSet(name, loaded.graph, radii, facings, int(waits[0]) if len(waits) else NONE, reach)
 
 
-def load_standard(name: str, captures: Path, features: MotionSet) -> MotionSet:
-    """The standard graph of the same captures as the feature-based one of ``features``; nobody waits in it."""
-    graph = build_standard_graph(as_sources(read_clips(capture_paths(captures, CAPTURED))))
+def load_standard(name: str, captures: Path | None, features: MotionSet) -> MotionSet:
+    """The standard graph of the clips of ``features``, a feature-based one; nobody waits in it.
+
+    These are those in ``captures``, or the built-in ones, all of one behavior.
+    """
+    clips = motion_database(MANNERS["default"]) if captures is None else read_clips(capture_paths(captures, CAPTURED))
+    graph = build_standard_graph(as_sources(clips))
     reach = body_reach(graph.arrays, graph.poses, np.full(len(features.radii), CLEARANCE))
     return MotionSet(name, graph, features.radii, features.facings, NONE, reach)
 

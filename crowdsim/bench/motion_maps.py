@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crowdsim.bench.map_arrivals import measure_arrivals
 from crowdsim.bench.map_trials import (
     CLEARANCE,
     FOUND,
@@ -35,20 +35,19 @@ from crowdsim.bench.map_trials import (
 )
 from crowdsim.bench.registry import Measurement
 from crowdsim.following.channel import make_channel
-from crowdsim.following.exact_following import follow_exactly
 from crowdsim.following.graph_search import SearchOptions, search_graph
 from crowdsim.following.map_file import maps_in_file
 from crowdsim.following.motion_maps import MotionMaps
 from crowdsim.following.path_follower import FollowOptions, FollowResult, FollowStatus
 from crowdsim.following.probes import body_probes
-from crowdsim.geometry.planar import compose, wrap_angle
 
-Floats = NDArray[np.float64]
+PAPER_ENTRIES = 70_117
+"""Entries of all maps together in the paper, at its depth 12."""
 
-ENTRIES = (2_000, 20_000, 70_117, 200_000, 1_000_000, 10_000_000)
-"""Entries of all maps together: the third is what the paper has at its depth 12."""
+ENTRIES = (2_000, 20_000, PAPER_ENTRIES, 200_000, 1_000_000, 10_000_000)
+"""Entries of all maps together that are tried."""
 
-STANDARD_ENTRIES = (70_117, 1_000_000, 10_000_000)
+STANDARD_ENTRIES = (PAPER_ENTRIES, 1_000_000, 10_000_000)
 """The same for standard graphs, whose nodes are many and short."""
 
 ASTAR_BUDGET = 20_000
@@ -56,7 +55,7 @@ ASTAR_BUDGET = 20_000
 
 _COLUMNS = (
     "table", "set", "search", "depth", "entries", "cells", "mb", "build_s", "load_ms", "trials", "success_percent",
-    "median_ms", "mean_ms", "length_m", "path_m", "length_ratio",
+    "median_ms", "mean_ms", "length_m", "path_m", "length_ratio", "held_percent", "off_m", "off_degrees", "excess_m",
 )  # fmt: skip
 
 
@@ -66,40 +65,71 @@ def measure(
     entries: Sequence[int] = ENTRIES,
     beside: int = 40,
     astar_budget: int = ASTAR_BUDGET,
+    depth: dict[str, Any] | None = None,
 ) -> Measurement:
     """All tables for the built-in set, and for the walks of the folder ``captures`` if it is given.
 
     ``entries`` are the sizes of maps that are tried with a fifth of the trials; the runs' own maps, tried with all,
-    come last. ``beside`` of the trials are searched with A*, too. Of captures a standard graph is followed, too.
+    come last. ``depth`` are sizes as of :meth:`MotionMaps.build`, tried alone in their place. ``beside`` of the trials
+    are searched with A*, too. A standard graph of the same clips is followed by a tenth of the trials.
     """
     rows: list[dict[str, Any]] = []
     figures: dict[str, float] = {}
+    entries = entries if depth is None else ()
     sets = [load_set("default", None)] + ([] if captures is None else [load_set("captures", captures)])
     for motions in sets:
-        _measure_set(motions, make_ground(len(motions.radii) - 1, trials), entries, beside, astar_budget, rows, figures)
-    if captures is not None:
-        standard = load_standard("captures, standard graph", captures, sets[-1])
-        ground = make_ground(0, max(trials // 10, 1))
-        for count in [size for size in STANDARD_ENTRIES if size <= max(entries, default=0)]:
-            maps, row = _built(standard, count)
-            found = follow_all(standard, maps, ground)
-            rows.append(row | _summary(standard, ground, found))
-            del maps
-            figures["success_standard"] = rows[-1]["success_percent"]
-        if "success_standard" in figures:
-            rows += _beside_astar(standard, ground, found, beside // 4, astar_budget // 10)[0]
+        ground = make_ground(len(motions.radii) - 1, trials)
+        _measure_set(motions, ground, entries, depth, beside, astar_budget, rows, figures)
+    sizes = [size for size in STANDARD_ENTRIES if size <= max(entries, default=0)]
+    for motions, folder in zip(sets, (None, captures), strict=False):
+        if sizes:
+            _measure_standard(
+                motions, folder, sizes, max(trials // 10, 1), beside // 4, astar_budget // 10, rows, figures
+            )
     names = [motions.name for motions in sets]
-    for worst, name in ((max, "search_ms_median"), (max, "length_ratio_mean"), (min, "ratio_astar_over_maps")):
-        each = [figures[f"{name}_{of}"] for of in names if f"{name}_{of}" in figures]
+    worst = {
+        "search_ms_median": max,
+        "length_ratio_mean": max,
+        "ratio_astar_over_maps": min,
+        "maps_mb": max,
+        "maps_s": max,
+    }
+    for name, of in worst.items():
+        each = [figures[f"{name}_{which}"] for which in names if f"{name}_{which}" in figures]
         if each:
-            figures[name] = worst(each)
-    return Measurement([{key: row.get(key) for key in _COLUMNS} for row in rows], figures)
+            figures[name] = of(each)
+    headline = [*[f"success_{name}" for name in names], *worst]
+    table = [{key: row.get(key) for key in _COLUMNS} for row in rows]
+    return Measurement(table, figures, tuple(name for name in headline if name in figures))
+
+
+def _measure_standard(
+    features: MotionSet,
+    captures: Path | None,
+    sizes: Sequence[int],
+    trials: int,
+    beside: int,
+    budget: int,
+    rows: list[dict[str, Any]],
+    figures: dict[str, float],
+) -> None:
+    """Rows and figures of the standard graph of the clips of a set."""
+    standard = load_standard(f"{features.name}, standard graph", captures, features)
+    ground = make_ground(0, trials)
+    for count in sizes:
+        maps, row = _built(standard, count)
+        found = follow_all(standard, maps, ground)
+        rows.append(row | _summary(standard, ground, found))
+        del maps
+    figures[f"success_standard_{features.name}"] = rows[-1]["success_percent"]
+    rows += _beside_astar(standard, ground, found, beside, budget)[0]
 
 
 def _measure_set(
     motions: MotionSet,
     ground: Ground,
     entries: Sequence[int],
+    depth: dict[str, Any] | None,
     beside: int,
     budget: int,
     rows: list[dict[str, Any]],
@@ -112,11 +142,11 @@ def _measure_set(
         maps, row = _built(motions, count)
         rows.append(row | _summary(motions, fewer, follow_all(motions, maps, fewer)))
         del maps
-        if count == 70_117:
-            figures |= {"maps_mb": row["mb"], "maps_s": row["build_s"], "load_ms": row["load_ms"]}
-    maps, row = _built(motions, None)
-    if 70_117 not in entries:
-        figures |= {"maps_mb": row["mb"], "maps_s": row["build_s"], "load_ms": row["load_ms"]}
+        if count == PAPER_ENTRIES:
+            figures |= _costs(row, name)
+    maps, row = _built(motions, None, depth)
+    if PAPER_ENTRIES not in entries:
+        figures |= _costs(row, name)
     found = follow_all(motions, maps, ground)
     rows.append(row | _summary(motions, ground, found))
     figures[f"success_{name}"] = rows[-1]["success_percent"]
@@ -127,17 +157,25 @@ def _measure_set(
     free = follow_all(freely, maps, fewer)
     rows.append(row | _summary(freely, fewer, free) | {"search": "maps, discs alone"})
     figures |= _of_bodies(motions, fewer, free, f"discs_alone_{name}")
-    figures |= _arrivals(motions, maps, ground)
+    arrivals, ends = measure_arrivals(motions, maps, fewer, name)
+    rows += arrivals
+    figures |= ends
     figures[f"first_movement_ms_median_{name}"] = _first_movement(motions, maps, ground)
     more, ratios = _beside_astar(motions, ground, found, beside, budget)
     rows += more
     figures |= ratios
 
 
-def _built(motions: MotionSet, entries: int | None) -> tuple[MotionMaps, dict[str, Any]]:
-    """Maps of that many entries, or with None as runs have them, and what they cost."""
+def _costs(row: dict[str, Any], name: str) -> dict[str, float]:
+    return {f"maps_mb_{name}": row["mb"], f"maps_s_{name}": row["build_s"], f"load_ms_{name}": row["load_ms"]}
+
+
+def _built(
+    motions: MotionSet, entries: int | None, depth: dict[str, Any] | None = None
+) -> tuple[MotionMaps, dict[str, Any]]:
+    """Maps of that many entries, or with None as deep as is asked, by default as runs have them; and what they cost."""
     graph = motions.graph
-    sizes: dict[str, Any] = {}
+    sizes = depth or {}
     if entries is not None:
         sizes = {"depth": 64, "reach": 1e3, "max_entries": max(entries // len(graph.node_frames), 1)}
     MotionMaps.build(graph, depth=1)
@@ -152,7 +190,7 @@ def _built(motions: MotionSet, entries: int | None) -> tuple[MotionMaps, dict[st
     row = {
         "table": "maps",
         "set": motions.name,
-        "search": "maps of runs" if entries is None else "maps",
+        "search": "maps" if entries is not None or depth else "maps of runs",
         "depth": maps.depth,
         "entries": maps.entry_count,
         "cells": maps.cell_count,
@@ -194,49 +232,6 @@ def _of_bodies(
         f"joints_excess_m_most_{name}": float(table.max()),
         f"joints_within_2_cm_percent_{name}": 100.0 * float((table <= 0.02).mean()),
     }
-
-
-def _arrivals(motions: MotionSet, maps: MotionMaps, ground: Ground) -> dict[str, float]:
-    """Of motions that end standing: how far off the goal, without branch kinematics and with it (100 trials).
-
-    And of those that are to end with a heading, which is any for the built-in set, in which there are turns on the
-    spot, and within 30 degrees of the path's for captured walks: how many do, and how far off at most.
-    """
-    options = FollowOptions(goal_tolerance=TOLERANCE, budget=1_000)
-    probes = body_probes(motions.graph, motions.radii)
-    plain, exact, turned = [], [], []
-    tried = ground.trials[:100]
-    spread = np.pi if motions.name == "default" else np.radians(30.0)
-    asked = np.random.default_rng(1).uniform(-spread, spread, len(tried))
-    for trial, turn in zip(tried, asked, strict=True):
-        found = follow_trial(motions, maps, ground, trial, replace(options, end_standing=True))
-        if found.status == FOUND:
-            plain.append(float(np.hypot(*(_end(motions, found)[:2] - trial.points[-1]))))
-        heading = float(wrap_angle(trial.samples.pose[-1, 2] + turn))
-        found = follow_trial(motions, maps, ground, trial, replace(options, goal_heading=heading))
-        if found.status == FOUND:
-            turned.append(abs(float(np.degrees(wrap_angle(_end(motions, found)[2] - heading)))))
-        exact.append(
-            follow_exactly(
-                motions.graph, maps, probes, trial.samples, ground.arrays, motions.radii, motions.facings,
-                trial.start, motions.waiting, options, reach=motions.reach,
-            )[1]
-        )  # fmt: skip
-    within = [off for off in exact if off <= 0.01]
-    share = 100.0 / len(tried)
-    return {
-        f"standing_success_{motions.name}": share * len(plain),
-        f"standing_off_m_most_{motions.name}": max(plain, default=-1.0),
-        f"exact_share_percent_{motions.name}": share * len(within),
-        f"exact_off_m_median_{motions.name}": float(np.median(exact)),
-        f"heading_share_percent_{motions.name}": share * len(turned),
-        f"heading_off_degrees_most_{motions.name}": max(turned, default=-1.0),
-    }
-
-
-def _end(motions: MotionSet, found: FollowResult) -> Floats:
-    """Pose in which a motion ends."""
-    return compose(found.origins[-1], motions.graph.node_motion[found.nodes[-1]])
 
 
 def _first_movement(motions: MotionSet, maps: MotionMaps, ground: Ground) -> float:

@@ -49,11 +49,12 @@ class Measurement:
     """What a benchmark's ``measure`` gives.
 
     ``rows`` is a table, each row with the same keys; ``figures`` the same as a flat map of name -> number, units in
-    the names, to be compared from run to run.
+    the names, to be compared from run to run; ``headline`` names those of them that are shown below the table.
     """
 
     rows: list[dict[str, Any]]
     figures: dict[str, float]
+    headline: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,7 @@ class BenchResult:
     versions: dict[str, str]
     rows: list[dict[str, Any]]
     figures: dict[str, float]
+    headline: tuple[str, ...]
 
 
 def bench_names() -> dict[str, str]:
@@ -78,19 +80,22 @@ def run_bench(
     worlds: Path | None = None,
     captures: Path | None = None,
     picture: Path | None = None,
+    depth: dict[str, Any] | None = None,
 ) -> BenchResult:
     """Run the benchmark called ``name``, on the files in the folder ``maps``, ``worlds`` or ``captures`` if given.
 
-    Raises :class:`CrowdSimError` for a name that is not there, for a folder of a kind the benchmark takes none of, and
-    for a ``picture`` to be written where it draws none.
+    Raises :class:`CrowdSimError` for a name that is not there, for a folder of a kind the benchmark takes none of,
+    for a ``picture`` to be written where it draws none, and for the ``depth`` of maps where it builds none.
     """
     if name not in _BENCHES:
         raise CrowdSimError(f"there is no benchmark '{name}'; there are: {', '.join(_BENCHES)}")
     measure: Callable[..., Measurement] = importlib.import_module(_BENCHES[name][0]).measure
-    paths = (("maps", maps), ("worlds", worlds), ("captures", captures), ("picture", picture))
-    given = {kind: path for kind, path in paths if path is not None}
+    options = {"maps": maps, "worlds": worlds, "captures": captures, "picture": picture, "depth": depth}
+    given = {kind: value for kind, value in options.items() if value is not None}
     for kind in given:
         if kind not in inspect.signature(measure).parameters:
             raise CrowdSimError(f"the benchmark '{name}' takes no {kind}; run it without")
     measured = measure(**given)
-    return BenchResult(name, describe_machine(), describe_versions(), measured.rows, measured.figures)
+    return BenchResult(
+        name, describe_machine(), describe_versions(), measured.rows, measured.figures, measured.headline
+    )

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from crowdsim.cli.options import Debug, Json
+from crowdsim.cli.options import Debug, Json, MapDepth, read_map_depth
 
 
 def bench(
@@ -29,6 +29,7 @@ def bench(
         Path | None,
         typer.Option(metavar="FOLDER", help="For motion-graph, motion-search and motion-maps: a folder of captures."),
     ] = None,
+    depth: MapDepth = None,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
@@ -44,9 +45,13 @@ def bench(
         else:
             print_table(list(bench_names().items()))
         return
-    result = run_bench(name, maps=maps, worlds=worlds, captures=captures, picture=picture)
+    sizes = read_map_depth(depth)
+    result = run_bench(name, maps=maps, worlds=worlds, captures=captures, picture=picture, depth=sizes or None)
     if as_json:
         typer.echo(json.dumps(asdict(result)))
         return
     print_rows(result.rows)
+    if result.headline:
+        typer.echo()
+        print_table([(figure, f"{result.figures[figure]:g}") for figure in result.headline])
     typer.echo(f"\n{result.machine['processor']}, {result.machine['cores']} cores")

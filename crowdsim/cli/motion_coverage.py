@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from crowdsim.cli.options import Debug, Json
+from crowdsim.cli.options import Debug, Json, MapDepth, read_map_depth
 
 if TYPE_CHECKING:
     from crowdsim.motion.motion_graph import MotionGraph
@@ -20,10 +20,7 @@ def coverage(
         str, typer.Argument(metavar="FOLDER|SET", help="A folder of captures, or default, happy or dance.")
     ] = "default",
     picture: Annotated[Path | None, typer.Option(metavar="OUT.png", help="Draw the table.")] = None,
-    depth: Annotated[
-        str | None,
-        typer.Option(metavar="N|METERSm", help="How far maps look ahead: in nodes, as 4, or in meters, as 3.5m."),
-    ] = None,
+    depth: MapDepth = None,
     workers: Annotated[
         int | None, typer.Option(min=1, help="Threads; any number gives the same table. By default one a core.")
     ] = None,
@@ -37,7 +34,7 @@ def coverage(
     from crowdsim.following.coverage import coverage_rows, draw_coverage, measure_coverage
     from crowdsim.following.motion_maps import MotionMaps
 
-    sizes = _read_depth(depth)
+    sizes = read_map_depth(depth)
     threads = workers or os.cpu_count() or 1
     motion, facings = _load(motions)
     with progress_bar() as bar:
@@ -57,21 +54,6 @@ def coverage(
         typer.echo(json.dumps({"motions": motions, "maps": size, "percent": rows}))
         return
     print_rows(rows)
-
-
-def _read_depth(text: str | None) -> dict[str, Any]:
-    """Sizes of maps as of ``MotionMaps.build``: as they are by default, or so deep."""
-    if text is None:
-        return {}
-    meters = text.endswith("m")
-    try:
-        number = float(text[:-1]) if meters else int(text)
-    except ValueError:
-        number = 0
-    if not 0 < number < 1000:
-        raise typer.BadParameter(f"'{text}' is neither nodes, as 4, nor meters, as 3.5m", param_hint="--depth")
-    most = {"max_entries": 100_000}
-    return most | ({"depth": 1000, "reach": number} if meters else {"depth": number, "reach": 1e3})
 
 
 def _load(motions: str) -> tuple[MotionGraph, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -20,6 +20,12 @@ Overrides = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 Debug = Annotated[
     bool, typer.Option("--debug", help="Show the traceback of an error.", callback=remember_debug, is_eager=True)
+]
+MapDepth = Annotated[
+    str | None,
+    typer.Option(
+        "--depth", metavar="N|METERSm", help="How far motion maps look ahead: in nodes, as 4, or in meters, as 3.5m."
+    ),
 ]
 
 
@@ -43,3 +49,18 @@ def read_size(text: str) -> tuple[int, int]:
     if not (16 <= width <= 16384 and 16 <= height <= 16384):
         raise typer.BadParameter(f"'{text}': width and height are 16 to 16384 pixels", param_hint="--size")
     return width, height
+
+
+def read_map_depth(text: str | None) -> dict[str, Any]:
+    """Sizes of maps as of ``MotionMaps.build``: as they are by default, or so deep."""
+    if text is None:
+        return {}
+    meters = text.endswith("m")
+    try:
+        number = float(text[:-1]) if meters else int(text)
+    except ValueError:
+        number = 0
+    if not 0 < number < 1000:
+        raise typer.BadParameter(f"'{text}' is neither nodes, as 4, nor meters, as 3.5m", param_hint="--depth")
+    most = {"max_entries": 100_000}
+    return most | ({"depth": 1000, "reach": number} if meters else {"depth": number, "reach": 1e3})

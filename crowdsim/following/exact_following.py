@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -10,7 +12,6 @@ from numpy.typing import NDArray
 
 from crowdsim.following.body_reach import BodyReach
 from crowdsim.following.follow_workspace import Samples
-from crowdsim.following.graph_search import SearchOptions, exact_arrival
 from crowdsim.following.motion_maps import MotionMaps
 from crowdsim.following.path_follower import (
     THOROUGH_LOOKS,
@@ -19,22 +20,25 @@ from crowdsim.following.path_follower import (
     FollowStatus,
     PathSearch,
 )
-from crowdsim.following.probes import Probes
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.motion.graph_arrays import GraphArrays
 
 Floats = NDArray[np.float64]
 
-_TRIES = 40
-"""Solutions looked at in one search: what it finds after the first ends elsewhere, and costs next to nothing."""
+_QUICK_TRIES = 40
+_TRIES = 200
+"""Solutions looked at in a quick search and in one with the whole budget: what is found after the first ends elsewhere,
+and costs little."""
+
+_FEW_LOOKS = 8
+"""Branches laid at each stage of searches that shall come to other motions than broader ones, sooner."""
 
 
 def follow_exactly(
     graph: GraphArrays,
     maps: MotionMaps,
-    probes: Probes,
     samples: Samples,
-    meshes: tuple[Any, Any],
+    meshes: tuple[Any, ...],
     radii: Floats,
     facings: Floats,
     start_pose: Floats,
@@ -45,35 +49,63 @@ def follow_exactly(
 ) -> tuple[FollowResult, float]:
     """Follow a path to a stand, with the last transitions turned so that it is within ``arrival`` meters of the end.
 
-    Arguments as of :func:`follow_path`, ``probes`` as of :func:`exact_arrival`. Of the motions that end within the goal
-    tolerance in ``options`` (10 cm without) the first that can be bent is taken, and where none can be of a quick
-    search, of a thorough one. Returns the motion and the meters it ends off: that of least where none arrives, the one
-    that came farthest where none is found.
+    Arguments as of :func:`follow_path`. Of the motions that end within the tolerance in ``options`` (10 cm without)
+    the first that can be bent is taken. Searches that end elsewhere follow one another until one does: to within other
+    distances, a wider range of headings, of more branches. Returns the motion and the meters it ends off: that of least
+    where none arrives, the one that came farthest where none is found.
     """
     options = replace(options or FollowOptions(goal_tolerance=0.1), end_standing=True)
-    goal = samples.pose[-1, :2]
     best: tuple[FollowResult, float] | None = None
-    for looks in (options.looks, THOROUGH_LOOKS):
-        search = PathSearch(
-            graph, maps, samples, meshes, radii, facings, start_pose, start_node, replace(options, looks=looks), reach
-        )
-        for _ in range(_TRIES):
+    for sought, tries in _searches(options):
+        search = PathSearch(graph, maps, samples, meshes, radii, facings, start_pose, start_node, sought, reach)
+        for _ in range(tries):
             found = search.next()
-            if found.status != FollowStatus.FOUND:
-                if best is None or (best[0].status != FollowStatus.FOUND and found.reached > best[0].reached):
-                    best = found, _off(graph, found, goal)
-                break
-            off = _off(graph, found, goal)
-            if off > arrival:
-                bent = exact_arrival(graph, probes, found, goal, meshes=meshes, options=SearchOptions(arrival=arrival))
-                if bent is not None and _faces(graph, bent, options):
-                    found, off = bent, _off(graph, bent, goal)
-            if off <= arrival:
-                return found, off
-            if best is None or best[0].status != FollowStatus.FOUND or off < best[1]:
+            off = _off(graph, found, samples)
+            if found.status == FollowStatus.FOUND and off > arrival:
+                bent = search.arrive(arrival, options.goal_heading_tolerance)
+                if bent is not None:
+                    found, off = bent, _off(graph, bent, samples)
+            if found.status == FollowStatus.FOUND and not _faces(graph, found, options):
+                continue
+            if best is None or _rank(found, off) < _rank(*best):
                 best = found, off
+            if found.status != FollowStatus.FOUND or off <= arrival:
+                break
+        if best is not None and best[0].status == FollowStatus.FOUND and best[1] <= arrival:
+            break
     assert best is not None
     return best
+
+
+def _searches(options: FollowOptions) -> Iterator[tuple[FollowOptions, int]]:
+    """What is searched for one after the other until something arrives, and how many solutions of it are looked at.
+
+    Where motions end is a matter of chance, and one search goes on to what ends alike: searches of another breadth that
+    end within other tolerances find others. A wider heading may be turned to the one that is asked for.
+    """
+    spreads = (1.0,) if options.goal_heading is None else (1.0, 2.0)
+    rounds = (
+        (options.looks, max(options.budget // 4, 1), _QUICK_TRIES),
+        (_FEW_LOOKS, options.budget, _TRIES),
+        (THOROUGH_LOOKS, options.budget, _TRIES),
+    )
+    for looks, budget, tries in rounds:
+        for share in (1.0, 0.5):
+            for spread in spreads:
+                sought = replace(
+                    options,
+                    goal_tolerance=share * options.goal_tolerance,
+                    goal_heading_tolerance=min(spread * options.goal_heading_tolerance, math.pi),
+                    looks=looks,
+                    budget=budget,
+                )
+                yield sought, tries
+
+
+def _rank(found: FollowResult, off: float) -> tuple[bool, float]:
+    """Lower is better: a solution that ends nearer, or what came farther without being one."""
+    solved = found.status == FollowStatus.FOUND
+    return not solved, off if solved else -found.reached
 
 
 def _faces(graph: GraphArrays, found: FollowResult, options: FollowOptions) -> bool:
@@ -81,12 +113,13 @@ def _faces(graph: GraphArrays, found: FollowResult, options: FollowOptions) -> b
     if options.goal_heading is None:
         return True
     heading = found.origins[-1, 2] + graph.node_motion[found.nodes[-1], 2]
-    return abs(float(wrap_angle(heading - options.goal_heading))) <= options.goal_heading_tolerance
+    # Kernels round otherwise.
+    return abs(float(wrap_angle(heading - options.goal_heading))) <= options.goal_heading_tolerance + 1e-9
 
 
-def _off(graph: GraphArrays, found: FollowResult, goal: Floats) -> float:
-    """Meters from where the motion ends to ``goal``."""
+def _off(graph: GraphArrays, found: FollowResult, samples: Samples) -> float:
+    """Meters from where the motion ends to the end of the path."""
     if not len(found.nodes):
-        return float("inf")
+        return math.inf
     end = compose(found.origins[-1], graph.node_motion[found.nodes[-1]])
-    return float(np.hypot(*(end[:2] - goal)))
+    return float(np.hypot(*(end[:2] - samples.pose[-1, :2])))

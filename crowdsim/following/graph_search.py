@@ -5,7 +5,7 @@ The search of both papers that motion maps are measured against, and the one tha
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -18,7 +18,7 @@ from crowdsim.errors import MotionError
 from crowdsim.following import graph_search_kernels as columns
 from crowdsim.following.channel import Channel, make_channel
 from crowdsim.following.follow_kernels import FOUND
-from crowdsim.following.path_follower import FollowResult, FollowStatus
+from crowdsim.following.path_follower import FollowStatus
 from crowdsim.following.probes import Probes
 from crowdsim.geometry.planar import compose
 from crowdsim.motion.graph_arrays import GraphArrays
@@ -196,40 +196,6 @@ def search_graph(
         channel_tests=int(counters[columns.CHANNEL_TESTS]),
         bends=int(counters[columns.BENDS]),
     )
-
-
-def exact_arrival(
-    graph: GraphArrays,
-    probes: Probes,
-    result: FollowResult,
-    goal: ArrayLike,
-    *,
-    channel: Channel | None = None,
-    meshes: tuple[Any, Any] | None = None,
-    options: SearchOptions | None = None,
-) -> FollowResult | None:
-    """What the path follower found, its last transitions turned so that it ends exactly at the goal.
-
-    Arguments as of :func:`search_graph`; only what bending needs of the options counts. None where the turns that the
-    graph allows do not lead there, or what they move is not free.
-    """
-    target, count = _as_goal(goal), len(result.nodes)
-    if count < 2:
-        return None
-    grown = _Grown(np.empty((count, 3), np.int32), np.zeros((count, columns.PLACE_COLUMNS)))
-    grown.link[:, columns.PARENT] = np.arange(count) - 1
-    grown.link[:, columns.EDGE] = result.edges
-    grown.link[:, columns.NODE] = result.nodes
-    grown.place[:, :3] = result.origins
-    grown.place[:, columns.END : columns.END + 3] = compose(result.origins, graph.node_motion[result.nodes])
-    grown.place[:, columns.TWIST] = result.twists
-    out = _Out(np.empty((count, 2), np.int32), np.empty((count, 4)))
-    nowhere, rules = _nowhere(), _rules(options or SearchOptions(), channel, meshes)
-    bent = columns.finish(
-        graph, probes, channel or nowhere[0], *(meshes or nowhere[1]), rules, target,
-        count, grown, _chain(), out, np.zeros(columns.COUNTERS, np.int64),
-    )  # fmt: skip
-    return replace(result, twists=out.place[:, 3].copy(), origins=out.place[:, :3].copy()) if bent else None
 
 
 def _length(graph: GraphArrays, nodes: NDArray[np.int32], origins: Floats) -> float:

@@ -29,10 +29,8 @@ PARENT, EDGE, NODE = range(3)
 
 END = 3
 WALKED = 6
-TWIST = 7
-PLACE_COLUMNS = 8
-"""Columns of ``grown.place``: the origin from 0 on, the end from END on, meters walked to it, and the extra rotation
-at the edge into it (none in a search)."""
+PLACE_COLUMNS = 7
+"""Columns of ``grown.place``: the origin from 0 on, the end from END on, meters walked to it."""
 
 COLLISION_TESTS, CHANNEL_TESTS, BENDS, BENT = range(4)
 COUNTERS = 4
@@ -133,28 +131,28 @@ def _list_branch(grown, out, row):
         out.step[i, 1] = grown.link[at, EDGE] if i > 0 else NONE
         for k in range(3):
             out.place[i, k] = grown.place[at, k]
-        out.place[i, 3] = grown.place[at, TWIST]
+        out.place[i, 3] = 0.0
         at = np.int64(grown.link[at, PARENT])
     return count
 
 
 @helper
-def _link(graph, grown, chain, j, row, edge, turn):
-    """Make ``edge`` behind ``row`` of the search, taken with ``turn``, joint ``j``: it turns about the planted foot."""
+def _link(graph, grown, chain, j, row, edge):
+    """Make ``edge`` behind ``row`` of the search joint ``j``: it turns about the planted foot."""
     chain.joint[j, 0], chain.joint[j, 1], _ = compose(
         grown.place[row, END], grown.place[row, END + 1], grown.place[row, END + 2],
         graph.edge_pivot[edge, 0], graph.edge_pivot[edge, 1], 0.0,
     )  # fmt: skip
     chain.limit[j, 0] = graph.edge_low[edge]
     chain.limit[j, 1] = graph.edge_high[edge]
-    chain.turn[j] = turn
+    chain.turn[j] = 0.0
 
 
 @helper
 def _bend_branch(
-    graph, probes, channel, legs, torso, rules, goal, row, edge, turn, x, y, heading, grown, chain, out, counters, hints
+    graph, probes, channel, legs, torso, rules, goal, row, edge, x, y, heading, grown, chain, out, counters, hints
 ):
-    """Bend the branch through ``row`` and ``edge`` (with ``turn``), which ends at (x, y, heading), to the goal.
+    """Bend the branch through ``row`` and ``edge``, which ends at (x, y, heading), to the goal.
 
     Returns how many nodes the bent branch has, left in ``out``, or 0 where none arrives that is free. The last joints
     are bent alone if that is enough: first two, then twice as many each time. So most of the branch stays as it was
@@ -169,10 +167,10 @@ def _bend_branch(
     while bent < joints:
         bent = min(2 * bent, joints)
         at = row
-        _link(graph, grown, chain, bent - 1, at, edge, turn)
+        _link(graph, grown, chain, bent - 1, at, edge)
         for j in range(bent - 2, -1, -1):
             before = np.int64(grown.link[at, PARENT])
-            _link(graph, grown, chain, j, before, np.int64(grown.link[at, EDGE]), grown.place[at, TWIST])
+            _link(graph, grown, chain, j, before, np.int64(grown.link[at, EDGE]))
             at = before
         chain.end[0], chain.end[1], chain.end[2] = x, y, heading
         if not _within_reach(chain, bent, goal):
@@ -306,7 +304,6 @@ def search(
         grown.place[row, 0], grown.place[row, 1], grown.place[row, 2] = ox, oy, oh
         grown.place[row, END], grown.place[row, END + 1], grown.place[row, END + 2] = x, y, heading
         grown.place[row, WALKED] = walked
-        grown.place[row, TWIST] = 0.0
         gap = math.hypot(goal[0] - x, goal[1] - y)
         if gap < best_gap:
             best = row
@@ -314,7 +311,7 @@ def search(
         if graph.node_ends_standing[node] or not rules.end_standing:
             if parent >= 0 and gap < rules.bend_reach:
                 length = _bend_branch(
-                    graph, probes, channel, legs, torso, rules, goal, parent, edge, 0.0, x, y, heading,
+                    graph, probes, channel, legs, torso, rules, goal, parent, edge, x, y, heading,
                     grown, chain, out, counters, hints,
                 )  # fmt: skip
                 if length > 0:
@@ -339,7 +336,7 @@ def search(
             ends = graph.node_ends_standing[target] or not rules.end_standing
             if ends and gap < rules.bend_reach and cost <= promised + HASTE:
                 length = _bend_branch(
-                    graph, probes, channel, legs, torso, rules, goal, row, np.int64(e), 0.0, px, py, ph,
+                    graph, probes, channel, legs, torso, rules, goal, row, np.int64(e), px, py, ph,
                     grown, chain, out, counters, hints,
                 )  # fmt: skip
                 if length > 0:
@@ -349,19 +346,3 @@ def search(
             made += 1
     length = _list_branch(grown, out, best)
     return (BLOCKED if count == 0 else OUT_OF_BUDGET), length, expanded
-
-
-@kernel
-def finish(graph, probes, channel, legs, torso, rules, goal, count, grown, chain, out, counters):
-    """Bend a motion of ``count`` nodes, which stand in ``grown`` one after the other, so that it ends at the goal.
-
-    Returns how many nodes the bent motion has, left in ``out``, or 0 where it cannot be bent so and stay free.
-    """
-    hints = np.zeros(2, np.int64)
-    hints[0] = hints[1] = NONE
-    last = count - 1
-    return _bend_branch(
-        graph, probes, channel, legs, torso, rules, goal, np.int64(last - 1), np.int64(grown.link[last, EDGE]),
-        grown.place[last, TWIST], grown.place[last, END], grown.place[last, END + 1], grown.place[last, END + 2],
-        grown, chain, out, counters, hints,
-    )  # fmt: skip

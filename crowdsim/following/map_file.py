@@ -17,7 +17,7 @@ from crowdsim.following.motion_maps import DEPTH, MAX_ENTRIES, REACH, MapArrays,
 from crowdsim.motion.graph_arrays import GraphArrays
 from crowdsim.whole_files import whole_file
 
-VERSION = 2
+VERSION = 3
 """Of the file and of the way maps are built: raise it when either changes, and maps are built anew."""
 
 SUFFIX = ".maps"

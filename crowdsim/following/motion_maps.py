@@ -45,7 +45,7 @@ class MapArrays(NamedTuple):
     edge, node, level: (E,) int32, edge taken into the entry's node, the node, edges since the root.
     ahead: (E, AHEAD_COLUMNS) float32, in the order of ``key``: what a search asks of an entry before it lays it down,
     see :mod:`crowdsim.following.map_kernels`. Places are in the frame of the root's start.
-    average: (N,) float64, mean of the meters of track before the entries of a map (2012 paper, equation 2).
+    average: (N,) float64, mean of the meters before the entries of a map (2012 paper, equation 2), seams weighed.
     family: (N,) int32, equal for nodes that have the same successors.
     ends_as: (N, B) bool, whether a node is of a behavior or leads straight to one of it.
     leads_to: (N,) int32, behavior of most successors.

@@ -42,3 +42,8 @@ def test_machine_and_versions_name_what_ran():
     versions = describe_versions()
     assert {"crowdsim", "python", "numpy", "numba", "shapely"} <= versions.keys()
     assert "missing" not in versions.values()
+
+
+def test_a_depth_is_refused_where_no_maps_are_built():
+    with pytest.raises(CrowdSimError, match="'startup' takes no depth"):
+        run_bench("startup", depth={"depth": 3})

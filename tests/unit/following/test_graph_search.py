@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from crowdsim.errors import MotionError
 from crowdsim.following import graph_search_kernels
 from crowdsim.following.channel import make_channel
-from crowdsim.following.graph_search import SearchOptions, SearchResult, exact_arrival, search_graph
-from crowdsim.following.motion_maps import MotionMaps
+from crowdsim.following.graph_search import SearchOptions, SearchResult, search_graph
 from crowdsim.following.path_follower import FollowResult, FollowStatus
 from crowdsim.following.probes import body_probes, joint_probes
 from crowdsim.geometry.planar import compose, transform_points, wrap_angle
@@ -19,7 +18,7 @@ from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.behavior_library import load_behavior_set
 from tests.reference.follow_maps import pose_after, track_of
 from tests.reference.graph_search_reference import shortest_motion
-from tests.unit.following.test_path_follower import GRAPH, IDLE, OPEN_GROUND, follow, sample, scene
+from tests.unit.following.test_path_follower import GRAPH, IDLE, OPEN_GROUND
 from tests.unit.following.walking_graph import RADII, graph_of, pieces
 
 Floats = NDArray[np.float64]
@@ -196,25 +195,6 @@ def test_threads_find_what_one_finds() -> None:
     for one, other in zip(map(find, goals), together, strict=True):
         for field in fields(SearchResult):
             np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name))
-
-
-def test_what_the_follower_found_is_bent_to_arrive_exactly() -> None:
-    maps = MotionMaps.build(GRAPH)
-    world, bent = scene(OPEN_GROUND), 0
-    for length in (3.0, 3.6, 4.4, 5.2, 6.1, 7.5, 8.3):
-        path = sample([(0.0, 0.0), (length, 0.0)])
-        followed = follow(maps, world, path, (0.0, 0.0, 0.0), end_standing=True)
-        exact = exact_arrival(GRAPH, PROBES, followed, (length, 0.0), meshes=world.meshes)
-        if exact is None:
-            continue
-        bent += 1
-        track = check(GRAPH, exact, np.array([length, 0.0]))
-        assert np.hypot(*(track[-1, :2] - [length, 0.0])) <= 1e-3
-        np.testing.assert_array_equal(exact.nodes, followed.nodes)
-    assert bent >= 2
-    assert exact_arrival(GRAPH, PROBES, followed, (length + 3.0, 0.0)) is None
-    alone = replace(followed, nodes=followed.nodes[:1])
-    assert exact_arrival(GRAPH, PROBES, alone, (length, 0.0)) is None
 
 
 def test_projected_joints_stand_for_the_body() -> None:

@@ -1,0 +1,116 @@
+"""How motions end that are to stand at the goal, to be turned as asked, or both, with branch kinematics and without."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.bench.map_trials import FOUND, TOLERANCE, Ground, MotionSet, Trial, follow_trial, most_excess
+from crowdsim.following.exact_following import follow_exactly
+from crowdsim.following.motion_maps import MotionMaps
+from crowdsim.following.path_follower import FollowOptions, FollowResult
+from crowdsim.geometry.planar import compose, wrap_angle
+
+Floats = NDArray[np.float64]
+
+ARRIVAL = 0.01
+"""Meters within which branch kinematics is to end."""
+
+EXCESS = 0.02
+"""Meters by which a joint may leave its section."""
+
+_KEYS = {
+    "standing": "to a stand",
+    "exact": "to a stand, bent",
+    "heading": "with a heading",
+    "exact_heading": "to a stand with a heading, bent",
+}
+
+
+class Arrival(NamedTuple):
+    """The end of a motion that was found: meters off, degrees off (0 where none are asked), and a joint's excess."""
+
+    off: float
+    degrees: float
+    excess: float
+
+
+def measure_arrivals(
+    motions: MotionSet, maps: MotionMaps, ground: Ground, name: str
+) -> tuple[list[dict[str, Any]], dict[str, float]]:
+    """Rows and figures: of all trials how many are found, and of these how many hold what was asked for.
+
+    Headings asked for are any for the built-in set, in which there are turns on the spot, and within 30 degrees of the
+    path's end for captured walks. Only what ends with a heading need not stand, unless it is bent.
+    """
+    spread = np.pi if motions.name == "default" else np.radians(30.0)
+    turns = np.random.default_rng(1).uniform(-spread, spread, len(ground.trials))
+    headings = [
+        float(wrap_angle(trial.samples.pose[-1, 2] + turn)) for trial, turn in zip(ground.trials, turns, strict=True)
+    ]
+    options = FollowOptions(goal_tolerance=TOLERANCE, budget=2_000)
+
+    def plain(trial: Trial, wanted: FollowOptions) -> FollowResult:
+        return follow_trial(motions, maps, ground, trial, wanted)
+
+    def bent(trial: Trial, wanted: FollowOptions) -> FollowResult:
+        return follow_exactly(
+            motions.graph, maps, trial.samples, ground.arrays, motions.radii, motions.facings,
+            trial.start, motions.waiting, replace(wanted, budget=4_000), ARRIVAL, motions.reach,
+        )[0]  # fmt: skip
+
+    rows: list[dict[str, Any]] = []
+    figures: dict[str, float] = {}
+    for key, search in _KEYS.items():
+        asked = headings if "heading" in key else [None] * len(headings)
+        wanted = [replace(options, goal_heading=turn, end_standing=key == "standing") for turn in asked]
+        how = bent if key.startswith("exact") else plain
+        arrivals, ms = _arrivals(motions, ground, wanted, how)
+        bar = ARRIVAL if how is bent else TOLERANCE
+        held = sum(one.off <= bar and one.degrees <= 15.0 and one.excess <= EXCESS for one in arrivals)
+        trials, most = len(ground.trials), np.max(arrivals, axis=0, initial=-1.0) if arrivals else np.full(3, -1.0)
+        row: dict[str, Any] = {
+            "table": "arrivals",
+            "set": motions.name,
+            "search": search,
+            "trials": trials,
+            "success_percent": round(100.0 * len(arrivals) / trials, 2),
+            "held_percent": round(100.0 * held / max(len(arrivals), 1), 2),
+            "median_ms": round(float(np.median(ms)), 3),
+            "mean_ms": round(float(ms.mean()), 3),
+            "off_m": round(float(most[0]), 4),
+            "off_degrees": round(float(most[1]), 2),
+            "excess_m": round(float(most[2]), 4),
+        }
+        rows.append(row)
+        figures[f"{key}_success_{name}"] = row["success_percent"]
+        figures[f"{key}_held_percent_{name}"] = row["held_percent"]
+        figures[f"{key}_off_m_most_{name}"] = row["off_m"]
+        figures[f"{key}_off_degrees_most_{name}"] = row["off_degrees"]
+    return rows, figures
+
+
+def _arrivals(
+    motions: MotionSet,
+    ground: Ground,
+    wanted: list[FollowOptions],
+    how: Callable[[Trial, FollowOptions], FollowResult],
+) -> tuple[list[Arrival], Floats]:
+    """How the motions end that are found, and milliseconds of all trials."""
+    how(ground.trials[0], wanted[0])
+    arrivals, ms = [], []
+    for trial, options in zip(ground.trials, wanted, strict=True):
+        begin = time.perf_counter()
+        found = how(trial, options)
+        ms.append((time.perf_counter() - begin) * 1e3)
+        if found.status == FOUND:
+            end = compose(found.origins[-1], motions.graph.node_motion[found.nodes[-1]])
+            off = float(np.hypot(*(end[:2] - trial.points[-1])))
+            turned = 0.0 if options.goal_heading is None else abs(float(wrap_angle(end[2] - options.goal_heading)))
+            arrivals.append(Arrival(off, float(np.degrees(turned)), most_excess(motions, trial, found)))
+    return arrivals, np.array(ms)
