@@ -14,7 +14,7 @@ from crowdsim.crowd.components import SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.motion_plan import MotionPlan
 from crowdsim.crowd.plans import Join, Plans
 from crowdsim.crowd.replanning import reach_goal
-from crowdsim.crowd.reservation_kernels import append_stop, reserve
+from crowdsim.crowd.reservation_kernels import ROUNDING, append_stop, reserve
 from crowdsim.crowd.state_hash import digest_of
 from crowdsim.ecs.world import View
 from crowdsim.environment.layers import polygons_only
@@ -46,7 +46,7 @@ class Choosing:
     READS = ("agent", "frame", "pose", "body_radius", "node", "origin", "seam", "stays")
     WRITES = (
         "state", "next_node", "next_origin", "next_seam", "next_cursor", "cursor", "reserved", "blocked_since",
-        "timeline", "timeline_digest", "timeline_start", "gone_slot", "goal", "awaiting_plan", "retry_step",
+        "timeline", "timeline_circle", "timeline_digest", "timeline_start", "gone_slot", "goal", "awaiting_plan", "retry_step",
     )  # fmt: skip
 
     def __init__(self, plans: Plans) -> None:
@@ -119,12 +119,15 @@ class Choosing:
         taken, gone = reserve(
             setting.graph, layers, setting.body_radii,
             row, int(view.frame[row]), clock, SLOT_FRAMES, chain, origins, seams, 1, available, leaves,
-            view.timeline, view.timeline_start, view.gone_slot, view.body_radius,
+            view.timeline, view.timeline_start, view.gone_slot, view.body_radius, view.timeline_circle,
             self._kept_free(view, row), float(view.body_radius[row]) + KEPT_OFF, self._timeline,
         )  # fmt: skip
         if not taken:
             return False
         view.timeline[row] = self._timeline
+        center = self._timeline[0]
+        view.timeline_circle[row, :2] = center
+        view.timeline_circle[row, 2] = np.hypot(*(self._timeline - center).T).max() + ROUNDING
         view.timeline_digest[row] = digest_of(self._timeline.tobytes())
         view.timeline_start[row] = clock // SLOT_FRAMES
         view.gone_slot[row] = gone

@@ -40,6 +40,15 @@ PASSING_BUDGET = 200
 SLICE_LOOKS = 1200
 """Branches that the first slice of a search lays at most: a millisecond or two. Most searches are over with it."""
 
+MOTION_WORK = 24
+"""Branches that a motion takes for each meter of the way: those of one map query."""
+
+ROUTE_WORK = (600, 40)
+"""What planning a route takes: so many branches could be laid meanwhile, and so many more for each meter."""
+
+PASSING_WORK = 1500
+"""What a way around others takes beyond its route and its motion: a mesh with those who stand there."""
+
 RECOVERIES = 3
 """How often a search begins anew from where its character will be that has walked past where it should have turned."""
 
@@ -104,9 +113,24 @@ class MotionSearch:
             found: MotionPlan | PathNotFound = end.value
             return found
 
+    @property
+    def is_way_around(self) -> bool:
+        """Whether it looks for a way around others first."""
+        return len(self.request.around) > 0
+
+    @property
+    def beginning(self) -> int:
+        """What the first slice takes, about, as so many branches that could be laid meanwhile."""
+        request = self.request
+        meters = float(np.hypot(*(request.goal - request.position)))
+        work = min(MOTION_WORK * meters, SLICE_LOOKS) + PASSING_WORK * self.is_way_around
+        if request.route is None or self.is_way_around:
+            work += ROUTE_WORK[0] + ROUTE_WORK[1] * meters
+        return int(work)
+
     def _search(self) -> Generator[MotionPlan, None, MotionPlan | PathNotFound]:
         place, request = self.place, self.request
-        if len(request.around):
+        if self.is_way_around:
             passing = yield from self._passing()
             if passing is not None:
                 return passing

@@ -79,7 +79,7 @@ class Plans:
     def request(self, agent: int, request: Request, join: Join | None = None) -> None:
         """Ask for a search for one agent, instead of the one that is under way; a slice of it begins with this step."""
         self._joins[agent] = join
-        self.searches.begin(agent, MotionSearch(self.setting, self.place, request))
+        self.searches.begin(agent, MotionSearch(self.setting, self.place, request), walks=join is not None)
 
     def request_on(self, agent: int, join: Join, ahead: int) -> None:
         """Ask for the way on from ``join`` to the place that comes ``ahead`` after the present goal."""

@@ -35,9 +35,11 @@ class Searching:
     READS = ("agent", "cursor", "reserved")
 
     def run(self, view: View) -> None:
-        played = np.maximum(view.cursor, view.reserved) + 1
-        nodes = dict(zip(view.agent.tolist(), played.tolist(), strict=True))
-        self.plans.search_on(lambda agent: nodes.get(agent, 0))
+        def played(agent: int) -> int:
+            rows = np.flatnonzero(view.agent == agent)  # few ask
+            return int(np.maximum(view.cursor, view.reserved)[rows].max(initial=NONE)) + 1
+
+        self.plans.search_on(played)
 
 
 @dataclass
@@ -51,10 +53,9 @@ class Replanning:
 
     def run(self, view: View) -> None:
         plans, setting = self.plans, self.plans.setting
-        row_of = {int(agent): row for row, agent in enumerate(view.agent)}
         for found in plans.collect():
-            row = row_of.get(found.agent)
-            if row is None:
+            row = int(np.argmax(view.agent == found.agent)) if len(view.agent) else 0
+            if row == len(view.agent) or view.agent[row] != found.agent:
                 plans.hand_out(found.agent, found.plan)  # entering looks there itself
             elif found.first:
                 self._go_on(view, row, found, found.first)
@@ -64,12 +65,13 @@ class Replanning:
                 self._hand_out(view, row, found)
 
         waiting = (view.state == AgentState.WAITING) & setting.graph.node_idle[view.node]
-        for row in np.flatnonzero(waiting & ~view.awaiting_plan & (view.retry_step <= plans.step)).tolist():
-            agent = int(view.agent[row])
+        blocked = plans.step - view.blocked_since
+        patient = (view.blocked_since < 0) | (blocked < PATIENCE_SECONDS * setting.steps_per_second)
+        rows = np.flatnonzero(waiting & ~view.awaiting_plan & (view.retry_step <= plans.step))
+        for row, agent, waits in zip(rows.tolist(), view.agent[rows].tolist(), patient[rows].tolist(), strict=True):
             around = np.empty((0, 2))
             if agent in plans.motions:
-                blocked = view.blocked_since[row]
-                if blocked < 0 or plans.step - blocked < PATIENCE_SECONDS * setting.steps_per_second:
+                if waits:
                     continue
                 del plans.motions[agent]
                 view.blocked_since[row] = plans.step

@@ -76,7 +76,7 @@ class Simulation:
         changing = Changing(self.plans, self.place)
         entering = Entering(self.world, self.setting, self.cast, self.plans)
         replanning = Replanning(self.plans)
-        searching = Searching(self.plans)
+        self._searching = Searching(self.plans)
         choosing = Choosing(self.plans)
         advancing = Advancing(self.setting)
         arriving = Arriving(self.world, self.plans, len(self.cast.starts))
@@ -88,7 +88,6 @@ class Simulation:
                 System("plans", replanning.run, replanning.READS, replanning.WRITES),
                 System("enter", entering.run, entering.READS),
                 System("choose", choosing.run, choosing.READS, choosing.WRITES),
-                System("search", searching.run, searching.READS),
                 System("advance", advancing.run, writes=advancing.WRITES),
                 System("arrive", arriving.run, arriving.READS),
             ],
@@ -115,6 +114,8 @@ class Simulation:
         """Advance the world by one step."""
         self.schedule.run()
         self.hash = state_hash(self.world, self.place.state(), self.step_count, self.hash)
+        # Last, as threads that search slow down all that is done beside them.
+        self._searching.run(self.world.view(self._searching.READS))
         self.plans.step += 1
 
     def run(self, output: str | os.PathLike[str], progress: Progress | None = None) -> Recording:
