@@ -46,7 +46,8 @@ class Choosing:
     READS = ("agent", "frame", "pose", "body_radius", "node", "origin", "seam", "stays")
     WRITES = (
         "state", "next_node", "next_origin", "next_seam", "next_cursor", "cursor", "reserved", "blocked_since",
-        "timeline", "timeline_circle", "timeline_digest", "timeline_start", "gone_slot", "goal", "awaiting_plan", "retry_step",
+        "timeline", "timeline_circle", "timeline_digest", "timeline_start", "gone_slot", "goal",
+        "awaiting_plan", "retry_step",
     )  # fmt: skip
 
     def __init__(self, plans: Plans) -> None:

@@ -211,8 +211,8 @@ def reserve(
 
     chain, origins, seams: buffers (C,), (C, 3), (C, 3); entry 0 is the present node, entries 1 to
     ``available`` the next nodes of the plan; at least ``first`` of them must be taken. ``ends_plan`` says that
-    the last of them leaves the world. timelines to ``circles``: of all rows, as of :func:`meets_anyone`. ``layers`` is a tuple of meshes, ``body`` (B, layers) are
-    the body radii per behavior and layer. ``kept_free`` (M, 4)
+    the last of them leaves the world. ``timelines`` to ``circles`` are of all rows, as of :func:`meets_anyone`.
+    ``layers`` is a tuple of meshes, ``body`` (B, layers) the body radii per behavior and layer. ``kept_free`` (M, 4)
     are segments that the track stays ``distance`` away from.
     Returns (nodes taken, gone slot), no nodes where there is none, and leaves the timeline in ``timeline`` (K, 2).
     """

@@ -19,6 +19,8 @@ from crowdsim.crowd.components import COLUMNS
 from crowdsim.crowd.entering import Entering
 from crowdsim.crowd.errands import Errands
 from crowdsim.crowd.header import labeled_points, record_header
+from crowdsim.crowd.motion_plan import Request
+from crowdsim.crowd.motion_search import MotionSearch
 from crowdsim.crowd.place import Place
 from crowdsim.crowd.plans import Plans
 from crowdsim.crowd.replanning import Replanning, Searching
@@ -72,6 +74,7 @@ class Simulation:
             lead=max(1, round(LEAD_SECONDS * rate)),
         )
         self.hash = 0
+        self._make_ready()
 
         changing = Changing(self.plans, self.place)
         entering = Entering(self.world, self.setting, self.cast, self.plans)
@@ -92,6 +95,12 @@ class Simulation:
                 System("arrive", arriving.run, arriving.READS),
             ],
         )
+
+    def _make_ready(self) -> None:
+        """Search a way and throw it away: what is made once for a place, or loads, is not waited for in a step."""
+        agent = 0
+        start, goal, stands = self.cast.starts[agent], self.errands.goal(agent), self.errands.stands(agent)
+        MotionSearch(self.setting, self.place, Request(start, goal, stands)).advance()
 
     @property
     def step_count(self) -> int:

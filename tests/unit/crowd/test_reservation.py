@@ -168,7 +168,8 @@ def reserved(other: tuple[float, float], room: shapely.Polygon | None = None, ke
     out = np.zeros((48, 2))
     taken, gone = reserve(
         GRAPH, (mesh, mesh), np.array([[0.2, 0.3]]), 0, 0, 0, SLOT_FRAMES, chain, origins, seams, 1, 3, False,
-        timelines, np.zeros(2, np.int64), np.full(2, FOREVER), np.full(2, 0.3), circles_of(timelines), kept_free, 0.35, out,
+        timelines, np.zeros(2, np.int64), np.full(2, FOREVER), np.full(2, 0.3), circles_of(timelines),
+        kept_free, 0.35, out,
     )  # fmt: skip
     return taken, gone, out
 
