@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -10,7 +12,6 @@ from numpy.typing import NDArray
 
 from crowdsim.following.body_reach import BodyReach
 from crowdsim.following.follow_workspace import Samples
-from crowdsim.following.graph_search import SearchOptions, exact_arrival
 from crowdsim.following.motion_maps import MotionMaps
 from crowdsim.following.path_follower import (
     THOROUGH_LOOKS,
@@ -19,12 +20,12 @@ from crowdsim.following.path_follower import (
     FollowStatus,
     PathSearch,
 )
-from crowdsim.following.probes import Probes
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.motion.graph_arrays import GraphArrays
 
 Floats = NDArray[np.float64]
 
+SCHEDULE = ((1.0, 1.0, 24), (1.0, 2.0, 24), (0.5, 1.0, 24), (1.0, 1.0, 200), (0.5, 1.0, 200), (1.0, 2.0, 200))
 _TRIES = 40
 """Solutions looked at in one search: what it finds after the first ends elsewhere, and costs next to nothing."""
 
@@ -32,9 +33,8 @@ _TRIES = 40
 def follow_exactly(
     graph: GraphArrays,
     maps: MotionMaps,
-    probes: Probes,
     samples: Samples,
-    meshes: tuple[Any, Any],
+    meshes: tuple[Any, ...],
     radii: Floats,
     facings: Floats,
     start_pose: Floats,
@@ -45,35 +45,47 @@ def follow_exactly(
 ) -> tuple[FollowResult, float]:
     """Follow a path to a stand, with the last transitions turned so that it is within ``arrival`` meters of the end.
 
-    Arguments as of :func:`follow_path`, ``probes`` as of :func:`exact_arrival`. Of the motions that end within the goal
-    tolerance in ``options`` (10 cm without) the first that can be bent is taken, and where none can be of a quick
-    search, of a thorough one. Returns the motion and the meters it ends off: that of least where none arrives, the one
-    that came farthest where none is found.
+    Arguments as of :func:`follow_path`. Of the motions that end within the goal tolerance in ``options`` (10 cm without)
+    the first that can be bent is taken. Searches that end elsewhere follow one another until one does: to within other
+    distances, a wider range of headings, of more branches. Returns the motion and the meters it ends off: that of least
+    where none arrives, the one that came farthest where none is found.
     """
     options = replace(options or FollowOptions(goal_tolerance=0.1), end_standing=True)
-    goal = samples.pose[-1, :2]
     best: tuple[FollowResult, float] | None = None
-    for looks in (options.looks, THOROUGH_LOOKS):
-        search = PathSearch(
-            graph, maps, samples, meshes, radii, facings, start_pose, start_node, replace(options, looks=looks), reach
-        )
+    for sought in _searches(options):
+        search = PathSearch(graph, maps, samples, meshes, radii, facings, start_pose, start_node, sought, reach)
         for _ in range(_TRIES):
             found = search.next()
-            if found.status != FollowStatus.FOUND:
-                if best is None or (best[0].status != FollowStatus.FOUND and found.reached > best[0].reached):
-                    best = found, _off(graph, found, goal)
-                break
-            off = _off(graph, found, goal)
-            if off > arrival:
-                bent = exact_arrival(graph, probes, found, goal, meshes=meshes, options=SearchOptions(arrival=arrival))
-                if bent is not None and _faces(graph, bent, options):
-                    found, off = bent, _off(graph, bent, goal)
-            if off <= arrival:
-                return found, off
-            if best is None or best[0].status != FollowStatus.FOUND or off < best[1]:
+            off = _off(graph, found, samples)
+            if found.status == FollowStatus.FOUND and off > arrival:
+                bent = search.arrive(arrival, options.goal_heading_tolerance)
+                if bent is not None:
+                    found, off = bent, _off(graph, bent, samples)
+            if found.status == FollowStatus.FOUND and not _faces(graph, found, options):
+                continue
+            if best is None or _rank(found, off) < _rank(*best):
                 best = found, off
+            if found.status != FollowStatus.FOUND or off <= arrival:
+                break
+        if best is not None and best[0].status == FollowStatus.FOUND and best[1] <= arrival:
+            break
     assert best is not None
     return best
+
+
+def _searches(options: FollowOptions) -> Iterator[FollowOptions]:
+    """What is searched for one after the other until something arrives."""
+    for scale, spread, looks in SCHEDULE:
+        tolerance = min(spread * options.goal_heading_tolerance, math.pi)
+        yield replace(
+            options, goal_tolerance=scale * options.goal_tolerance, goal_heading_tolerance=tolerance, looks=looks
+        )
+
+
+def _rank(found: FollowResult, off: float) -> tuple[bool, float]:
+    """Lower is better: a solution that ends nearer, or what came farther without being one."""
+    solved = found.status == FollowStatus.FOUND
+    return not solved, off if solved else -found.reached
 
 
 def _faces(graph: GraphArrays, found: FollowResult, options: FollowOptions) -> bool:
@@ -84,9 +96,9 @@ def _faces(graph: GraphArrays, found: FollowResult, options: FollowOptions) -> b
     return abs(float(wrap_angle(heading - options.goal_heading))) <= options.goal_heading_tolerance
 
 
-def _off(graph: GraphArrays, found: FollowResult, goal: Floats) -> float:
-    """Meters from where the motion ends to ``goal``."""
+def _off(graph: GraphArrays, found: FollowResult, samples: Samples) -> float:
+    """Meters from where the motion ends to the end of the path."""
     if not len(found.nodes):
-        return float("inf")
+        return math.inf
     end = compose(found.origins[-1], graph.node_motion[found.nodes[-1]])
-    return float(np.hypot(*(end[:2] - goal)))
+    return float(np.hypot(*(end[:2] - samples.pose[-1, :2])))

@@ -7,6 +7,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.following.arrival_kernels import MOST_BENT
 from crowdsim.following.follow_kernels import STAGE_COLUMNS, STATE_COLUMNS
 from crowdsim.following.motion_maps import MotionMaps
 from crowdsim.motion.graph_arrays import GraphArrays
@@ -104,6 +105,15 @@ class Search(NamedTuple):
     best_place: Floats
 
 
+class Chain(NamedTuple):
+    """Joints that are bent: joint (J, 2) places, limit (J, 2) and turn (J,) radians; end (3,) of what they carry."""
+
+    joint: Floats
+    limit: Floats
+    turn: Floats
+    end: Floats
+
+
 def make_guide(samples: Samples, facings: Floats, reach: float) -> Guide:
     length = float(samples.arc[-1])
     pieces = len(samples.arc) - 1
@@ -166,20 +176,29 @@ def make_workspace(
         best_step=np.empty((nodes, 2), np.int64),
         best_place=np.empty((nodes, 4)),
     )
-    laid = Laid(
+    return search, _make_laid(entries, rules)
+
+
+def _make_laid(entries: int, rules: Rules) -> Laid:
+    return Laid(
         serial=np.zeros(entries, np.int64),
         fit=np.empty(entries, np.bool_),
         wide=np.empty(entries, np.bool_),
-        reached=np.empty(entries, np.bool_),
+        reached=np.zeros(entries, np.bool_),
         free=np.empty((entries, rules.radii.shape[1] + 1), np.bool_),
-        node=ints(entries),
-        edge=ints(entries),
+        node=np.empty(entries, np.int64),
+        edge=np.empty(entries, np.int64),
         twist=np.empty(entries),
         origin=np.empty((entries, 3)),
         end=np.empty((entries, 3)),
         arc=np.empty(entries),
         area=np.empty(entries),
         off=np.empty(entries),
-        strayed=np.empty(entries),
+        strayed=np.full(entries, np.inf),
     )
-    return search, laid
+
+
+def make_chain(search: Search, rules: Rules) -> tuple[Search, Laid, Chain]:
+    """Room to bend the solutions of a search in: its last nodes are entries of their own, 0 being the first of them."""
+    chain = Chain(np.empty((MOST_BENT, 2)), np.empty((MOST_BENT, 2)), np.empty(MOST_BENT), np.empty(3))
+    return search._replace(branch=np.arange(MOST_BENT)), _make_laid(MOST_BENT, rules), chain

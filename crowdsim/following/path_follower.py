@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,10 @@ from numpy.typing import NDArray
 
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import MotionError
+from crowdsim.following.arrival_kernels import arrive
 from crowdsim.following.body_reach import BodyReach
 from crowdsim.following.follow_kernels import (
+    BEST,
     BLOCKED,
     COUNT,
     FOUND,
@@ -23,7 +26,7 @@ from crowdsim.following.follow_kernels import (
     TOP,
     follow,
 )
-from crowdsim.following.follow_workspace import Rules, Samples, make_guide, make_workspace
+from crowdsim.following.follow_workspace import Chain, Laid, Rules, Samples, Search, make_chain, make_guide, make_workspace
 from crowdsim.following.motion_maps import MotionMaps
 from crowdsim.motion.graph_arrays import GraphArrays
 
@@ -156,6 +159,28 @@ class PathSearch:
             return None
         search = self._search
         return _result(status, search.best_step[:count], search.best_place[:count], reached, expansions)
+
+    def arrive(self, within: float, heading_tolerance: float | None = None) -> FollowResult | None:
+        """What :meth:`next` found last, with its last transitions turned so that it ends at the end of the path.
+
+        within: meters from there that are near enough. heading_tolerance: radians within which the heading must be that
+        the options ask for, if they do; theirs by default. What is bent is tested as the search tests. None where it
+        cannot be bent so. For searches that end standing: others pass the end on their way.
+        """
+        (graph, _, guide, rules, layers, reach, *_), count = self._arguments, int(self._search.state[BEST])
+        tolerance = rules.goal_heading_tolerance if heading_tolerance is None else heading_tolerance
+        search, laid, _ = self._chain
+        asked = float(within), rules.goal_heading, float(tolerance)
+        bent, reached = arrive(graph, guide, rules, layers, reach, *self._chain, count, *asked)
+        if not bent:
+            return None
+        places = search.best_place[:count].copy()
+        places[count - bent :] = np.column_stack([laid.origin[:bent], laid.twist[:bent]])
+        return _result(FOUND, search.best_step[:count], places, reached, int(search.state[QUERIES]))
+
+    @cached_property
+    def _chain(self) -> tuple[Search, Laid, Chain]:
+        return make_chain(self._search, self._arguments[3])
 
     @property
     def present(self) -> FollowResult:
