@@ -87,6 +87,8 @@ class Choosing:
                     self._abandon(view, row, agent)
                 elif view.blocked_since[row] == NONE:
                     view.blocked_since[row] = self.plans.step
+            elif plan.arrives and not self.plans.errands.accepts(agent, self._end(view, row)):
+                self._abandon(view, row, agent)
             elif plan.arrives:
                 if not self.plans.errands.is_last(agent):
                     reach_goal(self.plans, view, row)
@@ -183,8 +185,11 @@ class Choosing:
             return
         self._abandon(view, row, agent)
         view.state[row] = max(view.state[row], AgentState.WAITING)
-        end = node_end(self.plans.setting.graph, int(view.node[row]), *view.origin[row])
-        _take(view, row, idle, np.array(end), np.zeros(3))
+        _take(view, row, idle, self._end(view, row), np.zeros(3))
+
+    def _end(self, view: View, row: int) -> NDArray[np.float64]:
+        """Where the present node ends (3,)."""
+        return np.array(node_end(self.plans.setting.graph, int(view.node[row]), *view.origin[row]))
 
 
 def _distance(view: View, row: int) -> float:

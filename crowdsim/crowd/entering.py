@@ -11,7 +11,7 @@ from shapely import Point
 
 from crowdsim.crowd.changing import KEPT_OFF
 from crowdsim.crowd.components import SLOT_FRAMES, TIMELINE_SLOTS
-from crowdsim.crowd.motion_plan import MotionPlan, Request
+from crowdsim.crowd.motion_plan import MotionPlan
 from crowdsim.crowd.plans import Plans
 from crowdsim.crowd.replanning import AT_GOAL
 from crowdsim.crowd.reservation_kernels import ELBOW_ROOM, FOREVER, meets_anyone
@@ -92,7 +92,7 @@ class Entering:
             if errands.is_last(agent) or np.hypot(*(errands.goal(agent) - self.cast.starts[agent])) >= AT_GOAL:
                 break
             errands.reach(agent)  # it starts there
-        self.plans.request(agent, Request(self.cast.starts[agent], errands.goal(agent), errands.stands(agent)))
+        self.plans.request(agent, errands.request(agent, self.cast.starts[agent]))
 
     def _spawn(self, agent: int, plan: MotionPlan, slot: int) -> None:
         node = plan.departure_node

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from crowdsim.crowd.motion_plan import MotionPlan, Request
 from crowdsim.crowd.place import Place
 from crowdsim.crowd.setting import Setting
+from crowdsim.crowd.standing import attempts, nearest_end
 from crowdsim.errors import PathNotFound
-from crowdsim.following.path_follower import THOROUGH_LOOKS, FollowOptions, FollowResult, FollowStatus, PathSearch
+from crowdsim.following.path_follower import FollowResult, FollowStatus, PathSearch
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.motion.track_kernels import node_end
 from crowdsim.navmesh.navmesh import NavMesh
@@ -159,7 +160,7 @@ class MotionSearch:
     def _recover(self, plan: MotionPlan, kept: int) -> Generator[MotionPlan, None, MotionPlan]:
         """Search again from the end of what is played, on a new route; what is played where nothing is found."""
         graph = self.setting.graph
-        for _ in range(RECOVERIES):
+        for time in range(RECOVERIES):
             played = plan.until(kept - 1)
             node, origin = int(played.nodes[-1]), played.origins[-1]
             position = np.array(node_end(graph, node, *origin)[:2])
@@ -169,7 +170,7 @@ class MotionSearch:
             except PathNotFound:
                 return played
             revision = self.place.revision
-            plan, kept = yield from self._follow(request, route, self.place.meshes, played=played)
+            plan, kept = yield from self._follow(request, route, self.place.meshes, played=played, strictly=time == 0)
             self.recoveries += plan.count > played.count
             if plan.arrives or (kept == played.count and self.place.revision == revision):
                 return plan
@@ -183,20 +184,22 @@ class MotionSearch:
         budget: int = SEARCH_BUDGET,
         shown: bool = True,
         played: MotionPlan | None = None,
+        strictly: bool = True,
     ) -> Generator[MotionPlan, None, _Outcome]:
         """Follow a route: quickly, then thoroughly, as :func:`crowdsim.following.path_follower.follow_path`.
 
-        ``shown`` says whether parts of the motion may be walked; ``played`` comes before it.
+        ``shown`` says whether parts of the motion may be walked; ``played`` comes before it. ``strictly``: whether to
+        try and end as is asked for before coming near is enough.
         """
         setting, revision = self.setting, self.place.revision
         samples = _rest_of(route.sample(), request.position)
         node, origin = _departure(setting, request, route, samples)
         before = 0 if played is None else played.count
         best: FollowResult | None = None
-        plan = None
-        kept = spent = 0
-        for looks, share in ((FollowOptions.looks, budget // 4), (THOROUGH_LOOKS, budget)):
-            options = FollowOptions(end_standing=request.stays, budget=share - spent, looks=looks)
+        plan, kept, least = None, 0, np.inf
+        for options, exactly in attempts(request, budget, strictly):
+            if least < np.inf and not exactly:
+                break
             search = PathSearch(
                 setting.graph,
                 setting.maps,
@@ -208,17 +211,22 @@ class MotionSearch:
                 start_node=node,
                 options=options,
             )
-            while (found := search.advance(max(self._looks // looks, 1), kept + 1)) is None:
+            while (found := search.advance(max(self._looks // options.looks, 1), kept + 1)) is None:
                 plan = _as_plan(setting, route, search.present, played, kept if shown else _HIDDEN)
                 yield plan
                 kept = self._kept - before
                 if self.place.revision != revision:
                     return _Outcome(plan, before + kept)
-            spent += found.expansions
-            if best is None or found.status == FollowStatus.FOUND or found.reached >= best.reached:
-                best = found
             if found.status == FollowStatus.FOUND:
-                break
+                off = 0.0
+                if exactly:
+                    found, off = nearest_end(setting.graph, search, found, request, samples.pose[-1, :2], kept + 1)
+                if off < least:
+                    best, least = found, off
+                if off <= request.within or kept:
+                    break
+            elif best is None or (least == np.inf and found.reached >= best.reached):
+                best = found
             if plan is not None and kept:
                 # What came farthest may begin otherwise than what is played.
                 self.backtracks += found.status == FollowStatus.PAST_KEPT

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.constants import NONE
-from crowdsim.crowd.motion_plan import Request
 from crowdsim.crowd.plans import Found, Join, Plans
 from crowdsim.ecs.world import View
 from crowdsim.recording.header import AgentState
@@ -80,19 +79,12 @@ class Replanning:
                 reach_goal(plans, view, row)
                 continue
             view.awaiting_plan[row] = True
-            goal = view.goal[row].copy()
+            departure = int(view.node[row]), view.origin[row].copy()
+            request = plans.errands.request(agent, view.pose[row, :2].copy(), departure=departure)
             route = plans.routes.get(agent)
-            plans.request(
-                agent,
-                Request(
-                    position=view.pose[row, :2].copy(),
-                    goal=goal,
-                    stays=plans.errands.stands(agent),
-                    departure=(int(view.node[row]), view.origin[row].copy()),
-                    route=route if route is not None and (route.points[-1] == goal).all() else None,
-                    around=around,
-                ),
-            )
+            if route is not None and (route.points[-1] != request.goal).any():
+                route = None
+            plans.request(agent, replace(request, route=route, around=around))
 
     def _hand_out(self, view: View, row: int, found: Found) -> None:
         """Give a plan to somebody who stands or has begun it, or let it stand a while where there is none."""
@@ -135,7 +127,8 @@ class Replanning:
     def _is_there(self, view: View, row: int, agent: int) -> bool:
         """Whether somebody stands at a goal from where it goes on."""
         near = float(np.hypot(*(view.pose[row, :2] - view.goal[row]))) < AT_GOAL
-        return near and not self.plans.errands.is_last(agent)
+        errands = self.plans.errands
+        return near and not errands.is_last(agent) and errands.accepts(agent, view.pose[row])
 
 
 def reach_goal(plans: Plans, view: View, row: int) -> None:

@@ -19,7 +19,6 @@ from crowdsim.crowd.components import COLUMNS
 from crowdsim.crowd.entering import Entering
 from crowdsim.crowd.errands import Errands
 from crowdsim.crowd.header import labeled_points, record_header
-from crowdsim.crowd.motion_plan import Request
 from crowdsim.crowd.motion_search import MotionSearch
 from crowdsim.crowd.place import Place
 from crowdsim.crowd.plans import Plans
@@ -98,9 +97,7 @@ class Simulation:
 
     def _make_ready(self) -> None:
         """Search a way and throw it away: what is made once for a place, or loads, is not waited for in a step."""
-        agent = 0
-        start, goal, stands = self.cast.starts[agent], self.errands.goal(agent), self.errands.stands(agent)
-        MotionSearch(self.setting, self.place, Request(start, goal, stands)).advance()
+        MotionSearch(self.setting, self.place, self.errands.request(0, self.cast.starts[0])).advance()
 
     @property
     def step_count(self) -> int:
@@ -188,6 +185,7 @@ class Simulation:
             "waiting": int((self.world.column("state") == AgentState.WAITING).sum()),
             "unreachable": {str(agent): reason for agent, reason in sorted(self.plans.unreachable.items())},
             "laps": self.errands.laps(),
+            "stands": self.errands.stands_summary(),
             "events": self._changing.report(),
             "replans": self.plans.replans,
             "searches": self.searches.summary(),
