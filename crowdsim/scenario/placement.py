@@ -22,7 +22,7 @@ NOMINAL_RADIUS = 0.30
 """Meters around a character for which a scenario is checked before the motion, and with it the body, is known."""
 
 STAND_ROOM = 0.4
-"""Meters between two who stay, beyond the radius given for each: enough to turn on the spot, and to stand a little off."""
+"""Meters between two who stay, beyond the radius given for each: to turn on the spot, and to stand a little off it."""
 
 _TRIES = 1000
 """Spots drawn in vain for one character before its region counts as full."""
@@ -84,8 +84,8 @@ def place_agents(scenario: Scenario, radius: float) -> Placement:
     """Draw start and goal of every character with ``radius`` meters of free floor around it.
 
     Characters that start at the same step, of whatever group, start at least two radii apart; the goals of those that
-    stay are STAND_ROOM farther apart. Each group draws from its own two streams of the scenario's seed, so that a change
-    to one group leaves the draws of the others alone.
+    stay are STAND_ROOM farther apart. Each group draws from its own two streams of the scenario's seed, so that a
+    change to one group leaves the draws of the others alone.
 
     Raises
     ------
