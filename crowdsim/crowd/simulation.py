@@ -118,9 +118,15 @@ class Simulation:
 
     def step(self) -> None:
         """Advance the world by one step."""
+        self._advance()
+        self._end_step()
+
+    def _advance(self) -> None:
         self.schedule.run()
         self.hash = state_hash(self.world, self.place.state(), self.step_count, self.hash)
-        # Last, as threads that search slow down all that is done beside them.
+
+    def _end_step(self) -> None:
+        """Begin the slices that the next step waits for: after all else, which threads that search slow down."""
         self._searching.run(self.world.view(self._searching.READS))
         self.plans.step += 1
 
@@ -136,7 +142,7 @@ class Simulation:
             before: list[Placing | None] = [None] * len(self.place.changes.movables)
             started = time.perf_counter()
             while not self.finished:
-                self.step()
+                self._advance()
                 for agent, route in self._new_routes:
                     writer.add_path(agent, *labeled_points(route))
                 self._new_routes.clear()
@@ -144,6 +150,7 @@ class Simulation:
                 frame = self.frame()
                 writer.append(frame, self.hash)
                 statistics.add(frame)
+                self._end_step()
                 if progress is not None:
                     progress(self.step_count, self.step_limit, self)
             seconds = time.perf_counter() - started
