@@ -62,6 +62,8 @@ PASSING_ROOM = 0.02
 _RING = 12  # points that stand for someone: closer together than any body is wide
 _OFF_WALLS = 0.02  # meters
 
+_LEAST = 1e-3  # meters: a path to follow has a length
+
 _HIDDEN = -1
 
 
@@ -329,7 +331,11 @@ def _as_plan(
 
 
 def _rest_of(samples: PathSamples, position: NDArray[np.float64]) -> PathSamples:
-    """The samples from the one nearest to ``position`` on."""
+    """The samples from the one nearest to ``position`` on; of one point, where somebody is there, a millimeter."""
+    if not samples.arc[-1] > 0.0:
+        pose = samples.pose.copy()
+        pose[0, :2] -= _LEAST * np.array([np.cos(pose[0, 2]), np.sin(pose[0, 2])])
+        return PathSamples(pose, np.linspace(0.0, _LEAST, len(pose)), samples.behavior)
     distance = np.hypot(*(samples.pose[:, :2] - position).T)
     first = min(int(np.argmin(distance)), len(samples.arc) - 2)
     return PathSamples(samples.pose[first:], samples.arc[first:] - samples.arc[first], samples.behavior[first:])

@@ -19,10 +19,11 @@ from crowdsim.crowd.components import COLUMNS
 from crowdsim.crowd.entering import Entering
 from crowdsim.crowd.errands import Errands
 from crowdsim.crowd.header import labeled_points, record_header
+from crowdsim.crowd.motion_plan import Request
 from crowdsim.crowd.motion_search import MotionSearch
 from crowdsim.crowd.place import Place
 from crowdsim.crowd.plans import Plans
-from crowdsim.crowd.replanning import Replanning, Searching
+from crowdsim.crowd.replanning import AT_GOAL, Replanning, Searching
 from crowdsim.crowd.searches import Searches
 from crowdsim.crowd.setting import prepare
 from crowdsim.crowd.state_hash import state_hash
@@ -97,7 +98,11 @@ class Simulation:
 
     def _make_ready(self) -> None:
         """Search a way and throw it away: what is made once for a place, or loads, is not waited for in a step."""
-        MotionSearch(self.setting, self.place, self.errands.request(0, self.cast.starts[0])).advance()
+        start = self.cast.starts[0]
+        for goal in self.cast.goals[0]:
+            if np.hypot(*(goal - start)) > AT_GOAL:
+                MotionSearch(self.setting, self.place, Request(start, goal, stays=True)).advance()
+                return
 
     @property
     def step_count(self) -> int:

@@ -73,6 +73,15 @@ def test_what_cannot_be_had_is_come_near_to(setting: Setting, place: Place, monk
     assert np.hypot(*(end[:2] - GOAL)) <= FollowOptions.goal_tolerance
 
 
+def test_who_is_there_already_stays_or_turns(setting: Setting, place: Place) -> None:
+    node = int(setting.idle_nodes[-1])
+    for heading in (None, np.pi / 2):
+        departure = node, np.array([*GOAL, 0.0])
+        end = end_of(setting, place, Request(GOAL, GOAL, stays=True, departure=departure, heading=heading))
+        assert np.hypot(*(end[:2] - GOAL)) <= STAND_WITHIN
+        assert heading is None or abs(wrap_angle(end[2] - heading)) <= FollowOptions.goal_heading_tolerance
+
+
 def test_only_those_who_stand_are_held_to_it() -> None:
     walker = Request(np.zeros(2), GOAL, stays=False, heading=1.0, within=0.01)
     assert [options.goal_heading for options, _ in attempts(walker, 100, strictly=True)] == [None, None]
