@@ -16,7 +16,7 @@ from crowdsim.crowd.motion_search import SLICE_LOOKS, MotionSearch
 from crowdsim.crowd.worker_pool import WorkerPool
 from crowdsim.errors import PathNotFound
 
-LOOKS_PER_STEP = 10 * SLICE_LOOKS
+LOOKS_PER_STEP = 8 * SLICE_LOOKS
 """Branches that all slices of a step lay together, about: a step stays short however many searches there are. What the
 last slice lays beyond that is taken from the next step."""
 
