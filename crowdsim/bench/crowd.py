@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -222,8 +222,8 @@ def measure(
         reached = int(simulation.errands.reached.sum())
         rows.append(_row("run", simulation.world.count, steps, simulation.searches, reached))
     figures = {
-        f"{row['what'].split(',')[0]}_{key}": float(row[key])
-        for row in rows[1:]
+        f"{name}_{key}": float(row[key])
+        for name, row in zip(("at_once", "playing", "run"), rows, strict=True)
         for key in _FIGURES
         if row[key] is not None
     }
@@ -237,8 +237,8 @@ def measure(
 
 
 _FIGURES = (
-    "frame_ms_median", "frame_ms_p95", "frame_ms_most", "late_percent", "first_movement_ms_median",
-    "first_movement_ms_p95", "sliced", "backtracked", "recovered",
+    "frame_ms_median", "frame_ms_p95", "frame_ms_p99", "frame_ms_most", "late_percent", "cpu_ms_mean",
+    "first_movement_ms_median", "first_movement_ms_p95", "first_movement_ms_most", "sliced", "backtracked", "recovered",
 )  # fmt: skip
 
 
@@ -273,9 +273,17 @@ def _warm_up(setting: Setting, place: Place, cast: Placement) -> None:
             few.frame_on()
 
 
-def _paced(work: Any, count: int) -> NDArray[np.float64]:
-    """Seconds that ``work`` takes each time, begun at every thirtieth of a second; searches have the time between."""
+class _Times(NamedTuple):
+    """Seconds of each frame (n,), and seconds a frame of all threads on processors, whatever else these do."""
+
+    frames: NDArray[np.float64]
+    busy: float
+
+
+def _paced(work: Any, count: int) -> _Times:
+    """What ``work`` takes each time, begun at every thirtieth of a second; searches have the time between."""
     times = np.empty(count)
+    busy = time.process_time()
     due = time.perf_counter()
     for k in range(count):
         begin = time.perf_counter()
@@ -283,19 +291,21 @@ def _paced(work: Any, count: int) -> NDArray[np.float64]:
         times[k] = time.perf_counter() - begin
         due = max(due + FRAME_SECONDS, begin + times[k])
         time.sleep(max(due - time.perf_counter(), 0.0))
-    return times
+    return _Times(times, (time.process_time() - busy) / count)
 
 
-def _row(what: str, characters: int, times: NDArray[np.float64], searches: Searches, arrivals: int) -> dict[str, Any]:
-    ms = times * 1e3
+def _row(what: str, characters: int, times: _Times, searches: Searches, arrivals: int) -> dict[str, Any]:
+    ms = times.frames * 1e3
     return {
         "what": what,
         "characters": characters,
         "frames": len(ms),
         "frame_ms_median": round(float(np.median(ms)), 2),
         "frame_ms_p95": round(float(np.quantile(ms, 0.95)), 2),
+        "frame_ms_p99": round(float(np.quantile(ms, 0.99)), 2),
         "frame_ms_most": round(float(ms.max()), 1),
-        "late_percent": round(100.0 * float((times > FRAME_SECONDS).mean()), 2),
+        "late_percent": round(100.0 * float((times.frames > FRAME_SECONDS).mean()), 2),
+        "cpu_ms_mean": round(times.busy * 1e3, 2),
         "arrivals": arrivals,
         **searches.summary(),
     }

@@ -26,6 +26,7 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         *((f"  no way for character {agent}", reason) for agent, reason in summary["unreachable"].items()),
         *((f"rounds of {group}", str(count)) for group, count in summary["laps"].items()),
         *_event_rows(summary),
+        *_stand_rows(summary["stands"]),
         _search_row(summary["searches"]),
         ("steps", str(summary["steps"])),
         ("mean time to arrive", _quantity(summary["mean_time"], "{:.1f} s")),
@@ -55,6 +56,16 @@ def _event_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         elif event["late"] > _ON_TIME:
             rows.append((label, f"{event['late']:.1f} s late: somebody was in the way"))
     return [*rows, ("plans made anew for them", str(summary["replans"]))]
+
+
+def _stand_rows(stands: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """How far off their goals, and the headings asked for, those stood who were to stand there."""
+    if not stands["stood"]:
+        return []
+    text = f"{stands['stood']}, {100.0 * stands['off_goal_most']:.1f} cm off at most"
+    if stands["off_heading_most"] is not None:
+        text += f", turned {stands['off_heading_most']:.0f} degrees off at most"
+    return [("stands at goals", text)]
 
 
 def _search_row(searches: Mapping[str, Any]) -> tuple[str, str]:

@@ -14,7 +14,7 @@ from crowdsim.crowd.components import SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.motion_plan import MotionPlan
 from crowdsim.crowd.plans import Join, Plans
 from crowdsim.crowd.replanning import reach_goal
-from crowdsim.crowd.reservation_kernels import append_stop, reserve
+from crowdsim.crowd.reservation_kernels import ROUNDING, append_stop, reserve
 from crowdsim.crowd.state_hash import digest_of
 from crowdsim.ecs.world import View
 from crowdsim.environment.layers import polygons_only
@@ -46,7 +46,8 @@ class Choosing:
     READS = ("agent", "frame", "pose", "body_radius", "node", "origin", "seam", "stays")
     WRITES = (
         "state", "next_node", "next_origin", "next_seam", "next_cursor", "cursor", "reserved", "blocked_since",
-        "timeline", "timeline_digest", "timeline_start", "gone_slot", "goal", "awaiting_plan", "retry_step",
+        "timeline", "timeline_circle", "timeline_digest", "timeline_start", "gone_slot", "goal",
+        "awaiting_plan", "retry_step",
     )  # fmt: skip
 
     def __init__(self, plans: Plans) -> None:
@@ -86,6 +87,8 @@ class Choosing:
                     self._abandon(view, row, agent)
                 elif view.blocked_since[row] == NONE:
                     view.blocked_since[row] = self.plans.step
+            elif plan.arrives and not self.plans.errands.accepts(agent, self._end(view, row)):
+                self._abandon(view, row, agent)
             elif plan.arrives:
                 if not self.plans.errands.is_last(agent):
                     reach_goal(self.plans, view, row)
@@ -119,12 +122,15 @@ class Choosing:
         taken, gone = reserve(
             setting.graph, layers, setting.body_radii,
             row, int(view.frame[row]), clock, SLOT_FRAMES, chain, origins, seams, 1, available, leaves,
-            view.timeline, view.timeline_start, view.gone_slot, view.body_radius,
+            view.timeline, view.timeline_start, view.gone_slot, view.body_radius, view.timeline_circle,
             self._kept_free(view, row), float(view.body_radius[row]) + KEPT_OFF, self._timeline,
         )  # fmt: skip
         if not taken:
             return False
         view.timeline[row] = self._timeline
+        center = self._timeline[0]
+        view.timeline_circle[row, :2] = center
+        view.timeline_circle[row, 2] = np.hypot(*(self._timeline - center).T).max() + ROUNDING
         view.timeline_digest[row] = digest_of(self._timeline.tobytes())
         view.timeline_start[row] = clock // SLOT_FRAMES
         view.gone_slot[row] = gone
@@ -179,8 +185,11 @@ class Choosing:
             return
         self._abandon(view, row, agent)
         view.state[row] = max(view.state[row], AgentState.WAITING)
-        end = node_end(self.plans.setting.graph, int(view.node[row]), *view.origin[row])
-        _take(view, row, idle, np.array(end), np.zeros(3))
+        _take(view, row, idle, self._end(view, row), np.zeros(3))
+
+    def _end(self, view: View, row: int) -> NDArray[np.float64]:
+        """Where the present node ends (3,)."""
+        return np.array(node_end(self.plans.setting.graph, int(view.node[row]), *view.origin[row]))
 
 
 def _distance(view: View, row: int) -> float:

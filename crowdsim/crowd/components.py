@@ -14,8 +14,8 @@ SLOT_FRAMES = CAPTURE_RATE // 5
 TIMELINE_SLOTS = 48
 """Samples of a reserved timeline: 9.6 s, longer than any few nodes and the stop after them."""
 
-DIGESTED = ("timeline",)
-"""Columns of which the state hash takes a digest in another column: they are long and seldom change."""
+DIGESTED = ("timeline", "timeline_circle")
+"""Columns of which the state hash takes a digest in another column: they are long and seldom change, or follow."""
 
 COLUMNS = (
     Column("agent", np.int32, (), NONE),  # index of the character in the run, also its row in the recording
@@ -42,6 +42,7 @@ COLUMNS = (
     Column("retry_step", np.int64),
     # The reserved timeline: track positions every SLOT_FRAMES frames from a slot on, then parked or gone.
     Column("timeline", np.float64, (TIMELINE_SLOTS, 2)),
+    Column("timeline_circle", np.float64, (3,)),  # x, y, radius: holds all of it
     Column("timeline_digest", np.uint64),
     Column("timeline_start", np.int64),
     Column("gone_slot", np.int64, (), np.iinfo(np.int64).max),

@@ -11,10 +11,10 @@ from shapely import Point
 
 from crowdsim.crowd.changing import KEPT_OFF
 from crowdsim.crowd.components import SLOT_FRAMES, TIMELINE_SLOTS
-from crowdsim.crowd.motion_plan import MotionPlan, Request
+from crowdsim.crowd.motion_plan import MotionPlan
 from crowdsim.crowd.plans import Plans
 from crowdsim.crowd.replanning import AT_GOAL
-from crowdsim.crowd.reservation_kernels import FOREVER, meets_anyone
+from crowdsim.crowd.reservation_kernels import ELBOW_ROOM, FOREVER, meets_anyone
 from crowdsim.crowd.setting import Setting
 from crowdsim.ecs.world import View, World
 from crowdsim.scenario.placement import Placement
@@ -30,47 +30,60 @@ class Entering:
     setting: Setting
     cast: Placement
     plans: Plans
+    # Steps in which agents asked for their way, and in which they last found their place taken.
     requested: dict[int, int] = field(default_factory=dict)
+    refused: dict[int, int] = field(default_factory=dict)
     entered: NDArray[np.int64] = field(init=False)
 
-    READS = ("timeline", "timeline_start", "gone_slot", "body_radius")
+    READS = ("timeline", "timeline_start", "gone_slot", "body_radius", "timeline_circle")
 
     def __post_init__(self) -> None:
         self.entered = np.full(len(self.cast.starts), -1, np.int64)
+        self._parked = np.empty((TIMELINE_SLOTS, 2))
+        # Timelines have no finer steps.
+        self._pause = max(SLOT_FRAMES // self.setting.frames_per_step, 1)
 
-    def run(self, view: View) -> None:
+    def run(self, _: View) -> None:
         step = self.plans.step
-        timelines, starts, gones, radii = (np.array(getattr(view, name)) for name in self.READS)
-        parked = np.empty((TIMELINE_SLOTS, 2))
+        slot = step * self.setting.frames_per_step // SLOT_FRAMES
+        entered: list[NDArray[np.float64]] = []
         for agent in np.flatnonzero((self.entered < 0) & (self.cast.start_steps - self.plans.lead <= step)).tolist():
-            if agent not in self.requested:
-                self._request(agent)
-                continue
             plan = self.plans.motions.get(agent)
             if plan is None:
-                if self.plans.searches.is_under_way(agent):
-                    continue
-                if self.requested[agent] < self.plans.place.last_edit_step:
-                    self.plans.unreachable.pop(agent, None)
-                    self._request(agent)
+                self._ask(agent)
+            elif max(self.cast.start_steps[agent], self.refused.get(agent, -self._pause) + self._pause) <= step:
+                position = plan.departure[:2]
+                if self._is_free(position, entered, slot):
+                    self._spawn(agent, plan, slot)
+                    self.entered[agent] = step
+                    entered.append(position)
                 else:
-                    self.plans.unreachable.setdefault(agent, NO_MOTION)
-                continue
-            if self.cast.start_steps[agent] > step:
-                continue
-            pose = plan.departure
-            slot = step * self.setting.frames_per_step // SLOT_FRAMES
-            parked[:] = pose[:2]
-            radius = self.setting.personal_radius
-            waited_for = self.plans.place.waited_for
-            if waited_for and shapely.distance(Point(pose[:2]), waited_for).min() < radius + KEPT_OFF:
-                continue
-            if meets_anyone(-1, parked, slot, FOREVER, slot, radius, timelines, starts, gones, radii):
-                continue
-            self._spawn(agent, plan, parked.copy(), slot)
-            self.entered[agent] = step
-            timelines = np.concatenate([timelines, parked[None]])
-            starts, gones, radii = np.append(starts, slot), np.append(gones, FOREVER), np.append(radii, radius)
+                    self.refused[agent] = step
+
+    def _is_free(self, position: NDArray[np.float64], entered: list[NDArray[np.float64]], slot: int) -> bool:
+        """Whether nobody is or will be at a place, of those in the world and those who enter in this step."""
+        radius = self.setting.personal_radius
+        waited_for = self.plans.place.waited_for
+        if waited_for and shapely.distance(Point(position), waited_for).min() < radius + KEPT_OFF:
+            return False
+        if any(np.hypot(*(position - other)) < 2.0 * radius + ELBOW_ROOM for other in entered):
+            return False
+        self._parked[:] = position
+        # Not from the view: for arrays that must not be written the kernel would be compiled anew.
+        timelines, starts, gones, radii, circles = (self.world.column(name) for name in self.READS)
+        return not meets_anyone(-1, self._parked, slot, FOREVER, slot, radius, timelines, starts, gones, radii, circles)
+
+    def _ask(self, agent: int) -> None:
+        """Ask for the way of somebody who has none, unless it is looked for or was in vain."""
+        plans = self.plans
+        if agent in self.requested:
+            if plans.searches.is_under_way(agent):
+                return
+            if self.requested[agent] >= plans.place.last_edit_step:
+                plans.unreachable.setdefault(agent, NO_MOTION)
+                return
+            plans.unreachable.pop(agent, None)
+        self._request(agent)
 
     def _request(self, agent: int) -> None:
         self.requested[agent] = self.plans.step
@@ -79,9 +92,9 @@ class Entering:
             if errands.is_last(agent) or np.hypot(*(errands.goal(agent) - self.cast.starts[agent])) >= AT_GOAL:
                 break
             errands.reach(agent)  # it starts there
-        self.plans.request(agent, Request(self.cast.starts[agent], errands.goal(agent), errands.stands(agent)))
+        self.plans.request(agent, errands.request(agent, self.cast.starts[agent]))
 
-    def _spawn(self, agent: int, plan: MotionPlan, parked: NDArray[np.float64], slot: int) -> None:
+    def _spawn(self, agent: int, plan: MotionPlan, slot: int) -> None:
         node = plan.departure_node
         self.world.spawn(
             agent=agent,
@@ -90,7 +103,8 @@ class Entering:
             node=node,
             origin=plan.departure,
             plan_digest=plan.digest,
-            timeline=parked,
+            timeline=np.tile(plan.departure[:2], (TIMELINE_SLOTS, 1)),
+            timeline_circle=np.array([*plan.departure[:2], 0.0]),
             timeline_start=slot,
             body_radius=self.setting.personal_radius,
             goal=self.plans.errands.goal(agent),

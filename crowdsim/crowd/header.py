@@ -72,7 +72,8 @@ def _mesh_record(solid: MeshSolid) -> MeshRecord:
 def labeled_points(route: AnnotatedPath) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
     """Points (P, 2) of a route, those where the behavior changes among them, and the behavior (P,) from each on."""
     starts = np.array([section.start for section in route.sections])
-    arc = np.union1d(route.arc, starts)
+    # Not sorted by numpy, which would let other threads run and wait for them.
+    arc = np.array(sorted({*route.arc.tolist(), *starts.tolist()}))
     section = np.maximum(np.searchsorted(starts, arc, side="right") - 1, 0)
     behaviors = np.array([route.sections[k].behavior for k in section], np.int8)
     return route.at(arc), behaviors

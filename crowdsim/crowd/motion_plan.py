@@ -9,6 +9,10 @@ from numpy.typing import NDArray
 
 from crowdsim.crowd.state_hash import digest_of
 from crowdsim.planning.annotated_path import AnnotatedPath
+from crowdsim.scenario.agent_keys import STAND_WITHIN
+
+Departure = tuple[int, NDArray[np.float64]]
+"""The node behind which a motion begins, and the pose (3,) that started from."""
 
 
 @dataclass(frozen=True)
@@ -18,14 +22,18 @@ class Request:
     position, goal: (2,) meters. stays: whether the motion must end standing. departure: the node behind which the
     motion begins and the pose (3,) that started from, or None before the character entered the world. route: the path
     it follows already, or None to plan one. around: (k, 2) places of others who stand in the way and to be passed.
+    heading: radians to face at the goal, None where any will do; within: meters from it to be reached, if that can be:
+    both of those who stand there.
     """
 
     position: NDArray[np.float64]
     goal: NDArray[np.float64]
     stays: bool
-    departure: tuple[int, NDArray[np.float64]] | None = None
+    departure: Departure | None = None
     route: AnnotatedPath | None = None
     around: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+    heading: float | None = None
+    within: float = STAND_WITHIN
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from crowdsim.crowd.motion_plan import MotionPlan, Request
 from crowdsim.crowd.place import Place
 from crowdsim.crowd.setting import Setting
+from crowdsim.crowd.standing import attempts, nearest_end
 from crowdsim.errors import PathNotFound
-from crowdsim.following.path_follower import THOROUGH_LOOKS, FollowOptions, FollowResult, FollowStatus, PathSearch
+from crowdsim.following.path_follower import FollowResult, FollowStatus, PathSearch
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.motion.track_kernels import node_end
 from crowdsim.navmesh.navmesh import NavMesh
@@ -40,6 +41,15 @@ PASSING_BUDGET = 200
 SLICE_LOOKS = 1200
 """Branches that the first slice of a search lays at most: a millisecond or two. Most searches are over with it."""
 
+MOTION_WORK = 24
+"""Branches that a motion takes for each meter of the way: those of one map query."""
+
+ROUTE_WORK = (600, 40)
+"""What planning a route takes: so many branches could be laid meanwhile, and so many more for each meter."""
+
+PASSING_WORK = 1500
+"""What a way around others takes beyond its route and its motion: a mesh with those who stand there."""
+
 RECOVERIES = 3
 """How often a search begins anew from where its character will be that has walked past where it should have turned."""
 
@@ -51,6 +61,8 @@ PASSING_ROOM = 0.02
 
 _RING = 12  # points that stand for someone: closer together than any body is wide
 _OFF_WALLS = 0.02  # meters
+
+_LEAST = 1e-3  # meters: a path to follow has a length
 
 _HIDDEN = -1
 
@@ -104,9 +116,24 @@ class MotionSearch:
             found: MotionPlan | PathNotFound = end.value
             return found
 
+    @property
+    def is_way_around(self) -> bool:
+        """Whether it looks for a way around others first."""
+        return len(self.request.around) > 0
+
+    @property
+    def beginning(self) -> int:
+        """What the first slice takes, about, as so many branches that could be laid meanwhile."""
+        request = self.request
+        meters = float(np.hypot(*(request.goal - request.position)))
+        work = min(MOTION_WORK * meters, SLICE_LOOKS) + PASSING_WORK * self.is_way_around
+        if request.route is None or self.is_way_around:
+            work += ROUTE_WORK[0] + ROUTE_WORK[1] * meters
+        return int(work)
+
     def _search(self) -> Generator[MotionPlan, None, MotionPlan | PathNotFound]:
         place, request = self.place, self.request
-        if len(request.around):
+        if self.is_way_around:
             passing = yield from self._passing()
             if passing is not None:
                 return passing
@@ -135,7 +162,7 @@ class MotionSearch:
     def _recover(self, plan: MotionPlan, kept: int) -> Generator[MotionPlan, None, MotionPlan]:
         """Search again from the end of what is played, on a new route; what is played where nothing is found."""
         graph = self.setting.graph
-        for _ in range(RECOVERIES):
+        for time in range(RECOVERIES):
             played = plan.until(kept - 1)
             node, origin = int(played.nodes[-1]), played.origins[-1]
             position = np.array(node_end(graph, node, *origin)[:2])
@@ -145,7 +172,7 @@ class MotionSearch:
             except PathNotFound:
                 return played
             revision = self.place.revision
-            plan, kept = yield from self._follow(request, route, self.place.meshes, played=played)
+            plan, kept = yield from self._follow(request, route, self.place.meshes, played=played, strictly=time == 0)
             self.recoveries += plan.count > played.count
             if plan.arrives or (kept == played.count and self.place.revision == revision):
                 return plan
@@ -159,20 +186,22 @@ class MotionSearch:
         budget: int = SEARCH_BUDGET,
         shown: bool = True,
         played: MotionPlan | None = None,
+        strictly: bool = True,
     ) -> Generator[MotionPlan, None, _Outcome]:
         """Follow a route: quickly, then thoroughly, as :func:`crowdsim.following.path_follower.follow_path`.
 
-        ``shown`` says whether parts of the motion may be walked; ``played`` comes before it.
+        ``shown`` says whether parts of the motion may be walked; ``played`` comes before it. ``strictly``: whether to
+        try and end as is asked for before coming near is enough.
         """
         setting, revision = self.setting, self.place.revision
         samples = _rest_of(route.sample(), request.position)
         node, origin = _departure(setting, request, route, samples)
         before = 0 if played is None else played.count
         best: FollowResult | None = None
-        plan = None
-        kept = spent = 0
-        for looks, share in ((FollowOptions.looks, budget // 4), (THOROUGH_LOOKS, budget)):
-            options = FollowOptions(end_standing=request.stays, budget=share - spent, looks=looks)
+        plan, kept, least = None, 0, np.inf
+        for options, exactly in attempts(request, budget, strictly):
+            if least < np.inf and not exactly:
+                break
             search = PathSearch(
                 setting.graph,
                 setting.maps,
@@ -184,17 +213,22 @@ class MotionSearch:
                 start_node=node,
                 options=options,
             )
-            while (found := search.advance(max(self._looks // looks, 1), kept + 1)) is None:
+            while (found := search.advance(max(self._looks // options.looks, 1), kept + 1)) is None:
                 plan = _as_plan(setting, route, search.present, played, kept if shown else _HIDDEN)
                 yield plan
                 kept = self._kept - before
                 if self.place.revision != revision:
                     return _Outcome(plan, before + kept)
-            spent += found.expansions
-            if best is None or found.status == FollowStatus.FOUND or found.reached >= best.reached:
-                best = found
             if found.status == FollowStatus.FOUND:
-                break
+                off = 0.0
+                if exactly:
+                    found, off = nearest_end(setting.graph, search, found, request, samples.pose[-1, :2], kept + 1)
+                if off < least:
+                    best, least = found, off
+                if off <= request.within or kept:
+                    break
+            elif best is None or (least == np.inf and found.reached >= best.reached):
+                best = found
             if plan is not None and kept:
                 # What came farthest may begin otherwise than what is played.
                 self.backtracks += found.status == FollowStatus.PAST_KEPT
@@ -297,7 +331,11 @@ def _as_plan(
 
 
 def _rest_of(samples: PathSamples, position: NDArray[np.float64]) -> PathSamples:
-    """The samples from the one nearest to ``position`` on."""
+    """The samples from the one nearest to ``position`` on; of one point, where somebody is there, a millimeter."""
+    if not samples.arc[-1] > 0.0:
+        pose = samples.pose.copy()
+        pose[0, :2] -= _LEAST * np.array([np.cos(pose[0, 2]), np.sin(pose[0, 2])])
+        return PathSamples(pose, np.linspace(0.0, _LEAST, len(pose)), samples.behavior)
     distance = np.hypot(*(samples.pose[:, :2] - position).T)
     first = min(int(np.argmin(distance)), len(samples.arc) - 2)
     return PathSamples(samples.pose[first:], samples.arc[first:] - samples.arc[first], samples.behavior[first:])

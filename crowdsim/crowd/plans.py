@@ -79,15 +79,13 @@ class Plans:
     def request(self, agent: int, request: Request, join: Join | None = None) -> None:
         """Ask for a search for one agent, instead of the one that is under way; a slice of it begins with this step."""
         self._joins[agent] = join
-        self.searches.begin(agent, MotionSearch(self.setting, self.place, request))
+        self.searches.begin(agent, MotionSearch(self.setting, self.place, request), walks=join is not None)
 
     def request_on(self, agent: int, join: Join, ahead: int) -> None:
         """Ask for the way on from ``join`` to the place that comes ``ahead`` after the present goal."""
         node, origin = int(join.plan.nodes[join.after]), join.plan.origins[join.after]
-        end = node_end(self.setting.graph, node, *origin)
-        position, goal = np.array(end[:2]), self.errands.goal(agent, ahead)
-        stays = self.errands.stands(agent, ahead)
-        self.request(agent, Request(position, goal, stays, departure=(node, origin)), join)
+        position = np.array(node_end(self.setting.graph, node, *origin)[:2])
+        self.request(agent, self.errands.request(agent, position, ahead, (node, origin)), join)
 
     def search_on(self, played: Callable[[int], int]) -> None:
         """Begin the slices of this step; ``played(agent)`` nodes of a plan will be played whatever is found."""

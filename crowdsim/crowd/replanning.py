@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.constants import NONE
-from crowdsim.crowd.motion_plan import Request
 from crowdsim.crowd.plans import Found, Join, Plans
 from crowdsim.ecs.world import View
 from crowdsim.recording.header import AgentState
@@ -35,9 +34,11 @@ class Searching:
     READS = ("agent", "cursor", "reserved")
 
     def run(self, view: View) -> None:
-        played = np.maximum(view.cursor, view.reserved) + 1
-        nodes = dict(zip(view.agent.tolist(), played.tolist(), strict=True))
-        self.plans.search_on(lambda agent: nodes.get(agent, 0))
+        def played(agent: int) -> int:
+            rows = np.flatnonzero(view.agent == agent)  # few ask
+            return int(np.maximum(view.cursor, view.reserved)[rows].max(initial=NONE)) + 1
+
+        self.plans.search_on(played)
 
 
 @dataclass
@@ -51,10 +52,9 @@ class Replanning:
 
     def run(self, view: View) -> None:
         plans, setting = self.plans, self.plans.setting
-        row_of = {int(agent): row for row, agent in enumerate(view.agent)}
         for found in plans.collect():
-            row = row_of.get(found.agent)
-            if row is None:
+            row = int(np.argmax(view.agent == found.agent)) if len(view.agent) else 0
+            if row == len(view.agent) or view.agent[row] != found.agent:
                 plans.hand_out(found.agent, found.plan)  # entering looks there itself
             elif found.first:
                 self._go_on(view, row, found, found.first)
@@ -64,12 +64,13 @@ class Replanning:
                 self._hand_out(view, row, found)
 
         waiting = (view.state == AgentState.WAITING) & setting.graph.node_idle[view.node]
-        for row in np.flatnonzero(waiting & ~view.awaiting_plan & (view.retry_step <= plans.step)).tolist():
-            agent = int(view.agent[row])
+        blocked = plans.step - view.blocked_since
+        patient = (view.blocked_since < 0) | (blocked < PATIENCE_SECONDS * setting.steps_per_second)
+        rows = np.flatnonzero(waiting & ~view.awaiting_plan & (view.retry_step <= plans.step))
+        for row, agent, waits in zip(rows.tolist(), view.agent[rows].tolist(), patient[rows].tolist(), strict=True):
             around = np.empty((0, 2))
             if agent in plans.motions:
-                blocked = view.blocked_since[row]
-                if blocked < 0 or plans.step - blocked < PATIENCE_SECONDS * setting.steps_per_second:
+                if waits:
                     continue
                 del plans.motions[agent]
                 view.blocked_since[row] = plans.step
@@ -78,19 +79,12 @@ class Replanning:
                 reach_goal(plans, view, row)
                 continue
             view.awaiting_plan[row] = True
-            goal = view.goal[row].copy()
+            departure = int(view.node[row]), view.origin[row].copy()
+            request = plans.errands.request(agent, view.pose[row, :2].copy(), departure=departure)
             route = plans.routes.get(agent)
-            plans.request(
-                agent,
-                Request(
-                    position=view.pose[row, :2].copy(),
-                    goal=goal,
-                    stays=plans.errands.stands(agent),
-                    departure=(int(view.node[row]), view.origin[row].copy()),
-                    route=route if route is not None and (route.points[-1] == goal).all() else None,
-                    around=around,
-                ),
-            )
+            if route is not None and (route.points[-1] != request.goal).any():
+                route = None
+            plans.request(agent, replace(request, route=route, around=around))
 
     def _hand_out(self, view: View, row: int, found: Found) -> None:
         """Give a plan to somebody who stands or has begun it, or let it stand a while where there is none."""
@@ -133,7 +127,8 @@ class Replanning:
     def _is_there(self, view: View, row: int, agent: int) -> bool:
         """Whether somebody stands at a goal from where it goes on."""
         near = float(np.hypot(*(view.pose[row, :2] - view.goal[row]))) < AT_GOAL
-        return near and not self.plans.errands.is_last(agent)
+        errands = self.plans.errands
+        return near and not errands.is_last(agent) and errands.accepts(agent, view.pose[row])
 
 
 def reach_goal(plans: Plans, view: View, row: int) -> None:

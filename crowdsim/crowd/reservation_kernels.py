@@ -21,7 +21,7 @@ FOREVER = 9223372036854775807
 ELBOW_ROOM = 0.3
 """Meters beyond their discs that two characters at rest keep between them."""
 
-_ROUNDING = 1e-9  # meters
+ROUNDING = 1e-9  # meters
 _STATIC_STRIDE = 4  # frames between two samples of the test against obstacles
 
 
@@ -40,8 +40,8 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, distance, pre
     apart = distance + ELBOW_ROOM
     if present:
         now = math.hypot(a[ia, 0] - b[ib, 0], a[ia, 1] - b[ib, 1])
-        apart = min(apart, now - _ROUNDING)
-        distance = max(min(distance, now - _ROUNDING), 0.0)
+        apart = min(apart, now - ROUNDING)
+        distance = max(min(distance, now - ROUNDING), 0.0)
     rest = math.hypot(a[-1, 0] - b[-1, 0], a[-1, 1] - b[-1, 1])
     if rest < apart and min(a_gone, b_gone) == FOREVER:
         return True
@@ -69,8 +69,11 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, distance, pre
 
 
 @kernel
-def meets_anyone(me, timeline, start, gone, first_slot, radius, timelines, starts, gones, radii):
-    """Whether a candidate timeline meets that of any other row; ``me`` is its own row, -1 for who is yet to enter."""
+def meets_anyone(me, timeline, start, gone, first_slot, radius, timelines, starts, gones, radii, circles):
+    """Whether a candidate timeline meets that of any other row; ``me`` is its own row, -1 for who is yet to enter.
+
+    circles (N, 3): x, y and radius of a circle that holds all of each row's timeline, so that most are soon dismissed.
+    """
     reach = 0.0
     for k in range(len(timeline)):
         dx = timeline[k, 0] - timeline[0, 0]
@@ -81,6 +84,11 @@ def meets_anyone(me, timeline, start, gone, first_slot, radius, timelines, start
         if other == me or gones[other] <= first_slot:
             continue
         distance = radius + radii[other]
+        dx = circles[other, 0] - timeline[0, 0]
+        dy = circles[other, 1] - timeline[0, 1]
+        far = circles[other, 2] + reach + distance + ELBOW_ROOM
+        if dx * dx + dy * dy > far * far:
+            continue
         here = min(max(first_slot - starts[other], 0), timelines.shape[1] - 1)
         end = timelines.shape[1] - 1
         if not _within_reach(timeline[0], timelines[other], here, end, reach + distance + ELBOW_ROOM):
@@ -197,14 +205,14 @@ def comes_near(timeline, segments, distance):
 @kernel
 def reserve(
     graph, layers, body, row, frame, clock, slot_frames, chain, origins, seams, first, available, ends_plan,
-    timelines, starts, gones, body_radii, kept_free, distance, timeline,
+    timelines, starts, gones, body_radii, circles, kept_free, distance, timeline,
 ):  # fmt: skip
     """Find the shortest continuation that ends standing, touches nothing and meets no one.
 
     chain, origins, seams: buffers (C,), (C, 3), (C, 3); entry 0 is the present node, entries 1 to
     ``available`` the next nodes of the plan; at least ``first`` of them must be taken. ``ends_plan`` says that
-    the last of them leaves the world. ``layers`` is a tuple of meshes, ``body`` (B, layers) are
-    the body radii per behavior and layer. ``kept_free`` (M, 4)
+    the last of them leaves the world. ``timelines`` to ``circles`` are of all rows, as of :func:`meets_anyone`.
+    ``layers`` is a tuple of meshes, ``body`` (B, layers) the body radii per behavior and layer. ``kept_free`` (M, 4)
     are segments that the track stays ``distance`` away from.
     Returns (nodes taken, gone slot), no nodes where there is none, and leaves the timeline in ``timeline`` (K, 2).
     """
@@ -237,7 +245,9 @@ def reserve(
         if len(kept_free) and comes_near(timeline, kept_free, distance):
             continue
         gone = ended if leaves else forever
-        if not meets_anyone(row, timeline, start, gone, start, body_radii[row], timelines, starts, gones, body_radii):
+        if not meets_anyone(
+            row, timeline, start, gone, start, body_radii[row], timelines, starts, gones, body_radii, circles
+        ):
             return taken, gone
         # There may be no place to stand here, but one beyond whoever is in the way.
     return 0, forever

@@ -19,9 +19,11 @@ from crowdsim.crowd.components import COLUMNS
 from crowdsim.crowd.entering import Entering
 from crowdsim.crowd.errands import Errands
 from crowdsim.crowd.header import labeled_points, record_header
+from crowdsim.crowd.motion_plan import Request
+from crowdsim.crowd.motion_search import MotionSearch
 from crowdsim.crowd.place import Place
 from crowdsim.crowd.plans import Plans
-from crowdsim.crowd.replanning import Replanning, Searching
+from crowdsim.crowd.replanning import AT_GOAL, Replanning, Searching
 from crowdsim.crowd.searches import Searches
 from crowdsim.crowd.setting import prepare
 from crowdsim.crowd.state_hash import state_hash
@@ -72,11 +74,12 @@ class Simulation:
             lead=max(1, round(LEAD_SECONDS * rate)),
         )
         self.hash = 0
+        self._make_ready()
 
         changing = Changing(self.plans, self.place)
         entering = Entering(self.world, self.setting, self.cast, self.plans)
         replanning = Replanning(self.plans)
-        searching = Searching(self.plans)
+        self._searching = Searching(self.plans)
         choosing = Choosing(self.plans)
         advancing = Advancing(self.setting)
         arriving = Arriving(self.world, self.plans, len(self.cast.starts))
@@ -88,11 +91,18 @@ class Simulation:
                 System("plans", replanning.run, replanning.READS, replanning.WRITES),
                 System("enter", entering.run, entering.READS),
                 System("choose", choosing.run, choosing.READS, choosing.WRITES),
-                System("search", searching.run, searching.READS),
                 System("advance", advancing.run, writes=advancing.WRITES),
                 System("arrive", arriving.run, arriving.READS),
             ],
         )
+
+    def _make_ready(self) -> None:
+        """Search a way and throw it away: what is made once for a place, or loads, is not waited for in a step."""
+        start = self.cast.starts[0]
+        for goal in self.cast.goals[0]:
+            if np.hypot(*(goal - start)) > AT_GOAL:
+                MotionSearch(self.setting, self.place, Request(start, goal, stays=True)).advance()
+                return
 
     @property
     def step_count(self) -> int:
@@ -113,8 +123,16 @@ class Simulation:
 
     def step(self) -> None:
         """Advance the world by one step."""
+        self._advance()
+        self._end_step()
+
+    def _advance(self) -> None:
         self.schedule.run()
         self.hash = state_hash(self.world, self.place.state(), self.step_count, self.hash)
+
+    def _end_step(self) -> None:
+        """Begin the slices that the next step waits for: after all else, which threads that search slow down."""
+        self._searching.run(self.world.view(self._searching.READS))
         self.plans.step += 1
 
     def run(self, output: str | os.PathLike[str], progress: Progress | None = None) -> Recording:
@@ -129,7 +147,7 @@ class Simulation:
             before: list[Placing | None] = [None] * len(self.place.changes.movables)
             started = time.perf_counter()
             while not self.finished:
-                self.step()
+                self._advance()
                 for agent, route in self._new_routes:
                     writer.add_path(agent, *labeled_points(route))
                 self._new_routes.clear()
@@ -137,6 +155,7 @@ class Simulation:
                 frame = self.frame()
                 writer.append(frame, self.hash)
                 statistics.add(frame)
+                self._end_step()
                 if progress is not None:
                     progress(self.step_count, self.step_limit, self)
             seconds = time.perf_counter() - started
@@ -178,6 +197,7 @@ class Simulation:
             "waiting": int((self.world.column("state") == AgentState.WAITING).sum()),
             "unreachable": {str(agent): reason for agent, reason in sorted(self.plans.unreachable.items())},
             "laps": self.errands.laps(),
+            "stands": self.errands.stands_summary(),
             "events": self._changing.report(),
             "replans": self.plans.replans,
             "searches": self.searches.summary(),

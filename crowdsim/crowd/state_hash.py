@@ -10,14 +10,12 @@ from crowdsim.ecs.world import World
 
 def state_hash(world: World, place: bytes, step: int, before: int) -> int:
     """64 bits over every column of every entity, the place, the step, and the hash of the step before (0 at first)."""
-    digest = hashlib.blake2b(digest_size=8)
-    digest.update(before.to_bytes(8, "little") + step.to_bytes(8, "little"))
-    digest.update(place)
+    parts = [before.to_bytes(8, "little") + step.to_bytes(8, "little"), place]
     for name in world.column_names:
         if name not in DIGESTED:
-            digest.update(name.encode())
-            digest.update(world.column(name).tobytes())
-    return int.from_bytes(digest.digest(), "little")
+            parts += [name.encode(), world.column(name).tobytes()]
+    # As one, as it lets other threads run meanwhile, and would wait for them after each.
+    return digest_of(b"".join(parts))
 
 
 def digest_of(content: bytes) -> int:

@@ -51,7 +51,7 @@ class RecordingWriter:
         self._file: h5py.File | None = None
         self._steps = 0
         self._buffered = 0
-        self._paths = 0
+        self._new_paths: list[tuple[int, int, np.ndarray, np.ndarray]] = []
         _check_header(header)
         shape = (STEPS_PER_CHUNK, header.agents.count)
         self._buffer = {name: np.zeros(shape, dtype) for name, dtype in COLUMN_TYPES.items()}
@@ -115,20 +115,16 @@ class RecordingWriter:
 
     def add_path(self, agent: int, points: ArrayLike, behaviors: ArrayLike) -> None:
         """Add a path that ``agent`` follows from the next step: points (P, 2), behavior (P,) from each point on."""
-        group = self._open_file()["paths"]
-        where = np.asarray(points, np.float64)
-        how = np.asarray(behaviors, np.int8)
+        self._open_file()
+        where = np.array(points, np.float64)
+        how = np.array(behaviors, np.int8)
         if not 0 <= agent < self._header.agents.count:
             raise RecordingError(f"a path for agent {agent}, but the header lists {self._header.agents.count} agents")
         if where.ndim != 2 or where.shape[1] != 2 or how.shape != where.shape[:1]:
             raise RecordingError(
                 f"agent {agent}: a path needs points (P, 2) and behaviors (P,), not {where.shape}, {how.shape}"
             )
-        for name, rows in (("points", where), ("behaviors", how)):
-            _extend(group[name], rows)
-        for name, value in (("agent", agent), ("step", self._steps), ("count", len(where))):
-            _extend(group[name], np.array([value]))
-        self._paths += 1
+        self._new_paths.append((agent, self._steps, where, how))
 
     def add_change(self, movable: int, footprint: str | None) -> None:
         """Let a movable of the header have the outline ``footprint`` (WKT) from the next step on, or be gone (None)."""
@@ -184,10 +180,18 @@ class RecordingWriter:
         return self._file
 
     def _flush(self) -> None:
-        if not self._buffered:
-            return
-        steps = self._open_file()["steps"]
+        steps, paths = self._open_file()["steps"], self._open_file()["paths"]
         try:
+            if self._new_paths:
+                agents, begins, points, behaviors = zip(*self._new_paths, strict=True)
+                _extend(paths["points"], np.concatenate(points))
+                _extend(paths["behaviors"], np.concatenate(behaviors))
+                counts = [len(part) for part in points]
+                for name, values in (("agent", agents), ("step", begins), ("count", counts)):
+                    _extend(paths[name], np.array(values))
+            self._new_paths = []
+            if not self._buffered:
+                return
             for name, rows in self._buffer.items():
                 _extend(steps[name], rows[: self._buffered])
             _extend(steps["state_hash"], self._hashes[: self._buffered])

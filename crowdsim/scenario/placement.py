@@ -14,12 +14,15 @@ from shapely import MultiPolygon, Point, Polygon
 
 from crowdsim.environment.layers import dropped_solids, polygons_only
 from crowdsim.errors import Problem, ScenarioError
-from crowdsim.scenario.agent_keys import MAX_COUNT
+from crowdsim.scenario.agent_keys import MAX_COUNT, Goal
 from crowdsim.scenario.arrivals import start_times
 from crowdsim.scenario.scenario import Scenario
 
 NOMINAL_RADIUS = 0.30
 """Meters around a character for which a scenario is checked before the motion, and with it the body, is known."""
+
+STAND_ROOM = 0.4
+"""Meters between two who stay, beyond the radius given for each: to turn on the spot, and to stand a little off it."""
 
 _TRIES = 1000
 """Spots drawn in vain for one character before its region counts as full."""
@@ -42,6 +45,8 @@ class Placement(NamedTuple):
     waits : (n,) float64, seconds they stand at each place but the last
     start_steps : (n,) int64, the step of the simulation nearest to the time of the start
     stays : (n,) bool, whether they stay where they arrive
+    headings : n arrays (k,), radians that those who stand at a place face there, nan where any will do
+    stand_within : (n,) float64, meters from a place within which they come to stand
     groups : name of the group of each
     """
 
@@ -51,12 +56,20 @@ class Placement(NamedTuple):
     waits: NDArray[np.float64]
     start_steps: NDArray[np.int64]
     stays: NDArray[np.bool_]
+    headings: tuple[NDArray[np.float64], ...]
+    stand_within: NDArray[np.float64]
     groups: tuple[str, ...]
 
     def goal(self, agent: int, reached: int) -> NDArray[np.float64]:
         """The place (2,) that an agent goes to when it has been to ``reached`` places."""
         goals = self.goals[agent]
         return goals[reached % len(goals)]
+
+    def heading(self, agent: int, reached: int) -> float | None:
+        """Radians that an agent is to face at that place, None where any will do."""
+        headings = self.headings[agent]
+        heading = float(headings[reached % len(headings)])
+        return None if math.isnan(heading) else heading
 
     def is_last(self, agent: int, reached: int) -> bool:
         """Whether it goes nowhere after that place."""
@@ -70,9 +83,9 @@ class Placement(NamedTuple):
 def place_agents(scenario: Scenario, radius: float) -> Placement:
     """Draw start and goal of every character with ``radius`` meters of free floor around it.
 
-    Characters that start at the same step, of whatever group, start at least two radii apart; so do the goals of those
-    that stay. Each group draws from its own two streams of the scenario's seed, so that a change to one group leaves
-    the draws of the others alone.
+    Characters that start at the same step, of whatever group, start at least two radii apart; the goals of those that
+    stay are STAND_ROOM farther apart. Each group draws from its own two streams of the scenario's seed, so that a
+    change to one group leaves the draws of the others alone.
 
     Raises
     ------
@@ -89,7 +102,7 @@ def try_placement(scenario: Scenario, radius: float) -> tuple[Placement, list[Pr
     """:func:`place_agents` with its problems returned; the arrays lack the characters that found no place."""
     rooms = _rooms(scenario, radius)
     starts_by_step: defaultdict[int, _Spots] = defaultdict(lambda: _Spots(2.0 * radius))
-    stay_spots = _Spots(2.0 * radius)
+    stay_spots = _Spots(2.0 * radius + STAND_ROOM)
     starts: list[tuple[float, float]] = []
     goals: list[NDArray[np.float64]] = []
     steps: list[int] = []
@@ -136,6 +149,8 @@ def try_placement(scenario: Scenario, radius: float) -> tuple[Placement, list[Pr
         waits=np.array([group.wait for group in groups], np.float64),
         start_steps=np.array(steps, np.int64),
         stays=np.array([group.on_arrival == "stay" for group in groups], np.bool_),
+        headings=tuple(np.radians([_heading(goal) for _, goal in group.regions()]) for group in groups),
+        stand_within=np.array([group.stand_within for group in groups], np.float64),
         groups=tuple(group.name for group in groups),
     )
     return placement, problems
@@ -143,6 +158,10 @@ def try_placement(scenario: Scenario, radius: float) -> tuple[Placement, list[Pr
 
 _Wanted = tuple[tuple[str | int, ...], "Polygon | Point", tuple[int, ...], "list[_Spots | None]"]
 """What spots are drawn for: key in the group, region, random stream, and for each spot those it keeps away from."""
+
+
+def _heading(goal: Goal) -> float:
+    return math.nan if goal.heading is None else goal.heading
 
 
 def _rooms(scenario: Scenario, radius: float) -> list[MultiPolygon]:
@@ -198,8 +217,9 @@ def _too_full(key: tuple[str | int, ...], region: Polygon | Point, placed: int, 
     remedy = "an 'interval' between the starts" if key == ("start",) else "'on_arrival: leave'"
     if isinstance(region, Point):
         return f"{count} characters cannot {together} at one point; give a larger region, or {remedy}"
+    between = "" if key == ("start",) else f" and {STAND_ROOM:g} m between them"
     return (
-        f"only {placed} of {count} characters found a place to {together} with {radius:.2f} m around each; "
+        f"only {placed} of {count} characters found a place to {together} with {radius:.2f} m around each{between}; "
         f"give a larger region, a smaller 'count', or {remedy}"
     )
 

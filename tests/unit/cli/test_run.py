@@ -18,6 +18,7 @@ SUMMARY = {
         {"event": "insert 'crate'", "at": 11.5, "outcome": "waiting", "late": None},
     ],
     "replans": 5,
+    "stands": {"stood": 2, "off_goal_p95": 0.061, "off_goal_most": 0.062, "off_heading_most": 9.7},
     "searches": {
         "asked": 58,
         "sliced": 3,
@@ -59,6 +60,7 @@ def test_the_summary_is_shown_with_units():
     assert "  open 'front' at 9 s" not in rows
     assert rows["plans made anew for them"] == "5"
     assert rows["state hash"] == "00ff00ff00ff00ff"
+    assert rows["stands at goals"] == "2, 6.2 cm off at most, turned 10 degrees off at most"
     assert rows["searches for motion"] == (
         "58, 3 went on while their motion was walked, 2 had to turn back behind that, 1 found a way on; first movement"
         " after 3.2 ms"

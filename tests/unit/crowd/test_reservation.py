@@ -60,14 +60,37 @@ def test_whoever_is_gone_is_in_no_ones_way() -> None:
     assert not pair_meets(crossing, 0, FOREVER, standing, 0, 2, 0, 0.5, True)
 
 
+def circles_of(timelines: np.ndarray) -> np.ndarray:
+    """Circles around the first positions of timelines (N, K, 2) that hold all of them."""
+    reach = np.hypot(*(timelines - timelines[:, :1]).transpose(2, 0, 1)).max(axis=1)
+    return np.column_stack([timelines[:, 0], reach])
+
+
 def test_meets_anyone_skips_itself_and_finds_the_far_traveler() -> None:
     timelines = np.zeros((3, 5, 2))
     timelines[1, :, 0] = 9.0
     timelines[2, :, 0] = [12, 9, 6, 3, 0.4]
     starts, gones, radii = np.zeros(3, np.int64), np.full(3, FOREVER), np.full(3, 0.3)
-    assert meets_anyone(0, timelines[0], 0, FOREVER, 0, 0.3, timelines, starts, gones, radii)
+    assert meets_anyone(0, timelines[0], 0, FOREVER, 0, 0.3, timelines, starts, gones, radii, circles_of(timelines))
     timelines[2, :, 0] += 0.5
-    assert not meets_anyone(0, timelines[0], 0, FOREVER, 0, 0.3, timelines, starts, gones, radii)
+    assert not meets_anyone(0, timelines[0], 0, FOREVER, 0, 0.3, timelines, starts, gones, radii, circles_of(timelines))
+
+
+@given(st.integers(0, 10_000), st.integers(0, 6))
+def test_circles_dismiss_nobody_who_is_met(seed: int, slot: int) -> None:
+    rng = np.random.default_rng(seed)
+    timelines = rng.uniform(-4, 4, (6, 1, 2)) + np.cumsum(rng.normal(0, 0.5, (6, 5, 2)), axis=1)
+    starts, radii = rng.integers(0, 4, 6), rng.uniform(0.2, 0.5, 6)
+    gones = np.where(rng.random(6) < 0.3, starts + 5, FOREVER)
+    met = any(
+        pair_meets(timelines[0], 0, FOREVER, timelines[k], starts[k], gones[k], slot, radii[0] + radii[k], True)
+        for k in range(1, 6)
+        if gones[k] > slot
+    )
+    found = meets_anyone(
+        0, timelines[0], 0, FOREVER, slot, radii[0], timelines, starts, gones, radii, circles_of(timelines)
+    )
+    assert found == met
 
 
 @pytest.mark.parametrize(("frame", "clock"), [(0, 0), (7, 31), (39, 100)])
@@ -145,7 +168,8 @@ def reserved(other: tuple[float, float], room: shapely.Polygon | None = None, ke
     out = np.zeros((48, 2))
     taken, gone = reserve(
         GRAPH, (mesh, mesh), np.array([[0.2, 0.3]]), 0, 0, 0, SLOT_FRAMES, chain, origins, seams, 1, 3, False,
-        timelines, np.zeros(2, np.int64), np.full(2, FOREVER), np.full(2, 0.3), kept_free, 0.35, out,
+        timelines, np.zeros(2, np.int64), np.full(2, FOREVER), np.full(2, 0.3), circles_of(timelines),
+        kept_free, 0.35, out,
     )  # fmt: skip
     return taken, gone, out
 

@@ -15,8 +15,9 @@ from crowdsim.errors import PathNotFound
 class Counted:
     """A search that is over after some slices; it notes what it was told was kept, and how long its slices were."""
 
-    def __init__(self, slices: int) -> None:
+    def __init__(self, slices: int, beginning: int = 20, is_way_around: bool = False) -> None:
         self.left, self.slices, self.over = slices, 0, False
+        self.beginning, self.is_way_around = beginning, is_way_around
         self.backtracks = self.recoveries = 0
         self.kept: list[int] = []
         self.looks: list[int] = []
@@ -60,6 +61,29 @@ def test_slices_grow_up_to_the_longest_and_leave_room_for_those_that_begin(searc
     assert slow.looks == [10, 20, 40, 40, 40, 40]
     assert slow.kept == [3, 3, 3, 3, 0, 0]
     assert searches.counts == {"asked": 2, "sliced": 1, "backtracked": 0, "recovered": 0}
+
+
+def test_what_a_step_lays_too_much_is_taken_from_the_next(searches: Searches) -> None:
+    for agent in range(4):
+        searches.begin(agent, Counted(1, beginning=110))
+    assert [run(searches, step) for step in range(7)] == [[], [0], [1], [2], [], [3], []]
+
+
+def test_half_of_a_step_is_for_those_who_walk_and_a_quarter_for_those_who_wait(searches: Searches) -> None:
+    for agent in range(20):
+        searches.begin(agent, Counted(1))
+    for agent in range(20, 40):
+        searches.begin(agent, Counted(1), walks=True)
+    for agent in range(40, 44):
+        searches.begin(agent, Counted(1, is_way_around=True))
+    steps = [run(searches, step) for step in range(3)]
+    assert steps == [[], [0, 20, 21, 40], [1, 22, 23, 41]]
+
+
+def test_those_who_wait_have_no_more_than_a_quarter_even_where_nobody_else_asks(searches: Searches) -> None:
+    for agent in range(3):
+        searches.begin(agent, Counted(1, is_way_around=True))
+    assert [run(searches, step) for step in range(5)] == [[], [0], [1], [2], []]
 
 
 def test_a_search_that_is_replaced_or_of_no_use_is_heard_of_no_more(searches: Searches) -> None:

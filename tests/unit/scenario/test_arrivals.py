@@ -68,6 +68,14 @@ def test_everyone_from_a_source_is_placed():
         ("rate: 1\n    arrivals: poison", "17:15: agents.0.arrivals: unknown value 'poison'; did you mean 'poisson'?"),
         ("count: 2\n    repeat: 2", "15:5: agents.0: 'repeat' goes round among several places; give 'goals'"),
         (
+            "count: 2\n    stand_within: 0.05",
+            "15:5: agents.0: 'stand_within' is about goals to stand at; give 'wait' or 'on_arrival: stay', or drop it",
+        ),
+        (
+            "count: 2\n    on_arrival: stay\n    stand_within: 0.001",
+            "18:19: agents.0.stand_within: ",
+        ),
+        (
             "count: 2\n    repeat: always",
             "17:13: agents.0.repeat: expected a whole number from 1 to 100000, or forever",
         ),
@@ -86,3 +94,39 @@ def test_each_goal_of_a_sequence_is_checked_in_its_place():
     text = change(("goal: {circle: {center: [8, 4], radius: 1.0}}", "goals: [{point: [8, 4]}, {point: [6, 3]}]"))
     with pytest.raises(ScenarioError, match=r"18:30: agents.0.goals.1: lies inside 'pole'; nobody can stand there"):
         parse_scenario(text)
+
+
+@pytest.mark.parametrize(
+    ("keys", "goals", "complaint"),
+    [
+        ("", "goal: {point: [4, 4], heading: 90}", "at goal to face its 'heading'; give 'on_arrival: stay'"),
+        ("wait: 1", "goal: {point: [4, 4], heading: 90}", "at goal to face"),
+        ("on_arrival: stay", "goals: [{point: [4, 4], heading: 90}, {point: [6, 4]}]", "at goals.0 .* give 'wait'"),
+        ("wait: 1", "goals: [{point: [4, 4]}, {point: [6, 4], heading: 9}]", "at goals.1 .* give 'on_arrival: stay'"),
+        ("on_arrival: stay", "goal: {point: [4, 4], heading: 400}", "heading: .*360"),
+    ],
+)
+def test_headings_are_for_those_who_stand(keys: str, goals: str, complaint: str) -> None:
+    with pytest.raises(ScenarioError, match=complaint):
+        parse_scenario(standing(keys, goals))
+
+
+@pytest.mark.parametrize(
+    ("keys", "goals"),
+    [
+        ("on_arrival: stay", "goal: {point: [4, 4], heading: 90}"),
+        ("wait: 1", "goals: [{point: [4, 4], heading: 90}, {point: [6, 4]}]"),
+        ("wait: 1\n    repeat: 2", "goals: [{point: [4, 4]}, {point: [6, 4], heading: -90}]"),
+    ],
+)
+def test_headings_of_those_who_stand_are_taken(keys: str, goals: str) -> None:
+    (group,) = parse_scenario(standing(keys, goals)).agents
+    assert any(goal.heading is not None for _, goal in group.regions())
+
+
+def standing(keys: str, goals: str) -> str:
+    """A scenario with one group that has these keys and goals."""
+    lines = ["- name: all", "  count: 1", "  start: {point: [1, 1]}", f"  {goals}"]
+    lines += ["  " + line.strip() for line in keys.splitlines()]
+    head = "crowdsim: 1\nname: stands\nseed: 1\nduration: 9\nfloor: {rectangle: [0, 0, 8, 8]}\nagents:\n"
+    return head + "\n".join("  " + line for line in lines) + "\n"

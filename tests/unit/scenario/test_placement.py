@@ -5,8 +5,9 @@ import pytest
 import shapely
 
 from crowdsim.errors import ScenarioError
+from crowdsim.scenario.agent_keys import STAND_WITHIN
 from crowdsim.scenario.loader import load_scenario, parse_scenario
-from crowdsim.scenario.placement import NOMINAL_RADIUS, _pieces, place_agents
+from crowdsim.scenario.placement import NOMINAL_RADIUS, STAND_ROOM, _pieces, place_agents
 from tests.unit.scenario.sample import TEXT, change
 
 RADIUS = 0.37
@@ -59,11 +60,11 @@ def test_groups_that_start_at_one_time_keep_apart():
 
 
 def test_those_that_stay_get_goals_apart():
-    larger = ("radius: 1.0", "radius: 1.5")
+    larger = ("radius: 1.0", "radius: 1.9")
     together = place_agents(parse_scenario(change(larger, ("count: 4", "count: 8"))), RADIUS)
-    assert nearest_pair(np.concatenate(together.goals)) < 2.0 * RADIUS
+    assert nearest_pair(np.concatenate(together.goals)) < 2.0 * RADIUS + STAND_ROOM
     apart = place_agents(parse_scenario(change(larger, ("count: 4", "count: 8"), ("leave", "stay"))), RADIUS)
-    assert nearest_pair(np.concatenate(apart.goals)) >= 2.0 * RADIUS
+    assert nearest_pair(np.concatenate(apart.goals)) >= 2.0 * RADIUS + STAND_ROOM
     assert not together.stays.any()
     assert apart.stays.tolist() == [True] * 8
     with pytest.raises(ScenarioError, match=r"agents.0.goal: 4 characters cannot stay at one point"):
@@ -171,3 +172,14 @@ def test_places_keep_clear_of_what_comes_later_where_they_can():
     inside = ("{rectangle: [1, 1, 3, 4]}", "{rectangle: [1.1, 1.1, 2.9, 2.4]}")
     under = change(("motion: {set: default}", crate), inside, ("count: 4", "count: 1"))
     assert len(place_agents(parse_scenario(under), RADIUS).starts) == 1
+
+
+def test_headings_and_distances_of_stands_are_those_of_the_group():
+    asked = ("goal: {circle", "stand_within: 0.02\n    goal: {heading: -90, circle")
+    region = ("radius: 1.0", "radius: 1.5")
+    placed = place_agents(parse_scenario(change(asked, region, ("leave", "stay"))), RADIUS)
+    assert placed.stand_within.tolist() == [0.02] * 4
+    assert [placed.heading(agent, 0) for agent in range(4)] == [-np.pi / 2] * 4
+    plain = place_agents(parse_scenario(change()), RADIUS)
+    assert plain.heading(0, 0) is None
+    assert plain.stand_within.tolist() == [STAND_WITHIN] * 4
