@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.editing import detour_kernels
-from crowdsim.navmesh.editing.detour_kernels import DONE, NO_ROOM
 from crowdsim.navmesh.paths.guide_kernels import GUIDE
-from crowdsim.navmesh.paths.paths import TANGLED, Floats
+from crowdsim.navmesh.paths.paths import Floats
 from crowdsim.navmesh.paths.workspace import workspace
 
 if TYPE_CHECKING:
@@ -21,22 +20,6 @@ if TYPE_CHECKING:
 _FARTHER = (1.05, 1.5)
 """How much longer than without obstacles ways are that the guide knows: a factor, and meters. Longer ones are found all
 the same, but more is searched for them; and a guide that knows more takes longer to make."""
-
-
-@dataclass(frozen=True, eq=False)
-class Ways:
-    """Paths as of `NavMesh.find_path`, one after the other."""
-
-    points: Floats
-    """(m, 2)"""
-    ends: NDArray[np.int64]
-    """(n,) path i is points[ends[i - 1] : ends[i]]; nothing where there is none."""
-    lengths: Floats
-    """(n,) meters, infinite where there is none."""
-
-    def __getitem__(self, i: int) -> Floats:
-        """The points (k, 2) of path i."""
-        return self.points[self.ends[i - 1] if i > 0 else 0 : self.ends[i]]
 
 
 class Detours:
@@ -75,37 +58,11 @@ class Detours:
         with workspace(len(arrays.wind)) as work:
             detour_kernels.aim_guide(arrays, work, *self._ends, limit, self._guide)
 
-    def around(self, places: Floats) -> Ways:
-        """For each of ``places`` (n, 2) the path in the mesh as it is now and with a point obstacle there as well."""
-        count = len(places)
-        points, ends = np.empty((64 * count, 2)), np.zeros(count, np.int64)
-        status, lengths = np.zeros(count, np.int64), np.full(count, np.inf)
-        row = 0
-        with self.mesh.edited() as obstacles:
-            while True:
-                with workspace(len(obstacles.mesh.wind)) as work:
-                    done, row, points = detour_kernels.plan_detours(
-                        obstacles.places, work, *self._ends, self._guide, places, row, points, ends, status, lengths
-                    )
-                if done == DONE:
-                    break
-                if done == NO_ROOM:
-                    obstacles.make_room()
-                else:
-                    obstacles.rebuild()
-        ways = Ways(points, ends, lengths)
-        return self._traced(ways, places, status == TANGLED) if (status == TANGLED).any() else ways
+    @contextmanager
+    def lent(self) -> Iterator[tuple[Any, ...]]:
+        """What kernels that look for detours take first: places of the mesh, workspace, what `aim` was told, guide.
 
-    def _traced(self, ways: Ways, places: Floats, tangled: NDArray[np.bool_]) -> Ways:
-        """The same, and where the guided search found a way that it could not trace, the path of an unguided one."""
-        pieces, lengths = [ways[i] for i in range(len(places))], ways.lengths.copy()
-        for i in np.flatnonzero(tangled):
-            handle = self.mesh.insert_obstacle(places[i])
-            try:
-                path = self.mesh.find_path(self._ends[:2], self._ends[2:4], self._ends[4])
-                pieces[i], lengths[i] = path.points, path.length
-            except PathNotFound:
-                pass
-            finally:
-                self.mesh.remove(handle)
-        return Ways(np.concatenate(pieces), np.cumsum([len(piece) for piece in pieces]), lengths)
+        They may put obstacles into the mesh.
+        """
+        with self.mesh.edited() as obstacles, workspace(len(obstacles.mesh.wind)) as work:
+            yield obstacles.places, work, self._ends, self._guide
