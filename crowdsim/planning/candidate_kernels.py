@@ -18,6 +18,7 @@ from crowdsim.navmesh.clearance.violation_kernels import SPAN, merged
 from crowdsim.navmesh.growing_kernels import longer
 from crowdsim.navmesh.half_edge_kernels import triangle_near
 from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.paths.checked_kernels import piece_key
 from crowdsim.planning.fitting_kernels import OWN_SPAN, add_misfits, label_spans
 
 PIECE = np.dtype(
@@ -55,20 +56,10 @@ class Known(NamedTuple):
     whole: NDArray[Any]
 
 
-_SPREAD = 0x1E3779B97F4A7C15
-"""A multiplier without pattern (of Knuth's multiplicative hashing)."""
-
-_SCALE = 1048576.0
-"""Cells a meter that the hash tells apart."""
-
-
 @helper
 def _row(pieces, layer, x0, y0, x1, y1):
     """Row of a piece, or the empty one where it belongs."""
-    key = np.int64(x0 * _SCALE)
-    for value in (y0, x1, y1):
-        key = key * 31 + np.int64(value * _SCALE)
-    i = ((key * _SPREAD) >> 24) + layer & (pieces.size - 1)
+    i = piece_key(x0, y0, x1, y1) + layer & (pieces.size - 1)
     while True:
         row = pieces[i]
         if row.layer == 0:

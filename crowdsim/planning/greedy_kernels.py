@@ -6,10 +6,11 @@ import numpy as np
 
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.editing.address_kernels import mesh_at, workshop_at
-from crowdsim.navmesh.editing.detour_kernels import DONE, LOST, find_detour, keeps_off
+from crowdsim.navmesh.editing.detour_kernels import DONE, LOST, NO_ROOM, find_detour, keeps_off
 from crowdsim.navmesh.editing.point_kernels import INSERT, edit_point
 from crowdsim.navmesh.growing_kernels import longer
 from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.paths.checked_kernels import add_dot, begin_checks
 from crowdsim.navmesh.paths.path_kernels import append_path
 from crowdsim.planning.candidate_kernels import nothing_known, path_cost
 from crowdsim.planning.labelling_kernels import MIN_SECTION
@@ -28,8 +29,8 @@ CANDIDATE = np.dtype(
 )
 """A conflict point and the detour around it.
 
-length: of the detour, meters. cost: of it, infinite where it is not less than that of the best path, or is known not to pay. before, after:
-meters that it has in common with the best path, from the start on and up to the goal. first, last: its points in the
+length: of the detour, meters. cost: of it, infinite where it is not less than that of the best path, or is known not to
+pay. before, after: meters that it has in common with the best path, from the start on and up to the goal. first, last: its points in the
 list of all; none where there is no detour. sure: 1 where it was found with all blockers that there are by now; 0 where
 those that came since only changed other parts of the path, so that ``cost`` is what it should come to. round: the last
 one in which the place was a conflict point.
@@ -110,8 +111,8 @@ def _keep(points, candidates, count, top, length, longer_by, dearer_by, least):
     """Bring candidates up to date after the detour of number ``top`` became the path, and its place a blocker.
 
     Those stay whose detours keep off the blocker, which cost more, and those whose detours differ from the path,
-    ``length`` meters long before, elsewhere: they should come to as much less. ``longer_by`` and ``dearer_by`` are by how much
-    length and cost rose. Returns how many are left.
+    ``length`` meters long before, elsewhere: they should come to as much less. ``longer_by`` and ``dearer_by``
+    are by how much length and cost rose. Returns how many are left.
     """
     x = candidates[top].x
     y = candidates[top].y
@@ -146,7 +147,7 @@ def _keep(points, candidates, count, top, length, longer_by, dearer_by, least):
 
 
 @kernel
-def plan_around(places, work, ends, guide, layers, radii, costs, turned, terms, direct, length, keep):
+def plan_around(places, work, checked, ends, guide, layers, radii, costs, turned, terms, direct, length, keep):
     """Algorithm 1: (status, cost, points (n, 2), sections (k, 3)) of the path that no one blocker makes cheaper.
 
     ``places`` are those of a mesh and its workshop (see address_kernels), in which ``direct`` (n, 2), ``length`` meters
@@ -160,6 +161,7 @@ def plan_around(places, work, ends, guide, layers, radii, costs, turned, terms, 
     sx, sy, gx, gy, radius, least = ends
     m = mesh_at(places)
     w = workshop_at(places)
+    begin_checks(checked)
     known = nothing_known(layers, costs.size)
     candidates = np.empty(64, CANDIDATE)
     count = np.int64(0)
@@ -169,6 +171,7 @@ def plan_around(places, work, ends, guide, layers, radii, costs, turned, terms, 
     last = np.int64(direct.shape[0])
     filled = last
     cost, sections, known = path_cost(layers, radii, costs, turned, terms, points, first, last, length, math.inf, known)
+    nowhere = math.inf
     alone_first = filled
     alone_last = NONE
     alone_length = 0.0
@@ -200,19 +203,34 @@ def plan_around(places, work, ends, guide, layers, radii, costs, turned, terms, 
             if shared and alone_last < 0:
                 alone_first = filled
                 status, points, filled, alone_length = find_detour(
-                    places, m, w, work, sx, sy, gx, gy, radius, least, guide, math.inf, math.inf, points, filled
+                    places,
+                    m,
+                    w,
+                    work,
+                    checked,
+                    sx,
+                    sy,
+                    gx,
+                    gy,
+                    radius,
+                    least,
+                    guide,
+                    math.inf,
+                    math.inf,
+                    points,
+                    filled,
                 )
                 if status != DONE:
                     return status, cost, points[first:last], sections
                 alone_last = filled
-            if shared and keeps_off(points[alone_first : alone_last], x, y, least):
+            if shared and keeps_off(points[alone_first:alone_last], x, y, least):
                 candidate.first = alone_first
                 candidate.last = alone_last
                 candidate.length = alone_length
             else:
                 candidate.first = filled
                 status, points, filled, candidate.length = find_detour(
-                    places, m, w, work, sx, sy, gx, gy, radius, least, guide, x, y, points, filled
+                    places, m, w, work, checked, sx, sy, gx, gy, radius, least, guide, x, y, points, filled
                 )
                 candidate.last = filled
                 if status != DONE:
@@ -220,8 +238,17 @@ def plan_around(places, work, ends, guide, layers, radii, costs, turned, terms, 
             candidate.sure = 1
             _compare(points, candidate, first, last)
             candidate.cost, labels, known = path_cost(
-                layers, radii, costs, turned, terms, points, candidate.first, candidate.last, candidate.length,
-                cost if keep else lowest, known
+                layers,
+                radii,
+                costs,
+                turned,
+                terms,
+                points,
+                candidate.first,
+                candidate.last,
+                candidate.length,
+                cost if keep else lowest,
+                known,
             )
             if candidate.cost < lowest:
                 lowest = candidate.cost
@@ -234,6 +261,8 @@ def plan_around(places, work, ends, guide, layers, radii, costs, turned, terms, 
         last = candidates[top].last
         sections = found
         if keep:
+            if not add_dot(checked, candidates[top].x, candidates[top].y):
+                return NO_ROOM, cost, points[first:last], sections
             if edit_point(places, _INSERT, candidates[top].x, candidates[top].y, NONE) < NONE:
                 return LOST, cost, points[first:last], sections
             count = _keep(points, candidates, count, top, length, longer_by, dearer_by, least)

@@ -9,6 +9,7 @@ from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.editing.point_kernels import INSERT, REMOVE, edit_point, has_room
 from crowdsim.navmesh.half_edge_kernels import triangle_of
 from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.paths.checked_kernels import add_dot, drop_dot
 from crowdsim.navmesh.paths.guide_kernels import add_sides, clear_guide, fill_guide
 from crowdsim.navmesh.paths.interval_kernels import find_way
 from crowdsim.navmesh.paths.path_kernels import OK, TANGLED, append_path, plan_path
@@ -48,7 +49,7 @@ def aim_guide(m, work, sx, sy, gx, gy, radius, least, limit, guide):
 
 
 @helper
-def find_detour(places, m, w, work, sx, sy, gx, gy, radius, least, guide, x, y, points, filled):
+def find_detour(places, m, w, work, checked, sx, sy, gx, gy, radius, least, guide, x, y, points, filled):
     """The path of `crowdsim.navmesh.paths.path_kernels.plan_path`, found with ``guide``, around (x, y) as well.
 
     A point obstacle is put there into the mesh at ``places`` (see address_kernels) and removed again. The path is
@@ -61,7 +62,10 @@ def find_detour(places, m, w, work, sx, sy, gx, gy, radius, least, guide, x, y, 
     v = edit_point(places, _INSERT, x, y, NONE)
     if v < NONE:
         return LOST, points, filled, math.inf
-    found, path = plan_path(m, None, work, sx, sy, gx, gy, radius, least, guide)
+    if not add_dot(checked, x, y):
+        return NO_ROOM, points, filled, math.inf
+    found, path = plan_path(m, None, work, sx, sy, gx, gy, radius, least, guide, checked)
+    drop_dot(checked)
     if edit_point(places, _REMOVE, 0.0, 0.0, v) < NONE:
         return LOST, points, filled, math.inf
     if found == TANGLED:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.navmesh.editing import detour_kernels
+from crowdsim.navmesh.paths.checked_kernels import CHECK, Checked
 from crowdsim.navmesh.paths.guide_kernels import GUIDE
 from crowdsim.navmesh.paths.paths import Floats
 from crowdsim.navmesh.paths.workspace import workspace
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
 _FARTHER = (1.05, 1.5)
 """How much longer than without obstacles ways are that the guide knows: a factor, and meters. Longer ones are found all
 the same, but more is searched for them; and a guide that knows more takes longer to make."""
+
+_PIECES = 2048
+_DOTS = 128
+"""Room for pieces of paths whose checks are remembered, and for obstacles that are put in."""
 
 
 class Detours:
@@ -40,6 +45,7 @@ class Detours:
         crossed = int(np.count_nonzero((arrays.sides["cst"].reshape(-1, 3) == 0) & (arrays.wind == 0)[:, None]))
         self._guide: NDArray[np.void] = np.zeros((1 << (2 * crossed).bit_length()) + 1, GUIDE)
         detour_kernels.begin_guide(arrays, self._guide)
+        self._checked = Checked(np.zeros(_PIECES, CHECK), np.zeros(3, np.int64), np.empty((_DOTS, 2)))
 
     def reset(self) -> bool:
         """Take all obstacles out again that were put in; False where that fails, and another copy is to be made.
@@ -65,4 +71,4 @@ class Detours:
         They may put obstacles into the mesh.
         """
         with self.mesh.edited() as obstacles, workspace(len(obstacles.mesh.wind)) as work:
-            yield obstacles.places, work, self._ends, self._guide
+            yield obstacles.places, work, self._checked, self._ends, self._guide
