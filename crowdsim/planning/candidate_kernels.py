@@ -94,17 +94,14 @@ def _more(spans, first, total, own, costs):
 
 
 @helper
-def _known_more(pieces, layers, points, first, last):
-    """What the pieces of points[first : last + 1] that are known cost at least, in the layer where that is most."""
-    most = 0.0
-    for k in range(layers):
-        more = 0.0
-        for j in range(first, last):
-            row = pieces[_row(pieces, k, points[j, 0], points[j, 1], points[j + 1, 0], points[j + 1, 1])]
-            if row.layer != 0:
-                more += row.more
-        most = max(most, more)
-    return most
+def _known_more(pieces, k, points, first, last):
+    """What the pieces of points[first : last + 1] that are known cost more in layer ``k``."""
+    more = 0.0
+    for j in range(first, last):
+        row = pieces[_row(pieces, k, points[j, 0], points[j, 1], points[j + 1, 0], points[j + 1, 1])]
+        if row.layer != 0:
+            more += row.more
+    return more
 
 
 @helper
@@ -139,7 +136,7 @@ def path_cost(layers, radii, costs, turned, terms, points, first, last, length, 
         preferred = min(preferred, costs[b])
     last -= 1
     shortest = length * preferred
-    # What takes no test may be too much by itself: the length, and then what is known by now.
+    # What takes no test may be too much by itself: the length, and what is known by now.
     if last < first or shortest >= least:
         return math.inf, nothing, known
     if 2 * (filled[0] + (last - first) * len(layers)) > pieces.size:
@@ -149,17 +146,17 @@ def path_cost(layers, radii, costs, turned, terms, points, first, last, length, 
         pieces = np.zeros(size, PIECE)
         filled[0] = 0
         filled[1] = 0
-    if shortest + _known_more(pieces, len(layers), points, first, last) >= least:
-        return math.inf, nothing, Known(pieces, spans, filled, marks, lasts, stack, own, whole)
     total = filled[1]
     mark = filled[2]
     gathered = np.int64(0)
     more = 0.0
     for k, m in enumerate(layers):
         start = 0.0
-        more = 0.0
         triangle = NONE
+        more = _known_more(pieces, k, points, first, last)
         for j in range(first, last):
+            if shortest + more >= least:
+                break
             px = points[j, 0]
             py = points[j, 1]
             qx = points[j + 1, 0]
@@ -190,9 +187,9 @@ def path_cost(layers, radii, costs, turned, terms, points, first, last, length, 
                 row.count = total - begin
                 row.end = end if free else triangle
                 row.more, own = _more(spans, begin, total, own, costs)
+                more += row.more
                 filled[0] += 1
             triangle = row.end
-            more += row.more
             for s in range(row.first, row.first + row.count):
                 if gathered == whole.size:
                     whole = longer(whole)

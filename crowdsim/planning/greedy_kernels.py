@@ -10,7 +10,7 @@ from crowdsim.navmesh.editing.detour_kernels import DONE, LOST, NO_ROOM, find_de
 from crowdsim.navmesh.editing.point_kernels import INSERT, edit_point
 from crowdsim.navmesh.growing_kernels import longer
 from crowdsim.navmesh.mesh_arrays import NONE
-from crowdsim.navmesh.paths.checked_kernels import add_dot, begin_checks
+from crowdsim.navmesh.paths.checked_kernels import add_dot
 from crowdsim.navmesh.paths.path_kernels import append_path
 from crowdsim.planning.candidate_kernels import nothing_known, path_cost
 from crowdsim.planning.labelling_kernels import MIN_SECTION
@@ -30,8 +30,8 @@ CANDIDATE = np.dtype(
 """A conflict point and the detour around it.
 
 length: of the detour, meters. cost: of it, infinite where it is not less than that of the best path, or is known not to
-pay. before, after: meters that it has in common with the best path, from the start on and up to the goal. first, last: its points in the
-list of all; none where there is no detour. sure: 1 where it was found with all blockers that there are by now; 0 where
+pay. before, after: meters that it has in common with the best path, from the start on and up to the goal. first, last:
+its points in the list of all; none where there is no detour. sure: 1 where it was found with all blockers that there are by now; 0 where
 those that came since only changed other parts of the path, so that ``cost`` is what it should come to. round: the last
 one in which the place was a conflict point.
 """
@@ -161,7 +161,6 @@ def plan_around(places, work, checked, ends, guide, layers, radii, costs, turned
     sx, sy, gx, gy, radius, least = ends
     m = mesh_at(places)
     w = workshop_at(places)
-    begin_checks(checked)
     known = nothing_known(layers, costs.size)
     candidates = np.empty(64, CANDIDATE)
     count = np.int64(0)
@@ -171,7 +170,6 @@ def plan_around(places, work, checked, ends, guide, layers, radii, costs, turned
     last = np.int64(direct.shape[0])
     filled = last
     cost, sections, known = path_cost(layers, radii, costs, turned, terms, points, first, last, length, math.inf, known)
-    nowhere = math.inf
     alone_first = filled
     alone_last = NONE
     alone_length = 0.0

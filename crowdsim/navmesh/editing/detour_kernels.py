@@ -10,7 +10,7 @@ from crowdsim.navmesh.editing.point_kernels import INSERT, REMOVE, edit_point, h
 from crowdsim.navmesh.half_edge_kernels import triangle_of
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.checked_kernels import add_dot, drop_dot
-from crowdsim.navmesh.paths.guide_kernels import add_sides, clear_guide, fill_guide
+from crowdsim.navmesh.paths.guide_kernels import GUIDE, add_sides, clear_guide, fill_guide
 from crowdsim.navmesh.paths.interval_kernels import find_way
 from crowdsim.navmesh.paths.path_kernels import OK, TANGLED, append_path, plan_path
 
@@ -44,7 +44,8 @@ def aim_guide(m, work, sx, sy, gx, gy, radius, least, limit, guide):
     """
     clear_guide(guide)
     goal = triangle_of(m, gx, gy, NONE)
-    _, used = find_way(m, None, work, goal, gx, gy, NONE, sx, sy, radius, 2.0 * least, guide, limit)
+    nothing = np.zeros(3, GUIDE)
+    _, used = find_way(m, None, work, goal, gx, gy, NONE, sx, sy, radius, 2.0 * least, nothing, limit)
     fill_guide(m, work.labels, used, radius, limit, guide)
 
 
@@ -57,13 +58,11 @@ def find_detour(places, m, w, work, checked, sx, sy, gx, gy, radius, least, guid
 
     Returns (DONE, or why not, points, up to where they are filled, length: infinite where there is no path).
     """
-    if not has_room(m, w, _ROOM):
+    if not has_room(m, w, _ROOM) or not add_dot(checked, x, y):
         return NO_ROOM, points, filled, math.inf
     v = edit_point(places, _INSERT, x, y, NONE)
     if v < NONE:
         return LOST, points, filled, math.inf
-    if not add_dot(checked, x, y):
-        return NO_ROOM, points, filled, math.inf
     found, path = plan_path(m, None, work, sx, sy, gx, gy, radius, least, guide, checked)
     drop_dot(checked)
     if edit_point(places, _REMOVE, 0.0, 0.0, v) < NONE:

@@ -63,12 +63,13 @@ class Detours:
         arrays = self.mesh.arrays
         with workspace(len(arrays.wind)) as work:
             detour_kernels.aim_guide(arrays, work, *self._ends, limit, self._guide)
+        self._checked.numbers[:] = self._checked.numbers[0] + 1, 0, 0
 
     @contextmanager
     def lent(self) -> Iterator[tuple[Any, ...]]:
-        """What kernels that look for detours take first: places of the mesh, workspace, what `aim` was told, guide.
+        """What kernels that look for detours take first: places of the mesh, workspace, checks, ends, guide.
 
-        They may put obstacles into the mesh.
+        They may put obstacles into the mesh, which are dots of the checks as well.
         """
         with self.mesh.edited() as obstacles, workspace(len(obstacles.mesh.wind)) as work:
             yield obstacles.places, work, self._checked, self._ends, self._guide

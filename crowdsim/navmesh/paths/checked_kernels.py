@@ -58,14 +58,6 @@ def piece_key(x0, y0, x1, y1):
 
 
 @helper
-def begin_checks(checked):
-    """Forget all that is remembered, and all dots."""
-    checked.numbers[0] += 1
-    checked.numbers[1] = 0
-    checked.numbers[2] = 0
-
-
-@helper
 def add_dot(checked, x, y):
     """One more dot; False where there is no room for it."""
     count = checked.numbers[2]
