@@ -60,7 +60,7 @@ def _in_one_kernel(query: Query, direct: Path, keep_blockers: bool) -> Annotated
     return with_sections(points, sections, cost)
 
 
-@dataclass
+@dataclass(eq=False)
 class _Detour:
     """The fields of `crowdsim.planning.greedy_kernels.CANDIDATE`."""
 
@@ -99,9 +99,7 @@ def plan_step_by_step(query: Query, direct: Path, keep_blockers: bool, annotate:
             if detour is None:
                 detour = _Detour(place)
                 known.append(detour)
-                # With this blocker alone the first path is the shortest.
-                if keep_blockers or not keeps_off(direct.points, *place.tolist(), least):
-                    look(detour)
+                look(detour)
             here.append(detour)
         while True:
             chosen = min(here, key=lambda each: each.cost, default=None)

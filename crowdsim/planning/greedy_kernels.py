@@ -31,9 +31,9 @@ CANDIDATE = np.dtype(
 
 length: of the detour, meters. cost: of it, infinite where it is not less than that of the best path, or is known not to
 pay. before, after: meters that it has in common with the best path, from the start on and up to the goal. first, last:
-its points in the list of all; none where there is no detour. sure: 1 where it was found with all blockers that there are by now; 0 where
-those that came since only changed other parts of the path, so that ``cost`` is what it should come to. round: the last
-one in which the place was a conflict point.
+its points in the list of all. sure: -1 before it was looked for; 1 where it was found with all blockers that there are
+by now; 0 where those that came since changed other parts of the path alone, so that ``cost`` is what it should come to.
+round: the last one in which the place was a conflict point.
 """
 
 

@@ -50,10 +50,9 @@ def test_only_what_was_found_is_recalled(steps, rows):
     checked, vertices, known = _empty(rows), _vertices(2), {}
     for corners, vertex, writes in steps:
         piece = np.array(corners, float)
-        distance = math.inf if vertex < 0 else 0.1
         if writes:
+            distance, vertex = known.setdefault(corners, (math.inf if vertex < 0 else 0.1, vertex))
             _remember(checked, vertices, piece, distance, np.int64(vertex))
-            known[corners] = (distance, vertex)
         was, *found = _recall(checked, vertices, piece)
         if was:
             assert tuple(found) == known[corners]

@@ -110,8 +110,8 @@ def test_the_kernel_does_what_is_done_step_by_step(keep_blockers):
     # Searches without the guide find other ways now and then.
     assert len(ratios) > 20
     assert sum(gains) > 5
-    assert np.mean(np.abs(np.array(ratios) - 1.0) < 1e-6) > 0.8
-    assert np.mean(ratios) == pytest.approx(1.0, abs=0.01)
+    assert np.mean(np.abs(np.array(ratios) - 1.0) < 1e-6) > 0.9
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.02)
 
 
 @pytest.mark.parametrize("status", [NO_ROOM, LOST])
