@@ -48,7 +48,9 @@ def plan_greedy(query: Query, keep_blockers: bool, annotate: Annotate | None = N
 
 def _in_one_kernel(query: Query, direct: Path, keep_blockers: bool) -> AnnotatedPath | None:
     """The cheapest path found by the layers; None where memory is short, or a detour cannot be traced."""
-    detours = _take(query.meshes[0])
+    mesh = query.meshes[0]
+    revision = mesh.revision
+    detours = _take(mesh, revision)
     detours.aim(query.ends[0], query.ends[1], direct.radius, direct.length)
     with detours.lent() as search:
         status, cost, points, sections = plan_around(
@@ -56,7 +58,7 @@ def _in_one_kernel(query: Query, direct: Path, keep_blockers: bool) -> Annotated
         )
     if status != DONE:
         return None
-    _give_back(query.meshes[0], detours)
+    _give_back(mesh, revision, detours)
     return with_sections(points, sections, cost)
 
 
@@ -160,16 +162,16 @@ _kept: weakref.WeakKeyDictionary[NavMesh, list[tuple[int, Detours]]] = weakref.W
 _lock = threading.Lock()
 
 
-def _take(mesh: NavMesh) -> Detours:
+def _take(mesh: NavMesh, revision: int) -> Detours:
     """A copy of ``mesh`` that one thread may edit."""
     with _lock:
-        kept = [entry for entry in _kept.get(mesh, []) if entry[0] == mesh.revision]
+        kept = [entry for entry in _kept.get(mesh, []) if entry[0] == revision]
         _kept[mesh] = kept[:-1]
     return kept[-1][1] if kept else Detours(mesh)
 
 
-def _give_back(mesh: NavMesh, detours: Detours) -> None:
-    """Keep the copy of ``mesh`` for whoever asks next."""
+def _give_back(mesh: NavMesh, revision: int, detours: Detours) -> None:
+    """Keep the copy, of ``mesh`` as it was at ``revision``, for whoever asks next."""
     if detours.reset():
         with _lock:
-            _kept[mesh].append((mesh.revision, detours))
+            _kept[mesh].append((revision, detours))
