@@ -9,115 +9,145 @@ from __future__ import annotations
 
 import threading
 import weakref
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import PathNotFound
-from crowdsim.navmesh.editing.detour_kernels import keeps_off
-from crowdsim.navmesh.editing.detours import Detours, Ways
-from crowdsim.planning.annotated_path import AnnotatedPath, Section, arc_lengths
-from crowdsim.planning.candidate_kernels import PIECE, cheapest_path
-from crowdsim.planning.fitting_kernels import OWN_SPAN
+from crowdsim.navmesh.editing.detour_kernels import DONE, keeps_off
+from crowdsim.navmesh.editing.detours import Detours
+from crowdsim.navmesh.paths.paths import Path
+from crowdsim.planning.annotated_path import AnnotatedPath, Section
+from crowdsim.planning.greedy_kernels import MOST_ROUNDS, SAME_PLACE, plan_around
 from crowdsim.planning.labelling_kernels import MIN_SECTION
 from crowdsim.planning.query import Query, with_sections
 
 if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
 
-_MOST_ROUNDS = 64
+Floats = NDArray[np.float64]
 
-_SAME_PLACE = 1e-6
-"""Meters within which conflict points are the same."""
-
-_PIECES = 2048
-_SPANS = 1024
-"""What is known of paths at first has room for so many pieces, and stretches of them where a behavior does not fit."""
-
-Annotate = Callable[[NDArray[np.float64]], AnnotatedPath]
-"""The points (n, 2) of a path to the path with its sections, none where nothing fits."""
+Annotate = Callable[[Floats], AnnotatedPath]
+"""The points (n, 2) of a path to the path with its sections, none and infinite cost where nothing fits."""
 
 
 def plan_greedy(query: Query, keep_blockers: bool, annotate: Annotate | None = None) -> AnnotatedPath | None:
     """Algorithm 1; None where no path fits any behavior. ``annotate`` finds the sections, by default in the layers."""
-    radius = query.need.search_radius
     try:
-        direct = query.meshes[0].find_path(query.ends[0], query.ends[1], radius)
+        direct = query.meshes[0].find_path(query.ends[0], query.ends[1], query.need.search_radius)
     except PathNotFound:
         return None
-    judge = _ByLayers(query) if annotate is None else _ByCaller(query, annotate)
-    only = Ways(direct.points, np.array([len(direct.points)]), np.array([direct.length]))
-    fitting = judge.cheapest(only, np.inf)
-    best = fitting[1] if fitting else AnnotatedPath(direct.points, arc_lengths(direct.points), (), np.inf)
-    with _own_detours(query.meshes[0]) as detours:
-        closest = radius - detours.mesh.tolerance(radius)
-        tried: dict[tuple[int, int], NDArray[np.float64]] = {}
-        detours.aim(query.ends[0], query.ends[1], radius, direct.length)
-        for _ in range(_MOST_ROUNDS):
-            points = _conflict_points(query, best)
-            places = [(round(x / _SAME_PLACE), round(y / _SAME_PLACE)) for x, y in points.tolist()]
-            # Those tried before were with fewer blockers, and no cheaper than what is best by now.
-            new = {place: k for k, place in enumerate(places) if place not in tried}
-            if not new:
-                break
-            blockers = points[list(new.values())]
-            ways = detours.around(blockers)
-            tried |= {place: ways[k] for k, place in enumerate(new)}
-            found = judge.cheapest(ways, best.cost)
-            if found is None:
-                break
-            chosen, best = found
-            if keep_blockers:
-                blocker = blockers[chosen]
-                detours.mesh.insert_obstacle(blocker)
-                tried = {k: points for k, points in tried.items() if keeps_off(points, *blocker.tolist(), closest)}
+    best = _in_one_kernel(query, direct, keep_blockers) if annotate is None else None
+    if best is None:
+        best = plan_step_by_step(query, direct, keep_blockers, annotate or query.annotated)
     return best if best.sections else None
 
 
-class _ByLayers:
-    """Which of many paths costs least, by the layers; what is known of a piece of one serves for the others."""
-
-    def __init__(self, query: Query) -> None:
-        self._fitting = query.fitting()
-        self._known = np.zeros(_PIECES, PIECE), np.empty(_SPANS, OWN_SPAN)
-        self._filled = np.zeros(2, np.int64)
-
-    def cheapest(self, ways: Ways, least: float) -> tuple[int, AnnotatedPath] | None:
-        """Number of the first of those that cost least, and the path with its sections; None if it is not less."""
-        chosen, cost, sections, *known = cheapest_path(
-            *self._fitting, ways.points, ways.ends, ways.lengths, least, *self._known, self._filled
+def _in_one_kernel(query: Query, direct: Path, keep_blockers: bool) -> AnnotatedPath | None:
+    """The cheapest path found by the layers; None where memory is short, or a detour cannot be traced."""
+    mesh = query.meshes[0]
+    revision = mesh.revision
+    detours = _take(mesh, revision)
+    detours.aim(query.ends[0], query.ends[1], direct.radius, direct.length)
+    with detours.lent() as search:
+        status, cost, points, sections = plan_around(
+            *search, *query.fitting(), direct.points, direct.length, keep_blockers
         )
-        self._known = known[0], known[1]
-        return None if chosen < 0 else (chosen, with_sections(ways[chosen].copy(), sections, cost))
+    if status != DONE:
+        return None
+    _give_back(mesh, revision, detours)
+    return with_sections(points, sections, cost)
 
 
-class _ByCaller:
-    """The same by a function; each path is asked for once, as many blockers lead to the same detour."""
+@dataclass(eq=False)
+class _Detour:
+    """The fields of `crowdsim.planning.greedy_kernels.CANDIDATE`."""
 
-    def __init__(self, query: Query, annotate: Annotate) -> None:
-        self._preferred = float(query.need.costs[-1])
-        self._annotate = annotate
-        self._known: dict[bytes, AnnotatedPath] = {}
-
-    def cheapest(self, ways: Ways, least: float) -> tuple[int, AnnotatedPath] | None:
-        best = None
-        for k, length in enumerate(ways.lengths.tolist()):
-            if length * self._preferred >= least:
-                continue
-            points = ways[k]
-            key = points.tobytes()
-            if key not in self._known:
-                self._known[key] = self._annotate(points)
-            if self._known[key].cost < least:
-                best = k, self._known[key]
-                least = best[1].cost
-        return best
+    place: Floats
+    path: AnnotatedPath | None = None
+    cost: float = np.inf
+    before: float = 0.0
+    after: float = 0.0
+    sure: bool = True
 
 
-def _conflict_points(query: Query, path: AnnotatedPath) -> NDArray[np.float64]:
+def plan_step_by_step(query: Query, direct: Path, keep_blockers: bool, annotate: Annotate) -> AnnotatedPath:
+    """What `plan_around` does, with each path searched for on its own; without sections where nothing fits."""
+    mesh = query.meshes[0].with_points(np.empty((0, 2)))
+    least = direct.radius - mesh.tolerance(direct.radius)
+    best = annotate(direct.points)
+    known: list[_Detour] = []
+
+    def look(detour: _Detour) -> None:
+        handle = mesh.insert_obstacle(detour.place)
+        try:
+            detour.path = annotate(mesh.find_path(query.ends[0], query.ends[1], direct.radius).points)
+            detour.cost = detour.path.cost if detour.path.cost < best.cost else np.inf
+            detour.before = _in_common(detour.path.points, best.points)
+            detour.after = _in_common(detour.path.points[::-1], best.points[::-1])
+        except PathNotFound:
+            detour.cost = np.inf
+        finally:
+            mesh.remove(handle)
+        detour.sure = True
+
+    for _ in range(MOST_ROUNDS):
+        here = []
+        for place in _conflict_points(query, best):
+            detour = next((each for each in known if np.abs(each.place - place).max() <= SAME_PLACE), None)
+            if detour is None:
+                detour = _Detour(place)
+                known.append(detour)
+                look(detour)
+            here.append(detour)
+        while True:
+            chosen = min(here, key=lambda each: each.cost, default=None)
+            if chosen is None or chosen.path is None or chosen.cost >= best.cost:
+                return best
+            if chosen.sure:
+                break
+            look(chosen)
+        before, best = best, chosen.path
+        known.remove(chosen)
+        if keep_blockers:
+            mesh.insert_obstacle(chosen.place)
+            known = [each for each in known if _holds(each, chosen, before, least)]
+        else:
+            for each in known:
+                each.cost = np.inf
+    return best
+
+
+def _holds(detour: _Detour, chosen: _Detour, before: AnnotatedPath, least: float) -> bool:
+    """Bring up to date what is known of a detour where ``chosen`` takes the place of the path ``before``."""
+    if detour.path is None or chosen.path is None:
+        return True
+    if detour.sure and keeps_off(detour.path.points, *chosen.place.tolist(), least):
+        detour.cost, detour.before, detour.after = np.inf, 0.0, 0.0
+        return True
+    longer = chosen.path.length - before.length
+    if before.cost < np.inf and before.length - detour.after <= chosen.before:
+        detour.after += longer
+    elif before.cost < np.inf and detour.before >= before.length - chosen.after:
+        detour.before += longer
+    else:
+        return False
+    detour.cost += chosen.path.cost - before.cost
+    detour.sure = False
+    return True
+
+
+def _in_common(points: Floats, others: Floats) -> float:
+    """Meters from their start on that two polylines (n, 2) and (m, 2) have in common."""
+    count = min(len(points), len(others))
+    same = int(np.argmin(np.append((points[:count] == others[:count]).all(axis=1), False)))
+    return float(np.hypot(*np.diff(points[:same], axis=0).T).sum())
+
+
+def _conflict_points(query: Query, path: AnnotatedPath) -> Floats:
     """Points (k, 2) every ``MIN_SECTION`` along the stretches for the narrowest behavior, clear of both ends."""
     narrow = [section for section in path.sections if section.behavior == 0]
     if not path.sections:
@@ -132,17 +162,16 @@ _kept: weakref.WeakKeyDictionary[NavMesh, list[tuple[int, Detours]]] = weakref.W
 _lock = threading.Lock()
 
 
-@contextmanager
-def _own_detours(mesh: NavMesh) -> Iterator[Detours]:
-    """Lend a copy of ``mesh`` that one thread may edit."""
-    revision = mesh.revision
+def _take(mesh: NavMesh, revision: int) -> Detours:
+    """A copy of ``mesh`` that one thread may edit."""
     with _lock:
         kept = [entry for entry in _kept.get(mesh, []) if entry[0] == revision]
-        detours = kept.pop()[1] if kept else None
-        _kept[mesh] = kept
-    if detours is None:
-        detours = Detours(mesh)
-    yield detours
+        _kept[mesh] = kept[:-1]
+    return kept[-1][1] if kept else Detours(mesh)
+
+
+def _give_back(mesh: NavMesh, revision: int, detours: Detours) -> None:
+    """Keep the copy, of ``mesh`` as it was at ``revision``, for whoever asks next."""
     if detours.reset():
         with _lock:
             _kept[mesh].append((revision, detours))

@@ -5,14 +5,14 @@ import math
 import numpy as np
 
 from crowdsim.geometry.segments_kernels import point_segment_distance2
-from crowdsim.jit import kernel
-from crowdsim.navmesh.editing.address_kernels import mesh_at, workshop_at
+from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.editing.point_kernels import INSERT, REMOVE, edit_point, has_room
 from crowdsim.navmesh.half_edge_kernels import triangle_of
 from crowdsim.navmesh.mesh_arrays import NONE
-from crowdsim.navmesh.paths.guide_kernels import add_sides, clear_guide, fill_guide
+from crowdsim.navmesh.paths.checked_kernels import add_dot, drop_dot
+from crowdsim.navmesh.paths.guide_kernels import GUIDE, add_sides, clear_guide, fill_guide
 from crowdsim.navmesh.paths.interval_kernels import find_way
-from crowdsim.navmesh.paths.path_kernels import OK, append_path, plan_path
+from crowdsim.navmesh.paths.path_kernels import OK, TANGLED, append_path, plan_path
 
 _INSERT = np.int64(INSERT)
 _REMOVE = np.int64(REMOVE)
@@ -23,9 +23,11 @@ _ROOM = np.int64(16)
 
 DONE = 0
 NO_ROOM = 1
-"""Make the arrays of the mesh larger and go on."""
+"""Make the arrays of the mesh larger."""
 LOST = 2
-"""The mesh is useless, with more new vertices around one point than anybody has seen; make it anew and go on."""
+"""The mesh is useless, with more new vertices around one point than anybody has seen; make it anew."""
+NOT_TRACED = 3
+"""There is a way, but repair found no path along it; a search without a guide may."""
 
 
 @kernel
@@ -42,39 +44,35 @@ def aim_guide(m, work, sx, sy, gx, gy, radius, least, limit, guide):
     """
     clear_guide(guide)
     goal = triangle_of(m, gx, gy, NONE)
-    _, used = find_way(m, None, work, goal, gx, gy, NONE, sx, sy, radius, 2.0 * least, guide, limit)
+    nothing = np.zeros(3, GUIDE)
+    _, used = find_way(m, None, work, goal, gx, gy, NONE, sx, sy, radius, 2.0 * least, nothing, limit)
     fill_guide(m, work.labels, used, radius, limit, guide)
 
 
-@kernel
-def plan_detours(places, work, sx, sy, gx, gy, radius, least, guide, blocked, first, points, ends, status, lengths):
-    """Paths as of `crowdsim.navmesh.paths.path_kernels.plan_path`, found with ``guide``, around one place each.
+@helper
+def find_detour(places, m, w, work, checked, sx, sy, gx, gy, radius, least, guide, x, y, points, filled):
+    """The path of `crowdsim.navmesh.paths.path_kernels.plan_path`, found with ``guide``, around (x, y) as well.
 
-    For each row of ``blocked`` (n, 2) from ``first`` on, a point obstacle is put there into the mesh at ``places`` (see
-    address_kernels) and removed again. Fills ``status`` (n,), that of the path, ``lengths`` (n,), infinite for none,
-    and ``ends`` (n,): path i has the points (m, 2) from ends[i - 1] up to ends[i]. ``points`` grow as they are needed.
+    A point obstacle is put there into the mesh at ``places`` (see address_kernels) and removed again. The path is
+    written behind the first ``filled`` of ``points``, which grow as they are needed.
 
-    Returns (DONE, or why not, the row up to which all is done, points).
+    Returns (DONE, or why not, points, up to where they are filled, length: infinite where there is no path).
     """
-    m = mesh_at(places)
-    w = workshop_at(places)
-    filled = ends[first - 1] if first > 0 else 0
-    for i in range(first, blocked.shape[0]):
-        if not has_room(m, w, _ROOM):
-            return NO_ROOM, i, points
-        v = edit_point(places, _INSERT, blocked[i, 0], blocked[i, 1], NONE)
-        if v < NONE:
-            return LOST, i, points
-        found, path = plan_path(m, None, work, sx, sy, gx, gy, radius, least, guide)
-        if edit_point(places, _REMOVE, 0.0, 0.0, v) < NONE:
-            return LOST, i, points
-        status[i] = found
-        lengths[i] = math.inf
-        if found == OK:
-            points, lengths[i] = append_path(points, filled, path)
-            filled += path.shape[0]
-        ends[i] = filled
-    return DONE, blocked.shape[0], points
+    if not has_room(m, w, _ROOM) or not add_dot(checked, x, y):
+        return NO_ROOM, points, filled, math.inf
+    v = edit_point(places, _INSERT, x, y, NONE)
+    if v < NONE:
+        return LOST, points, filled, math.inf
+    found, path = plan_path(m, None, work, sx, sy, gx, gy, radius, least, guide, checked)
+    drop_dot(checked)
+    if edit_point(places, _REMOVE, 0.0, 0.0, v) < NONE:
+        return LOST, points, filled, math.inf
+    if found == TANGLED:
+        return NOT_TRACED, points, filled, math.inf
+    if found != OK:
+        return DONE, points, filled, math.inf
+    points, length = append_path(points, filled, path)
+    return DONE, points, filled + path.shape[0], length
 
 
 @kernel

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.editing import detour_kernels
-from crowdsim.navmesh.editing.detour_kernels import DONE, NO_ROOM
+from crowdsim.navmesh.paths.checked_kernels import CHECK, Checked
 from crowdsim.navmesh.paths.guide_kernels import GUIDE
-from crowdsim.navmesh.paths.paths import TANGLED, Floats
+from crowdsim.navmesh.paths.paths import Floats
 from crowdsim.navmesh.paths.workspace import workspace
 
 if TYPE_CHECKING:
@@ -22,21 +22,9 @@ _FARTHER = (1.05, 1.5)
 """How much longer than without obstacles ways are that the guide knows: a factor, and meters. Longer ones are found all
 the same, but more is searched for them; and a guide that knows more takes longer to make."""
 
-
-@dataclass(frozen=True, eq=False)
-class Ways:
-    """Paths as of `NavMesh.find_path`, one after the other."""
-
-    points: Floats
-    """(m, 2)"""
-    ends: NDArray[np.int64]
-    """(n,) path i is points[ends[i - 1] : ends[i]]; nothing where there is none."""
-    lengths: Floats
-    """(n,) meters, infinite where there is none."""
-
-    def __getitem__(self, i: int) -> Floats:
-        """The points (k, 2) of path i."""
-        return self.points[self.ends[i - 1] if i > 0 else 0 : self.ends[i]]
+_PIECES = 2048
+_DOTS = 128
+"""Room for pieces of paths whose checks are remembered, and for obstacles that are put in."""
 
 
 class Detours:
@@ -57,6 +45,7 @@ class Detours:
         crossed = int(np.count_nonzero((arrays.sides["cst"].reshape(-1, 3) == 0) & (arrays.wind == 0)[:, None]))
         self._guide: NDArray[np.void] = np.zeros((1 << (2 * crossed).bit_length()) + 1, GUIDE)
         detour_kernels.begin_guide(arrays, self._guide)
+        self._checked = Checked(np.zeros(_PIECES, CHECK), np.zeros(3, np.int64), np.empty((_DOTS, 2)))
 
     def reset(self) -> bool:
         """Take all obstacles out again that were put in; False where that fails, and another copy is to be made.
@@ -74,38 +63,13 @@ class Detours:
         arrays = self.mesh.arrays
         with workspace(len(arrays.wind)) as work:
             detour_kernels.aim_guide(arrays, work, *self._ends, limit, self._guide)
+        self._checked.numbers[:] = self._checked.numbers[0] + 1, 0, 0
 
-    def around(self, places: Floats) -> Ways:
-        """For each of ``places`` (n, 2) the path in the mesh as it is now and with a point obstacle there as well."""
-        count = len(places)
-        points, ends = np.empty((64 * count, 2)), np.zeros(count, np.int64)
-        status, lengths = np.zeros(count, np.int64), np.full(count, np.inf)
-        row = 0
-        with self.mesh.edited() as obstacles:
-            while True:
-                with workspace(len(obstacles.mesh.wind)) as work:
-                    done, row, points = detour_kernels.plan_detours(
-                        obstacles.places, work, *self._ends, self._guide, places, row, points, ends, status, lengths
-                    )
-                if done == DONE:
-                    break
-                if done == NO_ROOM:
-                    obstacles.make_room()
-                else:
-                    obstacles.rebuild()
-        ways = Ways(points, ends, lengths)
-        return self._traced(ways, places, status == TANGLED) if (status == TANGLED).any() else ways
+    @contextmanager
+    def lent(self) -> Iterator[tuple[Any, ...]]:
+        """What kernels that look for detours take first: places of the mesh, workspace, checks, ends, guide.
 
-    def _traced(self, ways: Ways, places: Floats, tangled: NDArray[np.bool_]) -> Ways:
-        """The same, and where the guided search found a way that it could not trace, the path of an unguided one."""
-        pieces, lengths = [ways[i] for i in range(len(places))], ways.lengths.copy()
-        for i in np.flatnonzero(tangled):
-            handle = self.mesh.insert_obstacle(places[i])
-            try:
-                path = self.mesh.find_path(self._ends[:2], self._ends[2:4], self._ends[4])
-                pieces[i], lengths[i] = path.points, path.length
-            except PathNotFound:
-                pass
-            finally:
-                self.mesh.remove(handle)
-        return Ways(np.concatenate(pieces), np.cumsum([len(piece) for piece in pieces]), lengths)
+        They may put obstacles into the mesh, which are dots of the checks as well.
+        """
+        with self.mesh.edited() as obstacles, workspace(len(obstacles.mesh.wind)) as work:
+            yield obstacles.places, work, self._checked, self._ends, self._guide

@@ -10,6 +10,7 @@ from crowdsim.navmesh.clearance.sweep_kernels import sweep, walk
 from crowdsim.navmesh.growing_kernels import longer_rows
 from crowdsim.navmesh.half_edge_kernels import nxt, prv, triangle_of
 from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.paths.checked_kernels import NEAR, recall, remember
 from crowdsim.navmesh.paths.tangent_kernels import COARSE, FINE, arc_corners, set_node, tangent
 
 _REPAIRS = 60
@@ -92,7 +93,7 @@ def arc_is_open(sides, vertices, v, ax, ay, bx, by, room):
 
 
 @helper
-def _trace(m, stack, nodes, count, least, marks, points, first):
+def _trace(m, stack, nodes, count, least, marks, points, first, checked):
     """Polyline around the nodes from ``first`` on and its first piece closer than ``least`` to an obstacle.
 
     What was traced before stands in ``marks`` and ``points``; these are filled.
@@ -138,13 +139,29 @@ def _trace(m, stack, nodes, count, least, marks, points, first):
                 if is_open:
                     triangle = fan
             if not is_open:
-                free, end = sweep(sides, vertices, stack, triangle, px, py, x, y, least)
-                if not free:
-                    distance, _, vertex, edge = capsule_nearest(m, px, py, x, y, 1.01 * least, triangle)
+                known = False
+                if checked is not None:
+                    known, distance, vertex = recall(checked, vertices, px, py, x, y, least)
                     if distance < least:
+                        return points, n, i if k > 0 else i - 1, k > 0, vertex, NONE, distance, px, py, x, y
+                    triangle = NONE if known else triangle
+                if not known:
+                    if triangle < 0:
+                        triangle = triangle_of(m, px, py, NONE)
+                    free, end = sweep(sides, vertices, stack, triangle, px, py, x, y, least)
+                    distance = math.inf
+                    vertex = NONE
+                    edge = NONE
+                    if not free:
+                        distance, _, vertex, edge = capsule_nearest(m, px, py, x, y, NEAR * least, triangle)
+                        end = triangle_of(m, x, y, triangle) if distance >= least else NONE
+                    if distance < least:
+                        if checked is not None and vertex >= 0 and distance >= 0.0:
+                            remember(checked, vertices, px, py, x, y, least, distance, vertex)
                         return points, n, i if k > 0 else i - 1, k > 0, vertex, edge, distance, px, py, x, y
-                    end = triangle_of(m, x, y, triangle)
-                triangle = end
+                    if checked is not None:
+                        remember(checked, vertices, px, py, x, y, least, math.inf, NONE)
+                    triangle = end
             points[n, 0] = x
             points[n, 1] = y
             px = x
@@ -168,10 +185,11 @@ def _turns_right(nodes, count, i):
 
 
 @helper
-def pull(m, stack, nodes, count, radius, least, start, taut):
+def pull(m, stack, nodes, count, radius, least, start, taut, checked=None):
     """Check and repair until nothing is too close; (repaired, points).
 
     A string that is ``taut`` already is not repaired, as there may be no other; its polyline gets finer at most.
+    ``checked`` is None, or what is remembered of checks, which gets more.
     """
     sides = m.sides
     vertices = m.vertices
@@ -189,7 +207,7 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
         if count < 0:
             break
         points, n, i, inside, vertex, edge, distance, px, py, x, y = _trace(
-            m, stack, nodes, count, least, marks, points, first
+            m, stack, nodes, count, least, marks, points, first, checked
         )
         if i < 0:
             return True, points[:n]

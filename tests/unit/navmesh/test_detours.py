@@ -6,14 +6,56 @@ import numpy as np
 import pytest
 
 from crowdsim.errors import PathNotFound
+from crowdsim.jit import kernel
 from crowdsim.navmesh.editing import detour_kernels
+from crowdsim.navmesh.editing.address_kernels import mesh_at, workshop_at
+from crowdsim.navmesh.editing.detour_kernels import DONE, LOST, NO_ROOM, NOT_TRACED, find_detour
 from crowdsim.navmesh.editing.detours import Detours
 from crowdsim.navmesh.mesh_arrays import trimmed
 from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.navmesh.paths.checked_kernels import add_dot
 from crowdsim.navmesh.paths.guide_kernels import GUIDE
 from crowdsim.navmesh.paths.workspace import workspace
 from tests.reference.navmesh_reference import random_area
 from tests.reference.way_reference import side_distances
+
+
+@kernel
+def _add_dot(checked, x, y):
+    return add_dot(checked, x, y)
+
+
+@kernel
+def _find_detour(places, work, checked, ends, guide, x, y):
+    sx, sy, gx, gy, radius, least = ends
+    points = np.empty((1, 2))
+    status, points, filled, length = find_detour(
+        places, mesh_at(places), workshop_at(places), work, checked, sx, sy, gx, gy, radius, least, guide,
+        x, y, points, np.int64(0),
+    )  # fmt: skip
+    return status, points[:filled], length
+
+
+def _around(detours, place):
+    """Points (k, 2) and length of the detour around ``place``; no points and infinite for none."""
+    with detours.lent() as search:
+        status, points, length = _find_detour(*search, *map(float, place))
+    assert status in (DONE, NOT_TRACED)
+    return points, length
+
+
+def _begin_at(detours, ends, radius):
+    """The path between ``ends``, around which detours are looked for from now on."""
+    path = detours.mesh.find_path(*ends, radius)
+    detours.aim(*ends, radius, path.length)
+    return path
+
+
+def _block(detours, place):
+    """Put an obstacle in that stays."""
+    with detours.lent() as search:
+        assert _add_dot(search[2], *map(float, place))
+    return detours.mesh.insert_obstacle(place)
 
 
 def _ends(rng, mesh, radius):
@@ -43,32 +85,57 @@ def test_detours_are_as_short_as_paths_without_a_guide(kind):
     for radius in (0.05, 0.15, 0.25):
         for _ in range(12):
             ends = _ends(rng, mesh, radius)
-            path = mesh.find_path(*ends, radius)
-            detours.aim(*ends, radius, path.length)
-            points = path.points
+            points = _begin_at(detours, ends, radius).points
             for _ in range(3):
-                places = np.array([_along(rng, points) for _ in range(3)])
-                ways = detours.around(places)
-                for i, place in enumerate(places):
+                places = [_along(rng, points) for _ in range(3)]
+                for place in places:
+                    way, length = _around(detours, place)
                     handle = detours.mesh.insert_obstacle(place)
                     try:
                         expected = detours.mesh.find_path(*ends, radius)
                     except PathNotFound:
-                        assert (len(ways[i]), ways.lengths[i]) == (0, math.inf)
+                        assert (len(way), length) == (0, math.inf)
                     else:
-                        assert len(detours.mesh.violations(ways[i], radius)) == 0
-                        assert ways.lengths[i] == pytest.approx(np.hypot(*np.diff(ways[i], axis=0).T).sum())
-                        ratios.append(ways.lengths[i] / expected.length)
+                        assert len(detours.mesh.violations(way, radius)) == 0
+                        assert length == pytest.approx(np.hypot(*np.diff(way, axis=0).T).sum())
+                        ratios.append(length / expected.length)
                     detours.mesh.remove(handle)
-                if not np.isfinite(ways.lengths[0]):
+                way, length = _around(detours, places[0])
+                if not np.isfinite(length):
                     break
-                detours.mesh.insert_obstacle(places[0])
-                points = ways[0]
+                _block(detours, places[0])
+                points = way
             assert detours.reset()
     assert len(ratios) > 60
-    assert np.mean(ratios) < 1.002
+    assert np.mean(ratios) < 1.003
     # Beyond its limit the guide knows nothing, and searches are as greedy as without one.
     assert np.mean(np.array(ratios) > 1.03) < 0.03
+
+
+@pytest.mark.parametrize("kind", ["boxes", "walls"])
+def test_what_is_remembered_of_checks_changes_no_path(kind):
+    rng, mesh, detours = _detours(kind, seed=8)
+    compared = 0
+    for radius in (0.1, 0.2):
+        for _ in range(8):
+            ends = _ends(rng, mesh, radius)
+            path = mesh.find_path(*ends, radius)
+            blocker, *places = [_along(rng, path.points) for _ in range(6)]
+            found = []
+            for forgets in (False, True):
+                _begin_at(detours, ends, radius)
+                ways = []
+                for place in (*places, blocker, *places):
+                    detours._checked.numbers[0] += forgets  # what has another stamp
+                    ways.append(_around(detours, place)[0])
+                    if place is blocker:
+                        _block(detours, place)
+                found.append(ways)
+                assert detours.reset()
+            for way, other in zip(*found, strict=True):
+                np.testing.assert_array_equal(way, other)
+                compared += len(way) > 2
+    assert compared > 50
 
 
 def test_after_a_reset_all_is_as_it_was_to_the_last_bit():
@@ -79,54 +146,43 @@ def test_after_a_reset_all_is_as_it_was_to_the_last_bit():
     before = [array.tobytes() for array in trimmed(detours.mesh.arrays)]
     found = []
     for _ in range(2):
-        detours.aim(*ends, 0.15, path.length)
-        ways = detours.around(places)
-        detours.mesh.insert_obstacle(places[0])
-        found.append((ways.points[: ways.ends[-1]].tobytes(), detours.around(places[1:]).lengths.tolist()))
+        _begin_at(detours, ends, 0.15)
+        ways = [_around(detours, place)[0].tobytes() for place in places]
+        _block(detours, places[0])
+        ways += [_around(detours, place)[0].tobytes() for place in places[1:]]
+        found.append(ways)
         assert detours.reset()
         assert [array.tobytes() for array in trimmed(detours.mesh.arrays)] == before
     assert found[0] == found[1]
 
 
-def test_no_places_have_no_ways():
+def test_a_place_outside_of_the_mesh_is_in_nobodys_way():
     rng, mesh, detours = _detours("boxes")
     ends = _ends(rng, mesh, 0.15)
-    detours.aim(*ends, 0.15, mesh.find_path(*ends, 0.15).length)
-    assert len(detours.around(np.empty((0, 2))).lengths) == 0
+    path = _begin_at(detours, ends, 0.15)
+    for place in ((np.inf, np.inf), (100.0, 0.0)):
+        assert _around(detours, place)[1] == pytest.approx(path.length, rel=0.01)
 
 
-def test_detours_go_on_where_the_mesh_runs_out_of_room():
+def test_no_detour_is_looked_for_where_there_is_no_room():
     rng, mesh, detours = _detours("boxes")
     ends = _ends(rng, mesh, 0.15)
-    path = mesh.find_path(*ends, 0.15)
-    detours.aim(*ends, 0.15, path.length)
-    places = np.array([_along(rng, path.points) for _ in range(4)])
-    expected = detours.around(places)
+    path = _begin_at(detours, ends, 0.15)
     with detours.mesh.edited() as obstacles:
+        uses = int(obstacles._work.progress["uses"][0])
         obstacles._work.progress["uses"] = len(obstacles._work.uses)  # of which none is in use
-    ways = detours.around(places)
-    np.testing.assert_allclose(ways.lengths, expected.lengths, rtol=1e-9)
+        with detours.lent() as search:
+            status, points, length = _find_detour(*search, *path.points[1])
+        assert (status, len(points), length) == (NO_ROOM, 0, math.inf)
+        obstacles._work.progress["uses"] = uses
+        obstacles.make_room()
+    with detours.lent() as search:
+        while _add_dot(search[2], 0.0, 0.0):
+            pass
+        assert _find_detour(*search, *path.points[1])[0] == NO_ROOM
+        search[2].numbers[2] = 0
+        assert _find_detour(*search, *path.points[1])[0] != LOST
     assert not detours.reset()  # its arrays are others
-
-
-def test_detours_go_on_where_an_edit_loses_the_mesh(monkeypatch):
-    rng, mesh, detours = _detours("boxes")
-    ends = _ends(rng, mesh, 0.15)
-    path = mesh.find_path(*ends, 0.15)
-    detours.aim(*ends, 0.15, path.length)
-    blocker, *places = [_along(rng, path.points) for _ in range(4)]
-    detours.mesh.insert_obstacle(blocker)
-    expected = detours.around(np.array(places))
-    plan, calls = detour_kernels.plan_detours, []
-
-    def lose_it(*arguments):
-        calls.append(arguments)
-        return plan(*arguments) if len(calls) > 1 else (detour_kernels.LOST, 0, np.empty((0, 2)))
-
-    monkeypatch.setattr(detour_kernels, "plan_detours", lose_it)
-    ways = detours.around(np.array(places))
-    assert len(calls) == 2
-    np.testing.assert_allclose(ways.lengths, expected.lengths, rtol=1e-9)
 
 
 def test_the_mesh_asked_about_stays_as_it_is():
