@@ -101,6 +101,24 @@ def make_query(
     terms: NDArray[np.float64] = TERMS,
 ) -> Query:
     """What planners are asked, from the arguments of :func:`plan_path`."""
-    need = Requirements.of(behaviors, len(meshes), margin)
+    need = _requirements(tuple(behaviors), len(meshes), margin)
     ends = clear_ends(meshes, need, np.array([start, goal], dtype=np.float64))
     return Query(tuple(meshes), need, make_rooms(meshes, need, rooms), ends, terms)
+
+
+_needs: dict[tuple[tuple[int, ...], int, float], tuple[tuple[Behavior, ...], Requirements]] = {}
+"""What behaviors require, by who they are: they hold arrays and have no hash. They are kept, so that nobody else is."""
+
+_KEPT_NEEDS = 16
+
+
+def _requirements(behaviors: tuple[Behavior, ...], layers: int, margin: float) -> Requirements:
+    """:meth:`Requirements.of`, worked out once for the same behaviors."""
+    key = tuple(map(id, behaviors)), layers, margin
+    found = _needs.get(key)
+    if found is None:
+        found = behaviors, Requirements.of(behaviors, layers, margin)
+        if len(_needs) >= _KEPT_NEEDS:
+            _needs.clear()
+        _needs[key] = found
+    return found[1]
