@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
 
 
-LANDMARKS = 12
+LANDMARKS = 24
 """Points of the roadmap from where the costs to all others are kept, as bounds for the search."""
 
 _NEVER = 1e9
@@ -66,7 +66,7 @@ class Roadmap:
             return False
         return self.terms is terms or np.array_equal(self.terms, terms)
 
-    def _landmarks(self) -> NDArray[np.float64]:
+    def _landmarks(self) -> NDArray[np.float32]:
         """(states, l) costs from landmarks, each as far as can be from those before."""
         n, count = self.need.count, len(self.points)
         costs = np.empty((min(LANDMARKS, count), count * n))
@@ -82,7 +82,7 @@ class Roadmap:
             reached = np.isfinite(least)
             nearest = least
             source = int(np.argmax(np.where(reached, least, np.inf if reached.mean() < 0.5 else -1.0)))
-        return np.ascontiguousarray(np.minimum(costs, _NEVER).T)
+        return np.minimum(costs, _NEVER).T.astype(np.float32, order="C")
 
     def find(self, ends: NDArray[np.float64]) -> tuple[NDArray[np.int64], float]:
         """Points and behaviors (k, 2) of about the cheapest way from ends[0] to ends[1], and about what it costs.
