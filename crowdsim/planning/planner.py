@@ -24,6 +24,7 @@ from crowdsim.planning.layered import plan_layered
 from crowdsim.planning.query import Query
 from crowdsim.planning.requirements import Requirements
 from crowdsim.planning.rooms import make_rooms
+from crowdsim.planning.turn_room import with_turn_room
 from crowdsim.planning.widening import with_slack
 
 if TYPE_CHECKING:
@@ -86,6 +87,7 @@ def plan_path(
         raise PathNotFound(why_not(query))
     if slack:
         best = with_slack(query, best)
+    best = with_turn_room(query, best, behaviors)
     given = np.array([start, goal], dtype=np.float64)
     return replace(joined_to(best, given, query.need.costs), certificate=partial(lower_bound, query))
 

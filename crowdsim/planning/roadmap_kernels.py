@@ -332,9 +332,7 @@ def join_points(layers, radii, around, points, spans):
                 for j in range(spans[e].first, spans[e].last):
                     q = points[j]
                     top = min(p.level, q.level)
-                    level = way_level(
-                        layers, roots, hints, stack, radii, p.x, p.y, q.x, q.y, top, cx, cy, around[v]
-                    )
+                    level = way_level(layers, roots, hints, stack, radii, p.x, p.y, q.x, q.y, top, cx, cy, around[v])
                     if level < 0:
                         # What the mesh knows to be wide enough for the legs may be a bend too tight for straight ways.
                         if sides[h].clr < width or not legs_suffice:
@@ -399,9 +397,7 @@ def see_points(layers, hints, radii, around, points, spans, x, y, seen):
             cx = vertices[corner].x
             cy = vertices[corner].y
             top = min(level, point.level)
-            found = way_level(
-                layers, roots, hints, stack, radii, x, y, point.x, point.y, top, cx, cy, around[corner]
-            )
+            found = way_level(layers, roots, hints, stack, radii, x, y, point.x, point.y, top, cx, cy, around[corner])
             if found < 0:
                 continue
             if count == seen.size:
