@@ -87,7 +87,8 @@ def plan_path(
         raise PathNotFound(why_not(query))
     if slack:
         best = with_slack(query, best)
-    best = with_turn_room(query, best, behaviors)
+    if planner != "collision3d":  # which knows what bodies reach
+        best = with_turn_room(query, best, behaviors)
     given = np.array([start, goal], dtype=np.float64)
     return replace(joined_to(best, given, query.need.costs), certificate=partial(lower_bound, query))
 
