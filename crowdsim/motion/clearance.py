@@ -26,6 +26,9 @@ a passage."""
 _MOVING = 0.1
 """Meters a second below which it stands: neither do those."""
 
+_FACING = 0.2
+"""Radians within which a body counts as facing some way."""
+
 _SPACING = 0.04
 """Meters between the points that stand for a bone."""
 
@@ -56,13 +59,32 @@ def measure_clearances(clip: Clip, bands: Sequence[tuple[float, float]], facing:
     found = _beside_track(clip, facing)
     if found is None:
         return np.zeros(len(bands))
-    offset, height, flesh = found
+    return _reaches(*found, bands)
+
+
+def _reaches(offset: Floats, height: Floats, flesh: Floats, bands: Sequence[tuple[float, float]]) -> Floats:
+    """(bands,) the most that points to the side (F, P), at heights (F, P), reach with the flesh (P,) about them."""
     reach = np.abs(offset) + flesh
     result = []
     for low, high in bands:
         inside = (height + flesh >= low) & (height - flesh <= high)
         result.append(float(np.max(np.where(inside, reach, 0.0), initial=0.0)))
     return np.array(result)
+
+
+def measure_turning(clip: Clip, bands: Sequence[tuple[float, float]], back: bool) -> Floats:
+    """(bands,) meters, largest reach of the body to either side of its way while it turns off it, or ``back`` onto it.
+
+    The way leads where the body faces in the first frame, or in the last where it turns back; frames in which it faces
+    nearly as in either do not count. Bands as in :func:`measure_clearances`.
+    """
+    track = track_of(clip)
+    heading = np.unwrap(track[:, 2])
+    way = float(heading[-1] if back else heading[0])
+    turning = np.minimum(np.abs(heading - heading[0]), np.abs(heading - heading[-1])) > _FACING
+    points, flesh = _body_points(clip)
+    offset = (points[turning, :, :2] - track[turning, None, :2]) @ np.array([-np.sin(way), np.cos(way)])
+    return _reaches(offset, points[turning, :, 2], flesh, bands)
 
 
 def clearance_profile(clip: Clip, heights: Floats, facing: float = 0.0) -> Floats:

@@ -88,7 +88,8 @@ class AnnotatedPath:
 def arc_lengths(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Cumulative length (n,) of a polyline (n, 2)."""
     arc = np.zeros(len(points))
-    np.cumsum(np.hypot(*np.diff(points, axis=0).T), out=arc[1:])
+    steps = points[1:] - points[:-1]
+    np.hypot(steps[:, 0], steps[:, 1]).cumsum(out=arc[1:])
     return arc
 
 

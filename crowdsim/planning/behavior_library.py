@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from crowdsim.errors import BehaviorError
 from crowdsim.library import library_folder
 from crowdsim.motion.capture_files import read_clip
-from crowdsim.motion.clearance import measure_clearances
+from crowdsim.motion.clearance import measure_clearances, measure_turning
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.gait_manner import DEFAULT_SET
 from crowdsim.motion.motion_graph import MotionGraph, MotionSource, build_motion_graph
@@ -66,7 +66,9 @@ def load_behavior_set(
         clips = styled_clips(motion_set, files)
     radii = {name: _radii(file, clips[name].clips, bands) for name, file in files.items()}
     order = sorted(files, key=lambda name: (float(radii[name].max()), name))
-    behaviors = tuple(files[name].behavior(radii[name], library / name) for name in order)
+    behaviors = tuple(
+        files[name].behavior(radii[name], library / name, _turning(name, clips[name], bands)) for name in order
+    )
     _require_worth(behaviors)
     graph = build_motion_graph(_sources(files, clips, order))
     _require_joined(behaviors, graph)
@@ -95,10 +97,26 @@ def _library_clips(file: BehaviorFile, folder: Path, names: Sequence[str]) -> Be
 
 def _radii(file: BehaviorFile, clips: Sequence[Clip], bands: Sequence[Band]) -> NDArray[np.float64]:
     """(bands,) largest reach of any clip of the behavior, to whichever side it may face."""
-    legs_top = LEGS_TOP if len(bands) > 1 else np.inf
-    measured = [(bands[0][0], min(bands[0][1], legs_top)), *bands[1:]]
+    measured = _measured(bands)
     reaches = [measure_clearances(clip, measured, float(np.radians(side))) for clip in clips for side in file.facing]
     return np.max(reaches, axis=0)
+
+
+def _measured(bands: Sequence[Band]) -> list[Band]:
+    """Where bodies are measured for each band."""
+    legs_top = LEGS_TOP if len(bands) > 1 else np.inf
+    return [(bands[0][0], min(bands[0][1], legs_top)), *bands[1:]]
+
+
+def _turning(name: str, clips: BehaviorClips, bands: Sequence[Band]) -> NDArray[np.float64] | None:
+    """(2, bands) largest reach of any clip that leads into a behavior, and out of it, while it turns; None if none."""
+    reaches: list[NDArray[np.float64]] = [np.zeros((2, len(bands)))]
+    for clip, before, _ in clips.transitions:
+        back = before == name
+        own = measure_turning(clip, _measured(bands), back)
+        reaches.append(own * np.array([[not back], [back]]))
+    most = np.max(reaches, axis=0)
+    return most if most.any() else None
 
 
 def _require_worth(behaviors: Sequence[Behavior]) -> None:

@@ -34,6 +34,8 @@ class Behavior:
     speed: preferred, m/s. color: "#rrggbb" of its sections in pictures.
     radii: (layers,) float64, meters the body reaches off its track across the motion, in each height band.
     folder: where its ``behavior.yaml`` is.
+    turning: (2, layers) float64, meters the body reaches to the sides of its way while it turns off it, and back onto
+        it; None where no clip leads in or out.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Behavior:
     color: str
     radii: NDArray[np.float64]
     folder: Path
+    turning: NDArray[np.float64] | None = None
 
     @property
     def turned(self) -> bool:
@@ -93,8 +96,10 @@ class BehaviorFile(_Model):
     transitions: list[TransitionEntry] = []
     idle: list[ClipEntry] = []
 
-    def behavior(self, radii: NDArray[np.float64], folder: Path) -> Behavior:
-        """The behavior, with body radii measured from its clips."""
+    def behavior(
+        self, radii: NDArray[np.float64], folder: Path, turning: NDArray[np.float64] | None = None
+    ) -> Behavior:
+        """The behavior, with body radii measured from its clips, and those of its turns."""
         return Behavior(
             name=self.name,
             description=self.description,
@@ -105,6 +110,7 @@ class BehaviorFile(_Model):
             color=self.color,
             radii=radii,
             folder=folder,
+            turning=turning,
         )
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from crowdsim.planning.annotated_path import AnnotatedPath, Section, arc_lengths
 from crowdsim.planning.requirements import Requirements
+from crowdsim.planning.string_kernels import are_free
 
 if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
@@ -30,12 +31,15 @@ def clear_ends(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np
     A motion strays from its path, so whoever stands where it came to rest may be nearer to obstacles than planned.
     What counts is the widest behavior that fits; one for which the body must turn does only where no other fits.
     """
+    upright = need.radii[~need.turned][:1]  # where a wider behavior fits, the narrower does
+    if len(upright):
+        places = np.concatenate([points, points], axis=1)
+        if are_free(tuple(mesh.arrays for mesh in meshes), upright[0] - _ROUNDING, places):
+            return points
     limit = float(need.radii.max()) + REACH
     clear = np.array([mesh.clearances(points, limit) for mesh in meshes]).T + _ROUNDING
     planned = np.all(clear[:, None] >= need.radii, axis=2)
     free = np.any(planned & ~need.turned, axis=1)
-    if free.all():
-        return points
     return np.array([points[i] if free[i] else _clear_end(meshes, need, points[i]) for i in range(len(points))])
 
 

@@ -9,17 +9,21 @@ import math
 import numpy as np
 
 from crowdsim.jit import helper
+from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.half_edge_kernels import nxt
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.tangent_kernels import set_node
 from crowdsim.planning.string_kernels import keep_off
 
 GATE = np.dtype(
-    [("low", np.int64), ("high", np.int64), ("pinned", np.int64)]
+    [("low", np.int64), ("high", np.int64), ("fits", np.int64), ("pinned", np.int64)]
     + [(name, np.float64) for name in ("ax", "ay", "bx", "by")],
     align=True,
 )
-"""Sides low <= k <= high of a channel, and the places in front of it and behind it."""
+"""Sides low <= k <= high of a channel, and the places in front of it and behind it.
+
+fits: whether a string may be pinned there: both places are clear enough for the legs.
+"""
 
 _OFF = 2e-6
 """Meters that pins stay off the circles, so that there is a tangent."""
@@ -56,8 +60,11 @@ def _meeting(m, around, h, sign):
 
 
 @helper
-def find_gates(m, channel, levels, count, around, gates):
-    """Fill ``gates`` with the stretches of the channel walked by a narrow behavior that the widest does not pass."""
+def find_gates(m, channel, levels, count, around, least, gates):
+    """Fill ``gates`` with the stretches of the channel walked by a narrow behavior that the widest does not pass.
+
+    least: clearance in meters that pins must have.
+    """
     top = around.shape[1] - 1
     found = 0
     k = 0
@@ -67,7 +74,7 @@ def find_gates(m, channel, levels, count, around, gates):
             continue
         gate = gates[found]
         gate.low = NONE
-        gate.pinned = 1
+        gate.pinned = 0
         while k < count and levels[k] < top:
             narrow, x, y = _meeting(m, around, channel[k], 1.0)
             if narrow:
@@ -79,6 +86,9 @@ def find_gates(m, channel, levels, count, around, gates):
             k += 1
         if gate.low >= 0:
             _, gate.bx, gate.by = _meeting(m, around, channel[gate.high], -1.0)
+            before, _ = disc_clearance(m, gate.ax, gate.ay, least, channel[gate.low] // 3)
+            behind, _ = disc_clearance(m, gate.bx, gate.by, least, channel[gate.high] // 3)
+            gate.fits = np.int64(min(before, behind) >= least)
             found += 1
     return found
 

@@ -13,7 +13,7 @@ from crowdsim.planning.clear_ends import nearby_place
 from crowdsim.planning.greedy import plan_greedy
 from crowdsim.planning.query import Query
 from crowdsim.planning.roadmap import Roadmap, roadmap_of
-from crowdsim.planning.string_kernels import is_straight
+from crowdsim.planning.string_kernels import are_free
 from crowdsim.planning.widening import joined
 
 LONG = 0.5
@@ -38,7 +38,7 @@ def plan_layered(query: Query) -> AnnotatedPath | None:
     Where the roadmap has no way, or its string tangles, the shortest paths of the rooms are taken instead.
     """
     roadmap = roadmap_of(query.meshes, query.need, query.terms)
-    if is_straight(roadmap.layers, query.need.radii[-1], query.ends):
+    if are_free(roadmap.layers, query.need.radii[-1], query.ends.reshape(1, 4)):
         arc = arc_lengths(query.ends)
         length = float(arc[-1])
         whole = (Section(query.need.count - 1, 0.0, length),) if length > 0.0 else ()
@@ -46,7 +46,7 @@ def plan_layered(query: Query) -> AnnotatedPath | None:
             return AnnotatedPath(query.ends, arc, whole, length * float(query.need.costs[-1]))
     best, estimate = _over_roadmap(query, roadmap)
     if best is None or best.cost > estimate * (1.0 + SURPRISE) or best.length < NEAR or _is_wide(best, query):
-        best = _cheaper(best, cheapest_uniform(query))
+        best = _cheaper(best, cheapest_uniform(query, np.inf if best is None else best.cost))
     if best is not None and (best.cost > estimate * (1.0 + ALARM) or _is_near_and_narrow(best)):
         best = _cheaper(best, plan_greedy(query, keep_blockers=False))
     return best if best is None else roadmap.shifted(best)
@@ -62,12 +62,6 @@ def _is_near_and_narrow(path: AnnotatedPath) -> bool:
     return path.length < NEAR and any(section.behavior == 0 for section in path.sections)
 
 
-def _is_long_and_narrow(path: AnnotatedPath, query: Query) -> bool:
-    """Whether a section is longer than it has to be, and dear: pins are where sides of triangles are narrow only."""
-    more = query.need.costs - query.need.costs[-1]
-    return any(more[s.behavior] * (s.end - s.start - query.terms[1]) > LONG for s in path.sections)
-
-
 def _cheaper(one: AnnotatedPath | None, other: AnnotatedPath | None) -> AnnotatedPath | None:
     """The cheaper of two paths, the first where they cost the same."""
     return other if one is None or (other is not None and other.cost < one.cost) else one
@@ -78,8 +72,9 @@ def _over_roadmap(query: Query, roadmap: Roadmap) -> tuple[AnnotatedPath | None,
     road, estimate = roadmap.find(query.ends)
     if not len(road):
         return None, estimate
-    best = roadmap.polish(road, query)
-    if best is None or best.cost > estimate or _is_long_and_narrow(best, query):
+    best = roadmap.polish(road, query.ends)
+    # Pins are where sides of triangles are narrow only, and sections that are none may be longer than they have to be.
+    if best is None or best.cost > estimate or max(roadmap.excess(best), default=0.0) > LONG:
         points = _by_rooms(query, roadmap, road)
         if len(points):
             path = query.annotated(points)
@@ -122,15 +117,19 @@ def _by_rooms(query: Query, roadmap: Roadmap, road: NDArray[np.int64]) -> NDArra
     return joined(pieces)
 
 
-def cheapest_uniform(query: Query) -> AnnotatedPath | None:
-    """The cheapest of the shortest paths of all rooms that some behavior fits, or None."""
+def cheapest_uniform(query: Query, below: float = np.inf) -> AnnotatedPath | None:
+    """The cheapest of the shortest paths of all rooms that some behavior fits and that cost less than ``below``."""
     best: AnnotatedPath | None = None
+    preferred = float(query.need.costs[-1])
     for room in query.rooms:
         try:
             points = room.find_path(query.ends)
         except PathNotFound:
             continue
+        if float(arc_lengths(points)[-1]) * preferred >= below:
+            continue
         path = query.annotated(points)
-        if path.sections and (best is None or path.cost < best.cost):
+        if path.sections and path.cost < below:
             best = path
+            below = path.cost
     return best

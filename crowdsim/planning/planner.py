@@ -24,6 +24,7 @@ from crowdsim.planning.layered import plan_layered
 from crowdsim.planning.query import Query
 from crowdsim.planning.requirements import Requirements
 from crowdsim.planning.rooms import make_rooms
+from crowdsim.planning.turn_room import with_turn_room
 from crowdsim.planning.widening import with_slack
 
 if TYPE_CHECKING:
@@ -86,6 +87,8 @@ def plan_path(
         raise PathNotFound(why_not(query))
     if slack:
         best = with_slack(query, best)
+    if planner != "collision3d":  # which knows what bodies reach
+        best = with_turn_room(query, best, behaviors)
     given = np.array([start, goal], dtype=np.float64)
     return replace(joined_to(best, given, query.need.costs), certificate=partial(lower_bound, query))
 
@@ -101,6 +104,24 @@ def make_query(
     terms: NDArray[np.float64] = TERMS,
 ) -> Query:
     """What planners are asked, from the arguments of :func:`plan_path`."""
-    need = Requirements.of(behaviors, len(meshes), margin)
+    need = _requirements(tuple(behaviors), len(meshes), margin)
     ends = clear_ends(meshes, need, np.array([start, goal], dtype=np.float64))
     return Query(tuple(meshes), need, make_rooms(meshes, need, rooms), ends, terms)
+
+
+_needs: dict[tuple[tuple[int, ...], int, float], tuple[tuple[Behavior, ...], Requirements]] = {}
+"""What behaviors require, by who they are: they hold arrays and have no hash. They are kept, so that nobody else is."""
+
+_KEPT_NEEDS = 16
+
+
+def _requirements(behaviors: tuple[Behavior, ...], layers: int, margin: float) -> Requirements:
+    """:meth:`Requirements.of`, worked out once for the same behaviors."""
+    key = tuple(map(id, behaviors)), layers, margin
+    found = _needs.get(key)
+    if found is None:
+        found = behaviors, Requirements.of(behaviors, layers, margin)
+        if len(_needs) >= _KEPT_NEEDS:
+            _needs.clear()
+        _needs[key] = found
+    return found[1]

@@ -71,22 +71,26 @@ def polish_road(layers, upper, points, road, around, reach, ends, radii, costs, 
         return line, sections, cost
     filled = channel_corners(m, channel, count, around, radius, ends, corners)
     gates = np.empty(MOST_GATES, GATE)
-    found_gates = find_gates(m, channel, levels, count, around, gates)
+    found_gates = find_gates(m, channel, levels, count, around, least, gates)
     fill_gaps(m, channel, levels, count, around, corners, filled, radius, reach)
     nodes, size = taut_string(m, channel, count, reach, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1])
     string = np.empty(nodes.size + 4 * found_gates + 64, STRING_NODE)
     narrow = False
     for k in range(count):
         narrow = narrow or levels[k] < top
-    strings = 1 + (1 + found_gates if found_gates > 1 else int(narrow))
-    for tried in range(strings):
+    pins = 0
+    for g in range(found_gates):
+        pins += gates[g].fits
+    for tried in range(2 + found_gates):
         flip = tried - 2
-        for g in range(found_gates):
-            if tried == 0:
-                gates[g].pinned = 0
-            elif tried == 1:
-                gates[g].pinned = 1
-        if flip >= 0:
+        if tried == 1:
+            if not narrow:
+                break
+            for g in range(found_gates):
+                gates[g].pinned = gates[g].fits
+        elif flip >= 0:
+            if pins < 2 or gates[flip].fits == 0:
+                continue
             gates[flip].pinned = 1 - gates[flip].pinned
         if tried == 0:
             for i in range(size):

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import threading
 import weakref
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,14 +14,14 @@ from crowdsim.navmesh.heap_kernels import HEAP_ROW
 from crowdsim.planning import polishing_kernels, roadmap_kernels, roadmap_search_kernels
 from crowdsim.planning.annotated_path import AnnotatedPath
 from crowdsim.planning.labelling_kernels import TERMS
-from crowdsim.planning.query import Query, with_sections
+from crowdsim.planning.query import with_sections
 from crowdsim.planning.requirements import TOUCH, Requirements
 
 if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
 
 
-LANDMARKS = 12
+LANDMARKS = 24
 """Points of the roadmap from where the costs to all others are kept, as bounds for the search."""
 
 _NEVER = 1e9
@@ -52,10 +51,22 @@ class Roadmap:
         steps = np.abs(need.costs[:, None] - need.costs)
         self.change = terms[0] * need.costs[-1] + steps * (_ENTRY if terms[1] > 0.0 else 0.0)
         self.marks = self._landmarks()
-        self._idle: list[tuple[NDArray[Any], list[int]]] = []
-        self._lock = threading.Lock()
+        self._more = (need.costs - need.costs[-1]).tolist()
+        self._shortest = float(terms[1])
+        self._idle: list[tuple[NDArray[Any], int]] = []
 
-    def _landmarks(self) -> NDArray[np.float64]:
+    def answers(self, need: Requirements, terms: NDArray[np.float64]) -> bool:
+        """Whether it was made for the same requirements and terms of changes."""
+        one, other = self.need, need
+        if one is not other and not (
+            np.array_equal(one.radii, other.radii)
+            and np.array_equal(one.costs, other.costs)
+            and np.array_equal(one.turned, other.turned)
+        ):
+            return False
+        return self.terms is terms or np.array_equal(self.terms, terms)
+
+    def _landmarks(self) -> NDArray[np.float32]:
         """(states, l) costs from landmarks, each as far as can be from those before."""
         n, count = self.need.count, len(self.points)
         costs = np.empty((min(LANDMARKS, count), count * n))
@@ -71,47 +82,42 @@ class Roadmap:
             reached = np.isfinite(least)
             nearest = least
             source = int(np.argmax(np.where(reached, least, np.inf if reached.mean() < 0.5 else -1.0)))
-        return np.ascontiguousarray(np.minimum(costs, _NEVER).T)
-
-    @contextmanager
-    def _scratch(self) -> Iterator[tuple[NDArray[Any], list[int]]]:
-        with self._lock:
-            found = self._idle.pop() if self._idle else None
-        if found is None:
-            found = np.zeros(len(self.points) * self.need.count, roadmap_search_kernels.STATE), [0]
-        yield found
-        with self._lock:
-            self._idle.append(found)
+        return np.minimum(costs, _NEVER).T.astype(np.float32, order="C")
 
     def find(self, ends: NDArray[np.float64]) -> tuple[NDArray[np.int64], float]:
         """Points and behaviors (k, 2) of about the cheapest way from ends[0] to ends[1], and about what it costs.
 
         No rows where there is no way.
         """
-        with self._scratch() as (states, stamp):
-            stamp[0] += 1
-            road, cost = roadmap_search_kernels.find_road(
-                self.layers, self._radii, self.around, self.need.costs, self.need.turned, self.terms,
-                self.change, self.points, self.spans, self.ways, self.marks, states, stamp[0], ends,
-            )  # fmt: skip
+        try:
+            states, stamp = self._idle.pop()  # one thread gets it
+        except IndexError:
+            states, stamp = np.zeros(len(self.points) * self.need.count, roadmap_search_kernels.STATE), 0
+        road, cost = roadmap_search_kernels.find_road(
+            self.layers, self._radii, self.around, self.need.costs, self.need.turned, self.terms,
+            self.change, self.points, self.spans, self.ways, self.marks, states, stamp + 1, ends,
+        )  # fmt: skip
+        self._idle.append((states, stamp + 1))
         return road, float(cost)
 
-    def polish(self, road: NDArray[np.int64], query: Query) -> AnnotatedPath | None:
+    def polish(self, road: NDArray[np.int64], ends: NDArray[np.float64]) -> AnnotatedPath | None:
         """The cheapest string found along a road, or None where it tangles or fits nothing."""
         need = self.need
         line, found, cost = polishing_kernels.polish_road(
             self.layers, self.layers[need.first_labelled :], self.points, road, self.around,
-            np.empty(len(self.around)), query.ends,
+            np.empty(len(self.around)), ends,
             self._touching, need.costs, need.turned, self.terms, need.search_radius, self._least,
         )  # fmt: skip
         return with_sections(line, found, float(cost)) if len(found) else None
 
+    def excess(self, path: AnnotatedPath) -> list[float]:
+        """What each section costs more than the preferred behavior for what it is longer than the least."""
+        return [self._more[s.behavior] * max(s.end - s.start - self._shortest, 0.0) for s in path.sections]
+
     def shifted(self, path: AnnotatedPath) -> AnnotatedPath:
         """The path with stations shifted aside, if it is cheaper, where narrow sections cost more than their least."""
         need = self.need
-        excess = need.costs - need.costs[-1]
-        more = sum(excess[s.behavior] * max(s.end - s.start - self.terms[1], 0.0) for s in path.sections)
-        if more <= _WORTH * path.cost:
+        if sum(self.excess(path)) <= _WORTH * path.cost:
             return path
         line, found, cost = polishing_kernels.shift_path(
             self.layers, self.layers[need.first_labelled :], path.points, np.array(path.sections), path.cost,
@@ -120,9 +126,9 @@ class Roadmap:
         return with_sections(line, found, float(cost)) if cost < path.cost else path
 
 
-_Key = tuple[tuple[int, ...], bytes, bytes, bytes, bytes]
+_Revisions = tuple[int, ...]
 
-_roadmaps: weakref.WeakKeyDictionary[NavMesh, list[tuple[_Key, tuple[NavMesh, ...], Roadmap]]] = (
+_roadmaps: weakref.WeakKeyDictionary[NavMesh, list[tuple[_Revisions, tuple[NavMesh, ...], Roadmap]]] = (
     weakref.WeakKeyDictionary()
 )
 _making = threading.Lock()
@@ -133,14 +139,13 @@ _KEPT = 4
 
 def roadmap_of(meshes: Sequence[NavMesh], need: Requirements, terms: NDArray[np.float64] = TERMS) -> Roadmap:
     """The roadmap of ``meshes`` as they are, made at the first call and after every edit."""
-    revisions = tuple(mesh.revision for mesh in meshes)
-    key = revisions, need.radii.tobytes(), need.costs.tobytes(), need.turned.tobytes(), terms.tobytes()
+    revisions = tuple([mesh.revision for mesh in meshes])
     upper = tuple(meshes[1:])
     with _making:
         kept = _roadmaps.setdefault(meshes[0], [])
         for known, others, roadmap in kept:
-            if known == key and all(one is other for one, other in zip(others, upper, strict=True)):
+            if known == revisions and others == upper and roadmap.answers(need, terms):
                 return roadmap
         del kept[: len(kept) - _KEPT + 1]
-        kept.append((key, upper, Roadmap(meshes, need, terms)))
+        kept.append((revisions, upper, Roadmap(meshes, need, terms)))
         return kept[-1][2]

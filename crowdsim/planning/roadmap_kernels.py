@@ -13,8 +13,9 @@ import numpy as np
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
+from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, sweep
 from crowdsim.navmesh.growing_kernels import longer
-from crowdsim.navmesh.half_edge_kernels import nxt, triangle_of
+from crowdsim.navmesh.half_edge_kernels import nxt
 from crowdsim.navmesh.mesh_arrays import NONE
 
 ROAD_POINT = np.dtype(
@@ -112,13 +113,28 @@ def _around(px, py, qx, qy, cx, cy, radius):
 
 
 @helper
-def way_level(layers, hints, radii, px, py, qx, qy, top, cx, cy, around):
+def _is_open(layers, roots, stack, radii, level, px, py, qx, qy):
+    """Whether a disc of behavior ``level`` moves straight from p, in triangles ``roots`` (m,), to q in all layers."""
+    for k, m in enumerate(layers):
+        if roots[k] < 0 or m.wind[roots[k]] != 0:
+            return False
+        free, _ = sweep(m.sides, m.vertices, stack, roots[k], px, py, qx, qy, radii[level, k])
+        if not free:
+            return False
+    return True
+
+
+@helper
+def way_level(layers, roots, hints, stack, radii, px, py, qx, qy, top, cx, cy, around):
     """The widest behavior, at most ``top``, that fits on the way from p to q, -1 for none.
 
     Where the way is closer to the corner c than ``around`` (n,) of the behavior, it is taken to wind around it.
+    roots: (m,) triangles of p in each layer. stack: scratch for `sweep`.
     """
     length = math.hypot(qx - px, qy - py)
     for level in range(top, -1, -1):
+        if _is_open(layers, roots, stack, radii, level, px, py, qx, qy):
+            return level
         at = 0.0
         free = True
         while at < length and free:
@@ -290,6 +306,8 @@ def join_points(layers, radii, around, points, spans):
     sides = m.sides
     vertices = m.vertices
     hints = np.full(len(layers), NONE)
+    roots = np.full(len(layers), NONE)
+    stack = np.empty(64, SWEPT)
     pairs = np.empty(8 * points.size + 16, _PAIR)
     count = np.int64(0)
     width = 2.0 * radii[0, 0] * (1.0 - 1e-6)
@@ -308,10 +326,13 @@ def join_points(layers, radii, around, points, spans):
             for i in range(spans[h].first, spans[h].last):
                 p = points[i]
                 hints[0] = t
+                level_at(layers, hints, radii, p.x, p.y)
+                for k in range(hints.size):
+                    roots[k] = hints[k]
                 for j in range(spans[e].first, spans[e].last):
                     q = points[j]
                     top = min(p.level, q.level)
-                    level = way_level(layers, hints, radii, p.x, p.y, q.x, q.y, top, cx, cy, around[v])
+                    level = way_level(layers, roots, hints, stack, radii, p.x, p.y, q.x, q.y, top, cx, cy, around[v])
                     if level < 0:
                         # What the mesh knows to be wide enough for the legs may be a bend too tight for straight ways.
                         if sides[h].clr < width or not legs_suffice:
@@ -355,10 +376,12 @@ def see_points(layers, hints, radii, around, points, spans, x, y, seen):
     sides = m.sides
     vertices = m.vertices
     count = 0
-    t = triangle_of(m, x, y, NONE)
     level, _ = level_at(layers, hints, radii, x, y)
-    if t < 0 or level < 0:
+    if level < 0:
         return seen, count
+    t = hints[0]
+    roots = hints.copy()
+    stack = np.empty(64, SWEPT)
     for h in range(3 * t, 3 * t + 3):
         for k in range(spans[h].first, spans[h].last):
             point = points[k]
@@ -374,7 +397,7 @@ def see_points(layers, hints, radii, around, points, spans, x, y, seen):
             cx = vertices[corner].x
             cy = vertices[corner].y
             top = min(level, point.level)
-            found = way_level(layers, hints, radii, x, y, point.x, point.y, top, cx, cy, around[corner])
+            found = way_level(layers, roots, hints, stack, radii, x, y, point.x, point.y, top, cx, cy, around[corner])
             if found < 0:
                 continue
             if count == seen.size:

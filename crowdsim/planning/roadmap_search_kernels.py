@@ -21,6 +21,10 @@ the first. rest: lower bound of what is still to pay. before: the state before, 
 """
 
 
+TELLING = 8
+"""Landmarks that a search asks: those that tell most of the way from its start to its goal."""
+
+
 @helper
 def way_cost(way, i, costs):
     """Cost of a way walked in a section of behavior i."""
@@ -58,12 +62,33 @@ def _too_short(i, j, run, since, costs, turned, terms, paid):
 
 
 @helper
-def bound_to_goal(marks, of_goal, state, straight, cost):
-    """Lower bound of the cost from ``state`` to the goal: by the triangle inequality over landmarks, and straight."""
+def bound_to_goal(marks, of_goal, telling, state, straight, cost):
+    """Lower bound of the cost from ``state`` to the goal: by the triangle inequality over landmarks, and straight.
+
+    telling: (k,) numbers of the landmarks asked.
+    """
     bound = straight * cost
-    for k in range(of_goal.size):
+    for i in range(telling.size):
+        k = telling[i]
         bound = max(bound, abs(marks[state, k] - of_goal[k]))
     return bound
+
+
+@helper
+def choose_landmarks(marks, of_goal, seen, starts, behaviors, telling):
+    """Put the landmarks that tell most of the way from the ``starts`` first points of ``seen`` into ``telling``."""
+    bounds = np.zeros(of_goal.size)
+    for k in range(of_goal.size):
+        for i in range(starts):
+            state = np.int64(seen[i].to) * behaviors + seen[i].level
+            bounds[k] += abs(marks[state, k] - of_goal[k])
+    for i in range(telling.size):
+        best = 0
+        for k in range(bounds.size):
+            if bounds[k] > bounds[best]:
+                best = k
+        telling[i] = best
+        bounds[best] = -1.0
 
 
 @kernel
@@ -119,6 +144,7 @@ def find_road(layers, radii, around, costs, turned, terms, change, points, spans
     last = NONE
     gx = ends[1, 0]
     gy = ends[1, 1]
+    preferred = costs[n - 1]
     of_goal = np.full(marks.shape[1], math.inf)
     to_goal = np.zeros(points.size, np.int32)
     for k in range(goals):
@@ -126,6 +152,8 @@ def find_road(layers, radii, around, costs, turned, terms, change, points, spans
         for i in range(near[k].level + 1):
             for k_mark in range(of_goal.size):
                 of_goal[k_mark] = min(of_goal[k_mark], marks[near[k].to * n + i, k_mark] + way_cost(near[k], i, costs))
+    telling = np.empty(min(TELLING, of_goal.size), np.int64)
+    choose_landmarks(marks, of_goal, seen, starts, n, telling)
     heap = np.empty(256, HEAP_ROW)
     count = np.int64(0)
     for k in range(starts):
@@ -136,7 +164,7 @@ def find_road(layers, radii, around, costs, turned, terms, change, points, spans
             if state.stamp != stamp or value < state.cost:
                 if state.stamp != stamp:
                     straight = math.hypot(points[p].x - gx, points[p].y - gy)
-                    state.rest = bound_to_goal(marks, of_goal, p * n + i, straight, costs[n - 1])
+                    state.rest = bound_to_goal(marks, of_goal, telling, p * n + i, straight, preferred)
                 state.stamp = stamp
                 state.cost = value
                 state.before = NONE
@@ -170,13 +198,13 @@ def find_road(layers, radii, around, costs, turned, terms, change, points, spans
             value = (
                 cost
                 + change[i, j]
-                + _too_short(i, j, run, since, costs, turned, terms, 2.0 * (change[i, j] - terms[0] * costs[n - 1]))
+                + _too_short(i, j, run, since, costs, turned, terms, 2.0 * (change[i, j] - terms[0] * preferred))
             )
             to = states[p * n + j]
             if to.stamp == stamp and to.cost <= value:
                 continue
             if to.stamp != stamp:
-                to.rest = bound_to_goal(marks, of_goal, p * n + j, straight, costs[n - 1])
+                to.rest = bound_to_goal(marks, of_goal, telling, p * n + j, straight, preferred)
             to.stamp = stamp
             to.cost = value
             to.before = at
@@ -193,8 +221,9 @@ def find_road(layers, radii, around, costs, turned, terms, change, points, spans
             if to.stamp == stamp and to.cost <= value:
                 continue
             if to.stamp != stamp:
-                q = points[way.to]
-                to.rest = bound_to_goal(marks, of_goal, s, math.hypot(q.x - gx, q.y - gy), costs[n - 1])
+                dx = points[way.to].x - gx
+                dy = points[way.to].y - gy
+                to.rest = bound_to_goal(marks, of_goal, telling, s, math.sqrt(dx * dx + dy * dy), preferred)
             to.stamp = stamp
             to.cost = value
             to.before = at

@@ -83,14 +83,15 @@ def make_rooms(
     layer with the largest clearance that the behavior asks of any. The last room has the legs' clearance, whether a
     behavior fits there or not.
     """
-    order = range(need.count - 1, -1, -1)
     if given is not None:
+        radii = need.radii.tolist()
+        least = need.search_radius
         rooms = [
-            Room(mesh, need.search_radius, tuple(zip(meshes, need.radii[i].tolist(), strict=True)))
-            for i in order
-            if (mesh := given[i]) is not None
+            Room(mesh, least, tuple(zip(meshes, own, strict=True)))
+            for mesh, own in zip(reversed(given), reversed(radii), strict=True)
+            if mesh is not None
         ]
-        legs = Room(meshes[0], need.search_radius, ((meshes[0], need.search_radius),))
-        return (*rooms, legs) if need.radii[0].max() > need.search_radius or not rooms else tuple(rooms)
+        legs = Room(meshes[0], least, ((meshes[0], least),))
+        return (*rooms, legs) if max(radii[0]) > least or not rooms else tuple(rooms)
     reach = np.unique(np.append(need.radii.max(axis=1), need.search_radius))[::-1]
     return tuple(Room(meshes[0], radius, ((meshes[0], radius),)) for radius in reach.tolist())

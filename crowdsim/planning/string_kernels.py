@@ -282,14 +282,20 @@ def keep_off(nodes, size, corners, filled, low, high):
 
 
 @kernel
-def is_straight(layers, radii, ends):
-    """Whether a disc of radii[k] moves straight from ends[0] to ends[1] in each of ``layers``; False in doubt."""
+def are_free(layers, radii, pieces):
+    """Whether a disc of radii[k] moves along all straight ``pieces`` (n, 4) in each of ``layers``; False in doubt.
+
+    A piece is x, y of its start and of its end, which may be the same place.
+    """
     stack = np.empty(64, SWEPT)
     for k, m in enumerate(layers):
-        t = triangle_of(m, ends[0, 0], ends[0, 1], NONE)
-        if t < 0 or m.wind[t] != 0:
-            return False
-        free, _ = sweep(m.sides, m.vertices, stack, t, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1], radii[k])
-        if not free:
-            return False
+        for i in range(pieces.shape[0]):
+            x = pieces[i, 0]
+            y = pieces[i, 1]
+            t = triangle_of(m, x, y, NONE)
+            if t < 0 or m.wind[t] != 0:
+                return False
+            free, _ = sweep(m.sides, m.vertices, stack, t, x, y, pieces[i, 2], pieces[i, 3], radii[k])
+            if not free:
+                return False
     return True

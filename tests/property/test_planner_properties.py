@@ -161,7 +161,7 @@ def test_polished_roads_are_sound_and_cost_what_they_say(seed, count):
     query = Query(meshes, need, make_rooms(meshes, need, rooms), ends_in(meshes, seed), TERMS)
     roadmap = roadmap_of(meshes, need)
     road, _ = roadmap.find(query.ends)
-    polished = roadmap.polish(road, query)
+    polished = roadmap.polish(road, query.ends)
     if polished is not None:
         assert_sound(polished, polygons)
         np.testing.assert_array_equal(polished.points[[0, -1]], query.ends)
@@ -189,7 +189,7 @@ def test_gates_are_crossed_where_the_widest_behavior_comes_closest(gap, wall, le
     query = Query(meshes, need, make_rooms(meshes, need, None), np.array([[1.0, left], [8.0, right]]), TERMS)
     roadmap = roadmap_of(meshes, need)
     road, _ = roadmap.find(query.ends)
-    polished = roadmap.shifted(roadmap.polish(road, query))
+    polished = roadmap.shifted(roadmap.polish(road, query.ends))
     assert_sound(polished, (free, free))
     # Straight to the middle of the gate, through it and on, with the narrowest behavior as long as it has to be.
     width = need.radii[-1, 1]

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from crowdsim.motion.capture_files import read_clip
-from crowdsim.motion.clearance import clearance_profile, measure_clearances
+from crowdsim.motion.clearance import clearance_profile, measure_clearances, measure_turning
 from crowdsim.motion.clip import Clip
+from crowdsim.motion.kinematics import forward_kinematics
+from crowdsim.motion.tracks import track_of
 from tests.unit.motion.walker import walk
 
 LEGS, TORSO = (0.0, 0.5), (0.8, 1.5)
@@ -75,3 +77,29 @@ def test_captured_straight_walks_need_what_the_facts_say(shared: Path) -> None:
     legs, torso = measure_clearances(read_clip(shared / "mocap" / "16_47_walk_straight_normal_a.bvh"), [LEGS, TORSO])
     assert 0.13 < legs < 0.22
     assert 0.30 < torso < 0.42
+
+
+def test_a_turning_body_reaches_as_far_as_the_farthest_of_its_points() -> None:
+    folder = Path(__file__).parents[3] / "behaviors" / "lateral" / "clips"
+    bands = [(0.1, 0.6), (0.65, 1.9)]
+    for name, back in (("walk_to_side_left", False), ("side_to_walk_left", True)):
+        clip = read_clip(folder / f"{name}.bvh")
+        track = track_of(clip)
+        positions, _ = forward_kinematics(clip.skeleton, clip.root_positions, clip.rotations)
+        way = track[-1 if back else 0, 2]
+        turned = [np.cos(np.radians(12.0)) > np.cos(track[:, 2] - end) for end in (track[0, 2], track[-1, 2])]
+        frames = np.flatnonzero(turned[0] & turned[1])
+        legs, torso = measure_turning(clip, bands, back)
+        joints = 0.0  # the joints alone, which the flesh is about
+        for frame in frames:
+            for x, y, z in positions[frame]:
+                if 0.65 <= z <= 1.9:
+                    aside = -np.sin(way) * (x - track[frame, 0]) + np.cos(way) * (y - track[frame, 1])
+                    joints = max(joints, abs(aside))
+        assert joints < torso < joints + 0.15
+        assert 0.15 < legs < torso
+    assert torso > 0.35  # hands swing out on the turn back
+
+
+def test_who_does_not_turn_has_no_turn() -> None:
+    assert measure_turning(walk(steps=4), [LEGS, TORSO], back=False).tolist() == [0.0, 0.0]

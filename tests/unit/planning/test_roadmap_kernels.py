@@ -8,7 +8,7 @@ from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.fitting_kernels import annotate
 from crowdsim.planning.labelling_kernels import TERMS
 from crowdsim.planning.roadmap_kernels import corner_radii, join_points, place_points
-from crowdsim.planning.string_kernels import is_straight
+from crowdsim.planning.string_kernels import are_free
 
 RADII = np.array([[0.22, 0.22], [0.22, 0.31], [0.22, 0.37]])
 COSTS = np.array([3.0, 1.1, 1.0])
@@ -48,14 +48,14 @@ def test_low_corners_are_passed_as_near_as_the_legs_may():
 @pytest.mark.parametrize(("y", "free"), [(2.0, False), (3.7, False), (1.0, False)])
 def test_straight_way_through_a_wall(y, free):
     both = layers(HALL.difference(DOOR))
-    assert is_straight(both, RADII[2], np.array([[1.0, y], [9.0, y]])) is free
+    assert are_free(both, RADII[2], np.array([[1.0, y, 9.0, y]])) is free
 
 
 def test_straight_way_within_a_hall():
     both = layers(HALL)
-    assert is_straight(both, RADII[2], np.array([[1.0, 0.38], [9.0, 3.6]]))
-    assert not is_straight(both, RADII[2], np.array([[1.0, 0.36], [9.0, 3.6]]))
-    assert not is_straight(both, RADII[2], np.array([[-5.0, 1.0], [9.0, 3.6]]))
+    assert are_free(both, RADII[2], np.array([[1.0, 0.38, 9.0, 3.6]]))
+    assert not are_free(both, RADII[2], np.array([[1.0, 0.36, 9.0, 3.6]]))
+    assert not are_free(both, RADII[2], np.array([[-5.0, 1.0, 9.0, 3.6]]))
 
 
 def test_door_is_passed_sideways_for_the_least_length():
