@@ -29,8 +29,13 @@ _PROBE = 0.03
 _CHORD = 0.002
 """Meters of clearance beyond what is needed, for the straight pieces between stations."""
 
-_REACH = int(0.25 * TURN_ROOM / STATION) + 2
-_WINDOW: Floats = STATION * np.arange(-_REACH, _REACH + 1, dtype=np.float64)
+SPARED = 0.004
+"""Meters that a turn may lack of what it reaches: less is not worth a bend."""
+
+_INNER = int(0.25 * TURN_ROOM / STATION) + 1
+_RAMP = 2
+_STEPS = [-_INNER - _RAMP, *range(-_INNER, _INNER + 1), _INNER + _RAMP]
+_WINDOW: Floats = STATION * np.array(_STEPS, dtype=np.float64)
 """Arc lengths of the places about the middle of a turn; the first and the last stay on the path."""
 
 
@@ -48,12 +53,15 @@ def with_turn_room(query: Query, path: AnnotatedPath, behaviors: Sequence[Behavi
             continue
         back = turned[one.behavior]
         whole = other if back else one
-        reach = behaviors[one.behavior if back else other.behavior].turning
-        if reach is None or (reach[int(back)] <= query.need.radii[whole.behavior]).all():
+        turning = behaviors[one.behavior if back else other.behavior].turning
+        if turning is None:
+            continue
+        reach = turning[int(back)] - SPARED
+        if (reach <= query.need.radii[whole.behavior]).all():
             continue
         arc = _WINDOW + (one.end + (0.5 if back else -0.5) * TURN_ROOM)
         if arc[0] > max(whole.start, end) and arc[-1] < whole.end:
-            bend = _roomier(query, path, arc, reach[int(back)], whole.behavior)
+            bend = _roomier(query, path, arc, reach, whole.behavior)
             if bend is not None:
                 bends.append((arc, *bend))
                 end = arc[-1]
