@@ -39,9 +39,6 @@ NODE_COST = 0.01
 _TIME_COST = 0.02
 """Square meters a second, against standing about."""
 
-_DETOUR_COST = 1.0
-"""Square meters for each meter walked, seams included, that leads no farther along the path: motions that waver."""
-
 _SWITCH_COST = 0.05
 """Square meters for ending where another behavior than the planned goes on."""
 
@@ -119,8 +116,8 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
     Less than ``depth`` where an entry reaches the goal before; 0 where one is not fit: where it ends far off, goes
     back, faces wrong, passes the goal, or is of a behavior that may not be used here. Without a root (-1) an entry is a
     node, laid down at the stage's end pose itself. ``laid.area`` gathers the area between branch and path (the sum in
-    equation 5 of the 2012 paper, at equal shares of the node's length) and in the same unit what is walked for nothing,
-    a little for each node, its time, and behaviors other than the planned.
+    equation 5 of the 2012 paper, at equal shares of the node's length) and in the same unit a little for each node,
+    its time, and behaviors other than the planned.
     """
     total = guide.length
     goal_x, goal_y = path_point(guide, total)
@@ -146,7 +143,6 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
                 ox, oy, oh = next_origin(graph, np.int64(edge), twist, x, y, heading)
             c, s = math.cos(oh), math.sin(oh)
             u, v = graph.node_motion[node, 0], graph.node_motion[node, 1]
-            walked = graph.node_length[node] + math.hypot(ox - x, oy - y)
             x, y, heading = ox + c * u - s * v, oy + s * u + c * v, wrap_angle(oh + graph.node_motion[node, 2])
             behavior = graph.node_behavior[node]
             travel = graph.node_length[node]
@@ -185,7 +181,6 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
                     area += step * MISFIT_COST * abs(misfit)
                     wide = wide or misfit > 0
                     nearest = min(nearest, (px - goal_x) * (px - goal_x) + (py - goal_y) * (py - goal_y))
-                area += _DETOUR_COST * max(walked - (arc_after - arc), 0.0)
                 area += NODE_COST + _TIME_COST * graph.node_frames[node] / CAPTURE_RATE
                 if maps.leads_to[node] != guide.behavior[here]:
                     area += _SWITCH_COST
