@@ -14,7 +14,7 @@ from crowdsim.scenario.loader import builtin_scenarios
 
 FOLDER = Path(__file__).resolve().parents[1] / "scenarios" / "assets"
 SIZE = (640, 400)
-TIMES = {"apartment": 7.2, "bottleneck": 14.0, "clutter": 12.0, "corridor": 50.0, "crossing": 12.0, "plaza": 22.0}
+TIMES = {"apartment": 7.2, "bottleneck": 14.0, "clutter": 12.0, "corridor": 54.0, "crossing": 12.0, "plaza": 22.0}
 """Seconds at which much is going on; the others are drawn at the moment that ``crowdsim play --shot`` chooses."""
 
 
