@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.crowd.motion_plan import Request
+from crowdsim.following.exact_following import FEW_LOOKS, meters_off
 from crowdsim.following.path_follower import (
     THOROUGH_LOOKS,
     FollowOptions,
@@ -15,19 +16,14 @@ from crowdsim.following.path_follower import (
     FollowStatus,
     PathSearch,
 )
-from crowdsim.geometry.planar import compose
 from crowdsim.motion.graph_arrays import GraphArrays
 from crowdsim.scenario.agent_keys import STAND_WITHIN
 
 STRICT_BUDGET = 500
 """Map queries of each search for a motion that ends just as asked for."""
 
-_FEW_LOOKS = 8
-"""Branches laid at each stage of a search that shall come to other motions than broader ones."""
-
 _TRIES = 40
 """Solutions of one search that are bent to their goal until one arrives: each after the first costs next to nothing."""
-
 
 _FURTHER = 20
 """Map queries until the next of them is given up."""
@@ -42,7 +38,7 @@ def attempts(request: Request, budget: int, strictly: bool) -> Iterator[tuple[Fo
     """
     quick, nearest = max(budget // 4, 1), request.within < STAND_WITHIN
     if strictly and request.stays:
-        looks = (FollowOptions.looks, _FEW_LOOKS, THOROUGH_LOOKS) if nearest else (FollowOptions.looks, THOROUGH_LOOKS)
+        looks = (FollowOptions.looks, FEW_LOOKS, THOROUGH_LOOKS) if nearest else (FollowOptions.looks, THOROUGH_LOOKS)
         for breadth in looks:
             for share in (1.0, 0.5) if nearest else (1.0,):
                 options = FollowOptions(
@@ -65,21 +61,15 @@ def nearest_end(
     goal: (2,) end of the path. ``kept`` nodes at the beginning stay as they are. Returns it with the meters it ends off
     the goal, or that which ends nearest where none is within what is asked for.
     """
-    best, least = found, _off(graph, found, goal)
+    best, least = found, meters_off(graph, found, goal)
     for _ in range(_TRIES):
         bent = search.arrive(request.within) if least > request.within else None
         if bent is not None and np.array_equal(bent.origins[:kept], best.origins[:kept]):
-            return bent, _off(graph, bent, goal)
+            return bent, meters_off(graph, bent, goal)
         further = search.advance(_FURTHER, kept) if least > request.within else None
         if further is None or further.status != FollowStatus.FOUND:
             break
-        off = _off(graph, further, goal)
+        off = meters_off(graph, further, goal)
         if off < least:
             best, least = further, off
     return best, least
-
-
-def _off(graph: GraphArrays, found: FollowResult, goal: NDArray[np.float64]) -> float:
-    """Meters from where a motion ends to ``goal``."""
-    end = compose(found.origins[-1], graph.node_motion[found.nodes[-1]])
-    return float(np.hypot(*(end[:2] - goal)))

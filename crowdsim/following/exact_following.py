@@ -30,7 +30,7 @@ _TRIES = 200
 """Solutions looked at in a quick search and in one with the whole budget: what is found after the first ends elsewhere,
 and costs little."""
 
-_FEW_LOOKS = 8
+FEW_LOOKS = 8
 """Branches laid at each stage of searches that shall come to other motions than broader ones, sooner."""
 
 
@@ -55,16 +55,17 @@ def follow_exactly(
     where none arrives, the one that came farthest where none is found.
     """
     options = replace(options or FollowOptions(goal_tolerance=0.1), end_standing=True)
+    goal = np.asarray(samples.pose[-1, :2], np.float64)
     best: tuple[FollowResult, float] | None = None
     for sought, tries in _searches(options):
         search = PathSearch(graph, maps, samples, meshes, radii, facings, start_pose, start_node, sought, reach)
         for _ in range(tries):
             found = search.next()
-            off = _off(graph, found, samples)
+            off = meters_off(graph, found, goal)
             if found.status == FollowStatus.FOUND and off > arrival:
                 bent = search.arrive(arrival, options.goal_heading_tolerance)
                 if bent is not None:
-                    found, off = bent, _off(graph, bent, samples)
+                    found, off = bent, meters_off(graph, bent, goal)
             if found.status == FollowStatus.FOUND and not _faces(graph, found, options):
                 continue
             if best is None or _rank(found, off) < _rank(*best):
@@ -86,7 +87,7 @@ def _searches(options: FollowOptions) -> Iterator[tuple[FollowOptions, int]]:
     spreads = (1.0,) if options.goal_heading is None else (1.0, 2.0)
     rounds = (
         (options.looks, max(options.budget // 4, 1), _QUICK_TRIES),
-        (_FEW_LOOKS, options.budget, _TRIES),
+        (FEW_LOOKS, options.budget, _TRIES),
         (THOROUGH_LOOKS, options.budget, _TRIES),
     )
     for looks, budget, tries in rounds:
@@ -117,9 +118,9 @@ def _faces(graph: GraphArrays, found: FollowResult, options: FollowOptions) -> b
     return abs(float(wrap_angle(heading - options.goal_heading))) <= options.goal_heading_tolerance + 1e-9
 
 
-def _off(graph: GraphArrays, found: FollowResult, samples: Samples) -> float:
-    """Meters from where the motion ends to the end of the path."""
+def meters_off(graph: GraphArrays, found: FollowResult, goal: Floats) -> float:
+    """From where a motion ends to ``goal`` (2,); infinite where there is none."""
     if not len(found.nodes):
         return math.inf
     end = compose(found.origins[-1], graph.node_motion[found.nodes[-1]])
-    return float(np.hypot(*(end[:2] - samples.pose[-1, :2])))
+    return float(np.hypot(*(end[:2] - goal)))
