@@ -98,10 +98,11 @@ class Simulation:
 
     def _make_ready(self) -> None:
         """Search a way and throw it away: what is made once for a place, or loads, is not waited for in a step."""
-        start = self.cast.starts[0]
-        for goal in self.cast.goals[0]:
+        strictest = int(np.argmin(self.cast.stand_within))
+        start, within = self.cast.starts[strictest], float(self.cast.stand_within[strictest])
+        for goal in self.cast.goals[strictest]:
             if np.hypot(*(goal - start)) > AT_GOAL:
-                MotionSearch(self.setting, self.place, Request(start, goal, stays=True)).advance()
+                MotionSearch(self.setting, self.place, Request(start, goal, stays=True, within=within)).advance()
                 return
 
     @property
