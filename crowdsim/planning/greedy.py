@@ -94,9 +94,9 @@ def plan_step_by_step(query: Query, direct: Path, keep_blockers: bool, annotate:
             mesh.remove(handle)
         detour.sure = True
 
-    for _ in range(MOST_ROUNDS):
+    def cheapest_around(places: Floats) -> _Detour | None:
         here = []
-        for place in _conflict_points(query, best):
+        for place in places:
             detour = next((each for each in known if np.abs(each.place - place).max() <= SAME_PLACE), None)
             if detour is None:
                 detour = _Detour(place)
@@ -104,12 +104,18 @@ def plan_step_by_step(query: Query, direct: Path, keep_blockers: bool, annotate:
                 look(detour)
             here.append(detour)
         while True:
-            chosen = min(here, key=lambda each: each.cost, default=None)
-            if chosen is None or chosen.path is None or chosen.cost >= best.cost:
-                return best
-            if chosen.sure:
-                break
-            look(chosen)
+            cheapest = min(here, key=lambda each: each.cost)
+            if cheapest.cost >= best.cost:
+                return None
+            if cheapest.sure:
+                return cheapest
+            look(cheapest)
+
+    for _ in range(MOST_ROUNDS):
+        turns = _conflict_points(query, best, keep_blockers)
+        chosen = next(filter(None, map(cheapest_around, turns)), None)
+        if chosen is None or chosen.path is None:
+            return best
         before, best = best, chosen.path
         known.remove(chosen)
         if keep_blockers:
@@ -147,15 +153,24 @@ def _in_common(points: Floats, others: Floats) -> float:
     return float(np.hypot(*np.diff(points[:same], axis=0).T).sum())
 
 
-def _conflict_points(query: Query, path: AnnotatedPath) -> Floats:
-    """Points (k, 2) every ``MIN_SECTION`` along the stretches for the narrowest behavior, clear of both ends."""
+def _conflict_points(query: Query, path: AnnotatedPath, one_by_one: bool) -> list[Floats]:
+    """Points (k, 2) every ``MIN_SECTION`` along the sections for the narrowest behavior, clear of both ends.
+
+    All at once, or ``one_by_one`` first those that are the first and the last of a section, then its others.
+    """
     narrow = [section for section in path.sections if section.behavior == 0]
     if not path.sections:
         narrow = [Section(0, 0.0, path.length)]
-    arcs = [np.arange(s.start + 0.5 * min(MIN_SECTION, s.end - s.start), s.end, MIN_SECTION) for s in narrow]
-    points = path.at(np.concatenate([np.empty(0), *arcs]))
-    away = np.hypot(*(points[:, None, :] - query.ends).transpose(2, 0, 1)).min(axis=1)
-    return points[away > 2.0 * query.need.search_radius]
+    found = []
+    for section in narrow:
+        first = section.start + 0.5 * min(MIN_SECTION, section.end - section.start)
+        points = path.at(np.arange(first, section.end, MIN_SECTION))
+        away = np.hypot(*(points[:, None, :] - query.ends).transpose(2, 0, 1)).min(axis=1)
+        points = points[away > 2.0 * query.need.search_radius]
+        found += [points[[0, -1]][: len(points)], points[1:-1]] if one_by_one and len(points) else [points]
+    if not one_by_one:
+        found = [np.concatenate([np.empty((0, 2)), *found])]
+    return [points for points in found if len(points)]
 
 
 _kept: weakref.WeakKeyDictionary[NavMesh, list[tuple[int, Detours]]] = weakref.WeakKeyDictionary()

@@ -24,7 +24,7 @@ _INSERT = np.int64(INSERT)
 
 CANDIDATE = np.dtype(
     [(name, np.float64) for name in ("x", "y", "length", "cost", "before", "after")]
-    + [(name, np.int64) for name in ("first", "last", "sure", "round")],
+    + [(name, np.int64) for name in ("first", "last", "sure", "round", "turn")],
     align=True,
 )
 """A conflict point and the detour around it.
@@ -33,7 +33,7 @@ length: of the detour, meters. cost: of it, infinite where it is not less than t
 pay. before, after: meters that it has in common with the best path, from the start on and up to the goal. first, last:
 its points in the list of all. sure: -1 before it was looked for; 1 where it was found with all blockers that there are
 by now; 0 where those that came since changed other parts of the path alone, so that ``cost`` is what it should come to.
-round: the last one in which the place was a conflict point.
+round, turn: the last round in which the place was a conflict point, and when it is looked at there.
 """
 
 
@@ -51,12 +51,14 @@ def _along(points, first, last, arc):
 
 
 @helper
-def _find_conflicts(points, first, last, length, sections, away, candidates, count, round_):
-    """Note the conflict points of the path points[first : last] as of this round; (candidates, count).
+def _find_conflicts(points, first, last, length, sections, away, one_by_one, candidates, count, round_):
+    """Note the conflict points of the path points[first : last] as of this round; (candidates, count, turns).
 
     They are every ``MIN_SECTION`` along the sections for the narrowest behavior, or all of the path if it has none, and
-    farther than ``away`` from both ends.
+    farther than ``away`` from both ends. All have the same turn, or with ``one_by_one`` two for each section: first
+    those that are the first and the last of it, then the others.
     """
+    turns = 1
     whole = sections.shape[0] == 0
     for k in range(1 if whole else sections.shape[0]):
         start = 0.0 if whole else sections[k, 1]
@@ -64,6 +66,7 @@ def _find_conflicts(points, first, last, length, sections, away, candidates, cou
         if not whole and sections[k, 0] != 0.0:
             continue
         start += 0.5 * min(MIN_SECTION, end - start)
+        final = NONE
         for i in range(math.ceil((end - start) / MIN_SECTION)):
             x, y = _along(points, first, last, start + i * MIN_SECTION)
             if math.hypot(x - points[first, 0], y - points[first, 1]) <= away:
@@ -81,7 +84,14 @@ def _find_conflicts(points, first, last, length, sections, away, candidates, cou
                 candidates[c].sure = NONE
                 count += 1
             candidates[c].round = round_
-    return candidates, count
+            candidates[c].turn = 0
+            if one_by_one:
+                candidates[c].turn = turns - 1 if final < 0 else turns
+            final = c
+        if one_by_one and final >= 0:
+            candidates[final].turn = turns - 1
+            turns += 2
+    return candidates, count, turns
 
 
 @helper
@@ -120,9 +130,9 @@ def _keep(points, candidates, count, top, length, longer_by, dearer_by, least):
     after = candidates[top].after
     kept = 0
     for c in range(count):
-        if c == top:
-            continue
         candidate = candidates[c]
+        if c == top or candidate.sure < 0:
+            continue
         if candidate.first == candidate.last:
             candidate.cost = math.inf
         elif candidate.sure == 1 and keeps_off(points[candidate.first : candidate.last], x, y, least):
@@ -174,16 +184,17 @@ def plan_around(places, work, checked, ends, guide, layers, radii, costs, turned
     alone_last = NONE
     alone_length = 0.0
     for round_ in range(MOST_ROUNDS):
-        candidates, count = _find_conflicts(
-            points, first, last, length, sections, 2.0 * radius, candidates, count, round_
+        candidates, count, turns = _find_conflicts(
+            points, first, last, length, sections, 2.0 * radius, keep, candidates, count, round_
         )
         lowest = cost
         found = sections
-        while True:
+        turn = 0
+        while turn < turns:
             top = NONE
             for c in range(count):
                 candidate = candidates[c]
-                if candidate.round != round_:
+                if candidate.round != round_ or candidate.turn != turn:
                     continue
                 if candidate.sure < 0:
                     top = c
@@ -191,7 +202,8 @@ def plan_around(places, work, checked, ends, guide, layers, radii, costs, turned
                 if candidate.cost < cost and (top < 0 or candidate.cost < candidates[top].cost):
                     top = c
             if top < 0:
-                break
+                turn += 1
+                continue
             candidate = candidates[top]
             if candidate.sure == 1:
                 break
@@ -251,7 +263,7 @@ def plan_around(places, work, checked, ends, guide, layers, radii, costs, turned
             if candidate.cost < lowest:
                 lowest = candidate.cost
                 found = labels
-        if top < 0:
+        if turn == turns:
             break
         longer_by = candidates[top].length - length
         dearer_by = lowest - cost
