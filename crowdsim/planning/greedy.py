@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.editing.detour_kernels import DONE, keeps_off
 from crowdsim.navmesh.editing.detours import Detours
-from crowdsim.navmesh.paths.paths import Path
 from crowdsim.planning.annotated_path import AnnotatedPath, Section
 from crowdsim.planning.greedy_kernels import MOST_ROUNDS, SAME_PLACE, plan_around
 from crowdsim.planning.labelling_kernels import MIN_SECTION
@@ -36,26 +35,20 @@ Annotate = Callable[[Floats], AnnotatedPath]
 
 def plan_greedy(query: Query, keep_blockers: bool, annotate: Annotate | None = None) -> AnnotatedPath | None:
     """Algorithm 1; None where no path fits any behavior. ``annotate`` finds the sections, by default in the layers."""
-    try:
-        direct = query.meshes[0].find_path(query.ends[0], query.ends[1], query.need.search_radius)
-    except PathNotFound:
-        return None
-    best = _in_one_kernel(query, direct, keep_blockers) if annotate is None else None
+    best = _in_one_kernel(query, keep_blockers) if annotate is None else None
     if best is None:
-        best = plan_step_by_step(query, direct, keep_blockers, annotate or query.annotated)
+        best = plan_step_by_step(query, keep_blockers, annotate or query.annotated)
     return best if best.sections else None
 
 
-def _in_one_kernel(query: Query, direct: Path, keep_blockers: bool) -> AnnotatedPath | None:
+def _in_one_kernel(query: Query, keep_blockers: bool) -> AnnotatedPath | None:
     """The cheapest path found by the layers; None where memory is short, or a detour cannot be traced."""
     mesh = query.meshes[0]
     revision = mesh.revision
     detours = _take(mesh, revision)
-    detours.aim(query.ends[0], query.ends[1], direct.radius, direct.length)
+    detours.aim(query.ends[0], query.ends[1], query.need.search_radius)
     with detours.lent() as search:
-        status, cost, points, sections = plan_around(
-            *search, *query.fitting(), direct.points, direct.length, keep_blockers
-        )
+        status, cost, points, sections = plan_around(*search, *query.fitting(), keep_blockers)
     if status != DONE:
         return None
     _give_back(mesh, revision, detours)
@@ -74,17 +67,21 @@ class _Detour:
     sure: bool = True
 
 
-def plan_step_by_step(query: Query, direct: Path, keep_blockers: bool, annotate: Annotate) -> AnnotatedPath:
+def plan_step_by_step(query: Query, keep_blockers: bool, annotate: Annotate) -> AnnotatedPath:
     """What `plan_around` does, with each path searched for on its own; without sections where nothing fits."""
     mesh = query.meshes[0].with_points(np.empty((0, 2)))
-    least = direct.radius - mesh.tolerance(direct.radius)
-    best = annotate(direct.points)
+    radius = query.need.search_radius
+    least = radius - mesh.tolerance(radius)
+    try:
+        best = annotate(mesh.find_path(query.ends[0], query.ends[1], radius).points)
+    except PathNotFound:
+        return with_sections(np.empty((0, 2)), np.empty((0, 3)), np.inf)
     known: list[_Detour] = []
 
     def look(detour: _Detour) -> None:
         handle = mesh.insert_obstacle(detour.place)
         try:
-            detour.path = annotate(mesh.find_path(query.ends[0], query.ends[1], direct.radius).points)
+            detour.path = annotate(mesh.find_path(query.ends[0], query.ends[1], radius).points)
             detour.cost = detour.path.cost if detour.path.cost < best.cost else np.inf
             detour.before = _in_common(detour.path.points, best.points)
             detour.after = _in_common(detour.path.points[::-1], best.points[::-1])

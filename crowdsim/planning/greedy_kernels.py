@@ -11,7 +11,6 @@ from crowdsim.navmesh.editing.point_kernels import INSERT, edit_point
 from crowdsim.navmesh.growing_kernels import longer
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.checked_kernels import add_dot
-from crowdsim.navmesh.paths.path_kernels import append_path
 from crowdsim.planning.candidate_kernels import nothing_known, path_cost
 from crowdsim.planning.labelling_kernels import MIN_SECTION
 
@@ -157,13 +156,13 @@ def _keep(points, candidates, count, top, length, longer_by, dearer_by, least):
 
 
 @kernel
-def plan_around(places, work, checked, ends, guide, layers, radii, costs, turned, terms, direct, length, keep):
+def plan_around(places, work, checked, ends, guide, layers, radii, costs, turned, terms, keep):
     """Algorithm 1: (status, cost, points (n, 2), sections (k, 3)) of the path that no one blocker makes cheaper.
 
-    ``places`` are those of a mesh and its workshop (see address_kernels), in which ``direct`` (n, 2), ``length`` meters
-    long, is the path; ``ends``: x, y of start and goal, radius and least clearance; ``guide``: of `aim_guide`. Layers,
-    radii, costs, turned, terms and sections are as of :func:`crowdsim.planning.fitting_kernels.annotate`. ``keep``:
-    whether blockers that paid off stay, and then stay in the mesh.
+    ``places`` are those of a mesh and its workshop (see address_kernels), in which nothing was put yet; ``ends``: x, y
+    of start and goal, radius and least clearance; ``guide``: of `aim_guide`. Layers, radii, costs, turned, terms and
+    sections are as of :func:`crowdsim.planning.fitting_kernels.annotate`. ``keep``: whether blockers that paid off
+    stay, and then stay in the mesh.
 
     Where the status is not DONE, the mesh has no room or cannot be used any longer, or a detour could not be traced.
     The cost is infinite, and there are no sections, where nothing fits.
@@ -174,15 +173,18 @@ def plan_around(places, work, checked, ends, guide, layers, radii, costs, turned
     known = nothing_known(layers, costs.size)
     candidates = np.empty(64, CANDIDATE)
     count = np.int64(0)
-    points = np.empty((2048, 2))
-    points, _ = append_path(points, np.int64(0), direct)
+    nowhere = math.inf
+    status, points, filled, direct_length = find_detour(
+        places, m, w, work, checked, sx, sy, gx, gy, radius, least, guide, nowhere, nowhere,
+        np.empty((2048, 2)), np.int64(0),
+    )  # fmt: skip
+    if status != DONE:
+        return status, math.inf, points[:0], np.empty((0, 3))
     first = np.int64(0)
-    last = np.int64(direct.shape[0])
-    filled = last
+    last = filled
+    direct_last = filled
+    length = direct_length
     cost, sections, known = path_cost(layers, radii, costs, turned, terms, points, first, last, length, math.inf, known)
-    alone_first = filled
-    alone_last = NONE
-    alone_length = 0.0
     for round_ in range(MOST_ROUNDS):
         candidates, count, turns = _find_conflicts(
             points, first, last, length, sections, 2.0 * radius, keep, candidates, count, round_
@@ -209,34 +211,10 @@ def plan_around(places, work, checked, ends, guide, layers, radii, costs, turned
                 break
             x = candidate.x
             y = candidate.y
-            shared = not keep and keeps_off(direct, x, y, least)
-            if shared and alone_last < 0:
-                alone_first = filled
-                status, points, filled, alone_length = find_detour(
-                    places,
-                    m,
-                    w,
-                    work,
-                    checked,
-                    sx,
-                    sy,
-                    gx,
-                    gy,
-                    radius,
-                    least,
-                    guide,
-                    math.inf,
-                    math.inf,
-                    points,
-                    filled,
-                )
-                if status != DONE:
-                    return status, cost, points[first:last], sections
-                alone_last = filled
-            if shared and keeps_off(points[alone_first:alone_last], x, y, least):
-                candidate.first = alone_first
-                candidate.last = alone_last
-                candidate.length = alone_length
+            if not keep and keeps_off(points[:direct_last], x, y, least):
+                candidate.first = np.int64(0)
+                candidate.last = direct_last
+                candidate.length = direct_length
             else:
                 candidate.first = filled
                 status, points, filled, candidate.length = find_detour(

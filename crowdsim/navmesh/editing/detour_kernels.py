@@ -37,15 +37,16 @@ def begin_guide(m, guide):
 
 
 @kernel
-def aim_guide(m, work, sx, sy, gx, gy, radius, least, limit, guide):
-    """Fill ``guide`` for ways of a disc of ``radius`` from (sx, sy) to (gx, gy), both free, up to ``limit`` meters.
+def aim_guide(m, work, sx, sy, gx, gy, radius, least, farther, guide):
+    """Fill ``guide`` for ways of a disc of ``radius`` from (sx, sy) to (gx, gy), both free.
 
-    What it knew of others before is forgotten; the mesh is as it was when the guide was begun.
+    It knows ways that are longer than a short one by ``farther``, a factor and meters. What it knew of others before is forgotten; the mesh is as it was when the guide was begun.
     """
     clear_guide(guide)
     goal = triangle_of(m, gx, gy, NONE)
+    start = triangle_of(m, sx, sy, goal)
     nothing = np.zeros(3, GUIDE)
-    _, used = find_way(m, None, work, goal, gx, gy, NONE, sx, sy, radius, 2.0 * least, nothing, limit)
+    _, used, limit = find_way(m, None, work, goal, gx, gy, start, sx, sy, radius, 2.0 * least, nothing, farther)
     fill_guide(m, work.labels, used, radius, limit, guide)
 
 

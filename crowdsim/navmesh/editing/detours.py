@@ -56,13 +56,12 @@ class Detours:
         with self.mesh.edited() as obstacles:
             return obstacles.restore(self._snapshot)
 
-    def aim(self, start: Floats, goal: Floats, radius: float, length: float) -> None:
-        """Look for ways between two places from now on, ``length`` meters long in the mesh, which is as at first."""
+    def aim(self, start: Floats, goal: Floats, radius: float) -> None:
+        """Look for ways between two places in the mesh from now on, which is as it was at first."""
         self._ends = (*map(float, start), *map(float, goal), radius, radius - self.mesh.tolerance(radius))
-        limit = _FARTHER[0] * length + _FARTHER[1]
         arrays = self.mesh.arrays
         with workspace(len(arrays.wind)) as work:
-            detour_kernels.aim_guide(arrays, work, *self._ends, limit, self._guide)
+            detour_kernels.aim_guide(arrays, work, *self._ends, _FARTHER, self._guide)
         self._checked.numbers[:] = self._checked.numbers[0] + 1, 0, 0
 
     @contextmanager

@@ -104,16 +104,16 @@ def _leave_start(m, regions, work, start, sx, sy, gx, gy, radius, width, guide):
 
 
 @helper
-def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide, limit):
-    """The last label of a short way from triangle ``start`` to ``goal``, -1 for none, and the number of labels.
+def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide, farther=None):
+    """The last label of a short way from triangle ``start`` to ``goal``, -1 for none, the number of labels, the limit.
 
     ``width`` is the least width passed, that of the disc of ``radius`` less what rounding may take. Where regions hang
     together by narrow passages, a way that goes back through one to turn around behind it is not found; nor is one
     for which there is no room in the workspace.
 
     ``guide`` is None, or a :func:`crowdsim.navmesh.paths.guide_kernels.fill_guide` to this goal, which stands in for
-    ``regions`` (None then). With a guide the triangle ``goal`` may be -1: then all ways are followed as far as they may
-    be shorter than ``limit``.
+    ``regions`` (None then). ``farther`` is None, or a factor and meters by which the way to the goal is lengthened to
+    the limit, as far as which all ways are followed that may be shorter; there is no last label then.
     """
     labels = work.labels
     heap = work.heap
@@ -124,9 +124,12 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
     work.stamp[0] += 1
     stamp = work.stamp[0]
     if regions is not None and not lay_waypoints(m, regions, waypoints, heap, stamp, start, goal, gx, gy, radius):
-        return NONE, np.int64(0)
+        return NONE, np.int64(0), math.inf
     width = max(width, 1e-30)  # that of the corners of closed sides is 0
     most = 6 * m.frame[0].triangles - 6
+    limit = math.inf
+    if farther is not None and start == goal:
+        limit = farther[0] * math.sqrt((gx - sx) ** 2 + (gy - sy) ** 2) + farther[1]
     count = _leave_start(m, regions, work, start, sx, sy, gx, gy, radius, width, guide)
     used = count
     following = NONE  # the best of the labels just made need not pass through the heap if nothing in there is better
@@ -137,7 +140,7 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
                 break
             pop(heap, count)
             count -= 1
-            if guide is not None and heap[count].key > limit:
+            if farther is not None and heap[count].key > limit:
                 break
             i = heap[count].item
         following = NONE
@@ -151,7 +154,9 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
         h = np.int64(label.h)
         g = sides[h].twin
         if g // 3 == goal and can_leave(sides, vertices, g, gx, gy, width):
-            return i, used
+            if farther is None:
+                return i, used, limit
+            limit = min(limit, farther[0] * _estimate(label, gx, gy) + farther[1])
         before = np.int64(label.before)
         ends = np.int64(label.ends)
         lx = label.lx
@@ -258,7 +263,7 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
         if following >= 0 and count > 0 and heap[0].key < best:
             count = place(heap, count, best, following)
             following = NONE
-    return NONE, used
+    return NONE, used, limit
 
 
 @helper

@@ -150,7 +150,7 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, checked=No
         done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False), checked)
         if done:
             return OK, points
-    last, _ = find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, 2.0 * least, guide, math.inf)
+    last, _, _ = find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, 2.0 * least, guide)
     if last >= 0:
         nodes, count = string_along(m, work.labels, last, sx, sy, gx, gy, radius)
         done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False), checked)

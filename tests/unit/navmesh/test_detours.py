@@ -46,9 +46,8 @@ def _around(detours, place):
 
 def _begin_at(detours, ends, radius):
     """The path between ``ends``, around which detours are looked for from now on."""
-    path = detours.mesh.find_path(*ends, radius)
-    detours.aim(*ends, radius, path.length)
-    return path
+    detours.aim(*ends, radius)
+    return detours.mesh.find_path(*ends, radius)
 
 
 def _block(detours, place):
@@ -203,7 +202,7 @@ def test_a_guide_knows_how_far_sides_are_from_the_goal(kind):
     guide = np.zeros((1 << (6 * len(m.wind)).bit_length()) + 1, GUIDE)
     detour_kernels.begin_guide(m, guide)
     with workspace(len(m.wind)) as work:
-        detour_kernels.aim_guide(m, work, *start, *goal, radius, radius, 1e3, guide)
+        detour_kernels.aim_guide(m, work, *start, *goal, radius, radius, (0.0, 1e3), guide)
     rows = {int(row["side"]): (row["left"], row["right"]) for row in guide[:-1] if row["side"] != 0}
     expected = side_distances(m, goal, mesh.locate(goal), radius, 2.0 * radius)
     compared = about = 0

@@ -19,7 +19,7 @@ from tests.support.entries import disc_clearance
 @kernel
 def _search(m, regions, work, start, sx, sy, goal, gx, gy, radius):
     """The last label, the nodes and their number."""
-    last, _ = find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, 2.0 * radius, None, np.inf)
+    last, _, _ = find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, 2.0 * radius, None)
     if last < 0:
         return last, np.empty(0, STRING_NODE), 0
     nodes, count = string_along(m, work.labels, last, sx, sy, gx, gy, radius)

@@ -96,7 +96,7 @@ def _queries(count):
 def test_the_kernel_does_what_is_done_step_by_step(keep_blockers):
     ratios, gains = [], []
     for query, direct in _queries(40):
-        best = plan_step_by_step(query, direct, keep_blockers, query.annotated)
+        best = plan_step_by_step(query, keep_blockers, query.annotated)
         found = plan_greedy(query, keep_blockers)
         assert (found is None) == (not best.sections)
         if found is None:
@@ -117,7 +117,7 @@ def test_the_kernel_does_what_is_done_step_by_step(keep_blockers):
 @pytest.mark.parametrize("status", [NO_ROOM, LOST])
 def test_where_the_kernel_gives_up_plans_are_made_step_by_step(monkeypatch, status):
     query, direct = next(_queries(10))
-    expected = plan_step_by_step(query, direct, True, query.annotated)
+    expected = plan_step_by_step(query, True, query.annotated)
 
     def give_up(*arguments):
         plan_around(*arguments)
