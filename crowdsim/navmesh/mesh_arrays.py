@@ -63,19 +63,24 @@ USE = np.dtype([("owner", np.int32), ("next", np.int32)], align=True)
 Lists are sorted by owner and never changed, so that halves of a split side share one.
 """
 
-TO_DO = np.dtype([("waiting", np.int64), ("touched", np.int64), ("mark", np.int64)], align=True)
-"""Two lists of vertices side by side, and marks of which vertex is in them (see work_kernels)."""
+TO_DO = np.dtype([(name, np.int64) for name in ("waiting", "touched", "mark", "changed")], align=True)
+"""Two lists of vertices side by side, and marks of which vertex is in them (see work_kernels).
+
+changed: a list of triangles that an edit changed, or that took the number of another; those at the end that are no
+longer there, or new, may be missing.
+"""
 
 PROGRESS = np.dtype(
     [
         (name, np.int64)
-        for name in ("head", "waiting", "touched", "uses", "pairs", "full", "rerouted", "removal", "gone", "vertex")
+        for name in
+        ("head", "waiting", "touched", "changed", "uses", "pairs", "full", "rerouted", "removal", "gone", "vertex")
     ],
     align=True,
-)
-"""Ring buffer ``waiting``: its first item and its length. Lengths of the list ``touched``, of the pool of uses (full: 1
-where it was too short), of the stack ``pairs`` and of ``gone``. Whether a crossing made other obstacles take another
-way, whether the edit is a removal, and the vertex of a point that was edited."""
+)  # fmt: skip
+"""Ring buffer ``waiting``: its first item and its length. Lengths of the lists ``touched`` and ``changed``, of the pool
+of uses (full: 1 where it was too short), of the stack ``pairs`` and of ``gone``. Whether a crossing made other
+obstacles take another way, whether the edit is a removal, and the vertex of a point that was edited."""
 
 SIGHT = np.dtype(
     [("side", np.int64)] + [(name, np.float64) for name in ("lo", "hi", "rx", "ry", "lx", "ly")], align=True
@@ -174,3 +179,9 @@ def resized(mesh: MeshArrays, vertices: int) -> MeshArrays:
     copy.wind[:triangles] = mesh.wind[:triangles]
     copy.hints[:] = mesh.hints
     return copy
+
+
+def overwrite(mesh: MeshArrays, other: MeshArrays) -> None:
+    """Make ``mesh``, which has at least as much room, the same as ``other``."""
+    for array, filled in zip(mesh, other, strict=True):
+        array.view(np.uint8)[: filled.nbytes] = filled.view(np.uint8)  # records would be copied field by field

@@ -8,6 +8,7 @@ from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.editing.address_kernels import mesh_at, workshop_at
 from crowdsim.navmesh.editing.detour_kernels import DONE, LOST, NO_ROOM, find_detour, keeps_off
 from crowdsim.navmesh.editing.point_kernels import INSERT, edit_point
+from crowdsim.navmesh.editing.undo_kernels import copy_edited
 from crowdsim.navmesh.growing_kernels import longer
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.checked_kernels import add_dot
@@ -156,10 +157,11 @@ def _keep(points, candidates, count, top, length, longer_by, dearer_by, least):
 
 
 @kernel
-def plan_around(places, work, checked, ends, guide, layers, radii, costs, turned, terms, keep):
+def plan_around(places, before, work, checked, ends, guide, layers, radii, costs, turned, terms, keep):
     """Algorithm 1: (status, cost, points (n, 2), sections (k, 3)) of the path that no one blocker makes cheaper.
 
-    ``places`` are those of a mesh and its workshop (see address_kernels), in which nothing was put yet; ``ends``: x, y
+    ``places`` are those of a mesh and its workshop (see address_kernels), in which nothing was put yet, ``before`` of a
+    copy of the mesh; ``ends``: x, y
     of start and goal, radius and least clearance; ``guide``: of `aim_guide`. Layers, radii, costs, turned, terms and
     sections are as of :func:`crowdsim.planning.fitting_kernels.annotate`. ``keep``: whether blockers that paid off
     stay, and then stay in the mesh.
@@ -175,7 +177,7 @@ def plan_around(places, work, checked, ends, guide, layers, radii, costs, turned
     count = np.int64(0)
     nowhere = math.inf
     status, points, filled, direct_length = find_detour(
-        places, m, w, work, checked, sx, sy, gx, gy, radius, least, guide, nowhere, nowhere,
+        places, before, m, w, work, checked, sx, sy, gx, gy, radius, least, guide, nowhere, nowhere,
         np.empty((2048, 2)), np.int64(0),
     )  # fmt: skip
     if status != DONE:
@@ -218,7 +220,7 @@ def plan_around(places, work, checked, ends, guide, layers, radii, costs, turned
             else:
                 candidate.first = filled
                 status, points, filled, candidate.length = find_detour(
-                    places, m, w, work, checked, sx, sy, gx, gy, radius, least, guide, x, y, points, filled
+                    places, before, m, w, work, checked, sx, sy, gx, gy, radius, least, guide, x, y, points, filled
                 )
                 candidate.last = filled
                 if status != DONE:
@@ -253,6 +255,7 @@ def plan_around(places, work, checked, ends, guide, layers, radii, costs, turned
                 return NO_ROOM, cost, points[first:last], sections
             if edit_point(places, _INSERT, candidates[top].x, candidates[top].y, NONE) < NONE:
                 return LOST, cost, points[first:last], sections
+            copy_edited(places, places, before)
             count = _keep(points, candidates, count, top, length, longer_by, dearer_by, least)
         else:
             for c in range(count):

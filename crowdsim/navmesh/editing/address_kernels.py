@@ -24,14 +24,17 @@ from crowdsim.navmesh.mesh_arrays import (
 )
 
 
-def places_of(mesh: MeshArrays, work: Workshop) -> NDArray[np.int64]:
-    """Addresses and lengths (12, 2) of the arrays, which whoever keeps the table has to keep as well."""
+def places_of(mesh: MeshArrays, work: Workshop | tuple[()] = ()) -> NDArray[np.int64]:
+    """Addresses and lengths (12, 2) of the arrays, which whoever keeps the table has to keep as well.
+
+    (5, 2) without a workshop.
+    """
     return np.array([(array.ctypes.data, len(array)) for array in (*mesh, *work)], np.int64)
 
 
 @helper
 def mesh_at(places):
-    """The mesh at ``places`` (12, 2)."""
+    """The mesh at ``places`` (12, 2) or (5, 2)."""
     return MeshArrays(
         array_at(places[0, 0], (places[0, 1],), SIDE),
         array_at(places[1, 0], (places[1, 1],), VERTEX),

@@ -6,7 +6,8 @@ import numpy as np
 
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.editing.point_kernels import INSERT, REMOVE, edit_point, has_room
+from crowdsim.navmesh.editing.point_kernels import INSERT, edit_point, has_room
+from crowdsim.navmesh.editing.undo_kernels import copy_edited
 from crowdsim.navmesh.half_edge_kernels import triangle_of
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.checked_kernels import add_dot, drop_dot
@@ -15,11 +16,10 @@ from crowdsim.navmesh.paths.interval_kernels import find_way
 from crowdsim.navmesh.paths.path_kernels import OK, TANGLED, append_path, plan_path
 
 _INSERT = np.int64(INSERT)
-_REMOVE = np.int64(REMOVE)
-"""As they come from Python: for bare numbers the whole edit would compile once more."""
+"""As it comes from Python: for a bare number the whole edit would compile once more."""
 
 _ROOM = np.int64(16)
-"""Corners that an edit must have room for beforehand, so that the one that undoes it has room as well."""
+"""Corners that an edit must have room for beforehand, so that it need not be settled in larger arrays."""
 
 DONE = 0
 NO_ROOM = 1
@@ -40,7 +40,8 @@ def begin_guide(m, guide):
 def aim_guide(m, work, sx, sy, gx, gy, radius, least, farther, guide):
     """Fill ``guide`` for ways of a disc of ``radius`` from (sx, sy) to (gx, gy), both free.
 
-    It knows ways that are longer than a short one by ``farther``, a factor and meters. What it knew of others before is forgotten; the mesh is as it was when the guide was begun.
+    It knows ways that are longer than a short one by ``farther``, a factor and meters. What it knew of others before is
+    forgotten; the mesh is as it was when the guide was begun.
     """
     clear_guide(guide)
     goal = triangle_of(m, gx, gy, NONE)
@@ -51,11 +52,12 @@ def aim_guide(m, work, sx, sy, gx, gy, radius, least, farther, guide):
 
 
 @helper
-def find_detour(places, m, w, work, checked, sx, sy, gx, gy, radius, least, guide, x, y, points, filled):
+def find_detour(places, before, m, w, work, checked, sx, sy, gx, gy, radius, least, guide, x, y, points, filled):
     """The path of `crowdsim.navmesh.paths.path_kernels.plan_path`, found with ``guide``, around (x, y) as well.
 
-    A point obstacle is put there into the mesh at ``places`` (see address_kernels) and removed again. The path is
-    written behind the first ``filled`` of ``points``, which grow as they are needed.
+    A point obstacle is put there into the mesh at ``places`` (see address_kernels) and taken back: at ``before`` is a
+    copy of the mesh, with as much room. The path is written behind the first ``filled`` of ``points``, which grow as
+    they are needed.
 
     Returns (DONE, or why not, points, up to where they are filled, length: infinite where there is no path).
     """
@@ -66,8 +68,8 @@ def find_detour(places, m, w, work, checked, sx, sy, gx, gy, radius, least, guid
         return LOST, points, filled, math.inf
     found, path = plan_path(m, None, work, sx, sy, gx, gy, radius, least, guide, checked)
     drop_dot(checked)
-    if edit_point(places, _REMOVE, 0.0, 0.0, v) < NONE:
-        return LOST, points, filled, math.inf
+    if v >= 0:
+        copy_edited(places, before, places)
     if found == TANGLED:
         return NOT_TRACED, points, filled, math.inf
     if found != OK:

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.navmesh.editing import detour_kernels
+from crowdsim.navmesh.editing.address_kernels import places_of
+from crowdsim.navmesh.mesh_arrays import MeshArrays, overwrite
 from crowdsim.navmesh.paths.checked_kernels import CHECK, Checked
 from crowdsim.navmesh.paths.guide_kernels import GUIDE
 from crowdsim.navmesh.paths.paths import Floats
@@ -41,6 +43,8 @@ class Detours:
         self.mesh = mesh.with_points(np.empty((0, 2)))
         with self.mesh.edited() as obstacles:
             self._snapshot = obstacles.snapshot()
+            self._before = MeshArrays(*(array.copy() for array in obstacles.mesh))
+        self._places_before = places_of(self._before)
         arrays = self._snapshot.mesh
         crossed = int(np.count_nonzero((arrays.sides["cst"].reshape(-1, 3) == 0) & (arrays.wind == 0)[:, None]))
         self._guide: NDArray[np.void] = np.zeros((1 << (2 * crossed).bit_length()) + 1, GUIDE)
@@ -54,6 +58,7 @@ class Detours:
         might lie otherwise, and what is found would depend on what was looked for before.
         """
         with self.mesh.edited() as obstacles:
+            overwrite(self._before, self._snapshot.mesh)
             return obstacles.restore(self._snapshot)
 
     def aim(self, start: Floats, goal: Floats, radius: float) -> None:
@@ -66,9 +71,10 @@ class Detours:
 
     @contextmanager
     def lent(self) -> Iterator[tuple[Any, ...]]:
-        """What kernels that look for detours take first: places of the mesh, workspace, checks, ends, guide.
+        """What kernels that look for detours take first: places of the mesh and of its copy, and the rest.
 
-        They may put obstacles into the mesh, which are dots of the checks as well.
+        That is workspace, checks, ends and guide. They may put obstacles into the mesh, its copy and the checks, as
+        dots there.
         """
         with self.mesh.edited() as obstacles, workspace(len(obstacles.mesh.wind)) as work:
-            yield obstacles.places, work, self._checked, self._ends, self._guide
+            yield obstacles.places, self._places_before, work, self._checked, self._ends, self._guide

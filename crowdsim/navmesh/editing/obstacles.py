@@ -25,7 +25,7 @@ from crowdsim.navmesh.editing.shapes import (
     rings_of,
     shape_of,
 )
-from crowdsim.navmesh.mesh_arrays import USE, MeshArrays, Workshop, resized, trimmed, workshop
+from crowdsim.navmesh.mesh_arrays import USE, MeshArrays, Workshop, overwrite, resized, trimmed, workshop
 from crowdsim.navmesh.paths.paths import as_numbers
 from crowdsim.navmesh.triangulation.use_kernels import keep_used
 
@@ -101,8 +101,7 @@ class Obstacles:
         """Make everything as it was, to the numbers of vertices and triangles; False where that cannot be done."""
         if snapshot.places is not self._places:
             return False
-        for now, before in zip(self.mesh, snapshot.mesh, strict=True):
-            now.view(np.uint8)[: before.nbytes] = before.view(np.uint8)  # records would be copied field by field
+        overwrite(self.mesh, snapshot.mesh)
         self._work.progress["uses"] = snapshot.uses
         self._slots = [replace(slot) for slot in snapshot.slots]
         self._free = list(snapshot.free)

@@ -72,6 +72,7 @@ def edit_point(places, what, x, y, v):
             return NONE
         if not has_room(m, w, np.int64(1)):
             return np.int64(NO_ROOM)
+        progress.changed = 0
         v = put_corner(m, w, snapped(cell, x), snapped(cell, y), np.int64(NONE))
         if v < 0:
             return v

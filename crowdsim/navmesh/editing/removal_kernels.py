@@ -5,7 +5,7 @@ from crowdsim.jit import helper
 from crowdsim.navmesh.half_edge_kernels import nxt, prv, side, soil
 from crowdsim.navmesh.triangulation.triangulation_kernels import flip, link, restore_delaunay, take
 from crowdsim.navmesh.triangulation.use_kernels import same_uses
-from crowdsim.navmesh.triangulation.work_kernels import CHANGED, LOOKING, touch
+from crowdsim.navmesh.triangulation.work_kernels import CHANGED, LOOKING, note_changed, touch
 
 SIDES, POINT = 1, 2
 """What a removal leaves: sides that were constrained, or the place of one point."""
@@ -27,7 +27,7 @@ def hint_cell(m, t):
 
 
 @helper
-def _free_triangle(m, t):
+def _free_triangle(m, w, t):
     """Forget triangle t, which no other points to; the last triangle takes its number."""
     sides = m.sides
     frame = m.frame[0]
@@ -35,6 +35,7 @@ def _free_triangle(m, t):
     frame.triangles = last
     if t == last:
         return
+    note_changed(w, t)
     m.wind[t] = m.wind[last]
     for i in range(3):
         h = 3 * t + i
@@ -186,8 +187,8 @@ def remove_vertex(m, w, v):
         other = h2 // 3
     touch(w, a)
     touch(w, c)
-    _free_triangle(m, max(one, other))
-    _free_triangle(m, min(one, other))
+    _free_triangle(m, w, max(one, other))
+    _free_triangle(m, w, min(one, other))
     _free_vertex(m, v)
     return True
 

@@ -12,7 +12,15 @@ from crowdsim.navmesh.triangulation.refine_kernels import (
     refine,
 )
 from crowdsim.navmesh.triangulation.triangulation_kernels import FULL, restore_delaunay
-from crowdsim.navmesh.triangulation.work_kernels import CHANGED, KEPT, LOOKING, TOUCHED, enqueue, touch
+from crowdsim.navmesh.triangulation.work_kernels import (
+    CHANGED,
+    KEPT,
+    LOOKING,
+    TOUCHED,
+    enqueue,
+    note_changed,
+    touch,
+)
 
 
 @helper
@@ -182,6 +190,7 @@ def settle(m, w):
             t = h // 3
             if is_dirty(sides, t):
                 measure_triangle(m, t)
+                note_changed(w, t)
                 m.hints[hint_cell(m, t)] = t
             h = sides[prv(h)].twin
             if h == first or h < 0:

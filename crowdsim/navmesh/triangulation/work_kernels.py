@@ -40,6 +40,15 @@ def touch_triangle(sides, w, t):
 
 
 @helper
+def note_changed(w, t):
+    """Note the number of a triangle that is another one than before the edit, or not as it was."""
+    progress = w.progress[0]
+    if progress.changed < w.to_do.size:
+        w.to_do[progress.changed].changed = t
+        progress.changed += 1
+
+
+@helper
 def enqueue(w, v):
     """Let the constrained sides from vertex v wait for refinement."""
     item = w.to_do[v]

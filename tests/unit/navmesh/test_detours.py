@@ -11,7 +11,9 @@ from crowdsim.navmesh.editing import detour_kernels
 from crowdsim.navmesh.editing.address_kernels import mesh_at, workshop_at
 from crowdsim.navmesh.editing.detour_kernels import DONE, LOST, NO_ROOM, NOT_TRACED, find_detour
 from crowdsim.navmesh.editing.detours import Detours
-from crowdsim.navmesh.mesh_arrays import trimmed
+from crowdsim.navmesh.editing.point_kernels import INSERT, edit_point
+from crowdsim.navmesh.editing.undo_kernels import copy_edited
+from crowdsim.navmesh.mesh_arrays import MeshArrays, trimmed
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.paths.checked_kernels import add_dot
 from crowdsim.navmesh.paths.guide_kernels import GUIDE
@@ -26,11 +28,16 @@ def _add_dot(checked, x, y):
 
 
 @kernel
-def _find_detour(places, work, checked, ends, guide, x, y):
+def _mesh_at(places):
+    return mesh_at(places)
+
+
+@kernel
+def _find_detour(places, before, work, checked, ends, guide, x, y):
     sx, sy, gx, gy, radius, least = ends
     points = np.empty((1, 2))
     status, points, filled, length = find_detour(
-        places, mesh_at(places), workshop_at(places), work, checked, sx, sy, gx, gy, radius, least, guide,
+        places, before, mesh_at(places), workshop_at(places), work, checked, sx, sy, gx, gy, radius, least, guide,
         x, y, points, np.int64(0),
     )  # fmt: skip
     return status, points[:filled], length
@@ -52,9 +59,10 @@ def _begin_at(detours, ends, radius):
 
 def _block(detours, place):
     """Put an obstacle in that stays."""
-    with detours.lent() as search:
-        assert _add_dot(search[2], *map(float, place))
-    return detours.mesh.insert_obstacle(place)
+    with detours.lent() as (places, before, _, checked, *_):
+        assert _add_dot(checked, *map(float, place))
+        assert edit_point(places, INSERT, *map(float, place), -1) >= 0
+        copy_edited(places, places, before)
 
 
 def _ends(rng, mesh, radius):
@@ -83,26 +91,28 @@ def test_detours_are_as_short_as_paths_without_a_guide(kind):
     ratios = []
     for radius in (0.05, 0.15, 0.25):
         for _ in range(12):
+            plain = mesh.with_points(np.empty((0, 2)))
             ends = _ends(rng, mesh, radius)
             points = _begin_at(detours, ends, radius).points
             for _ in range(3):
                 places = [_along(rng, points) for _ in range(3)]
                 for place in places:
                     way, length = _around(detours, place)
-                    handle = detours.mesh.insert_obstacle(place)
+                    handle = plain.insert_obstacle(place)
                     try:
-                        expected = detours.mesh.find_path(*ends, radius)
+                        expected = plain.find_path(*ends, radius)
                     except PathNotFound:
                         assert (len(way), length) == (0, math.inf)
                     else:
-                        assert len(detours.mesh.violations(way, radius)) == 0
+                        assert len(plain.violations(way, radius)) == 0
                         assert length == pytest.approx(np.hypot(*np.diff(way, axis=0).T).sum())
                         ratios.append(length / expected.length)
-                    detours.mesh.remove(handle)
+                    plain.remove(handle)
                 way, length = _around(detours, places[0])
                 if not np.isfinite(length):
                     break
                 _block(detours, places[0])
+                plain.insert_obstacle(places[0])
                 points = way
             assert detours.reset()
     assert len(ratios) > 60
@@ -135,6 +145,41 @@ def test_what_is_remembered_of_checks_changes_no_path(kind):
                 np.testing.assert_array_equal(way, other)
                 compared += len(way) > 2
     assert compared > 50
+
+
+@pytest.mark.parametrize("kind", ["boxes", "walls", "lattice"])
+def test_what_was_put_in_is_taken_back_to_the_last_bit(kind):
+    rng, mesh, detours = _detours(kind)
+    detours.aim(*_ends(rng, mesh, 0.15), 0.15)
+    corners = mesh.arrays.vertices[4:]
+    corners = corners[corners["vref"] > 0]
+    freed = changed = 0
+
+    def seen(places):
+        return [array.tobytes() for array in trimmed(MeshArrays(*_mesh_at(places)))]
+
+    for round_ in range(120):
+        with detours.lent() as (places, before, *_):
+            now = seen(places)
+            assert seen(before) == now
+            place = rng.uniform(0.0, 9.0, 2)
+            if round_ % 4 == 1:  # in a narrow place, whose feet are needed no longer
+                a, b = corners[rng.integers(0, len(corners), 2)]
+                place = np.array([a["x"] + b["x"], a["y"] + b["y"]]) / 2
+            elif round_ % 4 == 2:  # on a corner
+                place = corners[rng.integers(0, len(corners))][["x", "y"]].item()
+            spare = _mesh_at(places).frame["spare"][0]
+            assert edit_point(places, INSERT, *map(float, place), -1) >= 0
+            freed += _mesh_at(places).frame["spare"][0] != spare
+            changed += seen(places) != now
+            if round_ % 10 == 9:  # this one stays
+                copy_edited(places, places, before)
+            else:
+                copy_edited(places, before, places)
+                assert seen(places) == now
+    assert changed > 80
+    assert freed > 5 or kind == "lattice"  # whose feet corners need as well
+    assert detours.reset()
 
 
 def test_after_a_reset_all_is_as_it_was_to_the_last_bit():
@@ -176,10 +221,10 @@ def test_no_detour_is_looked_for_where_there_is_no_room():
         obstacles._work.progress["uses"] = uses
         obstacles.make_room()
     with detours.lent() as search:
-        while _add_dot(search[2], 0.0, 0.0):
+        while _add_dot(search[3], 0.0, 0.0):
             pass
         assert _find_detour(*search, *path.points[1])[0] == NO_ROOM
-        search[2].numbers[2] = 0
+        search[3].numbers[2] = 0
         assert _find_detour(*search, *path.points[1])[0] != LOST
     assert not detours.reset()  # its arrays are others
 

@@ -1,0 +1,60 @@
+"""An edit undone by copying back what it changed, which is less than to take out what was put in."""
+
+from crowdsim.jit import helper, kernel
+from crowdsim.navmesh.editing.address_kernels import mesh_at, workshop_at
+from crowdsim.navmesh.editing.removal_kernels import hint_cell
+
+
+@helper
+def _copy_around(m, source, target, t):
+    """Copy the corners of triangle t of mesh ``m``, and the sides of its neighbors, which point to it."""
+    for h in range(3 * t, 3 * t + 3):
+        v = m.sides[h].org
+        target.vertices[v] = source.vertices[v]
+        g = m.sides[h].twin
+        if g >= 0:
+            target.sides[g] = source.sides[g]
+
+
+@helper
+def _number(w, k, first):
+    """The k-th triangle to copy, of which ``first`` is the first at the end of the mesh."""
+    listed = w.progress[0].changed
+    return w.to_do[k].changed if k < listed else first + k - listed
+
+
+@kernel
+def copy_edited(edited, source, target):
+    """Copy what the last point put into the mesh at ``edited`` changed, from the mesh at ``source`` to ``target``.
+
+    All are places of address_kernels. One of the two is that mesh itself, the other as it was before, and has as much
+    room. What changed is the triangles that are listed or new or no longer there, what they point to, and what points
+    to them, before or after.
+    """
+    m = mesh_at(edited)
+    w = workshop_at(edited)
+    s = mesh_at(source)
+    t = mesh_at(target)
+    filled = s.frame[0].triangles
+    other = t.frame[0].triangles
+    first = min(filled, other)
+    count = w.progress[0].changed + max(filled, other) - first
+    for k in range(count):
+        i = _number(w, k, first)
+        if i < m.frame[0].triangles:
+            cell = hint_cell(m, i)
+            t.hints[cell] = s.hints[cell]
+    for k in range(count):
+        i = _number(w, k, first)
+        if i < other:
+            _copy_around(t, s, t, i)
+    for k in range(count):
+        i = _number(w, k, first)
+        if i < filled:
+            _copy_around(s, s, t, i)
+            t.wind[i] = s.wind[i]
+            for h in range(3 * i, 3 * i + 3):
+                t.sides[h] = s.sides[h]
+    v = w.progress[0].vertex
+    t.vertices[v] = s.vertices[v]
+    t.frame[0] = s.frame[0]
