@@ -22,12 +22,14 @@ class Requirements:
     radii: (n, m) float64, planned clearance; on the searched layer all equal to the largest of the behaviors',
     on the others at least that of narrower ones.
     bodies: (n, m), the bodies' own clearance. costs: (n,) float64 a meter. turned: (n,) bool.
+    turning: (n, 2, m) float64, what a body reaches while it turns off its way, and back onto it; 0 where no clip does.
     """
 
     radii: NDArray[np.float64]
     bodies: NDArray[np.float64]
     costs: NDArray[np.float64]
     turned: NDArray[np.bool_]
+    turning: NDArray[np.float64]
 
     @staticmethod
     def of(behaviors: Sequence[Behavior], layers: int, margin: float) -> Requirements:
@@ -49,6 +51,9 @@ class Requirements:
             bodies=bodies,
             costs=np.array([behavior.cost_per_meter for behavior in behaviors]),
             turned=np.array([behavior.turned for behavior in behaviors]),
+            turning=np.array(
+                [np.zeros((2, layers)) if behavior.turning is None else behavior.turning for behavior in behaviors]
+            ),
         )
 
     @property

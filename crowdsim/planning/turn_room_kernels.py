@@ -1,0 +1,195 @@
+"""The middle of each turn of a path led aside by what it lacks of what a body reaches while it turns."""
+
+import math
+
+import numpy as np
+
+from crowdsim.jit import helper, kernel, unowned
+from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
+from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, sweep
+from crowdsim.navmesh.half_edge_kernels import triangle_of
+from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.planning.labelling_kernels import TURN_ROOM
+from crowdsim.planning.requirements import TOUCH
+
+STATION = 0.06
+"""Meters between the places of a turn that are looked at."""
+
+WORTH = 0.005
+"""Share of the cost that the room for a turn may take."""
+
+PROBE = 0.03
+"""Meters to the sides where it is looked for more room."""
+
+CHORD = 0.002
+"""Meters of clearance beyond what is needed, for the straight pieces between stations."""
+
+SPARED = 0.004
+"""Meters that a turn may lack of what it reaches: less is not worth a bend."""
+
+INNER = int(0.25 * TURN_ROOM / STATION) + 1
+"""Places on both sides of the middle of a turn that may be led aside."""
+
+RAMP = 2
+"""Stations from the last of these to the place where the path is as it was."""
+
+_ENDS = INNER + RAMP
+_PLACES = 2 * INNER + 3
+
+
+@helper
+def _place_stations(points, arc, middle, places):
+    """Fill ``places`` (s, 2) of the path about the middle of a turn, an arc length; the first and the last stay."""
+    piece = np.int64(0)
+    for i in range(_PLACES):
+        step = i - INNER - 1
+        if i == 0:
+            step = -_ENDS
+        elif i == _PLACES - 1:
+            step = _ENDS
+        at = middle + STATION * step
+        while piece < points.shape[0] - 2 and arc[piece + 1] <= at:
+            piece += 1
+        size = arc[piece + 1] - arc[piece]
+        share = min((at - arc[piece]) / size, 1.0) if size > 0.0 else 0.0
+        for c in range(2):
+            places[i, c] = points[piece, c] + share * (points[piece + 1, c] - points[piece, c])
+
+
+@helper
+def _lacking(layers, hints, radii, turning, label, back, x, y):
+    """Meters that (x, y) lacks of what the turn reaches, in layers where that is beyond the plan; at least -PROBE."""
+    top = radii.shape[0] - 1
+    lack = -PROBE
+    for i, m in enumerate(layers):
+        reach = turning[label, back, i] - SPARED
+        if reach > radii[top, i]:
+            distance, triangle = disc_clearance(m, x, y, reach + PROBE, hints[i])
+            if triangle >= 0:
+                hints[i] = triangle
+            lack = max(lack, reach - max(distance, 0.0))
+    return lack
+
+
+@helper
+def _lead_aside(layers, hints, radii, turning, label, back, places, across):
+    """Move ``places`` (s, 2) to where they have the clearance of the turn; whether any lacks of it.
+
+    ``across``: scratch, as ``places``.
+    """
+    for i in range(1, _PLACES - 1):
+        dx = places[i + 1, 0] - places[i - 1, 0]
+        dy = places[i + 1, 1] - places[i - 1, 1]
+        size = math.hypot(dx, dy)
+        across[i, 0] = -dy / size if size > 0.0 else 0.0
+        across[i, 1] = dx / size if size > 0.0 else 0.0
+    bends = False
+    for i in range(1, _PLACES - 1):
+        x = places[i, 0]
+        y = places[i, 1]
+        lack = _lacking(layers, hints, radii, turning, label, back, x, y)
+        if lack <= 0.0:
+            continue
+        bends = True
+        ax = PROBE * across[i, 0]
+        ay = PROBE * across[i, 1]
+        left = _lacking(layers, hints, radii, turning, label, back, x + ax, y + ay)
+        right = _lacking(layers, hints, radii, turning, label, back, x - ax, y - ay)
+        aside = lack + CHORD if left <= right else -lack - CHORD
+        places[i, 0] += aside * across[i, 0]
+        places[i, 1] += aside * across[i, 1]
+    return bends
+
+
+@helper
+def _fits(layers, radii, label, places, stack):
+    """Whether the behavior moves along the polyline ``places`` (s, 2) in all layers; False in doubt."""
+    for i, m in enumerate(layers):
+        triangle = triangle_of(m, places[0, 0], places[0, 1], NONE)
+        if triangle < 0 or m.wind[triangle] != 0:
+            return False
+        least = radii[label, i] - TOUCH
+        for k in range(_PLACES - 1):
+            free, triangle = sweep(
+                m.sides, m.vertices, stack, triangle,
+                places[k, 0], places[k, 1], places[k + 1, 0], places[k + 1, 1], least,
+            )  # fmt: skip
+            if not free:
+                return False
+    return True
+
+
+@kernel
+def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turned):
+    """The path with room to turn: its polyline (n, 2), arc lengths (n,), sections (k, 3) and cost.
+
+    No points where nothing bends. layers: tuple of all meshes. points, arc, sections, cost: the path as it is. Others:
+    as of :class:`crowdsim.planning.requirements.Requirements`.
+    """
+    layers = unowned(layers)
+    count = sections.shape[0]
+    hints = np.full(len(layers), NONE)
+    stack = np.empty(64, SWEPT)
+    places = np.empty((_PLACES, 2))
+    across = np.empty((_PLACES, 2))
+    line = np.empty((points.shape[0] + _PLACES * count, 2))
+    longer = np.zeros(count)
+    filled = 0
+    kept = 0
+    end = 0.0
+    for k in range(count - 1):
+        one = int(sections[k, 0])
+        other = int(sections[k + 1, 0])
+        if turned[one] == turned[other]:
+            continue
+        back = 1 if turned[one] else 0
+        label = one if back == 1 else other
+        whole = k + back
+        walking = int(sections[whole, 0])
+        reaches = False
+        for i in range(len(layers)):
+            reaches = reaches or turning[label, back, i] - SPARED > radii[walking, i]
+        middle = sections[k, 2] + (0.5 if back == 1 else -0.5) * TURN_ROOM
+        first = middle - STATION * _ENDS
+        last = middle + STATION * _ENDS
+        if not reaches or first <= max(sections[whole, 1], end) or last >= sections[whole, 2]:
+            continue
+        _place_stations(points, arc, middle, places)
+        if not _lead_aside(layers, hints, radii, turning, label, back, places, across):
+            continue
+        more = first - last
+        for i in range(_PLACES - 1):
+            more += math.hypot(places[i + 1, 0] - places[i, 0], places[i + 1, 1] - places[i, 1])
+        if more * costs[walking] > WORTH * cost or not _fits(layers, radii, walking, places, stack):
+            continue
+        while arc[kept] <= first:
+            line[filled, 0] = points[kept, 0]
+            line[filled, 1] = points[kept, 1]
+            filled += 1
+            kept += 1
+        for i in range(_PLACES):
+            line[filled, 0] = places[i, 0]
+            line[filled, 1] = places[i, 1]
+            filled += 1
+        while kept < arc.size and arc[kept] <= last:
+            kept += 1
+        longer[whole] += more
+        end = last
+    if filled == 0:
+        return line[:0], arc, sections, cost
+    for i in range(kept, points.shape[0]):
+        line[filled, 0] = points[i, 0]
+        line[filled, 1] = points[i, 1]
+        filled += 1
+    lengths = np.zeros(filled)
+    for i in range(1, filled):
+        lengths[i] = lengths[i - 1] + math.hypot(line[i, 0] - line[i - 1, 0], line[i, 1] - line[i - 1, 1])
+    bent = np.empty((count, 3))
+    aside = 0.0
+    for k in range(count):
+        bent[k, 0] = sections[k, 0]
+        bent[k, 1] = sections[k, 1] + aside
+        aside += longer[k]
+        bent[k, 2] = sections[k, 2] + aside if k < count - 1 else lengths[filled - 1]
+        cost += costs[int(sections[k, 0])] * ((bent[k, 2] - bent[k, 1]) - (sections[k, 2] - sections[k, 1]))
+    return line[:filled], lengths, bent, cost
