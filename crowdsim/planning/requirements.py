@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +65,12 @@ class Requirements:
     def first_labelled(self) -> int:
         """The lowest layer that tells which behavior fits: the legs' asks all behaviors for the same."""
         return min(1, self.radii.shape[1] - 1)
+
+    @cached_property
+    def narrowest_upright(self) -> NDArray[np.float64] | None:
+        """Clearances (m,) of the narrowest behavior that is not turned; None where all are."""
+        upright = np.flatnonzero(~self.turned)
+        return self.radii[upright[0]] if len(upright) else None
 
     @property
     def search_radius(self) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
@@ -21,8 +22,9 @@ def with_turn_room(query: Query, path: AnnotatedPath) -> AnnotatedPath:
     turned = need.turned.tolist()
     if len({turned[section.behavior] for section in path.sections}) < 2:
         return path
+    sections = np.fromiter(chain.from_iterable(path.sections), np.float64)
     points, arc, sections, cost = bend_turns(
-        tuple([mesh.arrays for mesh in query.meshes]), path.points, path.arc, np.array(path.sections), path.cost,
+        tuple([mesh.arrays for mesh in query.meshes]), path.points, path.arc, sections.reshape(-1, 3), path.cost,
         need.radii, need.turning, need.costs, need.turned,
     )  # fmt: skip
     return replace(path, points=points, arc=arc, sections=as_sections(sections), cost=cost) if len(points) else path
