@@ -57,47 +57,42 @@ def _place_stations(points, arc, middle, places):
 
 
 @helper
-def _lacking(layers, hints, radii, turning, label, back, x, y):
+def _lacking(layers, radii, turning, label, back, x, y):
     """Meters that (x, y) lacks of what the turn reaches, in layers where that is beyond the plan; at least -PROBE."""
     top = radii.shape[0] - 1
     lack = -PROBE
     for i, m in enumerate(layers):
         reach = turning[label, back, i] - SPARED
         if reach > radii[top, i]:
-            distance, triangle = disc_clearance(m, x, y, reach + PROBE, hints[i])
-            if triangle >= 0:
-                hints[i] = triangle
+            distance, _ = disc_clearance(m, x, y, reach + PROBE, np.int64(NONE))
             lack = max(lack, reach - max(distance, 0.0))
     return lack
 
 
 @helper
-def _lead_aside(layers, hints, radii, turning, label, back, places, across):
-    """Move ``places`` (s, 2) to where they have the clearance of the turn; whether any lacks of it.
-
-    ``across``: scratch, as ``places``.
-    """
-    for i in range(1, _PLACES - 1):
-        dx = places[i + 1, 0] - places[i - 1, 0]
-        dy = places[i + 1, 1] - places[i - 1, 1]
-        size = math.hypot(dx, dy)
-        across[i, 0] = -dy / size if size > 0.0 else 0.0
-        across[i, 1] = dx / size if size > 0.0 else 0.0
+def _lead_aside(layers, radii, turning, label, back, places):
+    """Move ``places`` (s, 2) to where they have the clearance of the turn; whether any lacks of it."""
     bends = False
+    x = places[0, 0]
+    y = places[0, 1]
     for i in range(1, _PLACES - 1):
+        # To the left of the path, of which the places before may have moved.
+        ax = y - places[i + 1, 1]
+        ay = places[i + 1, 0] - x
+        size = math.hypot(ax, ay)
+        ax *= PROBE / size if size > 0.0 else 0.0
+        ay *= PROBE / size if size > 0.0 else 0.0
         x = places[i, 0]
         y = places[i, 1]
-        lack = _lacking(layers, hints, radii, turning, label, back, x, y)
+        lack = _lacking(layers, radii, turning, label, back, x, y)
         if lack <= 0.0:
             continue
         bends = True
-        ax = PROBE * across[i, 0]
-        ay = PROBE * across[i, 1]
-        left = _lacking(layers, hints, radii, turning, label, back, x + ax, y + ay)
-        right = _lacking(layers, hints, radii, turning, label, back, x - ax, y - ay)
-        aside = lack + CHORD if left <= right else -lack - CHORD
-        places[i, 0] += aside * across[i, 0]
-        places[i, 1] += aside * across[i, 1]
+        left = _lacking(layers, radii, turning, label, back, x + ax, y + ay)
+        right = _lacking(layers, radii, turning, label, back, x - ax, y - ay)
+        aside = (lack + CHORD if left <= right else -lack - CHORD) / PROBE
+        places[i, 0] += aside * ax
+        places[i, 1] += aside * ay
     return bends
 
 
@@ -128,12 +123,13 @@ def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turne
     """
     layers = unowned(layers)
     count = sections.shape[0]
-    hints = np.full(len(layers), NONE)
     stack = np.empty(64, SWEPT)
     places = np.empty((_PLACES, 2))
-    across = np.empty((_PLACES, 2))
     line = np.empty((points.shape[0] + _PLACES * count, 2))
-    longer = np.zeros(count)
+    bent = np.empty((count, 3))
+    for k in range(count):
+        for c in range(3):
+            bent[k, c] = sections[k, c]
     filled = 0
     kept = 0
     end = 0.0
@@ -155,7 +151,7 @@ def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turne
         if not reaches or first <= max(sections[whole, 1], end) or last >= sections[whole, 2]:
             continue
         _place_stations(points, arc, middle, places)
-        if not _lead_aside(layers, hints, radii, turning, label, back, places, across):
+        if not _lead_aside(layers, radii, turning, label, back, places):
             continue
         more = first - last
         for i in range(_PLACES - 1):
@@ -173,7 +169,10 @@ def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turne
             filled += 1
         while kept < arc.size and arc[kept] <= last:
             kept += 1
-        longer[whole] += more
+        bent[whole, 2] += more
+        for later in range(whole + 1, count):
+            bent[later, 1] += more
+            bent[later, 2] += more
         end = last
     if filled == 0:
         return line[:0], arc, sections, cost
@@ -181,15 +180,11 @@ def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turne
         line[filled, 0] = points[i, 0]
         line[filled, 1] = points[i, 1]
         filled += 1
-    lengths = np.zeros(filled)
+    lengths = np.empty(filled)
+    lengths[0] = 0.0
     for i in range(1, filled):
         lengths[i] = lengths[i - 1] + math.hypot(line[i, 0] - line[i - 1, 0], line[i, 1] - line[i - 1, 1])
-    bent = np.empty((count, 3))
-    aside = 0.0
+    bent[count - 1, 2] = lengths[filled - 1]
     for k in range(count):
-        bent[k, 0] = sections[k, 0]
-        bent[k, 1] = sections[k, 1] + aside
-        aside += longer[k]
-        bent[k, 2] = sections[k, 2] + aside if k < count - 1 else lengths[filled - 1]
         cost += costs[int(sections[k, 0])] * ((bent[k, 2] - bent[k, 1]) - (sections[k, 2] - sections[k, 1]))
     return line[:filled], lengths, bent, cost
