@@ -6,11 +6,10 @@ import numpy as np
 
 from crowdsim.jit import helper, kernel, unowned
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
-from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, sweep
-from crowdsim.navmesh.half_edge_kernels import triangle_of
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.planning.labelling_kernels import TURN_ROOM
 from crowdsim.planning.requirements import TOUCH
+from crowdsim.planning.string_kernels import are_free
 
 STATION = 0.06
 """Meters between the places of a turn that are looked at."""
@@ -96,24 +95,6 @@ def _lead_aside(layers, radii, turning, label, back, places):
     return bends
 
 
-@helper
-def _fits(layers, radii, label, places, stack):
-    """Whether the behavior moves along the polyline ``places`` (s, 2) in all layers; False in doubt."""
-    for i, m in enumerate(layers):
-        triangle = triangle_of(m, places[0, 0], places[0, 1], NONE)
-        if triangle < 0 or m.wind[triangle] != 0:
-            return False
-        least = radii[label, i] - TOUCH
-        for k in range(_PLACES - 1):
-            free, triangle = sweep(
-                m.sides, m.vertices, stack, triangle,
-                places[k, 0], places[k, 1], places[k + 1, 0], places[k + 1, 1], least,
-            )  # fmt: skip
-            if not free:
-                return False
-    return True
-
-
 @kernel
 def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turned):
     """The path with room to turn: its polyline (n, 2), arc lengths (n,), sections (k, 3) and cost.
@@ -123,7 +104,8 @@ def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turne
     """
     layers = unowned(layers)
     count = sections.shape[0]
-    stack = np.empty(64, SWEPT)
+    least = np.empty(len(layers))
+    pieces = np.empty((_PLACES - 1, 4))
     places = np.empty((_PLACES, 2))
     line = np.empty((points.shape[0] + _PLACES * count, 2))
     bent = np.empty((count, 3))
@@ -156,7 +138,11 @@ def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turne
         more = first - last
         for i in range(_PLACES - 1):
             more += math.hypot(places[i + 1, 0] - places[i, 0], places[i + 1, 1] - places[i, 1])
-        if more * costs[walking] > WORTH * cost or not _fits(layers, radii, walking, places, stack):
+            for c in range(4):
+                pieces[i, c] = places[i + c // 2, c % 2]
+        for i in range(len(layers)):
+            least[i] = radii[walking, i] - TOUCH
+        if more * costs[walking] > WORTH * cost or not are_free(layers, least, pieces):
             continue
         while arc[kept] <= first:
             line[filled, 0] = points[kept, 0]
