@@ -144,7 +144,7 @@ def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turne
             least[i] = radii[walking, i] - TOUCH
         if more * costs[walking] > WORTH * cost or not are_free(layers, least, pieces):
             continue
-        while arc[kept] <= first:
+        while kept < arc.size and arc[kept] <= first:
             line[filled, 0] = points[kept, 0]
             line[filled, 1] = points[kept, 1]
             filled += 1
