@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -31,10 +32,10 @@ def clear_ends(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np
     A motion strays from its path, so whoever stands where it came to rest may be nearer to obstacles than planned.
     What counts is the widest behavior that fits; one for which the body must turn does only where no other fits.
     """
-    upright = need.radii[~need.turned][:1]  # where a wider behavior fits, the narrower does
-    if len(upright):
+    upright = need.narrowest_upright  # where a wider behavior fits, the narrower does
+    if upright is not None:
         places = np.concatenate([points, points], axis=1)
-        if are_free(tuple(mesh.arrays for mesh in meshes), upright[0] - _ROUNDING, places):
+        if are_free(tuple([mesh.arrays for mesh in meshes]), upright - _ROUNDING, places):
             return points
     limit = float(need.radii.max()) + REACH
     clear = np.array([mesh.clearances(points, limit) for mesh in meshes]).T + _ROUNDING
@@ -76,8 +77,9 @@ def _rings() -> tuple[NDArray[np.int64], NDArray[np.float64]]:
 
 def joined_to(path: AnnotatedPath, ends: NDArray[np.float64], costs: NDArray[np.float64]) -> AnnotatedPath:
     """The path with its first and last section lengthened to start and goal (2, 2)."""
-    before = float(np.hypot(*(path.points[0] - ends[0])))
-    after = float(np.hypot(*(path.points[-1] - ends[1])))
+    start, goal = ends.tolist()
+    before = math.dist(path.points[0].tolist(), start)
+    after = math.dist(path.points[-1].tolist(), goal)
     if before == after == 0.0:
         return path
     points = np.concatenate([ends[:1][: before > 0.0], path.points, ends[1:][: after > 0.0]])

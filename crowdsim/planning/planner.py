@@ -88,7 +88,7 @@ def plan_path(
     if slack:
         best = with_slack(query, best)
     if planner != "collision3d":  # which knows what bodies reach
-        best = with_turn_room(query, best, behaviors)
+        best = with_turn_room(query, best)
     given = np.array([start, goal], dtype=np.float64)
     return replace(joined_to(best, given, query.need.costs), certificate=partial(lower_bound, query))
 

@@ -44,5 +44,9 @@ class Query(NamedTuple):
 
 def with_sections(points: NDArray[np.float64], found: NDArray[np.float64], cost: float) -> AnnotatedPath:
     """The path along ``points`` (n, 2) with sections (k, 3), as of `annotate`."""
-    sections = tuple(Section(int(label), start, end) for label, start, end in found.tolist())
-    return AnnotatedPath(points, arc_lengths(points), sections, float(cost))
+    return AnnotatedPath(points, arc_lengths(points), as_sections(found), float(cost))
+
+
+def as_sections(found: NDArray[np.float64]) -> tuple[Section, ...]:
+    """Sections from an array (k, 3), as kernels have them."""
+    return tuple([Section(int(label), start, end) for label, start, end in found.tolist()])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +23,14 @@ class Requirements:
     radii: (n, m) float64, planned clearance; on the searched layer all equal to the largest of the behaviors',
     on the others at least that of narrower ones.
     bodies: (n, m), the bodies' own clearance. costs: (n,) float64 a meter. turned: (n,) bool.
+    turning: (n, 2, m) float64, what a body reaches while it turns off its way, and back onto it; 0 where no clip does.
     """
 
     radii: NDArray[np.float64]
     bodies: NDArray[np.float64]
     costs: NDArray[np.float64]
     turned: NDArray[np.bool_]
+    turning: NDArray[np.float64]
 
     @staticmethod
     def of(behaviors: Sequence[Behavior], layers: int, margin: float) -> Requirements:
@@ -49,6 +52,9 @@ class Requirements:
             bodies=bodies,
             costs=np.array([behavior.cost_per_meter for behavior in behaviors]),
             turned=np.array([behavior.turned for behavior in behaviors]),
+            turning=np.array(
+                [np.zeros((2, layers)) if behavior.turning is None else behavior.turning for behavior in behaviors]
+            ),
         )
 
     @property
@@ -59,6 +65,12 @@ class Requirements:
     def first_labelled(self) -> int:
         """The lowest layer that tells which behavior fits: the legs' asks all behaviors for the same."""
         return min(1, self.radii.shape[1] - 1)
+
+    @cached_property
+    def narrowest_upright(self) -> NDArray[np.float64] | None:
+        """Clearances (m,) of the narrowest behavior that is not turned; None where all are."""
+        upright = np.flatnonzero(~self.turned)
+        return self.radii[upright[0]] if len(upright) else None
 
     @property
     def search_radius(self) -> float:

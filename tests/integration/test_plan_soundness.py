@@ -34,7 +34,8 @@ def test_the_benchmark_has_a_row_for_each_place_that_is_there(monkeypatch, tmp_p
 
 
 def test_a_disc_that_reaches_too_far_is_noticed():
-    need = Requirements(np.array([[0.3]]), np.array([[0.3]]), np.array([1.0]), np.array([False]))
+    alone = np.array([[0.3]])
+    need = Requirements(alone, alone, np.array([1.0]), np.array([False]), np.zeros((1, 2, 1)))
     room = shapely.box(0.0, 0.0, 4.0, 1.0)
     points = np.array([[0.5, 0.28], [3.5, 0.28]])
     path = AnnotatedPath(points, np.array([0.0, 3.0]), (Section(0, 0.0, 3.0),), 3.0)
