@@ -18,7 +18,7 @@ from crowdsim.motion.tracks import track_of
 from crowdsim.planning.annotated_path import AnnotatedPath, arc_lengths, points_at
 from crowdsim.planning.behaviors import Behavior, read_behavior
 from crowdsim.planning.collision_scene import CollisionScene, Stride
-from crowdsim.planning.greedy import plan_greedy
+from crowdsim.planning.greedy import plan_step_by_step
 from crowdsim.planning.labelling import label_path
 from crowdsim.planning.query import Query
 
@@ -54,7 +54,8 @@ def make_bodies(scene: CollisionScene, behaviors: Sequence[Behavior]) -> Bodies:
 
 def plan_collision3d(query: Query, bodies: Bodies) -> AnnotatedPath | None:
     """The published planner (blockers that paid off kept) with tests in 3D; None where no path fits any behavior."""
-    return plan_greedy(query, keep_blockers=True, annotate=lambda points: annotated_in_3d(query, bodies, points))
+    best = plan_step_by_step(query, True, lambda points: annotated_in_3d(query, bodies, points), one_by_one=False)
+    return best if best.sections else None
 
 
 def annotated_in_3d(query: Query, bodies: Bodies, points: Floats) -> AnnotatedPath:

@@ -1,8 +1,10 @@
 """The published planner (2018 paper, algorithm 1): block what only the narrowest behavior passes, while that pays.
 
 Read literally, a blocker is taken out again before the next is tried, so that two detours are never combined; here
-those that paid off may stay until the end. Paths are labelled as well as they can be, not from the start on
-(algorithm 2 takes the widest behavior first, however short its section gets), and their parts are not searched again.
+those that paid off may stay until the end. Then sections are looked at one by one, their ends first, for it is where a
+narrow place begins that blocking it pays most: half as many detours are looked for. Paths are labelled as well as they
+can be, not from the start on (algorithm 2 takes the widest behavior first, however short its section gets), and their
+parts are not searched again.
 """
 
 from __future__ import annotations
@@ -33,11 +35,11 @@ Annotate = Callable[[Floats], AnnotatedPath]
 """The points (n, 2) of a path to the path with its sections, none and infinite cost where nothing fits."""
 
 
-def plan_greedy(query: Query, keep_blockers: bool, annotate: Annotate | None = None) -> AnnotatedPath | None:
-    """Algorithm 1; None where no path fits any behavior. ``annotate`` finds the sections, by default in the layers."""
-    best = _in_one_kernel(query, keep_blockers) if annotate is None else None
+def plan_greedy(query: Query, keep_blockers: bool) -> AnnotatedPath | None:
+    """Algorithm 1; None where no path fits any behavior."""
+    best = _in_one_kernel(query, keep_blockers)
     if best is None:
-        best = plan_step_by_step(query, keep_blockers, annotate or query.annotated)
+        best = plan_step_by_step(query, keep_blockers, query.annotated, keep_blockers)
     return best if best.sections else None
 
 
@@ -67,8 +69,11 @@ class _Detour:
     sure: bool = True
 
 
-def plan_step_by_step(query: Query, keep_blockers: bool, annotate: Annotate) -> AnnotatedPath:
-    """What `plan_around` does, with each path searched for on its own; without sections where nothing fits."""
+def plan_step_by_step(query: Query, keep_blockers: bool, annotate: Annotate, one_by_one: bool) -> AnnotatedPath:
+    """What `plan_around` does, with each path searched for on its own; without sections where nothing fits.
+
+    one_by_one: whether detours of one section are chosen from, or those of all, as the paper does.
+    """
     mesh = query.meshes[0].with_points(np.empty((0, 2)))
     radius = query.need.search_radius
     least = radius - mesh.tolerance(radius)
@@ -109,7 +114,7 @@ def plan_step_by_step(query: Query, keep_blockers: bool, annotate: Annotate) -> 
             look(cheapest)
 
     for _ in range(MOST_ROUNDS):
-        turns = _conflict_points(query, best, keep_blockers)
+        turns = _conflict_points(query, best, one_by_one)
         chosen = next(filter(None, map(cheapest_around, turns)), None)
         if chosen is None or chosen.path is None:
             return best

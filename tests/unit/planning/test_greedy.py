@@ -97,7 +97,7 @@ def _queries(count):
 def test_the_kernel_does_what_is_done_step_by_step(keep_blockers):
     ratios, gains = [], []
     for query in _queries(40):
-        best = plan_step_by_step(query, keep_blockers, query.annotated)
+        best = plan_step_by_step(query, keep_blockers, query.annotated, keep_blockers)
         found = plan_greedy(query, keep_blockers)
         assert (found is None) == (not best.sections)
         if found is None:
@@ -119,7 +119,7 @@ def test_the_kernel_does_what_is_done_step_by_step(keep_blockers):
 @pytest.mark.parametrize("status", [NO_ROOM, LOST])
 def test_where_the_kernel_gives_up_plans_are_made_step_by_step(monkeypatch, status):
     query = list(_queries(10))[1]  # where searches without a guide find the same
-    expected = plan_step_by_step(query, True, query.annotated)
+    expected = plan_step_by_step(query, True, query.annotated, True)
 
     def give_up(*arguments):
         plan_around(*arguments)
@@ -149,3 +149,19 @@ def test_plans_do_not_depend_on_plans_before(planner):
     first = [cost(seed) for seed in asked]
     assert [cost(seed) for seed in reversed(asked)] == first[::-1]
     assert np.isfinite(first).any()
+
+
+def test_one_section_after_the_other_is_as_good_as_all_at_once():
+    looked = {True: 0, False: 0}
+    costs = {True: [], False: []}
+    for query in _queries(40):
+        for one_by_one in (True, False):
+
+            def annotate(points, query=query, one_by_one=one_by_one):
+                looked[one_by_one] += 1
+                return query.annotated(points)
+
+            costs[one_by_one].append(plan_step_by_step(query, True, annotate, one_by_one).cost)
+    ratios = np.array(costs[True]) / np.array(costs[False])
+    assert np.nanmean(ratios) < 1.02
+    assert looked[True] < 0.8 * looked[False]
