@@ -63,11 +63,11 @@ USE = np.dtype([("owner", np.int32), ("next", np.int32)], align=True)
 Lists are sorted by owner and never changed, so that halves of a split side share one.
 """
 
-TO_DO = np.dtype([(name, np.int64) for name in ("waiting", "touched", "mark", "changed")], align=True)
+TO_DO = np.dtype([(name, np.int64) for name in ("waiting", "touched", "mark", "changed", "cell")], align=True)
 """Two lists of vertices side by side, and marks of which vertex is in them (see work_kernels).
 
-changed: a list of triangles that an edit changed, or that took the number of another; those at the end that are no
-longer there, or new, may be missing.
+changed, cell: a list of triangles that an edit changed, or that took the number of another, and where it gave hints to
+them; those at the end that are no longer there, or new, may be missing.
 """
 
 PROGRESS = np.dtype(

@@ -161,10 +161,9 @@ def plan_around(places, before, work, checked, ends, guide, layers, radii, costs
     """Algorithm 1: (status, cost, points (n, 2), sections (k, 3)) of the path that no one blocker makes cheaper.
 
     ``places`` are those of a mesh and its workshop (see address_kernels), in which nothing was put yet, ``before`` of a
-    copy of the mesh; ``ends``: x, y
-    of start and goal, radius and least clearance; ``guide``: of `aim_guide`. Layers, radii, costs, turned, terms and
-    sections are as of :func:`crowdsim.planning.fitting_kernels.annotate`. ``keep``: whether blockers that paid off
-    stay, and then stay in the mesh.
+    copy of the mesh; ``ends``: x, y of start and goal, radius and least clearance; ``guide``: of `aim_guide`. Layers,
+    radii, costs, turned, terms and sections are as of :func:`crowdsim.planning.fitting_kernels.annotate`. ``keep``:
+    whether blockers that paid off stay, and then stay in both meshes.
 
     Where the status is not DONE, the mesh has no room or cannot be used any longer, or a detour could not be traced.
     The cost is infinite, and there are no sections, where nothing fits.
@@ -253,9 +252,9 @@ def plan_around(places, before, work, checked, ends, guide, layers, radii, costs
         if keep:
             if not add_dot(checked, candidates[top].x, candidates[top].y):
                 return NO_ROOM, cost, points[first:last], sections
-            if edit_point(places, _INSERT, candidates[top].x, candidates[top].y, NONE) < NONE:
+            v = edit_point(places, _INSERT, candidates[top].x, candidates[top].y, NONE)
+            if v < NONE or (v >= 0 and not copy_edited(places, places, before)):
                 return LOST, cost, points[first:last], sections
-            copy_edited(places, places, before)
             count = _keep(points, candidates, count, top, length, longer_by, dearer_by, least)
         else:
             for c in range(count):

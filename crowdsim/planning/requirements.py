@@ -42,6 +42,11 @@ class Requirements:
                 raise BehaviorError(
                     f"behavior '{behavior.name}' was measured on {len(behavior.radii)} layers, the scene has {layers}"
                 )
+            if behavior.turning is not None and behavior.turning.shape != (2, layers):
+                raise BehaviorError(
+                    f"behavior '{behavior.name}' has turning of shape {behavior.turning.shape}, not (2, {layers}): "
+                    "off the way and back onto it, on each layer of the scene"
+                )
         bodies = np.array([behavior.radii for behavior in behaviors])
         radii = bodies + margin
         radii[:, 0] = radii[:, 0].max()

@@ -25,7 +25,7 @@ DONE = 0
 NO_ROOM = 1
 """Make the arrays of the mesh larger."""
 LOST = 2
-"""The mesh is useless, with more new vertices around one point than anybody has seen; make it anew."""
+"""The mesh is useless, as more changed around one point than anybody has seen; make it anew."""
 NOT_TRACED = 3
 """There is a way, but repair found no path along it; a search without a guide may."""
 
@@ -46,6 +46,8 @@ def aim_guide(m, work, sx, sy, gx, gy, radius, least, farther, guide):
     clear_guide(guide)
     goal = triangle_of(m, gx, gy, NONE)
     start = triangle_of(m, sx, sy, goal)
+    if start < 0 or goal < 0:
+        return
     nothing = np.zeros(3, GUIDE)
     _, used, limit = find_way(m, None, work, goal, gx, gy, start, sx, sy, radius, 2.0 * least, nothing, farther)
     fill_guide(m, work.labels, used, radius, limit, guide)
@@ -68,8 +70,8 @@ def find_detour(places, before, m, w, work, checked, sx, sy, gx, gy, radius, lea
         return LOST, points, filled, math.inf
     found, path = plan_path(m, None, work, sx, sy, gx, gy, radius, least, guide, checked)
     drop_dot(checked)
-    if v >= 0:
-        copy_edited(places, before, places)
+    if v >= 0 and not copy_edited(places, before, places):
+        return LOST, points, filled, math.inf
     if found == TANGLED:
         return NOT_TRACED, points, filled, math.inf
     if found != OK:

@@ -32,9 +32,9 @@ _DOTS = 128
 class Detours:
     """A copy of a mesh that one thread may edit, and the paths in it between two places.
 
-    After :meth:`aim`, obstacles may be put into :attr:`mesh`. They only make ways longer, so the distances from the
-    goal without them, worked out once, guide every search: it looks at little more than the ways that are as short as
-    the one it finds.
+    After :meth:`aim`, kernels may put obstacles into :attr:`mesh` (see :meth:`lent`). They only make ways longer, so
+    the distances from the goal without them, worked out once, guide every search: it looks at little more than the ways
+    that are as short as the one it finds.
     """
 
     mesh: NavMesh

@@ -35,7 +35,6 @@ def _free_triangle(m, w, t):
     frame.triangles = last
     if t == last:
         return
-    note_changed(w, t)
     m.wind[t] = m.wind[last]
     for i in range(3):
         h = 3 * t + i
@@ -47,6 +46,7 @@ def _free_triangle(m, w, t):
     cell = hint_cell(m, t)
     if m.hints[cell] == last:
         m.hints[cell] = t
+    note_changed(w, t, cell)
 
 
 @helper

@@ -190,8 +190,9 @@ def settle(m, w):
             t = h // 3
             if is_dirty(sides, t):
                 measure_triangle(m, t)
-                note_changed(w, t)
-                m.hints[hint_cell(m, t)] = t
+                cell = hint_cell(m, t)
+                m.hints[cell] = t
+                note_changed(w, t, cell)
             h = sides[prv(h)].twin
             if h == first or h < 0:
                 break

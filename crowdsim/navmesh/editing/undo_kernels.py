@@ -2,7 +2,6 @@
 
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.editing.address_kernels import mesh_at, workshop_at
-from crowdsim.navmesh.editing.removal_kernels import hint_cell
 
 
 @helper
@@ -25,25 +24,25 @@ def _number(w, k, first):
 
 @kernel
 def copy_edited(edited, source, target):
-    """Copy what the last point put into the mesh at ``edited`` changed, from the mesh at ``source`` to ``target``.
+    """Copy what an edit of the mesh at ``edited`` changed, from the mesh at ``source`` to ``target``.
 
-    All are places of address_kernels. One of the two is that mesh itself, the other as it was before, and has as much
-    room. What changed is the triangles that are listed or new or no longer there, what they point to, and what points
-    to them, before or after.
+    That is INSERT of `edit_point`, which returned a vertex, and nothing was edited since. All are places of
+    address_kernels; one of the two is that mesh itself, the other as it was before, and has as much room. What changed
+    is the triangles that are listed or new or no longer there, what they point to, and what points to them, before or
+    after. False where there was no room for the list: then nothing is copied.
     """
-    m = mesh_at(edited)
     w = workshop_at(edited)
     s = mesh_at(source)
     t = mesh_at(target)
+    if w.progress[0].changed > w.to_do.size:
+        return False
     filled = s.frame[0].triangles
     other = t.frame[0].triangles
     first = min(filled, other)
     count = w.progress[0].changed + max(filled, other) - first
-    for k in range(count):
-        i = _number(w, k, first)
-        if i < m.frame[0].triangles:
-            cell = hint_cell(m, i)
-            t.hints[cell] = s.hints[cell]
+    for k in range(w.progress[0].changed):
+        cell = w.to_do[k].cell
+        t.hints[cell] = s.hints[cell]
     for k in range(count):
         i = _number(w, k, first)
         if i < other:
@@ -58,3 +57,4 @@ def copy_edited(edited, source, target):
     v = w.progress[0].vertex
     t.vertices[v] = s.vertices[v]
     t.frame[0] = s.frame[0]
+    return True

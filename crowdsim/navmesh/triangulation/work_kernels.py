@@ -40,12 +40,16 @@ def touch_triangle(sides, w, t):
 
 
 @helper
-def note_changed(w, t):
-    """Note the number of a triangle that is another one than before the edit, or not as it was."""
+def note_changed(w, t, cell):
+    """Note the number of a triangle that is another one than before the edit, or not as it was, and its hint cell.
+
+    Those for which there is no room are counted.
+    """
     progress = w.progress[0]
     if progress.changed < w.to_do.size:
         w.to_do[progress.changed].changed = t
-        progress.changed += 1
+        w.to_do[progress.changed].cell = cell
+    progress.changed += 1
 
 
 @helper

@@ -8,7 +8,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from crowdsim.errors import PathNotFound
+from crowdsim.errors import BehaviorError, PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.annotated_path import AnnotatedPath, arc_lengths
 from crowdsim.planning.planner import make_query, plan_path
@@ -133,3 +133,9 @@ def test_bends_of_plans_are_those_of_the_twin(behaviors):
             path = query.annotated(points)
             bends += bool(path.sections) and same_as_its_twin(query, path)
     assert bends >= 8
+
+
+def test_what_turns_reach_is_known_for_each_layer(behaviors):
+    wrong = (replace(behaviors[0], turning=np.full((2, 3), 0.3)), *behaviors[1:])
+    with pytest.raises(BehaviorError, match=r"turning of shape \(2, 3\), not \(2, 2\)"):
+        query_in(wrong)
