@@ -213,18 +213,6 @@ def pull(m, stack, nodes, count, radius, least, start, taut, checked=None):
             return True, points[:n]
         if distance < 0.0:
             break
-        if distance > least - 2.0 * COARSE:
-            # Corners that stand off an arc may be all that is wrong.
-            fine = False
-            for k in range(i, i + 1 if inside else i + 2):
-                if nodes[k].q != 0.0 and nodes[k].bulge > finest:
-                    nodes[k].bulge = FINE if nodes[k].bulge > FINE else max(0.125 * nodes[k].bulge, finest)
-                    fine = True
-            if fine:
-                first = max(1, i)
-                continue
-        if taut:
-            break
         dx = x - px
         dy = y - py
         crossed = False
@@ -242,6 +230,32 @@ def pull(m, stack, nodes, count, radius, least, start, taut, checked=None):
         vx = vertices[vertex].x
         vy = vertices[vertex].y
         left = dx * (vy - py) - dy * (vx - px) > 0.0
+        if distance > least - 2.0 * COARSE:
+            # Corners that stand off an arc may be all that is wrong, where they do so towards what is too close.
+            fine = False
+            size = math.sqrt(dx * dx + dy * dy)
+            along = (dx * (vx - px) + dy * (vy - py)) / size if size > 0.0 else 0.0
+            along = min(max(along, 0.0), size)
+            nx = px + along / size * dx if size > 0.0 else px
+            ny = py + along / size * dy if size > 0.0 else py
+            for k in range(i, i + 1 if inside else i + 2):
+                node = nodes[k]
+                if node.q == 0.0 or node.bulge <= finest:
+                    continue
+                if not taut:
+                    if (vx - nx) * (nx - node.x) + (vy - ny) * (ny - node.y) <= 0.0:
+                        continue
+                    # Between two arcs the polyline is their tangent, but for as far as it overshoots it to its corners.
+                    over = math.sqrt(node.bulge * (2.0 * radius + node.bulge))
+                    if not inside and (along if k == i else size - along) > over:
+                        continue
+                node.bulge = FINE if node.bulge > FINE else max(0.125 * node.bulge, finest)
+                fine = True
+            if fine:
+                first = max(1, i)
+                continue
+        if taut:
+            break
         q = radius if left != crossed else -radius
         if nodes[i].vertex == vertex or nodes[i + 1].vertex == vertex or (inside and q * nodes[i].q < 0.0):
             break
