@@ -11,6 +11,7 @@ from crowdsim.navmesh.editing.undo_kernels import copy_edited
 from crowdsim.navmesh.half_edge_kernels import triangle_of
 from crowdsim.navmesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.checked_kernels import add_dot, drop_dot
+from crowdsim.navmesh.paths.component_kernels import are_joined
 from crowdsim.navmesh.paths.guide_kernels import GUIDE, add_sides, clear_guide, fill_guide
 from crowdsim.navmesh.paths.interval_kernels import find_way
 from crowdsim.navmesh.paths.path_kernels import OK, TANGLED, append_path, plan_path
@@ -37,16 +38,19 @@ def begin_guide(m, guide):
 
 
 @kernel
-def aim_guide(m, work, sx, sy, gx, gy, radius, least, farther, guide):
+def aim_guide(m, labels, work, sx, sy, gx, gy, radius, least, farther, guide):
     """Fill ``guide`` for ways of a disc of ``radius`` from (sx, sy) to (gx, gy), both free.
 
     It knows ways that are longer than a short one by ``farther``, a factor and meters. What it knew of others before is
-    forgotten; the mesh is as it was when the guide was begun.
+    forgotten; the mesh is as it was when the guide was begun. ``labels`` are those of `label_sides` for the disc: where
+    they part the two, the guide knows nothing, rather than all that can be reached from the goal.
     """
     clear_guide(guide)
     goal = triangle_of(m, gx, gy, NONE)
     start = triangle_of(m, sx, sy, goal)
     if start < 0 or goal < 0:
+        return
+    if start != goal and not are_joined(m, labels, start, sx, sy, goal, gx, gy, 2.0 * least):
         return
     nothing = np.zeros(3, GUIDE)
     _, used, limit = find_way(m, None, work, goal, gx, gy, start, sx, sy, radius, 2.0 * least, nothing, farther)

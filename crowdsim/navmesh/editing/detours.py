@@ -13,6 +13,7 @@ from crowdsim.navmesh.editing import detour_kernels
 from crowdsim.navmesh.editing.address_kernels import places_of
 from crowdsim.navmesh.mesh_arrays import MeshArrays, overwrite
 from crowdsim.navmesh.paths.checked_kernels import CHECK, Checked
+from crowdsim.navmesh.paths.component_kernels import label_sides
 from crowdsim.navmesh.paths.guide_kernels import GUIDE
 from crowdsim.navmesh.paths.paths import Floats
 from crowdsim.navmesh.paths.workspace import workspace
@@ -49,6 +50,8 @@ class Detours:
         crossed = int(np.count_nonzero((arrays.sides["cst"].reshape(-1, 3) == 0) & (arrays.wind == 0)[:, None]))
         self._guide: NDArray[np.void] = np.zeros((1 << (2 * crossed).bit_length()) + 1, GUIDE)
         detour_kernels.begin_guide(arrays, self._guide)
+        self._labels = np.empty(0, np.int32)
+        self._labelled = -1.0
         self._checked = Checked(np.zeros(_PIECES, CHECK), np.zeros(3, np.int64), np.empty((_DOTS, 2)))
 
     def reset(self) -> bool:
@@ -65,8 +68,12 @@ class Detours:
         """Look for ways between two places in the mesh from now on, which is as it was at first."""
         self._ends = (*map(float, start), *map(float, goal), radius, radius - self.mesh.tolerance(radius))
         arrays = self.mesh.arrays
+        if radius != self._labelled:
+            self._labels = np.empty(len(arrays.sides), np.int32)
+            label_sides(arrays, 2.0 * self._ends[-1], self._labels)
+            self._labelled = radius
         with workspace(len(arrays.wind)) as work:
-            detour_kernels.aim_guide(arrays, work, *self._ends, _FARTHER, self._guide)
+            detour_kernels.aim_guide(arrays, self._labels, work, *self._ends, _FARTHER, self._guide)
         self._checked.numbers[:] = self._checked.numbers[0] + 1, 0, 0
 
     @contextmanager

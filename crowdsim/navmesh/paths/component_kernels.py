@@ -58,6 +58,20 @@ def label_sides(m, width, labels):
     return count
 
 
+@helper
+def are_joined(m, labels, start, sx, sy, goal, gx, gy, width):
+    """Whether a disc of diameter ``width`` at (sx, sy) in triangle ``start`` can go to (gx, gy) in another triangle.
+
+    ``labels`` are those of :func:`label_sides` for the width.
+    """
+    for h in range(3 * start, 3 * start + 3):
+        if can_leave(m.sides, m.vertices, h, sx, sy, width):
+            for g in range(3 * goal, 3 * goal + 3):
+                if labels[g] == labels[h] and can_leave(m.sides, m.vertices, g, gx, gy, width):
+                    return True
+    return False
+
+
 @kernel
 def components(m, labels, count, points, radius, least, out):
     """Fill ``out`` (n,) with the component of a disc around each of ``points`` (n, 2), -1 where it is not free.

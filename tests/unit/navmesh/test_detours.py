@@ -17,6 +17,7 @@ from crowdsim.navmesh.editing.undo_kernels import copy_edited
 from crowdsim.navmesh.mesh_arrays import MeshArrays, trimmed
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.paths.checked_kernels import add_dot
+from crowdsim.navmesh.paths.component_kernels import label_sides
 from crowdsim.navmesh.paths.guide_kernels import GUIDE
 from crowdsim.navmesh.paths.workspace import workspace
 from tests.reference.navmesh_reference import random_area
@@ -245,6 +246,21 @@ def test_the_mesh_asked_about_stays_as_it_is():
     assert mesh.revision == 0
 
 
+@pytest.mark.parametrize("radius", [0.2, 0.5])
+def test_a_guide_knows_nothing_where_the_goal_is_out_of_reach(radius):
+    """Through a gap of 0.8 m, wide enough for the one disc and not for the other."""
+    wall = shapely.union_all([shapely.box(4.0, 0.0, 5.0, 4.0), shapely.box(4.0, 4.8, 5.0, 9.0)])
+    detours = Detours(NavMesh(shapely.box(0.0, 0.0, 9.0, 9.0).difference(wall)))
+    for start, goal in (((1.0, 1.0), (8.0, 8.0)), ((1.0, 1.0), (1.5, 8.0)), ((8.0, 1.0), (1.0, 4.0))):
+        detours.aim(start, goal, radius)
+        with detours.lent() as (*_, guide):
+            limit = guide[-1]["left"]
+            known = np.isfinite(guide["left"][:-1]) & (guide["side"][:-1] != 0)
+        reachable = detours.mesh.reachable(start, goal, radius)
+        assert reachable == (radius == 0.2 or goal == (1.5, 8.0))
+        assert (limit > 0.0) == known.any() == reachable
+
+
 @pytest.mark.parametrize("kind", ["boxes", "walls", "lattice"])
 def test_a_guide_knows_how_far_sides_are_from_the_goal(kind):
     rng = np.random.default_rng(7)
@@ -254,8 +270,10 @@ def test_a_guide_knows_how_far_sides_are_from_the_goal(kind):
     m = mesh.arrays
     guide = np.zeros((1 << (6 * len(m.wind)).bit_length()) + 1, GUIDE)
     detour_kernels.begin_guide(m, guide)
+    labels = np.empty(len(m.sides), np.int32)
+    label_sides(m, 2.0 * radius, labels)
     with workspace(len(m.wind)) as work:
-        detour_kernels.aim_guide(m, work, *start, *goal, radius, radius, (0.0, 1e3), guide)
+        detour_kernels.aim_guide(m, labels, work, *start, *goal, radius, radius, (0.0, 1e3), guide)
     rows = {int(row["side"]): (row["left"], row["right"]) for row in guide[:-1] if row["side"] != 0}
     expected = side_distances(m, goal, mesh.locate(goal), radius, 2.0 * radius)
     compared = about = 0
