@@ -24,8 +24,8 @@ from crowdsim.motion.track_kernels import node_end
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.annotated_path import AnnotatedPath, PathSamples
 from crowdsim.planning.clear_ends import joined_to
-from crowdsim.planning.layered import cheapest_uniform
 from crowdsim.planning.planner import make_query
+from crowdsim.planning.uniform import cheapest_uniform
 from crowdsim.planning.widening import with_slack
 
 WORTHWHILE = 2.0
@@ -278,7 +278,7 @@ class MotionSearch:
         meshes = (legs.with_points(points), *place.meshes[1:])
         # Not over a roadmap, which would be made for this one plan.
         query = make_query(meshes, setting.behaviors, request.position, request.goal)
-        route = cheapest_uniform(query)
+        route = cheapest_uniform(query).path
         if route is None:
             return None
         route = joined_to(with_slack(query, route), np.array([request.position, request.goal]), setting.need.costs)

@@ -135,10 +135,15 @@ class NavMesh:
             raise GeometryError(f"goals: expected {len(sources)} points, one for each start, got {len(targets)}")
         smallest = 0.0 if optimality == "best" else max(MIN_RADIUS, 2.0 * self.tolerance(0.0))
         sizes = as_path_radii(radii, len(sources), smallest)
+        least = sizes - self.tolerance(sizes)
+        return self.search.find(sources, targets, sizes, least, optimality, workers, self.clearance)
+
+    @property
+    def search(self) -> PathSearch:
+        """What path searches share, until the next edit."""
         if self._search is None:
             self._search = PathSearch(self.arrays)
-        least = sizes - self.tolerance(sizes)
-        return self._search.find(sources, targets, sizes, least, optimality, workers, self.clearance)
+        return self._search
 
     def clearances(self, points: ArrayLike, limit: float = math.inf) -> Floats:
         """Distances (n,) from points (n, 2) to the nearest obstacle, capped at ``limit``; 0 where not free."""

@@ -58,6 +58,8 @@ class _Batch:
 
     def part(self, first: int, last: int) -> _Batch:
         """Rows ``first`` up to ``last``, whose answers are those of this batch."""
+        if last - first == len(self.starts):
+            return self
         return _Batch(*(getattr(self, field.name)[first:last] for field in fields(self)))
 
     def copy(self, rows: NDArray[np.int64]) -> _Batch:
@@ -90,6 +92,15 @@ class PathSearch:
         self._regions: NDArray[np.void] | None = None
         self._graphs: OrderedDict[float, RadiusGraph] = OrderedDict()
         self._lock = threading.Lock()
+
+    def regions(self) -> NDArray[np.void]:
+        """Regions (nt,) of :func:`crowdsim.navmesh.paths.region_kernels.find_regions`, found at the first call."""
+        with self._lock:
+            if self._regions is None:
+                regions = np.empty(self._triangles, REGION)
+                find_regions(self._mesh, regions)
+                self._regions = regions
+            return self._regions
 
     def graph(self, radius: float, least: float) -> RadiusGraph:
         """The tangent graph for ``radius``, made at the first call; ``least`` meters of clearance count as enough."""
@@ -125,16 +136,13 @@ class PathSearch:
         return Paths(status, lengths, offsets, points, starts, goals, radii, clearance)
 
     def _find_fast(self, batch: _Batch, workers: int | None) -> Floats:
-        with self._lock:
-            if self._regions is None:
-                self._regions = np.empty(self._triangles, REGION)
-                find_regions(self._mesh, self._regions)
+        regions = self.regions()
 
         def work(first: int, last: int) -> Floats:
             part = batch.part(first, last)
             with workspace(self._triangles) as scratch:
                 return path_kernels.plan_paths(
-                    self._mesh, self._regions, scratch, part.starts, part.goals, part.radii, part.least,
+                    self._mesh, regions, scratch, part.starts, part.goals, part.radii, part.least,
                     part.status, part.lengths, part.counts,
                 )  # fmt: skip
 

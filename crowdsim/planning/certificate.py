@@ -19,32 +19,49 @@ def lower_bound(query: Query) -> float:
     shortest one there; and it has a section of k, with its changes and its least length, or at an end of the path at
     least as long as it takes to leave where a better behavior fits.
     """
-    need, terms = query.need, query.terms
+    need = query.need
     preferred = float(need.costs[-1])
     straight = float(np.hypot(*(query.ends[1] - query.ends[0])))
     bounds = []
     for k in range(need.count):
         shortest = max(straight, _shortest(query, k))
-        if not math.isfinite(shortest):
-            continue
-        extra = 0.0
-        if k < need.count - 1:
-            more = float(need.costs[k]) - preferred
-            change = float(terms[0]) * preferred
-            least = [2.0 * change + more * float(terms[1]), more * shortest]
-            least.extend(change + more * depth for depth in _depths(query, k + 1))
-            extra = min(least)
-        bounds.append(shortest * preferred + extra)
+        if math.isfinite(shortest):
+            bounds.append(shortest * preferred + least_extra(query, k, shortest, way_out(query, k)))
     return min(bounds, default=straight * preferred)
 
 
-def _depths(query: Query, behavior: int) -> list[float]:
-    """Meters from start and from goal that can be walked before ``behavior`` does not fit any longer, at least."""
-    depths = np.full(2, np.inf)
-    for layer, mesh in enumerate(query.meshes):
-        radius = float(query.need.radii[behavior, layer])
-        depths = np.minimum(depths, np.maximum(mesh.clearances(query.ends, radius + 10.0) - radius, 0.0))
-    return [float(depth) for depth in depths]
+def least_extra(query: Query, k: int, shortest: float, out: float) -> float:
+    """What paths of ``shortest`` meters and more whose worst behavior is ``k`` cost beyond their length at the lowest.
+
+    All of such a path is of k, or a section within it, or one at an end: then at least ``out`` meters, of `way_out`.
+    How long sections have to be is as of :func:`crowdsim.planning.labelling_kernels.required_length`.
+    """
+    need, terms = query.need, query.terms.tolist()
+    preferred = float(need.costs[-1])
+    if k == need.count - 1:
+        return 0.0
+    more = float(need.costs[k]) - preferred
+    change = terms[0] * preferred
+    within = terms[1] if need.turned[k] else min(terms[1], terms[3])
+    at_end = 0.0 if need.turned[k] else min(terms[1], terms[2])
+    return min(2.0 * change + more * within, more * shortest, change + more * max(out, at_end))
+
+
+def way_out(query: Query, k: int) -> float:
+    """Meters that can be walked from start and from goal before the preferred behavior does not fit, though ``k`` does.
+
+    At least so many, and no more than tell anything about costs. A section of k at an end of a path is that long: any
+    neighbor that fits all along it would take its place, and the preferred one is the first to fit no longer.
+    """
+    need, terms = query.need, query.terms.tolist()
+    if k == need.count - 1:
+        return 0.0
+    more = float(need.costs[k] - need.costs[-1])
+    out = terms[1] + (terms[0] * float(need.costs[-1]) / more if more > 0.0 else 0.0)
+    for mesh, own, radius in zip(query.meshes, need.radii[k].tolist(), need.radii[-1].tolist(), strict=True):
+        if radius > own:
+            out = min(out, float(mesh.clearances(query.ends, radius + out).min()) - radius)
+    return max(out, 0.0)
 
 
 def _shortest(query: Query, behavior: int) -> float:
@@ -55,8 +72,7 @@ def _shortest(query: Query, behavior: int) -> float:
     radii = query.need.radii[behavior].tolist()
     where = list(zip(query.meshes, radii, strict=True))
     excess = room_excess(max(radii) - query.need.search_radius)
-    own = [room for room in query.rooms if [clearance for _, clearance in room.keeps] == radii]
-    where += [(room.mesh, room.radius - excess) for room in own]
+    where += [(room.mesh, room.radius - excess) for room in query.rooms if room.behavior == behavior]
     longest = 0.0
     for mesh, radius in where:
         try:

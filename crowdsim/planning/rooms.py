@@ -28,12 +28,13 @@ _ARC_STEPS = 4
 class Room(NamedTuple):
     """Where to search for paths that fit a behavior.
 
-    radius: clearance with which a path on ``mesh`` does. keeps: what such a path keeps, as (layer's mesh, clearance).
+    radius: clearance with which a path on ``mesh`` does. behavior: the one whose polygon of :func:`room_polygons` the
+    mesh is of, None where it is a layer.
     """
 
     mesh: NavMesh
     radius: float
-    keeps: tuple[tuple[NavMesh, float], ...]
+    behavior: int | None = None
 
     def find_path(self, ends: NDArray[np.float64], slack: float = 0.0) -> NDArray[np.float64]:
         """Points of the shortest path that keeps ``slack`` more than needed; PathNotFound where there is none."""
@@ -84,14 +85,10 @@ def make_rooms(
     behavior fits there or not.
     """
     if given is not None:
-        radii = need.radii.tolist()
         least = need.search_radius
-        rooms = [
-            Room(mesh, least, tuple(zip(meshes, own, strict=True)))
-            for mesh, own in zip(reversed(given), reversed(radii), strict=True)
-            if mesh is not None
-        ]
-        legs = Room(meshes[0], least, ((meshes[0], least),))
-        return (*rooms, legs) if max(radii[0]) > least or not rooms else tuple(rooms)
+        rooms = [Room(mesh, least, k) for k, mesh in enumerate(given) if mesh is not None]
+        if given[0] is None or need.radii[0].max() > least:
+            rooms.insert(0, Room(meshes[0], least))
+        return tuple(rooms[::-1])
     reach = np.unique(np.append(need.radii.max(axis=1), need.search_radius))[::-1]
-    return tuple(Room(meshes[0], radius, ((meshes[0], radius),)) for radius in reach.tolist())
+    return tuple([Room(meshes[0], radius) for radius in reach.tolist()])

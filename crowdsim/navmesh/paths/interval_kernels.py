@@ -104,7 +104,7 @@ def _leave_start(m, regions, work, start, sx, sy, gx, gy, radius, width, guide):
 
 
 @helper
-def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide, farther=None):
+def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide, farther=None, longest=None):
     """The last label of a short way from triangle ``start`` to ``goal``, -1 for none, the number of labels, the limit.
 
     ``width`` is the least width passed, that of the disc of ``radius`` less what rounding may take. Where regions hang
@@ -114,6 +114,7 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
     ``guide`` is None, or a :func:`crowdsim.navmesh.paths.guide_kernels.fill_guide` to this goal, which stands in for
     ``regions`` (None then). ``farther`` is None, or a factor and meters by which the way to the goal is lengthened to
     the limit, as far as which all ways are followed that may be shorter; there is no last label then.
+    ``longest`` is None, or meters beyond which no way is followed.
     """
     labels = work.labels
     heap = work.heap
@@ -148,6 +149,9 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
         rx = label.rx
         ry = label.ry
         spent = label.spent
+        # Not by the key, which guesses what is behind bridges.
+        if longest is not None and spent + (_estimate(label, gx, gy) - spent) / GREED > longest:
+            continue
         corner = np.int64(label.corner)
         if corner >= 0 and reached[corner].spent < spent - _SAME:
             continue

@@ -124,7 +124,7 @@ def straight_path(sx, sy, gx, gy):
 
 
 @helper
-def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, checked=None):
+def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, checked=None, longest=None):
     """(status, points (n, 2)) of a short path of a disc of ``radius`` that comes nowhere closer than ``least``.
 
     Found whenever one exists, but for the few that end TANGLED. ``regions`` (nt,) are those of
@@ -132,6 +132,8 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, checked=No
     :class:`crowdsim.navmesh.paths.workspace.Workspace`. ``guide`` is None, or one of
     :func:`crowdsim.navmesh.paths.guide_kernels.fill_guide` for the goal, with which ``regions`` is None;
     ``checked`` is None, or a :class:`crowdsim.navmesh.paths.checked_kernels.Checked` for this radius.
+    ``longest`` is None, or meters up to which ways are looked for, where finite without the complete search at last, so
+    that a few in passages of just the diameter are not found.
     """
     points = np.empty((0, 2))
     stack = np.empty(64, SWEPT)
@@ -150,12 +152,14 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, checked=No
         done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False), checked)
         if done:
             return OK, points
-    last, _, _ = find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, 2.0 * least, guide)
+    last, _, _ = find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, 2.0 * least, guide, None, longest)
     if last >= 0:
         nodes, count = string_along(m, work.labels, last, sx, sy, gx, gy, radius)
         done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False), checked)
         if done:
             return OK, points
+    if longest is not None and longest < math.inf:
+        return NO_PASSAGE if last < 0 else TANGLED, points
     # What is left is rare: a way that only the complete search finds, or a string that repair has tangled.
     channel = find_channel(m, start, sx, sy, goal, gx, gy, radius, 2.0 * least)
     if channel.size == 0:
