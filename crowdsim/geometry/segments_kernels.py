@@ -1,6 +1,8 @@
-"""Squared distances between points and segments."""
+"""Squared distances between points and segments, and lengths of polylines."""
 
-from crowdsim.jit import kernel
+import math
+
+from crowdsim.jit import helper, kernel
 
 
 @kernel
@@ -41,3 +43,12 @@ def segment_segment_distance2(px, py, qx, qy, ax, ay, bx, by):
     best = min(best, point_segment_distance2(qx, qy, ax, ay, bx, by))
     best = min(best, point_segment_distance2(ax, ay, px, py, qx, qy))
     return min(best, point_segment_distance2(bx, by, px, py, qx, qy))
+
+
+@helper
+def polyline_length(points):
+    """Meters of a polyline (n, 2)."""
+    length = 0.0
+    for i in range(points.shape[0] - 1):
+        length += math.hypot(points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1])
+    return length

@@ -17,7 +17,7 @@ def lower_bound(query: Query) -> float:
 
     The worst behavior k of a path tells two things: the path stays where k fits, so that it is at least as long as the
     shortest one there; and it has a section of k, with its changes and its least length, or at an end of the path at
-    least as long as it takes to leave where a better behavior fits.
+    least as long as it takes to leave where the preferred behavior fits, and as one there has to be.
     """
     need = query.need
     preferred = float(need.costs[-1])

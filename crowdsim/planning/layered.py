@@ -43,9 +43,10 @@ that they did not decide, they were the cheapest path of 25, at most 1.31 times 
 
 
 def plan_layered(query: Query) -> AnnotatedPath | None:
-    """Cheapest path found over the roadmap, or None where no behavior has one.
+    """Cheapest path found, or None where no behavior has one.
 
-    Where the roadmap has no way, or its string tangles, the shortest paths of the rooms are taken instead.
+    Near by, the shortest paths of the rooms are looked for first, and nothing else where none can be cheaper; then a
+    path over the roadmap. Where that has no way, its string tangles or is dearer than expected, all rooms are tried.
     """
     roadmap = roadmap_of(query.meshes, query.need, query.terms)
     arc = arc_lengths(query.ends)

@@ -7,7 +7,8 @@ import math
 
 import numpy as np
 
-from crowdsim.jit import helper, kernel
+from crowdsim.geometry.segments_kernels import polyline_length
+from crowdsim.jit import kernel
 from crowdsim.navmesh.clearance.sweep_kernels import SWEPT
 from crowdsim.navmesh.half_edge_kernels import triangle_of
 from crowdsim.navmesh.mesh_arrays import NONE
@@ -35,15 +36,6 @@ _LEAST_SPREAD = 0.05
 
 _ROUNDS = 4
 """Times that stations shift, each from where they were shifted to."""
-
-
-@helper
-def _length(line):
-    """Meters of a polyline (n, 2)."""
-    length = 0.0
-    for i in range(line.shape[0] - 1):
-        length += math.hypot(line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1])
-    return length
 
 
 @kernel
@@ -101,7 +93,7 @@ def polish_road(layers, upper, points, road, around, reach, ends, radii, costs, 
         value = math.inf
         if written >= 0:
             done, found = pull(m, stack, string, written, radius, least, start, np.bool_(False))
-            if done and _length(found) * costs[top] < cost:
+            if done and polyline_length(found) * costs[top] < cost:
                 labels, value, _ = annotate(upper, radii, costs, turned, terms, found)
                 if value < cost:
                     line, sections, cost = found, labels, value

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.segments_kernels import polyline_length
 from crowdsim.jit import kernel
 from crowdsim.navmesh.paths.path_kernels import OK, plan_path
 from crowdsim.planning.fitting_kernels import annotate
@@ -26,9 +27,7 @@ def labelled_path(m, regions, work, ends, radius, least, most, layers, radii, co
     )  # fmt: skip
     if status != OK:
         return status, points, math.inf, nothing, math.inf
-    length = 0.0
-    for i in range(points.shape[0] - 1):
-        length += math.hypot(points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1])
+    length = polyline_length(points)
     if length * costs[costs.size - 1] >= most:
         return status, points, length, nothing, math.inf
     sections, cost, _ = annotate(layers, radii, costs, turned, terms, points)
