@@ -18,6 +18,7 @@ from crowdsim.crowd.reservation_kernels import ROUNDING, append_stop, reserve
 from crowdsim.crowd.state_hash import digest_of
 from crowdsim.ecs.world import View
 from crowdsim.environment.layers import polygons_only
+from crowdsim.geometry.elementary import hypot
 from crowdsim.motion.track_kernels import node_end
 from crowdsim.recording.header import AgentState
 
@@ -130,7 +131,7 @@ class Choosing:
         view.timeline[row] = self._timeline
         center = self._timeline[0]
         view.timeline_circle[row, :2] = center
-        view.timeline_circle[row, 2] = np.hypot(*(self._timeline - center).T).max() + ROUNDING
+        view.timeline_circle[row, 2] = hypot(*(self._timeline - center).T).max() + ROUNDING
         view.timeline_digest[row] = digest_of(self._timeline.tobytes())
         view.timeline_start[row] = clock // SLOT_FRAMES
         view.gone_slot[row] = gone
@@ -194,7 +195,7 @@ class Choosing:
 
 def _distance(view: View, row: int) -> float:
     """Meters to the goal."""
-    return float(np.hypot(*(view.goal[row] - view.pose[row, :2])))
+    return float(hypot(*(view.goal[row] - view.pose[row, :2])))
 
 
 def _take(

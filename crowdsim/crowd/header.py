@@ -9,6 +9,7 @@ from crowdsim.crowd.setting import Setting
 from crowdsim.environment.layers import AnySolid
 from crowdsim.environment.mesh_solid import MeshSolid
 from crowdsim.environment.solids import Solid
+from crowdsim.geometry.elementary import atan2
 from crowdsim.planning.annotated_path import AnnotatedPath
 from crowdsim.recording.header import (
     AgentsRecord,
@@ -29,7 +30,7 @@ def record_header(scenario: Scenario, setting: Setting, cast: Placement) -> Reco
     changes = scenario.changes()
     goals = np.array([goals[0] for goals in cast.goals])
     toward = goals - cast.starts
-    starts = np.column_stack([cast.starts, np.arctan2(toward[:, 1], toward[:, 0])])
+    starts = np.column_stack([cast.starts, atan2(toward[:, 1], toward[:, 0])])
     poses = setting.motion.poses
     return RecordingHeader(
         scenario_name=scenario.name,

@@ -19,6 +19,7 @@ from crowdsim.crowd.setting import Setting
 from crowdsim.crowd.standing import attempts, nearest_end
 from crowdsim.errors import PathNotFound
 from crowdsim.following.path_follower import FollowResult, FollowStatus, PathSearch
+from crowdsim.geometry.elementary import atan2, cos, hypot, sin
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.motion.track_kernels import node_end
 from crowdsim.navmesh.navmesh import NavMesh
@@ -125,7 +126,7 @@ class MotionSearch:
     def beginning(self) -> int:
         """What the first slice takes, about, as so many branches that could be laid meanwhile."""
         request = self.request
-        meters = float(np.hypot(*(request.goal - request.position)))
+        meters = float(hypot(*(request.goal - request.position)))
         work = min(MOTION_WORK * meters, SLICE_LOOKS) + PASSING_WORK * self.is_way_around
         if request.route is None or self.is_way_around:
             work += ROUTE_WORK[0] + ROUTE_WORK[1] * meters
@@ -250,11 +251,11 @@ class MotionSearch:
         """
         request, place = self.request, self.place
         ahead = route.at(np.array([SIDE_STEP]))[0] - request.position
-        direction = np.arctan2(ahead[1], ahead[0])
+        direction = atan2(ahead[1], ahead[0])
         ends = np.array([request.position, request.goal])
         for turn in (0.0, 0.25, -0.25, 0.5, -0.5, 0.75, -0.75, 1.0):
             angle = direction + turn * np.pi
-            beside = request.position + SIDE_STEP * np.array([np.cos(angle), np.sin(angle)])
+            beside = request.position + SIDE_STEP * np.array([cos(angle), sin(angle)])
             try:
                 way = place.route(beside, request.goal)
             except PathNotFound:
@@ -270,7 +271,7 @@ class MotionSearch:
         legs = place.meshes[0]
         radius = 2.0 * setting.personal_radius + PASSING_ROOM - float(setting.body_radii[:, 0].max())
         turn = np.arange(_RING) * 2.0 * np.pi / _RING
-        ring = radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        ring = radius * np.stack([cos(turn), sin(turn)], axis=1)
         points = (request.around[:, None] + ring).reshape(-1, 2)
         points = points[legs.clearances(points, 1.0) > _OFF_WALLS]
         if not len(points):
@@ -334,8 +335,8 @@ def _rest_of(samples: PathSamples, position: NDArray[np.float64]) -> PathSamples
     """The samples from the one nearest to ``position`` on; of one point, where somebody is there, a millimeter."""
     if not samples.arc[-1] > 0.0:
         pose = samples.pose.copy()
-        pose[0, :2] -= _LEAST * np.array([np.cos(pose[0, 2]), np.sin(pose[0, 2])])
+        pose[0, :2] -= _LEAST * np.array([cos(pose[0, 2]), sin(pose[0, 2])])
         return PathSamples(pose, np.linspace(0.0, _LEAST, len(pose)), samples.behavior)
-    distance = np.hypot(*(samples.pose[:, :2] - position).T)
+    distance = hypot(*(samples.pose[:, :2] - position).T)
     first = min(int(np.argmin(distance)), len(samples.arc) - 2)
     return PathSamples(samples.pose[first:], samples.arc[first:] - samples.arc[first], samples.behavior[first:])

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from crowdsim.constants import NONE
 from crowdsim.crowd.plans import Found, Join, Plans
 from crowdsim.ecs.world import View
+from crowdsim.geometry.elementary import hypot
 from crowdsim.recording.header import AgentState
 
 RETRY_SECONDS = 2.0
@@ -126,7 +127,7 @@ class Replanning:
 
     def _is_there(self, view: View, row: int, agent: int) -> bool:
         """Whether somebody stands at a goal from where it goes on."""
-        near = float(np.hypot(*(view.pose[row, :2] - view.goal[row]))) < AT_GOAL
+        near = float(hypot(*(view.pose[row, :2] - view.goal[row]))) < AT_GOAL
         errands = self.plans.errands
         return near and not errands.is_last(agent) and errands.accepts(agent, view.pose[row])
 
@@ -143,4 +144,4 @@ def _standing_near(view: View, row: int) -> NDArray[np.float64]:
     """(k, 2) places of the others who stand within NEARBY meters."""
     others = (view.state != AgentState.MOVING) & (np.arange(len(view.agent)) != row)
     places = view.pose[others, :2]
-    return places[np.hypot(*(places - view.pose[row, :2]).T) < NEARBY]
+    return places[hypot(*(places - view.pose[row, :2]).T) < NEARBY]

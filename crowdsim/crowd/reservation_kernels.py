@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.geometry.segments_kernels import segment_segment_distance2
 from crowdsim.jit import helper, kernel
@@ -39,10 +40,10 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, distance, pre
     ib = min(max(first_slot - b_start, 0), len(b) - 1)
     apart = distance + ELBOW_ROOM
     if present:
-        now = math.hypot(a[ia, 0] - b[ib, 0], a[ia, 1] - b[ib, 1])
+        now = hypot(a[ia, 0] - b[ib, 0], a[ia, 1] - b[ib, 1])
         apart = min(apart, now - ROUNDING)
         distance = max(min(distance, now - ROUNDING), 0.0)
-    rest = math.hypot(a[-1, 0] - b[-1, 0], a[-1, 1] - b[-1, 1])
+    rest = hypot(a[-1, 0] - b[-1, 0], a[-1, 1] - b[-1, 1])
     if rest < apart and min(a_gone, b_gone) == FOREVER:
         return True
     last = max(a_start + len(a), b_start + len(b))
@@ -79,7 +80,7 @@ def meets_anyone(me, timeline, start, gone, first_slot, radius, timelines, start
         dx = timeline[k, 0] - timeline[0, 0]
         dy = timeline[k, 1] - timeline[0, 1]
         reach = max(reach, dx * dx + dy * dy)
-    reach = reach**0.5
+    reach = math.sqrt(reach)
     for other in range(len(starts)):
         if other == me or gones[other] <= first_slot:
             continue

@@ -14,6 +14,7 @@ from crowdsim.crowd.foot_statistics import FootStatistics
 from crowdsim.crowd.measure_kernels import closest_pair, obstacle_margin
 from crowdsim.crowd.place import Place
 from crowdsim.crowd.setting import Setting
+from crowdsim.geometry.elementary import hypot
 from crowdsim.recording.header import AgentState, RecordedFrame
 
 MARGIN_LIMIT = 1.0
@@ -58,7 +59,7 @@ class Statistics:
         if before is not None:
             both = present[np.asarray(before.state)[present] != AgentState.ABSENT]
             x, y = np.asarray(frame.x)[both], np.asarray(frame.y)[both]
-            gone = np.hypot(x - np.asarray(before.x)[both], y - np.asarray(before.y)[both])
+            gone = hypot(x - np.asarray(before.x)[both], y - np.asarray(before.y)[both])
             how = np.asarray(frame.behavior)[both]
             np.add.at(self.way[0], how, gone)
             for row, area in enumerate(self.areas.values(), start=1):

@@ -11,6 +11,8 @@ from shapely import MultiPolygon, Polygon
 
 from crowdsim.environment.solids import Solid, centered_box, cylinder, extrusion
 from crowdsim.errors import GeometryError
+from crowdsim.geometry.elementary import cos, sin
+from crowdsim.geometry.polygons import buffered
 
 _TRIES = 500
 """Places drawn in vain, one after the other, before the floor counts as full."""
@@ -74,7 +76,7 @@ def _endless_solids(
         else:
             # Corners on an ellipse, one in each sixth of it, make a convex outline that is never thin.
             angles = (np.arange(6) + generator.uniform(0.0, 0.8, 6)) * (np.pi / 3.0) + math.radians(turn)
-            points = np.column_stack([x + 0.5 * length * np.cos(angles), y + 0.5 * width * np.sin(angles)])
+            points = np.column_stack([x + 0.5 * length * cos(angles), y + 0.5 * width * sin(angles)])
             yield extrusion(name, [(float(a), float(b)) for a, b in points], 0.0, top)
 
 
@@ -120,12 +122,12 @@ def _barring(
 ) -> set[int]:
     """Indices of the fewest solids that, one behind the other, stand between two rooms that the regions meet."""
     outlines = np.array([solid.footprint for solid in solids], dtype=object)
-    rooms = shapely.get_parts(shapely.difference(free, shapely.union_all(outlines)).buffer(-radius))
+    rooms = shapely.get_parts(buffered(shapely.difference(free, shapely.union_all(outlines)), -radius))
     met = [number for number, room in enumerate(rooms) if any(room.intersects(region) for region in regions)]
     if len(met) < 2:
         return set()
     # A room ends a radius before the solids around it; between solids closer than the disc is wide there is none.
-    beside, room = shapely.STRtree(rooms).query(shapely.buffer(outlines, 1.02 * radius), predicate="intersects")
+    beside, room = shapely.STRtree(rooms).query(outlines, predicate="dwithin", distance=1.02 * radius)
     one, other = shapely.STRtree(outlines).query(outlines, predicate="dwithin", distance=2.0 * radius)
     before: dict[int, int | None] = dict.fromkeys(beside[room == met[0]].tolist())
     reached = list(before)

@@ -18,7 +18,7 @@ from crowdsim.environment.sections import snapped_union
 from crowdsim.environment.solids import MIN_EXTENT, Solid
 from crowdsim.environment.units import meters_per_unit
 from crowdsim.errors import GeometryError, PlaceError
-from crowdsim.geometry.polygons import LARGE_EXTENT, clean_polygon
+from crowdsim.geometry.polygons import LARGE_EXTENT, buffered, clean_polygon
 
 WALL_THICKNESS = 0.10
 WALL_HEIGHT = 2.5
@@ -163,7 +163,7 @@ def _built(
         chains = shapely.get_parts(shapely.line_merge(snapped_union(loose, _JOINT)))
         for chain in [part for part in drawn if part.is_closed] + list(chains):
             outline = polygons_only(shapely.make_valid(Polygon(chain))) if chain.is_closed else MultiPolygon()
-            if outline.area > MIN_EXTENT**2:
+            if outline.area > MIN_EXTENT * MIN_EXTENT:
                 outlines += [(layer, part) for part in outline.geoms]
             elif layer != floor_layer:
                 open_lines.append((layer, chain))
@@ -183,7 +183,7 @@ def _built(
 
     def build(layer: str, shape: BaseGeometry) -> None:
         for part in polygons_only(shape).geoms:
-            if part.area > MIN_EXTENT**2:
+            if part.area > MIN_EXTENT * MIN_EXTENT:
                 counts[layer] = counts.get(layer, 0) + 1
                 solids.append(Solid(f"{layer} {counts[layer]}", part, bottom, top))
 
@@ -193,10 +193,10 @@ def _built(
     for layer, outline in outlines:
         within = [thing for thing in things if thing is not outline and outline.contains(thing)]
         rooms += bool(within)
-        ring = outline.exterior.buffer(0.5 * thickness, join_style="mitre")
+        ring = buffered(outline.exterior, 0.5 * thickness, join_style="mitre")
         build(layer, ring if within else outline)
     for layer, line in open_lines:
-        build(layer, line.buffer(0.5 * thickness, cap_style="flat", join_style="mitre"))
+        build(layer, buffered(line, 0.5 * thickness, cap_style="flat", join_style="mitre"))
     if rooms:
         report.append(f"{file.name}: {rooms} closed curves with something drawn inside are walls around it")
     if len(outlines) + len(filled) > rooms:

@@ -28,7 +28,7 @@ from crowdsim.environment.mesh_solid import GRID
 from crowdsim.environment.sections import snapped_union
 from crowdsim.environment.solids import Solid
 from crowdsim.errors import GeometryError, PlaceError
-from crowdsim.geometry.polygons import clean_polygon
+from crowdsim.geometry.polygons import buffered, clean_polygon
 
 CEILING = 2.0
 """Meters above the floor: large parts that begin there or higher are ceilings."""
@@ -221,9 +221,9 @@ def _large(levels: Sequence[Level], hull: BaseGeometry) -> list[Level]:
 def _enclosed_ground(solids: Sequence[AnySolid], hull: BaseGeometry, report: list[str]) -> BaseGeometry:
     """The ground inside the outlines of all parts, or inside their hull if these enclose little."""
     outlines = shapely.union_all([solid.footprint for solid in solids])
-    closed = polygons_only(outlines.buffer(_DOOR, join_style="mitre"))
+    closed = polygons_only(buffered(outlines, _DOOR, join_style="mitre"))
     filled = shapely.union_all([Polygon(part.exterior) for part in closed.geoms])
-    ground = polygons_only(filled.buffer(-_DOOR, join_style="mitre"))
+    ground = polygons_only(buffered(filled, -_DOOR, join_style="mitre"))
     how = "what the outlines of the parts enclose"
     if ground.area < 0.5 * hull.area:
         ground, how = hull, "the hull of all parts"
@@ -251,7 +251,7 @@ def _whole_floor(level: Level, surfaces: Surfaces | None) -> tuple[Polygon | Mul
     shapes, heights, owners = surfaces
     near = np.abs(heights - level.height) <= STEP
     area = snapped_union(shapes[near], GRID)
-    closed = polygons_only(area.buffer(_SEAM, join_style="mitre").buffer(-_SEAM, join_style="mitre"))
+    closed = polygons_only(buffered(buffered(area, _SEAM, join_style="mitre"), -_SEAM, join_style="mitre"))
     parts = [part for part in closed.geoms if part.area >= 0.1]
     # Small gaps that closing leaves are those under legs and posts, which take their place themselves.
     polygon = parts[0] if len(parts) == 1 else MultiPolygon(parts)

@@ -15,6 +15,7 @@ from crowdsim.environment.mesh_solid import GRID
 from crowdsim.environment.sections import snapped_union
 from crowdsim.environment.solids import Solid
 from crowdsim.errors import PlaceError
+from crowdsim.geometry.polygons import buffered
 
 STEP = 0.10
 """Meters: what rises no more from the floor is walked over."""
@@ -101,7 +102,7 @@ def rounded_height(height: float) -> float:
 
 def _wide(area: BaseGeometry) -> BaseGeometry:
     """The parts of ``area`` a body fits on."""
-    return polygons_only(area.buffer(-_BODY, join_style="mitre").buffer(_BODY, join_style="mitre"))
+    return polygons_only(buffered(buffered(area, -_BODY, join_style="mitre"), _BODY, join_style="mitre"))
 
 
 def one_storey(levels: list[Level], solids: Sequence[AnySolid], report: list[str]) -> list[Level]:
@@ -149,4 +150,4 @@ def _is_ceiling(level: Level, lower: Level, solids: Sequence[AnySolid]) -> bool:
         return False
     walls = shapely.union_all([solid.footprint_in(lower.height + 1.0, lower.height + HEADROOM) for solid in solids])
     outline = lower.surface.boundary
-    return bool(outline.intersection(walls.buffer(0.3)).length >= _LINED * outline.length)
+    return bool(outline.intersection(buffered(walls, 0.3)).length >= _LINED * outline.length)

@@ -17,6 +17,8 @@ from scipy.sparse.csgraph import connected_components
 from crowdsim.environment.mesh_solid import MeshSolid
 from crowdsim.environment.units import doubt_about_height, meters_per_unit
 from crowdsim.errors import GeometryError, PlaceError
+from crowdsim.geometry import planar
+from crowdsim.geometry.products import dot
 
 Floats = NDArray[np.float64]
 
@@ -25,6 +27,9 @@ UP_AXES = {".glb": "y", ".obj": "y", ".stl": "z", ".ply": "z", ".dae": "y"}
 
 FAR = 1000.0
 """Meters between parts of one place; what lies farther off is dropped."""
+
+_MATRIX_DIGITS = 10
+"""Decimals that are kept of matrices which trimesh multiplied: the last bits depend on how the processor does that."""
 
 _Y_UP_TO_Z_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
@@ -88,7 +93,7 @@ def read_mesh_file(
     solids = []
     names: dict[str, int] = {}
     for name, matrix, mesh in _parts(file, content, ending, report):
-        solid = _solid(file, _unique(name, names), mesh, place @ matrix, report)
+        solid = _solid(file, _unique(name, names), mesh, _product(place, matrix), report)
         if solid is not None:
             solids.append(solid)
     if not solids:
@@ -158,13 +163,16 @@ def _meters(name: str, content: bytes, ending: str, units: str | None, report: l
 
 def _placement(axis: str, scale: float, rotation: float, position: tuple[float, float, float]) -> Floats:
     """The (4, 4) matrix from the file's coordinates to the place."""
-    cos, sin = math.cos(math.radians(rotation)), math.sin(math.radians(rotation))
-    if rotation % 90.0 == 0.0:
-        cos, sin = round(cos), round(sin)  # exactly, so that walls along the axes stay so
-    turned = np.array([[cos, -sin, 0.0, 0.0], [sin, cos, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    c, s = planar.rotation(rotation)
+    turned = np.array([[c, -s, 0.0, 0.0], [s, c, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
     turned[:3, :3] *= scale
     turned[:3, 3] = position
-    return turned @ _Y_UP_TO_Z_UP if axis == "y" else turned
+    return _product(turned, _Y_UP_TO_Z_UP) if axis == "y" else turned
+
+
+def _product(a: Floats, b: Floats) -> Floats:
+    """The matrix product, added up in one order, unlike that of BLAS."""
+    return dot(a[:, None, :], b.T)
 
 
 def _parts(file: Path, content: bytes, ending: str, report: list[str]) -> Iterator[tuple[str, Floats, Any]]:
@@ -186,7 +194,7 @@ def _parts(file: Path, content: bytes, ending: str, report: list[str]) -> Iterat
         unit = mesh.metadata.get("units")
         if ending == ".glb" and unit not in (None, "meters", "meter", "m"):
             noted.add(str(unit))
-        yield file.stem if single else node, np.asarray(matrix, np.float64), mesh
+        yield file.stem if single else node, np.asarray(np.round(matrix, _MATRIX_DIGITS), np.float64), mesh
     if noted:
         report.append(
             f"{file.name}: parts note other units ({', '.join(sorted(noted))}), which were not applied, as this format "
@@ -241,7 +249,7 @@ def _solid(file: Path, name: str, mesh: Any, matrix: Floats, report: list[str]) 
     # Not by a matrix product, which rounds equal points of different rows differently.
     with np.errstate(all="ignore"):
         placed = np.column_stack([row[0] * x + row[1] * y + row[2] * z + row[3] for row in matrix[:3]])
-    if np.linalg.det(matrix[:3, :3]) < 0.0:
+    if dot(matrix[0, :3], np.cross(matrix[1, :3], matrix[2, :3])) < 0.0:
         triangles = triangles[:, ::-1]  # mirrored: outside would be inside
     try:
         return MeshSolid(name, placed, triangles)

@@ -16,7 +16,8 @@ from shapely.geometry.base import BaseGeometry
 
 from crowdsim.environment.sections import DIGITS, enclosed, section_segments, snapped_union
 from crowdsim.errors import GeometryError
-from crowdsim.geometry.polygons import MAX_EXTENT
+from crowdsim.geometry.elementary import hypot
+from crowdsim.geometry.polygons import MAX_EXTENT, buffered
 
 Floats = NDArray[np.float64]
 
@@ -158,7 +159,7 @@ class MeshSolid:
         shapes, longest = _pieces(self.corners, low, high)
         if not len(shapes):
             return shapely.Polygon()
-        lengths = np.hypot(*(longest[:, 1] - longest[:, 0]).T)
+        lengths = hypot(*(longest[:, 1] - longest[:, 0]).T)
         widths = 2.0 * shapely.area(shapes) / np.maximum(lengths, GRID)
         lowest, highest = max(low, self.bottom), min(high, self.top)
         middle = 0.5 * (lowest + highest)
@@ -225,7 +226,7 @@ def _union(shapes: NDArray[np.object_]) -> BaseGeometry:
 def _farthest(points: Floats) -> Floats:
     """The two points (k, 2, 2) farthest apart of each row of (k, p, 2)."""
     first, second = np.triu_indices(points.shape[1], 1)
-    apart = ((points[:, first] - points[:, second]) ** 2).sum(axis=2)
+    apart = np.square(points[:, first] - points[:, second]).sum(axis=2)
     pair = apart.argmax(axis=1)
     rows = np.arange(len(points))
     return np.stack([points[rows, first[pair]], points[rows, second[pair]]], axis=1)
@@ -234,12 +235,12 @@ def _farthest(points: Floats) -> Floats:
 def _with_strips(area: BaseGeometry, segments: Floats) -> BaseGeometry:
     """``area`` with strips along the parts of ``segments`` (k, 2, 2) that stand out of it, free of pinholes."""
     if len(segments):
-        short = np.hypot(*(segments[:, 1] - segments[:, 0]).T) < _LEAST_LINE
+        short = hypot(*(segments[:, 1] - segments[:, 0]).T) < _LEAST_LINE
         ends = segments.copy()
         ends[short, 1, 0] = ends[short, 0, 0] + _LEAST_LINE
         lines = shapely.linestrings(ends)
         if not area.is_empty:
-            around = area.buffer(_COVERED, join_style="mitre")
+            around = buffered(area, _COVERED, join_style="mitre")
             shapely.prepare(around)
             lines = lines[~shapely.covers(around, lines)]
             lines = shapely.difference(lines, around)
@@ -247,7 +248,7 @@ def _with_strips(area: BaseGeometry, segments: Floats) -> BaseGeometry:
         if len(lines):
             # Ends are square to meet the area again, from which they are cut off by what counts as covered.
             merged = shapely.line_merge(snapped_union(lines, GRID))
-            strips = shapely.buffer(merged, 0.5 * STRIP, cap_style="square", join_style="mitre")
+            strips = buffered(merged, 0.5 * STRIP, cap_style="square", join_style="mitre")
             area = snapped_union([area, strips], GRID)
     return _without_pinholes(area)
 

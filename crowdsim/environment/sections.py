@@ -7,6 +7,8 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
+from crowdsim.geometry.elementary import atan2
+
 Floats = NDArray[np.float64]
 
 SECTION_GRID = 1e-4
@@ -98,7 +100,7 @@ def _winding_numbers(faces: NDArray[np.object_], segments: Floats) -> Floats:
     for first in range(0, len(points), step):
         rays = segments[None] - points[first : first + step, None, None]
         (x0, y0), (x1, y1) = np.moveaxis(rays[:, :, 0], 2, 0), np.moveaxis(rays[:, :, 1], 2, 0)
-        numbers[first : first + step] = np.arctan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1).sum(axis=1)
+        numbers[first : first + step] = atan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1).sum(axis=1)
     return numbers / (2.0 * np.pi)
 
 

@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from shapely import Polygon
-from shapely.affinity import rotate
 from shapely.validation import explain_validity
 
 from crowdsim.errors import GeometryError
+from crowdsim.geometry.elementary import acos, cos, sin
+from crowdsim.geometry.polygons import turned
 
 MIN_EXTENT = 1e-3
 """Meters; anything thinner is a mistake of units or of the drawing."""
@@ -64,7 +65,7 @@ def require_polygon(polygon: Polygon, what: str) -> None:
     if not all(math.isfinite(bound) for bound in polygon.bounds):
         raise GeometryError(f"{what}: the outline has a coordinate that is not a finite number")
     # The hull, because the two halves of a crossed outline may cancel in the area.
-    if polygon.convex_hull.area < MIN_EXTENT**2:
+    if polygon.convex_hull.area < MIN_EXTENT * MIN_EXTENT:
         raise GeometryError(f"{what}: the outline has no area; its points lie on a line or are not in meters")
     if not polygon.is_valid:
         raise GeometryError(f"{what}: the outline crosses or touches itself ({explain_validity(polygon)})")
@@ -91,7 +92,7 @@ def box(
         raise GeometryError(f"solid '{name}': the box from {list(low)} to {list(high)} has no area; give min below max")
     (x0, y0), (x1, y1) = low, high
     footprint = polygon_from_points([(x0, y0), (x1, y0), (x1, y1), (x0, y1)], f"solid '{name}'")
-    return Solid(name, rotate(footprint, rotation, origin="center") if rotation else footprint, bottom, top)
+    return Solid(name, turned(footprint, rotation) if rotation else footprint, bottom, top)
 
 
 def centered_box(
@@ -126,7 +127,7 @@ def circle_around(center: tuple[float, float], radius: float) -> Polygon:
     It stands out by no more than 2 mm at its corners (a twentieth of the radius where that is less).
     """
     excess = min(_ROUNDING_EXCESS, radius / 20.0)
-    sides = 4 * math.ceil(math.pi / (4.0 * math.acos(radius / (radius + excess))))
+    sides = 4 * math.ceil(math.pi / (4.0 * acos(radius / (radius + excess))))
     angles = (np.arange(sides) + 0.5) * (2.0 * np.pi / sides)
-    corners = radius / math.cos(math.pi / sides)
-    return Polygon(np.column_stack([center[0] + corners * np.cos(angles), center[1] + corners * np.sin(angles)]))
+    corners = radius / cos(math.pi / sides)
+    return Polygon(np.column_stack([center[0] + corners * cos(angles), center[1] + corners * sin(angles)]))

@@ -14,6 +14,7 @@ from shapely.ops import substring
 from crowdsim.environment.layers import polygons_only
 from crowdsim.environment.solids import MIN_EXTENT, Solid
 from crowdsim.errors import GeometryError
+from crowdsim.geometry.polygons import buffered
 
 DOOR_HEIGHT = 2.05
 """Meters above the floor up to which a door is open."""
@@ -79,10 +80,10 @@ def wall(
     whole = _along(line, thickness)
     cuts = [_cut(line, opening, thickness) for opening in ordered]
     body = whole.difference(shapely.union_all(cuts)) if cuts else whole
-    stretches = [part for part in polygons_only(body).geoms if part.area >= MIN_EXTENT**2]
+    stretches = [part for part in polygons_only(body).geoms if part.area >= MIN_EXTENT * MIN_EXTENT]
     solids = [Solid(_numbered(name, k, len(stretches)), part, bottom, top) for k, part in enumerate(stretches)]
     for number, (opening, cut) in enumerate(zip(ordered, cuts, strict=True)):
-        where = [part for part in polygons_only(whole.intersection(cut)).geoms if part.area >= MIN_EXTENT**2]
+        where = [part for part in polygons_only(whole.intersection(cut)).geoms if part.area >= MIN_EXTENT * MIN_EXTENT]
         for part_name, low, high in (
             ("sill", bottom, min(opening.bottom, top)),
             ("lintel", max(opening.top, bottom), top),
@@ -106,7 +107,7 @@ def _line(points: Sequence[tuple[float, float]], what: str) -> LineString:
 
 
 def _along(line: LineString, thickness: float) -> BaseGeometry:
-    return line.buffer(0.5 * thickness, cap_style="flat", join_style="mitre")
+    return buffered(line, 0.5 * thickness, cap_style="flat", join_style="mitre")
 
 
 def _cut(line: LineString, opening: Opening, thickness: float) -> BaseGeometry:

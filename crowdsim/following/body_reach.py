@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from crowdsim.constants import NONE
 from crowdsim.errors import MotionError
 from crowdsim.following.reach_kernels import WINDOW
+from crowdsim.geometry.elementary import hypot
 from crowdsim.motion.graph_arrays import GraphArrays
 from crowdsim.motion.pose_kernels import pose_joints
 from crowdsim.motion.pose_table import PoseTable
@@ -65,7 +66,7 @@ def body_reach(graph: GraphArrays, poses: PoseTable, room: Floats) -> BodyReach:
     columns = (column.astype(np.int32) for column in (node, before, frame))
     pose_joints(poses, *columns, np.zeros((first[-1], 3)), positions, np.empty((first[-1], joints, 4), np.float32))
     flat = positions[:, :, :2]
-    away = np.hypot(flat[:, :, 0], flat[:, :, 1])
+    away = hypot(flat[:, :, 0], flat[:, :, 1])
     order = np.argsort(-away, axis=1, kind="stable")
     far = away.max(axis=1).astype(np.float64)
     most = np.maximum.reduceat(far, first[:-1])
@@ -75,7 +76,7 @@ def body_reach(graph: GraphArrays, poses: PoseTable, room: Floats) -> BodyReach:
         at = np.minimum(frame + ahead, graph.node_frames[node])
         later.append(far[np.where((before >= 0) & (at >= BLEND_FRAMES), first[node] + at, row + at - frame)])
     far = np.max(later, axis=0)
-    steps = np.append(np.hypot(*np.diff(graph.tracks[:, :2], axis=0).T), 0.0)
+    steps = np.append(hypot(*np.diff(graph.tracks[:, :2], axis=0).T), 0.0)
     steps[graph.node_track + graph.node_frames] = 0.0  # from one node's last sample to the next node's first
     pace = np.maximum.reduceat(steps, graph.node_track)
     joint = np.ascontiguousarray(np.take_along_axis(flat, order[:, :, None], axis=1))

@@ -10,6 +10,7 @@ import numpy as np
 
 from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.following.path_kernels import path_point, project, sample_before, sample_index
+from crowdsim.geometry.elementary_kernels import atan2, cos_sin, hypot
 from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.jit import helper
 from crowdsim.motion.track_kernels import next_origin, node_end, track_pose
@@ -90,7 +91,7 @@ def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
     if high - low <= 0.0:
         return 0.0
     node = np.int64(graph.edge_target[edge])
-    c, s = math.cos(heading), math.sin(heading)
+    c, s = cos_sin(heading)
     tx, ty = graph.edge_transform[edge, 0], graph.edge_transform[edge, 1]
     ox, oy, oh = x + c * tx - s * ty, y + s * tx + c * ty, heading + graph.edge_transform[edge, 2]
     px, py = graph.edge_pivot[edge, 0], graph.edge_pivot[edge, 1]
@@ -100,7 +101,7 @@ def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
     gx, gy = path_point(guide, aim)
     lever = (ex - jx) ** 2 + (ey - jy) ** 2
     ax, ay, bx, by = ex - jx, ey - jy, gx - jx, gy - jy
-    toward = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
+    toward = atan2(ax * by - ay * bx, ax * bx + ay * by)
     if math.isnan(rules.goal_heading) or aim < guide.length - _HEADING_WINDOW:
         mend = _fit_heading(maps, guide, rules, node, eh, aim, 0.0)
     else:
@@ -141,12 +142,12 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
             if root >= 0:
                 twist = _steer(graph, maps, guide, rules, edge, x, y, heading, arc)
                 ox, oy, oh = next_origin(graph, np.int64(edge), twist, x, y, heading)
-            c, s = math.cos(oh), math.sin(oh)
+            c, s = cos_sin(oh)
             u, v = graph.node_motion[node, 0], graph.node_motion[node, 1]
             x, y, heading = ox + c * u - s * v, oy + s * u + c * v, wrap_angle(oh + graph.node_motion[node, 2])
             behavior = graph.node_behavior[node]
             travel = graph.node_length[node]
-            moved = math.hypot(graph.node_motion[node, 0], graph.node_motion[node, 1])
+            moved = hypot(graph.node_motion[node, 0], graph.node_motion[node, 1])
             arc_after, end_gap = project(guide, x, y, arc - 0.2, arc + travel + 0.3)
             backward = arc - arc_after
             arc_after = max(arc_after, arc)
@@ -186,7 +187,7 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
                     area += _SWITCH_COST
             asked = not math.isnan(rules.goal_heading)
             if rules.end_standing or asked:
-                goal_gap = math.hypot(x - goal_x, y - goal_y)
+                goal_gap = hypot(x - goal_x, y - goal_y)
                 reached = goal_gap <= rules.goal_tolerance and (
                     graph.node_ends_standing[node] or not rules.end_standing
                 )

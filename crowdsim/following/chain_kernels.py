@@ -2,6 +2,7 @@
 
 import math
 
+from crowdsim.geometry.elementary_kernels import atan2, cos_sin
 from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.jit import helper, kernel
 
@@ -73,7 +74,7 @@ def _leap(joint, limit, turn, count, ex, ey, eh, px, py, ph, lever, real):
             joint[j, 0] = jx
             joint[j, 1] = jy
             turn[j] = after
-        cb, sb = math.cos(by), math.sin(by)
+        cb, sb = cos_sin(by)
         x, y = jx + cb * (x - jx) - sb * (y - jy), jy + sb * (x - jx) + cb * (y - jy)
         heading = wrap_angle(heading + by)
         tx, ty = jx + cb * (tx - jx) - sb * (ty - jy), jy + sb * (tx - jx) + cb * (ty - jy)
@@ -96,7 +97,7 @@ def _sweep(joint, limit, turn, count, ex, ey, eh, goal, lever):
         vx, vy = goal[0] - jx, goal[1] - jy
         cross = ux * vy - uy * vx
         dot = ux * vx + uy * vy
-        toward = math.atan2(cross, dot)
+        toward = atan2(cross, dot)
         if aimed:
             pull = math.sqrt(cross * cross + dot * dot)
             weight = lever * lever
@@ -106,7 +107,7 @@ def _sweep(joint, limit, turn, count, ex, ey, eh, goal, lever):
         if by == 0.0:
             continue
         turn[j] = after
-        cb, sb = math.cos(by), math.sin(by)
+        cb, sb = cos_sin(by)
         ex, ey = jx + cb * ux - sb * uy, jy + sb * ux + cb * uy
         eh = wrap_angle(eh + by)
         tx, ty = jx + cb * (tx - jx) - sb * (ty - jy), jy + sb * (tx - jx) + cb * (ty - jy)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from crowdsim.constants import NONE
 from crowdsim.errors import MotionError
 from crowdsim.following.channel_kernels import draw_channel
+from crowdsim.geometry.elementary import hypot
 
 Floats = NDArray[np.float64]
 
@@ -39,7 +40,7 @@ def make_channel(points: ArrayLike, radius: float) -> Channel:
     given = np.asarray(points, np.float64)
     if given.ndim != 2 or given.shape[1] != 2 or len(given) < 2 or not np.isfinite(given).all() or not radius > 0.0:
         raise MotionError(f"a channel needs a path of two points or more and a radius, not {given.shape} and {radius}")
-    pieces = np.maximum(np.ceil(np.hypot(*np.diff(given, axis=0).T) / _PIECE), 1.0).astype(np.int64)
+    pieces = np.maximum(np.ceil(hypot(*np.diff(given, axis=0).T) / _PIECE), 1.0).astype(np.int64)
     at = np.concatenate([np.arange(n) / n + i for i, n in enumerate(pieces)] + [[len(given) - 1.0]])
     whole = np.arange(len(given))
     dense = np.column_stack([np.interp(at, whole, given[:, axis]) for axis in (0, 1)])

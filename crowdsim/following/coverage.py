@@ -21,6 +21,7 @@ from crowdsim.errors import MotionError
 from crowdsim.following.body_reach import body_reach
 from crowdsim.following.motion_maps import MotionMaps
 from crowdsim.following.path_follower import FollowOptions, FollowStatus, follow_path
+from crowdsim.geometry.elementary import cos, sin
 from crowdsim.motion.motion_graph import MotionGraph
 from crowdsim.navmesh.navmesh import NavMesh
 
@@ -138,8 +139,8 @@ def _paths(bend: float, behavior: int) -> list[_Samples]:
                 x, y = arc, np.zeros_like(arc)
             else:
                 beyond = np.maximum(arc - lead - around, 0.0)
-                x = np.minimum(arc, lead) + np.sin(heading) / bend + beyond * math.cos(turn)
-                y = (1.0 - np.cos(heading)) / bend + beyond * math.sin(turn)
+                x = np.minimum(arc, lead) + sin(heading) / bend + beyond * cos(turn)
+                y = (1.0 - cos(heading)) / bend + beyond * sin(turn)
             paths.append(_Samples(np.column_stack([x, y, heading]), arc, np.full(len(arc), behavior, np.int32)))
     return paths
 

@@ -14,6 +14,7 @@ from crowdsim.following.branch_kernels import MISFIT_COST, NODE_COST, branch_is_
 from crowdsim.following.map_kernels import BEHAVIOR, BIN, CELL, END_X, END_Y, LEVEL, WALKED, pack_cell
 from crowdsim.following.path_kernels import path_point, project, sample_index
 from crowdsim.following.reach_kernels import branch_keeps_in
+from crowdsim.geometry.elementary_kernels import cos_sin
 from crowdsim.geometry.planar_kernels import to_local
 from crowdsim.jit import helper, kernel, unowned
 from crowdsim.motion.track_kernels import node_end
@@ -138,7 +139,7 @@ def _look_along_path(maps, guide, rules, search, root, origin, arc, serial):
     count = np.int64(0)
     room = search.look.shape[0]
     ahead, marked = maps.ahead, search.marked
-    c, s = math.cos(origin[2]), math.sin(origin[2])
+    c, s = cos_sin(origin[2])
     for q in range(points + 1):
         at = arc + q * _QUERY_STEP
         gx, gy = path_point(guide, at)

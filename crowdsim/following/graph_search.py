@@ -20,6 +20,7 @@ from crowdsim.following.channel import Channel, make_channel
 from crowdsim.following.follow_kernels import FOUND
 from crowdsim.following.path_follower import FollowStatus
 from crowdsim.following.probes import Probes
+from crowdsim.geometry.elementary import hypot
 from crowdsim.geometry.planar import compose
 from crowdsim.motion.graph_arrays import GraphArrays
 from crowdsim.navmesh.heap_kernels import HEAP_ROW
@@ -189,7 +190,7 @@ def search_graph(
         twists=out.place[:count, 3].copy(),
         origins=origins,
         length=_length(graph, found[:, 0], origins),
-        gap=float(np.hypot(*(end[:2] - target[:2]))),
+        gap=float(hypot(*(end[:2] - target[:2]))),
         bent=status == FOUND and bool(counters[columns.BENT]),
         expansions=int(expanded),
         collision_tests=int(counters[columns.COLLISION_TESTS]),
@@ -201,7 +202,7 @@ def search_graph(
 def _length(graph: GraphArrays, nodes: NDArray[np.int32], origins: Floats) -> float:
     """Meters along the tracks of a chain of nodes and across the seams between them."""
     seams = compose(origins[:-1], graph.node_motion[nodes[:-1]])[:, :2] - origins[1:, :2]
-    return float(graph.node_length[nodes].sum() + np.hypot(*seams.T).sum())
+    return float(graph.node_length[nodes].sum() + hypot(*seams.T).sum())
 
 
 def _as_goal(goal: ArrayLike) -> Floats:

@@ -13,6 +13,7 @@ from crowdsim.constants import NONE
 from crowdsim.following.chain_kernels import bend_chain
 from crowdsim.following.channel_kernels import channel_gap
 from crowdsim.following.follow_kernels import BLOCKED, FOUND, OUT_OF_BUDGET
+from crowdsim.geometry.elementary_kernels import cos_sin, hypot
 from crowdsim.geometry.planar_kernels import compose, wrap_angle
 from crowdsim.jit import helper, kernel
 from crowdsim.motion.track_kernels import next_origin, node_end
@@ -61,15 +62,15 @@ def _node_is_free(probes, channel, legs, torso, rules, node, x, y, heading, dx, 
 
     (dx, dy, dh) is the seam: the end of the node before less this origin.
     """
-    c, s = math.cos(heading), math.sin(heading)
+    c, s = cos_sin(heading)
     nearest = math.inf
     for row in range(probes.first[node], probes.first[node + 1]):
         lx, ly, fade = probes.row[row, X], probes.row[row, Y], probes.row[row, FADE]
         px, py = x + c * lx - s * ly + fade * dx, y + s * lx + c * ly + fade * dy
-        nearest = min(nearest, math.hypot(goal[0] - px, goal[1] - py))
+        nearest = min(nearest, hypot(goal[0] - px, goal[1] - py))
         jx, jy = probes.row[row, ASIDE_X], probes.row[row, ASIDE_Y]
         if jx != 0.0 or jy != 0.0:
-            cj, sj = math.cos(heading + fade * dh), math.sin(heading + fade * dh)
+            cj, sj = cos_sin(heading + fade * dh)
             px, py = px + cj * jx - sj * jy, py + sj * jx + cj * jy
         low, high = probes.row[row, LEGS], probes.row[row, TORSO]
         if rules.in_channel:
@@ -198,10 +199,10 @@ def _within_reach(chain, count, goal):
     turned = 0.0
     x, y = chain.end[0], chain.end[1]
     dx, dy = goal[0] - x, goal[1] - y
-    gap = math.hypot(dx, dy)
+    gap = hypot(dx, dy)
     for j in range(count - 1, -1, -1):
         jx, jy = chain.joint[j, 0], chain.joint[j, 1]
-        straight += math.hypot(x - jx, y - jy)
+        straight += hypot(x - jx, y - jy)
         x, y = jx, jy
         toward = (chain.end[0] - jx) * dy - (chain.end[1] - jy) * dx
         less, more = chain.limit[j, 0] - chain.turn[j], chain.limit[j, 1] - chain.turn[j]
@@ -209,7 +210,7 @@ def _within_reach(chain, count, goal):
         turned += max(-less, more)
     if gap * gap > aside + 0.5 * turned * turned * straight * gap:
         return False
-    return math.hypot(goal[0] - x, goal[1] - y) <= straight
+    return hypot(goal[0] - x, goal[1] - y) <= straight
 
 
 @helper
@@ -258,7 +259,7 @@ def search(
     for node in range(graph.node_frames.shape[0]):
         if node == start_node or (start_node < 0 and not graph.node_idle[node]):
             x, y, _ = node_end(graph, np.int64(node), start[0], start[1], start[2])
-            cost = graph.node_length[node] + rules.weight * math.hypot(goal[0] - x, goal[1] - y)
+            cost = graph.node_length[node] + rules.weight * hypot(goal[0] - x, goal[1] - y)
             count = _put(queue, count, made, np.int64(NONE), np.int64(node), cost)
             made += 1
     expanded = np.int64(0)
@@ -297,14 +298,14 @@ def search(
         closed[slot] = key
         row = expanded
         expanded += 1
-        walked += graph.node_length[node] + math.hypot(dx, dy)
+        walked += graph.node_length[node] + hypot(dx, dy)
         grown.link[row, PARENT] = parent
         grown.link[row, EDGE] = edge
         grown.link[row, NODE] = node
         grown.place[row, 0], grown.place[row, 1], grown.place[row, 2] = ox, oy, oh
         grown.place[row, END], grown.place[row, END + 1], grown.place[row, END + 2] = x, y, heading
         grown.place[row, WALKED] = walked
-        gap = math.hypot(goal[0] - x, goal[1] - y)
+        gap = hypot(goal[0] - x, goal[1] - y)
         if gap < best_gap:
             best = row
             best_gap = gap
@@ -327,12 +328,12 @@ def search(
             if graph.node_idle[target]:
                 continue
             px, py, ph = next_origin(graph, e, 0.0, x, y, heading)
-            cost = walked + graph.node_length[target] + math.hypot(x - px, y - py)
+            cost = walked + graph.node_length[target] + hypot(x - px, y - py)
             px, py, ph = node_end(graph, target, px, py, ph)
             child = _key(rules, target, px, py, ph)
             if closed[_slot(closed, child)] == child:
                 continue
-            gap = math.hypot(goal[0] - px, goal[1] - py)
+            gap = hypot(goal[0] - px, goal[1] - py)
             ends = graph.node_ends_standing[target] or not rules.end_standing
             if ends and gap < rules.bend_reach and cost <= promised + HASTE:
                 length = _bend_branch(

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper, kernel
 from crowdsim.motion.track_kernels import next_origin, node_end
 
@@ -159,7 +160,7 @@ def grow_maps(graph, begin, end, depth, reach, capacity, first, key, parent, edg
                 pose[row, 0] = px
                 pose[row, 1] = py
                 pose[row, 2] = ph
-                length[row] = length[above] + graph.node_length[source] + SEAM_WEIGHT * math.hypot(px - x, py - y)
+                length[row] = length[above] + graph.node_length[source] + SEAM_WEIGHT * hypot(px - x, py - y)
                 cost[count] = (
                     cost[local] + graph.node_length[target] + TURN_COST * abs(graph.node_motion[target, 2]) + NODE_COST
                 )

@@ -6,6 +6,7 @@ import numpy as np
 
 from crowdsim.following.map_kernels import CELL
 from crowdsim.following.path_kernels import path_gap, sample_index
+from crowdsim.geometry.elementary_kernels import cos_sin
 from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.jit import helper
 from crowdsim.motion.track_kernels import BLEND_FRAMES, track_pose
@@ -33,7 +34,7 @@ def _joints_keep_in(guide, reach, row, gap, at, x, y, heading):
     The joints are sorted from the farthest from the track to the nearest, so that only those that may leave are looked
     at. ``at`` is the arc length that the track is beside.
     """
-    c, s = math.cos(heading), math.sin(heading)
+    c, s = cos_sin(heading)
     for j in range(reach.joint.shape[1]):
         u, v = reach.joint[row, j, 0], reach.joint[row, j, 1]
         far = math.sqrt(u * u + v * v)

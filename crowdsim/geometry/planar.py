@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.geometry.elementary import cos, sin
+
 Floats = NDArray[np.float64]
+
+
+def rotation(degrees: float) -> tuple[float, float]:
+    """Cosine and sine of an angle in degrees, exactly for quarter turns, so that walls along the axes stay so."""
+    c, s = cos(math.radians(degrees)), sin(math.radians(degrees))
+    return (float(round(c)), float(round(s))) if degrees % 90.0 == 0.0 else (c, s)
 
 
 def wrap_angle(angle: Floats | float) -> Floats:
@@ -16,7 +26,7 @@ def wrap_angle(angle: Floats | float) -> Floats:
 def compose(outer: Floats, inner: Floats) -> Floats:
     """``inner`` expressed in the frame of ``outer``, seen from outside: outer o inner, shapes broadcast."""
     outer, inner = np.asarray(outer, np.float64), np.asarray(inner, np.float64)
-    c, s = np.cos(outer[..., 2]), np.sin(outer[..., 2])
+    c, s = cos(outer[..., 2]), sin(outer[..., 2])
     x = outer[..., 0] + c * inner[..., 0] - s * inner[..., 1]
     y = outer[..., 1] + s * inner[..., 0] + c * inner[..., 1]
     return np.stack([x, y, wrap_angle(outer[..., 2] + inner[..., 2])], axis=-1)
@@ -25,7 +35,7 @@ def compose(outer: Floats, inner: Floats) -> Floats:
 def invert(pose: Floats) -> Floats:
     """The rigid motion that undoes ``pose``."""
     pose = np.asarray(pose, np.float64)
-    c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
+    c, s = cos(pose[..., 2]), sin(pose[..., 2])
     x = -(c * pose[..., 0] + s * pose[..., 1])
     y = s * pose[..., 0] - c * pose[..., 1]
     return np.stack([x, y, wrap_angle(-pose[..., 2])], axis=-1)
@@ -34,7 +44,7 @@ def invert(pose: Floats) -> Floats:
 def transform_points(pose: Floats, points: Floats) -> Floats:
     """Points (..., 2) moved by ``pose`` (3,) or by poses that broadcast against them."""
     pose, points = np.asarray(pose, np.float64), np.asarray(points, np.float64)
-    c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
+    c, s = cos(pose[..., 2]), sin(pose[..., 2])
     x = pose[..., 0] + c * points[..., 0] - s * points[..., 1]
     y = pose[..., 1] + s * points[..., 0] + c * points[..., 1]
     return np.stack([x, y], axis=-1)

@@ -1,7 +1,6 @@
 """Squared distances between points and segments, and lengths of polylines."""
 
-import math
-
+from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper, kernel
 
 
@@ -50,5 +49,5 @@ def polyline_length(points):
     """Meters of a polyline (n, 2)."""
     length = 0.0
     for i in range(points.shape[0] - 1):
-        length += math.hypot(points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1])
+        length += hypot(points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1])
     return length

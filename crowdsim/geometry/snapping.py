@@ -13,7 +13,8 @@ GRID_BITS = 25
 
 def grid_cell(extent: float) -> float:
     """Cell (meters) of the finest exact grid for coordinates that differ by at most ``extent`` meters."""
-    return 2.0 ** (math.ceil(math.log2(extent)) - GRID_BITS)
+    mantissa, exponent = math.frexp(extent)
+    return math.ldexp(1.0, exponent - (mantissa == 0.5) - GRID_BITS)
 
 
 def snap(points: NDArray[np.float64], cell: float) -> NDArray[np.float64]:

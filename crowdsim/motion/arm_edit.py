@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import MotionError
+from crowdsim.geometry.products import dot
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.kinematics import conjugate, forward_kinematics, multiply, slerp
 
@@ -69,8 +70,8 @@ def _pointed(clip: Clip, rotations: Floats, joint: int, tip: int, hanging: Direc
     positions, world = forward_kinematics(clip.skeleton, clip.root_positions, rotations)
     frame = _shoulder_frame(clip)
     own = _unit(clip.joint_positions[:, tip] - clip.joint_positions[:, joint])
-    swing = np.einsum("fji,fj->fi", frame, own) - _unit(np.array(hanging))
-    wanted = np.einsum("fij,fj->fi", frame, _unit(_unit(np.array(held)) + _SWING_LEFT * swing))
+    swing = dot(np.swapaxes(frame, 1, 2), own[:, None]) - _unit(np.array(hanging))
+    wanted = dot(frame, _unit(_unit(np.array(held)) + _SWING_LEFT * swing)[:, None])
     now = _unit(positions[:, tip] - positions[:, joint])
     turned = multiply(_between(now, wanted), world[:, joint])
     parent = clip.skeleton.parents[joint]
@@ -79,7 +80,7 @@ def _pointed(clip: Clip, rotations: Floats, joint: int, tip: int, hanging: Direc
 
 def _between(a: Floats, b: Floats) -> Floats:
     """Shortest rotations (F, 4) from unit vectors a to unit vectors b (F, 3)."""
-    q = np.concatenate([1.0 + np.sum(a * b, axis=-1, keepdims=True), np.cross(a, b)], axis=-1)
+    q = np.concatenate([1.0 + dot(a, b)[:, None], np.cross(a, b)], axis=-1)
     return q / np.maximum(np.linalg.norm(q, axis=-1, keepdims=True), 1e-12)
 
 

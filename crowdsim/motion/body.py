@@ -5,6 +5,8 @@ Breadths follow the median adult: shoulders 0.47 m across with 0.06 m of flesh a
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from crowdsim.motion.skeleton import ROLES, Skeleton
@@ -43,11 +45,11 @@ _JOINTS: tuple[tuple[str, str, tuple[float, float, float]], ...] = (
     ("right_wrist", "right_elbow", (0.0, -FOREARM, 0.0)),
     ("left_hip", "hips", (0.0, HIP_HALF_WIDTH, -HIP_DROP)),
     ("left_knee", "left_hip", (0.0, 0.0, -THIGH)),
-    ("left_ankle", "left_knee", (-HIP_AHEAD, 0.0, -((SHANK**2 - HIP_AHEAD**2) ** 0.5))),
+    ("left_ankle", "left_knee", (-HIP_AHEAD, 0.0, -math.sqrt(SHANK * SHANK - HIP_AHEAD * HIP_AHEAD))),
     ("left_toe", "left_ankle", (BALL_AHEAD, 0.0, BALL_HEIGHT - ANKLE_HEIGHT)),
     ("right_hip", "hips", (0.0, -HIP_HALF_WIDTH, -HIP_DROP)),
     ("right_knee", "right_hip", (0.0, 0.0, -THIGH)),
-    ("right_ankle", "right_knee", (-HIP_AHEAD, 0.0, -((SHANK**2 - HIP_AHEAD**2) ** 0.5))),
+    ("right_ankle", "right_knee", (-HIP_AHEAD, 0.0, -math.sqrt(SHANK * SHANK - HIP_AHEAD * HIP_AHEAD))),
     ("right_toe", "right_ankle", (BALL_AHEAD, 0.0, BALL_HEIGHT - ANKLE_HEIGHT)),
 )
 

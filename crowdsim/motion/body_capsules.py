@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.geometry.elementary import cos, sin
 from crowdsim.motion.clearance import joint_flesh
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.kinematics import Floats, end_positions, forward_kinematics
@@ -45,9 +46,9 @@ def body_capsules(clip: Clip, first: int, last: int) -> Capsules:
     axes = np.stack([np.stack(starts, axis=1), np.stack(ends, axis=1)], axis=2)[first:last]
     track = track_of(clip)[first:last]
     offset = axes[..., :2] - track[:, None, None, :2]
-    cos, sin = np.cos(track[:, 2])[:, None, None], np.sin(track[:, 2])[:, None, None]
+    c, s = cos(track[:, 2])[:, None, None], sin(track[:, 2])[:, None, None]
     relative = np.stack(
-        [cos * offset[..., 0] + sin * offset[..., 1], cos * offset[..., 1] - sin * offset[..., 0], axes[..., 2]],
+        [c * offset[..., 0] + s * offset[..., 1], c * offset[..., 1] - s * offset[..., 0], axes[..., 2]],
         axis=-1,
     )
     below = _below_hips(skeleton)

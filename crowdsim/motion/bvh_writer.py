@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.errors import MotionError
+from crowdsim.geometry.elementary import asin, atan2
 from crowdsim.motion.clip import Clip
 
 Floats = NDArray[np.float64]
@@ -25,9 +26,9 @@ def to_y_up(v: Floats) -> Floats:
 def euler_zxy(q: Floats) -> Floats:
     """Degrees (..., 3) about Z, X, Y of quaternions (w, x, y, z), so that R = Rz Rx Ry."""
     w, x, y, z = np.moveaxis(q, -1, 0)
-    about_x = np.arcsin(np.clip(2.0 * (y * z + w * x), -1.0, 1.0))
-    about_z = np.arctan2(-2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z))
-    about_y = np.arctan2(-2.0 * (x * z - w * y), 1.0 - 2.0 * (x * x + y * y))
+    about_x = asin(np.clip(2.0 * (y * z + w * x), -1.0, 1.0))
+    about_z = atan2(-2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z))
+    about_y = atan2(-2.0 * (x * z - w * y), 1.0 - 2.0 * (x * x + y * y))
     return np.degrees(np.stack([about_z, about_x, about_y], axis=-1))
 
 

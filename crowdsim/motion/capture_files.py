@@ -14,6 +14,8 @@ import numpy as np
 
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.errors import MotionError
+from crowdsim.geometry.elementary import log
+from crowdsim.geometry.products import dot
 from crowdsim.motion.asf_format import parse_amc
 from crowdsim.motion.bvh_format import parse_bvh
 from crowdsim.motion.capture_cleaning import clean_stretches, resample
@@ -89,10 +91,15 @@ def read_capture(path: str | Path, meters_per_unit: float | None = None) -> Capt
 
     unit, scale, leg = _unit(raw, roles, basis, meters_per_unit, path)
     skeleton = Skeleton(
-        raw.names, raw.parents, raw.offsets @ basis.T * scale, raw.end_parents, raw.end_offsets @ basis.T * scale, roles
+        raw.names,
+        raw.parents,
+        _in_axes(basis, raw.offsets) * scale,
+        raw.end_parents,
+        _in_axes(basis, raw.end_offsets) * scale,
+        roles,
     )
-    root = raw.root_positions @ basis.T * scale
-    rotations = np.concatenate([raw.rotations[..., :1], raw.rotations[..., 1:] @ basis.T], axis=-1)
+    root = _in_axes(basis, raw.root_positions) * scale
+    rotations = np.concatenate([raw.rotations[..., :1], _in_axes(basis, raw.rotations[..., 1:])], axis=-1)
 
     stretches, dropped_first, jumps = clean_stretches(positions * scale, raw.rate)
     if not stretches:
@@ -141,7 +148,7 @@ def _axes(skeleton: Skeleton, positions: Floats, tips: Floats, path: Path) -> tu
     upward = np.mean(hips - _low_points(skeleton, positions, tips).mean(axis=1), axis=0)
     across = rest[roles["left_hip"]] - rest[roles["right_hip"]]
     up, left = _snap_axis(upward), _snap_axis(across)
-    if not up.any() or not left.any() or abs(up @ left) > 0.5:
+    if not up.any() or not left.any() or abs(dot(up, left)) > 0.5:
         raise MotionError(
             f"{path}: cannot tell which way is up: the hips are at {across} from each other in rest "
             f"and {upward} above the feet on average"
@@ -160,6 +167,11 @@ def _low_points(skeleton: Skeleton, positions: Floats, tips: Floats) -> Floats:
             below.add(joint)
     chosen = [k for k, parent in enumerate(skeleton.end_parents) if parent in below]
     return tips[:, chosen] if chosen else positions[:, sorted(below)]
+
+
+def _in_axes(basis: Floats, vectors: Floats) -> Floats:
+    """Vectors (..., 3) in the axes that are the rows of ``basis`` (3, 3)."""
+    return np.stack([dot(vectors, axis) for axis in basis], axis=-1)
 
 
 def _snap_axis(vector: Floats) -> Floats:
@@ -183,12 +195,12 @@ def _unit(
         leg = rest_tree.leg_length()
     else:
         rest = rest_tree.rest_positions()
-        points = np.concatenate([rest, rest[raw.end_parents] + raw.end_offsets]) @ basis.T
-        leg = float(-points[:, 2].min())
+        points = np.concatenate([rest, rest[raw.end_parents] + raw.end_offsets])
+        leg = float(-dot(points, basis[2]).min())
     if given is not None:
         return "given", given, leg * given
     if leg > 0.0:
-        unit = min(UNITS, key=lambda name: abs(np.log(leg * UNITS[name] / _ADULT_LEG)))
+        unit = min(UNITS, key=lambda name: abs(log(leg * UNITS[name] / _ADULT_LEG)))
         if _LEG_RANGE[0] <= leg * UNITS[unit] <= _LEG_RANGE[1]:
             return unit, UNITS[unit], leg * UNITS[unit]
     raise MotionError(
@@ -199,5 +211,5 @@ def _unit(
 
 def _floor_height(positions: Floats, tips: Floats, up: Floats, stretches: list[tuple[int, int]]) -> float:
     """Height of the lowest joint or end site in the frames that are kept: the sole that stands."""
-    height = np.minimum((positions @ up).min(axis=1), (tips @ up).min(axis=1, initial=np.inf))
+    height = np.minimum(dot(positions, up).min(axis=1), dot(tips, up).min(axis=1, initial=np.inf))
     return min(float(height[first : last + 1].min()) for first, last in stretches)

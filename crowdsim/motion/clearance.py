@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE
+from crowdsim.geometry.elementary import cos, sin
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.kinematics import Floats, end_positions, forward_kinematics
 from crowdsim.motion.skeleton import Skeleton
@@ -83,7 +84,8 @@ def measure_turning(clip: Clip, bands: Sequence[tuple[float, float]], back: bool
     way = float(heading[-1] if back else heading[0])
     turning = np.minimum(np.abs(heading - heading[0]), np.abs(heading - heading[-1])) > _FACING
     points, flesh = _body_points(clip)
-    offset = (points[turning, :, :2] - track[turning, None, :2]) @ np.array([-np.sin(way), np.cos(way)])
+    x, y = np.moveaxis(points[turning, :, :2] - track[turning, None, :2], -1, 0)
+    offset = y * cos(way) - x * sin(way)
     return _reaches(offset, points[turning, :, 2], flesh, bands)
 
 
@@ -101,7 +103,7 @@ def clearance_profile(clip: Clip, heights: Floats, facing: float = 0.0) -> Float
     profile = np.zeros((len(offset), len(heights)))
     for k, plane in enumerate(heights):
         # What a plane cuts from the ball of flesh about a point.
-        cut = np.sqrt(np.maximum(flesh**2 - (height - plane) ** 2, 0.0))
+        cut = np.sqrt(np.maximum(np.square(flesh) - np.square(height - plane), 0.0))
         inside = cut > 0.0
         left = np.max(np.where(inside, offset + cut, -np.inf), axis=1)
         right = np.min(np.where(inside, offset - cut, np.inf), axis=1)
@@ -124,8 +126,8 @@ def _beside_track(clip: Clip, facing: float) -> tuple[Floats, Floats, Floats] | 
         return None
     points, flesh = _body_points(clip)
     points, motion, track = points[goes_on], track[goes_on, 2] - facing, track[goes_on]
-    side = np.stack([-np.sin(motion), np.cos(motion)], axis=1)
-    return np.einsum("fpi,fi->fp", points[..., :2] - track[:, None, :2], side), points[..., 2], flesh
+    x, y = np.moveaxis(points[..., :2] - track[:, None, :2], -1, 0)
+    return y * cos(motion)[:, None] - x * sin(motion)[:, None], points[..., 2], flesh
 
 
 def _body_points(clip: Clip) -> tuple[Floats, Floats]:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from crowdsim.geometry.products import rounded_for_sums
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.frame_distance import WINDOW_REACH, cloud_joints
 from crowdsim.motion.kinematics import Floats
@@ -131,9 +132,10 @@ def _pieces(clip: Clip, row: int) -> list[_Piece]:
     for begin in range(0, clip.frame_count, _BLOCK):
         end = min(begin + _BLOCK, clip.frame_count)
         frames = held[begin : end + 2 * WINDOW_REACH]
-        x, y, z = np.moveaxis(frames - np.array([*frames[..., :2].mean(axis=(0, 1)), 0.0]), 2, 0)
+        middle = np.array([*frames[..., :2].mean(axis=(0, 1)), 0.0])
+        x, y, z = np.moveaxis(rounded_for_sums(frames - middle, 2 * points), 2, 0)
         mean_x, mean_y = (_window_sums(v.sum(axis=1)) / points for v in (x, y))
-        own = _window_sums((x * x + y * y + z * z).sum(axis=1)) - points * (mean_x**2 + mean_y**2)
+        own = _window_sums((x * x + y * y + z * z).sum(axis=1)) - points * (mean_x * mean_x + mean_y * mean_y)
         rows = slice(row + begin, row + end)
         flat, turned = np.hstack([x, y]), np.hstack([y, -x])
         pieces.append(_Piece(rows, flat, turned, np.ascontiguousarray(z), mean_x, mean_y, own, points))

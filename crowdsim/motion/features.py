@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.errors import MotionError
+from crowdsim.geometry.products import dot
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.kinematics import Floats
 
@@ -66,7 +67,7 @@ class CrossingDetector:
         left_ankle, right_ankle = joints[:, skeleton.joint("left_ankle")], joints[:, skeleton.joint("right_ankle")]
         normal = np.cross(right_hip - left_hip, left_ankle - left_hip)
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
-        distance = np.einsum("fi,fi->f", right_ankle - left_hip, normal)
+        distance = dot(right_ankle - left_hip, normal)
         return distance, np.abs(normal[:, 2]) <= self.steepest
 
     def _sides(self, distance: Floats, valid: NDArray[np.bool_]) -> NDArray[np.int8]:

@@ -13,7 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.geometry.elementary import atan2, cos, hypot, sin
 from crowdsim.geometry.planar import invert, transform_points
+from crowdsim.geometry.products import rounded_for_sums
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.kinematics import Floats
 from crowdsim.motion.skeleton import Skeleton
@@ -24,6 +26,9 @@ WINDOW_REACH = 10
 RANGE_STEP = np.radians(1.0)
 RANGE_CAP = 15
 """Extra rotation is tried in steps of a degree, up to so many each way."""
+
+_SQUARES = 8
+"""Most squares of a point's coordinates in one sum: two coordinates of two points, or their difference (4 times)."""
 
 
 def cloud_joints(skeleton: Skeleton) -> NDArray[np.int64]:
@@ -71,7 +76,7 @@ class PairAlignments:
         dot = self.dot + self.points * np.sum(u * v, axis=1)
         cross = self.cross + self.points * (u[:, 1] * v[:, 0] - u[:, 0] * v[:, 1])
         fixed = self.fixed + self.points * (np.sum(u * u, axis=1) + np.sum(v * v, axis=1))
-        squared = fixed - 2.0 * (np.cos(rotation) * dot + np.sin(rotation) * cross)
+        squared = fixed - 2.0 * (cos(rotation) * dot + sin(rotation) * cross)
         return np.sqrt(np.maximum(squared, 0.0) / self.points)
 
     def rotation_range(self, pivot_a: Floats, pivot_b: Floats, threshold: float) -> tuple[Floats, Floats]:
@@ -120,24 +125,24 @@ class Alignments:
 def align_all(clouds_a: Floats, clouds_b: Floats) -> Alignments:
     """Compare every cloud of ``clouds_a`` (A, P, 3) with every one of ``clouds_b`` (B, P, 3)."""
     (mean_a, ax, ay, az), (mean_b, bx, by, bz) = _centered(clouds_a), _centered(clouds_b)
-    dot = _products(ax, bx) + _products(ay, by)
-    cross = _products(ay, bx) - _products(ax, by)
+    dot = ax @ bx.T + ay @ by.T
+    cross = ay @ bx.T - ax @ by.T
     own_a = np.sum(ax * ax + ay * ay + az * az, axis=1)
     own_b = np.sum(bx * bx + by * by + bz * bz, axis=1)
-    fixed = own_a[:, None] + own_b[None, :] - 2.0 * _products(az, bz)
+    fixed = own_a[:, None] + own_b[None, :] - 2.0 * (az @ bz.T)
     points = clouds_a.shape[1]
-    distance = _root_mean_square(fixed - 2.0 * np.hypot(dot, cross), points)
-    return Alignments(distance, np.arctan2(cross, dot), dot, cross, fixed, mean_a, mean_b, points)
+    distance = _root_mean_square(fixed - 2.0 * hypot(dot, cross), points)
+    return Alignments(distance, atan2(cross, dot), dot, cross, fixed, mean_a, mean_b, points)
 
 
 def align_pairs(clouds_a: Floats, clouds_b: Floats) -> PairAlignments:
     """Compare each cloud of ``clouds_a`` (n, P, 3) with the one of ``clouds_b`` (n, P, 3) in the same row."""
     (mean_a, ax, ay, az), (mean_b, bx, by, bz) = _centered(clouds_a), _centered(clouds_b)
     dot, cross = np.sum(ax * bx + ay * by, axis=1), np.sum(ay * bx - ax * by, axis=1)
-    fixed = np.sum(ax**2 + ay**2 + bx**2 + by**2 + (az - bz) ** 2, axis=1)
+    fixed = np.sum(ax * ax + ay * ay + bx * bx + by * by + np.square(az - bz), axis=1)
     points = clouds_a.shape[1]
-    distance = _root_mean_square(fixed - 2.0 * np.hypot(dot, cross), points)
-    return PairAlignments(distance, np.arctan2(cross, dot), dot, cross, fixed, mean_a, mean_b, points)
+    distance = _root_mean_square(fixed - 2.0 * hypot(dot, cross), points)
+    return PairAlignments(distance, atan2(cross, dot), dot, cross, fixed, mean_a, mean_b, points)
 
 
 def join_pairs(parts: Sequence[PairAlignments]) -> PairAlignments:
@@ -153,15 +158,12 @@ def join_pairs(parts: Sequence[PairAlignments]) -> PairAlignments:
 
 
 def _centered(clouds: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Planar means (n, 2) of clouds (n, P, 3), and x and y about them and z, (n, P) each."""
+    """Planar means (n, 2) of clouds (n, P, 3), and x and y about them and z, (n, P) each, rounded for exact sums."""
     mean = clouds[..., :2].mean(axis=1)
-    return mean, clouds[..., 0] - mean[:, None, 0], clouds[..., 1] - mean[:, None, 1], clouds[..., 2]
+    terms = _SQUARES * clouds.shape[1]
+    x, y = (rounded_for_sums(clouds[..., axis] - mean[:, None, axis], terms) for axis in (0, 1))
+    return mean, x, y, rounded_for_sums(clouds[..., 2], terms)
 
 
 def _root_mean_square(squared: Floats, points: int) -> Floats:
     return np.sqrt(np.maximum(squared, 0.0) / points)
-
-
-def _products(a: Floats, b: Floats) -> Floats:
-    """The matrix product ``a @ b.T``, summed in one order whatever the number of BLAS threads."""
-    return np.einsum("ap,bp->ab", a, b)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE
+from crowdsim.geometry.elementary import cos, hypot, sin
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.motion.gait_curves import ease, smoothed
 from crowdsim.motion.gait_feet import FootCurves, foot_curves
@@ -71,7 +72,7 @@ def _course(plan: Plan) -> tuple[Floats, Floats]:
         under = compose(stance, np.array([_OVER_FOOT, 0.0, 0.0]))[:2]
         load.extend([(step.lift, under), (step.land, under)])
         bodies[step.side], half_widths[step.side] = step.body, step.half_width
-        closes = np.hypot(*(step.body - bodies[1 - step.side])[:2]) < 1e-9
+        closes = hypot(*(step.body - bodies[1 - step.side])[:2]) < 1e-9
         middle = _between(bodies[1 - step.side], step.body, middle[2], 0.5 if closes else 0.7)
         if next_lift - step.land > _LONG_SUPPORT:
             course.extend([(step.land + 1.0, middle), (next_lift - _LEAN, middle)])
@@ -99,7 +100,7 @@ def _supports(plan: Plan) -> tuple[Floats, Floats]:
         side[(frames >= step.lift - 2.0) & (frames <= step.land + 2.0)] = 1.0 if step.side == RIGHT else -1.0
         knots.append((0.5 * (step.lift + step.land), 0.0))
         bodies[step.side] = step.body
-        spread = float(np.hypot(*(bodies[0] - bodies[1])[:2]))
+        spread = float(hypot(*(bodies[0] - bodies[1])[:2]))
         knots.append((min(0.5 * (step.land + next_lift), step.land + 5.0), spread))
     knots.append((knots[-1][0] + 8.0, knots[-1][1]))
     apart = np.interp(frames, [t for t, _ in knots], [v for _, v in knots])
@@ -115,7 +116,7 @@ def controls_of(plan: Plan) -> Controls:
     body = smoothed(course, 6.0)
     heading = smoothed(course[:, 2], 5.0)
     sway = smoothed(load - course[:, :2], 5.5)
-    c, s = np.cos(heading), np.sin(heading)
+    c, s = cos(heading), sin(heading)
     across = manner.sway * plan.style.sway * (-s * sway[:, 0] + c * sway[:, 1])
     pelvis = np.stack([body[:, 0] - s * across, body[:, 1] + c * across, heading], axis=-1)
 
@@ -129,7 +130,12 @@ def controls_of(plan: Plan) -> Controls:
     forward = np.clip(c * speed[:, 0] + s * speed[:, 1], 0.0, 2.0)
     look = smoothed(np.concatenate([course[14:, 2], np.repeat(course[-1:, 2], 14)]), 9.0)
     walking = ease(forward / 0.8)
-    height = STANDING_HEIGHT - manner.crouch - _DROP * walking - manner.bounce * smoothed(_DROP_APART * apart**2, 4.0)
+    height = (
+        STANDING_HEIGHT
+        - manner.crouch
+        - _DROP * walking
+        - manner.bounce * smoothed(_DROP_APART * np.square(apart), 4.0)
+    )
     columns = {
         "height": height,
         "pelvis_yaw": manner.pelvis_yaw * spread,

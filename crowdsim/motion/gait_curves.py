@@ -5,17 +5,21 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.geometry.elementary import exp
+
 Floats = NDArray[np.float64]
 
 
 def smoothed(values: Floats, sigma: float) -> Floats:
     """(F, ...) values averaged under a bell of ``sigma`` frames; ends are continued as they are."""
     reach = int(np.ceil(3.5 * sigma))
-    bell = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    bell = exp(-0.5 * np.square(np.arange(-reach, reach + 1) / sigma))
     bell /= bell.sum()
     flat = values.reshape(len(values), -1)
     padded = np.concatenate([np.repeat(flat[:1], reach, 0), flat, np.repeat(flat[-1:], reach, 0)])
-    out = np.stack([np.convolve(column, bell, mode="valid") for column in padded.T], axis=-1)
+    out = np.zeros_like(flat)
+    for k, weight in enumerate(bell):
+        out += weight * padded[k : k + len(flat)]
     return out.reshape(values.shape)
 
 
@@ -34,13 +38,13 @@ def hermite(u: Floats, p0: float, v0: float, p1: float, v1: float) -> Floats:
 def quintic(u: Floats, p0: Floats, v0: Floats, a0: Floats, p1: Floats, v1: Floats, a1: Floats) -> Floats:
     """(U, D) curve from p0 to p1 (D,) over u (U,) with end slopes v0, v1 and curvatures a0, a1."""
     u = u[:, None]
-    u3, u4, u5 = u**3, u**4, u**5
+    u3, u4, u5 = u * u * u, (u * u) * (u * u), (u * u) * (u * u) * u
     h1 = 10 * u3 - 15 * u4 + 6 * u5
     return (
         (1 - h1) * p0
         + h1 * p1
         + (u - 6 * u3 + 8 * u4 - 3 * u5) * v0
         + (-4 * u3 + 7 * u4 - 3 * u5) * v1
-        + 0.5 * (u**2 - 3 * u3 + 3 * u4 - u5) * a0
+        + 0.5 * (u * u - 3 * u3 + 3 * u4 - u5) * a0
         + 0.5 * (u3 - 2 * u4 + u5) * a1
     )

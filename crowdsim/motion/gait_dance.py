@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.geometry.elementary import cos, sin
 from crowdsim.motion.gait_builder import PlanBuilder
 from crowdsim.motion.gait_manner import DANCING, Style
 from crowdsim.motion.gait_plan import LEFT, RIGHT, Plan, mirrored
@@ -44,7 +45,7 @@ def _around(name: str) -> Plan:
     places: list[tuple[int, Floats]] = []
     for part in range(1, 7):
         angle = np.radians(60.0 * part)
-        body = np.array([0.2 * np.sin(angle), 0.2 * (1.0 - np.cos(angle)), angle])
+        body = np.array([0.2 * sin(angle), 0.2 * (1.0 - cos(angle)), angle])
         places += [(LEFT, body), (RIGHT, body)]
     return _steps(name, places)
 

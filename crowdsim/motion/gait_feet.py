@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE
+from crowdsim.geometry.elementary import cos, hypot, power, sin
+from crowdsim.geometry.planar import wrap_angle
 from crowdsim.motion.body import ANKLE_HEIGHT, BALL_AHEAD, BALL_HEIGHT, HEEL_BACK
 from crowdsim.motion.gait_curves import ease, hermite, quintic
 from crowdsim.motion.gait_plan import LEFT, RIGHT, STANDING_HALF_WIDTH, Plan, Step, footprint
@@ -60,10 +62,10 @@ def _ramped(since: Floats, duration: float, slowing: float) -> Floats:
     """
     since = np.clip(since, 0.0, duration)
     whole = duration - 0.5 * (_SOFT_RAMP + slowing)
-    risen = np.where(since < _SOFT_RAMP, since**2 / (2.0 * _SOFT_RAMP), since - 0.5 * _SOFT_RAMP)
+    risen = np.where(since < _SOFT_RAMP, np.square(since) / (2.0 * _SOFT_RAMP), since - 0.5 * _SOFT_RAMP)
     if slowing > 0.0:
         left = duration - since
-        risen = np.where(left < slowing, whole - left**2 / (2.0 * slowing), risen)
+        risen = np.where(left < slowing, whole - np.square(left) / (2.0 * slowing), risen)
     return risen / whole
 
 
@@ -89,9 +91,9 @@ class _Plant:
         if self.arrive < 0.0:
             down = self.arrive * _ramped(self.land + self.soft - t, self.soft, self.slowing)
         else:
-            down = self.arrive * (1.0 - rolled) ** 2 * (1.0 + 0.6 * rolled)
+            down = self.arrive * np.square(1.0 - rolled) * (1.0 + 0.6 * rolled)
         if self.strides_off:
-            return down - self.leave * np.maximum((t - self.lift) / self._push_frames() + 1.0, 0.0) ** _PUSH_POWER
+            return down - self.leave * power(np.maximum((t - self.lift) / self._push_frames() + 1.0, 0.0), _PUSH_POWER)
         return down - self.leave * _ramped(t - self.lift + self.soft, self.soft, self.slowing)
 
     def _push_frames(self) -> float:
@@ -100,26 +102,27 @@ class _Plant:
         return min(_PUSH_FRAMES * self.leave / _PUSH_PITCH, self.lift - self.land - _ROLL_FRAMES)
 
     def yaw(self, t: Floats) -> Floats:
-        return self.place[2] + self.twist * np.maximum((t - self.lift) / self._push_frames() + 1.0, 0.0) ** 2
+        return self.place[2] + self.twist * np.square(np.maximum((t - self.lift) / self._push_frames() + 1.0, 0.0))
 
     def ankle(self, t: Floats) -> Floats:
         """(T, 3) ankle positions at times t (T,)."""
         pitch = self.pitch(t)
-        c, s = np.cos(pitch), np.sin(pitch)
+        c, s = cos(pitch), sin(pitch)
         on_heel = pitch > 0.0
         back = np.where(on_heel, HEEL_BACK, -BALL_AHEAD)
         up = np.where(on_heel, ANKLE_HEIGHT, ANKLE_HEIGHT - BALL_HEIGHT)
         ahead = c * back - s * up - back
         z = s * back + c * up + (ANKLE_HEIGHT - up)
-        ball = self.place[:2] + BALL_AHEAD * np.array([np.cos(self.place[2]), np.sin(self.place[2])])
+        ball = self.place[:2] + BALL_AHEAD * np.array([cos(self.place[2]), sin(self.place[2])])
         yaw, behind = self.yaw(t), ahead - BALL_AHEAD
-        return np.stack([ball[0] + np.cos(yaw) * behind, ball[1] + np.sin(yaw) * behind, z], axis=-1)
+        return np.stack([ball[0] + cos(yaw) * behind, ball[1] + sin(yaw) * behind, z], axis=-1)
 
 
 def _way_ahead(old: Floats, new: Floats) -> float:
     """Meters from one print to the next along the heading between theirs."""
     heading = 0.5 * (old[2] + new[2])
-    return float((new - old)[:2] @ np.array([np.cos(heading), np.sin(heading)]))
+    way = new - old
+    return float(way[0] * cos(heading) + way[1] * sin(heading))
 
 
 def _turning(plant: _Plant, t: float, duration: float) -> tuple[float, float]:
@@ -141,7 +144,7 @@ def _plants(plan: Plan, side: int) -> list[_Plant]:
     steps: list[Step] = [s for s in plan.steps if s.side == side]
     for step in steps:
         place = step.footprint
-        place[2] = places[-1][2] + np.angle(np.exp(1j * (place[2] - places[-1][2])))
+        place[2] = places[-1][2] + wrap_angle(place[2] - places[-1][2])
         places.append(place)
     lands = [-1e3, *(s.land for s in steps)]
     lifts = [*(s.lift for s in steps), plan.frame_count + 1e3]
@@ -151,14 +154,14 @@ def _plants(plan: Plan, side: int) -> list[_Plant]:
         came = _way_ahead(places[i - 1], place) if i > 0 else 0.0
         goes = _way_ahead(place, places[i + 1]) if i + 1 < len(places) else 0.0
         turn = float(places[i + 1][2] - place[2]) if i + 1 < len(places) else 0.0
-        strides_off = i + 1 < len(places) and float(np.hypot(*(places[i + 1] - place)[:2])) > _STRIDING
+        strides_off = i + 1 < len(places) and float(hypot(*(places[i + 1] - place)[:2])) > _STRIDING
         twist = _TWIST * float(np.sign(turn)) * max(0.0, abs(turn) - _UNTWISTED)
         heel_rise = _SOFT_SPEED * soft / CAPTURE_RATE / BALL_AHEAD
         arrive = _LANDING_PITCH * float(np.clip(came / _FULL_STRIDE, 0.0, 1.12))
         if i > 0 and _comes_to_rest(plan, steps[i - 1]):
             # A right heel that sinks last carries its ankle past the left one: in a walk that would be a crossing.
             arrive = 0.0 if side == RIGHT and any(hub.kind != "stand" for hub in plan.hubs) else -heel_rise
-        leave = _PUSH_PITCH * float(np.clip(goes / _FULL_STRIDE, 0.0, 1.15)) ** 0.8
+        leave = _PUSH_PITCH * power(np.clip(goes / _FULL_STRIDE, 0.0, 1.15), 0.8)
         leave = max(leave, heel_rise) if i + 1 < len(places) else 0.0
         plants.append(_Plant(place, lands[i], lifts[i], arrive, leave, twist, soft, plan.style.slowing, strides_off))
     return plants
@@ -191,15 +194,17 @@ def foot_curves(plan: Plan, side: int) -> FootCurves:
         v0, turn0 = _speed(old, old.lift, -1.0)
         v1, turn1 = _speed(new, new.land, 1.0)
         way = (ends[1] - ends[0]) * np.array([1.0, 1.0, 0.0])
-        way *= min(1.0, float(np.hypot(*way[:2])) / _FULL_STRIDE)
+        way *= min(1.0, float(hypot(*way[:2])) / _FULL_STRIDE)
         path = quintic(u, ends[0], v0 * duration, _SPRING * way, ends[1], v1 * duration, -_BRAKE * way)
         ahead = max(0.0, _way_ahead(old.place, new.place))
         high = plan.style.raised + plan.manner.lift + _LIFT_STRIDE * min(ahead / _FULL_STRIDE, 1.1)
-        path[:, 2] += high * u**2 * (1.0 - u) ** _SINK * (2.0 + _SINK) ** (2.0 + _SINK) / (4.0 * _SINK**_SINK)
+        path[:, 2] += (
+            high * np.square(u) * power(1.0 - u, _SINK) * power(2.0 + _SINK, 2.0 + _SINK) / (4.0 * power(_SINK, _SINK))
+        )
         middle = old.place[2] + 0.5 * (new.place[2] - old.place[2])
-        clear = 0.012 * np.sin(np.pi * u) ** 2 * outward
-        path[:, 0] -= np.sin(middle) * clear
-        path[:, 1] += np.cos(middle) * clear
+        clear = 0.012 * np.square(sin(np.pi * u)) * outward
+        path[:, 0] -= sin(middle) * clear
+        path[:, 1] += cos(middle) * clear
         ankle[rows] = path
         yaw[rows] = hermite(u, *_turning(old, old.lift, duration), float(new.place[2]), 0.0)
         turning, level = _LEVEL_AT, 0.35 * new.arrive

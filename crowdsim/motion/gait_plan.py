@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.geometry.elementary import cos, sin
 from crowdsim.geometry.planar import compose
 from crowdsim.motion.body import HIP_AHEAD
 from crowdsim.motion.gait_manner import PLAIN, WALKING, Manner, Style
@@ -76,7 +77,7 @@ def footprint(side: int, body: Floats, half_width: float) -> Floats:
 def along_arc(body: Floats, length: float, turn: float) -> Floats:
     """Body pose ``length`` meters ahead along an arc that turns by ``turn`` radians."""
     chord = length * np.sinc(turn / (2.0 * np.pi))
-    return compose(body, np.array([chord * np.cos(turn / 2.0), chord * np.sin(turn / 2.0), turn]))
+    return compose(body, np.array([chord * cos(turn / 2.0), chord * sin(turn / 2.0), turn]))
 
 
 def mirrored(plan: Plan, name: str) -> Plan:

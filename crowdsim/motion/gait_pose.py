@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.geometry.elementary import acos, asin, cos, sin
 from crowdsim.motion.body import HIP_AHEAD, SHANK, THIGH, default_skeleton
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.gait_body import SCALARS, Controls
@@ -15,8 +16,8 @@ Floats = NDArray[np.float64]
 _X, _Y, _Z = np.eye(3)
 _NECK_LEAN = 0.17
 """Radians that the neck leans ahead of the head."""
-STRAIGHTEST = float(np.sqrt(THIGH**2 + SHANK**2 + 2.0 * THIGH * SHANK * np.cos(np.radians(6.0))))
-"""Meters from hip to ankle at the least bend of a knee."""
+STRAIGHTEST = float(np.sqrt(THIGH * THIGH + SHANK * SHANK + 2.0 * THIGH * SHANK * 0.9945218953682733))
+"""Meters from hip to ankle at the least bend of a knee, 6 degrees (whose cosine stands above)."""
 
 
 def _column(controls: Controls, name: str) -> Floats:
@@ -76,14 +77,14 @@ def _leg(controls: Controls, side: str) -> tuple[Floats, Floats, Floats, Floats]
     first = 3 if side == "left" else 6
     foot_yaw = controls.placed[:, first + 2]
     ahead = 0.5 * (foot_yaw + controls.placed[:, 2] + _column(controls, "pelvis_yaw"))
-    forward = np.stack([np.cos(ahead), np.sin(ahead), np.zeros_like(ahead)], axis=-1)
+    forward = np.stack([cos(ahead), sin(ahead), np.zeros_like(ahead)], axis=-1)
     lateral = _unit(np.cross(forward, down))
-    bend = np.arccos((THIGH**2 + distance**2 - SHANK**2) / (2.0 * THIGH * distance))
-    thigh_down = np.cos(bend)[:, None] * down + np.sin(bend)[:, None] * np.cross(down, lateral)
+    bend = acos((THIGH * THIGH + np.square(distance) - SHANK * SHANK) / (2.0 * THIGH * distance))
+    thigh_down = cos(bend)[:, None] * down + sin(bend)[:, None] * np.cross(down, lateral)
     shank_down = _unit(down * distance[:, None] - THIGH * thigh_down)
     thigh = _quaternion_of(np.cross(lateral, -thigh_down), lateral, -thigh_down)
     shank = _quaternion_of(np.cross(lateral, -shank_down), lateral, -shank_down)
-    shank = multiply(shank, _turns(_Y, np.full(len(shank), -np.arcsin(HIP_AHEAD / SHANK))))
+    shank = multiply(shank, _turns(_Y, np.full(len(shank), -asin(HIP_AHEAD / SHANK))))
     foot = multiply(_turns(_Z, foot_yaw), _turns(_Y, -_column(controls, f"{side}_pitch")))
     toes = multiply(foot, _turns(_Y, -_column(controls, f"{side}_toe")))
     return thigh, shank, foot, toes

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.geometry.elementary import cos, sin
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.gait_body import FOOT_SCALARS, SCALARS, Controls, controls_of
 from crowdsim.motion.gait_builder import PlanBuilder
@@ -32,7 +33,7 @@ def _lowered(controls: Controls) -> Controls:
         excess = np.zeros(len(scalars))
         for side in ("left", "right"):
             way = hip_positions(current, side) - ankle_targets(current, side)
-            reach = np.sqrt(np.maximum(STRAIGHTEST**2 - way[:, 0] ** 2 - way[:, 1] ** 2, 0.04))
+            reach = np.sqrt(np.maximum(STRAIGHTEST * STRAIGHTEST - np.square(way[:, 0]) - np.square(way[:, 1]), 0.04))
             excess = np.maximum(excess, way[:, 2] - reach)
         if excess.max() <= 0.0:
             break
@@ -49,7 +50,7 @@ def _hub_frame(hub: Hub, manner: Manner) -> Floats:
 def _moved(frame: Floats, placed: Floats, inverse: bool) -> Floats:
     """(R, 9) planar poses into the frame (``inverse``) or out of it; headings stay unwrapped."""
     out = placed.copy()
-    c, s = np.cos(frame[2]), np.sin(frame[2])
+    c, s = cos(frame[2]), sin(frame[2])
     for k in (0, 3, 6):
         x, y = placed[:, k], placed[:, k + 1]
         if inverse:
@@ -121,8 +122,8 @@ def synthesize_idle(name: str, frames: int, manner: Manner = PLAIN) -> Clip:
     """Standing for ``frames`` frames: a breath and a little sway that begin and end in the standing pose."""
     placed, scalars = (np.repeat(a, frames, 0) for a in _standing(manner))
     u = np.linspace(0.0, 1.0, frames)
-    envelope = np.sin(np.pi * u) ** 2
-    breath, sway = envelope * np.sin(2.0 * np.pi * u), envelope * np.sin(2.0 * np.pi * u + 0.7)
+    envelope = np.square(sin(np.pi * u))
+    breath, sway = envelope * sin(2.0 * np.pi * u), envelope * sin(2.0 * np.pi * u + 0.7)
     placed[:, 1] += 0.006 * sway
     placed[:, 0] += 0.003 * breath
     for column, amount in (

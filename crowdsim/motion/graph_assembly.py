@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from crowdsim.geometry.elementary import cos, sin
 from crowdsim.motion.frame_distance import PairAlignments
 from crowdsim.motion.graph_arrays import GraphArrays
 from crowdsim.motion.graph_nodes import Node, PreparedSource
@@ -129,7 +130,7 @@ def assemble(
 
 def _pinned_transforms(rotation: Floats, pivot_a: Floats, pivot_b: Floats) -> Floats:
     """(E, 3) poses that turn by ``rotation`` and bring ``pivot_b`` onto ``pivot_a``."""
-    c, s = np.cos(rotation), np.sin(rotation)
+    c, s = cos(rotation), sin(rotation)
     x = pivot_a[:, 0] - (c * pivot_b[:, 0] - s * pivot_b[:, 1])
     y = pivot_a[:, 1] - (s * pivot_b[:, 0] + c * pivot_b[:, 1])
     return np.stack([x, y, rotation], axis=1)

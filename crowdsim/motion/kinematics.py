@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.geometry.elementary import acos, cos, sin
 from crowdsim.motion.skeleton import Skeleton
 
 Floats = NDArray[np.float64]
@@ -42,20 +43,20 @@ def rotate(q: Floats, v: Floats) -> Floats:
 def about_axis(axis: Floats, angle: Floats | float) -> Floats:
     """Quaternions (..., 4) of turns by ``angle`` radians about the unit vector ``axis`` (3,)."""
     half = np.asarray(angle, np.float64) / 2.0
-    return np.concatenate([np.cos(half)[..., None], np.sin(half)[..., None] * np.asarray(axis, np.float64)], axis=-1)
+    return np.concatenate([cos(half)[..., None], sin(half)[..., None] * np.asarray(axis, np.float64)], axis=-1)
 
 
 def slerp(a: Floats, b: Floats, weight: Floats | float) -> Floats:
     """Spherical interpolation along the shorter arc: ``a`` at weight 0, ``b`` at weight 1."""
     dot = np.sum(a * b, axis=-1, keepdims=True)
     b = np.where(dot < 0.0, -b, b)
-    angle = np.arccos(np.clip(np.abs(dot), 0.0, 1.0))
+    angle = acos(np.clip(np.abs(dot), 0.0, 1.0))
     weight = np.asarray(weight, np.float64)[..., None]
-    sine = np.sin(angle)
+    sine = sin(angle)
     near = sine < 1e-6
     safe = np.where(near, 1.0, sine)
-    wa = np.where(near, 1.0 - weight, np.sin((1.0 - weight) * angle) / safe)
-    wb = np.where(near, weight, np.sin(weight * angle) / safe)
+    wa = np.where(near, 1.0 - weight, sin((1.0 - weight) * angle) / safe)
+    wb = np.where(near, weight, sin(weight * angle) / safe)
     mixed = wa * a + wb * b
     return mixed / np.linalg.norm(mixed, axis=-1, keepdims=True)
 

@@ -2,6 +2,7 @@
 
 import math
 
+from crowdsim.geometry.elementary_kernels import atan2, cos_sin
 from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.jit import helper, kernel
 from crowdsim.motion.track_kernels import BLEND_FRAMES, blend_weight
@@ -29,21 +30,21 @@ def _faded_difference(pool, old_row, first_row, joint, w):
         return 1.0, 0.0, 0.0, 0.0
     if d0 < 0.0:
         sine = -sine
-    half = w * math.atan2(abs(sine), abs(d0))
-    scale = math.sin(half) / sine
-    return math.cos(half), scale * d1, scale * d2, scale * d3
+    half = w * atan2(abs(sine), abs(d0))
+    c, s = cos_sin(half)
+    scale = s / sine
+    return c, scale * d1, scale * d2, scale * d3
 
 
 @helper
 def _yaw(q):
     """Heading (radians) of what a rotation turns x to."""
-    return math.atan2(2.0 * (q[1] * q[2] + q[0] * q[3]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]))
+    return atan2(2.0 * (q[1] * q[2] + q[0] * q[3]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]))
 
 
 @helper
 def _turned(angle, x, y):
-    c = math.cos(angle)
-    s = math.sin(angle)
+    c, s = cos_sin(angle)
     return c * x - s * y, s * x + c * y
 
 
@@ -70,8 +71,7 @@ def pose_joints(table, node, previous, frame, pose, out_positions, out_rotations
         if previous[a] >= 0 and frame[a] < BLEND_FRAMES:
             w = blend_weight(frame[a])
             old = table.node_first[previous[a]] + table.node_frames[previous[a]]
-        c = math.cos(pose[a, 2])
-        s = math.sin(pose[a, 2])
+        c, s = cos_sin(pose[a, 2])
         x, y = float(root[row, 0]), float(root[row, 1])
         if w > 0.0:
             apart = wrap_angle(_yaw(pool[old, 0]) - _yaw(pool[first, 0]))
@@ -87,7 +87,8 @@ def pose_joints(table, node, previous, frame, pose, out_positions, out_rotations
                 q0, q1, q2, q3 = _multiply(d0, d1, d2, d3, q0, q1, q2, q3)
             parent = table.parents[j]
             if parent < 0:
-                p0, p1, p2, p3 = math.cos(0.5 * pose[a, 2]), 0.0, 0.0, math.sin(0.5 * pose[a, 2])
+                p0, p3 = cos_sin(0.5 * pose[a, 2])
+                p1, p2 = 0.0, 0.0
                 out_positions[a, j, 0] = pose[a, 0] + c * x - s * y
                 out_positions[a, j, 1] = pose[a, 1] + s * x + c * y
                 out_positions[a, j, 2] = root[row, 2] + w * (root[old, 2] - root[first, 2])

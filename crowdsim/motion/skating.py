@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE
+from crowdsim.geometry.elementary import hypot
+from crowdsim.geometry.products import dot
 from crowdsim.motion.kinematics import Floats, rotate
 from crowdsim.motion.skeleton import Skeleton
 
@@ -63,7 +65,7 @@ def feet_of(skeleton: Skeleton, positions: Floats, world: Floats, like: Feet | N
         ankle = skeleton.joint(f"{side}_ankle")
         toe = skeleton.roles.get(f"{side}_toe", ankle)
         ahead = skeleton.offsets[toe] * np.array([1.0, 1.0, 0.0]) if toe != ankle else np.array([1.0, 0.0, 0.0])
-        ahead = ahead / np.linalg.norm(ahead)
+        ahead = ahead / np.sqrt(dot(ahead, ahead))
         height = float(np.quantile(positions[:, ankle, 2], 0.05) if like is None else like.ankles[number])
         heel = positions[:, ankle] + rotate(world[:, ankle], -HEEL_BACK * ahead - np.array([0.0, 0.0, height]))
         points = [heel, positions[:, toe]]
@@ -102,18 +104,17 @@ def planted_steps(feet: Feet, rate: float = CAPTURE_RATE) -> NDArray[np.bool_]:
     return planted & lasting[..., None]
 
 
-def standing_moves(steps: Floats, planted: NDArray[np.bool_]) -> NDArray[np.complex128]:
-    """(..., n) complex steps of a foot: of its points (..., n, P, 2) that stand, the one with the least."""
-    ways = steps[..., 0] + 1j * steps[..., 1]
-    least = np.argmin(np.where(planted, np.abs(ways), np.inf), axis=-1)
-    moves: NDArray[np.complex128] = np.take_along_axis(ways, least[..., None], axis=-1)[..., 0]
+def standing_moves(steps: Floats, planted: NDArray[np.bool_]) -> Floats:
+    """(..., n, 2) steps of a foot: of its points (..., n, P, 2) that stand, the one with the least."""
+    least = np.argmin(np.where(planted, dot(steps, steps), np.inf), axis=-1)
+    moves: Floats = np.take_along_axis(steps, least[..., None, None], axis=-2)[..., 0, :]
     return moves
 
 
-def extent(moves: NDArray[np.complex128]) -> float:
-    """Largest distance (m) between two places on a way of steps (n,)."""
-    places = np.concatenate([[0.0], np.cumsum(moves)])
-    return float(np.abs(places[:, None] - places).max())
+def extent(moves: Floats) -> float:
+    """Largest distance (m) between two places on a way of steps (n, 2)."""
+    places = np.concatenate([np.zeros((1, 2)), np.cumsum(moves, axis=0)])
+    return float(hypot(*(places[:, None] - places).transpose(2, 0, 1)).max())
 
 
 def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -3,8 +3,7 @@
 Units are meters and radians; a pose is (x, y, heading).
 """
 
-import math
-
+from crowdsim.geometry.elementary_kernels import cos_sin
 from crowdsim.geometry.planar_kernels import compose, wrap_angle
 from crowdsim.jit import kernel
 
@@ -31,8 +30,7 @@ def next_origin(graph, edge, twist, x, y, heading):
     ty = graph.edge_transform[edge, 1]
     px = graph.edge_pivot[edge, 0]
     py = graph.edge_pivot[edge, 1]
-    c = math.cos(twist)
-    s = math.sin(twist)
+    c, s = cos_sin(twist)
     lx = px + c * (tx - px) - s * (ty - py)
     ly = py + s * (tx - px) + c * (ty - py)
     return compose(x, y, heading, lx, ly, graph.edge_transform[edge, 2] + twist)

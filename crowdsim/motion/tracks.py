@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from crowdsim.constants import CAPTURE_RATE
+from crowdsim.geometry.elementary import atan2, exp
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.kinematics import Floats
 
@@ -41,7 +42,7 @@ def _hips_and_heading(clip: Clip) -> tuple[Floats, Floats]:
         across = across + _unit(
             joints[:, skeleton.joint("left_shoulder"), :2] - joints[:, skeleton.joint("right_shoulder"), :2]
         )
-    return (left + right) / 2.0, np.unwrap(np.arctan2(-across[:, 0], across[:, 1]))
+    return (left + right) / 2.0, np.unwrap(atan2(-across[:, 0], across[:, 1]))
 
 
 def _seconds_from_standing(hips: Floats) -> Floats:
@@ -81,8 +82,10 @@ def _smooth(values: Floats, span: Floats) -> Floats:
     padded = np.concatenate([before, values, after])
     steps = np.arange(-reach, reach + 1)
     width = np.maximum(span * CAPTURE_RATE, 1e-3)
-    squares = (steps[None, :] / width[:, None]) ** 2
-    weights = (3.0 - squares) * np.exp(-0.5 * squares)
+    squares = np.square(steps[None, :] / width[:, None])
+    weights = (3.0 - squares) * exp(-0.5 * squares)
     weights /= weights.sum(axis=1, keepdims=True)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1, axis=0)
-    return np.einsum("fdk,fk->fd", windows, weights)
+    smoothed = np.zeros_like(values)
+    for k in range(2 * reach + 1):
+        smoothed += weights[:, k : k + 1] * padded[k : k + count]
+    return smoothed

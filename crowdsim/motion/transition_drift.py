@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.geometry.planar import compose, wrap_angle
+from crowdsim.geometry.elementary import atan2
+from crowdsim.geometry.planar import compose, transform_points, wrap_angle
 from crowdsim.motion.clip import Clip
 from crowdsim.motion.graph_assembly import MotionGraph, clip_frames
 from crowdsim.motion.kinematics import Floats, conjugate, multiply
@@ -43,12 +44,12 @@ class TransitionDrift:
 class _Standing:
     """Where the feet of a clip of F frames stand, and how they move there.
 
-    planted: (F - 1, 2, P) whether a point stands from a frame to the next. moves: (F - 1, 2) complex, m, how the foot
+    planted: (F - 1, 2, P) whether a point stands from a frame to the next. moves: (F - 1, 2, 2) meters, how the foot
     moves on the floor meanwhile. since, until: (F - 1, 2) first and behind last step of the stance.
     """
 
     planted: NDArray[np.bool_]
-    moves: NDArray[np.complex128]
+    moves: Floats
     since: Indices
     until: Indices
 
@@ -86,7 +87,7 @@ def transition_drifts(graph: MotionGraph, clips: Sequence[Clip]) -> TransitionDr
         chosen = edges[begin : begin + _EDGES]
         a, b = source[chosen], target[chosen]
         ahead = arrays.node_motion[a, 2] + arrays.edge_transform[chosen, 2]
-        turns = np.exp(1j * np.stack([-heading[a], ahead - heading[b]], axis=1))
+        turns = np.stack([-heading[a], ahead - heading[b]], axis=1)
         faded = standing_moves(_faded_steps(graph, a, chosen, like), opening[b])
         for row, (i, j) in enumerate(zip(a.tolist(), b.tolist(), strict=True)):
             before, after = (standing[places[k][0]] for k in (i, j))
@@ -108,7 +109,7 @@ def _heading(graph: MotionGraph, node: int, clip: Clip, first: int) -> float:
     turned = clip.rotations[first, 0]
     relative = graph.poses.pool_rotations[graph.poses.node_first[node], 0].astype(np.float64)
     turn = multiply(turned, conjugate(relative))
-    return 2.0 * float(np.arctan2(turn[3], turn[0]))
+    return 2.0 * float(atan2(turn[3], turn[0]))
 
 
 def _faded_steps(graph: MotionGraph, source: Indices, edges: Indices, like: Feet) -> Floats:
@@ -136,13 +137,14 @@ def _drift(
     left: tuple[str, int, int],
     after: _Standing,
     entered: tuple[str, int, int],
-    turns: NDArray[np.complex128],
-    played: NDArray[np.complex128],
+    turns: Floats,
+    played: Floats,
 ) -> tuple[float, float]:
     """Largest drift of a stance that the fade touches, and how much more than its own that is at most.
 
-    ``left`` and ``entered`` are clip, first and last frame of the two segments, ``played`` (BLEND_FRAMES, 2) the moves
-    of the feet while one fades into the other, ``turns`` what turns the clips to where that is played.
+    ``left`` and ``entered`` are clip, first and last frame of the two segments, ``played`` (BLEND_FRAMES, 2, 2) the
+    moves of the feet while one fades into the other, ``turns`` (2,) radians by which the clips turn to where that is
+    played.
     """
     _, first, end = left
     _, begin, last = entered
@@ -155,11 +157,11 @@ def _drift(
             if until == 0:
                 step += 1
                 continue
-            own = after.moves[step:until, foot] * turns[1]
+            own = transform_points(np.array([0.0, 0.0, turns[1]]), after.moves[step:until, foot])
             way = np.concatenate([played[step - begin : count, foot], own[begin + count - step :]])[: until - step]
             if step == begin and before.until[end - 1, foot]:
                 since = max(int(before.since[end - 1, foot]), first)
-                parts = before.moves[since:end, foot] * turns[0]
+                parts = transform_points(np.array([0.0, 0.0, turns[0]]), before.moves[since:end, foot])
                 own, way = np.concatenate([parts, own]), np.concatenate([parts, way])
             drift = extent(way)
             most, added = max(most, drift), max(added, drift - extent(own))

@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from crowdsim.geometry.elementary import hypot
 from crowdsim.navmesh.mesh_arrays import MeshArrays
 from crowdsim.navmesh.paths import path_kernels
 from crowdsim.navmesh.paths.paths import Floats, Paths
@@ -154,7 +155,7 @@ class PathSearch:
         pieces, again = batch.pieces(points), batch.copy(tangled)
         batch.take(pieces, tangled, again, self._find_best(again, 1))
         for row in tangled[again.status == path_kernels.OK].tolist():  # fast paths are as long as their polylines
-            batch.lengths[row] = np.hypot(*np.diff(pieces[row], axis=0).T).sum()
+            batch.lengths[row] = hypot(*np.diff(pieces[row], axis=0).T).sum()
         return np.concatenate(pieces)
 
     def _find_best(self, batch: _Batch, workers: int | None) -> Floats:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import GeometryError
+from crowdsim.geometry.elementary import atan2, hypot
 
 TANGENT_REACH = 0.25
 """Meters before and after a sample between which its direction of motion is taken."""
@@ -77,7 +78,7 @@ class AnnotatedPath:
         chord = self.at(arc + TANGENT_REACH) - self.at(arc - TANGENT_REACH)
         pose = np.empty((len(arc), 3))
         pose[:, :2] = self.at(arc)
-        pose[:, 2] = np.arctan2(chord[:, 1], chord[:, 0])
+        pose[:, 2] = atan2(chord[:, 1], chord[:, 0])
         starts = np.array([section.start for section in self.sections])
         labels = np.array([section.behavior for section in self.sections], dtype=np.int32)
         after = np.maximum(np.searchsorted(starts, arc + 1e-9, side="right") - 1, 0)
@@ -89,7 +90,7 @@ def arc_lengths(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Cumulative length (n,) of a polyline (n, 2)."""
     arc = np.zeros(len(points))
     steps = points[1:] - points[:-1]
-    np.hypot(steps[:, 0], steps[:, 1]).cumsum(out=arc[1:])
+    hypot(steps[:, 0], steps[:, 1]).cumsum(out=arc[1:])
     return arc
 
 

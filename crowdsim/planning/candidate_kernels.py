@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper
 from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, sweep
 from crowdsim.navmesh.clearance.violation_kernels import SPAN, merged
@@ -161,7 +162,7 @@ def path_cost(layers, radii, costs, turned, terms, points, first, last, length, 
             py = points[j, 1]
             qx = points[j + 1, 0]
             qy = points[j + 1, 1]
-            size = math.hypot(qx - px, qy - py)
+            size = hypot(qx - px, qy - py)
             row = pieces[_row(pieces, k, px, py, qx, qy)]
             if row.layer == 0:
                 begin = total

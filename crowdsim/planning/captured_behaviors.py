@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.errors import MotionError
+from crowdsim.geometry.elementary import cos, hypot
 from crowdsim.motion.arm_edit import edit_arms
 from crowdsim.motion.capture_files import read_capture
 from crowdsim.motion.clip import Clip
@@ -78,7 +79,7 @@ def _rest(walks: Clips, folder: Path) -> Clip:
         )
     walk, cut, end = max(stills, key=lambda still: abs(still[2] - still[1]))
     phase = np.linspace(0.0, 2.0 * np.pi, round(REST_SECONDS * CAPTURE_RATE) + 1)
-    return _at(walk, cut + (end - cut) * (1.0 - np.cos(phase)) / 2.0, f"{walk.name}_rest")
+    return _at(walk, cut + (end - cut) * (1.0 - cos(phase)) / 2.0, f"{walk.name}_rest")
 
 
 def _still_stretches(walk: Clip) -> list[tuple[int, int]]:
@@ -91,7 +92,7 @@ def _still_stretches(walk: Clip) -> list[tuple[int, int]]:
     place = track_of(walk)[:, :2]
     stretches = []
     for cut in cuts.tolist():
-        still = resting & (np.hypot(*(place - place[cut]).T) < SWAY)
+        still = resting & (hypot(*(place - place[cut]).T) < SWAY)
         moving = np.flatnonzero(~still)
         after, before = moving[moving > cut], moving[moving < cut]
         stretches.append((cut, int(after[0]) - 1 if len(after) else walk.frame_count - 1))

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from crowdsim.errors import PathNotFound
+from crowdsim.geometry.elementary import hypot
 from crowdsim.planning.query import Query
 from crowdsim.planning.requirements import TOUCH
 from crowdsim.planning.rooms import room_excess
@@ -21,7 +20,7 @@ def lower_bound(query: Query) -> float:
     """
     need = query.need
     preferred = float(need.costs[-1])
-    straight = float(np.hypot(*(query.ends[1] - query.ends[0])))
+    straight = float(hypot(*(query.ends[1] - query.ends[0])))
     bounds = []
     for k in range(need.count):
         shortest = max(straight, _shortest(query, k))

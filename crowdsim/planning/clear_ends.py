@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.geometry.elementary import cos, hypot, sin
 from crowdsim.planning.annotated_path import AnnotatedPath, Section, arc_lengths
 from crowdsim.planning.requirements import Requirements
 from crowdsim.planning.string_kernels import are_free
@@ -72,14 +72,13 @@ def _rings() -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Ring number (n,) and place (n, 2) of the origin and of points around it out to REACH."""
     ring = np.append(0, np.repeat(np.arange(1, _RINGS + 1), _DIRECTIONS))
     angle = np.append(0.0, np.tile(np.arange(_DIRECTIONS) * 2.0 * np.pi / _DIRECTIONS, _RINGS))
-    return ring, (ring * REACH / _RINGS)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return ring, (ring * REACH / _RINGS)[:, None] * np.stack([cos(angle), sin(angle)], axis=1)
 
 
 def joined_to(path: AnnotatedPath, ends: NDArray[np.float64], costs: NDArray[np.float64]) -> AnnotatedPath:
     """The path with its first and last section lengthened to start and goal (2, 2)."""
-    start, goal = ends.tolist()
-    before = math.dist(path.points[0].tolist(), start)
-    after = math.dist(path.points[-1].tolist(), goal)
+    before = float(hypot(*(path.points[0] - ends[0])))
+    after = float(hypot(*(path.points[-1] - ends[1])))
     if before == after == 0.0:
         return path
     points = np.concatenate([ends[:1][: before > 0.0], path.points, ends[1:][: after > 0.0]])

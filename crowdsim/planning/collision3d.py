@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.geometry.elementary import atan2, hypot
 from crowdsim.motion.body_capsules import body_capsules
 from crowdsim.motion.capture_files import read_clip
 from crowdsim.motion.tracks import track_of
@@ -47,7 +48,7 @@ def make_bodies(scene: CollisionScene, behaviors: Sequence[Behavior]) -> Bodies:
         clip = read_clip(behavior.folder / entry.clips[0].file)
         first, last = len(clip.root_positions) // 4, 3 * len(clip.root_positions) // 4
         way = np.diff(track_of(clip)[first:last, :2], axis=0)
-        strides.append(Stride(body_capsules(clip, first, last), float(np.hypot(*way.T).sum())))
+        strides.append(Stride(body_capsules(clip, first, last), float(hypot(*way.T).sum())))
         facings.append(behavior.facings[0])
     return Bodies(scene, tuple(strides), tuple(facings))
 
@@ -65,7 +66,7 @@ def annotated_in_3d(query: Query, bodies: Bodies, points: Floats) -> AnnotatedPa
     at = np.linspace(0.0, arc[-1], count + 1)
     places = points_at(points, arc, at)
     ahead = np.gradient(places, axis=0)
-    bearing = np.arctan2(ahead[:, 1], ahead[:, 0])
+    bearing = atan2(ahead[:, 1], ahead[:, 0])
     free = np.ones(count + 1, np.bool_)
     blocked = []
     # From the narrowest, as no wider body fits where a narrower one does not.

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from crowdsim.environment.layers import AnySolid
 from crowdsim.environment.mesh_solid import MeshSolid
 from crowdsim.errors import CrowdSimError
+from crowdsim.geometry.elementary import cos, sin
 from crowdsim.motion.body_capsules import Capsules
 
 Floats = NDArray[np.float64]
@@ -42,8 +43,8 @@ class CollisionScene:
 
     def collides(self, body: Any, x: float, y: float, heading: float) -> bool:
         """Whether the surface of a posed body (:class:`Stride`) meets one of the scene where its track is so."""
-        cos, sin = np.cos(heading), np.sin(heading)
-        turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        c, s = cos(heading), sin(heading)
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         body.setTransform(self._fcl.Transform(turn, np.array([x, y, 0.0])))
         found = self._fcl.CollisionData()
         self._tree.collide(body, found, self._fcl.defaultCollisionCallback)

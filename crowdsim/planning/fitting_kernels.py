@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, is_close, is_met, sweep
 from crowdsim.navmesh.clearance.violation_kernels import SPAN, merged
@@ -94,7 +95,7 @@ def _add_side(spans, lasts, count, radii, k, ax, ay, bx, by, start, length):
     """Record for each behavior where the piece is beside the side ab of its frame and too near; the new count."""
     ex = bx - ax
     ey = by - ay
-    size = math.hypot(ex, ey)
+    size = hypot(ex, ey)
     ex /= size
     ey /= size
     # Beside the side: 0 < e.(x - a) < size.
@@ -276,7 +277,7 @@ def annotate(layers, radii, costs, turned, terms, points):
             py = points[i, 1]
             ux = points[i + 1, 0] - px
             uy = points[i + 1, 1] - py
-            size = math.hypot(ux, uy)
+            size = hypot(ux, uy)
             free = False
             end = triangle
             if m.wind[triangle] == 0:

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.half_edge_kernels import nxt
@@ -37,7 +38,7 @@ def circles_meet(ax, ay, bx, by, one, other, sign):
     """
     dx = bx - ax
     dy = by - ay
-    gap = math.hypot(dx, dy)
+    gap = hypot(dx, dy)
     if gap == 0.0 or gap >= one + other:
         return False, 0.0, 0.0
     along = 0.5 * (gap * gap + one * one - other * other) / gap
@@ -142,7 +143,7 @@ def pinned_string(nodes, size, corners, filled, around, gates, found, string):
                             before >= 0 and _is_beside(corner, gates[before])
                         )
                         corner.reach = around[corner.vertex, top] if beside else corner.most
-                near = min(math.hypot(corner.x - fx, corner.y - fy), math.hypot(corner.x - tx, corner.y - ty))
+                near = min(hypot(corner.x - fx, corner.y - fy), hypot(corner.x - tx, corner.y - ty))
                 corner.reach = min(corner.reach, near - 0.5 * _OFF)
             for i in range(1, size - 1):
                 for c in range(filled):

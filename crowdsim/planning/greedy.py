@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import PathNotFound
+from crowdsim.geometry.elementary import hypot
 from crowdsim.navmesh.editing.detour_kernels import DONE, keeps_off
 from crowdsim.navmesh.editing.detours import Detours
 from crowdsim.planning.annotated_path import AnnotatedPath, Section
@@ -152,7 +153,7 @@ def _in_common(points: Floats, others: Floats) -> float:
     """Meters from their start on that two polylines (n, 2) and (m, 2) have in common."""
     count = min(len(points), len(others))
     same = int(np.argmin(np.append((points[:count] == others[:count]).all(axis=1), False)))
-    return float(np.hypot(*np.diff(points[:same], axis=0).T).sum())
+    return float(hypot(*np.diff(points[:same], axis=0).T).sum())
 
 
 def _conflict_points(query: Query, path: AnnotatedPath, one_by_one: bool) -> list[Floats]:
@@ -167,7 +168,7 @@ def _conflict_points(query: Query, path: AnnotatedPath, one_by_one: bool) -> lis
     for section in narrow:
         first = section.start + 0.5 * min(MIN_SECTION, section.end - section.start)
         points = path.at(np.arange(first, section.end, MIN_SECTION))
-        away = np.hypot(*(points[:, None, :] - query.ends).transpose(2, 0, 1)).min(axis=1)
+        away = hypot(*(points[:, None, :] - query.ends).transpose(2, 0, 1)).min(axis=1)
         points = points[away > 2.0 * query.need.search_radius]
         found += [points[[0, -1]][: len(points)], points[1:-1]] if one_by_one and len(points) else [points]
     if not one_by_one:

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.editing.address_kernels import mesh_at, workshop_at
 from crowdsim.navmesh.editing.detour_kernels import DONE, LOST, NO_ROOM, find_detour, keeps_off
@@ -43,7 +44,7 @@ def _along(points, first, last, arc):
     for i in range(first, last - 1):
         ux = points[i + 1, 0] - points[i, 0]
         uy = points[i + 1, 1] - points[i, 1]
-        size = math.hypot(ux, uy)
+        size = hypot(ux, uy)
         if arc <= size and size > 0.0:
             return points[i, 0] + arc / size * ux, points[i, 1] + arc / size * uy
         arc -= size
@@ -69,9 +70,9 @@ def _find_conflicts(points, first, last, length, sections, away, one_by_one, can
         final = NONE
         for i in range(math.ceil((end - start) / MIN_SECTION)):
             x, y = _along(points, first, last, start + i * MIN_SECTION)
-            if math.hypot(x - points[first, 0], y - points[first, 1]) <= away:
+            if hypot(x - points[first, 0], y - points[first, 1]) <= away:
                 continue
-            if math.hypot(x - points[last - 1, 0], y - points[last - 1, 1]) <= away:
+            if hypot(x - points[last - 1, 0], y - points[last - 1, 1]) <= away:
                 continue
             c = 0
             while c < count and max(abs(candidates[c].x - x), abs(candidates[c].y - y)) > SAME_PLACE:
@@ -106,14 +107,14 @@ def _compare(points, candidate, first, last):
         if points[a, 0] != points[b, 0] or points[a, 1] != points[b, 1]:
             break
         if i > 0:
-            candidate.before += math.hypot(points[b, 0] - points[b - 1, 0], points[b, 1] - points[b - 1, 1])
+            candidate.before += hypot(points[b, 0] - points[b - 1, 0], points[b, 1] - points[b - 1, 1])
     for i in range(least):
         a = candidate.last - 1 - i
         b = last - 1 - i
         if points[a, 0] != points[b, 0] or points[a, 1] != points[b, 1]:
             break
         if i > 0:
-            candidate.after += math.hypot(points[b, 0] - points[b + 1, 0], points[b, 1] - points[b + 1, 1])
+            candidate.after += hypot(points[b, 0] - points[b + 1, 0], points[b, 1] - points[b + 1, 1])
 
 
 @helper

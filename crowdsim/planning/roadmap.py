@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import weakref
 from collections.abc import Sequence
@@ -117,7 +118,7 @@ class Roadmap:
     def shifted(self, path: AnnotatedPath) -> AnnotatedPath:
         """The path with stations shifted aside, if it is cheaper, where narrow sections cost more than their least."""
         need = self.need
-        if sum(self.excess(path)) <= _WORTH * path.cost:
+        if math.fsum(self.excess(path)) <= _WORTH * path.cost:
             return path
         line, found, cost = polishing_kernels.shift_path(
             self.layers, self.layers[need.first_labelled :], path.points, np.array(path.sections), path.cost,

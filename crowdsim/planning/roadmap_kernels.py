@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import acos, atan2, hypot
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
@@ -100,13 +101,13 @@ def _around(px, py, qx, qy, cx, cy, radius):
     ay = py - cy
     bx = qx - cx
     by = qy - cy
-    straight = math.hypot(qx - px, qy - py)
-    da = math.hypot(ax, ay)
-    db = math.hypot(bx, by)
+    straight = hypot(qx - px, qy - py)
+    da = hypot(ax, ay)
+    db = hypot(bx, by)
     if straight == 0.0 or da <= radius or db <= radius:
         return straight
-    angle = abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
-    arc = angle - math.acos(radius / da) - math.acos(radius / db)
+    angle = abs(atan2(ax * by - ay * bx, ax * bx + ay * by))
+    arc = angle - acos(radius / da) - acos(radius / db)
     if arc <= 0.0:
         return straight
     return math.sqrt(da * da - radius * radius) + math.sqrt(db * db - radius * radius) + radius * arc
@@ -131,7 +132,7 @@ def way_level(layers, roots, hints, stack, radii, px, py, qx, qy, top, cx, cy, a
     Where the way is closer to the corner c than ``around`` (n,) of the behavior, it is taken to wind around it.
     roots: (m,) triangles of p in each layer. stack: scratch for `sweep`.
     """
-    length = math.hypot(qx - px, qy - py)
+    length = hypot(qx - px, qy - py)
     for level in range(top, -1, -1):
         if _is_open(layers, roots, stack, radii, level, px, py, qx, qy):
             return level
@@ -143,7 +144,7 @@ def way_level(layers, roots, hints, stack, radii, px, py, qx, qy, top, cx, cy, a
             y = py + k * (qy - py)
             dx = x - cx
             dy = y - cy
-            off = math.hypot(dx, dy)
+            off = hypot(dx, dy)
             if off < around[level] and off > 0.0:
                 x = cx + dx * around[level] / off
                 y = cy + dy * around[level] / off
@@ -159,7 +160,7 @@ def way_level(layers, roots, hints, stack, radii, px, py, qx, qy, top, cx, cy, a
 def tight_share(layers, hints, radii, px, py, qx, qy, cx, cy, around):
     """Share of the way from p to q where the widest behavior does not fit; see `way_level`."""
     top = radii.shape[0] - 1
-    steps = max(2, math.ceil(math.hypot(qx - px, qy - py) / _TIGHT_STEP))
+    steps = max(2, math.ceil(hypot(qx - px, qy - py) / _TIGHT_STEP))
     tight = 0
     for i in range(steps):
         k = (i + 0.5) / steps
@@ -167,7 +168,7 @@ def tight_share(layers, hints, radii, px, py, qx, qy, cx, cy, around):
         y = py + k * (qy - py)
         dx = x - cx
         dy = y - cy
-        off = math.hypot(dx, dy)
+        off = hypot(dx, dy)
         if off < around[top] and off > 0.0:
             x = cx + dx * around[top] / off
             y = cy + dy * around[top] / off
@@ -228,7 +229,7 @@ def place_points(layers, radii):
         ay = a.y
         ux = b.x - ax
         uy = b.y - ay
-        length = math.hypot(ux, uy)
+        length = hypot(ux, uy)
         if length < least - 2.0 * _SOFT:
             continue
         ux /= length

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.heap_kernels import HEAP_ROW, pop, push
 from crowdsim.navmesh.mesh_arrays import NONE
@@ -163,7 +164,7 @@ def find_road(layers, radii, around, costs, turned, terms, change, points, spans
             state = states[p * n + i]
             if state.stamp != stamp or value < state.cost:
                 if state.stamp != stamp:
-                    straight = math.hypot(points[p].x - gx, points[p].y - gy)
+                    straight = hypot(points[p].x - gx, points[p].y - gy)
                     state.rest = bound_to_goal(marks, of_goal, telling, p * n + i, straight, preferred)
                 state.stamp = stamp
                 state.cost = value
@@ -191,7 +192,7 @@ def find_road(layers, radii, around, costs, turned, terms, change, points, spans
                 best = cost + way_cost(end, i, costs)
                 last = at
         end_ways = points[p + 1].begin if p + 1 < points.size else ways.size
-        straight = math.hypot(points[p].x - gx, points[p].y - gy)
+        straight = hypot(points[p].x - gx, points[p].y - gy)
         for j in range(points[p].level + 1):
             if j == i or not _may_follow(i, j, turned):
                 continue

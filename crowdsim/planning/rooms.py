@@ -15,6 +15,8 @@ import shapely
 from numpy.typing import NDArray
 
 from crowdsim.constants import TRACKING_MARGIN
+from crowdsim.geometry.elementary import cos
+from crowdsim.geometry.polygons import buffered
 from crowdsim.planning.behaviors import Behavior
 from crowdsim.planning.requirements import Requirements
 
@@ -54,7 +56,7 @@ def room_polygons(
         room = layers[0]
         for layer, growth in zip(layers[1:], growths.tolist(), strict=True):
             if growth > 0.0:
-                room = room.intersection(layer.buffer(-growth, quad_segs=_ARC_STEPS))
+                room = room.intersection(buffered(layer, -growth, quad_segs=_ARC_STEPS))
         rooms.append(room)
     return tuple(rooms)
 
@@ -62,17 +64,17 @@ def room_polygons(
 def room_growths(behaviors: Sequence[Behavior], layers: int, margin: float = TRACKING_MARGIN) -> NDArray[np.float64]:
     """(B, layers - 1) meters by which the obstacles of the upper layers grow in each behavior's room, 0 for not."""
     need = Requirements.of(behaviors, layers, margin)
-    return np.maximum(need.radii[:, 1:] - need.search_radius, 0.0) / np.cos(np.pi / 4.0 / _ARC_STEPS)
+    return np.maximum(need.radii[:, 1:] - need.search_radius, 0.0) / cos(np.pi / 4.0 / _ARC_STEPS)
 
 
 def grown(obstacle: shapely.Geometry, growth: float) -> shapely.Geometry:
     """An obstacle of an upper layer as a room holds it."""
-    return obstacle.buffer(growth, quad_segs=_ARC_STEPS) if growth > 0.0 else obstacle
+    return buffered(obstacle, growth, quad_segs=_ARC_STEPS) if growth > 0.0 else obstacle
 
 
 def room_excess(growth: float) -> float:
     """Meters by which obstacles in a room are at most too large that should have grown by ``growth``."""
-    return max(growth, 0.0) * (1.0 / float(np.cos(np.pi / 4.0 / _ARC_STEPS)) - 1.0)
+    return max(growth, 0.0) * (1.0 / float(cos(np.pi / 4.0 / _ARC_STEPS)) - 1.0)
 
 
 def make_rooms(

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.clearance.sweep_kernels import sweep
@@ -59,7 +60,7 @@ def place_stations(points, sections, costs, least, stations):
     length = sections[last, 2]
     piece = np.int64(0)
     before = 0.0
-    size = math.hypot(points[1, 0] - points[0, 0], points[1, 1] - points[0, 1])
+    size = hypot(points[1, 0] - points[0, 0], points[1, 1] - points[0, 1])
     k = 0
     for s in range(count):
         station = stations[s]
@@ -67,7 +68,7 @@ def place_stations(points, sections, costs, least, stations):
         while piece < points.shape[0] - 2 and before + size < at:
             before += size
             piece += 1
-            size = math.hypot(points[piece + 1, 0] - points[piece, 0], points[piece + 1, 1] - points[piece, 1])
+            size = hypot(points[piece + 1, 0] - points[piece, 0], points[piece + 1, 1] - points[piece, 1])
         share = (at - before) / size if size > 0.0 else 0.0
         station.x = points[piece, 0] + share * (points[piece + 1, 0] - points[piece, 0])
         station.y = points[piece, 1] + share * (points[piece + 1, 1] - points[piece, 1])
@@ -98,7 +99,7 @@ def place_stations(points, sections, costs, least, stations):
     for s in range(1, count - 1):
         dx = stations[s + 1].x - stations[s - 1].x
         dy = stations[s + 1].y - stations[s - 1].y
-        d = math.hypot(dx, dy)
+        d = hypot(dx, dy)
         stations[s].nx = -dy / d if d > 0.0 else 0.0
         stations[s].ny = dx / d if d > 0.0 else 0.0
     return length

@@ -1,9 +1,8 @@
 """A way over the roadmap pulled taut, around corners as wide as the behavior at each of them asks for."""
 
-import math
-
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, sweep
 from crowdsim.navmesh.half_edge_kernels import nxt, triangle_of
@@ -82,7 +81,7 @@ def _swallowed(one, other):
     return (
         one.vertex >= 0
         and one.q * other.q > 0.0
-        and abs(one.q) - abs(other.q) >= math.hypot(one.x - other.x, one.y - other.y)
+        and abs(one.q) - abs(other.q) >= hypot(one.x - other.x, one.y - other.y)
     )
 
 
@@ -178,7 +177,7 @@ def channel_corners(m, channel, count, around, radius, ends, corners):
     filled = 0
     for k in range(count):
         h = channel[k]
-        gap = math.hypot(
+        gap = hypot(
             vertices[sides[h].org].x - vertices[sides[nxt(h)].org].x,
             vertices[sides[h].org].y - vertices[sides[nxt(h)].org].y,
         )
@@ -202,7 +201,7 @@ def channel_corners(m, channel, count, around, radius, ends, corners):
                 corner.side = 1.0 if left == 1 else -1.0
                 corner.most = around[v, top]
                 for end in range(2):
-                    corner.most = min(corner.most, math.hypot(corner.x - ends[end, 0], corner.y - ends[end, 1]))
+                    corner.most = min(corner.most, hypot(corner.x - ends[end, 0], corner.y - ends[end, 1]))
             corner = corners[known]
             corner.last = k
             wide = gap

@@ -1,9 +1,8 @@
 """The middle of each turn of a path led aside by what it lacks of what a body reaches while it turns."""
 
-import math
-
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper, kernel, unowned
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.mesh_arrays import NONE
@@ -78,7 +77,7 @@ def _lead_aside(layers, radii, turning, label, back, places):
         # To the left of the path, of which the places before may have moved.
         ax = y - places[i + 1, 1]
         ay = places[i + 1, 0] - x
-        size = math.hypot(ax, ay)
+        size = hypot(ax, ay)
         ax *= PROBE / size if size > 0.0 else 0.0
         ay *= PROBE / size if size > 0.0 else 0.0
         x = places[i, 0]
@@ -137,7 +136,7 @@ def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turne
             continue
         more = first - last
         for i in range(_PLACES - 1):
-            more += math.hypot(places[i + 1, 0] - places[i, 0], places[i + 1, 1] - places[i, 1])
+            more += hypot(places[i + 1, 0] - places[i, 0], places[i + 1, 1] - places[i, 1])
             for c in range(4):
                 pieces[i, c] = places[i + c // 2, c % 2]
         for i in range(len(layers)):
@@ -169,7 +168,7 @@ def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turne
     lengths = np.empty(filled)
     lengths[0] = 0.0
     for i in range(1, filled):
-        lengths[i] = lengths[i - 1] + math.hypot(line[i, 0] - line[i - 1, 0], line[i, 1] - line[i - 1, 1])
+        lengths[i] = lengths[i - 1] + hypot(line[i, 0] - line[i - 1, 0], line[i, 1] - line[i - 1, 1])
     bent[count - 1, 2] = lengths[filled - 1]
     for k in range(count):
         cost += costs[int(sections[k, 0])] * ((bent[k, 2] - bent[k, 1]) - (sections[k, 2] - sections[k, 1]))

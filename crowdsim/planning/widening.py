@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.geometry.elementary import hypot
 from crowdsim.planning.annotated_path import AnnotatedPath, arc_lengths
 from crowdsim.planning.query import Query
 from crowdsim.planning.requirements import TOUCH
@@ -42,12 +43,12 @@ def with_slack(query: Query, path: AnnotatedPath) -> AnnotatedPath:
         return path
     arc = np.linspace(0.0, path.length, int(np.ceil(path.length / STATION)) + 1)
     along = path.at(arc + STATION) - path.at(arc - STATION)
-    normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(*along.T)[:, None]
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / hypot(*along.T)[:, None]
     places = path.at(arc)[:, None] + SHIFTS[:, None] * normal[:, None]
     prices = _prices(query, places)
     if prices is None:
         return path
-    steps = np.hypot(*(places[1:, None, :, :] - places[:-1, :, None, :]).transpose(3, 0, 1, 2))
+    steps = hypot(*(places[1:, None, :, :] - places[:-1, :, None, :]).transpose(3, 0, 1, 2))
     legs, radius = query.meshes[0], query.need.search_radius - TOUCH
     for _ in range(_ROUNDS):
         chosen = _cheapest_shifts(prices, steps)
@@ -135,5 +136,5 @@ def _shifted(
 def joined(pieces: list[NDArray[np.float64]]) -> NDArray[np.float64]:
     """Polylines end to end, without repeated points."""
     points = np.concatenate(pieces)
-    keep = np.append(True, np.hypot(*np.diff(points, axis=0).T) > 1e-9)
+    keep = np.append(True, hypot(*np.diff(points, axis=0).T) > 1e-9)
     return np.ascontiguousarray(points[keep])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.geometry.elementary import log
 from crowdsim.scenario.agent_keys import MAX_COUNT
 from crowdsim.scenario.scenario import Scenario
 
@@ -31,6 +32,6 @@ def start_times(scenario: Scenario, number: int) -> NDArray[np.float64]:
     times = np.empty(0)
     last = group.start_time
     while last < until and len(times) < most:
-        drawn = last + np.cumsum(generator.exponential(1.0 / group.rate, _BATCH))
+        drawn = last + np.cumsum(-log(1.0 - generator.random(_BATCH)) / group.rate)
         times, last = np.append(times, drawn), float(drawn[-1])
     return times[times < until][:most]

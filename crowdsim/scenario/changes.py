@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -12,6 +11,7 @@ from shapely.affinity import affine_transform
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.environment.layers import AnySolid
+from crowdsim.geometry.planar import rotation
 from crowdsim.scenario.event_keys import Event, Move
 from crowdsim.scenario.messages import nearest
 
@@ -176,8 +176,7 @@ def _moved(movable: Movable, placing: Placing, move: Move) -> Placing:
     dx, dy = move.by or (0.0, 0.0)
     if move.to is not None:
         dx, dy = move.to[0] - center.x, move.to[1] - center.y
-    turn = math.radians(move.rotation)
-    cosine, sine = (math.cos(turn), math.sin(turn)) if turn else (1.0, 0.0)
+    cosine, sine = rotation(move.rotation)
     a, b, d, e, x, y = placing
     x, y = x - center.x, y - center.y
     return (

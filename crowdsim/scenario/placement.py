@@ -14,6 +14,8 @@ from shapely import MultiPolygon, Point, Polygon
 
 from crowdsim.environment.layers import dropped_solids, polygons_only
 from crowdsim.errors import Problem, ScenarioError
+from crowdsim.geometry.elementary import cos
+from crowdsim.geometry.polygons import buffered
 from crowdsim.scenario.agent_keys import MAX_COUNT, Goal
 from crowdsim.scenario.arrivals import start_times
 from crowdsim.scenario.scenario import Scenario
@@ -190,8 +192,8 @@ def _room(free: MultiPolygon, radius: float) -> MultiPolygon:
     """The part of an area at least ``radius`` from everything else."""
     quarter = 16
     # The arcs of a buffer are polygons inside the true arcs; the larger radius makes up for that.
-    outer = radius / math.cos(math.pi / (4 * quarter))
-    return polygons_only(free.buffer(-outer, quad_segs=quarter))
+    outer = radius / cos(math.pi / (4 * quarter))
+    return polygons_only(buffered(free, -outer, quad_segs=quarter))
 
 
 def _unusable(scenario: Scenario, region: Polygon | Point, radius: float) -> str:
@@ -294,7 +296,8 @@ class _Spots:
         for i in (column - 1, column, column + 1):
             for j in (row - 1, row, row + 1):
                 for other_x, other_y in self.cells.get((i, j), ()):
-                    if (x - other_x) ** 2 + (y - other_y) ** 2 < self.distance**2:
+                    dx, dy = x - other_x, y - other_y
+                    if dx * dx + dy * dy < self.distance * self.distance:
                         return False
         self.cells[(column, row)].append((x, y))
         return True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +20,7 @@ from crowdsim.environment.mesh_files import read_mesh_file
 from crowdsim.environment.mesh_solid import MeshSolid
 from crowdsim.environment.solids import polygon_from_points
 from crowdsim.errors import GeometryError, PlaceError, Problem
+from crowdsim.geometry.polygons import buffered
 from crowdsim.scenario.document import Path as KeyPath
 from crowdsim.scenario.place_keys import Mesh, Obstacle, Plan
 
@@ -193,7 +195,7 @@ class _Reader:
         clutter = self.scenario.clutter
         assert clutter is not None
         regions = [[group.start.shape(), *(r.shape() for _, r in group.regions())] for group in self.scenario.agents]
-        ends = shapely.union_all([region.buffer(_KEPT_CLEAR) for group in regions for region in group])
+        ends = shapely.union_all([buffered(region, _KEPT_CLEAR) for group in regions for region in group])
         standing = [solid.footprint for solids in self.solids.values() for solid in solids]
         free = floor.difference(shapely.union_all(standing))
         region = free if clutter.region is None else free.intersection(clutter.region.shape())
@@ -206,7 +208,7 @@ class _Reader:
             self._complain(("clutter",), error)
             return
         self.solids[("clutter",)] = kept
-        share = sum(solid.footprint.area for solid in kept) / region.area
+        share = math.fsum(solid.footprint.area for solid in kept) / region.area
         self.report.append(
             f"clutter: {len(kept)} obstacles cover {share:.1%} of the floor off starts and goals"
             + (f"; {len(drawn) - len(kept)} were taken away to open ways" if len(kept) < len(drawn) else "")

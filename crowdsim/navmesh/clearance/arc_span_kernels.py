@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import acos, asin, atan2, cos_sin, hypot
 from crowdsim.jit import helper
 from crowdsim.navmesh.half_edge_kernels import nxt
 
@@ -28,16 +29,17 @@ def set_arc(arc, px, py, qx, qy, bulge):
     off = (1.0 - bulge * bulge) / (4.0 * bulge)
     arc.x = 0.5 * (px + qx) - off * (qy - py)
     arc.y = 0.5 * (py + qy) + off * (qx - px)
-    arc.radius = math.hypot(qx - px, qy - py) * (1.0 + bulge * bulge) / (4.0 * abs(bulge))
-    arc.start = math.atan2(py - arc.y, px - arc.x)
-    arc.turn = 4.0 * math.atan(bulge)
+    arc.radius = hypot(qx - px, qy - py) * (1.0 + bulge * bulge) / (4.0 * abs(bulge))
+    arc.start = atan2(py - arc.y, px - arc.x)
+    arc.turn = 4.0 * atan2(bulge, 1.0)
 
 
 @helper
 def arc_point(arc, u):
     """The place passed at angle u."""
     bearing = arc.start + math.copysign(u, arc.turn)
-    return arc.x + arc.radius * math.cos(bearing), arc.y + arc.radius * math.sin(bearing)
+    c, s = cos_sin(bearing)
+    return arc.x + arc.radius * c, arc.y + arc.radius * s
 
 
 @helper
@@ -61,13 +63,13 @@ def _add_circle_roots(arc, vx, vy, radius, lo, hi, roots, count):
     """Where the arc meets the circle of ``radius`` around v."""
     dx = vx - arc.x
     dy = vy - arc.y
-    distance = math.hypot(dx, dy)
+    distance = hypot(dx, dy)
     gap = abs(arc.radius - distance)
     if distance == 0.0 or gap >= radius or arc.radius + distance <= radius:
         return count
     sine2 = (radius - gap) * (radius + gap) / (4.0 * arc.radius * distance)
-    half = 2.0 * math.asin(math.sqrt(min(sine2, 1.0)))
-    return _add_roots(arc, math.atan2(dy, dx), half, lo, hi, roots, count)
+    half = 2.0 * asin(math.sqrt(min(sine2, 1.0)))
+    return _add_roots(arc, atan2(dy, dx), half, lo, hi, roots, count)
 
 
 @helper
@@ -76,7 +78,7 @@ def add_line_roots(arc, nx, ny, at, lo, hi, roots, count):
     away = at - (nx * arc.x + ny * arc.y)
     if abs(away) >= arc.radius:
         return count
-    return _add_roots(arc, math.atan2(ny, nx), math.acos(away / arc.radius), lo, hi, roots, count)
+    return _add_roots(arc, atan2(ny, nx), acos(away / arc.radius), lo, hi, roots, count)
 
 
 @helper
@@ -85,7 +87,7 @@ def side_roots(arc, ax, ay, bx, by, radius, lo, hi, roots):
     count = _add_circle_roots(arc, ax, ay, radius, lo, hi, roots, np.int64(0))
     ex = bx - ax
     ey = by - ay
-    length = math.hypot(ex, ey)
+    length = hypot(ex, ey)
     if length > 0.0:
         count = _add_circle_roots(arc, bx, by, radius, lo, hi, roots, count)
         nx = -ey / length
@@ -103,7 +105,7 @@ def triangle_roots(m, t, arc, lo, hi, roots):
     for h in range(3 * t, 3 * t + 3):
         a = m.vertices[m.sides[h].org]
         b = m.vertices[m.sides[nxt(h)].org]
-        length = math.hypot(b.x - a.x, b.y - a.y)
+        length = hypot(b.x - a.x, b.y - a.y)
         nx = (a.y - b.y) / length
         ny = (b.x - a.x) / length
         count = add_line_roots(arc, nx, ny, nx * a.x + ny * a.y, lo, hi, roots, count)

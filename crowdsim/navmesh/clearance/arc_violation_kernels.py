@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import cos, hypot
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.arc_span_kernels import (
@@ -32,7 +33,7 @@ def _arc_piece(m, arc, u0, u1, radius, start, spans, count, marks, mark, near, r
     x0, y0 = arc_point(arc, u0)
     x1, y1 = arc_point(arc, u1)
     # Somewhat more than the arc is off its chord.
-    reach = radius + 1.01 * arc.radius * (1.0 - math.cos(0.5 * (u1 - u0)))
+    reach = radius + 1.01 * arc.radius * (1.0 - cos(0.5 * (u1 - u0)))
     near, triangles = triangles_near(m, x0, y0, x1, y1, reach, marks, mark, near, near[0])
     for i in range(triangles):
         t = near[i]
@@ -90,7 +91,7 @@ def arc_violations(m, points, radius):
         straight[0, 1] = points[i, 1]
         straight[1, 0] = points[last, 0]
         straight[1, 1] = points[last, 1]
-        length = math.hypot(straight[1, 0] - straight[0, 0], straight[1, 1] - straight[0, 1])
+        length = hypot(straight[1, 0] - straight[0, 0], straight[1, 1] - straight[0, 1])
         if length == 0.0 and points.shape[0] > 2:
             continue
         if length == 0.0 or abs(points[i, 2]) < FLAT:

@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.segments_kernels import point_segment_distance2, segment_segment_distance2
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
@@ -32,7 +33,7 @@ _BEST = np.dtype([("x", np.float64), ("y", np.float64), ("distance", np.float64)
 @helper
 def _try(m, t, px, py, x, y, radius, slack, best):
     """Make (x, y) the best place if it is nearer to p and free."""
-    distance = math.hypot(x - px, y - py)
+    distance = hypot(x - px, y - py)
     if distance < best[0].distance:
         clearance, _ = disc_clearance(m, x, y, 2.0 * radius, t)
         if clearance >= radius - slack:
@@ -50,8 +51,8 @@ def _nearest_of(one, px, py, radius):
         along = min(max(dx * one.ux + dy * one.uy, 0.0), one.length)
         x = one.x + along * one.ux
         y = one.y + along * one.uy
-        return math.hypot(x - px, y - py), x, y
-    distance = math.hypot(dx, dy)
+        return hypot(x - px, y - py), x, y
+    distance = hypot(dx, dy)
     if distance == 0.0:
         return radius, px + radius, py
     return abs(distance - radius), one.x + radius / distance * dx, one.y + radius / distance * dy
@@ -146,7 +147,7 @@ def _outlines_near(m, root, radius, near, outlines, stack, triangle_marks, verte
             b = vertices[sides[nxt(h)].org]
             ux = b.x - a.x
             uy = b.y - a.y
-            length = math.hypot(ux, uy)
+            length = hypot(ux, uy)
             ux /= length
             uy /= length
             outline = outlines[count]

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.segments_kernels import segment_segment_distance2
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.growing_kernels import longer
@@ -39,7 +40,7 @@ def _strip_span(px, py, ux, uy, radius, ax, ay, bx, by):
     """Interval of s where p + s u is closer than ``radius`` to the inside of segment ab; lo > hi if none."""
     ex = bx - ax
     ey = by - ay
-    length = math.hypot(ex, ey)
+    length = hypot(ex, ey)
     ex /= length
     ey /= length
     lo = -math.inf
@@ -186,7 +187,7 @@ def violations(m, points, radius):
         last = min(i + 1, points.shape[0] - 1)
         ux = points[last, 0] - px
         uy = points[last, 1] - py
-        length = math.hypot(ux, uy)
+        length = hypot(ux, uy)
         if length > 0.0:
             ux /= length
             uy /= length

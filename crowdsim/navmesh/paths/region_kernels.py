@@ -5,10 +5,9 @@ tree, so a way from start to goal passes the bridges between them one by one, wh
 need no search, and in each region the next bridge is a better aim than the goal. Bridges are those of Tarjan (1974).
 """
 
-import math
-
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.half_edge_kernels import nxt
 from crowdsim.navmesh.mesh_arrays import NONE
@@ -106,14 +105,14 @@ def _lay(m, waypoints, stamp, region, following, h, radius):
     after = waypoints[following]
     ux = b.x - a.x
     uy = b.y - a.y
-    length = math.hypot(ux, uy)
+    length = hypot(ux, uy)
     inset = min(radius / length, 0.5)
     at = ((after.x - a.x) * ux + (after.y - a.y) * uy) / (length * length)
     at = min(max(at, inset), 1.0 - inset)
     point = waypoints[region]
     point.x = a.x + at * ux
     point.y = a.y + at * uy
-    point.rest = after.rest + math.hypot(after.x - point.x, after.y - point.y)
+    point.rest = after.rest + hypot(after.x - point.x, after.y - point.y)
     point.stamp = stamp
 
 

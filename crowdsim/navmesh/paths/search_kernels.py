@@ -4,10 +4,9 @@ A state is a half-edge that the path crosses out of its triangle, with the point
 mesh the widths of sides and corners decide exactly whether the disc fits; near its ends, `can_leave` does.
 """
 
-import math
-
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper
 from crowdsim.navmesh.half_edge_kernels import nxt, prv
@@ -57,7 +56,7 @@ def _crossing_point(sides, vertices, h, radius, px, py, gx, gy):
     ay = a.y
     ux = b.x - ax
     uy = b.y - ay
-    length = math.hypot(ux, uy)
+    length = hypot(ux, uy)
     ux /= length
     uy /= length
     along_p = (px - ax) * ux + (py - ay) * uy
@@ -104,14 +103,14 @@ def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
                 if sides[e].cst != 0 or sides[corner].clr < width:
                     continue
             x, y = _crossing_point(sides, vertices, e, radius, px, py, gx, gy)
-            cost = spent + math.hypot(x - px, y - py)
+            cost = spent + hypot(x - px, y - py)
             if before[e] == 0 or (cost < states[e].cost - 1e-9 and expanded < _IMPROVING * room):
                 state = states[e]
                 state.cost = cost
                 state.x = x
                 state.y = y
                 before[e] = h + 2
-                heap, count = push(heap, count, cost + math.hypot(gx - x, gy - y), e)
+                heap, count = push(heap, count, cost + hypot(gx - x, gy - y), e)
         # The next state is the first one of the heap that was not reached at less cost since.
         h = NONE
         while count > 0 and h < 0:
@@ -119,7 +118,7 @@ def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
             count -= 1
             e = heap[count].item
             state = states[e]
-            if heap[count].key <= state.cost + math.hypot(gx - state.x, gy - state.y) + 1e-9:
+            if heap[count].key <= state.cost + hypot(gx - state.x, gy - state.y) + 1e-9:
                 h = e
                 expanded += 1
                 px = state.x

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import atan2
 from crowdsim.jit import helper
 from crowdsim.navmesh.clearance.clearance_kernels import capsule_nearest
 from crowdsim.navmesh.clearance.sweep_kernels import sweep, walk
@@ -118,7 +119,7 @@ def _trace(m, stack, nodes, count, least, marks, points, first, checked):
         angle = 0.0
         if i < count - 1:
             _, bx, by = tangent(node, nodes[i + 1])
-            angle = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
+            angle = atan2(ax * by - ay * bx, ax * bx + ay * by)
             if node.q * angle < -1e-6 - 4e-6 * abs(node.q):  # a turn of more than half a circle, not rounding
                 angle += math.copysign(2.0 * math.pi, node.q)
         steps, cx, cy, c, s = arc_corners(node.q, ax, ay, angle, node.bulge)

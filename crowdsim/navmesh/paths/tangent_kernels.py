@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import cos_sin
 from crowdsim.jit import helper
 
 STRING_NODE = np.dtype([(n, np.float64) for n in ("x", "y", "q", "bulge")] + [("vertex", np.int64)], align=True)
@@ -63,8 +64,7 @@ def arc_corners(q, dx, dy, angle, bulge):
     most = min(math.sqrt(8.0 * bulge / (radius + bulge)), 0.35)  # hardly less than 2 acos(radius / (radius + bulge))
     steps = max(1, math.ceil(abs(angle) / most))
     half = 0.5 * angle / steps
-    c = math.cos(half)
-    s = math.sin(half)
+    c, s = cos_sin(half)
     # The string touches the disc on its right side where the node is on the left, and the other way round.
     x = q * dy / c
     y = -q * dx / c

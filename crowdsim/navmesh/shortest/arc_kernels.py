@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import acos, atan2, cos_sin, hypot
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.growing_kernels import longer
@@ -89,7 +90,7 @@ def _block(spans, count, nx, ny, extent, cx, cy, half):
 
     ``spans`` stay in the order of their lower ends.
     """
-    middle = math.atan2(nx * cy - ny * cx, nx * cx + ny * cy)
+    middle = atan2(nx * cy - ny * cx, nx * cx + ny * cy)
     for turns in range(3):  # places around a point obstacle go round twice
         lo = middle - half + turns * _TURN
         hi = middle + half + turns * _TURN
@@ -109,7 +110,7 @@ def _block_wall(spans, count, nx, ny, extent, vx, vy, radius, least, a, b):
     """Record the places around the corner v where the inside of wall ab is closer than ``least``; the count."""
     tx = b.x - a.x
     ty = b.y - a.y
-    length = math.hypot(tx, ty)
+    length = hypot(tx, ty)
     tx /= length
     ty /= length
     # v is left of the wall; the normal points to it.
@@ -119,15 +120,16 @@ def _block_wall(spans, count, nx, ny, extent, vx, vy, radius, least, a, b):
     if below >= 1.0:
         return count
     # Places at the angle g clockwise of t: sin g > below, and 0 < along + radius cos g < length.
-    half = math.acos(max(below, -1.0))
-    lo = math.acos(min(max((length - along) / radius, -1.0), 1.0))
-    hi = math.acos(min(max(-along / radius, -1.0), 1.0))
+    half = acos(max(below, -1.0))
+    lo = acos(min(max((length - along) / radius, -1.0), 1.0))
+    hi = acos(min(max(-along / radius, -1.0), 1.0))
     for first, last in ((lo, hi), (-hi, -lo), (_TURN - hi, _TURN - lo)):
         first = max(first, 0.5 * math.pi - half)
         last = min(last, 0.5 * math.pi + half)
         middle = 0.5 * (first + last)
-        cx = tx * math.cos(middle) + ty * math.sin(middle)
-        cy = ty * math.cos(middle) - tx * math.sin(middle)
+        c, s = cos_sin(middle)
+        cx = tx * c + ty * s
+        cy = ty * c - tx * s
         count = _block(spans, count, nx, ny, extent, cx, cy, 0.5 * (last - first))
     return count
 
@@ -174,7 +176,7 @@ def _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights,
             distance2 = dx * dx + dy * dy
             if distance2 < 4.0 * least * least:
                 cosine = (radius * radius + distance2 - least * least) / (2.0 * radius * math.sqrt(distance2))
-                half = math.acos(min(max(cosine, -1.0), 1.0))
+                half = acos(min(max(cosine, -1.0), 1.0))
                 taken = _block(spans, taken, nx, ny, extent, dx, dy, half)
         if h in (last, begin):
             return spans, taken
@@ -203,10 +205,10 @@ def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spa
         ay = a.y - py
         bx = b.x - px
         by = b.y - py
-        length = math.hypot(ax, ay)
+        length = hypot(ax, ay)
         ax /= length
         ay /= length
-        length = math.hypot(bx, by)
+        length = hypot(bx, by)
         bx /= length
         by /= length
         across = ax * by - ay * bx
@@ -219,7 +221,7 @@ def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spa
         extent = math.pi
         if first != last:
             # From a + 90 degrees to b - 90 degrees.
-            extent = max(math.atan2(-across, -ax * bx - ay * by), 0.0)
+            extent = max(atan2(-across, -ax * bx - ay * by), 0.0)
     taken = np.int64(0)
     if radius > 0.0:
         spans, taken = _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights, found, spans)
@@ -242,8 +244,9 @@ def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spa
                 arc.bx = bx
                 arc.by = by
                 turned = at + k * math.pi
-                arc.nx = nx * math.cos(turned) - ny * math.sin(turned)
-                arc.ny = ny * math.cos(turned) + nx * math.sin(turned)
+                c, s = cos_sin(turned)
+                arc.nx = nx * c - ny * s
+                arc.ny = ny * c + nx * s
                 arc.extent = _TURN if whole else end - at
                 arc.vertex = v
         if i < taken:

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import cos_sin
 from crowdsim.geometry.predicates_kernels import orient2d
 from crowdsim.jit import helper
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
@@ -161,8 +162,7 @@ def find_ends(m, graph, scratch, x, y, triangle, others, radius, slack, margin, 
                 angle = nearest_end(arc, nx, ny, margin)
                 if angle < 0.0:
                     continue
-                c = math.cos(angle)
-                s = math.sin(angle)
+                c, s = cos_sin(angle)
                 nx = arc.nx * c - arc.ny * s
                 ny = arc.ny * c + arc.nx * s
                 length = math.sqrt((arc.x + radius * nx - x) ** 2 + (arc.y + radius * ny - y) ** 2)

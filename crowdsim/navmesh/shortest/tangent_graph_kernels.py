@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import atan2, cos_sin
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, is_free_way
 from crowdsim.navmesh.growing_kernels import longer
@@ -26,7 +27,7 @@ def touches(arc, nx, ny):
 @helper
 def turned_to(arc, nx, ny):
     """Radians from the begin of the arc to its place in direction n, or -1.0 if that is not on the arc."""
-    angle = math.atan2(arc.nx * ny - arc.ny * nx, arc.nx * nx + arc.ny * ny)
+    angle = atan2(arc.nx * ny - arc.ny * nx, arc.nx * nx + arc.ny * ny)
     if angle < -SLACK:
         angle += 2.0 * math.pi
     if angle > arc.extent + SLACK:
@@ -37,7 +38,7 @@ def turned_to(arc, nx, ny):
 @helper
 def nearest_end(arc, nx, ny, margin):
     """Radians turned at the end of the arc that direction n misses by less than ``margin`` radians; -1.0 if none."""
-    angle = math.atan2(arc.nx * ny - arc.ny * nx, arc.nx * nx + arc.ny * ny)
+    angle = atan2(arc.nx * ny - arc.ny * nx, arc.nx * nx + arc.ny * ny)
     if abs(angle) < margin:
         return 0.0
     off = (angle - arc.extent) % (2.0 * math.pi)
@@ -101,13 +102,11 @@ def find_tangents(m, arcs, begin, radius, least, slack, view, first_node, last_n
         for part in range(parts):
             # Headings from a to b, turned from the place on the arc by a right angle.
             angle = arc.extent * part / parts
-            c = math.cos(angle)
-            s = math.sin(angle)
+            c, s = cos_sin(angle)
             ax = -q * (arc.ny * c + arc.nx * s)
             ay = q * (arc.nx * c - arc.ny * s)
             angle = arc.extent * (part + 1) / parts
-            c = math.cos(angle)
-            s = math.sin(angle)
+            c, s = cos_sin(angle)
             bx = -q * (arc.ny * c + arc.nx * s)
             by = q * (arc.nx * c - arc.ny * s)
             h = m.vertices[arc.vertex].vhe
@@ -171,6 +170,7 @@ def link_arcs(arcs, tangents, radius):
     for n in range(count):
         arc = arcs[n >> 1]
         angle = arc.extent if n & 1 else 0.0
-        nodes[n].x = arc.x + radius * (arc.nx * math.cos(angle) - arc.ny * math.sin(angle))
-        nodes[n].y = arc.y + radius * (arc.ny * math.cos(angle) + arc.nx * math.sin(angle))
+        c, s = cos_sin(angle)
+        nodes[n].x = arc.x + radius * (arc.nx * c - arc.ny * s)
+        nodes[n].y = arc.y + radius * (arc.ny * c + arc.nx * s)
     return nodes[: count + 1].copy(), links

@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import tan
 from crowdsim.jit import helper
 from crowdsim.navmesh.clearance.sweep_kernels import is_free_way
 from crowdsim.navmesh.heap_kernels import pop, push
@@ -39,7 +40,7 @@ def _is_better(cost, turned, label):
 @helper
 def _is_shorter(back, radius, one, other):
     """Whether two tangents of one arc cross, so that who takes the first one need not go ``back`` to take the other."""
-    reach = radius * math.tan(0.5 * back) if back < 3.0 else np.inf
+    reach = radius * tan(0.5 * back) if back < 3.0 else np.inf
     return one >= reach and other >= reach
 
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
@@ -141,7 +142,7 @@ def find_bottleneck(m, v, qx, qy, sights):
                     continue
                 fx = np.rint((px + ax + part * ex) / cell) * cell
                 fy = np.rint((py + ay + part * ey) / cell) * cell
-                width = math.hypot(fx - px, fy - py)
+                width = hypot(fx - px, fy - py)
                 # Next to an end of the side, the edge to that end measures the passage as well.
                 aside = min(part, 1.0 - part) * math.sqrt(length2)
                 if aside < 8.0 * cell or aside * aside < 1e-7 * width * width:
@@ -231,7 +232,7 @@ def _find_foot(m, s, sights):
         if z.vref > 0 and part >= lo - _SLACK and part <= hi + _SLACK:
             fx = np.rint((ax + part * ex) / cell) * cell
             fy = np.rint((ay + part * ey) / cell) * cell
-            width = math.hypot(fx - zx, fy - zy)
+            width = hypot(fx - zx, fy - zy)
             # Next to an end of the side, the edge to that end measures the passage as well.
             aside = min(part, 1.0 - part) * math.sqrt(length2)
             if aside >= 8.0 * cell and aside * aside >= 1e-7 * width * width:

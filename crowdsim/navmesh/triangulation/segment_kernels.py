@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 
+from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper
 from crowdsim.navmesh.growing_kernels import longer
 from crowdsim.navmesh.half_edge_kernels import find_half_edge, nxt, prv, side, soil
@@ -83,7 +84,7 @@ def _cross(m, e, ways, top, w):
         p = NONE
         least = 1.5 * cell
         for c in (a, b, u, v, sides[prv(e)].org, sides[prv(f)].org):
-            distance = math.hypot(vertices[c].x - mx, vertices[c].y - my)
+            distance = hypot(vertices[c].x - mx, vertices[c].y - my)
             if distance < least:
                 least = distance
                 p = c
