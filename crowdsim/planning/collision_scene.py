@@ -12,6 +12,7 @@ from crowdsim.environment.layers import AnySolid
 from crowdsim.environment.mesh_solid import MeshSolid
 from crowdsim.errors import CrowdSimError
 from crowdsim.geometry.elementary import cos, sin
+from crowdsim.geometry.products import dot
 from crowdsim.motion.body_capsules import Capsules
 
 Floats = NDArray[np.float64]
@@ -63,7 +64,9 @@ class Stride:
             axes = zip(frame, capsules.radii.tolist(), strict=True)
             parts = [_capsule(start, end, radius) for (start, end), radius in axes]
             body = trimesh.util.concatenate(parts)
-            self._bodies.append(_surface(np.asarray(body.vertices), np.asarray(body.faces, np.int64)))
+            # Rounded, as trimesh takes sines of the C library.
+            points = np.round(np.asarray(body.vertices), 6)
+            self._bodies.append(_surface(points, np.asarray(body.faces, np.int64)))
 
     def body(self, arc: float) -> Any:
         """The body ``arc`` meters along its way."""
@@ -84,7 +87,7 @@ def _capsule(start: Floats, end: Floats, radius: float) -> Any:
     import trimesh
 
     axis = end - start
-    length = float(np.linalg.norm(axis))
+    length = float(np.sqrt(dot(axis, axis)))
     capsule = trimesh.creation.capsule(height=length, radius=radius, count=_RING)
     turn = trimesh.geometry.align_vectors([0.0, 0.0, 1.0], axis if length > 0.0 else [0.0, 0.0, 1.0])
     turn[:3, 3] = 0.5 * (start + end)

@@ -80,7 +80,7 @@ def _prices(query: Query, places: NDArray[np.float64]) -> NDArray[np.float64] | 
     if roomy.all():
         return None
     # Those next to a station that is too close may have to shift as well.
-    close = np.flatnonzero(np.convolve(~roomy, np.ones(7))[3:-3] > 0.5)
+    close = np.flatnonzero(np.lib.stride_tricks.sliding_window_view(np.pad(~roomy, 3), 7).any(axis=1))
     room = np.full((len(close), len(SHIFTS), need.count), np.inf)
     for layer, mesh in enumerate(query.meshes):
         clear = mesh.clearances(places[close].reshape(-1, 2), float(reach[layer]))

@@ -11,6 +11,37 @@ PACKAGE = ROOT / "crowdsim"
 SOURCES = sorted(path for folder in ("crowdsim", "tests", "tools") for path in (ROOT / folder).rglob("*.py"))
 MAY_IMPORT_NUMBA = {"jit.py", "cli/doctor.py", "cli/progress.py"}
 MAY_READ_A_CLOCK = {"cli", "bench", "playback"}
+MAY_USE_ANY_SINE = {"cli", "bench", "playback"}
+DRAWS = {"figures.py", "motion/graph_picture.py", "navmesh/picture.py", "scenario/picture.py"}
+MULTIPLIES_EXACTLY = {"motion/frame_distance.py", "motion/error_image.py"}
+"""Matrix products of values that :func:`crowdsim.geometry.products.rounded_for_sums` rounded."""
+BY_PROCESSOR = {
+    *("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "atan2", "arcsin", "arccos", "arctan"),
+    *(
+        "arctan2",
+        "exp",
+        "exp2",
+        "expm1",
+        "log",
+        "log2",
+        "log10",
+        "log1p",
+        "pow",
+        "power",
+        "float_power",
+        "cbrt",
+        "hypot",
+    ),
+    *("dist", "angle", "einsum", "dot", "matmul", "inner", "vdot", "tensordot", "convolve", "correlate", "polyfit"),
+    *("linalg.det", "linalg.svd", "linalg.inv", "linalg.solve", "linalg.lstsq", "linalg.eigh", "linalg.eig"),
+}
+"""Functions of math and numpy whose last bits hang on the processor."""
+ELSEWHERE = {
+    "exponential": "a draw by the library's logarithm",
+    "normal": "a draw by the library's logarithm",
+    "buffer": "shapely's, see crowdsim.geometry.polygons.buffered",
+    "rotate": "shapely's, see crowdsim.geometry.polygons.turned",
+}
 FORBIDDEN_CALLS = {"hash", "id"}
 FORBIDDEN_IMPORTS = {"random", "datetime", "uuid", "secrets"}
 
@@ -75,3 +106,52 @@ def test_results_depend_on_no_clock_no_hash_and_no_address():
                 called = ast.unparse(node.func)
                 assert called not in FORBIDDEN_CALLS, f"{name}:{node.lineno} calls {called}()"
                 assert called != "time.time", f"{name}:{node.lineno} reads the time of day"
+
+
+def hangs_on_the_processor(node: ast.AST, name: str) -> bool:
+    """Whether the last bits of what ``node`` computes hang on the processor."""
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.MatMult):
+        return name not in MULTIPLIES_EXACTLY
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
+        # Kernels multiply out whole powers; elsewhere only those of two numbers are told before a run.
+        whole = isinstance(node.right, ast.Constant) and isinstance(node.right.value, int)
+        told = all(isinstance(each, ast.Constant | ast.UnaryOp) for each in (node.left, node.right))
+        return not (told or (whole and name.endswith("_kernels.py")))
+    if not isinstance(node, ast.Call):
+        return False
+    called = ast.unparse(node.func)
+    module, _, function = called.partition(".")
+    if module in ("math", "np", "numpy"):
+        if function == "linalg.norm":  # of a whole array by BLAS, along an axis by plain sums
+            return all(keyword.arg != "axis" for keyword in node.keywords)
+        return function in BY_PROCESSOR and not (function == "matmul" and name in MULTIPLIES_EXACTLY)
+    if name == "geometry/polygons.py" or module in ("crowdsim", "self"):
+        return False
+    return "." in called and called.rpartition(".")[2] in ELSEWHERE
+
+
+def test_results_depend_on_no_sine_of_a_processor():
+    found = [
+        f"{name}:{node.lineno} {ast.unparse(node)}"
+        for name, tree in package_trees()
+        if name.partition("/")[0] not in MAY_USE_ANY_SINE and name not in DRAWS
+        for node in ast.walk(tree)
+        if hangs_on_the_processor(node, name)
+    ]
+    assert not found, "; ".join(found)
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "np.sin(x)", "math.atan2(y, x)", "a @ b", "x**2", "x**0.5", "np.linalg.norm(v)", "np.einsum('i,i', a, b)",
+        "area.buffer(0.3)", "generator.exponential(2.0)", "np.linalg.det(m)",
+    ],
+)  # fmt: skip
+def test_the_rule_finds_what_hangs_on_the_processor(code):
+    assert any(hangs_on_the_processor(node, "crowd/some.py") for node in ast.walk(ast.parse(code)))
+
+
+@pytest.mark.parametrize("code", ["np.sqrt(x)", "2.0**-50", "np.linalg.norm(v, axis=1)", "sin(x)", "buffered(a, 0.3)"])
+def test_the_rule_lets_through_what_does_not(code):
+    assert not any(hangs_on_the_processor(node, "crowd/some.py") for node in ast.walk(ast.parse(code)))

@@ -27,6 +27,16 @@ def opens_a_window(arguments: list[str]) -> bool:
     return arguments[0] == "play" and not {"--shot", "--film"} & set(arguments)
 
 
+def untimed(summary: str) -> list[list[str]]:
+    """Rows (label, value) of a summary without what was timed."""
+    rows = [re.split(r"  +", line.strip(), maxsplit=1) for line in summary.splitlines() if line.strip()]
+    return [
+        [label, *(value.partition("; first movement")[0] for value in values)]
+        for label, *values in rows
+        if label != "real-time factor"
+    ]
+
+
 def test_commands_of_the_readme_run(crowdsim, tmp_path):
     for library in ("scenarios", "behaviors"):
         (tmp_path / library).symlink_to(ROOT / library)
@@ -39,6 +49,8 @@ def test_commands_of_the_readme_run(crowdsim, tmp_path):
         finished = crowdsim(*arguments)
         wanted = 3 if arguments[0] == "play" and not draws else 0
         assert finished.returncode == wanted, f"crowdsim {shlex.join(arguments)}: {finished.stderr}"
+        if arguments == ["run", "corridor"]:
+            assert untimed(finished.stdout) == untimed(blocks("text")[0])
 
 
 def test_python_of_the_readme_runs(tmp_path, environment):

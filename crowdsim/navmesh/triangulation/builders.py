@@ -72,7 +72,7 @@ def insertion_order(points: Floats, frame: NDArray[Any]) -> Ints:
     along &= (1 << 31) - 1
     level = np.zeros(len(points), np.int8)
     for power in range(1, 8):
-        level[:: 8**power] -= 1
+        level[:: 1 << 3 * power] -= 1
     return along[np.argsort(level, kind="stable")]
 
 

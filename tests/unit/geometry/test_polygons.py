@@ -2,11 +2,13 @@
 
 import json
 
+import numpy as np
 import pytest
 import shapely
+import shapely.affinity
 
 from crowdsim.errors import GeometryError
-from crowdsim.geometry.polygons import clean_polygon
+from crowdsim.geometry.polygons import buffered, clean_polygon, turned
 
 ROOM = [(0, 0), (10, 0), (10, 10), (0, 10)]
 
@@ -60,3 +62,20 @@ def test_fault_collection(shared):
             cleaned = clean_polygon(geometry)
             assert cleaned.is_valid
             assert cleaned.area > 0.0, fault["id"]
+
+
+def test_buffers_lie_on_the_grid_in_one_order():
+    star = shapely.Polygon([(0, 0), (0.1, 3), (0.2, 0), (3, 0.1)])
+    for style in ({}, {"join_style": "mitre"}, {"quad_segs": 4}):
+        grown = buffered(star, 0.3, **style)
+        corners = shapely.get_coordinates(grown)
+        np.testing.assert_allclose(corners, np.round(corners, 6), rtol=0.0, atol=1e-12)
+        assert shapely.hausdorff_distance(grown, star.buffer(0.3, **style)) < 1e-6
+        assert shapely.equals_exact(grown, shapely.normalize(grown), 0.0)
+    assert buffered(star, -5.0).is_empty
+
+
+def test_outlines_turn_about_the_middle_of_their_bounds():
+    box = shapely.box(1, 2, 5, 4)
+    assert shapely.equals(turned(box, 90.0), shapely.box(2, 1, 4, 5))
+    assert shapely.hausdorff_distance(turned(box, 20.0), shapely.affinity.rotate(box, 20.0)) < 1e-12

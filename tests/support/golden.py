@@ -1,0 +1,80 @@
+"""Figures of runs and plans that a change of the code must not change unless it means to."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import h5py
+
+from crowdsim.bench.planner_comparison import Ground, ground_of, random_queries
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.errors import PathNotFound
+from crowdsim.planning.planner import plan_path
+from crowdsim.scenario.loader import load_scenario, parse_scenario
+from crowdsim.scenario.scenario import Scenario
+
+FILE = Path(__file__).parents[1] / "golden" / "golden.json"
+"""Written by ``python tools/update_golden.py``: figures by scenario, and costs of plans by place."""
+
+PLACES = ("normal", "dense", "apartment")
+PLANS = 34
+"""In each place: a hundred in all."""
+
+
+def scenario_figures(scenario: Scenario, workers: int = 2) -> dict[str, Any]:
+    """Arrivals, mean time (s), hash of the state, and hash of all that the recording of a run holds."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "run.h5"
+        with Simulation(scenario, workers).run(file) as recording:
+            summary = recording.summary
+        return {
+            "characters": summary["characters"],
+            "arrived": summary["arrived"],
+            "mean_time": summary["mean_time"],
+            "state_hash": summary["state_hash"],
+            "recording": _content(file),
+        }
+
+
+def library_figures(name: str, changes: Sequence[str] = (), workers: int = 2) -> dict[str, Any]:
+    """:func:`scenario_figures` of a scenario of the library."""
+    return scenario_figures(load_scenario(name, changes), workers)
+
+
+def text_figures(text: str) -> dict[str, Any]:
+    """:func:`scenario_figures` of the text of a scenario file."""
+    return scenario_figures(parse_scenario(text))
+
+
+def plan_costs(place: str, planner: str = "layered", count: int = PLANS) -> list[float | None]:
+    """Costs of plans between random places, None where there is no way."""
+    ground = ground_of(place)
+    assert ground is not None
+    return [_cost(ground, planner, *ends) for ends in random_queries(ground, count, seed=7)]
+
+
+def _cost(ground: Ground, planner: str, start: Any, goal: Any) -> float | None:
+    try:
+        found = plan_path(ground.meshes, ground.behaviors, start, goal, rooms=ground.rooms, planner=planner)
+    except PathNotFound:
+        return None
+    return float(found.cost)
+
+
+def _content(file: Path) -> str:
+    """A hash of all data of a recording but what was timed."""
+    digest = hashlib.sha256()
+
+    def add(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and name not in ("summary", "scenario/text"):
+            value = item[()]
+            digest.update(name.encode())
+            digest.update(repr(value).encode() if item.dtype == object else value.tobytes())
+
+    with h5py.File(file) as stored:
+        stored.visititems(add)
+    return digest.hexdigest()[:16]

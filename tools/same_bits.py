@@ -1,0 +1,222 @@
+"""Compare runs, plans and motion graphs under every processor that this machine can pretend to be.
+
+``python tools/same_bits.py`` runs the cases below in processes that see other processors, other libraries and other
+numbers of workers, and prints what came out otherwise; the exit code is 1 if anything did. With ``--versions FOLDER``
+it also installs the lowest and highest supported numpy and numba into environments in that folder and compares them.
+``--quick`` takes a few short cases and only those variants that need no kernels compiled anew, as the tests do.
+
+One variant preloads a C library whose inexact functions are off by one unit in the last place: no result may hang on
+them. It is left out, with a word, where no C compiler is found.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+SHARED = Path(os.environ.get("CROWDSIM_SHARED", ROOT.parent / "shared"))
+OTHER_LIBRARY = Path(__file__).with_name("other_libm.c")
+
+LOWEST = ("numpy==2.0.*", "numba==0.61.0")
+HIGHEST = ("numpy", "numba")
+BLAS_KERNELS = ("Prescott", "Haswell", "Zen", "SkylakeX")
+
+CAPTURES = """\
+crowdsim: 1
+name: captures
+seed: 1
+duration: 40
+floor: {{rectangle: [0, -2, 9, 2]}}
+motion: {{captures: "{folder}", clips: ["16_1*.bvh", "16_31*", "16_33*", "16_47*", "16_58*"]}}
+agents:
+  - {{name: walkers, count: 2, start: {{point: [1, 0]}}, goal: {{point: [8, 0.5]}}, interval: 6}}
+"""
+
+HOUSE = """\
+crowdsim: 1
+name: house
+seed: 1
+duration: 60
+floor: {{file: "{folder}/small_house_floor.wkt"}}
+obstacles: [{{name: house, mesh: {{file: "{folder}/small_house.glb", rotation: 7}}}}]
+agents:
+  - {{name: guests, count: 1, start: {{point: [0, 0]}}, goal: {{point: [1, 0]}}}}
+"""
+
+
+def cases(quick: bool) -> dict[str, Callable[[], Any]]:
+    """What is run in every variant: name, and what gives its result."""
+    from tests.support import golden
+
+    found: dict[str, Callable[[], Any]] = {
+        "doorway": lambda: golden.library_figures("doorway"),
+        "clutter": lambda: golden.library_figures("clutter", ["agents.0.count=3"]),
+    }
+    if quick:
+        return found
+    from crowdsim.scenario.loader import builtin_scenarios
+
+    for name in sorted(builtin_scenarios()):
+        found[name] = lambda name=name: golden.library_figures(name, workers=workers())
+    for style in ("happy", "dance"):
+        found[style] = lambda style=style: golden.library_figures("doorway", [f"motion.set={style}"])
+    found["source"] = lambda: golden.library_figures(
+        "crossing", ["agents.0.count=null", "agents.0.interval=null", "agents.0.rate=0.4", "agents.0.until=20"]
+    )
+    found["events"] = events
+    for planner in ("layered", "greedy", "greedy_literal"):
+        found[f"plans, {planner}"] = lambda planner=planner: golden.plan_costs("dense", planner, 30)
+    if SHARED.is_dir():
+        found["captures"] = lambda: golden.text_figures(CAPTURES.format(folder=SHARED / "mocap"))
+        found["graphs of captures"] = graphs_of_captures
+        found["world of meshes"] = world_of_meshes
+    return found
+
+
+def workers() -> int:
+    return int(os.environ.get("SAME_BITS_WORKERS", "2"))
+
+
+def events() -> Any:
+    """Doors that close and open, and things that come, turn and go."""
+    from tests.support import golden
+    from tests.support.two_rooms import WALKERS, two_rooms
+
+    changes = (
+        "at: 3, move: {name: crate, by: [0, 3], rotation: 25}",
+        "at: 5, close: door_a",
+        "at: 8, insert: {name: barrel, cylinder: {center: [9, 3], radius: 0.3}, top: 1.1}",
+        "at: 14, open: door_a",
+    )
+    return golden.text_figures(two_rooms(WALKERS, events=changes))
+
+
+def graphs_of_captures() -> str:
+    """Feature-based and standard motion graph of real captures, and how far their transitions drift."""
+    from crowdsim.motion.capture_files import capture_paths
+    from crowdsim.motion.capture_sets import read_clips
+    from crowdsim.motion.graph_file import GraphSettings, build_graph
+    from crowdsim.motion.transition_drift import transition_drifts
+
+    digest = hashlib.sha256()
+    paths = capture_paths(SHARED / "mocap", ["16_1*.bvh", "16_3*.bvh", "16_4*.bvh"])
+    for settings in (GraphSettings(branching=1.8), GraphSettings(standard=True)):
+        graph = build_graph(paths, settings)
+        for column in (*graph.arrays, *graph.poses, transition_drifts(graph, read_clips(paths)).added):
+            digest.update(column.tobytes())
+    return digest.hexdigest()[:16]
+
+
+def world_of_meshes() -> str:
+    """Layers of a furnished house of triangles, turned out of the axes."""
+    from crowdsim.scenario.loader import parse_scenario
+
+    scenario = parse_scenario(HOUSE.format(folder=SHARED / "worlds"))
+    text = "".join(layer.free.wkb_hex for layer in scenario.layers())
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def variants(quick: bool, folder: Path) -> Iterator[tuple[str, dict[str, str]]]:
+    """Names of processors, libraries and settings, and the variables that make a process see them."""
+    slow_paths = "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-FMA4"
+    disabled = {"NPY_DISABLE_CPU_FEATURES": " ".join(dispatched_features())}
+    yield "as is", {}
+    yield (
+        "oldest processor, 1 worker",
+        {"GLIBC_TUNABLES": slow_paths, **disabled, "OPENBLAS_CORETYPE": "Prescott", "SAME_BITS_WORKERS": "1"},
+    )
+    library = other_library(folder)
+    if library is not None:
+        yield "another C library, hash seed 0", {"LD_PRELOAD": str(library), "PYTHONHASHSEED": "0"}
+    if quick:
+        return
+    yield "C library without AVX and FMA", {"GLIBC_TUNABLES": slow_paths}
+    yield "numpy without SIMD", disabled
+    for name in BLAS_KERNELS:
+        yield f"BLAS of {name}", {"OPENBLAS_CORETYPE": name}
+    for count in ("1", "4"):
+        yield f"{count} workers", {"SAME_BITS_WORKERS": count}
+    for seed in ("0", "1"):
+        yield f"hash seed {seed}", {"PYTHONHASHSEED": seed}
+    yield "kernels for any x86-64", {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+
+
+def dispatched_features() -> list[str]:
+    """What numpy would use of this processor beyond what it needs."""
+    import numpy as np
+
+    umath = np._core._multiarray_umath
+    return [name for name in umath.__cpu_dispatch__ if umath.__cpu_features__.get(name)]
+
+
+def other_library(folder: Path) -> Path | None:
+    compiler = shutil.which("cc")
+    if compiler is None:
+        print("no C compiler: the variant of another C library is left out")
+        return None
+    library = folder / "other_libm.so"
+    command = [compiler, "-O2", "-fno-builtin", "-shared", "-fPIC", "-o", str(library), str(OTHER_LIBRARY)]
+    subprocess.run([*command, "-lm", "-ldl"], check=True)
+    return library
+
+
+def environments(folder: Path) -> Iterator[tuple[str, str]]:
+    """Pythons with the lowest and the highest supported versions, installed into ``folder`` where they are not yet."""
+    for name, pins in (("lowest", LOWEST), ("highest", HIGHEST)):
+        python = folder / name / "bin" / "python"
+        if not python.is_file():
+            subprocess.run([sys.executable, "-m", "venv", str(folder / name)], check=True)
+            subprocess.run([str(python), "-m", "pip", "install", "-q", f"{ROOT}[test]", *pins], check=True)
+            subprocess.run([str(python), "-m", "pip", "uninstall", "-q", "-y", "crowdsim"], check=True)
+        yield f"{name} versions ({', '.join(pins)})", str(python)
+
+
+def results(python: str, variables: dict[str, str], quick: bool) -> dict[str, Any]:
+    """What a process of its own finds."""
+    command = [python, "-W", "ignore", __file__, "--child", *(["--quick"] if quick else [])]
+    done = subprocess.run(
+        command, env={**os.environ, **variables}, stdout=subprocess.PIPE, text=True, check=True, timeout=3600
+    )
+    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--versions", type=Path)
+    parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.child:
+        print(json.dumps({name: run() for name, run in cases(options.quick).items()}))
+        return 0
+    with tempfile.TemporaryDirectory() as folder:
+        asked = [(name, sys.executable, variables) for name, variables in variants(options.quick, Path(folder))]
+        if options.versions is not None:
+            asked += [(name, python, {}) for name, python in environments(options.versions.resolve())]
+        wanted: dict[str, Any] = {}
+        differs = False
+        for name, python, variables in asked:
+            found = results(python, variables, options.quick)
+            wanted = wanted or found
+            other = [case for case in wanted if found[case] != wanted[case]]
+            differs |= bool(other)
+            print(f"{name}: {'the same' if not other else 'OTHERWISE: ' + ', '.join(other)}", flush=True)
+    print(f"{len(wanted)} cases, {len(asked)} variants: {'NOT the same' if differs else 'the same bits'}")
+    return int(differs)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
