@@ -72,4 +72,4 @@ def _evaluated(function: int, x: ArrayLike, y: ArrayLike | None = None) -> Any:
         first, second = (np.array(each) for each in np.broadcast_arrays(first, np.asarray(y, np.float64)))
     out = np.empty(first.shape)
     kernels.evaluate(function, first.reshape(-1), second.reshape(-1), out.reshape(-1))
-    return out if out.ndim else float(out)
+    return out[()]

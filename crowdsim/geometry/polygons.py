@@ -28,13 +28,13 @@ _POLYGON = 3
 def buffered(geometry: BaseGeometry, distance: float, quad_segs: int = 16, **style: Any) -> BaseGeometry:
     """Shapely's ``buffer`` with corners on :data:`GRID`, its rings in one order: the same on every processor.
 
-    ``quad_segs`` are the chords of a quarter circle, ``style`` what else shapely takes.
-    Shapely takes sines and arc tangents of the C library for round and for pointed corners, whose last bits differ by
-    processor; so does then whether two outlines just touch.
+    ``quad_segs`` are the chords of a quarter circle, ``style`` what else shapely takes. Shapely takes sines and arc
+    tangents of the C library for round and for pointed corners, whose last bits differ by processor; so does then
+    whether two outlines just touch.
     """
-    return shapely.normalize(
-        shapely.set_precision(shapely.buffer(geometry, distance, quad_segs=quad_segs, **style), GRID)
-    )
+    snapped = shapely.set_precision(shapely.buffer(geometry, distance, quad_segs=quad_segs, **style), GRID)
+    # Off the grid again, which would pass on to all that is made of this outline.
+    return shapely.normalize(shapely.set_precision(snapped, 0.0))
 
 
 def turned(geometry: BaseGeometry, degrees: float) -> BaseGeometry:

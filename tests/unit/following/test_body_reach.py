@@ -10,6 +10,7 @@ from crowdsim.following.body_reach import BodyReach, body_reach
 from crowdsim.following.motion_maps import MotionMaps
 from crowdsim.following.path_follower import FollowOptions, FollowResult, FollowStatus, follow_path
 from crowdsim.following.reach_kernels import WINDOW
+from crowdsim.geometry.elementary import hypot
 from crowdsim.geometry.planar import compose
 from crowdsim.motion.pose_kernels import pose_joints
 from crowdsim.motion.pose_table import PoseTable
@@ -110,7 +111,7 @@ def test_rows_are_the_joints_of_frames_the_farthest_first() -> None:
             pose_joints(POSES, *columns, np.zeros((1, 3)), positions, rotations)
             row = reach.edge_first[edge] + frame
             assert sorted(map(tuple, reach.joint[row].tolist())) == sorted(map(tuple, positions[0, :, :2].tolist()))
-            away = np.hypot(*reach.joint[row].T)
+            away = hypot(*reach.joint[row].T)
             assert (np.diff(away) <= 0.0).all()
             assert away[0] <= reach.far[row] <= max(reach.edge_most[edge], reach.node_most[target])
     node = int(np.argmax(GRAPH.node_frames))

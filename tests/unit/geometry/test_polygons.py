@@ -73,6 +73,8 @@ def test_buffers_lie_on_the_grid_in_one_order():
         assert shapely.hausdorff_distance(grown, star.buffer(0.3, **style)) < 1e-6
         assert shapely.equals_exact(grown, shapely.normalize(grown), 0.0)
     assert buffered(star, -5.0).is_empty
+    third = buffered(shapely.box(0, 0, 3, 3), 0.5, join_style="mitre") - shapely.box(1 / 3, 1 / 3, 1, 1)
+    assert 1 / 3 in shapely.get_coordinates(third), "what is made of a buffer is on no grid"
 
 
 def test_outlines_turn_about_the_middle_of_their_bounds():

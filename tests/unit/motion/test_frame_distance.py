@@ -46,7 +46,7 @@ def test_pinned_distance_is_the_plain_formula() -> None:
         c, s = np.cos(turn[k]), np.sin(turn[k])
         shift = pivot_a[k] - np.array([[c, -s], [s, c]]) @ pivot_b[k]
         plain = distance_under(a[rows[k]], b[columns[k]], np.array([*shift, turn[k]]))
-        assert found[k] == pytest.approx(plain, abs=1e-9)
+        assert found[k] == pytest.approx(plain, abs=1e-6)
 
 
 @pytest.mark.parametrize("threshold", [0.02, 0.05, 0.1, 10.0])

@@ -8,9 +8,17 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from crowdsim.jit import kernel
 from crowdsim.planning import gate_kernels, shifting_kernels
 
 COUNT = 5
+
+
+@kernel
+def circles_meet(ax, ay, bx, by, one, other, sign):
+    return gate_kernels.circles_meet(ax, ay, bx, by, one, other, sign)
+
+
 PRICES = np.array([1.0, 1.1, 3.0, np.inf])
 
 
@@ -22,7 +30,7 @@ def test_circles_meet_where_shapely_says(gap, angle, one, other):
     b = a + gap * along
     rings = [shapely.Point(p).buffer(r, quad_segs=400).exterior for p, r in ((a, one), (b, other))]
     expected = shapely.get_coordinates(rings[0].intersection(rings[1]))
-    found = [gate_kernels.circles_meet.py_func(*a, *b, one, other, sign) for sign in (1.0, -1.0)]
+    found = [circles_meet(*a, *b, one, other, sign) for sign in (1.0, -1.0)]
     if abs(gap - one - other) > 1e-3 and abs(gap - abs(one - other)) > 1e-3:
         assert [meets for meets, _, _ in found] == [len(expected) == 2] * 2
     for sign, (meets, x, y) in zip((1.0, -1.0), found, strict=True):
