@@ -178,7 +178,7 @@ def environments(folder: Path) -> Iterator[tuple[str, str]]:
         python = folder / name / "bin" / "python"
         if not python.is_file():
             subprocess.run([sys.executable, "-m", "venv", str(folder / name)], check=True)
-            subprocess.run([str(python), "-m", "pip", "install", "-q", f"{ROOT}[test]", *pins], check=True)
+            subprocess.run([str(python), "-m", "pip", "install", "-qq", f"{ROOT}[test]", *pins], check=True)
             subprocess.run([str(python), "-m", "pip", "uninstall", "-q", "-y", "crowdsim"], check=True)
         yield f"{name} versions ({', '.join(pins)})", str(python)
 

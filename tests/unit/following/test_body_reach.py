@@ -117,8 +117,8 @@ def test_rows_are_the_joints_of_frames_the_farthest_first() -> None:
     node = int(np.argmax(GRAPH.node_frames))
     frames = int(GRAPH.node_frames[node])
     rows = reach.joint[reach.node_first[node] : reach.node_first[node] + frames + 1]
-    assert reach.node_most[node] == np.hypot(rows[:, :, 0], rows[:, :, 1]).max()
-    away = np.hypot(rows[:, :, 0], rows[:, :, 1]).max(axis=1)
+    assert reach.node_most[node] == hypot(rows[:, :, 0], rows[:, :, 1]).max()
+    away = hypot(rows[:, :, 0], rows[:, :, 1]).max(axis=1)
     for frame in range(frames + 1):
         assert reach.far[reach.node_first[node] + frame] == away[frame : frame + WINDOW].max()
     hands = compose(np.array([0.02, 0.0, 0.4 * np.sin(0.1 * GRAPH.node_track[node])]), np.column_stack([ARMS, [0, 0]]))
