@@ -133,11 +133,10 @@ def test_the_recording_shows_what_is_there_at_each_time(busy: Recording) -> None
 
 
 def test_the_number_of_workers_does_not_change_the_run(tmp_path: Path) -> None:
-    with run(busy_text(SEEDS[0]), tmp_path / "1.h5", workers=1) as one:
-        for workers in (2, 4):
-            with run(busy_text(SEEDS[0]), tmp_path / f"{workers}.h5", workers) as recording:
-                assert recording.summary["state_hash"] == one.summary["state_hash"]
-                np.testing.assert_array_equal(recording.x[:], one.x[:])
+    text = busy_text(SEEDS[0])
+    with run(text, tmp_path / "1.h5", workers=1) as one, run(text, tmp_path / "4.h5", workers=4) as four:
+        assert four.summary["state_hash"] == one.summary["state_hash"]
+        np.testing.assert_array_equal(four.x[:], one.x[:])
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -176,7 +175,7 @@ name: far, count: 3, interval: 0.5, start: {rectangle: [6, 0.5, 7, 5.5]},
             assert simulation.world.column("plan_digest")[row] == digests[agent]
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", SEEDS[:2])
 def test_those_without_a_way_wait_until_a_door_opens(tmp_path: Path, seed: int) -> None:
     shut = {"door_a": "closed", "door_b": "closed", "seed": seed}
     with run(two_rooms(WALKERS, events=("at: 9, open: door_b",), **shut), tmp_path / "run.h5") as recording:
@@ -189,7 +188,7 @@ def test_those_without_a_way_wait_until_a_door_opens(tmp_path: Path, seed: int) 
         assert recording.duration < 10.0, "where nothing will change nobody waits"
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", SEEDS[:2])
 def test_what_is_removed_opens_the_only_way_for_those_who_wait(tmp_path: Path, seed: int) -> None:
     block = "at: 0, insert: {name: block, box: {min: [4.6, 4], max: [5.6, 5]}, top: 1.6}"
     text = two_rooms(WALKERS, events=(block, "at: 10, remove: block"), door_a="closed", seed=seed)
@@ -199,7 +198,7 @@ def test_what_is_removed_opens_the_only_way_for_those_who_wait(tmp_path: Path, s
         assert least_margin(recording) >= -1e-4
 
 
-@pytest.mark.parametrize("shift", [0.0, 1e-9, 3e-3])
+@pytest.mark.parametrize("shift", [0.0, 3e-3])
 def test_a_crate_put_in_the_way_is_walked_around(tmp_path: Path, shift: float) -> None:
     """Nobody is 3 m on after 1.5 s: the crate comes when it is due. Its corners are 0.7 m off the straight way."""
     one = f"name: one, count: 1, start: {{point: [6, {3 + shift}]}}, goal: {{point: [11.4, 3]}}"

@@ -84,12 +84,19 @@ def test_the_apartment_is_furnished(run: Run) -> None:
 
 
 def test_dense_clutter_asks_for_narrower_behaviors_than_normal(run: Run) -> None:
-    normal, dense = run("clutter"), run("clutter", "clutter.density=dense")
-    assert dense.summary["arrived"] == dense.summary["characters"]
-    assert min(dense.summary["obstacle_margin"].values()) >= LEAST_MARGIN
-    assert normal.summary["behavior_share"]["frontal"] > 0.97
-    assert dense.summary["behavior_share"]["frontal"] < 0.95
-    assert dense.summary["behavior_share"]["lateral"] > 0.02
+    """Of several layouts together: in one of them the ways may happen to be wide."""
+
+    def shares(*changes: str) -> dict[str, float]:
+        found = [run("clutter", f"seed={seed}", *changes).summary for seed in (5, 6, 7)]
+        for summary in found:
+            assert summary["arrived"] == summary["characters"]
+            assert min(summary["obstacle_margin"].values()) >= LEAST_MARGIN
+        return {name: np.mean([s["behavior_share"][name] for s in found]) for name in found[0]["behavior_share"]}
+
+    normal, dense = shares(), shares("clutter.density=dense")
+    assert normal["frontal"] > 0.92
+    assert dense["frontal"] < normal["frontal"] - 0.05
+    assert dense["lateral"] > normal["lateral"] + 0.02
 
 
 WORLD = """\
