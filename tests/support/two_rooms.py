@@ -5,7 +5,7 @@ from __future__ import annotations
 _TEXT = """\
 crowdsim: 1
 name: rooms
-seed: 3
+seed: {seed}
 duration: {duration}
 floor: {{rectangle: [0, 0, 12, 6]}}
 obstacles:
@@ -27,7 +27,12 @@ name: walkers, count: 4, interval: 2, start: {rectangle: [0.5, 0.5, 2, 2.5]},
 
 
 def two_rooms(
-    *agents: str, events: tuple[str, ...] = (), door_a: str = "open", door_b: str = "open", duration: float = 60.0
+    *agents: str,
+    events: tuple[str, ...] = (),
+    door_a: str = "open",
+    door_b: str = "open",
+    duration: float = 60.0,
+    seed: int = 3,
 ) -> str:
     """YAML text; agents and events are the inside of mappings, the wall stands at x = 5, door a at y = 1 to 2."""
     return _TEXT.format(
@@ -36,4 +41,5 @@ def two_rooms(
         door_a=door_a,
         door_b=door_b,
         duration=duration,
+        seed=seed,
     )

@@ -16,8 +16,9 @@ def measured():
 def test_characters_walk_and_some_arrive(measured):
     rows = {row["what"]: row for row in measured.rows}
     assert set(rows) == {"playing, after all asked at once", "playing", "run"}
-    assert measured.figures["playing_walking_at_the_end"] >= 6
-    assert rows["playing"]["arrivals"] >= 1
+    # In these 15 s most of the twelve arrive once, whatever the places drawn; at most times half of them walk.
+    assert measured.figures["playing_walking_at_the_end"] >= 1
+    assert rows["playing"]["arrivals"] >= 4
     assert rows["run"]["asked"] >= 12
     assert all(0.0 < row["frame_ms_median"] <= row["frame_ms_p95"] <= row["frame_ms_most"] for row in measured.rows)
 

@@ -77,7 +77,7 @@ def test_every_joint_keeps_in_its_section_where_that_is_asked() -> None:
             if found.status is FollowStatus.FOUND:
                 kept.append((most_off(found, path), room))
     assert len(kept) >= 4
-    assert all(off <= room for off, room in kept)
+    assert all(off <= room + 1e-6 for off, room in kept)
     freely = [most_off(follow(sample(line), None), sample(line)) for line in BENDS]
     assert max(freely) > 0.5
 

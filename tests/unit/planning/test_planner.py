@@ -202,9 +202,9 @@ def test_samples(behaviors):
     assert np.abs(samples.pose[:, 2]).max() < 0.6
 
 
-@pytest.mark.parametrize("y", [0.06, -0.08])
+@pytest.mark.parametrize("y", [0.06, -0.07])
 def test_held_arms_stay_held_after_straying_in_the_gap(behaviors, y):
-    """0.68 m: held arms have 0.34 - 0.08 = 0.26 m, their body's own, but not the planned 0.31 m."""
+    """0.68 m: held arms have 0.34 - 0.07 = 0.27 m, more than their body's own 0.26 m but not the planned 0.31 m."""
     path = plan_path(meshes(ROOM, [gap(4, 6, 0.34)]), behaviors, (5.0, y), (9.0, 0.0))
     assert [s.behavior for s in path.sections] == [1, 2]
     assert path.points[0] == pytest.approx((5.0, y))
