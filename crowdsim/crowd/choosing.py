@@ -18,7 +18,7 @@ from crowdsim.crowd.reservation_kernels import ROUNDING, append_stop, reserve
 from crowdsim.crowd.state_hash import digest_of
 from crowdsim.ecs.world import View
 from crowdsim.environment.layers import polygons_only
-from crowdsim.geometry.elementary import hypot
+from crowdsim.geometry.elementary import distance, hypot
 from crowdsim.motion.track_kernels import node_end
 from crowdsim.recording.header import AgentState
 
@@ -195,7 +195,7 @@ class Choosing:
 
 def _distance(view: View, row: int) -> float:
     """Meters to the goal."""
-    return float(hypot(*(view.goal[row] - view.pose[row, :2])))
+    return distance(view.goal[row], view.pose[row, :2])
 
 
 def _take(

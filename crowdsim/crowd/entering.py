@@ -17,7 +17,7 @@ from crowdsim.crowd.replanning import AT_GOAL
 from crowdsim.crowd.reservation_kernels import ELBOW_ROOM, FOREVER, meets_anyone
 from crowdsim.crowd.setting import Setting
 from crowdsim.ecs.world import View, World
-from crowdsim.geometry.elementary import hypot
+from crowdsim.geometry.elementary import distance
 from crowdsim.scenario.placement import Placement
 
 NO_MOTION = "there is a path, but no motion of the set follows it; add clips that turn, start or step as it asks"
@@ -67,7 +67,7 @@ class Entering:
         waited_for = self.plans.place.waited_for
         if waited_for and shapely.distance(Point(position), waited_for).min() < radius + KEPT_OFF:
             return False
-        if any(hypot(*(position - other)) < 2.0 * radius + ELBOW_ROOM for other in entered):
+        if any(distance(position, other) < 2.0 * radius + ELBOW_ROOM for other in entered):
             return False
         self._parked[:] = position
         # Not from the view: for arrays that must not be written the kernel would be compiled anew.
@@ -90,7 +90,7 @@ class Entering:
         self.requested[agent] = self.plans.step
         errands = self.plans.errands
         for _ in self.cast.goals[agent]:
-            if errands.is_last(agent) or hypot(*(errands.goal(agent) - self.cast.starts[agent])) >= AT_GOAL:
+            if errands.is_last(agent) or distance(errands.goal(agent), self.cast.starts[agent]) >= AT_GOAL:
                 break
             errands.reach(agent)  # it starts there
         self.plans.request(agent, errands.request(agent, self.cast.starts[agent]))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from crowdsim.crowd.motion_plan import Departure, Request
 from crowdsim.crowd.reservation_kernels import ROUNDING
 from crowdsim.following.path_follower import FollowOptions
-from crowdsim.geometry.elementary import hypot
+from crowdsim.geometry.elementary import distance
 from crowdsim.geometry.planar import wrap_angle
 from crowdsim.scenario.placement import Placement
 
@@ -64,7 +64,7 @@ class Errands:
             return True
         reached = int(self.reached[agent])
         heading = self.cast.heading(agent, reached)
-        off = float(hypot(*(pose[:2] - self.cast.goal(agent, reached))))
+        off = distance(pose[:2], self.cast.goal(agent, reached))
         turned = np.nan if heading is None else abs(float(wrap_angle(pose[2] - heading)))
         misses = off > self.cast.stand_within[agent] + ROUNDING or turned > FollowOptions.goal_heading_tolerance
         if misses and self._tries[agent] < TRIES:

@@ -19,7 +19,7 @@ from crowdsim.crowd.setting import Setting
 from crowdsim.crowd.standing import attempts, nearest_end
 from crowdsim.errors import PathNotFound
 from crowdsim.following.path_follower import FollowResult, FollowStatus, PathSearch
-from crowdsim.geometry.elementary import atan2, cos, hypot, sin
+from crowdsim.geometry.elementary import atan2, cos, distance, hypot, sin
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.motion.track_kernels import node_end
 from crowdsim.navmesh.navmesh import NavMesh
@@ -126,7 +126,7 @@ class MotionSearch:
     def beginning(self) -> int:
         """What the first slice takes, about, as so many branches that could be laid meanwhile."""
         request = self.request
-        meters = float(hypot(*(request.goal - request.position)))
+        meters = distance(request.goal, request.position)
         work = min(MOTION_WORK * meters, SLICE_LOOKS) + PASSING_WORK * self.is_way_around
         if request.route is None or self.is_way_around:
             work += ROUTE_WORK[0] + ROUTE_WORK[1] * meters
@@ -337,6 +337,6 @@ def _rest_of(samples: PathSamples, position: NDArray[np.float64]) -> PathSamples
         pose = samples.pose.copy()
         pose[0, :2] -= _LEAST * np.array([cos(pose[0, 2]), sin(pose[0, 2])])
         return PathSamples(pose, np.linspace(0.0, _LEAST, len(pose)), samples.behavior)
-    distance = hypot(*(samples.pose[:, :2] - position).T)
-    first = min(int(np.argmin(distance)), len(samples.arc) - 2)
+    away = hypot(*(samples.pose[:, :2] - position).T)
+    first = min(int(np.argmin(away)), len(samples.arc) - 2)
     return PathSamples(samples.pose[first:], samples.arc[first:] - samples.arc[first], samples.behavior[first:])

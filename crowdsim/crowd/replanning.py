@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from crowdsim.constants import NONE
 from crowdsim.crowd.plans import Found, Join, Plans
 from crowdsim.ecs.world import View
-from crowdsim.geometry.elementary import hypot
+from crowdsim.geometry.elementary import distance, hypot
 from crowdsim.recording.header import AgentState
 
 RETRY_SECONDS = 2.0
@@ -127,7 +127,7 @@ class Replanning:
 
     def _is_there(self, view: View, row: int, agent: int) -> bool:
         """Whether somebody stands at a goal from where it goes on."""
-        near = float(hypot(*(view.pose[row, :2] - view.goal[row]))) < AT_GOAL
+        near = distance(view.pose[row, :2], view.goal[row]) < AT_GOAL
         errands = self.plans.errands
         return near and not errands.is_last(agent) and errands.accepts(agent, view.pose[row])
 

@@ -31,7 +31,7 @@ from crowdsim.crowd.statistics import Statistics
 from crowdsim.crowd.worker_pool import WorkerPool
 from crowdsim.ecs.schedule import Schedule, System
 from crowdsim.ecs.world import World
-from crowdsim.geometry.elementary import hypot
+from crowdsim.geometry.elementary import distance
 from crowdsim.planning.annotated_path import AnnotatedPath
 from crowdsim.recording.header import AgentState, RecordedFrame
 from crowdsim.recording.reader import Recording
@@ -102,7 +102,7 @@ class Simulation:
         strictest = int(np.argmin(self.cast.stand_within))
         start, within = self.cast.starts[strictest], float(self.cast.stand_within[strictest])
         for goal in self.cast.goals[strictest]:
-            if hypot(*(goal - start)) > AT_GOAL:
+            if distance(goal, start) > AT_GOAL:
                 MotionSearch(self.setting, self.place, Request(start, goal, stays=True, within=within)).advance()
                 return
 

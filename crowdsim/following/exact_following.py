@@ -20,7 +20,7 @@ from crowdsim.following.path_follower import (
     FollowStatus,
     PathSearch,
 )
-from crowdsim.geometry.elementary import hypot
+from crowdsim.geometry.elementary import distance
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.motion.graph_arrays import GraphArrays
 
@@ -124,4 +124,4 @@ def meters_off(graph: GraphArrays, found: FollowResult, goal: Floats) -> float:
     if not len(found.nodes):
         return math.inf
     end = compose(found.origins[-1], graph.node_motion[found.nodes[-1]])
-    return float(hypot(*(end[:2] - goal)))
+    return distance(end[:2], goal)

@@ -20,7 +20,7 @@ from crowdsim.following.channel import Channel, make_channel
 from crowdsim.following.follow_kernels import FOUND
 from crowdsim.following.path_follower import FollowStatus
 from crowdsim.following.probes import Probes
-from crowdsim.geometry.elementary import hypot
+from crowdsim.geometry.elementary import distance, hypot
 from crowdsim.geometry.planar import compose
 from crowdsim.motion.graph_arrays import GraphArrays
 from crowdsim.navmesh.heap_kernels import HEAP_ROW
@@ -190,7 +190,7 @@ def search_graph(
         twists=out.place[:count, 3].copy(),
         origins=origins,
         length=_length(graph, found[:, 0], origins),
-        gap=float(hypot(*(end[:2] - target[:2]))),
+        gap=distance(end[:2], target[:2]),
         bent=status == FOUND and bool(counters[columns.BENT]),
         expansions=int(expanded),
         collision_tests=int(counters[columns.COLLISION_TESTS]),

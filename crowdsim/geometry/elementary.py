@@ -5,12 +5,15 @@ They take numbers or arrays of any shape and return float64: a float where all a
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from crowdsim.geometry import elementary_kernels as kernels
+
+Floats = NDArray[np.float64]
 
 
 def sin(angle: ArrayLike) -> Any:
@@ -58,10 +61,15 @@ def power(base: ArrayLike, exponent: ArrayLike) -> Any:
     return _evaluated(kernels.POWER, base, exponent)
 
 
-def hypot(x: ArrayLike, y: ArrayLike) -> Any:
-    """Lengths of the vectors (x, y)."""
-    x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
+def hypot(x: Any, y: Any) -> Any:
+    """Lengths of the vectors (x, y), arrays or numbers."""
     return np.sqrt(x * x + y * y)
+
+
+def distance(a: Floats, b: Floats) -> float:
+    """Meters between two points (2,)."""
+    dx, dy = (a - b).tolist()
+    return math.sqrt(dx * dx + dy * dy)
 
 
 def _evaluated(function: int, x: ArrayLike, y: ArrayLike | None = None) -> Any:

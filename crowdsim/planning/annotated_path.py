@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import GeometryError
-from crowdsim.geometry.elementary import atan2, hypot
+from crowdsim.geometry.elementary import atan2
 
 TANGENT_REACH = 0.25
 """Meters before and after a sample between which its direction of motion is taken."""
@@ -90,7 +90,9 @@ def arc_lengths(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Cumulative length (n,) of a polyline (n, 2)."""
     arc = np.zeros(len(points))
     steps = points[1:] - points[:-1]
-    hypot(steps[:, 0], steps[:, 1]).cumsum(out=arc[1:])
+    steps *= steps
+    squares = steps[:, 0] + steps[:, 1]
+    np.sqrt(squares, out=squares).cumsum(out=arc[1:])
     return arc
 
 

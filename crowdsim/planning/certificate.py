@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from crowdsim.errors import PathNotFound
-from crowdsim.geometry.elementary import hypot
+from crowdsim.geometry.elementary import distance
 from crowdsim.planning.query import Query
 from crowdsim.planning.requirements import TOUCH
 from crowdsim.planning.rooms import room_excess
@@ -20,7 +20,7 @@ def lower_bound(query: Query) -> float:
     """
     need = query.need
     preferred = float(need.costs[-1])
-    straight = float(hypot(*(query.ends[1] - query.ends[0])))
+    straight = distance(query.ends[0], query.ends[1])
     bounds = []
     for k in range(need.count):
         shortest = max(straight, _shortest(query, k))

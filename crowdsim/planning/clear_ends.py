@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.geometry.elementary import cos, hypot, sin
+from crowdsim.geometry.elementary import cos, distance, sin
 from crowdsim.planning.annotated_path import AnnotatedPath, Section, arc_lengths
 from crowdsim.planning.requirements import Requirements
 from crowdsim.planning.string_kernels import are_free
@@ -77,8 +77,7 @@ def _rings() -> tuple[NDArray[np.int64], NDArray[np.float64]]:
 
 def joined_to(path: AnnotatedPath, ends: NDArray[np.float64], costs: NDArray[np.float64]) -> AnnotatedPath:
     """The path with its first and last section lengthened to start and goal (2, 2)."""
-    before = float(hypot(*(path.points[0] - ends[0])))
-    after = float(hypot(*(path.points[-1] - ends[1])))
+    before, after = distance(path.points[0], ends[0]), distance(path.points[-1], ends[1])
     if before == after == 0.0:
         return path
     points = np.concatenate([ends[:1][: before > 0.0], path.points, ends[1:][: after > 0.0]])
