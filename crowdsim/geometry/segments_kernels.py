@@ -44,6 +44,16 @@ def segment_segment_distance2(px, py, qx, qy, ax, ay, bx, by):
     return min(best, point_segment_distance2(bx, by, px, py, qx, qy))
 
 
+@kernel
+def add_lengths(points, arc):
+    """Put the length of a polyline (n, 2) up to each of its points into ``arc`` (n,)."""
+    length = 0.0
+    for i in range(points.shape[0]):
+        if i > 0:
+            length += hypot(points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1])
+        arc[i] = length
+
+
 @helper
 def polyline_length(points):
     """Meters of a polyline (n, 2)."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import GeometryError
 from crowdsim.geometry.elementary import atan2
+from crowdsim.geometry.segments_kernels import add_lengths
 
 TANGENT_REACH = 0.25
 """Meters before and after a sample between which its direction of motion is taken."""
@@ -88,11 +89,8 @@ class AnnotatedPath:
 
 def arc_lengths(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Cumulative length (n,) of a polyline (n, 2)."""
-    arc = np.zeros(len(points))
-    steps = points[1:] - points[:-1]
-    steps *= steps
-    squares = steps[:, 0] + steps[:, 1]
-    np.sqrt(squares, out=squares).cumsum(out=arc[1:])
+    arc = np.empty(len(points))
+    add_lengths(points, arc)
     return arc
 
 
