@@ -1,4 +1,5 @@
-/* Another C library, as far as results go: every inexact elementary function is off by one unit in the last place. */
+/* Another C library, as far as results go: half of all inexact elementary functions are off by a unit in the last place.
+   What every library gives exactly, such as whole powers of two, stays exact. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <math.h>
@@ -20,10 +21,11 @@ static double off(double x, double y, double result) {
 #define REAL(name) ({ static __typeof__(&name) real; if (!real) real = (__typeof__(&name))dlsym(RTLD_NEXT, #name); real; })
 #define ONE(name) double name(double x) { return off(x, 0.0, REAL(name)(x)); }
 #define TWO(name) double name(double x, double y) { double r = REAL(name)(x, y); return fabs(x) == fabs(y) ? r : off(x, y, r); }
-ONE(sin) ONE(cos) ONE(tan) ONE(asin) ONE(acos) ONE(atan) ONE(sinh) ONE(cosh) ONE(tanh) ONE(exp) ONE(exp2) ONE(expm1)
+ONE(sin) ONE(cos) ONE(tan) ONE(asin) ONE(acos) ONE(atan) ONE(sinh) ONE(cosh) ONE(tanh) ONE(exp) ONE(expm1)
 ONE(log) ONE(log1p) ONE(cbrt)
 TWO(hypot)
 double atan2(double y, double x) { double r = REAL(atan2)(y, x); return x == 0.0 || y == 0.0 || fabs(x) == fabs(y) ? r : off(y, x, r); }
+double exp2(double x) { double r = REAL(exp2)(x); return x == rint(x) ? r : off(x, 0.0, r); }
 double log2(double x) { double r = REAL(log2)(x); return r == rint(r) ? r : off(x, 0.0, r); }
 double log10(double x) { double r = REAL(log10)(x); return r == rint(r) ? r : off(x, 0.0, r); }
 double pow(double x, double y) {

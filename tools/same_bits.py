@@ -85,6 +85,7 @@ def cases(quick: bool) -> dict[str, Callable[[], Any]]:
         found[style] = lambda style=style: golden.library_figures("doorway", [f"motion.set={style}"])
     found["source"] = lambda: golden.text_figures(SOURCE)
     found["events"] = events
+    found["floor plan"] = floor_plan
     for planner in ("layered", "greedy", "greedy_literal"):
         found[f"plans, {planner}"] = lambda planner=planner: golden.plan_costs("dense", planner, 30)
     if SHARED.is_dir():
@@ -110,6 +111,28 @@ def events() -> Any:
         "at: 14, open: door_a",
     )
     return golden.text_figures(two_rooms(WALKERS, events=changes))
+
+
+def floor_plan() -> str:
+    """A drawing with circles, arcs, thick lines and a block that is turned and enlarged."""
+    import ezdxf
+
+    from crowdsim.environment.floor_plans import read_floor_plan
+
+    drawing = ezdxf.new()
+    drawing.header["$INSUNITS"] = 6
+    block = drawing.blocks.new("column")
+    block.add_circle((0.2, 0.1), 0.4)
+    space = drawing.modelspace()
+    space.add_lwpolyline([(0, 0), (12, 0), (12, 9), (0, 9)], close=True, dxfattribs={"layer": "floor"})
+    space.add_arc((5, 4), 2.0, 17.0, 231.0, dxfattribs={"layer": "walls"})
+    space.add_line((1, 1), (4, 2.3), dxfattribs={"layer": "walls"})
+    space.add_blockref("column", (9, 6), dxfattribs={"layer": "walls", "rotation": 33.0, "xscale": 1.7, "yscale": 1.7})
+    with tempfile.TemporaryDirectory() as folder:
+        drawing.saveas(Path(folder) / "plan.dxf")
+        plan = read_floor_plan(Path(folder) / "plan.dxf", floor_layer="floor")
+    text = "".join(solid.footprint.wkb_hex for solid in plan.solids)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def graphs_of_captures() -> str:

@@ -154,6 +154,8 @@ def _shape(entity: Any, meters: float) -> tuple[str, BaseGeometry | None]:
 
 def _points(curve: Any, meters: float) -> np.ndarray[Any, np.dtype[np.float64]]:
     points = np.array([(point.x, point.y) for point in curve.flattening(SAGITTA / meters)], np.float64) * meters
+    # To a micrometer, as ezdxf takes sines of the C library, whose last bits differ by processor.
+    points = np.round(points, 6)
     if not np.isfinite(points).all():
         raise GeometryError("a coordinate is not a finite number")
     return points[np.concatenate([[True], (points[1:] != points[:-1]).any(axis=1)])]
