@@ -214,8 +214,7 @@ def measure(
         rows.append(_row("playing", characters, times, players.searches, players.arrivals))
         walking = int((players.cursor >= 0).sum())
     scenario = parse_scenario(scenario_text(characters, interval=0.02))
-    simulation = Simulation(scenario, workers)
-    with simulation.searches.pool:
+    with Simulation(scenario, workers) as simulation:
         for _ in range(30):
             simulation.step()
         steps = _paced(simulation.step, round(run_seconds / FRAME_SECONDS))

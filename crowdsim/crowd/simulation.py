@@ -31,6 +31,7 @@ from crowdsim.crowd.statistics import Statistics
 from crowdsim.crowd.worker_pool import WorkerPool
 from crowdsim.ecs.schedule import Schedule, System
 from crowdsim.ecs.world import World
+from crowdsim.errors import CrowdSimError
 from crowdsim.geometry.elementary import distance
 from crowdsim.planning.annotated_path import AnnotatedPath
 from crowdsim.recording.header import AgentState, RecordedFrame
@@ -51,11 +52,14 @@ class Simulation:
 
     ``workers`` threads search motions; the result never depends on it. ``preparing`` is called as
     :func:`crowdsim.crowd.setting.prepare` does while motion maps are built. Raises what that raises.
+
+    The threads end with :meth:`run`, with :meth:`close`, or with the block of a ``with`` statement.
     """
 
     def __init__(
         self, scenario: Scenario, workers: int = 2, preparing: Callable[[int, int], None] | None = None
     ) -> None:
+        self._closed = False
         self.scenario = scenario
         self.setting = prepare(scenario, workers, preparing)
         self.place = Place(self.setting, scenario.changes())
@@ -123,8 +127,20 @@ class Simulation:
         lost = len(self.plans.unreachable) if self._changing.over else 0
         return self.step_count >= self.step_limit or self.arrived + lost >= len(self.cast.starts)
 
+    def close(self) -> None:
+        """End the threads; the simulation can be read, but takes no more steps. Closing twice does nothing."""
+        self._closed = True
+        self.searches.pool.close()
+
+    def __enter__(self) -> Simulation:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
     def step(self) -> None:
-        """Advance the world by one step."""
+        """Advance the world by one step. CrowdSimError if the simulation was run or closed."""
+        self._require_open()
         self._advance()
         self._end_step()
 
@@ -141,11 +157,18 @@ class Simulation:
         """Step to the end, writing the recording ``output``; returns it opened.
 
         ``progress(step, step_limit, simulation)`` is called after every step. The file appears under its name
-        only when the run is complete.
+        only when the run is complete. CrowdSimError if the simulation was run or closed, or has taken steps, which the
+        recording would lack.
         """
+        self._require_open()
+        if self.step_count > 0:
+            raise CrowdSimError(
+                f"{self.scenario.name}: the simulation has taken {self.step_count} steps, which the recording would "
+                "lack; make a new Simulation and run that"
+            )
         statistics = Statistics(self.setting, self.place, {area.name: area.shape() for area in self.scenario.areas})
         header = record_header(self.scenario, self.setting, self.cast)
-        with self.searches.pool, RecordingWriter(output, header) as writer:
+        with self, RecordingWriter(output, header) as writer:
             before: list[Placing | None] = [None] * len(self.place.changes.movables)
             started = time.perf_counter()
             while not self.finished:
@@ -163,6 +186,10 @@ class Simulation:
             seconds = time.perf_counter() - started
             writer.finish(self._summary(statistics, seconds))
         return Recording.open(Path(output))
+
+    def _require_open(self) -> None:
+        if self._closed:
+            raise CrowdSimError(f"{self.scenario.name}: the simulation was run or closed; make a new Simulation")
 
     def frame(self) -> RecordedFrame:
         """The present step of all characters, those outside the world marked absent."""

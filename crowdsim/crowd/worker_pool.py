@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from types import TracebackType
 from typing import Generic, TypeVar
 
 Result = TypeVar("Result")
@@ -42,10 +41,12 @@ class WorkerPool(Generic[Result]):
         """Wait for all jobs to be done, so that what they read may change; their results are due when they were."""
         wait([future for _, _, future in self._pending])
 
+    def close(self) -> None:
+        """End the threads; jobs that have not begun are dropped. Closing twice does nothing."""
+        self._threads.shutdown(wait=True, cancel_futures=True)
+
     def __enter__(self) -> WorkerPool[Result]:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._threads.shutdown(wait=True, cancel_futures=True)
+    def __exit__(self, *_: object) -> None:
+        self.close()

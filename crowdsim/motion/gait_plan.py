@@ -76,8 +76,9 @@ def footprint(side: int, body: Floats, half_width: float) -> Floats:
 
 def along_arc(body: Floats, length: float, turn: float) -> Floats:
     """Body pose ``length`` meters ahead along an arc that turns by ``turn`` radians."""
-    chord = length * np.sinc(turn / (2.0 * np.pi))
-    return compose(body, np.array([chord * cos(turn / 2.0), chord * sin(turn / 2.0), turn]))
+    half = 0.5 * turn
+    chord = length * sin(half) / half if half != 0.0 else length
+    return compose(body, np.array([chord * cos(half), chord * sin(half), turn]))
 
 
 def mirrored(plan: Plan, name: str) -> Plan:

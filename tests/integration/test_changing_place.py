@@ -140,7 +140,7 @@ def test_the_number_of_workers_does_not_change_the_run(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_only_those_concerned_plan_anew(seed: int) -> None:
+def test_only_those_concerned_plan_anew(seed: int, request: pytest.FixtureRequest) -> None:
     """At 1.5 s nobody is near the door, which closes in time, and none of those behind it is at its goal."""
     far = """\
 name: far, count: 3, interval: 0.5, start: {rectangle: [6, 0.5, 7, 5.5]},
@@ -148,6 +148,7 @@ name: far, count: 3, interval: 0.5, start: {rectangle: [6, 0.5, 7, 5.5]},
     walkers = WALKERS.replace("interval: 2", "interval: 0.3")
     text = two_rooms(walkers, far, events=("at: 1.5, close: door_a",), seed=seed)
     simulation = Simulation(parse_scenario(text))
+    request.addfinalizer(simulation.close)
     while not simulation.place.revision:
         plans, routes = dict(simulation.plans.motions), dict(simulation.plans.routes)
         agents = simulation.world.column("agent").tolist()

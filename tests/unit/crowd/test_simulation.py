@@ -1,0 +1,43 @@
+"""A simulation is run once, from its start, and ends its threads."""
+
+import threading
+from pathlib import Path
+
+import pytest
+
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.errors import CrowdSimError
+from crowdsim.scenario.loader import parse_scenario
+from tests.support.two_rooms import two_rooms
+
+ONE = "name: one, count: 1, start: {point: [6, 3]}, goal: {point: [9, 3]}"
+
+
+def worker_threads() -> list[str]:
+    return [thread.name for thread in threading.enumerate() if thread.name.startswith("crowdsim")]
+
+
+def test_a_run_ends_the_threads_and_is_not_repeated(tmp_path: Path) -> None:
+    simulation = Simulation(parse_scenario(two_rooms(ONE)))
+    with simulation.run(tmp_path / "run.h5") as recording:
+        content, steps = (tmp_path / "run.h5").read_bytes(), recording.steps
+    assert worker_threads() == []
+    for again in (simulation.step, lambda: simulation.run(tmp_path / "run.h5")):
+        with pytest.raises(CrowdSimError, match="was run or closed; make a new Simulation"):
+            again()
+    assert (tmp_path / "run.h5").read_bytes() == content
+    assert simulation.step_count == steps
+    assert simulation.arrived == 1
+
+
+def test_a_block_ends_the_threads_of_a_simulation_that_was_stepped(tmp_path: Path) -> None:
+    with Simulation(parse_scenario(two_rooms(ONE))) as simulation:
+        simulation.step()
+        assert worker_threads()
+        with pytest.raises(CrowdSimError, match="has taken 1 steps"):
+            simulation.run(tmp_path / "run.h5")
+    assert worker_threads() == []
+    assert list(tmp_path.iterdir()) == []
+    simulation.close()
+    with pytest.raises(CrowdSimError, match="was run or closed"):
+        simulation.step()
