@@ -1,0 +1,1 @@
+"""Behaviors: their files, sets of them, their clearances."""

@@ -1,0 +1,1 @@
+"""Searches for motion, in slices and on threads."""

@@ -1,0 +1,1 @@
+"""What there is: characters, timelines, the place."""

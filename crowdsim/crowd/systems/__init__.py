@@ -1,0 +1,1 @@
+"""What happens in a step, one system a file."""

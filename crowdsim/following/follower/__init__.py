@@ -1,0 +1,1 @@
+"""The path follower: branches laid, tested, scored."""

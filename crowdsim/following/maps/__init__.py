@@ -1,0 +1,1 @@
+"""Motion maps: built, walked, kept in files."""

@@ -1,0 +1,1 @@
+"""What the papers compare: standard graphs, error images, sets."""

@@ -1,0 +1,1 @@
+"""Which behavior where along a path, exactly."""

@@ -1,0 +1,1 @@
+"""Paths led aside for slack and for turns."""

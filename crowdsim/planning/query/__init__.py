@@ -1,0 +1,1 @@
+"""What is asked: ends, requirements, behavior areas, bounds."""

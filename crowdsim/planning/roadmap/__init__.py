@@ -1,0 +1,1 @@
+"""The roadmap: made, searched, its ways pulled taut."""

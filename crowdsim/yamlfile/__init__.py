@@ -1,0 +1,1 @@
+"""YAML files: read, overridden, and told what is wrong."""
