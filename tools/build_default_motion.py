@@ -1,7 +1,7 @@
 """Write the clips of the default motion set anew: ``python tools/build_default_motion.py [FOLDER]``.
 
 The clips are synthesized, not captured, and come out the same to the last bit, so a change in them is a change in
-``crowdsim/motion/gait_*.py`` or ``crowdsim/motion/clips/arm_edit.py``. FOLDER is ``behaviors`` unless told.
+``crowdsim/motion/synthesis/*.py`` or ``crowdsim/motion/clips/arm_edit.py``. FOLDER is ``behaviors`` unless told.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Behaviors: their files, sets of them, their clearances."""
+"""Behaviors: files, sets, clips and clearances of each."""

@@ -1,1 +1,1 @@
-"""YAML files: read, overridden, and told what is wrong."""
+"""YAML files: values with their places, messages, overrides."""

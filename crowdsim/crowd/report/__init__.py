@@ -1,1 +1,1 @@
-"""What a run says of itself."""
+"""Statistics of a run and the header of its recording."""

@@ -1,1 +1,1 @@
-"""Searches for motion, in slices and on threads."""
+"""Searches for motion, in slices, on worker threads."""

@@ -1,1 +1,1 @@
-"""What there is: characters, timelines, the place."""
+"""Characters, reserved timelines, the environment, shared assets."""

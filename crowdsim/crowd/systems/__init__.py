@@ -1,1 +1,1 @@
-"""What happens in a step, one system a file."""
+"""Systems: the stages of a simulation step."""

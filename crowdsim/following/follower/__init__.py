@@ -1,1 +1,1 @@
-"""The path follower: branches laid, tested, scored."""
+"""The path follower: lays, tests and scores branches."""

@@ -1,1 +1,1 @@
-"""Motion maps: built, walked, kept in files."""
+"""Motion maps: building them, keeping them in files."""

@@ -1,1 +1,1 @@
-"""What the papers compare: standard graphs, error images, sets."""
+"""Standard graphs, error images and capture sets, for comparison."""

@@ -1,1 +1,1 @@
-"""Which behavior where along a path, exactly."""
+"""The cheapest behavior for each section of a path."""

@@ -1,1 +1,1 @@
-"""Paths led aside for slack and for turns."""
+"""Shifts of a path for slack and for turns."""

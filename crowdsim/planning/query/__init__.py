@@ -1,1 +1,1 @@
-"""What is asked: ends, requirements, behavior areas, bounds."""
+"""Requirements of a query, behavior areas, lower bound."""

@@ -1,1 +1,1 @@
-"""The roadmap: made, searched, its ways pulled taut."""
+"""The roadmap: building it, searching it, pulling paths taut."""
