@@ -5,14 +5,14 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from crowdsim.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from crowdsim.crowd.simulation import Simulation
     from crowdsim.errors import CrowdSimError, PathNotFound, ScenarioError
     from crowdsim.navmesh.navmesh import NavMesh
     from crowdsim.recording.reader import Recording
     from crowdsim.scenario.loader import load_scenario
-
-__version__ = "0.1.0"
 
 _HOMES = {
     "CrowdSimError": "crowdsim.errors",

@@ -1,7 +1,7 @@
 """Write the clips of the default motion set anew: ``python tools/build_default_motion.py [FOLDER]``.
 
 The clips are synthesized, not captured, and come out the same to the last bit, so a change in them is a change in
-``crowdsim/motion/gait_*.py`` or ``crowdsim/motion/arm_edit.py``. FOLDER is ``behaviors`` unless told.
+``crowdsim/motion/synthesis/*.py`` or ``crowdsim/motion/clips/arm_edit.py``. FOLDER is ``behaviors`` unless told.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from crowdsim.motion.bvh_writer import write_bvh  # noqa: E402
-from crowdsim.motion.gait_library import synthesize_set  # noqa: E402
-from crowdsim.planning.behaviors import list_behaviors  # noqa: E402
-from crowdsim.planning.clearance_profiles import measure_profile, write_profile  # noqa: E402
+from crowdsim.behaviors.behavior import list_behaviors  # noqa: E402
+from crowdsim.behaviors.clearance_profiles import measure_profile, write_profile  # noqa: E402
+from crowdsim.motion.captures.bvh_writer import write_bvh  # noqa: E402
+from crowdsim.motion.synthesis.library import synthesize_set  # noqa: E402
 
 
 def build(folder: Path) -> int:

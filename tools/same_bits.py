@@ -137,10 +137,10 @@ def floor_plan() -> str:
 
 def graphs_of_captures() -> str:
     """Feature-based and standard motion graph of real captures, and how far their transitions drift."""
-    from crowdsim.motion.capture_files import capture_paths
-    from crowdsim.motion.capture_sets import read_clips
-    from crowdsim.motion.graph_file import GraphSettings, build_graph
-    from crowdsim.motion.transition_drift import transition_drifts
+    from crowdsim.motion.analysis.capture_sets import read_clips
+    from crowdsim.motion.analysis.graph_file import GraphSettings, build_graph
+    from crowdsim.motion.captures.reader import capture_paths
+    from crowdsim.motion.graph.transition_drift import transition_drifts
 
     digest = hashlib.sha256()
     paths = capture_paths(SHARED / "mocap", ["16_1*.bvh", "16_3*.bvh", "16_4*.bvh"])

@@ -17,18 +17,18 @@ from numpy.typing import NDArray
 from crowdsim.bench.map_trials import LENGTHS
 from crowdsim.bench.registry import Measurement
 from crowdsim.constants import NONE, TRACKING_MARGIN
-from crowdsim.crowd.advance_kernels import advance
-from crowdsim.crowd.motion_plan import MotionPlan, Request
-from crowdsim.crowd.motion_search import MotionSearch
-from crowdsim.crowd.place import Place
-from crowdsim.crowd.reservation_kernels import append_stop
-from crowdsim.crowd.searches import Ongoing, Searches
-from crowdsim.crowd.setting import Setting, prepare
+from crowdsim.crowd.search.motion_search import MotionSearch
+from crowdsim.crowd.search.scheduler import Ongoing, Searches
+from crowdsim.crowd.search.worker_pool import WorkerPool
 from crowdsim.crowd.simulation import Simulation
-from crowdsim.crowd.worker_pool import WorkerPool
+from crowdsim.crowd.state.assets import Setting, prepare
+from crowdsim.crowd.state.environment import Place
+from crowdsim.crowd.state.motion_plan import MotionPlan, Request
+from crowdsim.crowd.state.reservation_kernels import append_stop
+from crowdsim.crowd.systems.animate_kernels import advance
 from crowdsim.errors import PathNotFound
-from crowdsim.motion.pose_kernels import pose_joints
-from crowdsim.motion.track_kernels import node_end
+from crowdsim.motion.graph.pose_kernels import pose_joints
+from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.scenario.loader import parse_scenario
 from crowdsim.scenario.placement import Placement, place_agents
 

@@ -24,7 +24,7 @@ def describe_machine() -> dict[str, str | int]:
 
 def describe_versions() -> dict[str, str]:
     """Version of crowdsim, Python and each dependency; ``"missing"`` where one is not installed."""
-    from crowdsim import __version__
+    from crowdsim.version import __version__
 
     return {
         "crowdsim": __version__,

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.bench.map_trials import FOUND, TOLERANCE, Ground, MotionSet, Trial, follow_trial, most_excess
-from crowdsim.following.exact_following import follow_exactly
-from crowdsim.following.motion_maps import MotionMaps
-from crowdsim.following.path_follower import FollowOptions, FollowResult
+from crowdsim.following.follower.exact_following import follow_exactly
+from crowdsim.following.follower.path_follower import FollowOptions, FollowResult
+from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.geometry.planar import compose, wrap_angle
 
 Floats = NDArray[np.float64]

@@ -15,26 +15,26 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from crowdsim.behaviors.library import load_behavior_set
 from crowdsim.bench.random_ground import GroundKind, random_ground
 from crowdsim.constants import NONE
 from crowdsim.environment.layers import LEGS, TORSO
-from crowdsim.following.body_reach import BodyReach, body_reach
-from crowdsim.following.graph_search import SearchResult
-from crowdsim.following.motion_maps import MotionMaps
-from crowdsim.following.path_follower import FollowOptions, FollowResult, FollowStatus, follow_path
+from crowdsim.following.follower.body_reach import BodyReach, body_reach
+from crowdsim.following.follower.path_follower import FollowOptions, FollowResult, FollowStatus, follow_path
+from crowdsim.following.graph_search.graph_search import SearchResult
+from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.geometry.planar import compose, wrap_angle
-from crowdsim.motion.capture_files import capture_paths
-from crowdsim.motion.capture_sets import as_sources, read_clips
-from crowdsim.motion.gait_library import motion_database
-from crowdsim.motion.gait_manner import MANNERS
-from crowdsim.motion.graph_arrays import GraphArrays
-from crowdsim.motion.motion_graph import MotionGraph
-from crowdsim.motion.pose_kernels import pose_joints
-from crowdsim.motion.standard_graph import build_standard_graph
-from crowdsim.motion.track_kernels import BLEND_FRAMES
+from crowdsim.motion.analysis.capture_sets import as_sources, read_clips
+from crowdsim.motion.analysis.standard_graph import build_standard_graph
+from crowdsim.motion.captures.reader import capture_paths
+from crowdsim.motion.graph.arrays import GraphArrays
+from crowdsim.motion.graph.motion_graph import MotionGraph
+from crowdsim.motion.graph.pose_kernels import pose_joints
+from crowdsim.motion.graph.track_kernels import BLEND_FRAMES
+from crowdsim.motion.synthesis.library import motion_database
+from crowdsim.motion.synthesis.styles import MANNERS
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.planning.annotated_path import AnnotatedPath, PathSamples, Section, arc_lengths
-from crowdsim.planning.behavior_library import load_behavior_set
+from crowdsim.planning.labels.annotated_path import AnnotatedPath, PathSamples, Section, arc_lengths
 
 Floats = NDArray[np.float64]
 FOUND = FollowStatus.FOUND

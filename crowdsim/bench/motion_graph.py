@@ -17,21 +17,21 @@ from typing import Any
 import numpy as np
 
 from crowdsim.bench.registry import Measurement
-from crowdsim.motion.capture_files import capture_paths
-from crowdsim.motion.capture_sets import as_sources, read_clips
-from crowdsim.motion.clip import Clip
-from crowdsim.motion.gait_library import motion_database
-from crowdsim.motion.gait_manner import MANNERS
-from crowdsim.motion.graph_assembly import GraphReport, clip_frames
-from crowdsim.motion.motion_graph import (
+from crowdsim.motion.analysis.capture_sets import as_sources, read_clips
+from crowdsim.motion.analysis.standard_graph import build_standard_graph
+from crowdsim.motion.captures.reader import capture_paths
+from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.graph.assembly import GraphReport, clip_frames
+from crowdsim.motion.graph.motion_graph import (
     CAPTURED_DRIFT,
     DEFAULT_THRESHOLD,
     MotionGraph,
     MotionSource,
     build_motion_graph,
 )
-from crowdsim.motion.standard_graph import build_standard_graph
-from crowdsim.motion.transition_drift import clip_stances, transition_drifts
+from crowdsim.motion.graph.transition_drift import clip_stances, transition_drifts
+from crowdsim.motion.synthesis.library import motion_database
+from crowdsim.motion.synthesis.styles import MANNERS
 
 FRAMES = (693, 1185, 1660, 2329, 3347, 6887)
 """The sizes of the paper's sets."""

@@ -34,12 +34,12 @@ from crowdsim.bench.map_trials import (
     walked,
 )
 from crowdsim.bench.registry import Measurement
-from crowdsim.following.channel import make_channel
-from crowdsim.following.graph_search import SearchOptions, search_graph
-from crowdsim.following.map_file import maps_in_file
-from crowdsim.following.motion_maps import MotionMaps
-from crowdsim.following.path_follower import FollowOptions, FollowResult, FollowStatus
-from crowdsim.following.probes import body_probes
+from crowdsim.following.follower.path_follower import FollowOptions, FollowResult, FollowStatus
+from crowdsim.following.graph_search.channel import make_channel
+from crowdsim.following.graph_search.graph_search import SearchOptions, search_graph
+from crowdsim.following.graph_search.probes import body_probes
+from crowdsim.following.maps.map_file import maps_in_file
+from crowdsim.following.maps.motion_maps import MotionMaps
 
 PAPER_ENTRIES = 70_117
 """Entries of all maps together in the paper, at its depth 12."""

@@ -17,19 +17,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.behaviors.library import load_behavior_set
 from crowdsim.bench.random_ground import GroundKind, random_ground
 from crowdsim.bench.registry import Measurement
 from crowdsim.bench.thinned_graph import thinned
 from crowdsim.environment.layers import LEGS, TORSO
-from crowdsim.following.channel import Channel, make_channel
-from crowdsim.following.graph_search import SearchOptions, SearchResult, search_graph
-from crowdsim.following.path_follower import FollowStatus
-from crowdsim.following.probes import Probes, body_probes
-from crowdsim.motion.capture_files import capture_paths
-from crowdsim.motion.capture_sets import as_sources, read_clips
-from crowdsim.motion.graph_arrays import GraphArrays
-from crowdsim.motion.standard_graph import build_standard_graph
-from crowdsim.planning.behavior_library import load_behavior_set
+from crowdsim.following.follower.path_follower import FollowStatus
+from crowdsim.following.graph_search.channel import Channel, make_channel
+from crowdsim.following.graph_search.graph_search import SearchOptions, SearchResult, search_graph
+from crowdsim.following.graph_search.probes import Probes, body_probes
+from crowdsim.motion.analysis.capture_sets import as_sources, read_clips
+from crowdsim.motion.analysis.standard_graph import build_standard_graph
+from crowdsim.motion.captures.reader import capture_paths
+from crowdsim.motion.graph.arrays import GraphArrays
 
 FOUND = FollowStatus.FOUND
 

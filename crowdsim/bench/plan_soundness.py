@@ -15,9 +15,9 @@ from crowdsim.bench.posed_bodies import Obstacles, motions_of, posed_along
 from crowdsim.bench.registry import Measurement
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import PathNotFound
-from crowdsim.planning.annotated_path import AnnotatedPath
+from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.planning.planner import plan_path
-from crowdsim.planning.requirements import Requirements
+from crowdsim.planning.query.requirements import Requirements
 
 Floats = NDArray[np.float64]
 

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from crowdsim.bench import planner_comparison
 from crowdsim.bench.registry import Measurement
-from crowdsim.crowd.place import Place
-from crowdsim.crowd.setting import prepare
+from crowdsim.crowd.state.assets import prepare
+from crowdsim.crowd.state.environment import Place
 from crowdsim.errors import PathNotFound
 from crowdsim.figures import write_figure
-from crowdsim.planning.annotated_path import AnnotatedPath
+from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.planning.planner import plan_path
 from crowdsim.scenario.loader import load_scenario
 

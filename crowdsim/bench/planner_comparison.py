@@ -15,18 +15,18 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from crowdsim.behaviors.behavior import Behavior
 from crowdsim.bench.environment import prepare as prepare_world
 from crowdsim.constants import TRACKING_MARGIN
-from crowdsim.crowd.place import Place
-from crowdsim.crowd.setting import load_behaviors, prepare
+from crowdsim.crowd.state.assets import load_behaviors, prepare
+from crowdsim.crowd.state.environment import Place
 from crowdsim.environment.layers import AnySolid
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.planning.annotated_path import AnnotatedPath
-from crowdsim.planning.behaviors import Behavior
+from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.planning.planner import plan_path
-from crowdsim.planning.requirements import Requirements
-from crowdsim.planning.rooms import room_polygons
+from crowdsim.planning.query.behavior_areas import room_polygons
+from crowdsim.planning.query.requirements import Requirements
 from crowdsim.scenario.loader import load_scenario
 
 Floats = NDArray[np.float64]

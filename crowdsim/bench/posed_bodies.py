@@ -16,15 +16,15 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from crowdsim.behaviors.behavior import Behavior, read_behavior
 from crowdsim.environment.layers import AnySolid
 from crowdsim.environment.solids import Solid
-from crowdsim.motion.body_capsules import Capsules, body_capsules
-from crowdsim.motion.capture_files import read_clip
-from crowdsim.motion.clip import Clip
-from crowdsim.motion.tracks import track_of
-from crowdsim.planning.annotated_path import TANGENT_REACH, AnnotatedPath
-from crowdsim.planning.behaviors import Behavior, read_behavior
-from crowdsim.planning.labelling_kernels import TURN_ROOM
+from crowdsim.motion.captures.reader import read_clip
+from crowdsim.motion.clips.body_capsules import Capsules, body_capsules
+from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.clips.tracks import track_of
+from crowdsim.planning.labels.annotated_path import TANGENT_REACH, AnnotatedPath
+from crowdsim.planning.labels.labelling_kernels import TURN_ROOM
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from crowdsim.motion.graph_arrays import GraphArrays
+from crowdsim.motion.graph.arrays import GraphArrays
 
 _OF_NODES = (
     "node_frames", "node_track", "node_motion", "node_length", "node_behavior", "node_ends_standing", "node_idle",

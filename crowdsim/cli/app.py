@@ -28,7 +28,7 @@ app.add_typer(motion, name="motion")
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        from crowdsim import __version__
+        from crowdsim.version import __version__
 
         typer.echo(f"crowdsim {__version__}")
         raise typer.Exit

@@ -31,17 +31,17 @@ def behaviors(
     debug: Debug = False,
 ) -> None:
     """List the built-in behaviors, narrowest first."""
+    from crowdsim.behaviors.behavior import list_behaviors
+    from crowdsim.behaviors.library import load_behavior_set
     from crowdsim.cli.tables import print_rows
     from crowdsim.environment.layers import LEGS, TORSO
     from crowdsim.library import library_folder
-    from crowdsim.planning.behavior_library import load_behavior_set
-    from crowdsim.planning.behaviors import list_behaviors
 
     bands = (LEGS, TORSO)
     found = load_behavior_set(list_behaviors(library_folder("behaviors")), [(b.low, b.high) for b in bands]).behaviors
     if picture is not None:
+        from crowdsim.behaviors.clearance_profiles import draw_profiles, measure_profile
         from crowdsim.figures import write_figure
-        from crowdsim.planning.clearance_profiles import draw_profiles, measure_profile
 
         profiles = [measure_profile(behavior.name, library_folder("behaviors")) for behavior in found]
         write_figure(draw_profiles(profiles, [(band.name, band.low, band.high) for band in bands]), picture)

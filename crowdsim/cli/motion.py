@@ -21,8 +21,8 @@ def info(folder: Folder, as_json: Json = False, debug: Debug = False) -> None:
     """Table of the captures: what was assumed of each, what was cut out of it, and what is in it."""
     from crowdsim.cli.tables import print_rows
     from crowdsim.errors import MotionError
-    from crowdsim.motion.capture_files import capture_paths
-    from crowdsim.motion.capture_summary import summarize_all
+    from crowdsim.motion.analysis.capture_summary import summarize_all
+    from crowdsim.motion.captures.reader import capture_paths
 
     rows = summarize_all(capture_paths(folder))
     if all(row["frames"] is None for row in rows):
@@ -70,8 +70,8 @@ def graph(
 ) -> None:
     """Build the motion graph of the captures."""
     from crowdsim.cli.tables import print_table
-    from crowdsim.motion.capture_files import capture_paths
-    from crowdsim.motion.graph_file import GraphSettings, build_graph, graph_in_file
+    from crowdsim.motion.analysis.graph_file import GraphSettings, build_graph, graph_in_file
+    from crowdsim.motion.captures.reader import capture_paths
 
     if not (threshold > 0.0 and math.isfinite(threshold)):
         raise typer.BadParameter(f"{threshold} is not a positive distance", param_hint="--threshold")
@@ -115,9 +115,9 @@ def synthesize(
     debug: Debug = False,
 ) -> None:
     """Write the clips of a built-in motion set as BVH, to look at or to use as captures."""
-    from crowdsim.motion.bvh_writer import write_bvh
-    from crowdsim.motion.gait_library import motion_database
-    from crowdsim.motion.gait_manner import find_manner
+    from crowdsim.motion.captures.bvh_writer import write_bvh
+    from crowdsim.motion.synthesis.library import motion_database
+    from crowdsim.motion.synthesis.styles import find_manner
 
     clips = motion_database(find_manner(motion_set))
     try:
@@ -135,9 +135,9 @@ def synthesize(
 
 def _draw(paths: list[Path], settings: Any, picture: Path) -> None:
     from crowdsim.figures import write_figure
-    from crowdsim.motion.capture_sets import as_sources, read_clips
-    from crowdsim.motion.graph_picture import draw_motion_graph
-    from crowdsim.motion.motion_graph import build_motion_graph
+    from crowdsim.motion.analysis.capture_sets import as_sources, read_clips
+    from crowdsim.motion.analysis.graph_picture import draw_motion_graph
+    from crowdsim.motion.graph.motion_graph import build_motion_graph
 
     sources = as_sources(read_clips(paths), settings.detectors)
     made = build_motion_graph(

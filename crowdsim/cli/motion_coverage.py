@@ -12,7 +12,7 @@ import typer
 from crowdsim.cli.options import Debug, Json, MapDepth, read_map_depth
 
 if TYPE_CHECKING:
-    from crowdsim.motion.motion_graph import MotionGraph
+    from crowdsim.motion.graph.motion_graph import MotionGraph
 
 
 def coverage(
@@ -32,7 +32,7 @@ def coverage(
     from crowdsim.cli.tables import print_rows
     from crowdsim.figures import write_figure
     from crowdsim.following.coverage import coverage_rows, draw_coverage, measure_coverage
-    from crowdsim.following.motion_maps import MotionMaps
+    from crowdsim.following.maps.motion_maps import MotionMaps
 
     sizes = read_map_depth(depth)
     threads = workers or os.cpu_count() or 1
@@ -60,12 +60,12 @@ def _load(motions: str) -> tuple[MotionGraph, Any]:
     """The graph of a folder of captures or of a motion set, and how its behaviors may face, most preferred last."""
     import numpy as np
 
+    from crowdsim.behaviors.library import load_behavior_set
     from crowdsim.environment.layers import LEGS, TORSO
     from crowdsim.errors import MotionError
-    from crowdsim.motion.capture_files import capture_paths
-    from crowdsim.motion.gait_manner import MANNERS
-    from crowdsim.motion.graph_file import GraphSettings, build_graph
-    from crowdsim.planning.behavior_library import load_behavior_set
+    from crowdsim.motion.analysis.graph_file import GraphSettings, build_graph
+    from crowdsim.motion.captures.reader import capture_paths
+    from crowdsim.motion.synthesis.styles import MANNERS
 
     if motions not in MANNERS:
         if not Path(motions).is_dir():

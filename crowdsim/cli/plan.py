@@ -30,8 +30,8 @@ def plan(
     ends = read_point(start, "--from"), read_point(goal, "--to")
 
     from crowdsim.cli.tables import print_rows
-    from crowdsim.crowd.place import Place
-    from crowdsim.crowd.setting import prepare
+    from crowdsim.crowd.state.assets import prepare
+    from crowdsim.crowd.state.environment import Place
     from crowdsim.scenario.loader import load_scenario
 
     changes = [*(overrides or [])]

@@ -113,7 +113,7 @@ def check(
 
 
 def _draw(scenario: LoadedScenario, file: Path) -> None:
-    from crowdsim.crowd.setting import load_behaviors
+    from crowdsim.crowd.state.assets import load_behaviors
     from crowdsim.figures import write_figure
     from crowdsim.scenario.picture import draw_scenario
 

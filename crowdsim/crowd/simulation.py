@@ -11,29 +11,29 @@ from typing import Any
 import numpy as np
 
 from crowdsim.constants import NONE, TRACKING_MARGIN
-from crowdsim.crowd.advancing import Advancing
-from crowdsim.crowd.arriving import Arriving
-from crowdsim.crowd.changing import Changing
-from crowdsim.crowd.choosing import Choosing
-from crowdsim.crowd.components import COLUMNS
-from crowdsim.crowd.entering import Entering
-from crowdsim.crowd.errands import Errands
-from crowdsim.crowd.header import labeled_points, record_header
-from crowdsim.crowd.motion_plan import Request
-from crowdsim.crowd.motion_search import MotionSearch
-from crowdsim.crowd.place import Place
-from crowdsim.crowd.plans import Plans
-from crowdsim.crowd.replanning import AT_GOAL, Replanning, Searching
-from crowdsim.crowd.searches import Searches
-from crowdsim.crowd.setting import prepare
-from crowdsim.crowd.state_hash import state_hash
-from crowdsim.crowd.statistics import Statistics
-from crowdsim.crowd.worker_pool import WorkerPool
+from crowdsim.crowd.report.recording_header import labeled_points, record_header
+from crowdsim.crowd.report.statistics import Statistics
+from crowdsim.crowd.search.motion_search import MotionSearch
+from crowdsim.crowd.search.plans import Plans
+from crowdsim.crowd.search.scheduler import Searches
+from crowdsim.crowd.search.worker_pool import WorkerPool
+from crowdsim.crowd.state.assets import prepare
+from crowdsim.crowd.state.components import COLUMNS
+from crowdsim.crowd.state.environment import Place
+from crowdsim.crowd.state.itineraries import Errands
+from crowdsim.crowd.state.motion_plan import Request
+from crowdsim.crowd.state.state_hash import state_hash
+from crowdsim.crowd.systems.animate import Advancing
+from crowdsim.crowd.systems.apply_events import Changing
+from crowdsim.crowd.systems.choose_motion import Choosing
+from crowdsim.crowd.systems.despawn import Arriving
+from crowdsim.crowd.systems.replan import AT_GOAL, Replanning, Searching
+from crowdsim.crowd.systems.spawn import Entering
 from crowdsim.ecs.schedule import Schedule, System
 from crowdsim.ecs.world import World
 from crowdsim.errors import CrowdSimError
 from crowdsim.geometry.elementary import distance
-from crowdsim.planning.annotated_path import AnnotatedPath
+from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.recording.header import AgentState, RecordedFrame
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.writer import RecordingWriter
@@ -51,7 +51,7 @@ class Simulation:
     """Characters of one scenario, moved step by step.
 
     ``workers`` threads search motions; the result never depends on it. ``preparing`` is called as
-    :func:`crowdsim.crowd.setting.prepare` does while motion maps are built. Raises what that raises.
+    :func:`crowdsim.crowd.state.assets.prepare` does while motion maps are built. Raises what that raises.
 
     The threads end with :meth:`run`, with :meth:`close`, or with the block of a ``with`` statement.
     """

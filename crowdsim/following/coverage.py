@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from crowdsim.constants import NONE
 from crowdsim.errors import MotionError
-from crowdsim.following.body_reach import body_reach
-from crowdsim.following.motion_maps import MotionMaps
-from crowdsim.following.path_follower import FollowOptions, FollowStatus, follow_path
+from crowdsim.following.follower.body_reach import body_reach
+from crowdsim.following.follower.path_follower import FollowOptions, FollowStatus, follow_path
+from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.geometry.elementary import cos, sin
-from crowdsim.motion.motion_graph import MotionGraph
+from crowdsim.motion.graph.motion_graph import MotionGraph
 from crowdsim.navmesh.navmesh import NavMesh
 
 Floats = NDArray[np.float64]

@@ -18,10 +18,10 @@ from shapely.geometry.base import BaseGeometry
 from crowdsim.errors import GeometryError, GeometryWarning
 from crowdsim.geometry.polygons import LARGE_EXTENT, clean_polygon
 from crowdsim.geometry.snapping import snap
-from crowdsim.navmesh import half_edge_kernels
 from crowdsim.navmesh.clearance import arc_violation_kernels, clearance_kernels, nearest_kernels, violation_kernels
 from crowdsim.navmesh.editing.obstacles import Handle, Obstacles
-from crowdsim.navmesh.mesh_arrays import NONE, MeshArrays
+from crowdsim.navmesh.mesh import half_edge_kernels
+from crowdsim.navmesh.mesh.mesh_arrays import NONE, MeshArrays
 from crowdsim.navmesh.path_search import PathSearch
 from crowdsim.navmesh.paths import component_kernels
 from crowdsim.navmesh.paths.paths import (

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from crowdsim.geometry.elementary import hypot
-from crowdsim.navmesh.mesh_arrays import MeshArrays
+from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays
 from crowdsim.navmesh.paths import path_kernels
 from crowdsim.navmesh.paths.paths import Floats, Paths
 from crowdsim.navmesh.paths.region_kernels import REGION, find_regions

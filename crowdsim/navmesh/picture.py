@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import CrowdSimError
 from crowdsim.figures import fill
-from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, MeshArrays
+from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, MeshArrays
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import PathNotFound
-from crowdsim.planning.annotated_path import AnnotatedPath, Section, arc_lengths
-from crowdsim.planning.clear_ends import nearby_place
-from crowdsim.planning.greedy import plan_greedy
-from crowdsim.planning.query import Query
-from crowdsim.planning.roadmap import Roadmap, roadmap_of
-from crowdsim.planning.string_kernels import are_free
-from crowdsim.planning.uniform import cheapest_uniform
-from crowdsim.planning.widening import joined
+from crowdsim.navmesh.clearance.sweep_kernels import are_free
+from crowdsim.planning.baselines.greedy import plan_greedy
+from crowdsim.planning.labels.annotated_path import AnnotatedPath, Section, arc_lengths
+from crowdsim.planning.margins.slack import joined
+from crowdsim.planning.query.clear_ends import nearby_place
+from crowdsim.planning.query.query import Query
+from crowdsim.planning.roadmap.roadmap import Roadmap, roadmap_of
+from crowdsim.planning.single_behavior import cheapest_uniform
 
 LONG = 0.5
 """Cost of narrow sections, beyond that of their least length, above which wide ones are searched again in rooms."""

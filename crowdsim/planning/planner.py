@@ -10,22 +10,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from crowdsim.behaviors.behavior import Behavior
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import BehaviorError, PathNotFound
-from crowdsim.planning.annotated_path import AnnotatedPath
-from crowdsim.planning.behaviors import Behavior
-from crowdsim.planning.certificate import lower_bound
-from crowdsim.planning.clear_ends import clear_ends, joined_to
-from crowdsim.planning.collision3d import Bodies, plan_collision3d
-from crowdsim.planning.diagnosis import why_not
-from crowdsim.planning.greedy import plan_greedy
-from crowdsim.planning.labelling_kernels import TERMS
+from crowdsim.planning.baselines.collision3d import Bodies, plan_collision3d
+from crowdsim.planning.baselines.greedy import plan_greedy
+from crowdsim.planning.labels.annotated_path import AnnotatedPath
+from crowdsim.planning.labels.labelling_kernels import TERMS
 from crowdsim.planning.layered import plan_layered
-from crowdsim.planning.query import Query
-from crowdsim.planning.requirements import Requirements
-from crowdsim.planning.rooms import make_rooms
-from crowdsim.planning.turn_room import with_turn_room
-from crowdsim.planning.widening import with_slack
+from crowdsim.planning.margins.slack import with_slack
+from crowdsim.planning.margins.turns import with_turn_room
+from crowdsim.planning.query.behavior_areas import make_rooms
+from crowdsim.planning.query.clear_ends import clear_ends, joined_to
+from crowdsim.planning.query.diagnosis import why_not
+from crowdsim.planning.query.lower_bound import lower_bound
+from crowdsim.planning.query.query import Query
+from crowdsim.planning.query.requirements import Requirements
 
 if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
@@ -60,12 +60,13 @@ def plan_path(
     behaviors: least preferred and narrowest first; ``radii`` has one entry for each mesh.
     start, goal: x, y in meters.
     margin: meters added to every body radius. Start and goal alone may be that much nearer to obstacles.
-    rooms: meshes of :func:`~crowdsim.planning.rooms.room_polygons`, with which a path gets slack close to low obstacles
-        where high ones ask for it; without them it does as in the lowest mesh with the largest clearance of any layer.
+    rooms: meshes of :func:`~crowdsim.planning.query.behavior_areas.room_polygons`, with which a path gets slack close
+        to low obstacles where high ones ask for it; without them it does as in the lowest mesh with the largest
+        clearance of any layer.
     planner: "layered"; or the published "greedy_literal", or "greedy", which combines detours; or "collision3d", which
         tests ``bodies`` in 3D where the others ask the layers.
     slack: whether the path moves off obstacles where that costs next to nothing, as motions follow paths only nearly.
-    terms: (4,) what changes of behavior take, as :data:`~crowdsim.planning.labelling_kernels.TERMS`.
+    terms: (4,) what changes of behavior take, as :data:`~crowdsim.planning.labels.labelling_kernels.TERMS`.
 
     Raises
     ------

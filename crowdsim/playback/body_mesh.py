@@ -13,8 +13,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from crowdsim.motion.kinematics import forward_kinematics
-from crowdsim.motion.skeleton import Skeleton
+from crowdsim.motion.clips.kinematics import forward_kinematics
+from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.playback.surfaces import Floats, Surface, ellipsoid, limb, loft, unit, vertex_normals
 
 _LEG_LENGTH = 0.84

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.motion.skeleton import Skeleton
+from crowdsim.motion.clips.skeleton import Skeleton
 
 FORMAT_NAME = "crowdsim-recording"
 FORMAT_VERSION = 1

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Sequence
-from importlib import import_module
 from importlib.metadata import version
 
 import h5py
 import numpy as np
 
-from crowdsim.motion.skeleton import Skeleton
+from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.recording.header import (
     AgentsRecord,
     BehaviorRecord,
@@ -20,6 +19,7 @@ from crowdsim.recording.header import (
     RecordingHeader,
     SolidRecord,
 )
+from crowdsim.version import __version__
 
 _STRINGS = h5py.string_dtype("utf-8")
 
@@ -41,8 +41,7 @@ def _write_array(group: h5py.Group, name: str, values: object, dtype: str) -> No
 def library_versions() -> dict[str, str]:
     """Versions of what decides a run's numbers."""
     found = {name: version(name) for name in ("numba", "numpy")}
-    # Not a plain import: the package names its public parts, rooms above this one among them.
-    return {"crowdsim": import_module("crowdsim").__version__, **found, "python": platform.python_version()}
+    return {"crowdsim": __version__, **found, "python": platform.python_version()}
 
 
 def write_header(file: h5py.File, header: RecordingHeader) -> None:

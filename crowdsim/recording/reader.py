@@ -31,7 +31,7 @@ from crowdsim.recording.header import (
 from crowdsim.recording.header_file import read_header, read_versions
 
 if TYPE_CHECKING:
-    from crowdsim.motion.pose_table import PoseTable
+    from crowdsim.motion.graph.pose_table import PoseTable
 
 Joints = NDArray[np.float32]
 
@@ -203,7 +203,7 @@ class Recording:
         shown = rows[here]
         if not len(shown):
             return positions, rotations
-        from crowdsim.motion.pose_kernels import pose_joints
+        from crowdsim.motion.graph.pose_kernels import pose_joints
 
         track = np.stack([frame.x[shown], frame.y[shown], frame.heading[shown]], axis=1).astype(np.float64)
         columns = (
@@ -217,8 +217,8 @@ class Recording:
 
     @cached_property
     def pose_table(self) -> PoseTable:
-        """The poses of all nodes, in the form that :func:`crowdsim.motion.pose_kernels.pose_joints` reads."""
-        from crowdsim.motion.pose_table import PoseTable
+        """The poses of all nodes, in the form that :func:`crowdsim.motion.graph.pose_kernels.pose_joints` reads."""
+        from crowdsim.motion.graph.pose_table import PoseTable
 
         motion = self.header.motion
         return PoseTable(

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.geometry.elementary import log
-from crowdsim.scenario.agent_keys import MAX_COUNT
 from crowdsim.scenario.scenario import Scenario
+from crowdsim.scenario.schema.agents import MAX_COUNT
 
 _ARRIVAL_STREAM = 2
 _BATCH = 256
@@ -17,7 +17,7 @@ def start_times(scenario: Scenario, number: int) -> NDArray[np.float64]:
     """Seconds (n,) at which the characters of group ``number`` start, ascending.
 
     Those of a source are drawn from a stream of the scenario's seed that is the group's own. More than
-    :data:`~crowdsim.scenario.agent_keys.MAX_COUNT` of them are cut off just behind that number.
+    :data:`~crowdsim.scenario.schema.agents.MAX_COUNT` of them are cut off just behind that number.
     """
     group = scenario.agents[number]
     if group.rate is None:

@@ -12,11 +12,11 @@ from shapely.geometry.base import BaseGeometry
 
 from crowdsim.environment.layers import AnySolid
 from crowdsim.geometry.planar import rotation
-from crowdsim.scenario.event_keys import Event, Move
-from crowdsim.scenario.messages import nearest
+from crowdsim.scenario.schema.events import Event, Move
+from crowdsim.yamlfile.messages import nearest
 
 if TYPE_CHECKING:
-    from crowdsim.scenario.schema import ScenarioFields
+    from crowdsim.scenario.schema.schema import ScenarioFields
 
 Placing = tuple[float, float, float, float, float, float]
 """Where a thing is: (a, b, d, e, x, y) of the map that takes its outline in the file to where it stands."""

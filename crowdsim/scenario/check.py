@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from crowdsim.environment.layers import AnySolid, dropped_solids
 from crowdsim.geometry.polygons import LARGE_EXTENT
-from crowdsim.scenario.document import Path as KeyPath
 from crowdsim.scenario.scenario import Scenario
+from crowdsim.yamlfile.document import Path as KeyPath
 
 
 def check_scenario(scenario: Scenario) -> list[str]:

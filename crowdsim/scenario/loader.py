@@ -11,12 +11,12 @@ from pydantic import ValidationError
 
 from crowdsim.errors import Problem, ScenarioError
 from crowdsim.library import library_folder
-from crowdsim.scenario.document import MAX_BYTES, read_document
-from crowdsim.scenario.messages import schema_problems
-from crowdsim.scenario.overrides import apply_overrides
 from crowdsim.scenario.scenario import Scenario
-from crowdsim.scenario.schema import ScenarioFields
+from crowdsim.scenario.schema.schema import ScenarioFields
 from crowdsim.scenario.semantics import semantic_problems
+from crowdsim.yamlfile.document import MAX_BYTES, read_document
+from crowdsim.yamlfile.messages import schema_problems
+from crowdsim.yamlfile.overrides import apply_overrides
 
 
 def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario:

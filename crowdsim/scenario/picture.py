@@ -10,11 +10,11 @@ import numpy as np
 import shapely
 from shapely import MultiPolygon, Point, Polygon
 
+from crowdsim.behaviors.behavior import Behavior
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.environment.layers import ClearanceLayer, polygons_only
 from crowdsim.figures import fill
-from crowdsim.planning.annotated_path import AnnotatedPath
-from crowdsim.planning.behaviors import Behavior
+from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.scenario.scenario import Scenario
 
 if TYPE_CHECKING:

@@ -16,9 +16,9 @@ from crowdsim.environment.layers import dropped_solids, polygons_only
 from crowdsim.errors import Problem, ScenarioError
 from crowdsim.geometry.elementary import cos
 from crowdsim.geometry.polygons import buffered
-from crowdsim.scenario.agent_keys import MAX_COUNT, Goal
 from crowdsim.scenario.arrivals import start_times
 from crowdsim.scenario.scenario import Scenario
+from crowdsim.scenario.schema.agents import MAX_COUNT, Goal
 
 NOMINAL_RADIUS = 0.30
 """Meters around a character for which a scenario is checked before the motion, and with it the body, is known."""

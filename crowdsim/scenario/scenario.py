@@ -12,10 +12,10 @@ from shapely import MultiPolygon, Polygon
 from crowdsim.environment.layers import AnySolid, ClearanceLayer, clearance_layers
 from crowdsim.errors import Problem
 from crowdsim.scenario.changes import Changes, read_changes
-from crowdsim.scenario.document import Document
-from crowdsim.scenario.document import Path as KeyPath
-from crowdsim.scenario.schema import ScenarioFields
+from crowdsim.scenario.schema.schema import ScenarioFields
 from crowdsim.scenario.site import Site, read_site
+from crowdsim.yamlfile.document import Document
+from crowdsim.yamlfile.document import Path as KeyPath
 
 
 class Captures(NamedTuple):

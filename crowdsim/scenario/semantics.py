@@ -10,10 +10,10 @@ from crowdsim.errors import Problem
 from crowdsim.library import library_folder
 from crowdsim.scenario.arrivals import start_times
 from crowdsim.scenario.changes import read_changes
-from crowdsim.scenario.messages import nearest
 from crowdsim.scenario.placement import NOMINAL_RADIUS, try_placement
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.site import doubts_in
+from crowdsim.yamlfile.messages import nearest
 
 
 def semantic_problems(scenario: Scenario) -> list[Problem]:
@@ -95,7 +95,7 @@ def _captures(scenario: Scenario) -> list[Problem]:
     if not folder.is_dir():
         message = f"there is no folder {folder}; it is sought beside the scenario file"
         return [scenario.problem(("motion", "captures"), message)]
-    from crowdsim.planning.captured_behaviors import CAPTURED
+    from crowdsim.behaviors.captured import CAPTURED
 
     problems = []
     for name in scenario.behaviors:

@@ -21,8 +21,8 @@ from crowdsim.environment.mesh_solid import MeshSolid
 from crowdsim.environment.solids import polygon_from_points
 from crowdsim.errors import GeometryError, PlaceError, Problem
 from crowdsim.geometry.polygons import buffered
-from crowdsim.scenario.document import Path as KeyPath
-from crowdsim.scenario.place_keys import Mesh, Obstacle, Plan
+from crowdsim.scenario.schema.place import Mesh, Obstacle, Plan
+from crowdsim.yamlfile.document import Path as KeyPath
 
 if TYPE_CHECKING:
     from crowdsim.scenario.scenario import Scenario

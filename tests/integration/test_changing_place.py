@@ -12,7 +12,7 @@ import pytest
 import shapely
 
 from crowdsim.crowd.simulation import Simulation
-from crowdsim.following.path_follower import FollowOptions
+from crowdsim.following.follower.path_follower import FollowOptions
 from crowdsim.recording.header import AgentState
 from crowdsim.recording.reader import Recording
 from crowdsim.scenario.loader import parse_scenario

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crowdsim.crowd.place import Place
-from crowdsim.crowd.setting import Setting, prepare
-from crowdsim.planning.annotated_path import AnnotatedPath
+from crowdsim.crowd.state.assets import Setting, prepare
+from crowdsim.crowd.state.environment import Place
+from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.scenario.loader import builtin_scenarios, parse_scenario
 
 SHELVES = """\

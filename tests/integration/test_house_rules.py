@@ -12,8 +12,8 @@ SOURCES = sorted(path for folder in ("crowdsim", "tests", "tools") for path in (
 MAY_IMPORT_NUMBA = {"jit.py", "cli/doctor.py", "cli/progress.py"}
 MAY_READ_A_CLOCK = {"cli", "bench", "playback"}
 MAY_USE_ANY_SINE = {"cli", "bench", "playback"}
-DRAWS = {"figures.py", "motion/graph_picture.py", "navmesh/picture.py", "scenario/picture.py"}
-MULTIPLIES_EXACTLY = {"motion/frame_distance.py", "motion/error_image.py"}
+DRAWS = {"figures.py", "motion/analysis/graph_picture.py", "navmesh/picture.py", "scenario/picture.py"}
+MULTIPLIES_EXACTLY = {"motion/graph/frame_distance.py", "motion/analysis/error_image.py"}
 """Matrix products of values that :func:`crowdsim.geometry.products.rounded_for_sums` rounded."""
 BY_PROCESSOR = {
     *("sin", "cos", "tan", "sinh", "cosh", "tanh", "asin", "acos", "atan", "atan2", "arcsin", "arccos", "arctan"),

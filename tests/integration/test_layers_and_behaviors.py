@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 
 import crowdsim
-from crowdsim.crowd.place import Place
-from crowdsim.crowd.setting import prepare
+from crowdsim.crowd.state.assets import prepare
+from crowdsim.crowd.state.environment import Place
 from crowdsim.library import library_folder
-from crowdsim.planning import behavior_library
 from crowdsim.recording.reader import Recording
 from crowdsim.scenario import semantics
 from crowdsim.scenario.loader import parse_scenario
@@ -82,7 +81,7 @@ def test_a_room_is_crossed_with_four_behaviors(tmp_path: Path, monkeypatch: pyte
         file.read_text().replace("arm_constrained", "arm_bound").replace("cost_per_meter: 1.1", "cost_per_meter: 1.2")
     )
     file.write_text(text)
-    for module in (behavior_library, semantics):
+    for module in (library, semantics):
         monkeypatch.setattr(module, "library_folder", lambda _: library)
     with run(tmp_path, "behaviors: [lateral, arm_bound, arm_constrained, frontal]", 0.33) as recording:
         require_sound(recording)

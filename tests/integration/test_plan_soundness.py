@@ -7,8 +7,8 @@ import shapely
 from crowdsim.bench import plan_soundness
 from crowdsim.bench.planner_comparison import ground_of
 from crowdsim.bench.posed_bodies import Obstacles, motions_of, posed_along
-from crowdsim.planning.annotated_path import AnnotatedPath, Section
-from crowdsim.planning.requirements import Requirements
+from crowdsim.planning.labels.annotated_path import AnnotatedPath, Section
+from crowdsim.planning.query.requirements import Requirements
 
 SECTIONS = 120
 

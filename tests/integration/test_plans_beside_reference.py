@@ -7,8 +7,8 @@ import shapely
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.planner import plan_path
-from crowdsim.planning.requirements import Requirements
-from crowdsim.planning.rooms import room_polygons
+from crowdsim.planning.query.behavior_areas import room_polygons
+from crowdsim.planning.query.requirements import Requirements
 from tests.support.small_scenes import SIZE, scene
 from tests.unit.planning.conftest import make_behavior
 

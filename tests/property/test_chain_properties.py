@@ -9,8 +9,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from crowdsim.following import chain_kernels, channel_kernels, graph_search_kernels
-from crowdsim.following.channel import CELL, make_channel
+from crowdsim.following.graph_search import channel_kernels, graph_search_kernels
+from crowdsim.following.graph_search.channel import CELL, make_channel
+from crowdsim.following.kinematics import chain_kernels
 from crowdsim.geometry.planar import wrap_angle
 from crowdsim.jit import kernel
 from tests.reference.graph_search_reference import chain_with, slow_bend

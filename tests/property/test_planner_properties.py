@@ -8,15 +8,15 @@ from hypothesis import strategies as st
 
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import PathNotFound
-from crowdsim.navmesh.heap_kernels import HEAP_ROW
+from crowdsim.navmesh.mesh.heap_kernels import HEAP_ROW
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.planning import polishing_kernels, roadmap_search_kernels
-from crowdsim.planning.labelling_kernels import TERMS
+from crowdsim.planning.labels.labelling_kernels import TERMS
 from crowdsim.planning.planner import PLANNERS, plan_path
-from crowdsim.planning.query import Query
-from crowdsim.planning.requirements import Requirements
-from crowdsim.planning.roadmap import Roadmap, roadmap_of
-from crowdsim.planning.rooms import make_rooms, room_polygons
+from crowdsim.planning.query.behavior_areas import make_rooms, room_polygons
+from crowdsim.planning.query.query import Query
+from crowdsim.planning.query.requirements import Requirements
+from crowdsim.planning.roadmap import polishing_kernels, search_kernels
+from crowdsim.planning.roadmap.roadmap import Roadmap, roadmap_of
 from tests.reference import plan_roadmap
 from tests.unit.planning.conftest import make_behavior
 
@@ -129,7 +129,7 @@ def test_roadmap_costs_are_those_of_a_plain_search(seed, count):
     need = Requirements.of(BEHAVIORS, 2, TRACKING_MARGIN)
     roadmap = Roadmap(meshes, need)
     out = np.empty(len(roadmap.points) * 3)
-    roadmap_search_kernels.costs_from(
+    search_kernels.costs_from(
         roadmap.points, roadmap.ways, need.costs, need.turned, roadmap.change, 0, np.empty(4, HEAP_ROW), out
     )
     expected = plan_roadmap.costs_from(roadmap.points, roadmap.ways, need.costs, need.turned, roadmap.change, 0)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from crowdsim.following import path_kernels
+from crowdsim.following.follower import path_kernels
 
 project = path_kernels.project.py_func
 

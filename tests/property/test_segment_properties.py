@@ -6,7 +6,7 @@ import shapely
 
 from crowdsim.navmesh.navmesh import NavMesh
 from tests.reference.navmesh_reference import mesh_faults
-from tests.unit.navmesh.test_faults import constrained_lines, segments_mesh
+from tests.unit.navmesh.triangulation.test_faults import constrained_lines, segments_mesh
 
 CELL = 2.0**-21
 """About the grid cell of an area 8 m wide."""

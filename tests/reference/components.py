@@ -2,7 +2,7 @@
 
 import math
 
-from crowdsim.navmesh.mesh_arrays import MeshArrays
+from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays
 
 
 def side_components(mesh: MeshArrays, width: float) -> list[frozenset[tuple[int, int]]]:

@@ -6,10 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from crowdsim.crowd.reservation_kernels import ELBOW_ROOM
+from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM
 from crowdsim.geometry.planar import compose, wrap_angle
-from crowdsim.motion.graph_arrays import GraphArrays
-from crowdsim.motion.track_kernels import BLEND_FRAMES
+from crowdsim.motion.graph.arrays import GraphArrays
+from crowdsim.motion.graph.track_kernels import BLEND_FRAMES
 
 FOREVER = int(np.iinfo(np.int64).max)
 

@@ -8,9 +8,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.following.path_follower import FollowResult
+from crowdsim.following.follower.path_follower import FollowResult
 from crowdsim.geometry.planar import compose, invert, wrap_angle
-from crowdsim.motion.graph_arrays import GraphArrays
+from crowdsim.motion.graph.arrays import GraphArrays
 
 Floats = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.geometry.planar import compose, wrap_angle
-from crowdsim.motion.graph_arrays import GraphArrays
+from crowdsim.motion.graph.arrays import GraphArrays
 from tests.reference.follow_maps import pose_after
 
 Floats = NDArray[np.float64]

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from crowdsim.geometry.planar import transform_points
-from crowdsim.motion.graph_arrays import GraphArrays
+from crowdsim.motion.graph.arrays import GraphArrays
 
 
 def distance_under(a: np.ndarray, b: np.ndarray, pose: np.ndarray) -> float:

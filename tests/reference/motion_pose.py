@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from crowdsim.motion.pose_table import PoseTable
+from crowdsim.motion.graph.pose_table import PoseTable
 
 
 def pose_one(

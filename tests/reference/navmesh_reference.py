@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import shapely
 
-from crowdsim.navmesh.mesh_arrays import MeshArrays
+from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays
 
 
 def orient_sign(a, b, c) -> int:

@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 
-from crowdsim.planning import labelling_kernels as rules
+from crowdsim.planning.labels import labelling_kernels as rules
 
 
 def runs(labels: tuple[int, ...]) -> list[tuple[int, int, int]]:

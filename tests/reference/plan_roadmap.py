@@ -6,8 +6,8 @@ import heapq
 
 import numpy as np
 
-from crowdsim.planning.labelling import label_path
-from crowdsim.planning.requirements import TOUCH
+from crowdsim.planning.labels.labelling import label_path
+from crowdsim.planning.query.requirements import TOUCH
 
 
 def costs_from(points, ways, costs, turned, change, source):

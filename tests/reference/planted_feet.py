@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE
-from crowdsim.crowd.foot_statistics import NEAR_FLOOR, STANCE_SPEED, foot_joints
-from crowdsim.motion.kinematics import Floats
-from crowdsim.motion.skeleton import Skeleton
+from crowdsim.crowd.report.foot_statistics import NEAR_FLOOR, STANCE_SPEED, foot_joints
+from crowdsim.motion.clips.kinematics import Floats
+from crowdsim.motion.clips.skeleton import Skeleton
 
 
 def planted_speed(skeleton: Skeleton, positions: Floats | NDArray[np.float32], rate: float = CAPTURE_RATE) -> Floats:

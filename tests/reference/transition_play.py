@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from crowdsim.geometry.planar import wrap_angle
-from crowdsim.motion.clip import Clip
-from crowdsim.motion.motion_graph import MotionGraph
-from crowdsim.motion.skating import Feet, feet_of, planted_steps
-from crowdsim.motion.track_kernels import BLEND_FRAMES, blend_weight, next_origin, node_end, track_pose
+from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.graph.foot_contacts import Feet, feet_of, planted_steps
+from crowdsim.motion.graph.motion_graph import MotionGraph
+from crowdsim.motion.graph.track_kernels import BLEND_FRAMES, blend_weight, next_origin, node_end, track_pose
 from tests.reference.motion_pose import pose_one
 
 

@@ -4,19 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from crowdsim.planning.annotated_path import AnnotatedPath, Section, arc_lengths
-from crowdsim.planning.labelling_kernels import TURN_ROOM
-from crowdsim.planning.query import Query
-from crowdsim.planning.requirements import TOUCH
-from crowdsim.planning.string_kernels import are_free
-from crowdsim.planning.turn_room_kernels import CHORD, INNER, PROBE, RAMP, SPARED, STATION, WORTH
+from crowdsim.navmesh.clearance.sweep_kernels import are_free
+from crowdsim.planning.labels.annotated_path import AnnotatedPath, Section, arc_lengths
+from crowdsim.planning.labels.labelling_kernels import TURN_ROOM
+from crowdsim.planning.margins.turn_kernels import CHORD, INNER, PROBE, RAMP, SPARED, STATION, WORTH
+from crowdsim.planning.query.query import Query
+from crowdsim.planning.query.requirements import TOUCH
 
 WINDOW = STATION * np.array([-INNER - RAMP, *range(-INNER, INNER + 1), INNER + RAMP], dtype=np.float64)
 """Arc lengths of the places about the middle of a turn; the first and the last stay on the path."""
 
 
 def with_turn_room(query: Query, path: AnnotatedPath) -> AnnotatedPath:
-    """As :func:`crowdsim.planning.turn_room.with_turn_room`."""
+    """As :func:`crowdsim.planning.margins.turns.with_turn_room`."""
     need = query.need
     bends = []
     end = 0.0

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from crowdsim.navmesh.mesh_arrays import MeshArrays
+from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays
 from crowdsim.navmesh.paths.search_kernels import can_leave
 
 

@@ -1,8 +1,8 @@
 """Entries from Python to helpers of kernels, which have none of their own."""
 
 from crowdsim.jit import kernel
-from crowdsim.navmesh import half_edge_kernels
 from crowdsim.navmesh.clearance import clearance_kernels
+from crowdsim.navmesh.mesh import half_edge_kernels
 from crowdsim.navmesh.triangulation import triangulation_kernels
 
 _insert_point = triangulation_kernels.insert_point

@@ -6,8 +6,8 @@ import numpy as np
 
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.geometry.planar import wrap_angle
-from crowdsim.motion.clip import Clip
-from crowdsim.motion.kinematics import rotate
+from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.clips.kinematics import rotate
 
 
 def gait_figures(clip: Clip, first: int, last: int) -> dict[str, float]:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from crowdsim.motion.kinematics import about_axis, forward_kinematics, multiply
-from crowdsim.motion.skeleton import Skeleton
+from crowdsim.motion.clips.kinematics import about_axis, forward_kinematics, multiply
+from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.recording.header import (
     AgentsRecord,
     AgentState,

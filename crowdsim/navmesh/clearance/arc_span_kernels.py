@@ -11,7 +11,7 @@ import numpy as np
 
 from crowdsim.geometry.elementary_kernels import acos, asin, atan2, cos_sin, hypot
 from crowdsim.jit import helper
-from crowdsim.navmesh.half_edge_kernels import nxt
+from crowdsim.navmesh.mesh.half_edge_kernels import nxt
 
 ARC = np.dtype([(name, np.float64) for name in ("x", "y", "radius", "start", "turn")], align=True)
 """A circular arc: center, radius, bearing of its start from the center, signed angle."""

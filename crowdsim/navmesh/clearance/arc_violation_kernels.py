@@ -18,8 +18,8 @@ from crowdsim.navmesh.clearance.arc_span_kernels import (
     triangle_roots,
 )
 from crowdsim.navmesh.clearance.violation_kernels import SPAN, merged, record, triangles_near, violations
-from crowdsim.navmesh.half_edge_kernels import holds, nxt
-from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
+from crowdsim.navmesh.mesh.half_edge_kernels import holds, nxt
+from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, NONE
 
 _PIECE = 0.125 * math.pi
 """Arcs are walked along chords of at most this angle, which they leave by under 2 % of their radius."""

@@ -10,9 +10,9 @@ import numpy as np
 
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.growing_kernels import longer
-from crowdsim.navmesh.half_edge_kernels import locate, nxt, prv, snapped, triangle_of
-from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.mesh.growing_kernels import longer
+from crowdsim.navmesh.mesh.half_edge_kernels import locate, nxt, prv, snapped, triangle_of
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
 
 
 @helper

@@ -15,10 +15,10 @@ from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.segments_kernels import point_segment_distance2, segment_segment_distance2
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
-from crowdsim.navmesh.growing_kernels import longer
-from crowdsim.navmesh.half_edge_kernels import holds, nxt, triangle_near
-from crowdsim.navmesh.heap_kernels import HEAP_ROW, pop, push
-from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.mesh.growing_kernels import longer
+from crowdsim.navmesh.mesh.half_edge_kernels import holds, nxt, triangle_near
+from crowdsim.navmesh.mesh.heap_kernels import HEAP_ROW, pop, push
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
 
 _OUTLINE = np.dtype([(name, np.float64) for name in ("x", "y", "ux", "uy", "length")], align=True)
 """Part of an obstacle's outline grown by the radius.

@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 
-from crowdsim.jit import helper
+from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.clearance_kernels import capsule_clearance
-from crowdsim.navmesh.half_edge_kernels import nxt, prv
+from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv, triangle_of
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
 
 SWEPT = np.dtype([("h", np.int64)] + [(name, np.float64) for name in ("ax", "ay", "bx", "by")], align=True)
 """A side that is near, and its ends, along the segment and to the left of it."""
@@ -175,3 +176,23 @@ def is_free_way(m, stack, triangle, x0, y0, x1, y1, least):
         distance, _ = capsule_clearance(m, x0, y0, x1, y1, 1.01 * least, triangle)
         free = distance >= least
     return free
+
+
+@kernel
+def are_free(layers, radii, pieces):
+    """Whether a disc of radii[k] moves along all straight ``pieces`` (n, 4) in each of ``layers``; False in doubt.
+
+    A piece is x, y of its start and of its end, which may be the same place.
+    """
+    stack = np.empty(64, SWEPT)
+    for k, m in enumerate(layers):
+        for i in range(pieces.shape[0]):
+            x = pieces[i, 0]
+            y = pieces[i, 1]
+            t = triangle_of(m, x, y, NONE)
+            if t < 0 or m.wind[t] != 0:
+                return False
+            free, _ = sweep(m.sides, m.vertices, stack, t, x, y, pieces[i, 2], pieces[i, 3], radii[k])
+            if not free:
+                return False
+    return True

@@ -7,9 +7,9 @@ import numpy as np
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.segments_kernels import segment_segment_distance2
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.growing_kernels import longer
-from crowdsim.navmesh.half_edge_kernels import nxt, triangle_near
-from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
+from crowdsim.navmesh.mesh.growing_kernels import longer
+from crowdsim.navmesh.mesh.half_edge_kernels import nxt, triangle_near
+from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, NONE
 
 SPAN = np.dtype([("lo", np.float64), ("hi", np.float64)], align=True)
 """An interval of arc length."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.jit import array_at, helper
-from crowdsim.navmesh.mesh_arrays import (
+from crowdsim.navmesh.mesh.mesh_arrays import (
     FRAME,
     PROGRESS,
     SEGMENT,

@@ -8,8 +8,8 @@ from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.editing.point_kernels import INSERT, edit_point, has_room
 from crowdsim.navmesh.editing.undo_kernels import copy_edited
-from crowdsim.navmesh.half_edge_kernels import triangle_of
-from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.mesh.half_edge_kernels import triangle_of
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.checked_kernels import add_dot, drop_dot
 from crowdsim.navmesh.paths.component_kernels import are_joined
 from crowdsim.navmesh.paths.guide_kernels import GUIDE, add_sides, clear_guide, fill_guide

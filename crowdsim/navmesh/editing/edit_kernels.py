@@ -5,8 +5,8 @@ from crowdsim.navmesh.editing.address_kernels import mesh_at, workshop_at
 from crowdsim.navmesh.editing.point_kernels import INSERT, NO_ROOM, REMOVE, SETTLE, UNSETTLED, has_room, put_corner
 from crowdsim.navmesh.editing.removal_kernels import SIDES
 from crowdsim.navmesh.editing.settle_kernels import settle
-from crowdsim.navmesh.half_edge_kernels import nxt, prv, soil
-from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv, soil
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.triangulation.segment_kernels import insert_segment
 from crowdsim.navmesh.triangulation.triangulation_kernels import FULL
 from crowdsim.navmesh.triangulation.use_kernels import count_use, new_use, without

@@ -25,7 +25,7 @@ from crowdsim.navmesh.editing.shapes import (
     rings_of,
     shape_of,
 )
-from crowdsim.navmesh.mesh_arrays import USE, MeshArrays, Workshop, overwrite, resized, trimmed, workshop
+from crowdsim.navmesh.mesh.mesh_arrays import USE, MeshArrays, Workshop, overwrite, resized, trimmed, workshop
 from crowdsim.navmesh.paths.paths import as_numbers
 from crowdsim.navmesh.triangulation.use_kernels import keep_used
 

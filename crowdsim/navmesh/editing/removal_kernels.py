@@ -2,7 +2,7 @@
 
 from crowdsim.geometry.predicates_kernels import incircle
 from crowdsim.jit import helper
-from crowdsim.navmesh.half_edge_kernels import nxt, prv, side, soil
+from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv, side, soil
 from crowdsim.navmesh.triangulation.triangulation_kernels import flip, link, restore_delaunay, take
 from crowdsim.navmesh.triangulation.use_kernels import same_uses
 from crowdsim.navmesh.triangulation.work_kernels import CHANGED, LOOKING, note_changed, touch

@@ -2,8 +2,8 @@
 
 from crowdsim.jit import helper
 from crowdsim.navmesh.editing.removal_kernels import POINT, SIDES, hint_cell, removable, remove_vertex
-from crowdsim.navmesh.half_edge_kernels import is_dirty, nxt, prv
-from crowdsim.navmesh.mesh_arrays import BOX_CORNERS
+from crowdsim.navmesh.mesh.half_edge_kernels import is_dirty, nxt, prv
+from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS
 from crowdsim.navmesh.triangulation.refine_kernels import (
     add_foot,
     find_bottleneck,

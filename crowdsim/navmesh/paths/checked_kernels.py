@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper
-from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
 
 CHECK = np.dtype(
     [(name, np.float64) for name in ("x0", "y0", "x1", "y1", "distance", "vx", "vy")]

@@ -10,8 +10,8 @@ import numpy as np
 
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
-from crowdsim.navmesh.half_edge_kernels import prv
-from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.mesh.half_edge_kernels import prv
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.search_kernels import can_leave
 
 

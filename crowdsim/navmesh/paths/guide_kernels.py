@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from crowdsim.jit import helper
-from crowdsim.navmesh.half_edge_kernels import nxt
+from crowdsim.navmesh.mesh.half_edge_kernels import nxt
 
 GUIDE = np.dtype([("side", np.int64), ("left", np.float64), ("right", np.float64)], align=True)
 """A row of a hash table of sides, one longer than a power of two; ``side`` is 0 where it is empty.

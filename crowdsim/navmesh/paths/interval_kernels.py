@@ -10,9 +10,9 @@ import math
 import numpy as np
 
 from crowdsim.jit import helper
-from crowdsim.navmesh.half_edge_kernels import nxt, prv
-from crowdsim.navmesh.heap_kernels import place, pop
-from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv
+from crowdsim.navmesh.mesh.heap_kernels import place, pop
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.guide_kernels import GREED, guided_estimate
 from crowdsim.navmesh.paths.region_kernels import lay_waypoints
 from crowdsim.navmesh.paths.search_kernels import can_leave

@@ -10,9 +10,9 @@ import numpy as np
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, sweep
-from crowdsim.navmesh.growing_kernels import longer_rows
-from crowdsim.navmesh.half_edge_kernels import nxt, triangle_of
-from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.mesh.growing_kernels import longer_rows
+from crowdsim.navmesh.mesh.half_edge_kernels import nxt, triangle_of
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.interval_kernels import find_way, string_along
 from crowdsim.navmesh.paths.search_kernels import find_channel
 from crowdsim.navmesh.paths.string_kernels import pull

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.navmesh.mesh_arrays import MeshArrays
+from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays
 from crowdsim.navmesh.paths.component_kernels import label_sides
 
 _KEPT = 8

@@ -9,8 +9,8 @@ import numpy as np
 
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.half_edge_kernels import nxt
-from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.mesh.half_edge_kernels import nxt
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
 
 REGION = np.dtype([(name, np.int32) for name in ("top", "up", "depth", "root")], align=True)
 """A free triangle.

@@ -9,9 +9,9 @@ import numpy as np
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper
-from crowdsim.navmesh.half_edge_kernels import nxt, prv
-from crowdsim.navmesh.heap_kernels import HEAP_ROW, pop, push
-from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv
+from crowdsim.navmesh.mesh.heap_kernels import HEAP_ROW, pop, push
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
 
 _IMPROVING = 8
 """Expansions, per half-edge of the mesh, while a half-edge reached before may be reached again at less cost."""

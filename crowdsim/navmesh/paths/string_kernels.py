@@ -8,9 +8,9 @@ from crowdsim.geometry.elementary_kernels import atan2
 from crowdsim.jit import helper
 from crowdsim.navmesh.clearance.clearance_kernels import capsule_nearest
 from crowdsim.navmesh.clearance.sweep_kernels import sweep, walk
-from crowdsim.navmesh.growing_kernels import longer_rows
-from crowdsim.navmesh.half_edge_kernels import nxt, prv, triangle_of
-from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.mesh.growing_kernels import longer_rows
+from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv, triangle_of
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.checked_kernels import NEAR, recall, remember
 from crowdsim.navmesh.paths.tangent_kernels import COARSE, FINE, arc_corners, set_node, tangent
 

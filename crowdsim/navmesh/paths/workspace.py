@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.navmesh.heap_kernels import HEAP_ROW
+from crowdsim.navmesh.mesh.heap_kernels import HEAP_ROW
 
 LABEL = np.dtype(
     [(name, np.float64) for name in ("rx", "ry", "spent", "lx", "ly", "px", "py")]

@@ -7,9 +7,9 @@ import numpy as np
 from crowdsim.geometry.elementary_kernels import acos, atan2, cos_sin, hypot
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.growing_kernels import longer
-from crowdsim.navmesh.half_edge_kernels import nxt, prv
-from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
+from crowdsim.navmesh.mesh.growing_kernels import longer
+from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv
+from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, NONE
 from crowdsim.navmesh.shortest.tangent_graph_arrays import ARC
 from crowdsim.navmesh.shortest.view_arrays import SIGHT
 

@@ -4,9 +4,9 @@ import numpy as np
 
 from crowdsim.jit import helper
 from crowdsim.navmesh.clearance.sweep_kernels import is_free_way
-from crowdsim.navmesh.growing_kernels import longer
-from crowdsim.navmesh.heap_kernels import pop, push
-from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.mesh.growing_kernels import longer
+from crowdsim.navmesh.mesh.heap_kernels import pop, push
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE, set_node
 from crowdsim.navmesh.shortest.end_kernels import find_ends
 from crowdsim.navmesh.shortest.shortest_scratch import ARRIVAL

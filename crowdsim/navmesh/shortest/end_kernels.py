@@ -8,8 +8,8 @@ from crowdsim.geometry.elementary_kernels import cos_sin
 from crowdsim.geometry.predicates_kernels import orient2d
 from crowdsim.jit import helper
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
-from crowdsim.navmesh.half_edge_kernels import nxt, prv, side, triangle_of
-from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv, side, triangle_of
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.shortest.tangent_graph_kernels import nearest_end, touches, turned_to
 from crowdsim.navmesh.shortest.visibility_kernels import see_corners
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.sweep_kernels import is_free_way
-from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.path_kernels import (
     GOAL_BLOCKED,
     NO_PASSAGE,

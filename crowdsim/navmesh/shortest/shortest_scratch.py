@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.navmesh.clearance.sweep_kernels import SWEPT
-from crowdsim.navmesh.heap_kernels import HEAP_ROW
+from crowdsim.navmesh.mesh.heap_kernels import HEAP_ROW
 from crowdsim.navmesh.shortest.view_arrays import View, empty_view
 
 LABEL = np.dtype(

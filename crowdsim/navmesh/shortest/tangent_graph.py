@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from crowdsim.navmesh.mesh_arrays import MeshArrays
+from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays
 from crowdsim.navmesh.shortest import arc_kernels, tangent_graph_kernels
 from crowdsim.navmesh.shortest.shortest_scratch import ShortestScratch, shortest_scratch
 from crowdsim.navmesh.shortest.tangent_graph_arrays import TangentGraph

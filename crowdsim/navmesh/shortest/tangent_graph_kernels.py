@@ -7,8 +7,8 @@ import numpy as np
 from crowdsim.geometry.elementary_kernels import atan2, cos_sin
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, is_free_way
-from crowdsim.navmesh.growing_kernels import longer
-from crowdsim.navmesh.half_edge_kernels import nxt, prv, triangle_of
+from crowdsim.navmesh.mesh.growing_kernels import longer
+from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv, triangle_of
 from crowdsim.navmesh.shortest.tangent_graph_arrays import LINK, NODE
 from crowdsim.navmesh.shortest.visibility_kernels import SLACK, see_corners
 

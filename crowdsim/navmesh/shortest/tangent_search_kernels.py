@@ -15,8 +15,8 @@ import numpy as np
 from crowdsim.geometry.elementary_kernels import tan
 from crowdsim.jit import helper
 from crowdsim.navmesh.clearance.sweep_kernels import is_free_way
-from crowdsim.navmesh.heap_kernels import pop, push
-from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.mesh.heap_kernels import pop, push
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE, set_node
 from crowdsim.navmesh.shortest.end_kernels import find_ends
 from crowdsim.navmesh.shortest.visibility_kernels import SLACK, set_ellipse

@@ -6,7 +6,7 @@ import numpy as np
 
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper
-from crowdsim.navmesh.half_edge_kernels import nxt, prv
+from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv
 from crowdsim.navmesh.paths.tangent_kernels import PINCH
 
 SLACK = 1e-6

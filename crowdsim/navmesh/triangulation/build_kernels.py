@@ -3,8 +3,8 @@
 import numpy as np
 
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.half_edge_kernels import locate
-from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
+from crowdsim.navmesh.mesh.half_edge_kernels import locate
+from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, NONE
 from crowdsim.navmesh.triangulation.refine_kernels import measure_triangle, refine
 from crowdsim.navmesh.triangulation.segment_kernels import insert_segment
 from crowdsim.navmesh.triangulation.triangulation_kernels import insert_point

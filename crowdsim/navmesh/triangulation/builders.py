@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import GeometryError
 from crowdsim.geometry.snapping import grid_cell, snap
-from crowdsim.navmesh.mesh_arrays import FRAME, MeshArrays, Rings, empty_mesh, trimmed, workshop
+from crowdsim.navmesh.mesh.mesh_arrays import FRAME, MeshArrays, Rings, empty_mesh, trimmed, workshop
 from crowdsim.navmesh.triangulation.build_kernels import build
 from crowdsim.navmesh.triangulation.triangulation_kernels import FULL
 

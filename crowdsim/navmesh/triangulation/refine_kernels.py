@@ -8,8 +8,8 @@ from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
-from crowdsim.navmesh.half_edge_kernels import is_dirty, nxt, prv
-from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, NONE
+from crowdsim.navmesh.mesh.half_edge_kernels import is_dirty, nxt, prv
+from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, NONE
 from crowdsim.navmesh.triangulation.triangulation_kernels import FULL, split_edge, split_is_robust
 from crowdsim.navmesh.triangulation.work_kernels import CHANGED, dequeue, enqueue, touch
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper
-from crowdsim.navmesh.growing_kernels import longer
-from crowdsim.navmesh.half_edge_kernels import find_half_edge, nxt, prv, side, soil
-from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.mesh.growing_kernels import longer
+from crowdsim.navmesh.mesh.half_edge_kernels import find_half_edge, nxt, prv, side, soil
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.triangulation.triangulation_kernels import (
     FULL,
     flip,

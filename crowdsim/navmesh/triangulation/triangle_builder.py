@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import GeometryError
 from crowdsim.geometry.snapping import snap
-from crowdsim.navmesh.mesh_arrays import BOX_CORNERS, MeshArrays, Rings
+from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, MeshArrays, Rings
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -4,8 +4,8 @@ import numpy as np
 
 from crowdsim.geometry.predicates_kernels import incircle
 from crowdsim.jit import helper
-from crowdsim.navmesh.half_edge_kernels import find_half_edge, locate, nxt, prv, side, soil
-from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.mesh.half_edge_kernels import find_half_edge, locate, nxt, prv, side, soil
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.triangulation.work_kernels import touch_triangle
 
 FULL = -2

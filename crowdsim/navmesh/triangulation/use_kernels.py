@@ -3,7 +3,7 @@
 import numpy as np
 
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.mesh_arrays import NONE
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
 
 
 @helper

@@ -3,7 +3,7 @@
 import numpy as np
 
 from crowdsim.jit import helper
-from crowdsim.navmesh.half_edge_kernels import locate, soil
+from crowdsim.navmesh.mesh.half_edge_kernels import locate, soil
 from crowdsim.navmesh.triangulation.work_kernels import touch_triangle
 
 _UNKNOWN = -(1 << 30)

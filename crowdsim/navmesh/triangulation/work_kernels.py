@@ -1,7 +1,7 @@
 """Lists of vertices that an edit still has to look at, each vertex at most once in each."""
 
 from crowdsim.jit import helper
-from crowdsim.navmesh.mesh_arrays import BOX_CORNERS
+from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS
 
 QUEUED = 1
 """Mark: the constrained sides from the vertex wait for refinement."""

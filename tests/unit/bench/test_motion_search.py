@@ -7,9 +7,9 @@ import pytest
 
 from crowdsim.bench import motion_search
 from crowdsim.bench.thinned_graph import thinned
-from crowdsim.motion.bvh_writer import write_bvh
-from crowdsim.motion.gait_library import motion_database
-from crowdsim.motion.gait_manner import HAPPY
+from crowdsim.motion.captures.bvh_writer import write_bvh
+from crowdsim.motion.synthesis.library import motion_database
+from crowdsim.motion.synthesis.styles import HAPPY
 from tests.unit.following.walking_graph import graph_of, pieces
 
 

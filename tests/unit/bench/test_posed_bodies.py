@@ -19,9 +19,9 @@ from crowdsim.bench.posed_bodies import (
 )
 from crowdsim.environment.mesh_solid import MeshSolid
 from crowdsim.environment.solids import centered_box
-from crowdsim.motion.body_capsules import Capsules, body_capsules
-from crowdsim.planning.annotated_path import AnnotatedPath, Section, arc_lengths
-from crowdsim.planning.labelling_kernels import TURN_ROOM
+from crowdsim.motion.clips.body_capsules import Capsules, body_capsules
+from crowdsim.planning.labels.annotated_path import AnnotatedPath, Section, arc_lengths
+from crowdsim.planning.labels.labelling_kernels import TURN_ROOM
 from tests.unit.motion.walker import walk
 
 

@@ -15,9 +15,9 @@ from crowdsim.following.coverage import (
     draw_coverage,
     measure_coverage,
 )
-from crowdsim.following.motion_maps import MotionMaps
-from crowdsim.motion.graph_arrays import GraphArrays
-from crowdsim.motion.pose_table import PoseTable
+from crowdsim.following.maps.motion_maps import MotionMaps
+from crowdsim.motion.graph.arrays import GraphArrays
+from crowdsim.motion.graph.pose_table import PoseTable
 from tests.unit.following.walking_graph import FRONTAL, graph_of, pieces
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.motion.graph_arrays import GraphArrays
+from crowdsim.motion.graph.arrays import GraphArrays
 
 Floats = NDArray[np.float64]
 SPEED = 1.3

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from crowdsim.motion.clip import Clip
-from crowdsim.motion.joint_roles import find_roles
-from crowdsim.motion.kinematics import about_axis, conjugate, multiply, rotate
-from crowdsim.motion.skeleton import Skeleton
+from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.clips.joint_roles import find_roles
+from crowdsim.motion.clips.kinematics import about_axis, conjugate, multiply, rotate
+from crowdsim.motion.clips.skeleton import Skeleton
 
 THIGH, SHANK, ANKLE_HEIGHT, HIP_HEIGHT, HIP_HALF = 0.43, 0.42, 0.08, 0.88, 0.09
 FOOT_BACK = 0.065

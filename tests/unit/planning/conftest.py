@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crowdsim.planning.behaviors import Behavior
+from crowdsim.behaviors.behavior import Behavior
 
 
 def make_behavior(

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from crowdsim.behaviors.library import load_behavior_set
 from crowdsim.library import library_folder
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.planning.behavior_library import load_behavior_set
 from crowdsim.planning.planner import plan_path
 from crowdsim.scenario.loader import load_scenario
 

@@ -6,7 +6,7 @@ from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import BehaviorError, PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.planner import plan_path
-from crowdsim.planning.rooms import room_polygons
+from crowdsim.planning.query.behavior_areas import room_polygons
 
 ROOM = shapely.box(0, -1.2, 22, 1.2)
 

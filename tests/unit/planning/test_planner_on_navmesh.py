@@ -9,9 +9,9 @@ import shapely
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.planning.clear_ends import REACH
 from crowdsim.planning.planner import plan_path
-from crowdsim.planning.rooms import room_polygons
+from crowdsim.planning.query.behavior_areas import room_polygons
+from crowdsim.planning.query.clear_ends import REACH
 
 
 def cluttered_layers(seed, size=12.0, count=40):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crowdsim.motion.kinematics import about_axis, forward_kinematics, rotate
+from crowdsim.motion.clips.kinematics import about_axis, forward_kinematics, rotate
 from crowdsim.playback.body_mesh import Tissue, build_body
 from crowdsim.playback.crowd_mesh import CrowdMesh, distinct_colors, hex_color
 from crowdsim.playback.surfaces import ellipsoid, limb, loft, vertex_normals

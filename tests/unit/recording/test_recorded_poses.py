@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from crowdsim.geometry.planar import transform_points
-from crowdsim.motion.kinematics import about_axis, forward_kinematics, multiply
-from crowdsim.motion.track_kernels import BLEND_FRAMES
+from crowdsim.motion.clips.kinematics import about_axis, forward_kinematics, multiply
+from crowdsim.motion.graph.track_kernels import BLEND_FRAMES
 from crowdsim.recording.header import AgentState
 from crowdsim.recording.reader import Recording
 from tests.support.small_recording import write_small_recording

@@ -3,11 +3,11 @@
 import re
 from pathlib import Path
 
-from crowdsim.scenario.agent_keys import AgentGroup
 from crowdsim.scenario.check import check_scenario
-from crowdsim.scenario.event_keys import ACTIONS
 from crowdsim.scenario.loader import parse_scenario
-from crowdsim.scenario.place_keys import Clutter, Floor, Layer, Mesh, Obstacle, Opening, Plan, Wall
+from crowdsim.scenario.schema.agents import AgentGroup
+from crowdsim.scenario.schema.events import ACTIONS
+from crowdsim.scenario.schema.place import Clutter, Floor, Layer, Mesh, Obstacle, Opening, Plan, Wall
 
 TEXT = (Path(__file__).parents[3] / "docs" / "scenarios.md").read_text(encoding="utf-8")
 

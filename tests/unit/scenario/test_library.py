@@ -9,7 +9,7 @@ from shapely.ops import unary_union
 from crowdsim.library import library_folder
 from crowdsim.scenario.check import check_scenario
 from crowdsim.scenario.loader import builtin_scenarios, load_scenario, parse_scenario
-from crowdsim.scenario.schema import json_schema, write_json_schema
+from crowdsim.scenario.schema.schema import json_schema, write_json_schema
 from tests.unit.scenario.sample import TEXT, change
 
 
@@ -70,7 +70,7 @@ def test_the_schema_file_is_current(tmp_path):
     fresh = tmp_path / "schema.json"
     write_json_schema(fresh)
     shipped = library_folder("scenarios") / "scenario.schema.json"
-    assert shipped.read_text() == fresh.read_text(), "run crowdsim.scenario.schema.write_json_schema"
+    assert shipped.read_text() == fresh.read_text(), "run crowdsim.scenario.schema.schema.write_json_schema"
 
 
 def test_the_schema_knows_every_key():

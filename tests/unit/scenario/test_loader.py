@@ -8,7 +8,7 @@ import crowdsim
 from crowdsim.errors import CrowdSimError, Problem, ScenarioError
 from crowdsim.scenario import semantics
 from crowdsim.scenario.loader import builtin_scenarios, load_scenario, parse_scenario
-from crowdsim.scenario.schema import DEFAULT_BEHAVIORS
+from crowdsim.scenario.schema.schema import DEFAULT_BEHAVIORS
 from tests.unit.scenario.sample import TEXT, change
 
 

@@ -5,9 +5,9 @@ import pytest
 import shapely
 
 from crowdsim.errors import ScenarioError
-from crowdsim.scenario.agent_keys import STAND_WITHIN
 from crowdsim.scenario.loader import load_scenario, parse_scenario
 from crowdsim.scenario.placement import NOMINAL_RADIUS, STAND_ROOM, _pieces, place_agents
+from crowdsim.scenario.schema.agents import STAND_WITHIN
 from tests.unit.scenario.sample import TEXT, change
 
 RADIUS = 0.37

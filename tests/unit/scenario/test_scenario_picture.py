@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import shapely
 
+from crowdsim.behaviors.behavior import Behavior
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.figures import write_figure
-from crowdsim.planning.behaviors import Behavior
 from crowdsim.scenario.loader import parse_scenario
 from crowdsim.scenario.picture import draw_scenario, reachable_areas
 

@@ -1,0 +1,1 @@
+"""Behaviors: files, sets, clips and clearances of each."""

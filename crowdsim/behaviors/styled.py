@@ -1,0 +1,48 @@
+"""Behaviors in another manner: the clips of a built-in motion set that is synthesized rather than read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from crowdsim.behaviors.behavior import BehaviorClips, BehaviorFile
+from crowdsim.errors import BehaviorError
+from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.synthesis.library import synthesize_set
+from crowdsim.motion.synthesis.styles import DEFAULT_SET, find_manner
+
+
+def styled_clips(motion_set: str, files: Mapping[str, BehaviorFile]) -> dict[str, BehaviorClips]:
+    """Clips of the behaviors ``files`` as the motion set called ``motion_set`` has them.
+
+    What waits and what leads where is told by the ``behavior.yaml``; all other clips that the set has for a behavior
+    are its own. MotionError for a set that is none, BehaviorError for behaviors and clips that the set does not have.
+    """
+    made: dict[str, dict[str, Clip]] = {}
+    for folder, name, clip in synthesize_set(find_manner(motion_set)):
+        made.setdefault(folder, {})[name] = clip
+    return {name: _clips(motion_set, file, made.get(name, {}), files) for name, file in files.items()}
+
+
+def _clips(
+    motion_set: str, file: BehaviorFile, made: Mapping[str, Clip], files: Mapping[str, BehaviorFile]
+) -> BehaviorClips:
+    def find(path: str) -> Clip:
+        if Path(path).name not in made:
+            raise BehaviorError(
+                f"the motion set '{motion_set}' has no '{path}' for '{file.name}'; "
+                f"use the set '{DEFAULT_SET}' with this behavior, or leave it out"
+            )
+        return made[Path(path).name]
+
+    apart = {Path(path).name for path in [*(e.file for e in file.idle), *(e.file for e in file.transitions)]}
+    listed = {Path(entry.file).name: find(entry.file) for entry in file.clips}
+    return BehaviorClips(
+        (*listed.values(), *(clip for name, clip in made.items() if name not in apart and name not in listed)),
+        tuple(find(entry.file) for entry in file.idle),
+        tuple(
+            (find(entry.file), entry.from_, entry.to)
+            for entry in file.transitions
+            if entry.from_ in files and entry.to in files
+        ),
+    )

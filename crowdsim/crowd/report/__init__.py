@@ -1,0 +1,1 @@
+"""Statistics of a run and the header of its recording."""

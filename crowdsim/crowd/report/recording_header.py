@@ -1,0 +1,80 @@
+"""What a recording says once, gathered from the scenario and the setting of a run."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.crowd.state.assets import Setting
+from crowdsim.environment.layers import AnySolid
+from crowdsim.environment.mesh_solid import MeshSolid
+from crowdsim.environment.solids import Solid
+from crowdsim.geometry.elementary import atan2
+from crowdsim.planning.labels.annotated_path import AnnotatedPath
+from crowdsim.recording.header import (
+    AgentsRecord,
+    BehaviorRecord,
+    LayerRecord,
+    MeshRecord,
+    MotionRecord,
+    RecordingHeader,
+    SolidRecord,
+)
+from crowdsim.scenario.placement import Placement
+from crowdsim.scenario.scenario import Scenario
+
+
+def record_header(scenario: Scenario, setting: Setting, cast: Placement) -> RecordingHeader:
+    """The header of the recording of one run."""
+    rate = setting.steps_per_second
+    changes = scenario.changes()
+    goals = np.array([goals[0] for goals in cast.goals])
+    toward = goals - cast.starts
+    starts = np.column_stack([cast.starts, atan2(toward[:, 1], toward[:, 0])])
+    poses = setting.motion.poses
+    return RecordingHeader(
+        scenario_name=scenario.name,
+        scenario_text=scenario.text,
+        seed=scenario.seed,
+        steps_per_second=rate,
+        behaviors=[BehaviorRecord(b.name, b.color, tuple(map(float, b.radii))) for b in setting.behaviors],
+        layers=[LayerRecord(layer.name, layer.low, layer.high) for layer in setting.layers],
+        floor=scenario.floor_polygon().wkt,
+        solids=[_record(solid) for solid in changes.fixed if isinstance(solid, Solid)],
+        meshes=[_mesh_record(solid) for solid in changes.fixed if isinstance(solid, MeshSolid)],
+        movables=[_record(solid) for movable in changes.movables for solid in movable.solids],
+        agents=AgentsRecord(
+            groups=cast.groups,
+            start_times=cast.start_steps / rate,
+            starts=starts,
+            goals=goals,
+            radii=np.full(len(cast.starts), setting.personal_radius),
+        ),
+        motion=MotionRecord(
+            skeleton=setting.motion.skeleton,
+            node_names=setting.motion.node_names,
+            node_behavior=setting.graph.node_behavior,
+            node_first=poses.node_first,
+            node_frames=poses.node_frames,
+            pool_root=poses.pool_root,
+            pool_rotations=poses.pool_rotations,
+        ),
+    )
+
+
+def _record(solid: AnySolid) -> SolidRecord:
+    return SolidRecord(solid.name, solid.footprint.wkt, solid.bottom, solid.top)
+
+
+def _mesh_record(solid: MeshSolid) -> MeshRecord:
+    return MeshRecord(solid.name, solid.vertices.astype(np.float32), solid.triangles.astype(np.int32))
+
+
+def labeled_points(route: AnnotatedPath) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
+    """Points (P, 2) of a route, those where the behavior changes among them, and the behavior (P,) from each on."""
+    starts = np.array([section.start for section in route.sections])
+    # Not sorted by numpy, which would let other threads run and wait for them.
+    arc = np.array(sorted({*route.arc.tolist(), *starts.tolist()}))
+    section = np.maximum(np.searchsorted(starts, arc, side="right") - 1, 0)
+    behaviors = np.array([route.sections[k].behavior for k in section], np.int8)
+    return route.at(arc), behaviors

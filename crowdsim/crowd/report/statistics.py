@@ -1,0 +1,87 @@
+"""What a run is summed up by."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from crowdsim.crowd.report.foot_statistics import FootStatistics
+from crowdsim.crowd.report.measure_kernels import closest_pair, obstacle_margin
+from crowdsim.crowd.state.assets import Setting
+from crowdsim.crowd.state.environment import Place
+from crowdsim.geometry.elementary import hypot
+from crowdsim.recording.header import AgentState, RecordedFrame
+
+MARGIN_LIMIT = 1.0
+"""Meters up to which the distance of bodies to obstacles is measured."""
+
+
+@dataclass
+class Statistics:
+    """Measures of every step, gathered as the run goes.
+
+    way: (areas + 1, B) meters gone in each behavior, over all and by named area. closest: smallest distance between
+    two tracks. margin: (layers,) smallest distance of a body disc of the behavior in use to an obstacle.
+    """
+
+    setting: Setting
+    place: Place
+    areas: Mapping[str, shapely.Polygon]
+    way: NDArray[np.float64] = field(init=False)
+    closest: float = np.inf
+    margin: NDArray[np.float64] = field(init=False)
+    feet: FootStatistics = field(init=False)
+    _before: RecordedFrame | None = None
+
+    def __post_init__(self) -> None:
+        self.way = np.zeros((len(self.areas) + 1, len(self.setting.behaviors)))
+        self.margin = np.full(len(self.place.meshes), MARGIN_LIMIT)
+        self.feet = FootStatistics(self.setting.motion, self.setting.steps_per_second)
+
+    def add(self, frame: RecordedFrame) -> None:
+        """Take in one step of all agents, in the place as it is now."""
+        state = np.asarray(frame.state)
+        present = np.flatnonzero(state != AgentState.ABSENT)
+        pose = np.column_stack([frame.x, frame.y, frame.heading])[present]
+        behavior = np.asarray(frame.behavior, np.int32)[present]
+        self.closest = min(self.closest, closest_pair(pose))
+        for layer, mesh in enumerate(self.place.meshes):
+            radii = np.ascontiguousarray(self.setting.body_radii[:, layer])
+            self.margin[layer] = min(
+                self.margin[layer], obstacle_margin(pose, behavior, mesh.arrays, radii, MARGIN_LIMIT)
+            )
+        before = self._before
+        if before is not None:
+            both = present[np.asarray(before.state)[present] != AgentState.ABSENT]
+            x, y = np.asarray(frame.x)[both], np.asarray(frame.y)[both]
+            gone = hypot(x - np.asarray(before.x)[both], y - np.asarray(before.y)[both])
+            how = np.asarray(frame.behavior)[both]
+            np.add.at(self.way[0], how, gone)
+            for row, area in enumerate(self.areas.values(), start=1):
+                inside = shapely.contains_xy(area, x, y)
+                np.add.at(self.way[row], how[inside], gone[inside])
+        self.feet.add(frame, present)
+        self._before = frame
+
+    def shares(self, row: int) -> dict[str, float]:
+        """Share of the way by behavior, most preferred first; all zero where no one went."""
+        total = self.way[row].sum()
+        names = [behavior.name for behavior in self.setting.behaviors]
+        return {name: float(way / total) if total else 0.0 for name, way in zip(names, self.way[row], strict=True)}
+
+    def summary(self) -> dict[str, Any]:
+        """The figures under the names that ``crowdsim run --json`` prints."""
+        layers = [layer.name for layer in self.setting.layers]
+        return {
+            "behavior_share": self.shares(0),
+            "behavior_share_by_area": {name: self.shares(row) for row, name in enumerate(self.areas, start=1)},
+            "closest_pair": float(self.closest) if np.isfinite(self.closest) else None,
+            "obstacle_margin": dict(zip(layers, self.margin.tolist(), strict=True)),
+            "stance_foot_speed": self.feet.stance_speed,
+            "lowest_foot": self.feet.lowest,
+        }

@@ -1,0 +1,1 @@
+"""Searches for motion, in slices, on worker threads."""

@@ -1,0 +1,342 @@
+"""From a place and a goal to a chain of nodes, slice by slice: what worker threads compute while characters walk.
+
+The 2012 paper's concurrent synthesis (section 6): whoever asked sets out on the first part of a motion while the rest
+is searched for. A slice is a number of map queries, never a time, so that what is found by when is the same always.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.crowd.search.standing import attempts, nearest_end
+from crowdsim.crowd.state.assets import Setting
+from crowdsim.crowd.state.environment import Place
+from crowdsim.crowd.state.motion_plan import MotionPlan, Request
+from crowdsim.errors import PathNotFound
+from crowdsim.following.follower.path_follower import FollowResult, FollowStatus, PathSearch
+from crowdsim.geometry.elementary import atan2, cos, distance, hypot, sin
+from crowdsim.geometry.planar import compose, wrap_angle
+from crowdsim.motion.graph.track_kernels import node_end
+from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.planning.labels.annotated_path import AnnotatedPath, PathSamples
+from crowdsim.planning.margins.slack import with_slack
+from crowdsim.planning.planner import make_query
+from crowdsim.planning.query.clear_ends import joined_to
+from crowdsim.planning.single_behavior import cheapest_uniform
+
+WORTHWHILE = 2.0
+"""Meters that a motion must lead along the route to be begun though it does not reach the goal: who shuffles on the
+spot towards a place it cannot leave had better wait."""
+
+SEARCH_BUDGET = 2000
+"""Map queries until a search for motion gives up: several times what any that succeeds has been seen to need."""
+
+PASSING_BUDGET = 200
+"""The same for a way around others or by a place beside, which is a try among several."""
+
+SLICE_LOOKS = 1200
+"""Branches that the first slice of a search lays at most: a millisecond or two. Most searches are over with it."""
+
+MOTION_WORK = 24
+"""Branches that a motion takes for each meter of the way: those of one map query."""
+
+ROUTE_WORK = (600, 40)
+"""What planning a route takes: so many branches could be laid meanwhile, and so many more for each meter."""
+
+PASSING_WORK = 1500
+"""What a way around others takes beyond its route and its motion: a mesh with those who stand there."""
+
+RECOVERIES = 3
+"""How often a search begins anew from where its character will be that has walked past where it should have turned."""
+
+SIDE_STEP = 0.5
+"""Meters that somebody steps aside who cannot set out from where it stands."""
+
+PASSING_ROOM = 0.02
+"""Meters beyond both bodies kept from those who are passed."""
+
+_RING = 12  # points that stand for someone: closer together than any body is wide
+_OFF_WALLS = 0.02  # meters
+
+_LEAST = 1e-3  # meters: a path to follow has a length
+
+_HIDDEN = -1
+
+
+class _Outcome(NamedTuple):
+    """A plan, and how many of its nodes are played."""
+
+    plan: MotionPlan
+    kept: int
+
+
+@dataclass
+class MotionSearch:
+    """A search for the motion of one character, of one thread at a time.
+
+    First of all a way around those who stand in it is looked for, where there are any; then the old route is followed;
+    then a new one. Where all that is left would change what is played already, or the place has changed, the search
+    begins anew from there.
+
+    over: whether it has come to an end. slices: how many it took. backtracks: how often it would have had to change
+    what was played. recoveries: how many of these searches found a motion from there.
+    """
+
+    setting: Setting
+    place: Place
+    request: Request
+    over: bool = False
+    slices: int = 0
+    backtracks: int = 0
+    recoveries: int = 0
+    _steps: Generator[MotionPlan, None, MotionPlan | PathNotFound] = field(init=False)
+    _kept: int = 0
+    _looks: int = 0
+
+    def __post_init__(self) -> None:
+        self._steps = self._search()
+
+    def advance(self, kept: int = 0, looks: int = SLICE_LOOKS) -> MotionPlan | PathNotFound:
+        """Search for one slice more, laying about so many branches at most.
+
+        ``kept`` nodes of the plan returned last are played, or will be in any case. A plan without nodes says that no
+        motion was found, or none yet. PathNotFound is returned, not raised: it is a result that the run carries on
+        with. The place must not change meanwhile; between slices it may.
+        """
+        self._kept, self._looks = kept, looks
+        self.slices += 1
+        try:
+            return next(self._steps)
+        except StopIteration as end:
+            self.over = True
+            found: MotionPlan | PathNotFound = end.value
+            return found
+
+    @property
+    def is_way_around(self) -> bool:
+        """Whether it looks for a way around others first."""
+        return len(self.request.around) > 0
+
+    @property
+    def beginning(self) -> int:
+        """What the first slice takes, about, as so many branches that could be laid meanwhile."""
+        request = self.request
+        meters = distance(request.goal, request.position)
+        work = min(MOTION_WORK * meters, SLICE_LOOKS) + PASSING_WORK * self.is_way_around
+        if request.route is None or self.is_way_around:
+            work += ROUTE_WORK[0] + ROUTE_WORK[1] * meters
+        return int(work)
+
+    def _search(self) -> Generator[MotionPlan, None, MotionPlan | PathNotFound]:
+        place, request = self.place, self.request
+        if self.is_way_around:
+            passing = yield from self._passing()
+            if passing is not None:
+                return passing
+        revision = place.revision
+        if request.route is not None:
+            plan, kept = yield from self._follow(request, request.route, place.meshes)
+            if plan.arrives:
+                return plan
+            if kept:
+                return (yield from self._recover(plan, kept))
+        try:
+            route = place.route(request.position, request.goal)
+        except PathNotFound as error:
+            return error
+        plan, kept = yield from self._follow(request, route, place.meshes)
+        if plan.arrives:
+            return plan
+        if kept:
+            return (yield from self._recover(plan, kept))
+        if place.revision != revision:
+            return (yield from self._search())
+        if plan.count == 0 and request.departure is not None and self.setting.graph.node_idle[request.departure[0]]:
+            return (yield from self._step_aside(route)) or plan
+        return plan
+
+    def _recover(self, plan: MotionPlan, kept: int) -> Generator[MotionPlan, None, MotionPlan]:
+        """Search again from the end of what is played, on a new route; what is played where nothing is found."""
+        graph = self.setting.graph
+        for time in range(RECOVERIES):
+            played = plan.until(kept - 1)
+            node, origin = int(played.nodes[-1]), played.origins[-1]
+            position = np.array(node_end(graph, node, *origin)[:2])
+            request = replace(self.request, position=position, departure=(node, origin), route=None)
+            try:
+                route = self.place.route(position, request.goal)
+            except PathNotFound:
+                return played
+            revision = self.place.revision
+            plan, kept = yield from self._follow(request, route, self.place.meshes, played=played, strictly=time == 0)
+            self.recoveries += plan.count > played.count
+            if plan.arrives or (kept == played.count and self.place.revision == revision):
+                return plan
+        return plan.until(kept - 1)
+
+    def _follow(
+        self,
+        request: Request,
+        route: AnnotatedPath,
+        meshes: Sequence[NavMesh],
+        budget: int = SEARCH_BUDGET,
+        shown: bool = True,
+        played: MotionPlan | None = None,
+        strictly: bool = True,
+    ) -> Generator[MotionPlan, None, _Outcome]:
+        """Follow a route: quickly, then thoroughly, as :func:`crowdsim.following.follower.path_follower.follow_path`.
+
+        ``shown`` says whether parts of the motion may be walked; ``played`` comes before it. ``strictly``: whether to
+        try and end as is asked for before coming near is enough.
+        """
+        setting, revision = self.setting, self.place.revision
+        samples = _rest_of(route.sample(), request.position)
+        node, origin = _departure(setting, request, route, samples)
+        before = 0 if played is None else played.count
+        best: FollowResult | None = None
+        plan, kept, least = None, 0, np.inf
+        for options, exactly in attempts(request, budget, strictly):
+            if least < np.inf and not exactly:
+                break
+            search = PathSearch(
+                setting.graph,
+                setting.maps,
+                samples,
+                tuple(mesh.arrays for mesh in meshes),
+                setting.body_radii,
+                setting.facings,
+                start_pose=origin,
+                start_node=node,
+                options=options,
+            )
+            while (found := search.advance(max(self._looks // options.looks, 1), kept + 1)) is None:
+                plan = _as_plan(setting, route, search.present, played, kept if shown else _HIDDEN)
+                yield plan
+                kept = self._kept - before
+                if self.place.revision != revision:
+                    return _Outcome(plan, before + kept)
+            if found.status == FollowStatus.FOUND:
+                off = 0.0
+                if exactly:
+                    found, off = nearest_end(setting.graph, search, found, request, samples.pose[-1, :2], kept + 1)
+                if off < least:
+                    best, least = found, off
+                if off <= request.within or kept:
+                    break
+            elif best is None or (least == np.inf and found.reached >= best.reached):
+                best = found
+            if plan is not None and kept:
+                # What came farthest may begin otherwise than what is played.
+                self.backtracks += found.status == FollowStatus.PAST_KEPT
+                return _Outcome(plan, before + kept)
+        assert best is not None
+        return _Outcome(_as_plan(setting, route, best, played, kept), before + kept)
+
+    def _whole(
+        self, request: Request, route: AnnotatedPath, meshes: Sequence[NavMesh]
+    ) -> Generator[MotionPlan, None, MotionPlan]:
+        """A motion along a route that is a try among several: nothing of it is walked before it is found."""
+        plan, _ = yield from self._follow(request, route, meshes, PASSING_BUDGET, shown=False)
+        return plan
+
+    def _step_aside(self, route: AnnotatedPath) -> Generator[MotionPlan, None, MotionPlan | None]:
+        """A motion to the goal by way of a place beside, for somebody who stands too near to something to set out.
+
+        Those in the direction of ``route`` come first.
+        """
+        request, place = self.request, self.place
+        ahead = route.at(np.array([SIDE_STEP]))[0] - request.position
+        direction = atan2(ahead[1], ahead[0])
+        ends = np.array([request.position, request.goal])
+        for turn in (0.0, 0.25, -0.25, 0.5, -0.5, 0.75, -0.75, 1.0):
+            angle = direction + turn * np.pi
+            beside = request.position + SIDE_STEP * np.array([cos(angle), sin(angle)])
+            try:
+                way = place.route(beside, request.goal)
+            except PathNotFound:
+                continue
+            plan = yield from self._whole(request, joined_to(way, ends, self.setting.need.costs), place.meshes)
+            if plan.arrives:
+                return plan
+        return None
+
+    def _passing(self) -> Generator[MotionPlan, None, MotionPlan | None]:
+        """A motion to the goal that keeps clear of the places ``request.around``, or None."""
+        setting, place, request = self.setting, self.place, self.request
+        legs = place.meshes[0]
+        radius = 2.0 * setting.personal_radius + PASSING_ROOM - float(setting.body_radii[:, 0].max())
+        turn = np.arange(_RING) * 2.0 * np.pi / _RING
+        ring = radius * np.stack([cos(turn), sin(turn)], axis=1)
+        points = (request.around[:, None] + ring).reshape(-1, 2)
+        points = points[legs.clearances(points, 1.0) > _OFF_WALLS]
+        if not len(points):
+            return None
+        meshes = (legs.with_points(points), *place.meshes[1:])
+        # Not over a roadmap, which would be made for this one plan.
+        query = make_query(meshes, setting.behaviors, request.position, request.goal)
+        route = cheapest_uniform(query).path
+        if route is None:
+            return None
+        route = joined_to(with_slack(query, route), np.array([request.position, request.goal]), setting.need.costs)
+        plan = yield from self._whole(request, route, meshes)
+        return plan if plan.arrives else None
+
+
+def search_motion(setting: Setting, place: Place, request: Request) -> MotionPlan | PathNotFound:
+    """All slices of a search, one after the other, before anything is walked."""
+    search = MotionSearch(setting, place, request)
+    plan = search.advance()
+    while not search.over:
+        plan = search.advance()
+    return plan
+
+
+def _departure(
+    setting: Setting, request: Request, route: AnnotatedPath, samples: PathSamples
+) -> tuple[int, NDArray[np.float64]]:
+    """The node that a motion begins behind, and where that started: standing, where there is none yet."""
+    if request.departure is not None:
+        return request.departure
+    behavior = route.sections[0].behavior
+    heading = wrap_angle(samples.pose[0, 2] + setting.facings[behavior, 0])
+    return int(setting.idle_nodes[behavior]), np.array([*request.position, heading])
+
+
+def _as_plan(
+    setting: Setting, route: AnnotatedPath, found: FollowResult, played: MotionPlan | None, kept: int
+) -> MotionPlan:
+    """What was found behind what is ``played``; ``kept`` nodes of it stay even where it is not worthwhile."""
+    graph = setting.graph
+    ends = compose(found.origins[:-1], graph.node_motion[found.nodes[:-1]])
+    origins = found.origins[1:]
+    seams = ends - origins
+    seams[:, 2] = wrap_angle(seams[:, 2])
+    arrives = found.status == FollowStatus.FOUND
+    worthwhile = arrives or (kept != _HIDDEN and found.reached >= WORTHWHILE)
+    count = len(origins) if worthwhile else max(kept, 0)
+    plan = MotionPlan(
+        route=route,
+        departure_node=int(found.nodes[0]),
+        departure=found.origins[0],
+        nodes=found.nodes[1 : count + 1],
+        origins=origins[:count],
+        seams=seams[:count],
+        arrives=arrives,
+    )
+    return plan if played is None else played.joined(0, played.count - 1, plan, reaches=False)
+
+
+def _rest_of(samples: PathSamples, position: NDArray[np.float64]) -> PathSamples:
+    """The samples from the one nearest to ``position`` on; of one point, where somebody is there, a millimeter."""
+    if not samples.arc[-1] > 0.0:
+        pose = samples.pose.copy()
+        pose[0, :2] -= _LEAST * np.array([cos(pose[0, 2]), sin(pose[0, 2])])
+        return PathSamples(pose, np.linspace(0.0, _LEAST, len(pose)), samples.behavior)
+    away = hypot(*(samples.pose[:, :2] - position).T)
+    first = min(int(np.argmin(away)), len(samples.arc) - 2)
+    return PathSamples(samples.pose[first:], samples.arc[first:] - samples.arc[first], samples.behavior[first:])

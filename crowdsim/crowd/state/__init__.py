@@ -1,0 +1,1 @@
+"""Characters, reserved timelines, the environment, shared assets."""

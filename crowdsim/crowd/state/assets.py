@@ -1,0 +1,135 @@
+"""Everything that a run reads and never changes: what of the place stands still, the bodies, the motions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.behaviors.behavior import Behavior
+from crowdsim.behaviors.library import BehaviorSet, load_behavior_set
+from crowdsim.constants import CAPTURE_RATE, NONE, TRACKING_MARGIN
+from crowdsim.environment.layers import ClearanceLayer
+from crowdsim.errors import MotionError, ScenarioError
+from crowdsim.following.maps.map_file import maps_in_file
+from crowdsim.following.maps.motion_maps import MotionMaps
+from crowdsim.jit import cache_folder
+from crowdsim.motion.graph.arrays import GraphArrays
+from crowdsim.motion.graph.motion_graph import MotionGraph
+from crowdsim.planning.baselines.collision3d import Bodies, make_bodies
+from crowdsim.planning.baselines.collision_scene import CollisionScene
+from crowdsim.planning.query.requirements import Requirements
+from crowdsim.scenario.scenario import Scenario
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Layers without what moves (legs first), behaviors (least preferred first), the motion graph and its maps.
+
+    What moves, and the meshes, are in :class:`crowdsim.crowd.state.environment.Place`. planner: what finds routes;
+    bodies: what it moves through the place in 3D, if it does.
+    """
+
+    layers: tuple[ClearanceLayer, ...]
+    behaviors: tuple[Behavior, ...]
+    motion: MotionGraph
+    maps: MotionMaps
+    steps_per_second: int
+    planner: str = "layered"
+    bodies: Bodies | None = None
+
+    @property
+    def graph(self) -> GraphArrays:
+        return self.motion.arrays
+
+    @property
+    def frames_per_step(self) -> int:
+        return CAPTURE_RATE // self.steps_per_second
+
+    @cached_property
+    def body_radii(self) -> NDArray[np.float64]:
+        """(B, layers) meters, the body's own clearance of every behavior on every layer."""
+        return np.ascontiguousarray([behavior.radii for behavior in self.behaviors], np.float64)
+
+    @cached_property
+    def need(self) -> Requirements:
+        """The clearances with which paths are planned."""
+        return Requirements.of(self.behaviors, len(self.layers), TRACKING_MARGIN)
+
+    @cached_property
+    def facings(self) -> NDArray[np.float64]:
+        """(B, F) radians the body may face off its direction of motion, nan where a behavior has fewer."""
+        widest = max(len(behavior.facings) for behavior in self.behaviors)
+        rows = [[*behavior.facings, *[np.nan] * (widest - len(behavior.facings))] for behavior in self.behaviors]
+        return np.array(rows, np.float64)
+
+    @property
+    def personal_radius(self) -> float:
+        """Radius of the disc that encloses a body whatever it does: that of the widest behavior."""
+        return float(self.body_radii.max())
+
+    @cached_property
+    def idle_nodes(self) -> NDArray[np.int32]:
+        """(B,) node in which a character of each behavior waits standing, -1 where there is none."""
+        nodes = np.full(len(self.behaviors), NONE, np.int32)
+        for node in np.flatnonzero(self.graph.node_idle)[::-1]:
+            nodes[self.graph.node_behavior[node]] = node
+        return nodes
+
+    def idle_after(self, node: int) -> int:
+        """Idle node that may follow ``node``, of the same behavior if there is one; -1 where there is none."""
+        graph = self.graph
+        targets = graph.edge_target[graph.edge_start[node] : graph.edge_start[node + 1]]
+        idle = targets[graph.node_idle[targets]]
+        same = idle[graph.node_behavior[idle] == graph.node_behavior[node]]
+        return int(next(iter([*same, *idle]), NONE))
+
+
+def load_behaviors(scenario: Scenario) -> BehaviorSet:
+    """The behaviors of a scenario, measured on its layers, with their motion graph.
+
+    Raises BehaviorError or MotionError where something cannot be used.
+    """
+    bands = [(layer.low, layer.high) for layer in scenario.layers()]
+    captures = scenario.captures()
+    if captures is None:
+        # A scenario names a set or captures, never both.
+        return load_behavior_set(scenario.behaviors, bands, motion_set=str(scenario.motion.set))
+    return load_behavior_set(scenario.behaviors, bands, captures=captures.folder, capture_patterns=captures.patterns)
+
+
+def prepare(scenario: Scenario, workers: int = 1, progress: Callable[[int, int], None] | None = None) -> Setting:
+    """Build layers, motion graph and motion maps for a scenario.
+
+    Maps that were built before are mapped from a file. Else so many ``workers`` build them, and ``progress`` is called
+    with the nodes whose map is done and their number.
+
+    Raises ScenarioError, GeometryError, BehaviorError or MotionError where something cannot be used.
+    """
+    changes = scenario.changes()
+    layers = scenario.layers_of(changes.fixed) if changes.movables else scenario.layers()
+    behavior_set = load_behaviors(scenario)
+    if not behavior_set.graph.arrays.node_ends_standing.any():
+        raise MotionError("no clip of the motion set ends standing, so no character could ever wait; add one that does")
+    shortest = int(behavior_set.graph.arrays.node_frames.min())
+    if scenario.steps_per_second * shortest < CAPTURE_RATE:
+        message = (
+            f"a step of {1.0 / scenario.steps_per_second:g} s is longer than the shortest movement of the motion set "
+            f"({shortest / CAPTURE_RATE:.2f} s); take more steps"
+        )
+        raise ScenarioError([scenario.problem(("steps_per_second",), message)])
+    bodies = None
+    if scenario.planner == "collision3d":
+        bodies = make_bodies(CollisionScene(changes.fixed), behavior_set.behaviors)
+    return Setting(
+        layers=layers,
+        behaviors=behavior_set.behaviors,
+        motion=behavior_set.graph,
+        maps=maps_in_file(cache_folder() / "maps", behavior_set.graph.arrays, progress=progress, workers=workers),
+        steps_per_second=scenario.steps_per_second,
+        planner=scenario.planner,
+        bodies=bodies,
+    )

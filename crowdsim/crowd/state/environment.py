@@ -1,0 +1,127 @@
+"""The place as it is now: meshes that are edited as doors open and close and things come, move and go."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from shapely.geometry.base import BaseGeometry
+
+from crowdsim.crowd.state.assets import Setting
+from crowdsim.environment.layers import taken_between
+from crowdsim.navmesh.editing.obstacles import Handle
+from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.planning.labels.annotated_path import AnnotatedPath
+from crowdsim.planning.planner import plan_path
+from crowdsim.planning.query.behavior_areas import grown, room_growths, room_polygons
+from crowdsim.scenario.changes import Changes, Placing, placed
+
+Footprints = tuple[BaseGeometry | None, ...]
+"""What a thing takes of each layer, None where it takes nothing."""
+
+
+@dataclass(frozen=True)
+class Edit:
+    """What one change took and what it gave back; None where the thing was, or is, not there."""
+
+    taken: Footprints | None
+    freed: BaseGeometry | None
+
+
+@dataclass
+class Place:
+    """Meshes of the layers, legs first, and of the rooms (None where a behavior has none).
+
+    Only :meth:`put` changes it, which the crowd calls between two steps while no search runs; everyone else reads, and
+    nobody keeps ``mesh.arrays`` from one step to the next. edits: all that changed so far; revision: how many they are.
+    waited_for: outlines of things that are to come as soon as nobody is there, and that nobody may enter meanwhile.
+    """
+
+    setting: Setting
+    changes: Changes
+    meshes: tuple[NavMesh, ...] = field(init=False)
+    rooms: tuple[NavMesh | None, ...] = field(init=False)
+    edits: list[Edit] = field(default_factory=list)
+    last_edit_step: int = -1
+    waited_for: list[BaseGeometry] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        free = [layer.free for layer in self.setting.layers]
+        self.meshes = tuple(NavMesh(area) for area in free)
+        self.rooms = tuple(
+            None if room.is_empty else NavMesh(room) for room in room_polygons(free, self.setting.behaviors)
+        )
+        self._growths = room_growths(self.setting.behaviors, len(free))
+        self._handles: list[list[tuple[NavMesh, Handle]]] = [[] for _ in self.changes.movables]
+        self._placings: list[Placing | None] = [None] * len(self.changes.movables)
+        for number, movable in enumerate(self.changes.movables):
+            if movable.placing is not None:
+                self._put(number, movable.placing)
+
+    @property
+    def revision(self) -> int:
+        """How many edits there were."""
+        return len(self.edits)
+
+    def route(self, start: ArrayLike, goal: ArrayLike) -> AnnotatedPath:
+        """A path for whoever goes from ``start`` to ``goal`` (x, y) now; PathNotFound where there is none."""
+        setting = self.setting
+        return plan_path(
+            self.meshes,
+            setting.behaviors,
+            start,
+            goal,
+            rooms=self.rooms,
+            planner=setting.planner,
+            bodies=setting.bodies,
+        )
+
+    def placing(self, movable: int) -> Placing | None:
+        """Where a movable stands; None while it is absent."""
+        return self._placings[movable]
+
+    def footprints(self, movable: int, placing: Placing) -> Footprints:
+        """What a movable takes of each layer where it stands so; the lowest holds what any of them does."""
+        solids = self.changes.movables[movable].solids
+        shapes = [
+            placed(shapely.union_all([taken_between(solid, layer.low, layer.high) for solid in solids]), placing)
+            for layer in self.setting.layers
+        ]
+        shapes[0] = shapely.union_all(shapes)
+        return tuple(None if shape.is_empty else shape for shape in shapes)
+
+    def put(self, movable: int, placing: Placing | None, step: int) -> Edit:
+        """Let a movable stand at ``placing``, or take it away (None), in all meshes; no search may be under way."""
+        before = self._placings[movable]
+        freed = None if before is None else self.footprints(movable, before)[0]
+        self._put(movable, placing)
+        edit = Edit(None if placing is None else self.footprints(movable, placing), freed)
+        self.edits.append(edit)
+        self.last_edit_step = step
+        return edit
+
+    def state(self) -> bytes:
+        """Where everything stands, for the state hash; nothing where nothing can change."""
+        absent = (np.nan,) * 6
+        rows: list[NDArray[np.float64]] = [np.array(placing or absent) for placing in self._placings]
+        return b"".join(row.tobytes() for row in rows)
+
+    def _put(self, movable: int, placing: Placing | None) -> None:
+        for mesh, handle in self._handles[movable]:
+            mesh.remove(handle)
+        self._handles[movable] = []
+        self._placings[movable] = placing
+        if placing is None:
+            return
+        taken = self.footprints(movable, placing)
+        pairs = list(zip(self.meshes, taken, strict=True))
+        for room, growths in zip(self.rooms, self._growths, strict=True):
+            if room is not None:
+                # What grows covers what does not.
+                widest = max(
+                    (g for g, t in zip(growths.tolist(), taken[1:], strict=True) if t is not None), default=0.0
+                )
+                pairs.append((room, taken[0] and grown(taken[0], widest)))
+        self._handles[movable] = [(mesh, mesh.insert_obstacle(shape)) for mesh, shape in pairs if shape is not None]

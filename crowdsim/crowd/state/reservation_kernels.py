@@ -1,0 +1,254 @@
+"""Reserved timelines: where a character will be until it stands, and whether two of them ever meet.
+
+A timeline samples track positions at the world's slots (every ``slot_frames`` frames of the global frame
+clock) from ``start`` on; after its last sample the character stays there, or is gone from ``gone`` on.
+Between samples positions are taken as linear.
+"""
+
+import math
+
+import numpy as np
+
+from crowdsim.geometry.elementary_kernels import hypot
+from crowdsim.geometry.planar_kernels import wrap_angle
+from crowdsim.geometry.segments_kernels import segment_segment_distance2
+from crowdsim.jit import helper, kernel
+from crowdsim.motion.graph.track_kernels import next_origin, node_end, track_pose
+from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
+
+FOREVER = 9223372036854775807
+"""The slot from which on a character is gone that never leaves."""
+
+ELBOW_ROOM = 0.3
+"""Meters beyond their discs that two characters at rest keep between them."""
+
+ROUNDING = 1e-9  # meters
+_STATIC_STRIDE = 4  # frames between two samples of the test against obstacles
+
+
+@kernel
+def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, distance, present):
+    """Whether two timelines come closer than ``distance`` at or after ``first_slot``.
+
+    a, b: (K, 2) positions. Exact for the piecewise linear motion, to the end of time. Where both are ``present``
+    in the world and closer already, they may move as long as they never come closer still, or they could never part.
+    Where both come to rest they keep ELBOW_ROOM more, so that either can turn on the spot.
+    """
+    if first_slot >= a_gone or first_slot >= b_gone:
+        return False
+    ia = min(max(first_slot - a_start, 0), len(a) - 1)
+    ib = min(max(first_slot - b_start, 0), len(b) - 1)
+    apart = distance + ELBOW_ROOM
+    if present:
+        now = hypot(a[ia, 0] - b[ib, 0], a[ia, 1] - b[ib, 1])
+        apart = min(apart, now - ROUNDING)
+        distance = max(min(distance, now - ROUNDING), 0.0)
+    rest = hypot(a[-1, 0] - b[-1, 0], a[-1, 1] - b[-1, 1])
+    if rest < apart and min(a_gone, b_gone) == FOREVER:
+        return True
+    last = max(a_start + len(a), b_start + len(b))
+    for slot in range(first_slot, last):
+        if slot >= a_gone or slot >= b_gone:
+            return False
+        ia = min(max(slot - a_start, 0), len(a) - 1)
+        ja = min(max(slot + 1 - a_start, 0), len(a) - 1)
+        ib = min(max(slot - b_start, 0), len(b) - 1)
+        jb = min(max(slot + 1 - b_start, 0), len(b) - 1)
+        dx = a[ia, 0] - b[ib, 0]
+        dy = a[ia, 1] - b[ib, 1]
+        ex = a[ja, 0] - b[jb, 0] - dx
+        ey = a[ja, 1] - b[jb, 1] - dy
+        square = ex * ex + ey * ey
+        t = 0.0
+        if square > 0.0:
+            t = min(max(-(dx * ex + dy * ey) / square, 0.0), 1.0)
+        cx = dx + t * ex
+        cy = dy + t * ey
+        if cx * cx + cy * cy < distance * distance:
+            return True
+    return False
+
+
+@kernel
+def meets_anyone(me, timeline, start, gone, first_slot, radius, timelines, starts, gones, radii, circles):
+    """Whether a candidate timeline meets that of any other row; ``me`` is its own row, -1 for who is yet to enter.
+
+    circles (N, 3): x, y and radius of a circle that holds all of each row's timeline, so that most are soon dismissed.
+    """
+    reach = 0.0
+    for k in range(len(timeline)):
+        dx = timeline[k, 0] - timeline[0, 0]
+        dy = timeline[k, 1] - timeline[0, 1]
+        reach = max(reach, dx * dx + dy * dy)
+    reach = math.sqrt(reach)
+    for other in range(len(starts)):
+        if other == me or gones[other] <= first_slot:
+            continue
+        distance = radius + radii[other]
+        dx = circles[other, 0] - timeline[0, 0]
+        dy = circles[other, 1] - timeline[0, 1]
+        far = circles[other, 2] + reach + distance + ELBOW_ROOM
+        if dx * dx + dy * dy > far * far:
+            continue
+        here = min(max(first_slot - starts[other], 0), timelines.shape[1] - 1)
+        end = timelines.shape[1] - 1
+        if not _within_reach(timeline[0], timelines[other], here, end, reach + distance + ELBOW_ROOM):
+            continue
+        other_gone = gones[other]
+        if pair_meets(
+            timeline, start, gone, timelines[other], starts[other], other_gone, first_slot, distance, me >= 0
+        ):
+            return True
+    return False
+
+
+@helper
+def _within_reach(center, other, first, last, reach):
+    for k in range(first, last + 1):
+        dx = other[k, 0] - center[0]
+        dy = other[k, 1] - center[1]
+        if dx * dx + dy * dy <= reach * reach:
+            return True
+    return False
+
+
+@helper
+def _node_is_free(graph, node, origin, seam, layers, radii, hints):
+    """Whether the body disc of a node's behavior keeps clear of all layers along the whole node."""
+    behavior = graph.node_behavior[node]
+    frames = graph.node_frames[node]
+    frame = 0
+    while True:
+        x, y, _ = track_pose(
+            graph, np.int64(node), np.int64(frame), origin[0], origin[1], origin[2], seam[0], seam[1], seam[2]
+        )
+        for k, mesh in enumerate(layers):
+            need = radii[behavior, k]
+            distance, hints[k] = disc_clearance(mesh, x, y, need, hints[k])
+            if distance < need:
+                return False
+        if frame == frames:
+            return True
+        frame = min(frame + _STATIC_STRIDE, frames)
+
+
+@kernel
+def append_stop(graph, nodes, origins, seams, count):
+    """Append to a chain of ``count`` nodes those that bring it to a stand; returns the new count, or -1 if too long."""
+    node = nodes[count - 1]
+    while graph.stop_edge[node] >= 0:
+        if count == len(nodes):
+            return -1
+        edge = graph.stop_edge[node]
+        o = origins[count - 1]
+        ex, ey, eh = node_end(graph, np.int64(node), o[0], o[1], o[2])
+        x, y, h = next_origin(graph, np.int64(edge), 0.0, ex, ey, eh)
+        node = graph.edge_target[edge]
+        nodes[count] = node
+        origins[count, 0] = x
+        origins[count, 1] = y
+        origins[count, 2] = h
+        seams[count, 0] = ex - x
+        seams[count, 1] = ey - y
+        seams[count, 2] = wrap_angle(eh - h)
+        count += 1
+    return count
+
+
+@kernel
+def sample_chain(graph, nodes, origins, seams, count, frame, clock, slot_frames, out):
+    """Track positions of a chain, whose first node is ``frame`` frames old at the frame ``clock``, at the slots.
+
+    Fills ``out`` (K, 2) from slot ``clock // slot_frames`` on; past the end of the chain it stays there. Returns
+    the first slot at or after the end of the chain, or -1 if the chain is longer than ``out``.
+    """
+    k = 0
+    begin = clock - frame  # global frame at which the current node of the chain started
+    slot = clock // slot_frames
+    for c in range(count):
+        node = nodes[c]
+        frames = graph.node_frames[node]
+        while k < len(out) and slot * slot_frames < begin + frames:
+            at = max(slot * slot_frames, clock) - begin
+            o = origins[c]
+            s = seams[c]
+            x, y, _ = track_pose(graph, np.int64(node), np.int64(at), o[0], o[1], o[2], s[0], s[1], s[2])
+            out[k, 0] = x
+            out[k, 1] = y
+            k += 1
+            slot += 1
+        begin += frames
+    if k == len(out):
+        return -1
+    ended = slot
+    o = origins[count - 1]
+    x, y, _ = node_end(graph, np.int64(nodes[count - 1]), o[0], o[1], o[2])
+    while k < len(out):
+        out[k, 0] = x
+        out[k, 1] = y
+        k += 1
+    return ended
+
+
+@kernel
+def comes_near(timeline, segments, distance):
+    """Whether a polyline (K, 2) comes closer than ``distance`` to one of ``segments`` (M, 4): x, y of both ends."""
+    square = distance * distance
+    for k in range(len(timeline) - 1):
+        ax, ay, bx, by = timeline[k, 0], timeline[k, 1], timeline[k + 1, 0], timeline[k + 1, 1]
+        for m in range(len(segments)):
+            s = segments[m]
+            if segment_segment_distance2(ax, ay, bx, by, s[0], s[1], s[2], s[3]) < square:
+                return True
+    return False
+
+
+@kernel
+def reserve(
+    graph, layers, body, row, frame, clock, slot_frames, chain, origins, seams, first, available, ends_plan,
+    timelines, starts, gones, body_radii, circles, kept_free, distance, timeline,
+):  # fmt: skip
+    """Find the shortest continuation that ends standing, touches nothing and meets no one.
+
+    chain, origins, seams: buffers (C,), (C, 3), (C, 3); entry 0 is the present node, entries 1 to
+    ``available`` the next nodes of the plan; at least ``first`` of them must be taken. ``ends_plan`` says that
+    the last of them leaves the world. ``timelines`` to ``circles`` are of all rows, as of :func:`meets_anyone`.
+    ``layers`` is a tuple of meshes, ``body`` (B, layers) the body radii per behavior and layer. ``kept_free`` (M, 4)
+    are segments that the track stays ``distance`` away from.
+    Returns (nodes taken, gone slot), no nodes where there is none, and leaves the timeline in ``timeline`` (K, 2).
+    """
+    nodes = chain.copy()
+    spots = origins.copy()
+    jumps = seams.copy()
+    hints = np.full(len(layers), np.int64(-1))
+    forever = np.int64(FOREVER)
+    start = clock // slot_frames
+    for taken in range(first, available + 1):
+        # One by one, as the shape checks of whole arrays compile for three seconds.
+        for k in range(len(chain)):
+            nodes[k] = chain[k]
+            for axis in range(3):
+                spots[k, axis] = origins[k, axis]
+                jumps[k, axis] = seams[k, axis]
+        leaves = ends_plan and taken == available
+        count = taken + 1
+        if not leaves:
+            count = append_stop(graph, nodes, spots, jumps, taken + 1)
+            for c in range(taken + 1, count):
+                if not _node_is_free(graph, nodes[c], spots[c], jumps[c], layers, body, hints):
+                    count = -1
+                    break
+            if count < 0:
+                continue  # it cannot stand down after this node; perhaps it can after the next
+        ended = sample_chain(graph, nodes, spots, jumps, count, frame, clock, slot_frames, timeline)
+        if ended < 0:
+            break
+        if len(kept_free) and comes_near(timeline, kept_free, distance):
+            continue
+        gone = ended if leaves else forever
+        if not meets_anyone(
+            row, timeline, start, gone, start, body_radii[row], timelines, starts, gones, body_radii, circles
+        ):
+            return taken, gone
+        # There may be no place to stand here, but one beyond whoever is in the way.
+    return 0, forever

@@ -1,0 +1,205 @@
+"""Events happen: doors open and close, things come, move and go, and those concerned plan anew."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from crowdsim.constants import NONE, TRACKING_MARGIN
+from crowdsim.crowd.search.affected import could_shorten, first_taken, route_taken, way_left
+from crowdsim.crowd.search.plans import Join, Plans
+from crowdsim.crowd.state.components import SLOT_FRAMES
+from crowdsim.crowd.state.environment import Edit, Footprints, Place
+from crowdsim.ecs.world import View
+from crowdsim.scenario.changes import Change
+
+KEPT_OFF = TRACKING_MARGIN
+"""Meters beyond its body that a character keeps from where something is about to be."""
+
+
+@dataclass
+class Changing:
+    """The system that edits the place when events are due.
+
+    Nothing comes to where somebody is, or has reserved to go: it waits, and meanwhile nobody else may go there. A
+    later change of the same thing takes the place of one that still waits. happened: seconds at which each change that
+    was due came about, None for one that did not, by its index.
+    """
+
+    plans: Plans
+    place: Place
+    happened: dict[int, float | None] = field(default_factory=dict)
+    _next: int = 0
+    _waiting: list[int] = field(default_factory=list)
+
+    READS = ("agent", "pose", "frame", "cursor", "timeline", "timeline_start", "body_radius")
+    WRITES = ("reserved", "awaiting_plan", "retry_step", "blocked_since")
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing changes any more."""
+        return self._next == len(self.place.changes.changes) and not self._waiting
+
+    def run(self, view: View) -> None:
+        changes, rate = self.place.changes.changes, self.plans.setting.steps_per_second
+        while self._next < len(changes) and round(changes[self._next].at * rate) <= self.plans.step:
+            self.happened[self._next] = None
+            movable = changes[self._next].movable
+            self._waiting = [number for number in self._waiting if changes[number].movable != movable]
+            self._waiting.append(self._next)
+            self._next += 1
+        if not self._waiting:
+            return
+        lines = reserved_lines(view, self.plans.step * self.plans.setting.frames_per_step // SLOT_FRAMES)
+        still = []
+        for number in self._waiting:
+            change = changes[number]
+            if self._outline(change) is not None and self._is_taken(view, lines, change):
+                still.append(number)
+                continue
+            self.happened[number] = self.plans.step / rate
+            if change.placing != self.place.placing(change.movable):
+                self.plans.searches.pool.settle()
+                edit = self.place.put(change.movable, change.placing, self.plans.step)
+                _Concerned(self.plans, view).plan_anew(edit)
+        self._waiting = still
+        self.place.waited_for = [shape for number in still if (shape := self._outline(changes[number])) is not None]
+
+    def report(self) -> list[dict[str, Any]]:
+        """Every change that was due: what, when, what became of it, and how many seconds late, None if never.
+
+        It ``happened``, is ``waiting`` still, or was ``overtaken`` by the next change of the same thing.
+        """
+        changes = self.place.changes.changes
+        rows = []
+        for number, time in self.happened.items():
+            outcome = "happened" if time is not None else "waiting" if number in self._waiting else "overtaken"
+            late = None if time is None else max(round(time - changes[number].at, 6), 0.0)
+            rows.append({"event": changes[number].title, "at": changes[number].at, "outcome": outcome, "late": late})
+        return rows
+
+    def _outline(self, change: Change) -> BaseGeometry | None:
+        """What a change takes of the lowest layer."""
+        return None if change.placing is None else self.place.footprints(change.movable, change.placing)[0]
+
+    def _is_taken(self, view: View, lines: NDArray[Any], change: Change) -> bool:
+        """Whether somebody is, or will be, where a thing is to come."""
+        near = shapely.distance(lines, self._outline(change)) < view.body_radius + KEPT_OFF
+        return bool(near.any())
+
+
+def reserved_lines(view: View, slot: int) -> NDArray[Any]:
+    """What is left of everyone's reserved timeline, (N,) lines."""
+    last = view.timeline.shape[1] - 1
+    first = np.clip(slot - view.timeline_start, 0, last)
+    ahead = np.minimum(first[:, None] + np.arange(last + 1), last)
+    return shapely.linestrings(np.take_along_axis(view.timeline, ahead[:, :, None], axis=1))
+
+
+class _Concerned:
+    """Finds those whom an edit concerns and lets them plan anew; everyone else keeps plan and route."""
+
+    def __init__(self, plans: Plans, view: View) -> None:
+        self.plans, self.view, self.setting = plans, view, plans.setting
+
+    def plan_anew(self, edit: Edit) -> None:
+        present = set()
+        for row, agent in enumerate(self.view.agent.tolist()):
+            present.add(agent)
+            if edit.taken is not None:
+                self._give_way(row, agent, edit.taken)
+            if edit.freed is not None:
+                self._take_chance(row, agent, edit.freed)
+        for agent in sorted(self.plans.motions.keys() - present):
+            plan = self.plans.motions[agent]
+            position = plan.departure[:2]
+            if (
+                edit.taken is not None
+                and (
+                    first_taken(self.setting, plan, 0, edit.taken) < plan.count
+                    or route_taken(self.setting, plan.route, position, edit.taken)
+                )
+            ) or (edit.freed is not None and could_shorten(plan.route, position, edit.freed)):
+                del self.plans.motions[agent]  # entering asks again
+                self.plans.replans += 1
+
+    def _give_way(self, row: int, agent: int, taken: Footprints) -> None:
+        """Something came: whoever has it in the way walks no farther than it must, and plans from there."""
+        plans, view = self.plans, self.view
+        position, cursor = view.pose[row, :2], int(view.cursor[row])
+        plan = plans.motions.get(agent)
+        route = plans.routes.get(agent) if plan is None else plan.route
+        if route is None:
+            return
+        clear = NONE if plan is None else first_taken(self.setting, plan, max(cursor, 0), taken)
+        if (plan is None or clear == plan.count) and not route_taken(self.setting, route, position, taken):
+            return
+        plans.routes.pop(agent, None)
+        if plan is None:
+            return
+        if cursor == NONE:
+            plans.replans += 1
+            self._drop(row, agent)
+            return
+        after = self._goes_on_to(row, plan.count if clear == NONE else clear)
+        if after == plan.count - 1 and plan.arrives:
+            return  # it is there
+        plans.replans += 1
+        kept = plan.until(after)
+        plans.motions[agent] = kept
+        if not view.awaiting_plan[row]:
+            self._ask(row, agent, Join(kept, after))
+
+    def _take_chance(self, row: int, agent: int, freed: BaseGeometry) -> None:
+        """Something went: whoever had no way, or could have a much shorter one, looks for it."""
+        plans, view = self.plans, self.view
+        position, cursor = view.pose[row, :2], int(view.cursor[row])
+        plan = plans.motions.get(agent)
+        if plan is None:
+            if plans.unreachable.pop(agent, None) is not None:
+                plans.replans += 1
+                view.retry_step[row] = plans.step
+            return
+        if not could_shorten(plan.route, position, freed):
+            return
+        if cursor == NONE:
+            plans.replans += 1
+            plans.routes.pop(agent, None)
+            self._drop(row, agent)
+            return
+        after = self._goes_on_to(row, plan.count)
+        if view.awaiting_plan[row] or after == plan.count - 1:
+            return
+        plans.replans += 1
+        end = plan.origins[after + 1, :2]
+        self._ask(row, agent, Join(plan, after, shorter_than=way_left(plan.route, end)))
+
+    def _drop(self, row: int, agent: int) -> None:
+        """Let somebody who stands forget its plan; it asks for another at once."""
+        self.plans.motions.pop(agent, None)
+        self.view.reserved[row] = self.view.blocked_since[row] = NONE
+
+    def _goes_on_to(self, row: int, clear: int) -> int:
+        """The node up to which a character keeps its plan: reserved, or played until a search from there is done."""
+        plans, view = self.plans, self.view
+        plan = plans.motions[int(view.agent[row])]
+        lengths = self.setting.graph.node_frames[plan.nodes]
+        after = int(view.cursor[row])
+        end = max(min(clear, plan.count), int(view.reserved[row]) + 1)
+        left = int(lengths[after]) - int(view.frame[row])
+        while after + 1 < end and (
+            after < view.reserved[row] or left <= (plans.lead + 1) * self.setting.frames_per_step
+        ):
+            after += 1
+            left += int(lengths[after])
+        return after
+
+    def _ask(self, row: int, agent: int, join: Join) -> None:
+        passed = sum(int(self.view.cursor[row]) <= p <= join.after for p in join.plan.passes)
+        self.view.awaiting_plan[row] = True
+        self.plans.request_on(agent, join, passed)

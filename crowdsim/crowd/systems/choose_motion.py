@@ -1,0 +1,207 @@
+"""What to do when a node ends: go on along the plan where that is safe, else stop, else stand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from crowdsim.constants import NONE
+from crowdsim.crowd.search.plans import Join, Plans
+from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS
+from crowdsim.crowd.state.motion_plan import MotionPlan
+from crowdsim.crowd.state.reservation_kernels import ROUNDING, append_stop, reserve
+from crowdsim.crowd.state.state_hash import digest_of
+from crowdsim.crowd.systems.apply_events import KEPT_OFF, reserved_lines
+from crowdsim.crowd.systems.replan import reach_goal
+from crowdsim.ecs.world import View
+from crowdsim.environment.layers import polygons_only
+from crowdsim.geometry.elementary import distance, hypot
+from crowdsim.motion.graph.track_kernels import node_end
+from crowdsim.recording.header import AgentState
+
+LOOKAHEAD = 12
+"""Nodes of the plan considered at once, where a character cannot stand down after fewer."""
+
+NODES_LEFT = 4
+"""Nodes before the end of a plan at which the way on is looked for, of those who walk through their goal."""
+
+NEAR_GOAL = 1.0
+"""Meters from a goal to walk through at which it counts as reached where the last of the way is taken."""
+
+_CHAIN = LOOKAHEAD + 8  # with the nodes of the stop behind them
+_NOTHING = np.empty((0, 4))
+
+
+class Choosing:
+    """The system that picks the next node of everyone whose node ends in this step.
+
+    Every character owns a reserved timeline that ends with it standing, or gone, and that no other
+    reserved timeline meets. A node of the plan is entered only after the timeline through that node and
+    the stop behind it was reserved, row by row in order. So whoever is refused can always follow the timeline
+    it has, and no one ever walks into another, whatever happens.
+    """
+
+    READS = ("agent", "frame", "pose", "body_radius", "node", "origin", "seam", "stays")
+    WRITES = (
+        "state", "next_node", "next_origin", "next_seam", "next_cursor", "cursor", "reserved", "blocked_since",
+        "timeline", "timeline_circle", "timeline_digest", "timeline_start", "gone_slot", "goal",
+        "awaiting_plan", "retry_step",
+    )  # fmt: skip
+
+    def __init__(self, plans: Plans) -> None:
+        self.plans = plans
+        self._looked_ahead: dict[int, NDArray[np.int32]] = {}
+        self._chain = np.zeros(_CHAIN, np.int32)
+        self._origins = np.zeros((_CHAIN, 3))
+        self._seams = np.zeros((_CHAIN, 3))
+        self._timeline = np.zeros((TIMELINE_SLOTS, 2))
+
+    def run(self, view: View) -> None:
+        setting = self.plans.setting
+        ending = view.frame + setting.frames_per_step >= setting.graph.node_frames[view.node]
+        for row in np.flatnonzero(ending & (view.next_node == NONE)):
+            self._choose(view, int(row))
+
+    def _choose(self, view: View, row: int) -> None:
+        graph = self.plans.setting.graph
+        agent, node, cursor = int(view.agent[row]), int(view.node[row]), int(view.cursor[row])
+        plan = self.plans.motions.get(agent)
+        if plan is not None:
+            if cursor in plan.passes:
+                plan = replace(plan, passes=tuple(p for p in plan.passes if p != cursor))
+                self.plans.motions[agent] = plan
+                reach_goal(self.plans, view, row)
+            following = cursor + 1
+            if following < plan.count:
+                if following <= view.reserved[row] or self._extend(view, row, plan, following):
+                    view.state[row] = AgentState.MOVING
+                    view.blocked_since[row] = NONE
+                    node = int(plan.nodes[following])
+                    _take(view, row, node, plan.origins[following], plan.seams[following], following)
+                    self._look_ahead(view, row, plan, following)
+                    return
+                if self._walks_through(plan, agent) and _distance(view, row) < NEAR_GOAL:
+                    reach_goal(self.plans, view, row)
+                    self._abandon(view, row, agent)
+                elif view.blocked_since[row] == NONE:
+                    view.blocked_since[row] = self.plans.step
+            elif plan.arrives and not self.plans.errands.accepts(agent, self._end(view, row)):
+                self._abandon(view, row, agent)
+            elif plan.arrives:
+                if not self.plans.errands.is_last(agent):
+                    reach_goal(self.plans, view, row)
+                    self._abandon(view, row, agent)
+                elif not view.stays[row]:
+                    return  # it leaves the world at the end of this node
+                else:
+                    view.state[row] = AgentState.ARRIVED
+        if graph.stop_edge[node] != NONE:
+            self._abandon(view, row, agent)
+            self._stop(view, row)
+        elif graph.node_idle[node]:
+            view.state[row] = max(view.state[row], AgentState.WAITING)
+            _take(view, row, node, view.origin[row], np.zeros(3))
+        else:
+            self._stand(view, row, agent)
+
+    def _extend(self, view: View, row: int, plan: MotionPlan, following: int) -> bool:
+        """Reserve the node ``following`` of the plan, and as many after it as it takes to be able to stop."""
+        setting, layers = self.plans.setting, tuple(mesh.arrays for mesh in self.plans.place.meshes)
+        available = min(plan.count - following, LOOKAHEAD)
+        chain, origins, seams = self._chain, self._origins, self._seams
+        chain[0], origins[0], seams[0] = view.node[row], view.origin[row], view.seam[row]
+        ahead = slice(following, following + available)
+        chain[1 : available + 1] = plan.nodes[ahead]
+        origins[1 : available + 1] = plan.origins[ahead]
+        seams[1 : available + 1] = plan.seams[ahead]
+        last = self.plans.errands.is_last(int(view.agent[row]), len(plan.passes))
+        leaves = plan.arrives and last and not view.stays[row] and following + available == plan.count
+        clock = self.plans.step * setting.frames_per_step
+        taken, gone = reserve(
+            setting.graph, layers, setting.body_radii,
+            row, int(view.frame[row]), clock, SLOT_FRAMES, chain, origins, seams, 1, available, leaves,
+            view.timeline, view.timeline_start, view.gone_slot, view.body_radius, view.timeline_circle,
+            self._kept_free(view, row), float(view.body_radius[row]) + KEPT_OFF, self._timeline,
+        )  # fmt: skip
+        if not taken:
+            return False
+        view.timeline[row] = self._timeline
+        center = self._timeline[0]
+        view.timeline_circle[row, :2] = center
+        view.timeline_circle[row, 2] = hypot(*(self._timeline - center).T).max() + ROUNDING
+        view.timeline_digest[row] = digest_of(self._timeline.tobytes())
+        view.timeline_start[row] = clock // SLOT_FRAMES
+        view.gone_slot[row] = gone
+        view.reserved[row] = following + taken - 1
+        return True
+
+    def _kept_free(self, view: View, row: int) -> NDArray[np.float64]:
+        """Outlines (M, 4) of what is about to come and that a character must not enter: it is not there already."""
+        waited_for = self.plans.place.waited_for
+        if not waited_for:
+            return _NOTHING
+        slot = self.plans.step * self.plans.setting.frames_per_step // SLOT_FRAMES
+        line = reserved_lines(view, slot)[row]
+        distance = float(view.body_radius[row]) + KEPT_OFF
+        segments = [_NOTHING]
+        for part in (part for outline in waited_for for part in polygons_only(outline).geoms):
+            if part.distance(line) >= distance:
+                rings = [shapely.get_coordinates(ring) for ring in (part.exterior, *part.interiors)]
+                segments += [np.concatenate([ring[:-1], ring[1:]], axis=1) for ring in rings]
+        return np.concatenate(segments)
+
+    def _walks_through(self, plan: MotionPlan, agent: int) -> bool:
+        """Whether a plan ends at a goal that its character leaves at once for the next."""
+        errands, ahead = self.plans.errands, len(plan.passes)
+        return plan.arrives and not errands.is_last(agent, ahead) and not errands.stands(agent, ahead)
+
+    def _look_ahead(self, view: View, row: int, plan: MotionPlan, following: int) -> None:
+        """Ask for the way on from the goal of a plan before it is reached, where nobody stops there."""
+        agent = int(view.agent[row])
+        if plan.count - following > NODES_LEFT or view.awaiting_plan[row] or not self._walks_through(plan, agent):
+            return
+        if self._looked_ahead.get(agent) is not plan.nodes:
+            self._looked_ahead[agent] = plan.nodes  # once: what was not found will not be
+            view.awaiting_plan[row] = True
+            self.plans.request_on(agent, Join(plan, plan.count - 1, reaches=True), len(plan.passes) + 1)
+
+    def _abandon(self, view: View, row: int, agent: int) -> None:
+        self.plans.motions.pop(agent, None)
+        view.cursor[row] = view.reserved[row] = NONE
+
+    def _stop(self, view: View, row: int) -> None:
+        """Enter the first node of the stop that was reserved with the present node."""
+        self._chain[0], self._origins[0], self._seams[0] = view.node[row], view.origin[row], view.seam[row]
+        append_stop(self.plans.setting.graph, self._chain, self._origins, self._seams, 1)
+        _take(view, row, int(self._chain[1]), self._origins[1], self._seams[1])
+
+    def _stand(self, view: View, row: int, agent: int) -> None:
+        """Wait where the node ends: in an idle node if one may follow, else on the node's last frame."""
+        idle = self.plans.setting.idle_after(int(view.node[row]))
+        if idle == NONE:
+            view.state[row] = max(view.state[row], AgentState.WAITING)
+            return
+        self._abandon(view, row, agent)
+        view.state[row] = max(view.state[row], AgentState.WAITING)
+        _take(view, row, idle, self._end(view, row), np.zeros(3))
+
+    def _end(self, view: View, row: int) -> NDArray[np.float64]:
+        """Where the present node ends (3,)."""
+        return np.array(node_end(self.plans.setting.graph, int(view.node[row]), *view.origin[row]))
+
+
+def _distance(view: View, row: int) -> float:
+    """Meters to the goal."""
+    return distance(view.goal[row], view.pose[row, :2])
+
+
+def _take(
+    view: View, row: int, node: int, origin: NDArray[np.float64], seam: NDArray[np.float64], cursor: int = NONE
+) -> None:
+    view.next_node[row] = node
+    view.next_origin[row] = origin
+    view.next_seam[row] = seam
+    view.next_cursor[row] = cursor

@@ -1,0 +1,45 @@
+"""Characters that reached the end of their plan leave the world, unless they are to stay."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.constants import NONE
+from crowdsim.crowd.search.plans import Plans
+from crowdsim.ecs.world import View, World
+from crowdsim.recording.header import AgentState
+
+
+@dataclass
+class Arriving:
+    """The system that notes when each character arrived (step, -1 before) and removes those that leave."""
+
+    world: World
+    plans: Plans
+    count: int
+    arrived: NDArray[np.int64] = field(init=False)
+
+    READS = ("id", "agent", "cursor", "frame", "node", "next_node", "state", "stays")
+
+    def __post_init__(self) -> None:
+        self.arrived = np.full(self.count, NONE, np.int64)
+
+    def run(self, view: View) -> None:
+        graph = self.plans.setting.graph
+        at_end = (view.frame == graph.node_frames[view.node]) & (view.next_node == NONE) & (view.cursor >= 0)
+        for row in np.flatnonzero(at_end & ~view.stays):
+            agent = int(view.agent[row])
+            plan = self.plans.motions.get(agent)
+            if plan is not None and plan.arrives and view.cursor[row] == plan.count - 1:
+                self._note(agent)
+                self.world.remove(int(view.id[row]))
+        for agent in view.agent[(view.state == AgentState.ARRIVED)].tolist():
+            if self.arrived[agent] == NONE:
+                self._note(agent)
+
+    def _note(self, agent: int) -> None:
+        self.arrived[agent] = self.plans.step
+        self.plans.errands.reach(agent)

@@ -1,0 +1,147 @@
+"""The system that hands out plans and asks for new ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.constants import NONE
+from crowdsim.crowd.search.plans import Found, Join, Plans
+from crowdsim.ecs.world import View
+from crowdsim.geometry.elementary import distance, hypot
+from crowdsim.recording.header import AgentState
+
+RETRY_SECONDS = 2.0
+"""How long a character whose search failed stands before it searches again."""
+
+PATIENCE_SECONDS = 8.0
+"""How long a character waits for others before it looks for a way around those who stand near."""
+
+NEARBY = 2.5
+"""Meters within which others count as near."""
+
+AT_GOAL = 0.25
+"""Meters from a goal at which somebody who stands is there, if it goes on from there."""
+
+
+@dataclass
+class Searching:
+    """The system that lets searches go on for another slice, while what they found so far is walked."""
+
+    plans: Plans
+
+    READS = ("agent", "cursor", "reserved")
+
+    def run(self, view: View) -> None:
+        def played(agent: int) -> int:
+            rows = np.flatnonzero(view.agent == agent)  # few ask
+            return int(np.maximum(view.cursor, view.reserved)[rows].max(initial=NONE)) + 1
+
+        self.plans.search_on(played)
+
+
+@dataclass
+class Replanning:
+    """The system that gives characters their plans and asks for new ones for those who stand without."""
+
+    plans: Plans
+
+    READS = ("agent", "state", "node", "pose", "origin", "stays")
+    WRITES = ("goal", "awaiting_plan", "retry_step", "blocked_since", "cursor", "reserved", "plan_digest")
+
+    def run(self, view: View) -> None:
+        plans, setting = self.plans, self.plans.setting
+        for found in plans.collect():
+            row = int(np.argmax(view.agent == found.agent)) if len(view.agent) else 0
+            if row == len(view.agent) or view.agent[row] != found.agent:
+                plans.hand_out(found.agent, found.plan)  # entering looks there itself
+            elif found.first:
+                self._go_on(view, row, found, found.first)
+            elif found.first is None and found.join is not None:
+                self._join(view, row, found, found.join)
+            else:
+                self._hand_out(view, row, found)
+
+        waiting = (view.state == AgentState.WAITING) & setting.graph.node_idle[view.node]
+        blocked = plans.step - view.blocked_since
+        patient = (view.blocked_since < 0) | (blocked < PATIENCE_SECONDS * setting.steps_per_second)
+        rows = np.flatnonzero(waiting & ~view.awaiting_plan & (view.retry_step <= plans.step))
+        for row, agent, waits in zip(rows.tolist(), view.agent[rows].tolist(), patient[rows].tolist(), strict=True):
+            around = np.empty((0, 2))
+            if agent in plans.motions:
+                if waits:
+                    continue
+                del plans.motions[agent]
+                view.blocked_since[row] = plans.step
+                around = _standing_near(view, row)
+            elif self._is_there(view, row, agent):
+                reach_goal(plans, view, row)
+                continue
+            view.awaiting_plan[row] = True
+            departure = int(view.node[row]), view.origin[row].copy()
+            request = plans.errands.request(agent, view.pose[row, :2].copy(), departure=departure)
+            route = plans.routes.get(agent)
+            if route is not None and (route.points[-1] != request.goal).any():
+                route = None
+            plans.request(agent, replace(request, route=route, around=around))
+
+    def _hand_out(self, view: View, row: int, found: Found) -> None:
+        """Give a plan to somebody who stands or has begun it, or let it stand a while where there is none."""
+        plans, plan = self.plans, found.plan
+        view.awaiting_plan[row] = plan is None and not found.over
+        if found.first is None or plan is None:
+            view.cursor[row] = view.reserved[row] = NONE
+        view.plan_digest[row] = 0 if plan is None else plan.digest
+        plans.hand_out(found.agent, plan)
+        if plan is None and found.over:
+            pause = 0.0 if found.outdated else RETRY_SECONDS
+            view.retry_step[row] = plans.step + int(pause * plans.setting.steps_per_second)
+
+    def _join(self, view: View, row: int, found: Found, join: Join) -> None:
+        """Let somebody who walks go on as was found, unless it has come to a stand or elsewhere meanwhile."""
+        plans, agent, cursor = self.plans, found.agent, int(view.cursor[row])
+        plan = plans.motions.get(agent)
+        fits = plan is not None and join.fits(plan, cursor)
+        if found.plan is None and not found.over and fits:
+            return
+        view.awaiting_plan[row] = False
+        if found.plan is None or plan is None or not fits or found.plan.route.length >= join.shorter_than:
+            plans.searches.drop(agent)
+            return
+        joined = plan.joined(cursor, join.after, found.plan, join.reaches)
+        plans.hand_out(agent, joined, join.after - cursor + 1)
+        plans.follow_route(agent, joined.route)
+        view.reserved[row] -= cursor
+        view.cursor[row] = 0
+        view.plan_digest[row] = joined.digest
+
+    def _go_on(self, view: View, row: int, found: Found, first: int) -> None:
+        """Let somebody who walks what was found of its way go on as was found since."""
+        plan = self.plans.motions[found.agent]
+        plan = plan.until(first - 1) if found.plan is None else plan.joined(0, first - 1, found.plan, reaches=False)
+        self.plans.hand_out(found.agent, plan, first)
+        self.plans.follow_route(found.agent, plan.route)
+        view.plan_digest[row] = plan.digest
+
+    def _is_there(self, view: View, row: int, agent: int) -> bool:
+        """Whether somebody stands at a goal from where it goes on."""
+        near = distance(view.pose[row, :2], view.goal[row]) < AT_GOAL
+        errands = self.plans.errands
+        return near and not errands.is_last(agent) and errands.accepts(agent, view.pose[row])
+
+
+def reach_goal(plans: Plans, view: View, row: int) -> None:
+    """Count the goal of a character as reached, from where it goes on, and give it the next."""
+    agent = int(view.agent[row])
+    seconds = plans.errands.reach(agent)
+    view.goal[row] = plans.errands.goal(agent)
+    view.retry_step[row] = plans.step + round(seconds * plans.setting.steps_per_second)
+
+
+def _standing_near(view: View, row: int) -> NDArray[np.float64]:
+    """(k, 2) places of the others who stand within NEARBY meters."""
+    others = (view.state != AgentState.MOVING) & (np.arange(len(view.agent)) != row)
+    places = view.pose[others, :2]
+    return places[hypot(*(places - view.pose[row, :2]).T) < NEARBY]

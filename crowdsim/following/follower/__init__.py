@@ -1,0 +1,1 @@
+"""The path follower: lays, tests and scores branches."""

@@ -1,0 +1,143 @@
+"""Exact arrival: the last transitions of a motion turned so that it ends at the very goal (2011 paper, section 6).
+
+The motion that a search has found is bent as a planar chain and tested as the search tests its branches.
+"""
+
+import math
+
+import numpy as np
+
+from crowdsim.constants import NONE
+from crowdsim.following.follower.branch_kernels import branch_is_free
+from crowdsim.following.follower.path_kernels import project, sample_before, sample_index
+from crowdsim.following.follower.reach_kernels import branch_keeps_in
+from crowdsim.following.kinematics.chain_kernels import bend_chain
+from crowdsim.geometry.planar_kernels import compose, wrap_angle
+from crowdsim.jit import helper, kernel, unowned
+from crowdsim.motion.graph.track_kernels import next_origin, node_end
+
+MOST_BENT = 16
+"""Joints that are bent at most, the last of the motion."""
+
+HEADING_LEVER = 0.4
+"""Meters a radian, by which bending weighs an error of heading."""
+
+EXACT = 5e-4
+"""Meters from the goal at which a motion is bent enough."""
+
+_WITHIN = 0.9
+"""Share of the tolerance of a heading that is aimed at where the heading has to be turned, too."""
+
+
+@helper
+def _read_chain(graph, search, chain, count, bent):
+    """Make the last ``bent`` transitions of the solution joints, each with the turn it has; its end is the chain's."""
+    first = count - bent
+    for i in range(first - 1, count):
+        ox, oy, oh = search.best_place[i, 0], search.best_place[i, 1], search.best_place[i, 2]
+        x, y, heading = node_end(graph, np.int64(search.best_step[i, 0]), ox, oy, oh)
+        if i == count - 1:
+            chain.end[0], chain.end[1], chain.end[2] = x, y, heading
+            break
+        edge, j = np.int64(search.best_step[i + 1, 1]), i + 1 - first
+        px, py = graph.edge_pivot[edge, 0], graph.edge_pivot[edge, 1]
+        chain.joint[j, 0], chain.joint[j, 1], _ = compose(x, y, heading, px, py, 0.0)
+        chain.limit[j, 0], chain.limit[j, 1] = graph.edge_low[edge], graph.edge_high[edge]
+        chain.turn[j] = search.best_place[i + 1, 3]
+
+
+@helper
+def _bend(graph, search, chain, count, bent, goal, within, heading, tolerance):
+    """Turn the last ``bent`` transitions to the goal; whether they lead there, with the heading if one is asked for."""
+    _read_chain(graph, search, chain, count, bent)
+    goal[2] = math.nan
+    miss = bend_chain(chain.joint, chain.limit, chain.turn, bent, chain.end, goal, HEADING_LEVER, EXACT)
+    if miss > within or math.isnan(heading):
+        return miss <= within
+    off = wrap_angle(chain.end[2] - heading)
+    if abs(off) > tolerance:
+        _read_chain(graph, search, chain, count, bent)
+        goal[2] = heading + math.copysign(_WITHIN * tolerance, off)
+        miss = bend_chain(chain.joint, chain.limit, chain.turn, bent, chain.end, goal, HEADING_LEVER, EXACT)
+    return miss <= within and abs(wrap_angle(chain.end[2] - heading)) <= tolerance
+
+
+@helper
+def _arc_before(graph, guide, search, first):
+    """Arc length of the path that the solution has come to where its node ``first`` begins."""
+    arc = 0.0
+    for i in range(first):
+        node = np.int64(search.best_step[i, 0])
+        x, y, _ = node_end(graph, node, search.best_place[i, 0], search.best_place[i, 1], search.best_place[i, 2])
+        low, beyond = (arc - 0.2, 0.3) if i > 0 else (0.0, 1.0)
+        arc = max(project(guide, x, y, low, arc + graph.node_length[node] + beyond)[0], arc)
+    return arc
+
+
+@helper
+def _lay_chain(graph, guide, rules, search, laid, chain, first, bent, x, y, heading, arc):
+    """Lay the nodes behind the chain's joints, from the pose and arc length at which the first of them begins.
+
+    Each is an entry of ``laid``. False where one ends farther off the path than the rules allow.
+    """
+    for j in range(bent):
+        node, edge = np.int64(search.best_step[first + j, 0]), np.int64(search.best_step[first + j, 1])
+        ox, oy, oh = next_origin(graph, edge, chain.turn[j], x, y, heading)
+        x, y, heading = node_end(graph, node, ox, oy, oh)
+        after, gap = project(guide, x, y, arc - 0.2, arc + graph.node_length[node] + 0.3)
+        if gap > rules.deviation:
+            return False
+        after = max(after, arc)
+        wide = False
+        for i in range(sample_before(guide, arc), sample_index(guide, after) + 1):
+            wide = wide or graph.node_behavior[node] > guide.behavior[i]
+        laid.node[j], laid.edge[j], laid.twist[j] = node, edge, chain.turn[j]
+        laid.origin[j, 0], laid.origin[j, 1], laid.origin[j, 2] = ox, oy, oh
+        laid.end[j, 0], laid.end[j, 1], laid.end[j, 2] = x, y, heading
+        laid.arc[j] = after
+        laid.wide[j] = wide
+        for k in range(laid.free.shape[1]):
+            laid.free[j, k] = False
+        arc = after
+    return True
+
+
+@kernel
+def arrive(graph, guide, rules, layers, reach, search, laid, chain, count, within, heading, tolerance):
+    """Bend the solution of ``count`` nodes in ``search.best_*`` so that it ends within ``within`` meters of the goal.
+
+    The last two joints are turned alone if that is enough, then twice as many each time: so most of the motion stays as
+    it was found. heading, tolerance: radians, how the body must be turned in the end; nan where any will do. ``laid``
+    has room for the joints bent, which ``search.branch`` counts up; chain: places, limits and turns of as many, and the
+    end. Discs are tested on all ``layers``, joints where ``reach`` is given, from the first node that moves on.
+
+    Returns how many nodes at the end were laid anew, rows of ``laid`` from 0 on, and the arc length that their end is
+    beside; 0 where no bent motion arrives and is free.
+    """
+    graph, guide, rules = unowned(graph), unowned(guide), unowned(rules)
+    layers, search, laid = unowned(layers), unowned(search), unowned(laid)
+    hints = np.full(len(layers), np.int64(NONE))
+    last = guide.pose.shape[0] - 1
+    goal = np.empty(3)
+    goal[0], goal[1] = guide.pose[last, 0], guide.pose[last, 1]
+    stage_end = np.empty(3)
+    bent = np.int64(1)
+    joints = min(count - 1, np.int64(MOST_BENT))
+    while bent < joints:
+        bent = min(2 * bent, joints)
+        if not _bend(graph, search, chain, count, bent, goal, within, heading, tolerance):
+            continue
+        first = count - bent
+        before = search.best_place[first - 1]
+        x, y, h = node_end(graph, np.int64(search.best_step[first - 1, 0]), before[0], before[1], before[2])
+        stage_end[0], stage_end[1], stage_end[2] = x, y, h
+        arc = _arc_before(graph, guide, search, first)
+        free = _lay_chain(graph, guide, rules, search, laid, chain, first, bent, x, y, h, arc)
+        for k, mesh in enumerate(layers):
+            free = free and branch_is_free(graph, rules, mesh, np.int64(k), search, laid, bent, stage_end, True, hints)
+        if reach is not None:
+            kept = unowned(reach)
+            free = free and branch_keeps_in(graph, guide, rules, kept, search, laid, bent, stage_end, arc, True)
+        if free:
+            return bent, laid.arc[bent - 1]
+    return 0, 0.0

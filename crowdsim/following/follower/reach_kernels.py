@@ -1,0 +1,111 @@
+"""Whether every joint of a body keeps within its section: the clearance that the path was planned with."""
+
+import math
+
+import numpy as np
+
+from crowdsim.following.follower.path_kernels import path_gap, sample_index
+from crowdsim.following.maps.map_kernels import CELL
+from crowdsim.geometry.elementary_kernels import cos_sin
+from crowdsim.geometry.planar_kernels import wrap_angle
+from crowdsim.jit import helper
+from crowdsim.motion.graph.track_kernels import BLEND_FRAMES, track_pose
+
+WINDOW = 6
+"""Frames over which ``reach.far`` looks ahead."""
+
+_BESIDE = 0.15
+"""Meters of path around where a track should be, or a joint might, in which the nearest place is looked for."""
+
+
+@helper
+def _first_and_most(reach, node, edge):
+    """First row of the node's frames once the seam has faded, first row of those before, and the farthest joint."""
+    rows = reach.node_first[node]
+    if edge < 0:
+        return rows, rows, reach.node_most[node]
+    return rows, reach.edge_first[edge], max(reach.node_most[node], reach.edge_most[edge])
+
+
+@helper
+def _joints_keep_in(guide, reach, row, gap, at, x, y, heading):
+    """Whether all joints in one frame lie within the room of the section that is nearest; ``gap`` is that of the track.
+
+    The joints are sorted from the farthest from the track to the nearest, so that only those that may leave are looked
+    at. ``at`` is the arc length that the track is beside.
+    """
+    c, s = cos_sin(heading)
+    for j in range(reach.joint.shape[1]):
+        u, v = reach.joint[row, j, 0], reach.joint[row, j, 1]
+        far = math.sqrt(u * u + v * v)
+        if gap + far <= reach.least:
+            return True
+        far += _BESIDE
+        arc, off = path_gap(guide, x + c * u - s * v, y + s * u + c * v, at - far, at + far)
+        if off > reach.room[guide.behavior[sample_index(guide, arc)]]:
+            return False
+    return True
+
+
+@helper
+def _frame_of_passing(graph, guide, node, frames, x, y, heading, dx, dy, dh):
+    """Frame in which the track of ``node`` is nearest to the end of the path."""
+    last = guide.pose.shape[0] - 1
+    nearest = math.inf
+    best = frames
+    for frame in range(frames + 1):
+        px, py, _ = track_pose(graph, node, frame, x, y, heading, dx, dy, dh)
+        gap = (px - guide.pose[last, 0]) ** 2 + (py - guide.pose[last, 1]) ** 2
+        if gap < nearest:
+            nearest, best = gap, frame
+    return best
+
+
+@helper
+def branch_keeps_in(graph, guide, rules, reach, search, laid, depth, stage_end, stage_arc, joined):
+    """Whether every joint in every frame of a laid branch keeps in its section, as it is shown, seams faded.
+
+    The first node where one does not is marked unfit for the stage. Arguments as of
+    :func:`crowdsim.following.follower.branch_kernels.branch_is_free`; what was tested is in the last column of
+    ``laid.free``. A motion that need not stand is over where it passes the goal.
+    """
+    column = laid.free.shape[1] - 1
+    x, y, heading = stage_end[0], stage_end[1], stage_end[2]
+    arc = stage_arc
+    for d in range(depth):
+        entry = search.branch[d]
+        if not laid.free[entry, column]:
+            node, edge = laid.node[entry], laid.edge[entry]
+            ox, oy, oh = laid.origin[entry, 0], laid.origin[entry, 1], laid.origin[entry, 2]
+            dx, dy, dh = 0.0, 0.0, 0.0
+            if joined or d > 0:
+                dx, dy, dh = x - ox, y - oy, wrap_angle(heading - oh)
+            rows, fading, most = _first_and_most(reach, node, edge)
+            # Between two points of the outline a track is at most half a cell from one of them.
+            seam = math.sqrt(dx * dx + dy * dy)
+            if laid.strayed[entry] + 0.5 * CELL + seam + most > reach.least:
+                frames = np.int64(graph.node_frames[node])
+                if laid.reached[entry] and not rules.end_standing and math.isnan(rules.goal_heading):
+                    frames = _frame_of_passing(graph, guide, node, frames, ox, oy, oh, dx, dy, dh)
+                # The seam fades fastest half way: by 1.5 times what it does on average.
+                pace = reach.node_pace[node] + 1.5 * seam / BLEND_FRAMES + 1e-9
+                at, moved = arc, 0.0
+                frame = np.int64(0)
+                while frame <= frames:
+                    row = frame + (fading if frame < BLEND_FRAMES else rows)
+                    px, py, ph = track_pose(graph, node, frame, ox, oy, oh, dx, dy, dh)
+                    at, gap = path_gap(guide, px, py, at - _BESIDE, at + moved + _BESIDE)
+                    leap = np.int64(1)
+                    if gap + reach.far[row] + (WINDOW - 1) * pace <= reach.least:
+                        leap = np.int64(WINDOW)
+                    elif not _joints_keep_in(guide, reach, row, gap, at, px, py, ph):
+                        laid.fit[entry] = False
+                        return False
+                    # Before that the track cannot come so far off that the farthest joint of any frame would leave.
+                    leap = max(leap, np.int64((reach.least - gap - most) / pace))
+                    moved = leap * pace
+                    frame += leap
+            laid.free[entry, column] = True
+        x, y, heading = laid.end[entry, 0], laid.end[entry, 1], laid.end[entry, 2]
+        arc = laid.arc[entry]
+    return True

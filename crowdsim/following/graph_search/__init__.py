@@ -1,0 +1,1 @@
+"""A* on the motion graph, in the open and in channels."""

@@ -1,0 +1,52 @@
+"""The free channel of a planned path, to search for motion in without a collision test (2011 paper, section 5)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from crowdsim.constants import NONE
+from crowdsim.errors import MotionError
+from crowdsim.following.graph_search.channel_kernels import draw_channel
+from crowdsim.geometry.elementary import hypot
+
+Floats = NDArray[np.float64]
+
+CELL = 0.1
+"""Meters, side of a cell of a channel's grid."""
+
+_PIECE = 1.0
+"""Meters of the longest piece of a channel's path: the grid is filled piece by piece, each within its own box."""
+
+
+class Channel(NamedTuple):
+    """The places within ``radius`` of a planned path, as a grid; see :func:`make_channel`.
+
+    points: (n, 2) the path. near: (columns, rows) int32, the piece nearest to each cell, -1 where none is near.
+    """
+
+    points: Floats
+    near: NDArray[np.int32]
+    low_x: float
+    low_y: float
+    cell: float
+    radius: float
+
+
+def make_channel(points: ArrayLike, radius: float) -> Channel:
+    """The free channel of a path (n, 2) that was planned with the clearance ``radius``, meters."""
+    given = np.asarray(points, np.float64)
+    if given.ndim != 2 or given.shape[1] != 2 or len(given) < 2 or not np.isfinite(given).all() or not radius > 0.0:
+        raise MotionError(f"a channel needs a path of two points or more and a radius, not {given.shape} and {radius}")
+    pieces = np.maximum(np.ceil(hypot(*np.diff(given, axis=0).T) / _PIECE), 1.0).astype(np.int64)
+    at = np.concatenate([np.arange(n) / n + i for i, n in enumerate(pieces)] + [[len(given) - 1.0]])
+    whole = np.arange(len(given))
+    dense = np.column_stack([np.interp(at, whole, given[:, axis]) for axis in (0, 1)])
+    reach = float(radius) + CELL
+    low = given.min(axis=0) - reach
+    size = np.ceil((given.max(axis=0) + reach - low) / CELL).astype(np.int64)
+    near = np.full(size, NONE, np.int32)
+    draw_channel(dense, float(low[0]), float(low[1]), CELL, reach, near, np.full(size, np.inf))
+    return Channel(dense, near, float(low[0]), float(low[1]), CELL, float(radius))

@@ -1,0 +1,349 @@
+"""A* on a motion graph: the baseline of both papers, with collision tests or within a channel (2011 paper, 5 and 6).
+
+A node of the search is a node of the motion graph at a place. It waits in a queue by f = meters walked to its end +
+``weight`` times the straight distance from there to the goal, and is laid down, tested and expanded when it is taken
+out. The jump at a seam is walked, too: otherwise turning in place would be a way to get along for nothing.
+"""
+
+import math
+
+import numpy as np
+
+from crowdsim.constants import NONE
+from crowdsim.following.follower.follow_kernels import BLOCKED, FOUND, OUT_OF_BUDGET
+from crowdsim.following.graph_search.channel_kernels import channel_gap
+from crowdsim.following.kinematics.chain_kernels import bend_chain
+from crowdsim.geometry.elementary_kernels import cos_sin, hypot
+from crowdsim.geometry.planar_kernels import compose, wrap_angle
+from crowdsim.jit import helper, kernel
+from crowdsim.motion.graph.track_kernels import next_origin, node_end
+from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
+from crowdsim.navmesh.mesh.heap_kernels import place, pop
+
+X, Y, ASIDE_X, ASIDE_Y, FADE, LEGS, TORSO = range(7)
+PROBE_COLUMNS = 7
+"""Columns of ``probes.row``: place of the track in the node's frame, from there to what is tested, share of the seam
+that is left, and the radius to be free on each layer (nothing is tested where it is 0)."""
+
+PARENT, EDGE, NODE = range(3)
+"""Columns of ``grown.link``."""
+
+END = 3
+WALKED = 6
+PLACE_COLUMNS = 7
+"""Columns of ``grown.place``: the origin from 0 on, the end from END on, meters walked to it."""
+
+COLLISION_TESTS, CHANNEL_TESTS, BENDS, BENT = range(4)
+COUNTERS = 4
+"""What is counted: discs tested on a mesh, places tested in the channel, chains bent, and whether the result is bent.
+
+The last is 0 or 1.
+"""
+
+MOST_NODES = 1 << 14
+"""Nodes of a graph at most: what a key of the closed set has room for."""
+
+MOST_BENT = 8
+"""Joints that are bent at most, the last of a branch: more swing it far off the way it was found free on."""
+
+HASTE = 0.1
+"""Meters by which a branch may be longer than any solution must be, to be bent when it is not its turn yet."""
+
+EXACT = 5e-4
+"""Meters from the goal at which a branch is bent enough."""
+
+_BEYOND = 1e-6
+"""Meters beyond the needed clearance up to which it is measured, so that rounding cannot make it look short."""
+
+
+@helper
+def _node_is_free(probes, channel, legs, torso, rules, node, x, y, heading, dx, dy, dh, goal, counters, hints):
+    """Whether ``node`` with its origin at (x, y, heading) is free, and how near its track comes to the goal.
+
+    (dx, dy, dh) is the seam: the end of the node before less this origin.
+    """
+    c, s = cos_sin(heading)
+    nearest = math.inf
+    for row in range(probes.first[node], probes.first[node + 1]):
+        lx, ly, fade = probes.row[row, X], probes.row[row, Y], probes.row[row, FADE]
+        px, py = x + c * lx - s * ly + fade * dx, y + s * lx + c * ly + fade * dy
+        nearest = min(nearest, hypot(goal[0] - px, goal[1] - py))
+        jx, jy = probes.row[row, ASIDE_X], probes.row[row, ASIDE_Y]
+        if jx != 0.0 or jy != 0.0:
+            cj, sj = cos_sin(heading + fade * dh)
+            px, py = px + cj * jx - sj * jy, py + sj * jx + cj * jy
+        low, high = probes.row[row, LEGS], probes.row[row, TORSO]
+        if rules.in_channel:
+            counters[CHANNEL_TESTS] += 1
+            if channel_gap(channel, px, py) > channel.radius - max(low, high):
+                return False, nearest
+        if rules.in_meshes and low > 0.0:
+            counters[COLLISION_TESTS] += 1
+            gap, hints[0] = disc_clearance(legs, px, py, low + _BEYOND, hints[0])
+            if gap < low:
+                return False, nearest
+        if rules.in_meshes and high > 0.0:
+            counters[COLLISION_TESTS] += 1
+            gap, hints[1] = disc_clearance(torso, px, py, high + _BEYOND, hints[1])
+            if gap < high:
+                return False, nearest
+    return True, nearest
+
+
+@helper
+def _key(rules, node, x, y, heading):
+    """What the closed set knows a node by: its number and the grains of place and heading that it ends in."""
+    ix = np.int64(math.floor(x / rules.place_grain + 0.5)) & 0xFFFFF
+    iy = np.int64(math.floor(y / rules.place_grain + 0.5)) & 0xFFFFF
+    bins = math.floor(2.0 * math.pi / rules.heading_grain + 0.5)
+    turn = np.int64(math.floor(heading / rules.heading_grain + 0.5)) % np.int64(bins)
+    return (((ix << 20 | iy) << 9 | turn) << 14 | np.int64(node)) + 1
+
+
+@helper
+def _slot(closed, key):
+    """Where ``key`` stands in the closed set, or would."""
+    mask = closed.shape[0] - 1
+    slot = ((key * np.int64(-7046029254386353131)) >> 32) & mask
+    while closed[slot] != 0 and closed[slot] != key:
+        slot = (slot + 1) & mask
+    return slot
+
+
+@helper
+def _put(queue, count, made, parent, edge, cost):
+    """Put a node into the queue: the edge taken after row ``parent``, or the first node's number where that is NONE."""
+    queue.link[made, PARENT] = parent
+    queue.link[made, EDGE] = edge
+    return place(queue.heap, count, cost, made)
+
+
+@helper
+def _list_branch(grown, out, row):
+    """Write the nodes from the first to ``row`` of the search to ``out``; returns how many."""
+    count = np.int64(0)
+    at = row
+    while at >= 0:
+        at = np.int64(grown.link[at, PARENT])
+        count += 1
+    at = row
+    for i in range(count - 1, -1, -1):
+        out.step[i, 0] = grown.link[at, NODE]
+        out.step[i, 1] = grown.link[at, EDGE] if i > 0 else NONE
+        for k in range(3):
+            out.place[i, k] = grown.place[at, k]
+        out.place[i, 3] = 0.0
+        at = np.int64(grown.link[at, PARENT])
+    return count
+
+
+@helper
+def _link(graph, grown, chain, j, row, edge):
+    """Make ``edge`` behind ``row`` of the search joint ``j``: it turns about the planted foot."""
+    chain.joint[j, 0], chain.joint[j, 1], _ = compose(
+        grown.place[row, END], grown.place[row, END + 1], grown.place[row, END + 2],
+        graph.edge_pivot[edge, 0], graph.edge_pivot[edge, 1], 0.0,
+    )  # fmt: skip
+    chain.limit[j, 0] = graph.edge_low[edge]
+    chain.limit[j, 1] = graph.edge_high[edge]
+    chain.turn[j] = 0.0
+
+
+@helper
+def _bend_branch(
+    graph, probes, channel, legs, torso, rules, goal, row, edge, x, y, heading, grown, chain, out, counters, hints
+):
+    """Bend the branch through ``row`` and ``edge``, which ends at (x, y, heading), to the goal.
+
+    Returns how many nodes the bent branch has, left in ``out``, or 0 where none arrives that is free. The last joints
+    are bent alone if that is enough: first two, then twice as many each time. So most of the branch stays as it was
+    found free.
+    """
+    joints = np.int64(0)
+    at = row
+    while at >= 0 and joints < MOST_BENT:
+        at = np.int64(grown.link[at, PARENT])
+        joints += 1
+    bent = np.int64(1)
+    while bent < joints:
+        bent = min(2 * bent, joints)
+        at = row
+        _link(graph, grown, chain, bent - 1, at, edge)
+        for j in range(bent - 2, -1, -1):
+            before = np.int64(grown.link[at, PARENT])
+            _link(graph, grown, chain, j, before, np.int64(grown.link[at, EDGE]))
+            at = before
+        chain.end[0], chain.end[1], chain.end[2] = x, y, heading
+        if not _within_reach(chain, bent, goal):
+            continue
+        counters[BENDS] += 1
+        miss = bend_chain(chain.joint, chain.limit, chain.turn, bent, chain.end, goal, rules.heading_lever, EXACT)
+        if miss <= rules.arrival:
+            count = _lay_bent(
+                graph, probes, channel, legs, torso, rules, goal, row, edge, bent, grown, chain, out, counters, hints
+            )
+            if count > 0:
+                return count
+    return 0
+
+
+@helper
+def _within_reach(chain, count, goal):
+    """Whether the chain may reach the goal: False only where it cannot, for it is too short or turns too little.
+
+    With turns t about joints from which the end is at v, the end moves by the sum of t x v, and what is beyond that is
+    at most half of (the sum of |t|)^2 times the length of the chain.
+    """
+    straight = 0.0
+    aside = 0.0
+    turned = 0.0
+    x, y = chain.end[0], chain.end[1]
+    dx, dy = goal[0] - x, goal[1] - y
+    gap = hypot(dx, dy)
+    for j in range(count - 1, -1, -1):
+        jx, jy = chain.joint[j, 0], chain.joint[j, 1]
+        straight += hypot(x - jx, y - jy)
+        x, y = jx, jy
+        toward = (chain.end[0] - jx) * dy - (chain.end[1] - jy) * dx
+        less, more = chain.limit[j, 0] - chain.turn[j], chain.limit[j, 1] - chain.turn[j]
+        aside += max(less * toward, more * toward)
+        turned += max(-less, more)
+    if gap * gap > aside + 0.5 * turned * turned * straight * gap:
+        return False
+    return hypot(goal[0] - x, goal[1] - y) <= straight
+
+
+@helper
+def _lay_bent(graph, probes, channel, legs, torso, rules, goal, row, edge, bent, grown, chain, out, counters, hints):
+    """Lay the branch to ``out``, its last joints as the chain is turned; its nodes, 0 if what moves is not free."""
+    count = _list_branch(grown, out, row) + 1
+    out.step[count - 1, 0] = graph.edge_target[edge]
+    out.step[count - 1, 1] = edge
+    first = count - bent
+    x, y, heading = node_end(
+        graph,
+        np.int64(out.step[first - 1, 0]),
+        out.place[first - 1, 0],
+        out.place[first - 1, 1],
+        out.place[first - 1, 2],
+    )
+    for i in range(first, count):
+        node = np.int64(out.step[i, 0])
+        turn = chain.turn[i - first]
+        ox, oy, oh = next_origin(graph, np.int64(out.step[i, 1]), turn, x, y, heading)
+        free, _ = _node_is_free(
+            probes, channel, legs, torso, rules, node, ox, oy, oh,
+            x - ox, y - oy, wrap_angle(heading - oh), goal, counters, hints,
+        )  # fmt: skip
+        if not free:
+            return 0
+        out.place[i, 0], out.place[i, 1], out.place[i, 2] = ox, oy, oh
+        out.place[i, 3] = turn
+        x, y, heading = node_end(graph, node, ox, oy, oh)
+    return count
+
+
+@kernel
+def search(
+    graph, probes, channel, legs, torso, rules, start, start_node, goal, queue, grown, closed, chain, out, counters
+):
+    """Search the shortest motion to the goal. Returns (status, nodes of the solution, nodes expanded).
+
+    The solution is left in ``out``: complete where the status is FOUND, else the one whose end is nearest to the goal.
+    ``start_node`` is played already and not tested; -1 where any node may begin at ``start``. ``rules`` says the rest.
+    """
+    hints = np.zeros(2, np.int64)
+    hints[0] = hints[1] = NONE
+    count = np.int64(0)
+    made = np.int64(0)
+    for node in range(graph.node_frames.shape[0]):
+        if node == start_node or (start_node < 0 and not graph.node_idle[node]):
+            x, y, _ = node_end(graph, np.int64(node), start[0], start[1], start[2])
+            cost = graph.node_length[node] + rules.weight * hypot(goal[0] - x, goal[1] - y)
+            count = _put(queue, count, made, np.int64(NONE), np.int64(node), cost)
+            made += 1
+    expanded = np.int64(0)
+    best = np.int64(NONE)
+    best_gap = math.inf
+    while count > 0 and expanded < rules.budget:
+        pop(queue.heap, count)
+        count -= 1
+        item = queue.heap[count].item
+        promised = queue.heap[count].key
+        parent = np.int64(queue.link[item, PARENT])
+        edge = np.int64(queue.link[item, EDGE])
+        if parent < 0:
+            node = edge
+            ox, oy, oh = start[0], start[1], start[2]
+            dx, dy, dh = 0.0, 0.0, 0.0
+            walked = 0.0
+        else:
+            node = np.int64(graph.edge_target[edge])
+            x, y, heading = grown.place[parent, END], grown.place[parent, END + 1], grown.place[parent, END + 2]
+            ox, oy, oh = next_origin(graph, edge, 0.0, x, y, heading)
+            dx, dy, dh = x - ox, y - oy, wrap_angle(heading - oh)
+            walked = grown.place[parent, WALKED]
+        x, y, heading = node_end(graph, node, ox, oy, oh)
+        key = _key(rules, node, x, y, heading)
+        slot = _slot(closed, key)
+        if closed[slot] == key:
+            continue
+        nearest = math.inf
+        if parent >= 0 or start_node < 0:
+            free, nearest = _node_is_free(
+                probes, channel, legs, torso, rules, node, ox, oy, oh, dx, dy, dh, goal, counters, hints
+            )
+            if not free:
+                continue
+        closed[slot] = key
+        row = expanded
+        expanded += 1
+        walked += graph.node_length[node] + hypot(dx, dy)
+        grown.link[row, PARENT] = parent
+        grown.link[row, EDGE] = edge
+        grown.link[row, NODE] = node
+        grown.place[row, 0], grown.place[row, 1], grown.place[row, 2] = ox, oy, oh
+        grown.place[row, END], grown.place[row, END + 1], grown.place[row, END + 2] = x, y, heading
+        grown.place[row, WALKED] = walked
+        gap = hypot(goal[0] - x, goal[1] - y)
+        if gap < best_gap:
+            best = row
+            best_gap = gap
+        if graph.node_ends_standing[node] or not rules.end_standing:
+            if parent >= 0 and gap < rules.bend_reach:
+                length = _bend_branch(
+                    graph, probes, channel, legs, torso, rules, goal, parent, edge, x, y, heading,
+                    grown, chain, out, counters, hints,
+                )  # fmt: skip
+                if length > 0:
+                    counters[BENT] = 1
+                    return FOUND, length, expanded
+            off = 0.0 if math.isnan(goal[2]) else abs(wrap_angle(goal[2] - heading))
+            if rules.on_the_way:
+                gap = min(gap, nearest)
+            if gap <= rules.goal_tolerance and off <= rules.heading_tolerance:
+                return FOUND, _list_branch(grown, out, row), expanded
+        for e in range(np.int64(graph.edge_start[node]), np.int64(graph.edge_start[node + 1])):
+            target = np.int64(graph.edge_target[e])
+            if graph.node_idle[target]:
+                continue
+            px, py, ph = next_origin(graph, e, 0.0, x, y, heading)
+            cost = walked + graph.node_length[target] + hypot(x - px, y - py)
+            px, py, ph = node_end(graph, target, px, py, ph)
+            child = _key(rules, target, px, py, ph)
+            if closed[_slot(closed, child)] == child:
+                continue
+            gap = hypot(goal[0] - px, goal[1] - py)
+            ends = graph.node_ends_standing[target] or not rules.end_standing
+            if ends and gap < rules.bend_reach and cost <= promised + HASTE:
+                length = _bend_branch(
+                    graph, probes, channel, legs, torso, rules, goal, row, np.int64(e), px, py, ph,
+                    grown, chain, out, counters, hints,
+                )  # fmt: skip
+                if length > 0:
+                    counters[BENT] = 1
+                    return FOUND, length, expanded
+            count = _put(queue, count, made, row, np.int64(e), cost + rules.weight * gap)
+            made += 1
+    length = _list_branch(grown, out, best)
+    return (BLOCKED if count == 0 else OUT_OF_BUDGET), length, expanded

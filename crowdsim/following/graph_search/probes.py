@@ -1,0 +1,112 @@
+"""Where a body is tested while it plays a node: discs about its track, or its outermost joints one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.constants import NONE
+from crowdsim.errors import MotionError
+from crowdsim.following.follower.branch_kernels import TEST_FRAMES
+from crowdsim.following.graph_search.graph_search_kernels import (
+    ASIDE_X,
+    ASIDE_Y,
+    FADE,
+    LEGS,
+    PROBE_COLUMNS,
+    TORSO,
+    X,
+    Y,
+)
+from crowdsim.motion.graph.arrays import GraphArrays
+from crowdsim.motion.graph.pose_kernels import pose_joints
+from crowdsim.motion.graph.pose_table import PoseTable
+from crowdsim.motion.graph.track_kernels import BLEND_FRAMES
+
+Floats = NDArray[np.float64]
+
+SPLIT = 0.6
+"""Meters above the floor below which a joint is tested against the obstacles of the legs."""
+
+FLESH = 0.06
+"""Meters from a joint to the skin."""
+
+
+class Probes(NamedTuple):
+    """Probes of N nodes, the form that kernels read: rows ``first[n]`` to ``first[n + 1]`` are node n's.
+
+    first: (N + 1,) int64. row: (S, PROBE_COLUMNS) float64, see
+    :mod:`crowdsim.following.graph_search.graph_search_kernels`.
+    """
+
+    first: NDArray[np.int64]
+    row: Floats
+
+
+def body_probes(graph: GraphArrays, radii: Floats, slack: float = 0.005) -> Probes:
+    """Discs about the track every fourth frame, as the path follower tests them.
+
+    radii: (B, 2) meters, radius of each behavior on the two layers; ``slack`` is added for what passes between samples.
+    MotionError where a behavior of the graph has none.
+    """
+    behaviors = int(graph.node_behavior.max(initial=0)) + 1
+    if len(radii) < behaviors or radii.shape[1] != 2:
+        raise MotionError(f"radii {radii.shape} must have a row of 2 layers for each of the {behaviors} behaviors")
+    parts = []
+    for node, behavior in enumerate(graph.node_behavior):
+        frames = _tested_frames(graph, node)
+        rows = _rows(graph, node, frames)
+        rows[:, [LEGS, TORSO]] = np.asarray(radii, np.float64)[behavior] + slack
+        parts.append(rows)
+    return _joined(parts)
+
+
+def joint_probes(graph: GraphArrays, poses: PoseTable, joints: Sequence[int], flesh: float = FLESH) -> Probes:
+    """The floor projections of ``joints`` every fourth frame, each against the layer it is in (2011 paper, section 5).
+
+    poses: of the same nodes. joints: indices of those that reach out, such as hands, toes and head.
+    """
+    parts = []
+    for node in range(len(graph.node_frames)):
+        frames = _tested_frames(graph, node)
+        positions = _joint_positions(graph, poses, node, frames)[:, list(joints)].astype(np.float64)
+        rows = np.repeat(_rows(graph, node, frames), len(joints), axis=0)
+        flat = positions.reshape(-1, 3)
+        rows[:, [ASIDE_X, ASIDE_Y]] = flat[:, :2] - rows[:, [X, Y]]
+        rows[:, LEGS] = np.where(flat[:, 2] < SPLIT, flesh, 0.0)
+        rows[:, TORSO] = np.where(flat[:, 2] < SPLIT, 0.0, flesh)
+        parts.append(rows)
+    return _joined(parts)
+
+
+def _tested_frames(graph: GraphArrays, node: int) -> NDArray[np.int64]:
+    """Every TEST_FRAMES-th frame of a node, and its last."""
+    last = int(graph.node_frames[node])
+    return np.unique(np.append(np.arange(0, last, TEST_FRAMES), last))
+
+
+def _rows(graph: GraphArrays, node: int, frames: NDArray[np.int64]) -> Floats:
+    rows = np.zeros((len(frames), PROBE_COLUMNS))
+    rows[:, [X, Y]] = graph.tracks[graph.node_track[node] + frames, :2]
+    u = np.minimum(frames / BLEND_FRAMES, 1.0)
+    rows[:, FADE] = 1.0 - u * u * (3.0 - 2.0 * u)
+    return rows
+
+
+def _joint_positions(graph: GraphArrays, poses: PoseTable, node: int, frames: NDArray[np.int64]) -> NDArray[np.float32]:
+    """(F, J, 3) joints in the node's frame."""
+    count, joints = len(frames), len(poses.parents)
+    positions, rotations = np.empty((count, joints, 3), np.float32), np.empty((count, joints, 4), np.float32)
+    track = np.ascontiguousarray(graph.tracks[graph.node_track[node] + frames])
+    nodes = np.full(count, node, np.int32)
+    before = np.full(count, NONE, np.int32)
+    pose_joints(poses, nodes, before, frames.astype(np.int32), track, positions, rotations)
+    return positions
+
+
+def _joined(parts: Sequence[Floats]) -> Probes:
+    first = np.concatenate([[0], np.cumsum([len(part) for part in parts])]).astype(np.int64)
+    return Probes(first, np.ascontiguousarray(np.concatenate(parts)))

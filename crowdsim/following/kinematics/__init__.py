@@ -1,0 +1,1 @@
+"""Chains of nodes turned at their joints."""

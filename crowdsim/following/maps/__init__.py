@@ -1,0 +1,1 @@
+"""Motion maps: building them, keeping them in files."""

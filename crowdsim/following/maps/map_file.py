@@ -1,0 +1,102 @@
+"""Motion maps in a file of flat arrays, named by what they were built of and mapped into memory to be loaded."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import mmap
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import MotionError
+from crowdsim.following.maps.motion_maps import DEPTH, MAX_ENTRIES, REACH, MapArrays, MotionMaps
+from crowdsim.motion.graph.arrays import GraphArrays
+from crowdsim.whole_files import whole_file
+
+VERSION = 3
+"""Of the file and of the way maps are built: raise it when either changes, and maps are built anew."""
+
+SUFFIX = ".maps"
+
+_MAGIC = b"crowdsim motion maps\n"
+_ALIGNED = 64
+
+
+def maps_in_file(
+    folder: Path,
+    graph: GraphArrays,
+    depth: int = DEPTH,
+    reach: float = REACH,
+    max_entries: int = MAX_ENTRIES,
+    progress: Callable[[int, int], None] | None = None,
+    workers: int = 1,
+) -> MotionMaps:
+    """The maps of ``graph`` out of ``folder``, or built and kept there; arguments as of :meth:`MotionMaps.build`.
+
+    The file's name is a hash of the graph and the numbers, so that maps of another graph are never taken. One that
+    cannot be read is built anew.
+    """
+    file = folder / f"{maps_key(graph, depth, reach, max_entries)}{SUFFIX}"
+    if file.is_file():
+        try:
+            return load_maps(file)
+        except MotionError:
+            pass  # a file of an older kind, or a broken one, is replaced
+    maps = MotionMaps.build(graph, depth, reach, max_entries, progress, workers)
+    folder.mkdir(parents=True, exist_ok=True)
+    save_maps(maps, file)
+    return maps
+
+
+def maps_key(graph: GraphArrays, depth: int, reach: float, max_entries: int) -> str:
+    """Hash of all that maps are built of."""
+    digest = hashlib.sha256(f"{VERSION} {depth} {float(reach)!r} {max_entries}".encode())
+    columns: tuple[NDArray[Any], ...] = tuple(graph)
+    for name, column in zip(graph._fields, columns, strict=True):
+        digest.update(f"{name} {column.dtype.str} {column.shape}".encode())
+        digest.update(np.ascontiguousarray(column).data)
+    return digest.hexdigest()[:24]
+
+
+def save_maps(maps: MotionMaps, file: Path) -> None:
+    """Write maps to a file, which takes its name when it is whole."""
+    header: dict[str, Any] = {"version": VERSION, "arrays": {}}
+    offset = 0
+    columns: tuple[NDArray[Any], ...] = tuple(maps.arrays)
+    for name, column in zip(MapArrays._fields, columns, strict=True):
+        header["arrays"][name] = [column.dtype.str, list(column.shape), offset]
+        offset += -(-column.nbytes // _ALIGNED) * _ALIGNED
+    header["bytes"] = offset
+    head = _MAGIC + json.dumps(header).encode() + b"\n"
+    head += b" " * (-len(head) % _ALIGNED)
+    with whole_file(file, (SUFFIX,), "motion maps") as written, written.open("wb") as stream:
+        stream.write(head)
+        for column in columns:
+            stream.write(np.ascontiguousarray(column).data)
+            stream.write(b"\0" * (-column.nbytes % _ALIGNED))
+
+
+def load_maps(file: Path) -> MotionMaps:
+    """Maps whose arrays lie in the file, read-only; MotionError where it holds none of this version."""
+    try:
+        with file.open("rb") as stream:
+            if stream.read(len(_MAGIC)) != _MAGIC:
+                raise ValueError("it begins otherwise")
+            header = json.loads(stream.readline())
+            begin = -(-stream.tell() // _ALIGNED) * _ALIGNED
+            if header["version"] != VERSION:
+                raise ValueError(f"version {header['version']}, not {VERSION}")
+            content = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_COPY)
+        if len(content) != begin + header["bytes"]:
+            raise ValueError(f"{len(content)} bytes, not {begin + header['bytes']}")
+        columns = {}
+        for name, (kind, shape, offset) in header["arrays"].items():
+            count = int(np.prod(shape))
+            columns[name] = np.frombuffer(content, np.dtype(kind), count, begin + offset).reshape(shape)
+        return MotionMaps(MapArrays(**columns))
+    except (OSError, ValueError, LookupError, TypeError) as error:
+        raise MotionError(f"{file}: no motion maps that can be read ({error}); delete it") from error

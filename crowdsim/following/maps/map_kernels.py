@@ -1,0 +1,174 @@
+"""Growing motion maps: the tree of motions that can follow each node (2012 paper, algorithm 1).
+
+An entry of a map is one node of that tree, stored at the pose where the node *starts*, in the frame of the
+root's own start. The root is entry 0.
+"""
+
+import math
+
+import numpy as np
+
+from crowdsim.geometry.elementary_kernels import hypot
+from crowdsim.jit import helper, kernel
+from crowdsim.motion.graph.track_kernels import next_origin, node_end
+
+CELL = 0.1
+"""Meters, side of a cell in x and y."""
+
+BIN = math.pi / 6.0
+"""Radians, height of a cell in heading."""
+
+TURN_COST = 0.3
+"""Meters of search cost for a radian of turning, so that turning in place is not free."""
+
+NODE_COST = 0.1
+"""Meters of search cost for each node, so that chains of idle shuffling do not fill a map."""
+
+SEAM_WEIGHT = 2.0
+"""What a meter from the end of a node to where the next begins counts as in the length of a branch.
+
+Many branches of deep maps lead along a path only by what they leap at their seams. With this they seem to lag behind.
+"""
+
+END_X, END_Y, WALKED, LEVEL, BEHAVIOR = range(5)
+AHEAD_COLUMNS = 5
+"""Columns of ``maps.ahead``: where an entry's node ends, meters from the end of the root to there (of track, and those
+of seams by their weight), edges since the root, and the node's behavior."""
+
+_OFFSET = 1 << 19
+
+
+@helper
+def pack_cell(ix, iy, heading_bin):
+    """One int64 that sorts cells by x, then y, then heading bin."""
+    return ((np.int64(ix) + _OFFSET) << 20 | (np.int64(iy) + _OFFSET)) * 16 + np.int64(heading_bin)
+
+
+@helper
+def cell_key(x, y, heading):
+    """Cell of a pose; cells and bins are centered on multiples of their size, so that straight ahead is one bin."""
+    ix = math.floor(x / CELL + 0.5)
+    iy = math.floor(y / CELL + 0.5)
+    return pack_cell(ix, iy, math.floor(heading / BIN + 0.5) % 12)
+
+
+@helper
+def _occupy(table_key, table_node, table_stamp, stamp, key, node):
+    """Enter (cell, node) into the frontier; False where it stood there already."""
+    mask = table_key.shape[0] - 1
+    mixed = (key * 31 + node) * np.int64(-7046029254386353131)
+    slot = (mixed >> 32) & mask
+    while table_stamp[slot] == stamp:
+        if table_key[slot] == key and table_node[slot] == node:
+            return False
+        slot = (slot + 1) & mask
+    table_stamp[slot] = stamp
+    table_key[slot] = key
+    table_node[slot] = node
+    return True
+
+
+@helper
+def _sift_up(heap, cost, at):
+    """Restore the heap of entries ordered by (cost, entry) after one was put at position ``at``."""
+    entry = heap[at]
+    while at > 0:
+        above = (at - 1) >> 1
+        other = heap[above]
+        if cost[other] < cost[entry] or (cost[other] == cost[entry] and other < entry):
+            break
+        heap[at] = other
+        at = above
+    heap[at] = entry
+
+
+@helper
+def _sift_down(heap, cost, size):
+    """Restore the heap after its top was replaced."""
+    entry = heap[0]
+    at = 0
+    while 2 * at + 1 < size:
+        child = 2 * at + 1
+        if child + 1 < size:
+            a, b = heap[child], heap[child + 1]
+            if cost[b] < cost[a] or (cost[b] == cost[a] and b < a):
+                child += 1
+        other = heap[child]
+        if cost[entry] < cost[other] or (cost[entry] == cost[other] and entry < other):
+            break
+        heap[at] = other
+        at = child
+    heap[at] = entry
+
+
+@kernel
+def grow_maps(graph, begin, end, depth, reach, capacity, first, key, parent, edge, node, level, pose, length):
+    """Grow the maps of the nodes ``begin`` to ``end``; returns the number of their entries.
+
+    All children of an entry start where its node ends, at one cost: the queue holds the parents, by the cost at
+    which their children start, and an entry's children are put in together. first: (nodes + 1,) int64; the other
+    outputs hold ``capacity`` rows a map. The frontier never culls a successor of the root: a small turn may be
+    taken twice within one cell.
+    """
+    table = 16
+    while table < 4 * capacity:
+        table *= 2
+    table_key = np.empty(table, np.int64)
+    table_node = np.empty(table, np.int32)
+    table_stamp = np.full(table, -1, np.int32)
+    heap = np.empty(capacity, np.int64)
+    cost = np.empty(capacity, np.float64)
+    total = 0
+    for root in range(begin, end):
+        first[root - begin] = total
+        key[total] = cell_key(0.0, 0.0, 0.0)
+        parent[total] = -1
+        edge[total] = -1
+        node[total] = root
+        level[total] = 0
+        pose[total, :] = 0.0
+        length[total] = 0.0
+        _occupy(table_key, table_node, table_stamp, root, key[total], root)
+        cost[0] = graph.node_length[root] + TURN_COST * abs(graph.node_motion[root, 2]) + NODE_COST
+        heap[0] = 0
+        size = 1
+        count = 1
+        while size > 0 and count < capacity:
+            local = heap[0]
+            size -= 1
+            if size > 0:
+                heap[0] = heap[size]
+                _sift_down(heap, cost, size)
+            above = total + local
+            source = np.int64(node[above])
+            x, y, heading = np.float64(pose[above, 0]), np.float64(pose[above, 1]), np.float64(pose[above, 2])
+            x, y, heading = node_end(graph, np.int64(source), x, y, heading)
+            for e in range(np.int64(graph.edge_start[source]), np.int64(graph.edge_start[source + 1])):
+                target = graph.edge_target[e]
+                if graph.node_idle[target] or count == capacity:
+                    continue
+                px, py, ph = next_origin(graph, np.int64(e), 0.0, x, y, heading)
+                cell = cell_key(px, py, ph)
+                if not _occupy(table_key, table_node, table_stamp, root, cell, target) and local > 0:
+                    continue
+                row = total + count
+                key[row] = cell
+                parent[row] = local
+                edge[row] = e
+                node[row] = target
+                level[row] = level[above] + 1
+                pose[row, 0] = px
+                pose[row, 1] = py
+                pose[row, 2] = ph
+                length[row] = length[above] + graph.node_length[source] + SEAM_WEIGHT * hypot(px - x, py - y)
+                cost[count] = (
+                    cost[local] + graph.node_length[target] + TURN_COST * abs(graph.node_motion[target, 2]) + NODE_COST
+                )
+                if level[row] < depth and cost[count] <= reach:
+                    heap[size] = count
+                    size += 1
+                    _sift_up(heap, cost, size - 1)
+                count += 1
+        total += count
+    first[end - begin] = total
+    return total

@@ -1,0 +1,219 @@
+"""Motion maps: for every node of the motion graph, where the motions that begin with it lead."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import MotionError
+from crowdsim.following.maps.map_kernels import (
+    AHEAD_COLUMNS,
+    BEHAVIOR,
+    CELL,
+    END_X,
+    END_Y,
+    LEVEL,
+    WALKED,
+    grow_maps,
+)
+from crowdsim.geometry.planar import compose
+from crowdsim.motion.graph.arrays import GraphArrays
+
+DEPTH = 4
+REACH = 3.5
+MAX_ENTRIES = 2500
+
+_BATCHES = 16
+_ROWS_AT_ONCE = 500_000
+"""A build is cut into so many batches of nodes at least, of so many entries at most: what workers take one by one, and
+what it tells of its progress. Both are the same for any number of workers."""
+
+
+class MapArrays(NamedTuple):
+    """All maps one after the other, the form that kernels read; entries of a map are in the order of the search.
+
+    first: (N + 1,) int64, entries ``first[n]:first[n + 1]`` are the map of node n; entry 0 of a map is its root.
+    key, order: (E,) int64 and int32, cells of a map in ascending order and the entry (counted within the map) in each.
+    parent: (E,) int32, entry before, counted within the map, -1 for the root.
+    edge, node, level: (E,) int32, edge taken into the entry's node, the node, edges since the root.
+    ahead: (E, AHEAD_COLUMNS) float32, in the order of ``key``: what a search asks of an entry before it lays it down,
+    see :mod:`crowdsim.following.maps.map_kernels`. Places are in the frame of the root's start.
+    average: (N,) float64, mean of the meters before the entries of a map (2012 paper, equation 2), seams weighed.
+    family: (N,) int32, equal for nodes that have the same successors.
+    ends_as: (N, B) bool, whether a node is of a behavior or leads straight to one of it.
+    leads_to: (N,) int32, behavior of most successors.
+    outline_first: (N + 1,) int64, rows of ``outline`` for each node.
+    outline: (S, 3) float64, x, y, arc length of points at most a cell apart along each node's track, its end included.
+    """
+
+    first: NDArray[np.int64]
+    key: NDArray[np.int64]
+    order: NDArray[np.int32]
+    parent: NDArray[np.int32]
+    edge: NDArray[np.int32]
+    node: NDArray[np.int32]
+    level: NDArray[np.int32]
+    ahead: NDArray[np.float32]
+    average: NDArray[np.float64]
+    family: NDArray[np.int32]
+    ends_as: NDArray[np.bool_]
+    leads_to: NDArray[np.int32]
+    outline_first: NDArray[np.int64]
+    outline: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MotionMaps:
+    """Precomputed maps of one motion graph (2012 paper, section 4)."""
+
+    arrays: MapArrays
+
+    @property
+    def entry_count(self) -> int:
+        return len(self.arrays.key)
+
+    @property
+    def cell_count(self) -> int:
+        """Occupied cells of all maps together."""
+        a = self.arrays
+        return sum(len(np.unique(a.key[i:j])) for i, j in zip(a.first[:-1], a.first[1:], strict=True))
+
+    @cached_property
+    def depth(self) -> int:
+        """Most edges of a branch."""
+        return max(int(self.arrays.level.max(initial=1)), 1)
+
+    @cached_property
+    def most_entries(self) -> int:
+        """Entries of the largest map."""
+        return int(np.diff(self.arrays.first).max(initial=1))
+
+    @property
+    def bytes(self) -> int:
+        return sum(column.nbytes for column in self.arrays)
+
+    @classmethod
+    def build(
+        cls,
+        graph: GraphArrays,
+        depth: int = DEPTH,
+        reach: float = REACH,
+        max_entries: int = MAX_ENTRIES,
+        progress: Callable[[int, int], None] | None = None,
+        workers: int = 1,
+    ) -> MotionMaps:
+        """Grow the map of every node by Dijkstra's search over track length (2012 paper, algorithm 1).
+
+        depth: most edges of a branch. reach: meters of search cost (track length, turning, a little for each
+        node) beyond which no node is expanded. max_entries: most entries of a map; all successors of a node
+        always fit. progress: called with the nodes done and their number. workers: threads that grow them, to the same
+        bits whatever their number. MotionError where a number is out of range.
+        """
+        degree = int(np.diff(graph.edge_start).max(initial=0))
+        if depth < 1 or not reach > 0.0 or max_entries < 1 or workers < 1:
+            raise MotionError(
+                "motion maps need depth >= 1, reach > 0, max_entries >= 1 and a worker, not"
+                f" {depth}, {reach}, {max_entries} and {workers}"
+            )
+        nodes = len(graph.node_frames)
+        capacity = max(max_entries, degree + 1)
+        batch = max(min(_ROWS_AT_ONCE // capacity, -(-nodes // _BATCHES)), 1)
+        parts = []
+        with ThreadPoolExecutor(workers, thread_name_prefix="crowdsim") as pool:
+            begins = range(0, nodes, batch)
+            grown = [pool.submit(_grow, graph, i, min(i + batch, nodes), depth, float(reach), capacity) for i in begins]
+            for i, part in zip(begins, grown, strict=True):
+                parts.append(part.result())
+                if progress is not None:
+                    progress(min(i + batch, nodes), nodes)
+        sizes, average, key, order, parent, edge, node, level, ahead = (
+            np.concatenate(column) for column in zip(*parts, strict=True)
+        )
+        first = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+        outline_first, outline = _outlines(graph)
+        successors = _behavior_counts(graph)
+        arrays = MapArrays(
+            first=first,
+            key=key,
+            order=order,
+            parent=parent,
+            edge=edge,
+            node=node,
+            level=level,
+            ahead=ahead,
+            average=average,
+            family=_families(graph),
+            ends_as=successors > 0,
+            leads_to=np.argmax(successors - np.eye(successors.shape[1])[graph.node_behavior], axis=1).astype(np.int32),
+            outline_first=outline_first,
+            outline=outline,
+        )
+        return cls(arrays)
+
+
+def _grow(
+    graph: GraphArrays, begin: int, end: int, depth: int, reach: float, capacity: int
+) -> tuple[NDArray[Any], ...]:
+    """Maps of the nodes ``begin`` to ``end``: their sizes and averages, and columns of :class:`MapArrays`.
+
+    These are key, order, parent, edge, node, level and ahead.
+    """
+    rows = (end - begin) * capacity
+    first = np.empty(end - begin + 1, np.int64)
+    key = np.empty(rows, np.int64)
+    parent, edge, node, level = (np.empty(rows, np.int32) for _ in range(4))
+    pose = np.empty((rows, 3), np.float32)
+    length = np.empty(rows, np.float32)
+    columns = (parent, edge, node, level)
+    count = grow_maps(graph, begin, end, depth, reach, capacity, first, key, *columns, pose, length)
+    sizes = np.diff(first)
+    ranks = np.concatenate([np.argsort(key[i:j], kind="stable") + i for i, j in pairwise(first.tolist())])
+    order = (ranks - np.repeat(first[:-1], sizes)).astype(np.int32)
+    average = np.add.reduceat(length[:count].astype(np.float64), first[:-1]) / sizes
+    ahead = np.empty((count, AHEAD_COLUMNS), np.float32)
+    nodes = node[ranks]
+    ahead[:, [END_X, END_Y]] = compose(pose[ranks].astype(np.float64), graph.node_motion[nodes])[:, :2]
+    ahead[:, WALKED] = length[ranks] + graph.node_length[nodes] - np.repeat(graph.node_length[begin:end], sizes)
+    ahead[:, LEVEL] = level[ranks]
+    ahead[:, BEHAVIOR] = graph.node_behavior[nodes]
+    return sizes, average, key[ranks], order, *(column[:count].copy() for column in columns), ahead
+
+
+def _families(graph: GraphArrays) -> NDArray[np.int32]:
+    """Number of each node's set of successors, in order of first appearance."""
+    numbers: dict[bytes, int] = {}
+    family = np.empty(len(graph.node_frames), np.int32)
+    for n in range(len(family)):
+        successors = np.unique(graph.edge_target[graph.edge_start[n] : graph.edge_start[n + 1]]).tobytes()
+        family[n] = numbers.setdefault(successors, len(numbers))
+    return family
+
+
+def _behavior_counts(graph: GraphArrays) -> NDArray[np.int32]:
+    """How often each behavior (N, B) stands among a node and its successors."""
+    nodes = len(graph.node_frames)
+    table = np.zeros((nodes, int(graph.node_behavior.max(initial=0)) + 1), np.int32)
+    table[np.arange(nodes), graph.node_behavior] = 1
+    source = np.repeat(np.arange(nodes), np.diff(graph.edge_start))
+    np.add.at(table, (source, graph.node_behavior[graph.edge_target]), 1)
+    return table
+
+
+def _outlines(graph: GraphArrays) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Track of each node resampled by arc length; a node that turns in place gives its end alone."""
+    outlines = []
+    for track, frames in zip(graph.node_track, graph.node_frames, strict=True):
+        points = graph.tracks[track : track + frames + 1, :2]
+        arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+        pieces = max(1, int(np.ceil(arc[-1] / CELL)))
+        at = arc[-1] * np.arange(1, pieces + 1) / pieces
+        outlines.append(np.column_stack([np.interp(at, arc, points[:, 0]), np.interp(at, arc, points[:, 1]), at]))
+    first = np.concatenate([[0], np.cumsum([len(o) for o in outlines])]).astype(np.int64)
+    return first, np.concatenate(outlines)

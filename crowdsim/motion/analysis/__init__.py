@@ -1,0 +1,1 @@
+"""Standard graphs, error images and capture sets, for comparison."""

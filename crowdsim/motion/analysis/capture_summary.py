@@ -1,0 +1,94 @@
+"""What a folder of captures gives, file by file: what was assumed, cut out, found, and how well the feet keep still."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from crowdsim.constants import CAPTURE_RATE
+from crowdsim.errors import MotionError
+from crowdsim.motion.captures.reader import Capture, read_capture
+from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.clips.tracks import track_of
+from crowdsim.motion.graph.features import CrossingDetector, StandingDetector
+from crowdsim.motion.graph.segmentation import require_locomotion
+from crowdsim.motion.graph.transition_drift import clip_stances
+
+
+def summarize(path: Path) -> dict[str, Any]:
+    """One row of a table: figures by name, units in the names, None where there is none; ``problem`` says why.
+
+    A file that cannot be read has a row with nothing but its problem.
+    """
+    row: dict[str, Any] = dict.fromkeys(_COLUMNS)
+    row["file"] = path.name
+    try:
+        capture = read_capture(path)
+    except MotionError as error:
+        row["problem"] = str(error).removeprefix(f"{path}: ")
+        return row
+    row |= _assumed(capture)
+    try:
+        row |= _found(capture.clips)
+    except MotionError as error:
+        row["problem"] = str(error)
+    return row
+
+
+def summarize_all(paths: Iterable[Path]) -> list[dict[str, Any]]:
+    """A row for each of ``paths``."""
+    return [summarize(path) for path in paths]
+
+
+_COLUMNS = (
+    "file", "stretches", "frames", "rate_hz", "unit", "leg_m", "up", "facing", "tpose", "glitches", "assumed",
+    "length_m", "speed_m_s", "turn_deg", "crossings", "rests", "drift_cm", "problem",
+)  # fmt: skip
+
+
+def _assumed(capture: Capture) -> dict[str, Any]:
+    report = capture.report
+    cuts = sorted({frame for frame, _ in report.glitches})
+    return {
+        "stretches": len(capture.clips),
+        "frames": sum(clip.frame_count for clip in capture.clips),
+        "rate_hz": round(report.source_rate, 3),
+        "unit": report.unit,
+        "leg_m": round(report.leg_length, 3),
+        "up": report.up,
+        "facing": report.facing,
+        "tpose": "cut" if report.dropped_first else None,
+        "glitches": " ".join(map(str, cuts)) or None,
+        "assumed": "; ".join(report.assumed) or None,
+    }
+
+
+def _found(clips: Iterable[Clip]) -> dict[str, Any]:
+    """Figures of the movement, the stretches taken together; MotionError where joints for them are missing."""
+    length, turn, frames, crossings, rests = 0.0, 0.0, 0, 0, 0
+    drifts: list[float] = []
+    problem: str | None = None
+    for clip in clips:
+        track = track_of(clip)
+        try:
+            require_locomotion(clip, track)
+        except MotionError as error:
+            problem = str(error)
+        length += float(np.linalg.norm(np.diff(track[:, :2], axis=0), axis=1).sum())
+        turn += float(track[-1, 2] - track[0, 2])
+        frames += max(clip.frame_count - 1, 1)
+        crossings += len(CrossingDetector().cuts(clip))
+        rests += len(StandingDetector().cuts(clip))
+        drifts += [stance.drift for stance in clip_stances(clip)]
+    return {
+        "length_m": round(length, 2),
+        "speed_m_s": round(length / frames * CAPTURE_RATE, 2),
+        "turn_deg": round(float(np.degrees(turn)), 1),
+        "crossings": crossings,
+        "rests": rests,
+        "drift_cm": round(100.0 * max(drifts), 2) if drifts else None,
+        "problem": problem,
+    }

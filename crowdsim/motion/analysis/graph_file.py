@@ -1,0 +1,134 @@
+"""A motion graph in one file, which is built anew only when what it was built of has changed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zipfile
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from crowdsim.errors import MotionError
+from crowdsim.motion.analysis.capture_sets import as_sources, read_clips
+from crowdsim.motion.analysis.standard_graph import build_standard_graph
+from crowdsim.motion.clips.skeleton import Skeleton
+from crowdsim.motion.graph.arrays import GraphArrays
+from crowdsim.motion.graph.assembly import GraphReport, MotionGraph
+from crowdsim.motion.graph.features import WALKING_DETECTORS
+from crowdsim.motion.graph.motion_graph import CAPTURED_DRIFT, DEFAULT_THRESHOLD, build_motion_graph
+from crowdsim.motion.graph.pose_table import PoseTable
+from crowdsim.whole_files import whole_file
+
+FORMAT = "crowdsim motion graph"
+VERSION = 2
+"""Of the file and of the way graphs are built: raise it when either changes, and graphs are built anew."""
+
+SUFFIX = ".npz"
+
+
+@dataclass(frozen=True)
+class GraphSettings:
+    """How to build a graph; see :func:`build_motion_graph` and :func:`build_standard_graph`."""
+
+    standard: bool = False
+    threshold: float = DEFAULT_THRESHOLD
+    branching: float | None = None
+    max_out_edges: int | None = None
+    most_drift: float | None = CAPTURED_DRIFT
+    detectors: tuple[str, ...] = WALKING_DETECTORS
+
+
+def build_graph(paths: Sequence[Path], settings: GraphSettings) -> MotionGraph:
+    """The graph of the captures ``paths``; MotionError where they or the settings do not give one."""
+    sources = as_sources(read_clips(paths), settings.detectors)
+    if not settings.standard:
+        return build_motion_graph(
+            sources, settings.threshold, settings.max_out_edges, settings.branching, settings.most_drift
+        )
+    if settings.branching is not None:
+        raise MotionError("a standard graph is built at a threshold, not for a branching factor; leave the latter out")
+    return build_standard_graph(sources, settings.threshold, settings.max_out_edges, most_drift=settings.most_drift)
+
+
+def graph_in_file(file: Path, paths: Sequence[Path], settings: GraphSettings) -> tuple[MotionGraph, bool]:
+    """The graph in ``file``, and whether it had to be built: there was none, or captures or settings are others now."""
+    made_of = _made_of(paths, settings)
+    if file.is_file():
+        header, stored = _read(file)
+        if stored is not None and header["made_of"] == made_of:
+            return stored, False
+    graph = build_graph(paths, settings)
+    _write(file, graph, made_of)
+    return graph, True
+
+
+def save_graph(graph: MotionGraph, file: Path) -> None:
+    """Write ``graph`` to a .npz file, which takes its name when it is whole."""
+    _write(file, graph, {})
+
+
+def load_graph(file: Path) -> MotionGraph:
+    """The graph in ``file``; MotionError where that is no motion graph of this version."""
+    header, graph = _read(file)
+    if graph is None:
+        raise MotionError(f"{file}: a motion graph of version {header['version']}, not {VERSION}; build it anew")
+    return graph
+
+
+def _made_of(paths: Sequence[Path], settings: GraphSettings) -> dict[str, Any]:
+    hashes = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in _with_skeletons(paths)}
+    return {"sources": hashes, "settings": json.loads(json.dumps(asdict(settings)))}
+
+
+def _with_skeletons(paths: Sequence[Path]) -> list[Path]:
+    """``paths`` and the ASF files that any AMC among them may be read with."""
+    folders = {path.parent for path in paths if path.suffix.lower() == ".amc"}
+    return [*paths, *sorted(skeleton for folder in folders for skeleton in folder.glob("*.asf"))]
+
+
+def _write(file: Path, graph: MotionGraph, made_of: dict[str, Any]) -> None:
+    skeleton = graph.skeleton
+    header = {
+        "format": FORMAT,
+        "version": VERSION,
+        "made_of": made_of,
+        "node_names": graph.node_names,
+        "report": asdict(graph.report),
+        "joints": skeleton.names,
+        "roles": dict(skeleton.roles),
+    }
+    arrays: dict[str, Any] = {f"graph_{name}": array for name, array in graph.arrays._asdict().items()}
+    arrays |= {f"poses_{name}": array for name, array in graph.poses._asdict().items()}
+    arrays |= {f"skeleton_{name}": getattr(skeleton, name) for name in _SKELETON}
+    with whole_file(file, (SUFFIX,), "motion graphs") as written, written.open("wb") as stream:
+        np.savez(stream, header=np.frombuffer(json.dumps(header).encode(), np.uint8), **arrays)
+
+
+_SKELETON = ("parents", "offsets", "end_parents", "end_offsets")
+
+
+def _read(file: Path) -> tuple[dict[str, Any], MotionGraph | None]:
+    """What the file says of itself, and the graph unless that is of another version."""
+    try:
+        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
+            header = json.loads(stored["header"].tobytes())
+            if header["format"] != FORMAT:
+                raise MotionError(f"{file}: not a motion graph")
+            return header, _graph(header, stored) if header["version"] == VERSION else None
+    except (OSError, ValueError, LookupError, TypeError, zipfile.BadZipFile, EOFError) as error:
+        raise MotionError(
+            f"{file}: not a motion graph that can be read ({error}); delete it or name another"
+        ) from error
+
+
+def _graph(header: dict[str, Any], stored: Any) -> MotionGraph:
+    arrays = GraphArrays(**{name: stored[f"graph_{name}"] for name in GraphArrays._fields})
+    poses = PoseTable(**{name: stored[f"poses_{name}"] for name in PoseTable._fields})
+    parents, offsets, end_parents, end_offsets = (stored[f"skeleton_{name}"] for name in _SKELETON)
+    skeleton = Skeleton(tuple(header["joints"]), parents, offsets, end_parents, end_offsets, header["roles"])
+    report = dict(header["report"], dropped=tuple((name, why) for name, why in header["report"]["dropped"]))
+    return MotionGraph(arrays, tuple(header["node_names"]), poses, skeleton, GraphReport(**report))

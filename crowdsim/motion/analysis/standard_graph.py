@@ -1,0 +1,132 @@
+"""Standard motion graphs (Kovar, Gleicher and Pighin 2002), with which the 2011 paper compares feature-based ones.
+
+All frames are compared with all; clips are cut and joined at the local minima of that error image, wherever these are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import MotionError
+from crowdsim.motion.analysis.error_image import ErrorImage, error_image, valleys
+from crowdsim.motion.graph.assembly import MotionGraph, assemble, largest_component
+from crowdsim.motion.graph.features import StandingDetector
+from crowdsim.motion.graph.frame_distance import PairAlignments, align_pairs, join_pairs
+from crowdsim.motion.graph.motion_graph import DEFAULT_THRESHOLD
+from crowdsim.motion.graph.nodes import MotionSource, Node, PreparedSource, make_nodes, prepare_sources
+from crowdsim.motion.graph.segmentation import Segment
+
+_PAIRS = 2000
+"""Pairs of clouds aligned at once."""
+
+
+def build_standard_graph(
+    sources: Sequence[MotionSource],
+    threshold: float = DEFAULT_THRESHOLD,
+    max_out_edges: int | None = None,
+    image: ErrorImage | None = None,
+    most_drift: float | None = None,
+) -> MotionGraph:
+    """Cut the clips at the valleys of their error image, join them there, keep the largest strongly connected part.
+
+    ``max_out_edges`` keeps the nearest so many transitions out of each frame. ``image`` is the error image of the
+    clips, if it is known. ``most_drift`` is that of :func:`build_motion_graph`. Detectors do not matter here, and idle
+    clips are left out.
+    """
+    sources = [source for source in sources if not source.idle]
+    prepared = prepare_sources(sources)
+    if image is None:
+        image = error_image([source.clip for source in sources])
+    leave, enter = valleys(image, threshold)
+    if max_out_edges is not None:
+        leave, enter = _nearest(image, leave, enter, max_out_edges)
+    cuts = np.unique(np.concatenate([leave, enter]))
+    clip_of = image.clip_of(cuts)
+    nodes: list[Node] = []
+    for index, source in enumerate(prepared):
+        frames = cuts[clip_of == index] - image.clip_first[index]
+        nodes += make_nodes(source, index, _segments(source, frames.tolist()), hold_standing=False)
+    before, after = _edges(nodes, image, leave, enter)
+    if not len(before):
+        raise MotionError(
+            f"no two moments of these clips join within {threshold:g} m; raise the threshold or add clips"
+        )
+    graph, keep = _joined(prepared, nodes, before, after, threshold)
+    if most_drift is None:
+        return graph
+    from crowdsim.motion.graph.transition_drift import skating_edges
+
+    leave, enter = np.flatnonzero(keep)[skating_edges(graph, [source.clip for source in sources], most_drift)]
+    if not len(leave):
+        return graph
+    stays = ~np.isin(before * len(nodes) + after, leave * len(nodes) + enter)
+    graph, _ = _joined(prepared, nodes, before[stays], after[stays], threshold)
+    return replace(graph, report=replace(graph.report, skating=len(leave)))
+
+
+def _joined(
+    prepared: Sequence[PreparedSource],
+    nodes: list[Node],
+    before: NDArray[np.int64],
+    after: NDArray[np.int64],
+    threshold: float,
+) -> tuple[MotionGraph, NDArray[np.bool_]]:
+    """The largest component of ``nodes`` joined by edges ``before`` to ``after``, and (N,) the nodes that are in it."""
+    keep = largest_component(len(nodes), before, after)
+    inside = keep[before] & keep[after]
+    before, after = before[inside], after[inside]
+    if not len(before):
+        raise MotionError(f"no cycle of segments joins within {threshold:g} m; raise the threshold or add clips")
+    place = np.cumsum(keep) - 1
+    dropped = [(nodes[i].name, "not strongly connected with the rest") for i in np.flatnonzero(~keep)]
+    alignments = _align(nodes, before, after)
+    kept = [nodes[i] for i in np.flatnonzero(keep)]
+    return assemble(prepared, kept, place[before], place[after], alignments, threshold, dropped), keep
+
+
+def _nearest(
+    image: ErrorImage, leave: NDArray[np.int64], enter: NDArray[np.int64], count: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The ``count`` nearest transitions out of each frame, in the order they had."""
+    order = np.lexsort((enter, image.distance[leave, enter], leave))
+    ordered = leave[order]
+    rank = np.arange(len(order)) - np.searchsorted(ordered, ordered)
+    chosen = np.sort(order[rank < count])
+    return leave[chosen], enter[chosen]
+
+
+def _segments(source: PreparedSource, frames: list[int]) -> list[Segment]:
+    still = source.foot_speed.max(axis=1) < StandingDetector.speed
+    return [Segment(a, b, bool(still[a]), bool(still[b])) for a, b in pairwise(frames)]
+
+
+def _edges(
+    nodes: Sequence[Node], image: ErrorImage, leave: NDArray[np.int64], enter: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Sources and targets (E,) of what may follow each other, sorted: what goes on in its clip, and the transitions."""
+    count = int(image.clip_first[-1])
+    ending, starting = np.full(count, -1), np.full(count, -1)
+    for index, node in enumerate(nodes):
+        row = image.clip_first[node.source]
+        ending[row + node.segment.last], starting[row + node.segment.first] = index, index
+    frames = np.arange(count)
+    source = ending[np.concatenate([frames, leave])]
+    target = starting[np.concatenate([frames, enter])]
+    both = (source >= 0) & (target >= 0)
+    pairs = np.unique(np.column_stack([source[both], target[both]]), axis=0)
+    return pairs[:, 0], pairs[:, 1]
+
+
+def _align(nodes: Sequence[Node], source: NDArray[np.int64], target: NDArray[np.int64]) -> PairAlignments:
+    parts = []
+    for begin in range(0, len(source), _PAIRS):
+        chosen = slice(begin, begin + _PAIRS)
+        ends = np.stack([nodes[i].end.cloud for i in source[chosen]])
+        starts = np.stack([nodes[i].start.cloud for i in target[chosen]])
+        parts.append(align_pairs(ends, starts))
+    return join_pairs(parts)

@@ -1,0 +1,220 @@
+"""Acclaim's ASF (skeleton) and AMC (motion) text to raw motion.
+
+Joints stand where bones begin, as in BVH: a bone's direction and length lead to the joints of its children. A bone's
+angles turn about its own axes C, so that its rotation relative to its parent's bone is C M C^-1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from crowdsim.errors import MotionError
+from crowdsim.motion.captures.raw_motion import RawMotion, euler_rotations, require_unique, without_flips
+from crowdsim.motion.clips.kinematics import Floats, conjugate, multiply
+
+ASSUMED_RATE = 120.0
+"""Frames a second of an AMC file, which does not say: that of the CMU captures."""
+
+_MOST_FRAMES = 1_000_000
+
+
+@dataclass(frozen=True)
+class _Bone:
+    """``axes`` orders its own axes and ``turns`` its angles, the first applied first."""
+
+    name: str
+    offset: Floats
+    axis: Floats
+    axes: str
+    turns: tuple[str, ...]
+
+
+def parse_amc(path: Path) -> RawMotion:
+    """Read an AMC file on the skeleton beside it.
+
+    That is the ASF file of the same name, or of the name up to the last underscore (``16.asf`` of ``16_27.amc``), or
+    the only one in the folder. MotionError names the file and line of what is wrong.
+    """
+    if not path.is_file():
+        raise MotionError(f"{path}: no such capture file")
+    skeleton = _skeleton_path(path)
+    bones, children, degrees = _parse_asf(skeleton)
+    root, values = _parse_amc(path, bones)
+    names = ["root"]
+    parents = [-1]
+    _walk(children, "root", 0, names, parents, skeleton)
+    require_unique(names)
+    scale = np.pi / 180.0 if degrees else 1.0
+    rotations = [_root_rotations(bones["root"], root[:, 3:] * scale, scale)]
+    rotations += [_rotations(bones[name], values[name] * scale, scale) for name in names[1:]]
+    # A joint stands at the end of its parent's bone; those of the root stand on it.
+    offsets = [np.zeros(3) if parent <= 0 else bones[names[parent]].offset for parent in parents]
+    ends = [index for index in range(1, len(names)) if index not in parents]
+    raw = RawMotion(
+        tuple(names), np.array(parents, np.int32), np.array(offsets), np.array(ends, np.int32),
+        np.array([bones[names[index]].offset for index in ends]).reshape(-1, 3),
+        root[:, :3], without_flips(np.stack(rotations, axis=1)), ASSUMED_RATE,
+        (f"{ASSUMED_RATE:g} frames a second", f"the skeleton is {skeleton.name}"),
+    )  # fmt: skip
+    try:
+        raw.require_sound()
+    except MotionError as error:
+        raise MotionError(f"{path}: {error}") from None
+    return raw
+
+
+def _skeleton_path(path: Path) -> Path:
+    for stem in (path.stem, path.stem.rpartition("_")[0]):
+        if stem and (path.parent / f"{stem}.asf").is_file():
+            return path.parent / f"{stem}.asf"
+    found = sorted(path.parent.glob("*.asf"))
+    if len(found) != 1:
+        raise MotionError(
+            f"{path}: no skeleton for it: put {path.stem}.asf beside it "
+            f"(there {'is none' if not found else 'are ' + ', '.join(f.name for f in found)})"
+        )
+    return found[0]
+
+
+def _lines(path: Path) -> Iterator[tuple[str, list[str]]]:
+    """(place, words) of each line that says something."""
+    try:
+        text = path.read_text(encoding="ascii")
+    except (UnicodeDecodeError, OSError) as error:
+        raise MotionError(f"{path}: not a text file that can be read: {error}") from None
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = line.partition("#")[0].split()
+        if words:
+            yield f"{path}:{number}", words
+
+
+def _numbers(place: str, words: list[str]) -> Floats:
+    try:
+        return np.array([float(word) for word in words])
+    except ValueError:
+        raise MotionError(f"{place}: '{' '.join(words)}' are not numbers") from None
+
+
+def _parse_asf(path: Path) -> tuple[dict[str, _Bone], dict[str, list[str]], bool]:
+    """Bones by name with "root" among them, the children of each, and whether angles are degrees."""
+    section, degrees = "", True
+    bones: dict[str, _Bone] = {}
+    children: dict[str, list[str]] = {}
+    root: dict[str, list[str]] = {}
+    bone: dict[str, list[str]] = {}
+    for place, words in _lines(path):
+        key, rest = words[0].lower(), words[1:]
+        if key.startswith(":"):
+            section = key
+        elif section == ":units" and key == "angle":
+            degrees = rest[:1] != ["rad"]
+        elif section == ":root":
+            root[key] = rest
+        elif section == ":bonedata":
+            if key == "begin":
+                bone = {}
+            elif key == "end":
+                made = _bone(place, bone)
+                bones[made.name] = made
+            else:
+                bone.setdefault(key, rest)
+        elif section == ":hierarchy" and key not in ("begin", "end"):
+            children.setdefault(words[0], []).extend(rest)
+    if "root" not in children:
+        raise MotionError(f"{path}: not an ASF file that can be read: its hierarchy has no root")
+    turns = tuple(word for word in root.get("order", []))
+    if sorted(word.upper() for word in turns) != ["RX", "RY", "RZ", "TX", "TY", "TZ"]:
+        raise MotionError(f"{path}: the root's order '{' '.join(turns)}' is not that of three TX and three RX")
+    axis = _numbers(f"{path}: orientation", root.get("orientation", ["0", "0", "0"]))
+    order = "".join(root.get("axis", ["XYZ"])).upper()
+    bones["root"] = _Bone("root", np.zeros(3), axis, order, tuple(word.upper() for word in turns))
+    unknown = sorted({name for names in children.values() for name in names} | set(children) - {"root"} - set(bones))
+    unknown = [name for name in unknown if name not in bones]
+    if unknown:
+        raise MotionError(f"{path}: the hierarchy names bones that are not there: {', '.join(unknown)}")
+    return bones, children, degrees
+
+
+def _bone(place: str, words: dict[str, list[str]]) -> _Bone:
+    missing = [key for key in ("name", "direction", "length", "axis") if not words.get(key)]
+    if missing:
+        raise MotionError(f"{place}: a bone has no {', '.join(missing)}")
+    direction, length = _numbers(place, words["direction"]), _numbers(place, words["length"])
+    axis, order = _numbers(place, words["axis"][:3]), "".join(words["axis"][3:]).upper() or "XYZ"
+    if len(direction) != 3 or len(length) != 1 or len(axis) != 3 or sorted(order) != ["X", "Y", "Z"]:
+        raise MotionError(f"{place}: bone '{words['name'][0]}' needs three of direction, one length and three of axis")
+    turns = tuple(word.upper() for word in words.get("dof", []))
+    if any(turn not in ("RX", "RY", "RZ") for turn in turns):
+        raise MotionError(f"{place}: bone '{words['name'][0]}' moves in {' '.join(turns)}; only rx, ry and rz are read")
+    return _Bone(words["name"][0], direction * length, axis, order, turns)
+
+
+def _parse_amc(path: Path, bones: dict[str, _Bone]) -> tuple[Floats, dict[str, Floats]]:
+    """The root's (F, 6), places first, then its turns as they come, and the angles (F, n) of each bone, 0 if none."""
+    frames: list[dict[str, Floats]] = []
+    for place, words in _lines(path):
+        if words[0].startswith(":"):
+            if words[0].upper() == ":RADIANS":
+                raise MotionError(f"{place}: angles in radians are not read; convert them to degrees")
+            continue
+        if len(words) == 1 and words[0].isdigit():
+            if int(words[0]) != len(frames) + 1 or len(frames) >= _MOST_FRAMES:
+                raise MotionError(f"{place}: frame {words[0]} follows frame {len(frames)}")
+            frames.append({})
+            continue
+        if not frames or words[0] not in bones:
+            raise MotionError(
+                f"{place}: '{words[0]}' is no bone of the skeleton" if frames else f"{place}: no frame yet"
+            )
+        values = _numbers(place, words[1:])
+        if len(values) != len(bones[words[0]].turns):
+            raise MotionError(
+                f"{place}: {len(values)} values for '{words[0]}', which moves in {len(bones[words[0]].turns)} ways"
+            )
+        frames[-1][words[0]] = values
+    if not frames:
+        raise MotionError(f"{path}: not an AMC file that can be read: it has no frames")
+    result: dict[str, Floats] = {}
+    for name, bone in bones.items():
+        given = [frame[name] for frame in frames if name in frame]
+        if given and len(given) < len(frames):
+            raise MotionError(f"{path}: '{name}' has values in {len(given)} of {len(frames)} frames")
+        result[name] = np.array(given) if given else np.zeros((len(frames), len(bone.turns)))
+    order = bones["root"].turns
+    columns = [order.index(f"T{axis}") for axis in "XYZ"] + [i for i, turn in enumerate(order) if turn[0] == "R"]
+    return result.pop("root")[:, columns], result
+
+
+def _walk(
+    children: dict[str, list[str]], name: str, index: int, names: list[str], parents: list[int], path: Path
+) -> None:
+    """Add all below joint ``name`` with ``index``, each bone before its children."""
+    for child in children.get(name, []):
+        if child in names:
+            raise MotionError(f"{path}: bone '{child}' hangs on two others")
+        names.append(child)
+        parents.append(index)
+        _walk(children, child, len(names) - 1, names, parents, path)
+
+
+def _own_axes(bone: _Bone, scale: float) -> Floats:
+    return euler_rotations((bone.axis * scale)[::-1], bone.axes[::-1])
+
+
+def _rotations(bone: _Bone, angles: Floats, scale: float) -> Floats:
+    """(F, 4) rotation of the bone relative to its parent's, for ``angles`` (F, n) radians in the order of its turns."""
+    count = len(angles)
+    if not bone.turns:
+        return np.broadcast_to(np.array([1.0, 0.0, 0.0, 0.0]), (count, 4))
+    own = _own_axes(bone, scale)
+    turned = euler_rotations(angles[:, ::-1], [turn[1] for turn in bone.turns[::-1]])
+    return multiply(multiply(np.broadcast_to(own, (count, 4)), turned), np.broadcast_to(conjugate(own), (count, 4)))
+
+
+def _root_rotations(bone: _Bone, angles: Floats, scale: float) -> Floats:
+    turns = tuple(turn for turn in bone.turns if turn[0] == "R")
+    return _rotations(_Bone(bone.name, bone.offset, bone.axis, bone.axes, turns), angles, scale)

@@ -1,0 +1,87 @@
+"""Clips written as BVH: Y up, centimeters, facing +Z at rest, left toward +X."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.constants import CAPTURE_RATE
+from crowdsim.errors import MotionError
+from crowdsim.geometry.elementary import asin, atan2
+from crowdsim.motion.clips.clip import Clip
+
+Floats = NDArray[np.float64]
+
+_CENTIMETERS = 100.0
+
+
+def to_y_up(v: Floats) -> Floats:
+    """Vectors (..., 3) of x ahead, y left, z up as BVH's X left, Y up, Z ahead."""
+    return v[..., [1, 2, 0]]
+
+
+def euler_zxy(q: Floats) -> Floats:
+    """Degrees (..., 3) about Z, X, Y of quaternions (w, x, y, z), so that R = Rz Rx Ry."""
+    w, x, y, z = np.moveaxis(q, -1, 0)
+    about_x = asin(np.clip(2.0 * (y * z + w * x), -1.0, 1.0))
+    about_z = atan2(-2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z))
+    about_y = atan2(-2.0 * (x * z - w * y), 1.0 - 2.0 * (x * x + y * y))
+    return np.degrees(np.stack([about_z, about_x, about_y], axis=-1))
+
+
+def _number(value: float, decimals: int) -> str:
+    text = f"{value:.{decimals}f}".rstrip("0").rstrip(".")
+    return "0" if text in ("-0", "") else text
+
+
+def _hierarchy(clip: Clip) -> tuple[list[str], list[int]]:
+    """Lines of the joint tree, and the joints in the order in which it names them."""
+    skeleton = clip.skeleton
+    lines = ["HIERARCHY"]
+    order: list[int] = []
+
+    def offset(v: Floats) -> str:
+        return "OFFSET " + " ".join(_number(c, 4) for c in to_y_up(v) * _CENTIMETERS)
+
+    def visit(joint: int, depth: int) -> None:
+        order.append(joint)
+        pad, inner = "  " * depth, "  " * (depth + 1)
+        is_root = skeleton.parents[joint] < 0
+        lines.extend([f"{pad}{'ROOT' if is_root else 'JOINT'} {skeleton.names[joint]}", pad + "{"])
+        lines.append(inner + offset(skeleton.offsets[joint]))
+        if is_root:
+            lines.append(inner + "CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation")
+        else:
+            lines.append(inner + "CHANNELS 3 Zrotation Xrotation Yrotation")
+        for child in np.flatnonzero(skeleton.parents == joint):
+            visit(int(child), depth + 1)
+        for end in np.flatnonzero(skeleton.end_parents == joint):
+            lines.extend([inner + "End Site", inner + "{", inner + "  " + offset(skeleton.end_offsets[end])])
+            lines.append(inner + "}")
+        lines.append(pad + "}")
+
+    visit(0, 0)
+    return lines, order
+
+
+def bvh_text(clip: Clip) -> str:
+    """The whole BVH file of ``clip``: positions to a micrometer, angles to a thousandth of a degree."""
+    if not (np.isfinite(clip.root_positions).all() and np.isfinite(clip.rotations).all()):
+        raise MotionError(f"clip '{clip.name}' holds numbers that are not finite and cannot be written")
+    lines, order = _hierarchy(clip)
+    positions = to_y_up(clip.root_positions) * _CENTIMETERS
+    angles = euler_zxy(clip.rotations[:, order][..., [0, 2, 3, 1]]).reshape(clip.frame_count, -1)
+    lines.extend(["MOTION", f"Frames: {clip.frame_count}", f"Frame Time: {1.0 / CAPTURE_RATE:.8f}"])
+    for place, turns in zip(positions.tolist(), angles.tolist(), strict=True):
+        lines.append(" ".join([_number(c, 4) for c in place] + [_number(c, 3) for c in turns]))
+    return "\n".join(lines) + "\n"
+
+
+def write_bvh(clip: Clip, path: Path) -> None:
+    """Write ``clip`` to ``path``; the file bears its name only once it is whole."""
+    partial = path.with_name(path.name + ".part")
+    partial.write_bytes(bvh_text(clip).encode("ascii"))
+    os.replace(partial, path)

@@ -1,0 +1,59 @@
+"""Bad frames out of a capture, and its rate to the engine's."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from crowdsim.motion.clips.kinematics import Floats, slerp
+
+GLITCH_SPEED = 30.0
+"""Meters a second no joint of a person reaches: 0.25 m in one frame at 120 Hz."""
+
+_TPOSE_RATIO = 10.0
+_TPOSE_LEAP = 0.05
+_MARGIN = 0.025
+_SHORTEST = 0.3
+
+
+def clean_stretches(positions: Floats, rate: float) -> tuple[list[tuple[int, int]], bool, list[tuple[int, int]]]:
+    """Frames of (F, J, 3) world ``positions`` that can be used.
+
+    Returns the clean stretches as (first, last) frames; whether the first frame was a calibration pose; and the
+    jumps as (frame, joint). A jump takes the frames within 25 ms of it away, since spikes have shoulders; what is
+    then left shorter than 0.3 s is dropped, unless the whole capture was that short.
+    """
+    count = len(positions)
+    leaps = np.linalg.norm(np.diff(positions, axis=0), axis=-1)
+    first = 0
+    if len(leaps) > 2:
+        largest = leaps.max(axis=1)
+        if largest[0] > max(_TPOSE_RATIO * float(np.median(largest)), _TPOSE_LEAP):
+            first = 1
+    frames, joints = np.nonzero(leaps > GLITCH_SPEED / rate)
+    jumps = [(int(f) + 1, int(j)) for f, j in zip(frames, joints, strict=True) if f >= first]
+
+    usable = np.ones(count, bool)
+    usable[:first] = False
+    margin = round(_MARGIN * rate)
+    for frame, _ in jumps:
+        usable[max(first, frame - margin) : frame + margin] = False
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], usable, [False]]).astype(np.int8)))
+    stretches = [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    if jumps:
+        stretches = [(a, b) for a, b in stretches if b - a >= _SHORTEST * rate]
+    return stretches, first == 1, jumps
+
+
+def resample(root_positions: Floats, rotations: Floats, rate: float, target: float) -> tuple[Floats, Floats]:
+    """The motion at ``target`` frames a second: every n-th frame where that is exact, else interpolated."""
+    ratio = rate / target
+    step = round(ratio)
+    if step >= 1 and abs(ratio - step) < 1e-9:
+        return root_positions[::step].copy(), rotations[::step].copy()
+    last = len(root_positions) - 1
+    times = np.arange(int(np.floor(last / ratio + 1e-9)) + 1) * ratio
+    before = np.clip(np.floor(times + 1e-9).astype(np.int64), 0, max(last - 1, 0))
+    after = np.minimum(before + 1, last)
+    weight = np.clip(times - before, 0.0, 1.0)
+    root = root_positions[before] * (1.0 - weight[:, None]) + root_positions[after] * weight[:, None]
+    return root, slerp(rotations[before], rotations[after], weight[:, None])

@@ -1,0 +1,72 @@
+"""What a capture file holds before units, axes and rate are settled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import MotionError
+from crowdsim.motion.clips.kinematics import Floats, about_axis, multiply
+
+
+@dataclass(frozen=True)
+class RawMotion:
+    """The file's content in its own unit, axes and rate; see Skeleton for the tree.
+
+    root_positions: (F, 3). rotations: (F, J, 4) unit quaternions relative to the parent. rate: frames a second.
+    assumed: what the format does not say and the reader took for granted.
+    """
+
+    names: tuple[str, ...]
+    parents: NDArray[np.int32]
+    offsets: Floats
+    end_parents: NDArray[np.int32]
+    end_offsets: Floats
+    root_positions: Floats
+    rotations: Floats
+    rate: float
+    assumed: tuple[str, ...] = ()
+
+    def require_sound(self) -> None:
+        """MotionError for numbers that are not finite, or a rate that is none."""
+        for what, values in (("offset", self.offsets), ("end site", self.end_offsets)):
+            if not np.isfinite(values).all():
+                raise MotionError(f"a joint's {what} is not a finite number")
+        finite = np.isfinite(self.root_positions).all(axis=1) & np.isfinite(self.rotations).all(axis=(1, 2))
+        bad = np.flatnonzero(~finite)
+        if len(bad):
+            raise MotionError(f"{len(bad)} frames hold values that are not finite, the first is frame {bad[0]}")
+        if not self.rate > 0.0:
+            raise MotionError(f"{self.rate} frames a second is not a positive rate")
+
+
+def require_unique(names: Sequence[str]) -> None:
+    """MotionError where two joints have one name."""
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise MotionError(f"joint names must be unique, but {', '.join(twice)} stands more than once; rename them")
+
+
+def snap_rate(rate: float) -> float:
+    """Files round their frame time; a rate within 0.2 % of a whole number is that number."""
+    nearest = float(round(rate))
+    return nearest if nearest > 0.0 and abs(rate - nearest) <= 0.002 * nearest else rate
+
+
+def euler_rotations(angles: Floats, order: Sequence[str]) -> Floats:
+    """Quaternions (..., 4) of the turns by ``angles`` (..., n) about the axes ``order``, the last one applied first."""
+    result = about_axis(np.eye(3)["XYZ".index(order[0])], angles[..., 0])
+    for i, axis in enumerate(order[1:], start=1):
+        result = multiply(result, about_axis(np.eye(3)["XYZ".index(axis)], angles[..., i]))
+    return result
+
+
+def without_flips(rotations: Floats) -> Floats:
+    """The same rotations (F, ..., 4), each with the sign that is nearest to the frame before."""
+    flips = np.sign(np.sum(rotations[1:] * rotations[:-1], axis=-1, keepdims=True))
+    result = rotations.copy()
+    result[1:] *= np.cumprod(np.where(flips < 0.0, -1.0, 1.0), axis=0)
+    return result

@@ -1,0 +1,1 @@
+"""Skeletons, clips, their tracks and their clearances."""

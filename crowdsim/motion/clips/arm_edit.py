@@ -1,0 +1,88 @@
+"""Arms held close to the body, on any clip: regular walking with modified arm trajectories (2018 paper, section 4).
+
+Upper arms hang at the sides and forearms fold in front of the belly, which is how people make themselves narrow
+without turning. Only the shoulder and elbow joints are touched.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import MotionError
+from crowdsim.geometry.products import dot
+from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.clips.kinematics import conjugate, forward_kinematics, multiply, slerp
+
+Floats = NDArray[np.float64]
+Direction = tuple[float, float, float]
+"""Ahead, left and up in the frame of the shoulders; need not be a unit vector."""
+
+_HANGING_UPPER: Direction = (0.0, 0.0, -1.0)
+_HANGING_FOREARM: Direction = (0.35, 0.0, -0.94)
+_HELD_UPPER: dict[str, Direction] = {"left": (0.04, -0.02, -1.0), "right": (0.06, 0.02, -1.0)}
+_HELD_FOREARM: dict[str, Direction] = {"left": (0.62, -0.74, 0.22), "right": (0.70, 0.70, -0.10)}
+"""The left hand lies over the right one, so that they do not meet."""
+_SWING_LEFT = 0.08
+"""Part of the arms' own movement that held arms keep; nothing on a living body is rigid."""
+
+
+def edit_arms(clip: Clip, weight: Floats) -> Clip:
+    """``clip`` with both arms held close to the body by ``weight`` (F,) in [0, 1]; 0 leaves a frame as it is.
+
+    Raises MotionError for weights of another length or range, and for skeletons without arms.
+    """
+    weight = np.asarray(weight, np.float64)
+    if weight.shape != (clip.frame_count,) or not ((weight >= 0.0) & (weight <= 1.0)).all():
+        raise MotionError(
+            f"clip '{clip.name}' has {clip.frame_count} frames; held arms need one weight in [0, 1] for each of them"
+        )
+    skeleton = clip.skeleton
+    held = clip.rotations.copy()
+    for side in ("left", "right"):
+        shoulder, elbow, wrist = (skeleton.joint(f"{side}_{part}") for part in ("shoulder", "elbow", "wrist"))
+        held[:, shoulder] = _pointed(clip, held, shoulder, elbow, _HANGING_UPPER, _HELD_UPPER[side])
+        held[:, elbow] = _pointed(clip, held, elbow, wrist, _HANGING_FOREARM, _HELD_FOREARM[side])
+    rotations = clip.rotations.copy()
+    edited = weight > 0.0
+    for joint in (skeleton.joint(f"{side}_{part}") for side in ("left", "right") for part in ("shoulder", "elbow")):
+        rotations[edited, joint] = slerp(clip.rotations[edited, joint], held[edited, joint], weight[edited])
+    return replace(clip, rotations=rotations)
+
+
+def _shoulder_frame(clip: Clip) -> Floats:
+    """(F, 3, 3) axes ahead, left and up of the shoulders, as columns; up leans no more than the neck does."""
+    skeleton, joints = clip.skeleton, clip.joint_positions
+    left = _unit(joints[:, skeleton.joint("left_shoulder")] - joints[:, skeleton.joint("right_shoulder")])
+    spine = _unit(joints[:, skeleton.joint("neck")] - joints[:, skeleton.joint("hips")])
+    ahead = _unit(np.cross(left, spine))
+    return np.stack([ahead, left, np.cross(ahead, left)], axis=-1)
+
+
+def _pointed(clip: Clip, rotations: Floats, joint: int, tip: int, hanging: Direction, held: Direction) -> Floats:
+    """Local rotations (F, 4) of ``joint`` that point the way to ``tip`` along ``held``.
+
+    ``rotations`` (F, J, 4) are those of the clip with the joints between chest and ``joint`` already edited.
+    The way's own deviation from ``hanging`` stays in part.
+    """
+    positions, world = forward_kinematics(clip.skeleton, clip.root_positions, rotations)
+    frame = _shoulder_frame(clip)
+    own = _unit(clip.joint_positions[:, tip] - clip.joint_positions[:, joint])
+    swing = dot(np.swapaxes(frame, 1, 2), own[:, None]) - _unit(np.array(hanging))
+    wanted = dot(frame, _unit(_unit(np.array(held)) + _SWING_LEFT * swing)[:, None])
+    now = _unit(positions[:, tip] - positions[:, joint])
+    turned = multiply(_between(now, wanted), world[:, joint])
+    parent = clip.skeleton.parents[joint]
+    return multiply(conjugate(world[:, parent]), turned) if parent >= 0 else turned
+
+
+def _between(a: Floats, b: Floats) -> Floats:
+    """Shortest rotations (F, 4) from unit vectors a to unit vectors b (F, 3)."""
+    q = np.concatenate([1.0 + dot(a, b)[:, None], np.cross(a, b)], axis=-1)
+    return q / np.maximum(np.linalg.norm(q, axis=-1, keepdims=True), 1e-12)
+
+
+def _unit(v: Floats) -> Floats:
+    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12)

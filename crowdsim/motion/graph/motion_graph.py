@@ -1,0 +1,193 @@
+"""Feature-based motion graphs (2011 paper, section 3): clips cut by features, joined where they look alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import MotionError
+from crowdsim.motion.graph.assembly import (
+    GraphReport,
+    MotionGraph,
+    assemble,
+    branching_factor,
+    follows,
+    largest_component,
+)
+from crowdsim.motion.graph.frame_distance import Alignments, align_all
+from crowdsim.motion.graph.nodes import (
+    BOTH_FEET,
+    MotionSource,
+    Node,
+    PreparedSource,
+    feature_segments,
+    make_nodes,
+    prepare_sources,
+)
+
+__all__ = ["DEFAULT_THRESHOLD", "GraphReport", "MotionGraph", "MotionSource", "build_motion_graph"]
+
+DEFAULT_THRESHOLD = 0.06
+"""Meters of point-cloud distance up to which two moments may be joined."""
+
+STANDING_ALLOWANCE = 1.5
+"""How many times the threshold two standing poses may differ: a body at rest has the time to settle, and people never
+come to rest just as they set out."""
+
+WIDEST_THRESHOLD = 0.3
+"""Meters up to which a threshold is looked for that gives a wanted branching factor."""
+
+CAPTURED_DRIFT = 0.005
+"""Meters that a transition between captures may add to the drift of a planted foot, which slides 1 to 2 cm in a stance
+as it was captured."""
+
+_AROUND = 8
+"""Distances tried either way of the one that halving finds."""
+
+
+def build_motion_graph(
+    sources: Sequence[MotionSource],
+    threshold: float = DEFAULT_THRESHOLD,
+    max_out_edges: int | None = None,
+    branching: float | None = None,
+    most_drift: float | None = None,
+) -> MotionGraph:
+    """Cut the clips, join their segments wherever the distance allows, keep the largest strongly connected part.
+
+    An end may join a start if the same foot is planted in both, or both stand, and their distance is at most
+    ``threshold`` meters (root mean square over joints and frames). ``max_out_edges`` keeps the nearest so many
+    edges out of each node; the one to the segment that followed in the capture always stays. Where a ``branching``
+    factor is wanted, the threshold is the one up to WIDEST_THRESHOLD that comes nearest to it and keeps at least half
+    of the nodes; where many segments are alike, only ``max_out_edges`` brings it down. Transitions that add more than
+    ``most_drift`` meters to the drift of a planted foot are then left out; the clips need names of their own for it.
+    """
+    candidates = _candidates(sources, max_out_edges)
+    if branching is not None:
+        threshold = _calibrated(candidates, branching)
+    _require_loops(candidates, threshold)
+    graph, keep = _joined(candidates, threshold)
+    if most_drift is None:
+        return graph
+    # Here, as it compiles how poses are blended, which the default set has no need of to be joined.
+    from crowdsim.motion.graph.transition_drift import skating_edges
+
+    leave, enter = np.flatnonzero(keep)[skating_edges(graph, [source.clip for source in sources], most_drift)]
+    if not len(leave):
+        return graph
+    candidates.needed[leave, enter] = np.inf
+    graph, _ = _joined(candidates, threshold)
+    return replace(graph, report=replace(graph.report, skating=len(leave)))
+
+
+def _joined(candidates: _Candidates, threshold: float) -> tuple[MotionGraph, NDArray[np.bool_]]:
+    """The largest component at ``threshold``, and (N,) the nodes that are in it."""
+    nodes, alignments = candidates.nodes, candidates.alignments
+    source, target, keep = _edges(candidates, threshold)
+    if not len(source):
+        apart = candidates.needed[candidates.needed > 0.0]
+        nearest = f"{float(apart.min()):.3f} m apart" if np.isfinite(apart).any() else "on other feet"
+        raise MotionError(
+            f"no cycle of segments joins within {threshold:g} m (the nearest end and start that are not one are "
+            f"{nearest}); raise the threshold or add clips"
+        )
+    dropped = list(candidates.dropped)
+    dropped += [(nodes[i].name, "not strongly connected with the rest") for i in np.flatnonzero(~keep)]
+    place = np.cumsum(keep) - 1
+    graph = assemble(
+        candidates.prepared, [nodes[i] for i in np.flatnonzero(keep)], place[source], place[target],
+        alignments.pairs(source, target), threshold, dropped,
+    )  # fmt: skip
+    return graph, keep
+
+
+@dataclass(frozen=True)
+class _Candidates:
+    """N nodes and how near each end is to each start.
+
+    needed: (N, N) meters, the threshold from which on row's end joins column's start; 0 where it simply goes on,
+    infinite where it never may.
+    """
+
+    prepared: list[PreparedSource]
+    nodes: list[Node]
+    alignments: Alignments
+    needed: NDArray[np.float64]
+    dropped: list[tuple[str, str]]
+
+
+def _candidates(sources: Sequence[MotionSource], max_out_edges: int | None) -> _Candidates:
+    prepared = prepare_sources(sources)
+    cut = [node for i, source in enumerate(prepared) for node in make_nodes(source, i, feature_segments(source))]
+    idle = [source.idle for source in sources]
+    nodes = [node for node in cut if idle[node.source] or not node.leads_nowhere()]
+    if not nodes:
+        raise MotionError("the detectors cut no segment out of these clips; check the detectors and the clips' lengths")
+    dropped = [(node.name, "leads nowhere") for node in cut if not idle[node.source] and node.leads_nowhere()]
+    alignments = align_all(np.stack([n.end.cloud for n in nodes]), np.stack([n.start.cloud for n in nodes]))
+    natural = np.array([[follows(a, b) for b in nodes] for a in nodes], bool)
+    end_foot, start_foot = np.array([n.end.foot for n in nodes]), np.array([n.start.foot for n in nodes])
+    needed = alignments.distance / np.where(end_foot == BOTH_FEET, STANDING_ALLOWANCE, 1.0)[:, None]
+    needed = np.where(natural, 0.0, np.where(end_foot[:, None] == start_foot[None, :], needed, np.inf))
+    if max_out_edges is not None:
+        order = np.argsort(needed, axis=1, kind="stable")
+        far = np.ones_like(natural)
+        np.put_along_axis(far, order[:, :max_out_edges], False, axis=1)
+        needed = np.where(far & ~natural, np.inf, needed)
+    return _Candidates(prepared, nodes, alignments, needed, dropped)
+
+
+def _edges(candidates: _Candidates, threshold: float) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
+    """Sources and targets (E,) of the edges in the largest component, and (N,) the nodes that are in it."""
+    source, target = np.nonzero(candidates.needed <= threshold)
+    keep = largest_component(len(candidates.nodes), source, target)
+    inside = keep[source] & keep[target]
+    return source[inside], target[inside], keep
+
+
+def _calibrated(candidates: _Candidates, wanted: float) -> float:
+    """Threshold (m) whose graph comes nearest to the ``wanted`` branching factor, the smaller of equals.
+
+    Only the distances themselves can change the graph. Branching grows with the threshold almost everywhere, but a node
+    that comes into the component can lower it: halving finds the neighborhood, of which the best is taken. A graph
+    that loses more than half of the nodes is none.
+    """
+    steps = np.unique(candidates.needed[candidates.needed <= WIDEST_THRESHOLD])
+    natural = candidates.needed == 0.0
+    least = int(_edges(candidates, float(steps[-1]))[2].sum()) / 2.0
+
+    def judge(place: int) -> tuple[bool, float]:
+        """Whether it loses too many nodes, and how far over the wanted branching it is."""
+        source, target, keep = _edges(candidates, float(steps[place]))
+        transitions = len(source) - int(natural[source, target].sum())
+        nodes = int(keep.sum())
+        return nodes < least, branching_factor(nodes, transitions) - wanted
+
+    low, high = 0, len(steps) - 1
+    while low < high:
+        middle = (low + high) // 2
+        small, over = judge(middle)
+        if small or over < 0.0:
+            low = middle + 1
+        else:
+            high = middle
+    near = range(max(low - _AROUND, 0), min(low + _AROUND + 1, len(steps)))
+
+    def rank(place: int) -> tuple[bool, float, int]:
+        small, over = judge(place)
+        return small, abs(over), place
+
+    return float(steps[min(near, key=rank)])
+
+
+def _require_loops(candidates: _Candidates, threshold: float) -> None:
+    """MotionError for an idle clip that cannot follow itself: who waits would have to stop waiting."""
+    for i, node in enumerate(candidates.nodes):
+        source = candidates.prepared[node.source].source
+        if source.idle and candidates.needed[i, i] > threshold:
+            raise MotionError(
+                f"idle clip '{source.clip.name}' ends {candidates.alignments.distance[i, i]:.3f} m away from the "
+                f"pose it starts in and cannot repeat; trim it to end as it began, or raise the threshold"
+            )

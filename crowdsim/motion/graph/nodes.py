@@ -1,0 +1,183 @@
+"""The nodes of a motion graph before they are joined: segments of clips and the feet they stand on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from crowdsim.errors import MotionError
+from crowdsim.geometry.planar import compose, invert, transform_points
+from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.clips.kinematics import Floats
+from crowdsim.motion.clips.tracks import track_of
+from crowdsim.motion.graph.features import joint_speeds
+from crowdsim.motion.graph.frame_distance import point_clouds
+from crowdsim.motion.graph.segmentation import Segment, require_locomotion, segment_clip
+
+BOTH_FEET = 2
+"""Planted foot of a standing cut; otherwise 0 is the left foot and 1 the right."""
+
+_SHORTEST_TRACK = 0.01
+_SMALLEST_CHANGE = 0.05
+_SMALLEST_TURN = np.radians(2.0)
+
+
+@dataclass(frozen=True)
+class MotionSource:
+    """A clip and how it enters the graph.
+
+    behavior: index of the behavior that it performs.
+    detectors: names of the feature detectors that cut it.
+    idle: the whole clip is one node that waits in place.
+    """
+
+    clip: Clip
+    behavior: int
+    detectors: tuple[str, ...]
+    idle: bool = False
+
+
+@dataclass(frozen=True)
+class PreparedSource:
+    """A source with what all its cuts need.
+
+    track: (F, 3) track pose of every frame.
+    foot_speed: (F, 2) m/s, mean over the joints of the left and the right foot.
+    foot_places: (F, 3, 2) meters, ball of the left foot, of the right foot, and the middle of both feet, relative to
+        the track pose. Where cycles are cut the standing foot turns about its ball and the heel already rises.
+    """
+
+    source: MotionSource
+    track: Floats
+    foot_speed: Floats
+    foot_places: Floats
+
+    @property
+    def clip(self) -> Clip:
+        return self.source.clip
+
+
+@dataclass(frozen=True)
+class Moment:
+    """One end of a node, where it may meet another: everything relative to the track pose there.
+
+    frame: of the clip. cloud: (P, 3) point cloud. foot: planted foot. pivots: (3, 2) where either foot stands, and the
+    middle of both.
+    """
+
+    frame: int
+    cloud: Floats
+    foot: int
+    pivots: Floats
+
+    @property
+    def pivot(self) -> Floats:
+        """(2,) where the planted foot stands."""
+        pivot: Floats = self.pivots[self.foot]
+        return pivot
+
+
+@dataclass(frozen=True)
+class Node:
+    """A segment with its track (L + 1, 3) relative to its first sample; see GraphArrays for the rest."""
+
+    name: str
+    source: int
+    segment: Segment
+    track: Floats
+    length: float
+    start: Moment
+    end: Moment
+
+    def leads_nowhere(self) -> bool:
+        """Whether it neither moves nor turns nor ends in another pose, as holding the arms in does."""
+        turn = float(np.ptp(np.unwrap(self.track[:, 2])))
+        change = float(np.max(np.linalg.norm(self.start.cloud - self.end.cloud, axis=1)))
+        return self.length < _SHORTEST_TRACK and turn < _SMALLEST_TURN and change < _SMALLEST_CHANGE
+
+
+def prepare_sources(sources: Sequence[MotionSource]) -> list[PreparedSource]:
+    """What the cuts of ``sources`` need; MotionError where the clips differ in their skeleton or one leads nowhere."""
+    if not sources:
+        raise MotionError("a motion graph needs at least one clip")
+    for source in sources[1:]:
+        _require_same_skeleton(sources[0].clip, source.clip)
+    return [_prepared(source) for source in sources]
+
+
+def _prepared(source: MotionSource) -> PreparedSource:
+    clip, track = source.clip, track_of(source.clip)
+    if not source.idle:
+        require_locomotion(clip, track)
+    elif clip.frame_count < 2:
+        raise MotionError(f"idle clip '{clip.name}' has a single frame; waiting needs a clip that lasts")
+    feet = [_foot_joints(clip, side) for side in ("left", "right")]
+    speed = np.stack([np.mean([joint_speeds(clip, joint) for joint in joints], axis=0) for joints in feet], axis=1)
+    ground = clip.joint_positions[..., :2]
+    balls = [[joints[-1]] for joints in feet]
+    places = np.stack([ground[:, joints].mean(axis=1) for joints in (*balls, feet[0] + feet[1])], axis=1)
+    return PreparedSource(source, track, speed, transform_points(invert(track)[:, None], places))
+
+
+def feature_segments(prepared: PreparedSource) -> list[Segment]:
+    """The segments between the feature cuts of a source; an idle clip is one that stands at both ends."""
+    if prepared.source.idle:
+        return [Segment(0, prepared.clip.frame_count - 1, True, True)]
+    return segment_clip(prepared.clip, prepared.source.detectors)
+
+
+def make_nodes(
+    prepared: PreparedSource, source: int, segments: Sequence[Segment], hold_standing: bool = True
+) -> list[Node]:
+    """A node for each of ``segments`` of the source with index ``source``.
+
+    ``hold_standing`` takes the pose of a cut that stands for its whole window; see :func:`point_clouds`.
+    """
+    if not segments:
+        return []
+    starts = _moments(prepared, [s.first for s in segments], [s.starts_standing for s in segments], hold_standing)
+    ends = _moments(prepared, [s.last for s in segments], [s.ends_standing for s in segments], hold_standing)
+    return [_node(prepared, source, *parts) for parts in zip(segments, starts, ends, strict=True)]
+
+
+def _node(prepared: PreparedSource, source: int, segment: Segment, start: Moment, end: Moment) -> Node:
+    samples = prepared.track[segment.first : segment.last + 1]
+    relative = compose(invert(samples[0]), samples)
+    length = float(np.sum(np.linalg.norm(np.diff(samples[:, :2], axis=0), axis=1)))
+    name = f"{prepared.clip.name}:{segment.first}-{segment.last}"
+    return Node(name, source, segment, relative, length, start, end)
+
+
+def _moments(prepared: PreparedSource, frames: list[int], standing: list[bool], hold_standing: bool) -> list[Moment]:
+    clouds = point_clouds(prepared.clip, prepared.track, np.array(frames), np.array(standing) & hold_standing)
+    moments = []
+    for frame, stands, cloud in zip(frames, standing, clouds, strict=True):
+        foot = BOTH_FEET if stands else int(np.argmin(prepared.foot_speed[frame]))
+        moments.append(Moment(frame, cloud, foot, prepared.foot_places[frame]))
+    return moments
+
+
+def _foot_joints(clip: Clip, side: str) -> list[int]:
+    ankle = clip.skeleton.joint(f"{side}_ankle")
+    return [ankle, clip.skeleton.roles.get(f"{side}_toe", ankle)]
+
+
+def _require_same_skeleton(first: Clip, other: Clip) -> None:
+    a, b = first.skeleton, other.skeleton
+    if a is b:
+        return
+    if a.names != b.names or not np.array_equal(a.parents, b.parents):
+        extra = sorted(set(a.names) ^ set(b.names))
+        raise MotionError(
+            f"clips '{first.name}' and '{other.name}' have different skeletons "
+            f"({', '.join(extra) if extra else 'the same joints in another order'}); one graph needs one skeleton"
+        )
+    gaps = np.linalg.norm(a.offsets - b.offsets, axis=1)
+    if gaps.max() > 1e-3:
+        worst = int(np.argmax(gaps))
+        raise MotionError(
+            f"the bones of clips '{first.name}' and '{other.name}' differ by {gaps[worst] * 100:.1f} cm at "
+            f"'{a.names[worst]}'; one graph needs one skeleton"
+        )

@@ -1,0 +1,112 @@
+"""Joints of characters from their node, frame and track pose: what recordings store and pictures show."""
+
+import math
+
+from crowdsim.geometry.elementary_kernels import atan2, cos_sin
+from crowdsim.geometry.planar_kernels import wrap_angle
+from crowdsim.jit import helper, kernel
+from crowdsim.motion.graph.track_kernels import BLEND_FRAMES, blend_weight
+
+
+@helper
+def _multiply(a0, a1, a2, a3, b0, b1, b2, b3):
+    """Hamilton product: the rotation b followed by a."""
+    return (
+        a0 * b0 - a1 * b1 - a2 * b2 - a3 * b3,
+        a0 * b1 + a1 * b0 + a2 * b3 - a3 * b2,
+        a0 * b2 - a1 * b3 + a2 * b0 + a3 * b1,
+        a0 * b3 + a1 * b2 - a2 * b1 + a3 * b0,
+    )
+
+
+@helper
+def _faded_difference(pool, old_row, first_row, joint, w):
+    """The share ``w`` of the rotation that turns ``joint`` at ``first_row`` into itself at ``old_row``."""
+    p = pool[old_row, joint]
+    q = pool[first_row, joint]
+    d0, d1, d2, d3 = _multiply(p[0], p[1], p[2], p[3], q[0], -q[1], -q[2], -q[3])
+    sine = math.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
+    if sine < 1e-7:
+        return 1.0, 0.0, 0.0, 0.0
+    if d0 < 0.0:
+        sine = -sine
+    half = w * atan2(abs(sine), abs(d0))
+    c, s = cos_sin(half)
+    scale = s / sine
+    return c, scale * d1, scale * d2, scale * d3
+
+
+@helper
+def _yaw(q):
+    """Heading (radians) of what a rotation turns x to."""
+    return atan2(2.0 * (q[1] * q[2] + q[0] * q[3]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]))
+
+
+@helper
+def _turned(angle, x, y):
+    c, s = cos_sin(angle)
+    return c * x - s * y, s * x + c * y
+
+
+@kernel
+def pose_joints(table, node, previous, frame, pose, out_positions, out_rotations):
+    """World positions and rotations of all joints of A characters.
+
+    node, previous: (A,) int32, the node that plays and the one before it (-1 for none).
+    frame: (A,) int32 frames into the node. pose: (A, 3) float64 world track pose at that frame.
+    out_positions: (A, J, 3) float32. out_rotations: (A, J, 4) float32 unit quaternions.
+
+    Over the first BLEND_FRAMES frames the difference between the last pose of the node before and the first of
+    this one fades out. It is the difference that fades and not the old pose, which would hold the feet back. And it
+    fades in the world: the two nodes' tracks may head apart where the bodies do not, by ``apart``, and a root that
+    turned with the fading track would drag the planted foot along.
+    """
+    pool = table.pool_rotations
+    root = table.pool_root
+    for a in range(len(node)):
+        first = table.node_first[node[a]]
+        row = first + frame[a]
+        old = first
+        w = 0.0
+        if previous[a] >= 0 and frame[a] < BLEND_FRAMES:
+            w = blend_weight(frame[a])
+            old = table.node_first[previous[a]] + table.node_frames[previous[a]]
+        c, s = cos_sin(pose[a, 2])
+        x, y = float(root[row, 0]), float(root[row, 1])
+        if w > 0.0:
+            apart = wrap_angle(_yaw(pool[old, 0]) - _yaw(pool[first, 0]))
+            x, y = _turned(w * apart, x - w * root[first, 0], y - w * root[first, 1])
+            old_x, old_y = _turned((w - 1.0) * apart, float(root[old, 0]), float(root[old, 1]))
+            x += w * old_x
+            y += w * old_y
+        for j in range(len(table.parents)):
+            q = pool[row, j]
+            q0, q1, q2, q3 = float(q[0]), float(q[1]), float(q[2]), float(q[3])
+            if w > 0.0:
+                d0, d1, d2, d3 = _faded_difference(pool, old, first, j, w)
+                q0, q1, q2, q3 = _multiply(d0, d1, d2, d3, q0, q1, q2, q3)
+            parent = table.parents[j]
+            if parent < 0:
+                p0, p3 = cos_sin(0.5 * pose[a, 2])
+                p1, p2 = 0.0, 0.0
+                out_positions[a, j, 0] = pose[a, 0] + c * x - s * y
+                out_positions[a, j, 1] = pose[a, 1] + s * x + c * y
+                out_positions[a, j, 2] = root[row, 2] + w * (root[old, 2] - root[first, 2])
+            else:
+                r = out_rotations[a, parent]
+                p0, p1, p2, p3 = float(r[0]), float(r[1]), float(r[2]), float(r[3])
+                ox = float(table.offsets[j, 0])
+                oy = float(table.offsets[j, 1])
+                oz = float(table.offsets[j, 2])
+                tx = 2.0 * (p2 * oz - p3 * oy)
+                ty = 2.0 * (p3 * ox - p1 * oz)
+                tz = 2.0 * (p1 * oy - p2 * ox)
+                out_positions[a, j, 0] = out_positions[a, parent, 0] + ox + p0 * tx + p2 * tz - p3 * ty
+                out_positions[a, j, 1] = out_positions[a, parent, 1] + oy + p0 * ty + p3 * tx - p1 * tz
+                out_positions[a, j, 2] = out_positions[a, parent, 2] + oz + p0 * tz + p1 * ty - p2 * tx
+            q0, q1, q2, q3 = _multiply(p0, p1, p2, p3, q0, q1, q2, q3)
+            n = 1.0 / math.sqrt(q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
+            out_rotations[a, j, 0] = q0 * n
+            out_rotations[a, j, 1] = q1 * n
+            out_rotations[a, j, 2] = q2 * n
+            out_rotations[a, j, 3] = q3 * n

@@ -1,0 +1,57 @@
+"""How to stand soonest: for each node the edge toward the nearest node that ends standing."""
+
+from __future__ import annotations
+
+import heapq
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.constants import NONE
+from crowdsim.motion.graph.arrays import GraphArrays
+
+TURN_COST = 1.0
+"""Meters that a radian of turning counts for on the way to a stand."""
+
+
+def choose_stop_edges(graph: GraphArrays) -> NDArray[np.int32]:
+    """(N,) edge to take at each node's end, NONE where it ends standing or no standing node can be reached.
+
+    Least way first, where a turn counts TURN_COST meters a radian, so that whoever stops comes to rest the way it
+    faced; then fewest frames. A character that stops must not need more room than it has, so paths
+    that never widen the behavior come first; others serve only nodes that have none.
+    """
+    source = np.repeat(np.arange(len(graph.node_frames)), np.diff(graph.edge_start))
+    target = graph.edge_target
+    usable = ~graph.node_idle[target]
+    narrowing = usable & (graph.node_behavior[target] <= graph.node_behavior[source])
+    stop = _nearest_standing(graph, source, narrowing)
+    anyhow = _nearest_standing(graph, source, usable)
+    return np.where(stop == NONE, anyhow, stop).astype(np.int32)
+
+
+def _nearest_standing(graph: GraphArrays, source: NDArray[np.int64], allowed: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Dijkstra from all standing ends backward over the ``allowed`` edges."""
+    count = len(graph.node_frames)
+    incoming: list[list[int]] = [[] for _ in range(count)]
+    for edge in np.flatnonzero(allowed).tolist():
+        incoming[graph.edge_target[edge]].append(edge)
+    best = np.full(count, NONE, np.int32)
+    done = np.zeros(count, bool)
+    queue: list[tuple[float, int, int, int]] = [
+        (0.0, 0, node, NONE) for node in np.flatnonzero(graph.node_ends_standing).tolist()
+    ]
+    heapq.heapify(queue)
+    while queue:
+        meters, frames, node, edge = heapq.heappop(queue)
+        if done[node]:
+            continue
+        done[node] = True
+        best[node] = edge
+        for way_in in incoming[node]:
+            before = int(source[way_in])
+            if not done[before]:
+                way = float(graph.node_length[node]) + TURN_COST * abs(float(graph.node_motion[node, 2]))
+                cost = meters + way, frames + int(graph.node_frames[node])
+                heapq.heappush(queue, (*cost, before, way_in))
+    return best

@@ -1,0 +1,182 @@
+"""Feet across transitions: how far planted feet drift while one segment fades into the next, as it is played.
+
+When a foot stands is told by the two clips themselves: one that the fade pushes away would look as if it swung. Of its
+points that stand in the clip the foot stands on the one that moves least: it may turn on its ball.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.geometry.elementary import atan2
+from crowdsim.geometry.planar import compose, transform_points, wrap_angle
+from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.clips.kinematics import Floats, conjugate, multiply
+from crowdsim.motion.graph.assembly import MotionGraph, clip_frames
+from crowdsim.motion.graph.foot_contacts import (
+    Feet,
+    Stance,
+    extent,
+    feet_of,
+    planted_steps,
+    runs,
+    stances,
+    standing_moves,
+)
+from crowdsim.motion.graph.pose_kernels import pose_joints
+from crowdsim.motion.graph.track_kernels import BLEND_FRAMES, blend_weight
+
+Indices = NDArray[np.int64]
+
+_EDGES = 500
+"""Transitions posed at once."""
+
+
+@dataclass(frozen=True)
+class TransitionDrift:
+    """Meters of E transitions, those edges that do not simply go on with a capture, without extra rotation.
+
+    edge: (E,) index of each. played: (E,) largest drift of a stance that the fade touches, as played. added: (E,) how
+    much more that is than the same foot drifts in the two clips as they are, at most.
+    """
+
+    edge: Indices
+    played: Floats
+    added: Floats
+
+
+@dataclass(frozen=True)
+class _Standing:
+    """Where the feet of a clip of F frames stand, and how they move there.
+
+    planted: (F - 1, 2, P) whether a point stands from a frame to the next. moves: (F - 1, 2, 2) meters, how the foot
+    moves on the floor meanwhile. since, until: (F - 1, 2) first and behind last step of the stance.
+    """
+
+    planted: NDArray[np.bool_]
+    moves: Floats
+    since: Indices
+    until: Indices
+
+    @classmethod
+    def of(cls, feet: Feet) -> _Standing:
+        planted = planted_steps(feet)
+        since, until = np.zeros(planted.shape[:2], np.int64), np.zeros(planted.shape[:2], np.int64)
+        for foot in (0, 1):
+            for first, end in runs(np.any(planted[:, foot], axis=1)):
+                since[first:end, foot], until[first:end, foot] = first, end
+        return cls(planted, standing_moves(np.diff(feet.points[..., :2], axis=0), planted), since, until)
+
+
+def clip_stances(clip: Clip) -> list[Stance]:
+    """Every stance of a clip and its drift."""
+    return stances(_clip_feet(clip))
+
+
+def transition_drifts(graph: MotionGraph, clips: Sequence[Clip]) -> TransitionDrift:
+    """Play every transition of ``graph``, which was built of ``clips``, each of another name, and measure the feet."""
+    arrays, names = graph.arrays, {clip.name: clip for clip in clips}
+    places = [clip_frames(name) for name in graph.node_names]
+    standing = {name: _Standing.of(_clip_feet(names[name])) for name in sorted({place[0] for place in places})}
+    heading = np.array([_heading(graph, node, names[place[0]], place[1]) for node, place in enumerate(places)])
+    source, target = np.repeat(np.arange(graph.report.nodes), np.diff(arrays.edge_start)), arrays.edge_target
+    joins = [places[a][0] != places[b][0] or places[a][2] != places[b][1] for a, b in zip(source, target, strict=True)]
+    edges = np.flatnonzero(joins)
+    like = _clip_feet(clips[0])
+    opening = np.zeros((len(places), BLEND_FRAMES, *like.lowest.shape), bool)
+    for node, (name, first, last) in enumerate(places):
+        planted = standing[name].planted[first : min(first + BLEND_FRAMES, last)]
+        opening[node, : len(planted)] = planted
+    figures = []
+    for begin in range(0, len(edges), _EDGES):
+        chosen = edges[begin : begin + _EDGES]
+        a, b = source[chosen], target[chosen]
+        ahead = arrays.node_motion[a, 2] + arrays.edge_transform[chosen, 2]
+        turns = np.stack([-heading[a], ahead - heading[b]], axis=1)
+        faded = standing_moves(_faded_steps(graph, a, chosen, like), opening[b])
+        for row, (i, j) in enumerate(zip(a.tolist(), b.tolist(), strict=True)):
+            before, after = (standing[places[k][0]] for k in (i, j))
+            figures.append(_drift(before, places[i], after, places[j], turns[row], faded[row]))
+    table = np.array(figures).reshape(-1, 2)
+    return TransitionDrift(edges, table[:, 0], table[:, 1])
+
+
+def skating_edges(graph: MotionGraph, clips: Sequence[Clip], most: float) -> Indices:
+    """(2, n) nodes left and entered by the transitions that add more than ``most`` meters to the drift of a foot."""
+    drift = transition_drifts(graph, clips)
+    skates = drift.edge[drift.added > most]
+    left = np.searchsorted(graph.arrays.edge_start, skates, side="right") - 1
+    return np.stack([left, graph.arrays.edge_target[skates].astype(np.int64)])
+
+
+def _heading(graph: MotionGraph, node: int, clip: Clip, first: int) -> float:
+    """Heading of a node's track where the node starts, in the clip that it is taken from."""
+    turned = clip.rotations[first, 0]
+    relative = graph.poses.pool_rotations[graph.poses.node_first[node], 0].astype(np.float64)
+    turn = multiply(turned, conjugate(relative))
+    return 2.0 * float(atan2(turn[3], turn[0]))
+
+
+def _faded_steps(graph: MotionGraph, source: Indices, edges: Indices, like: Feet) -> Floats:
+    """Steps (E, BLEND_FRAMES, 2, P, 2) of the feet while ``edges`` fade, played from the starts of ``source``."""
+    arrays = graph.arrays
+    target = arrays.edge_target[edges]
+    end = arrays.node_motion[source]
+    origin = compose(end, arrays.edge_transform[edges])
+    seam = end - origin
+    seam[:, 2] = wrap_angle(seam[:, 2])
+    frame = np.minimum(np.arange(BLEND_FRAMES + 1), arrays.node_frames[target][:, None])
+    weight = np.array([blend_weight(f) for f in range(BLEND_FRAMES + 1)])[frame]
+    pose = compose(origin[:, None], arrays.tracks[arrays.node_track[target][:, None] + frame])
+    pose = (pose + weight[..., None] * seam[:, None]).reshape(-1, 3)
+    columns = (np.repeat(c, BLEND_FRAMES + 1).astype(np.int32) for c in (target, source))
+    positions = np.empty((len(pose), graph.skeleton.joint_count, 3), np.float32)
+    rotations = np.empty((len(pose), graph.skeleton.joint_count, 4), np.float32)
+    pose_joints(graph.poses, *columns, frame.ravel().astype(np.int32), pose, positions, rotations)
+    points = feet_of(graph.skeleton, positions.astype(np.float64), rotations.astype(np.float64), like).points
+    return np.diff(points[..., :2].reshape(len(edges), BLEND_FRAMES + 1, 2, -1, 2), axis=1)
+
+
+def _drift(
+    before: _Standing,
+    left: tuple[str, int, int],
+    after: _Standing,
+    entered: tuple[str, int, int],
+    turns: Floats,
+    played: Floats,
+) -> tuple[float, float]:
+    """Largest drift of a stance that the fade touches, and how much more than its own that is at most.
+
+    ``left`` and ``entered`` are clip, first and last frame of the two segments, ``played`` (BLEND_FRAMES, 2, 2) the
+    moves of the feet while one fades into the other, ``turns`` (2,) radians by which the clips turn to where that is
+    played.
+    """
+    _, first, end = left
+    _, begin, last = entered
+    count = min(BLEND_FRAMES, last - begin)
+    most, added = 0.0, 0.0
+    for foot in (0, 1):
+        step = begin
+        while step < begin + count:
+            until = min(int(after.until[step, foot]), last)
+            if until == 0:
+                step += 1
+                continue
+            own = transform_points(np.array([0.0, 0.0, turns[1]]), after.moves[step:until, foot])
+            way = np.concatenate([played[step - begin : count, foot], own[begin + count - step :]])[: until - step]
+            if step == begin and before.until[end - 1, foot]:
+                since = max(int(before.since[end - 1, foot]), first)
+                parts = transform_points(np.array([0.0, 0.0, turns[0]]), before.moves[since:end, foot])
+                own, way = np.concatenate([parts, own]), np.concatenate([parts, way])
+            drift = extent(way)
+            most, added = max(most, drift), max(added, drift - extent(own))
+            step = until
+    return most, added
+
+
+def _clip_feet(clip: Clip) -> Feet:
+    return feet_of(clip.skeleton, *clip.posed)

@@ -1,0 +1,1 @@
+"""Clips made without captures: gaits, turns, dances."""

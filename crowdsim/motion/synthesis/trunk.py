@@ -1,0 +1,163 @@
+"""The body above the feet of a plan: pelvis, trunk, head and arms, as smooth curves driven by the footfall."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.constants import CAPTURE_RATE
+from crowdsim.geometry.elementary import cos, hypot, sin
+from crowdsim.geometry.planar import compose, wrap_angle
+from crowdsim.motion.synthesis.curves import ease, smoothed
+from crowdsim.motion.synthesis.feet import FootCurves, foot_curves
+from crowdsim.motion.synthesis.footstep_plan import LEFT, RIGHT, STANDING_HALF_WIDTH, Plan, footprint
+
+Floats = NDArray[np.float64]
+
+STANDING_HEIGHT = 1.010
+"""Meters from the floor to the root joint of a standing body."""
+_DROP, _DROP_APART = 0.008, 0.133
+"""Meters that the pelvis sinks in walking, and for a squared meter between the feet."""
+_LEAN, _SHIFT = 5.0, 9.0
+"""Frames before a foot lifts from rest at which the body sets out and its weight begins to go over."""
+_LONG_SUPPORT = 12.0
+"""Frames on both feet beyond which the body waits between them."""
+_OVER_FOOT = 0.055
+"""Meters ahead of the ankle at which a foot carries the body."""
+
+SCALARS = (
+    "height", "pelvis_yaw", "pelvis_roll", "pelvis_pitch", "trunk_yaw", "trunk_roll", "trunk_pitch", "head_yaw",
+    "left_arm", "left_elbow", "right_arm", "right_elbow",
+    "left_out", "right_out", "arm_twist", "head_pitch", "head_roll",
+    "left_ankle_height", "left_pitch", "left_toe", "right_ankle_height", "right_pitch", "right_toe",
+)  # fmt: skip
+"""Columns of :attr:`Controls.scalars`; the last six belong to the feet."""
+FOOT_SCALARS = slice(17, 23)
+
+
+@dataclass(frozen=True)
+class Controls:
+    """Everything that fixes a pose, in numbers that may be averaged.
+
+    placed: (F, 9) planar poses (x, y, heading without jumps) of pelvis, left foot and right foot.
+    scalars: (F, 23) see :data:`SCALARS`.
+    """
+
+    placed: Floats
+    scalars: Floats
+
+
+def _between(old: Floats, new: Floats, facing: float, share: float) -> Floats:
+    """Body pose halfway from one print's to the next one's, facing ``share`` of the way, without jumps."""
+    first = facing + wrap_angle(old[2] - facing)
+    return np.array([*(0.5 * (old[:2] + new[:2])), first + share * wrap_angle(new[2] - old[2])])
+
+
+def _course(plan: Plan) -> tuple[Floats, Floats]:
+    """(F, 3) where the body goes and faces, and (F, 2) the place that carries it, both still with corners."""
+    course: list[tuple[float, Floats]] = [(-1.0, plan.start)]
+    load: list[tuple[float, Floats]] = [(-1.0, plan.start[:2])]
+    bodies = [plan.start, plan.start]
+    half_widths = [STANDING_HALF_WIDTH, STANDING_HALF_WIDTH]
+    middle = plan.start
+    lifts = [step.lift for step in plan.steps] + [float(plan.frame_count)]
+    for step, next_lift in zip(plan.steps, lifts[1:], strict=True):
+        previous, carrying = load[-1]
+        if step.lift - previous > 0.5 * _LONG_SUPPORT:
+            course.append((max(step.lift - _LEAN, previous), middle))
+            load.append((max(step.lift - _SHIFT, previous), carrying))
+        stance = footprint(1 - step.side, bodies[1 - step.side], half_widths[1 - step.side])
+        under = compose(stance, np.array([_OVER_FOOT, 0.0, 0.0]))[:2]
+        load.extend([(step.lift, under), (step.land, under)])
+        bodies[step.side], half_widths[step.side] = step.body, step.half_width
+        closes = hypot(*(step.body - bodies[1 - step.side])[:2]) < 1e-9
+        middle = _between(bodies[1 - step.side], step.body, middle[2], 0.5 if closes else 0.7)
+        if next_lift - step.land > _LONG_SUPPORT:
+            course.extend([(step.land + 1.0, middle), (next_lift - _LEAN, middle)])
+            load.append((step.land + 5.0, middle[:2]))
+        else:
+            course.append((0.5 * (step.land + next_lift), middle))
+    frames = np.arange(plan.frame_count)
+
+    def through(knots: list[tuple[float, Floats]]) -> Floats:
+        times = np.array([t for t, _ in knots])
+        values = np.array([v for _, v in knots])
+        return np.stack([np.interp(frames, times, column) for column in values.T], axis=-1)
+
+    return through(course), through(load)
+
+
+def _supports(plan: Plan) -> tuple[Floats, Floats]:
+    """(F,) which foot carries the body (1 left, -1 right, 0 both) and (F,) how far apart the feet are in step."""
+    frames = np.arange(plan.frame_count, dtype=np.float64)
+    side = np.zeros(plan.frame_count)
+    bodies = [plan.start, plan.start]
+    lifts = [step.lift for step in plan.steps] + [float(plan.frame_count)]
+    knots: list[tuple[float, float]] = [(-1.0, 0.0)]
+    for step, next_lift in zip(plan.steps, lifts[1:], strict=True):
+        side[(frames >= step.lift - 2.0) & (frames <= step.land + 2.0)] = 1.0 if step.side == RIGHT else -1.0
+        knots.append((0.5 * (step.lift + step.land), 0.0))
+        bodies[step.side] = step.body
+        spread = float(hypot(*(bodies[0] - bodies[1])[:2]))
+        knots.append((min(0.5 * (step.land + next_lift), step.land + 5.0), spread))
+    knots.append((knots[-1][0] + 8.0, knots[-1][1]))
+    apart = np.interp(frames, [t for t, _ in knots], [v for _, v in knots])
+    return side, apart
+
+
+def controls_of(plan: Plan) -> Controls:
+    """The controls of a plan before its hubs are made to agree."""
+    manner = plan.manner
+    course, load = _course(plan)
+    side, apart = _supports(plan)
+    feet = foot_curves(plan, LEFT), foot_curves(plan, RIGHT)
+    body = smoothed(course, 6.0)
+    heading = smoothed(course[:, 2], 5.0)
+    sway = smoothed(load - course[:, :2], 5.5)
+    c, s = cos(heading), sin(heading)
+    across = manner.sway * plan.style.sway * (-s * sway[:, 0] + c * sway[:, 1])
+    pelvis = np.stack([body[:, 0] - s * across, body[:, 1] + c * across, heading], axis=-1)
+
+    def ahead(foot: FootCurves) -> Floats:
+        return c * (foot.ankle[:, 0] - body[:, 0]) + s * (foot.ankle[:, 1] - body[:, 1])
+
+    spread = smoothed(ahead(feet[RIGHT]) - ahead(feet[LEFT]), 2.5)
+    swing = smoothed(spread, 3.0)
+    support = smoothed(side, 4.0)
+    speed = np.gradient(smoothed(course[:, :2], 9.0), axis=0) * CAPTURE_RATE
+    forward = np.clip(c * speed[:, 0] + s * speed[:, 1], 0.0, 2.0)
+    look = smoothed(np.concatenate([course[14:, 2], np.repeat(course[-1:, 2], 14)]), 9.0)
+    walking = ease(forward / 0.8)
+    height = (
+        STANDING_HEIGHT
+        - manner.crouch
+        - _DROP * walking
+        - manner.bounce * smoothed(_DROP_APART * np.square(apart), 4.0)
+    )
+    columns = {
+        "height": height,
+        "pelvis_yaw": manner.pelvis_yaw * spread,
+        "pelvis_roll": manner.pelvis_roll * support,
+        "pelvis_pitch": np.full_like(height, np.radians(4.0)),
+        "trunk_yaw": -manner.trunk_yaw * swing,
+        "trunk_roll": -manner.trunk_roll * support,
+        "trunk_pitch": manner.lean * forward,
+        "head_yaw": 0.6 * (look - heading),
+        "left_arm": -0.05 * walking + manner.arm_swing * swing,
+        "left_elbow": manner.elbow + 0.16 * walking + manner.elbow_swing * swing,
+        "right_arm": -0.05 * walking - manner.arm_swing * swing,
+        "right_elbow": manner.elbow + 0.16 * walking - manner.elbow_swing * swing,
+        "left_out": manner.arm_out + manner.wave * support,
+        "right_out": manner.arm_out - manner.wave * support,
+        "arm_twist": np.full_like(height, manner.arm_twist),
+        "head_pitch": np.full_like(height, manner.head_pitch),
+        "head_roll": manner.head_roll * support,
+    }
+    for side_name, foot in zip(("left", "right"), feet, strict=True):
+        columns[f"{side_name}_ankle_height"] = foot.ankle[:, 2]
+        columns[f"{side_name}_pitch"], columns[f"{side_name}_toe"] = foot.pitch, foot.toe
+    scalars = np.stack([columns[name] for name in SCALARS], axis=-1)
+    placed = np.concatenate([pelvis, *(np.column_stack([f.ankle[:, :2], f.yaw]) for f in feet)], axis=-1)
+    return Controls(placed, scalars)

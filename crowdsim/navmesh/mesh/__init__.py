@@ -1,0 +1,1 @@
+"""The arrays of a mesh, half-edges and heaps."""

@@ -1,0 +1,1 @@
+"""The published planner, and collision tests in 3D."""

@@ -1,0 +1,1 @@
+"""The cheapest behavior for each section of a path."""

@@ -1,0 +1,298 @@
+"""Which behavior fits where along a path: exact intervals of all behaviors in one pass, and the cheapest sections."""
+
+import math
+
+import numpy as np
+
+from crowdsim.geometry.elementary_kernels import hypot
+from crowdsim.jit import helper, kernel
+from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, is_close, is_met, sweep
+from crowdsim.navmesh.clearance.violation_kernels import SPAN, merged
+from crowdsim.navmesh.mesh.growing_kernels import longer
+from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv, triangle_near
+from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, NONE
+from crowdsim.planning.labels.labelling_kernels import label_stretches
+
+OWN_SPAN = np.dtype([("lo", np.float64), ("hi", np.float64), ("owner", np.int64)], align=True)
+"""An interval of arc length where behavior ``owner`` does not fit."""
+
+_GRAZE = 1e-9
+"""Meters within which a piece that touches an obstacle's side may as well cross it."""
+
+
+@helper
+def _crosses(ax, ay, bx, by, length):
+    """Whether side ab and the segment (0, 0) -> (length, 0) meet, or nearly."""
+    if min(ay, by) > _GRAZE or max(ay, by) < -_GRAZE:
+        return False
+    low = min(ax, bx)
+    high = max(ax, bx)
+    if abs(by - ay) > _GRAZE:
+        at = ax - ay * (bx - ax) / (by - ay)
+        low = max(low, at)
+        high = min(high, at)
+    return low <= length + _GRAZE and high >= -_GRAZE
+
+
+@helper
+def _inside(sides, vertices, t, px, py, ux, uy):
+    """Interval (lo, hi) of s where p + s u is inside triangle t; lo > hi if none."""
+    lo = -math.inf
+    hi = math.inf
+    for h in range(3 * t, 3 * t + 3):
+        a = vertices[sides[h].org]
+        b = vertices[sides[nxt(h)].org]
+        at = (b.x - a.x) * (py - a.y) - (b.y - a.y) * (px - a.x)
+        rate = (b.x - a.x) * uy - (b.y - a.y) * ux
+        if rate > 0.0:
+            lo = max(lo, -at / rate)
+        elif rate < 0.0:
+            hi = min(hi, -at / rate)
+        elif at < 0.0:
+            hi = -math.inf
+    return lo, hi
+
+
+@helper
+def _add_span(spans, lasts, count, owner, lo, hi):
+    """Record the interval for behavior ``owner``, or widen that one's last by it; the new count.
+
+    Callers see to room. An array that came back would be counted anew in each call.
+    """
+    k = lasts[owner]
+    if k >= 0:
+        last = spans[k]
+        if lo <= last.hi and hi >= last.lo:
+            last.lo = min(last.lo, lo)
+            last.hi = max(last.hi, hi)
+            return count
+    last = spans[count]
+    last.owner = owner
+    last.lo = lo
+    last.hi = hi
+    lasts[owner] = count
+    return count + 1
+
+
+@helper
+def _add_corner(spans, lasts, count, radii, k, x, y, start, length):
+    """Record for each behavior where the piece is too near to the corner at (x, y) of its frame; the new count."""
+    for b in range(radii.shape[0] - 1, -1, -1):
+        half2 = radii[b, k] * radii[b, k] - y * y
+        if half2 <= 0.0:
+            break
+        half = math.sqrt(half2)
+        lo = max(x - half, 0.0)
+        hi = min(x + half, length)
+        if lo >= hi:  # what is clear enough for this one is for all that are narrower
+            break
+        count = _add_span(spans, lasts, count, b, lo + start, hi + start)
+    return count
+
+
+@helper
+def _add_side(spans, lasts, count, radii, k, ax, ay, bx, by, start, length):
+    """Record for each behavior where the piece is beside the side ab of its frame and too near; the new count."""
+    ex = bx - ax
+    ey = by - ay
+    size = hypot(ex, ey)
+    ex /= size
+    ey /= size
+    # Beside the side: 0 < e.(x - a) < size.
+    from_a = -ex * ax - ey * ay
+    least = 0.0
+    most = length
+    if ex == 0.0:
+        if from_a <= 0.0 or from_a >= size:
+            return count
+    else:
+        s0 = -from_a / ex
+        s1 = (size - from_a) / ex
+        least = max(min(s0, s1), 0.0)
+        most = min(max(s0, s1), length)
+    off = ey * ax - ex * ay
+    for b in range(radii.shape[0] - 1, -1, -1):
+        # Too near: |n.(x - a)| < radius.
+        radius = radii[b, k]
+        lo = least
+        hi = most
+        if ey == 0.0:
+            if abs(off) >= radius:
+                break
+        else:
+            s0 = (radius + off) / ey
+            s1 = (off - radius) / ey
+            lo = max(lo, min(s0, s1))
+            hi = min(hi, max(s0, s1))
+        if lo >= hi:
+            break
+        count = _add_span(spans, lasts, count, b, lo + start, hi + start)
+    return count
+
+
+@helper
+def _add_inside(sides, vertices, t, px, py, ux, uy, start, length, behaviors, spans, lasts, count):
+    """Record for all behaviors where the piece is in the blocked triangle t; the new count."""
+    lo, hi = _inside(sides, vertices, t, px, py, ux, uy)
+    lo = max(lo, 0.0)
+    hi = min(hi, length)
+    if lo < hi:
+        for b in range(behaviors):
+            count = _add_span(spans, lasts, count, b, lo + start, hi + start)
+    return count
+
+
+@helper
+def add_misfits(m, stack, marks, mark, root, px, py, ux, uy, start, length, radii, k, spans, lasts, count):
+    """Record where p + s u, s from 0 to ``length``, is too near to obstacles for each behavior; (spans, count, stack).
+
+    Triangles are walked from ``root``, that of p, as far as the widest behavior reaches. Sides of obstacles are passed
+    only where the piece itself does: from any free place of it, what lies behind one is farther off than that one.
+    """
+    sides = m.sides
+    vertices = m.vertices
+    wind = m.wind
+    behaviors = radii.shape[0]
+    reach = radii[behaviors - 1, k]
+    if count + 4 * behaviors > spans.size:  # for the corners and the inside of the first triangle
+        spans = longer(spans)
+    for i in range(3):
+        row = stack[i]
+        row.h = 3 * root + i
+        v = vertices[sides[row.h].org]
+        row.ax = (v.x - px) * ux + (v.y - py) * uy
+        row.ay = (v.y - py) * ux - (v.x - px) * uy
+        if is_close(row.ax, row.ay, length, reach) and sides[row.h].org >= BOX_CORNERS:
+            count = _add_corner(spans, lasts, count, radii, k, row.ax, row.ay, start, length)
+    for i in range(3):
+        row = stack[i]
+        after = stack[i + 1 if i < 2 else 0]
+        row.bx = after.ax
+        row.by = after.ay
+    marks[root] = mark
+    if wind[root] != 0:
+        count = _add_inside(sides, vertices, root, px, py, ux, uy, start, length, behaviors, spans, lasts, count)
+    top = 3
+    while top > 0:
+        top -= 1
+        row = stack[top]
+        ax = row.ax
+        ay = row.ay
+        bx = row.bx
+        by = row.by
+        near = is_close(ax, ay, length, reach) or is_close(bx, by, length, reach)
+        if not near and not is_met(ax, ay, bx, by, length, reach):
+            continue
+        if count + 3 * behaviors > spans.size:  # for a side, a corner and the inside of a triangle
+            spans = longer(spans)
+        h = row.h
+        side = sides[h]
+        if side.cst != 0:
+            count = _add_side(spans, lasts, count, radii, k, ax, ay, bx, by, start, length)
+            if not _crosses(ax, ay, bx, by, length):
+                continue
+        g = side.twin
+        t = g // 3
+        if g < 0 or marks[t] == mark:
+            continue
+        marks[t] = mark
+        if wind[t] != 0:
+            count = _add_inside(sides, vertices, t, px, py, ux, uy, start, length, behaviors, spans, lasts, count)
+        p = prv(g)
+        origin = sides[p].org
+        v = vertices[origin]
+        x = v.x - px
+        y = v.y - py
+        cx = x * ux + y * uy
+        cy = y * ux - x * uy
+        if is_close(cx, cy, length, reach) and origin >= BOX_CORNERS:
+            count = _add_corner(spans, lasts, count, radii, k, cx, cy, start, length)
+        if top + 2 > stack.size:
+            stack = longer(stack)
+        row = stack[top]
+        row.h = nxt(g)
+        row.ax = ax
+        row.ay = ay
+        row.bx = cx
+        row.by = cy
+        row = stack[top + 1]
+        row.h = p
+        row.ax = cx
+        row.ay = cy
+        row.bx = bx
+        row.by = by
+        top += 2
+    return spans, count, stack
+
+
+@helper
+def label_spans(spans, total, costs, turned, terms, length):
+    """Cheapest sections and their cost, as of `label_stretches`, of a path with ``total`` intervals, in any order."""
+    count = costs.size
+    ends = np.zeros(count, np.int64)
+    own = np.empty(total + 1, SPAN)
+    blocked = np.empty((total, 2))
+    rows = 0
+    for b in range(count):
+        filled = np.int64(0)
+        for s in range(total):
+            if spans[s].owner == b:
+                own[filled].lo = spans[s].lo
+                own[filled].hi = spans[s].hi
+                filled += 1
+        union = merged(own, filled)
+        # Not as slices, whose shape checks compile for a second.
+        for s in range(union.shape[0]):
+            blocked[rows, 0] = union[s, 0]
+            blocked[rows, 1] = union[s, 1]
+            rows += 1
+        ends[b] = rows
+    return label_stretches(blocked, ends, costs, turned, terms, length)
+
+
+@kernel
+def annotate(layers, radii, costs, turned, terms, points):
+    """Cheapest sections (k, 3) of the polyline (n, 2), as of `label_stretches`, their cost and the polyline's length.
+
+    layers: tuple of the meshes tested, without the legs'. radii: (b, m) float64, clearance of each behavior on each.
+    """
+    count = costs.size
+    pieces = points.shape[0] - 1
+    stack = np.empty(64, SWEPT)
+    lasts = np.empty(count, np.int64)
+    spans = np.empty(64, OWN_SPAN)
+    most = 0
+    for m in layers:
+        most = max(most, m.wind.size)
+    marks = np.zeros(most, np.int32)
+    mark = 0
+    total = np.int64(0)
+    length = 0.0
+    for k, m in enumerate(layers):
+        start = 0.0
+        lasts[:] = NONE
+        triangle = triangle_near(m, points[0, 0], points[0, 1], np.int64(NONE))
+        for i in range(pieces):
+            px = points[i, 0]
+            py = points[i, 1]
+            ux = points[i + 1, 0] - px
+            uy = points[i + 1, 1] - py
+            size = hypot(ux, uy)
+            free = False
+            end = triangle
+            if m.wind[triangle] == 0:
+                free, end = sweep(
+                    m.sides, m.vertices, stack, triangle,
+                    px, py, points[i + 1, 0], points[i + 1, 1], radii[count - 1, k],
+                )  # fmt: skip
+            if size > 0.0 and not free:
+                mark += 1
+                spans, total, stack = add_misfits(
+                    m, stack, marks, mark, triangle, px, py, ux / size, uy / size, start, size, radii, k,
+                    spans, lasts, total,
+                )  # fmt: skip
+            triangle = end if free else triangle_near(m, points[i + 1, 0], points[i + 1, 1], triangle)
+            start += size
+        length = start
+    sections, cost = label_spans(spans, total, costs, turned, terms, length)
+    return sections, cost, length

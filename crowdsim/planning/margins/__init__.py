@@ -1,0 +1,1 @@
+"""Shifts of a path for slack and for turns."""

@@ -1,0 +1,140 @@
+"""Moving a path off the obstacles where there is room.
+
+The cheapest path touches corners at exactly the clearance of its behaviors, though motions follow it only nearly. At
+stations along it the path may shift to one side, and dynamic programming chooses the shifts: length times the cost of
+the behavior that fits, and a price for every station that lacks slack.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.geometry.elementary import hypot
+from crowdsim.planning.labels.annotated_path import AnnotatedPath, arc_lengths
+from crowdsim.planning.query.query import Query
+from crowdsim.planning.query.requirements import TOUCH
+
+STATION = 0.12
+"""Meters between stations, at most."""
+
+SLACK = 0.1
+"""Meters of clearance beyond the planned that a path takes where they cost (almost) nothing."""
+
+SHIFTS = SLACK * np.linspace(-1.0, 1.0, 9)
+"""Meters to the left by which a station may shift."""
+
+SLACK_PRICE = 0.1
+"""Cost a meter of the preferred behavior, as a share of its own, for lacking all of the slack."""
+
+SLACK_WORTH = 0.03
+"""Share of the cost that slack may take altogether."""
+
+_CHORD = 0.01
+"""Meters of clearance that shifted stations have left, for the straight pieces between them."""
+
+_ROUNDS = 4
+_STAY = len(SHIFTS) // 2
+
+
+def with_slack(query: Query, path: AnnotatedPath) -> AnnotatedPath:
+    """The same way with more clearance where there is some: through the middle of gaps, wide around corners."""
+    if path.length < 2.0 * STATION:
+        return path
+    arc = np.linspace(0.0, path.length, int(np.ceil(path.length / STATION)) + 1)
+    along = path.at(arc + STATION) - path.at(arc - STATION)
+    normal = np.stack([-along[:, 1], along[:, 0]], axis=1) / hypot(*along.T)[:, None]
+    places = path.at(arc)[:, None] + SHIFTS[:, None] * normal[:, None]
+    prices = _prices(query, places)
+    if prices is None:
+        return path
+    steps = hypot(*(places[1:, None, :, :] - places[:-1, :, None, :]).transpose(3, 0, 1, 2))
+    legs, radius = query.meshes[0], query.need.search_radius - TOUCH
+    for _ in range(_ROUNDS):
+        chosen = _cheapest_shifts(prices, steps)
+        if (chosen == _STAY).all():
+            return path
+        points, first = _shifted(path, arc, places, chosen)
+        tight = legs.violations(points, radius)
+        if not len(tight):
+            roomy = query.annotated(points)
+            return roomy if roomy.sections and roomy.cost <= path.cost * (1.0 + SLACK_WORTH) else path
+        # Straight pieces between stations cut a corner there: they stay where they were.
+        at = arc_lengths(points)[first]
+        for low, high in tight.tolist():
+            begin, end = np.searchsorted(at, [low, high])
+            prices[max(begin - 1, 0) : end + 1, np.arange(len(SHIFTS)) != _STAY] = np.inf
+    return path
+
+
+def _prices(query: Query, places: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """(n, shifts) cost a meter at each of ``places`` (n, shifts, 2), infinite where nobody fits; None if all is roomy.
+
+    The cost is that of the most preferred behavior that fits, and the price of the slack that it lacks.
+    """
+    need = query.need
+    reach = need.radii.max(axis=0) + SLACK
+    roomy = np.ones(len(places), np.bool_)
+    for mesh, limit in zip(query.meshes, reach.tolist(), strict=True):
+        roomy &= mesh.clearances(places[:, _STAY], limit) >= limit
+    if roomy.all():
+        return None
+    # Those next to a station that is too close may have to shift as well.
+    close = np.flatnonzero(np.lib.stride_tricks.sliding_window_view(np.pad(~roomy, 3), 7).any(axis=1))
+    room = np.full((len(close), len(SHIFTS), need.count), np.inf)
+    for layer, mesh in enumerate(query.meshes):
+        clear = mesh.clearances(places[close].reshape(-1, 2), float(reach[layer]))
+        room = np.minimum(room, clear.reshape(len(close), -1, 1) - need.radii[:, layer])
+    least = np.where(np.arange(len(SHIFTS)) == _STAY, -2.0 * TOUCH, _CHORD)[:, None]
+    lack = need.costs[-1] * SLACK_PRICE * (1.0 - np.clip(room / SLACK, 0.0, 1.0))
+    prices = np.full(places.shape[:2], np.inf)
+    prices[:, _STAY] = need.costs[-1]
+    prices[close] = np.where(room >= least, need.costs + lack, np.inf).min(axis=2)
+    stays = prices[:, _STAY]
+    stays[np.isinf(stays)] = need.costs[0]
+    prices[[0, -1]] = np.where(np.arange(len(SHIFTS)) == _STAY, prices[[0, -1]], np.inf)
+    return prices
+
+
+def _cheapest_shifts(prices: NDArray[np.float64], steps: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Shift (n,) of each station with the least sum of length times mean price; steps: (n - 1, from, to) meters."""
+    before = np.full(steps.shape[:2], _STAY)
+    total = np.zeros(len(SHIFTS))
+    every = np.arange(len(SHIFTS))
+    # Between two stations that can only stay there is nothing to choose.
+    free = np.isfinite(prices).sum(axis=1) > 1
+    pieces = np.flatnonzero(free[:-1] | free[1:])
+    costs = 0.5 * (prices[pieces, :, None] + prices[pieces + 1, None, :]) * steps[pieces]
+    for k, cost in zip(pieces.tolist(), costs, strict=True):
+        sums = cost + total[:, None]
+        best = before[k] = sums.argmin(axis=0)
+        total = sums[best, every]
+    chosen = np.full(len(prices), _STAY)
+    for k in range(len(before) - 1, -1, -1):
+        chosen[k] = before[k, chosen[k + 1]]
+    return chosen
+
+
+def _shifted(
+    path: AnnotatedPath, arc: NDArray[np.float64], places: NDArray[np.float64], chosen: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The path through its stations as they are shifted, and which of its points they are.
+
+    Where neither of two stations shifts, it is the path itself between them.
+    """
+    stays = chosen == _STAY
+    own = np.searchsorted(arc, path.arc, side="right") - 1
+    own = np.minimum(own, len(arc) - 2)
+    kept = stays[own] & stays[own + 1] & (path.arc > arc[own] + 1e-9) & (path.arc < arc[own + 1] - 1e-9)
+    points = np.concatenate([places[np.arange(len(arc)), chosen], path.points[kept]])
+    order = np.argsort(np.concatenate([arc, path.arc[kept]]), kind="stable")
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    return np.ascontiguousarray(points[order]), rank[: len(arc)]
+
+
+def joined(pieces: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Polylines end to end, without repeated points."""
+    points = np.concatenate(pieces)
+    keep = np.append(True, hypot(*np.diff(points, axis=0).T) > 1e-9)
+    return np.ascontiguousarray(points[keep])

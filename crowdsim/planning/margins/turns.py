@@ -1,0 +1,30 @@
+"""Room for hands that swing out while a body turns: the middle of a turn asks for more than walking ahead."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import chain
+
+import numpy as np
+
+from crowdsim.planning.labels.annotated_path import AnnotatedPath
+from crowdsim.planning.margins.turn_kernels import bend_turns
+from crowdsim.planning.query.query import Query, as_sections
+
+
+def with_turn_room(query: Query, path: AnnotatedPath) -> AnnotatedPath:
+    """The same way, farther from obstacles where a body reaches beyond its planned clearance while it turns.
+
+    That is the middle half of the room for a turn, in the section of the behavior that is not turned. Where the path
+    cannot lead aside it stays as it is.
+    """
+    need = query.need
+    turned = need.turned.tolist()
+    if len({turned[section.behavior] for section in path.sections}) < 2:
+        return path
+    sections = np.fromiter(chain.from_iterable(path.sections), np.float64)
+    points, arc, sections, cost = bend_turns(
+        tuple([mesh.arrays for mesh in query.meshes]), path.points, path.arc, sections.reshape(-1, 3), path.cost,
+        need.radii, need.turning, need.costs, need.turned,
+    )  # fmt: skip
+    return replace(path, points=points, arc=arc, sections=as_sections(sections), cost=cost) if len(points) else path

@@ -1,0 +1,1 @@
+"""Requirements of a query, behavior areas, lower bound."""

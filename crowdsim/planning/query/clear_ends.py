@@ -1,0 +1,91 @@
+"""Where a path may begin and end when a character stands nearer to obstacles than plans go."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.geometry.elementary import cos, distance, sin
+from crowdsim.navmesh.clearance.sweep_kernels import are_free
+from crowdsim.planning.labels.annotated_path import AnnotatedPath, Section, arc_lengths
+from crowdsim.planning.query.requirements import Requirements
+
+if TYPE_CHECKING:
+    from crowdsim.navmesh.navmesh import NavMesh
+
+REACH = 0.1
+"""Meters off which such a place is looked for: twice the usual margin, for in a corner it lies farther off than one."""
+
+_RINGS = 8
+_DIRECTIONS = 24
+_ROUNDING = 1e-7
+
+
+def clear_ends(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Each of ``points`` (n, 2), or a place nearby where a path keeps its clearance if only bodies have theirs here.
+
+    A motion strays from its path, so whoever stands where it came to rest may be nearer to obstacles than planned.
+    What counts is the widest behavior that fits; one for which the body must turn does only where no other fits.
+    """
+    upright = need.narrowest_upright  # where a wider behavior fits, the narrower does
+    if upright is not None:
+        places = np.concatenate([points, points], axis=1)
+        if are_free(tuple([mesh.arrays for mesh in meshes]), upright - _ROUNDING, places):
+            return points
+    limit = float(need.radii.max()) + REACH
+    clear = np.array([mesh.clearances(points, limit) for mesh in meshes]).T + _ROUNDING
+    planned = np.all(clear[:, None] >= need.radii, axis=2)
+    free = np.any(planned & ~need.turned, axis=1)
+    return np.array([points[i] if free[i] else _clear_end(meshes, need, points[i]) for i in range(len(points))])
+
+
+def _clear_end(meshes: Sequence[NavMesh], need: Requirements, point: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``point`` (2,) or a place around it, where no behavior fits here that walks straight."""
+    ring, offsets = _rings()
+    places = point + offsets
+    clear = np.array([mesh.clearances(places, float(need.radii.max()) + REACH) for mesh in meshes]) + _ROUNDING
+    for radii, body in zip(need.radii[::-1], need.bodies[::-1], strict=True):
+        room = (clear - radii[:, None]).min(axis=0)
+        if (clear[:, 0] >= body).all() and (room >= 0.0).any():
+            nearest = ring[int(np.argmax(room >= 0.0))]
+            return places[int(np.argmax(np.where(ring == nearest, room, -np.inf)))]
+    return point
+
+
+def nearby_place(mesh: NavMesh, point: NDArray[np.float64], radius: float) -> NDArray[np.float64] | None:
+    """``point`` (2,), or a place within REACH of it, with ``radius`` meters of clearance; None if none was found."""
+    if mesh.clearances(point[None], 2.0 * radius)[0] >= radius:
+        return point
+    _, offsets = _rings()
+    places = point + offsets
+    clear = mesh.clearances(places, 2.0 * radius) >= radius
+    return places[int(np.argmax(clear))] if clear.any() else None
+
+
+@cache
+def _rings() -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Ring number (n,) and place (n, 2) of the origin and of points around it out to REACH."""
+    ring = np.append(0, np.repeat(np.arange(1, _RINGS + 1), _DIRECTIONS))
+    angle = np.append(0.0, np.tile(np.arange(_DIRECTIONS) * 2.0 * np.pi / _DIRECTIONS, _RINGS))
+    return ring, (ring * REACH / _RINGS)[:, None] * np.stack([cos(angle), sin(angle)], axis=1)
+
+
+def joined_to(path: AnnotatedPath, ends: NDArray[np.float64], costs: NDArray[np.float64]) -> AnnotatedPath:
+    """The path with its first and last section lengthened to start and goal (2, 2)."""
+    before, after = distance(path.points[0], ends[0]), distance(path.points[-1], ends[1])
+    if before == after == 0.0:
+        return path
+    points = np.concatenate([ends[:1][: before > 0.0], path.points, ends[1:][: after > 0.0]])
+    arc = arc_lengths(points)
+    bounds = [0.0, *(section.end + before for section in path.sections[:-1]), float(arc[-1])]
+    sections = tuple(
+        Section(section.behavior, low, high)
+        for section, low, high in zip(path.sections, bounds[:-1], bounds[1:], strict=True)
+    )
+    cost = path.cost + before * costs[sections[0].behavior] + after * costs[sections[-1].behavior]
+    return replace(path, points=points, arc=arc, sections=sections, cost=float(cost))

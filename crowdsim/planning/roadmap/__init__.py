@@ -1,0 +1,1 @@
+"""The roadmap: building it, searching it, pulling paths taut."""

@@ -1,0 +1,413 @@
+"""The roadmap of a place: points on the sides of the lowest mesh's triangles, and the straight ways between them.
+
+A side gets the points where paths are likely to cross it: both ends of each stretch that is clear enough for the widest
+behavior, for there a path winds around the corner, points between them, and the widest place of each stretch that is
+clear enough for a narrower one only. Ways cross one triangle; a way that cuts the corner its sides share counts with
+the arc around it.
+"""
+
+import math
+
+import numpy as np
+
+from crowdsim.geometry.elementary_kernels import acos, atan2, hypot
+from crowdsim.geometry.segments_kernels import point_segment_distance2
+from crowdsim.jit import helper, kernel
+from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
+from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, sweep
+from crowdsim.navmesh.mesh.growing_kernels import longer
+from crowdsim.navmesh.mesh.half_edge_kernels import nxt
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
+
+ROAD_POINT = np.dtype(
+    [("x", np.float64), ("y", np.float64), ("level", np.int64), ("begin", np.int64), ("side", np.int64)], align=True
+)
+"""A point of the roadmap.
+
+level: the widest behavior it is clear enough for. begin: its first way in the list of them. side: the
+half-edge it is on, the smaller of the two.
+"""
+
+ROAD_WAY = np.dtype([("to", np.int32), ("level", np.int32), ("length", np.float64), ("tight", np.float64)], align=True)
+"""A way to point ``to`` for all behaviors up to ``level``.
+
+length: meters. tight: meters of it where the widest behavior does not fit, or all where it fits everywhere: what a
+narrower behavior costs more is paid for these.
+"""
+
+SPAN_OF = np.dtype([("first", np.int64), ("last", np.int64)], align=True)
+"""Points first <= k < last of a half-edge."""
+
+_PAIR = np.dtype(
+    [("a", np.int32), ("b", np.int32), ("level", np.int64), ("length", np.float64), ("tight", np.float64)], align=True
+)
+
+_STEP = 0.08
+"""Meters between the places of a side that are measured."""
+
+_MOST_STEPS = 96
+
+_TIGHT_STEP = 0.06
+"""Meters between places of a way that are looked at to tell how much of it is tight."""
+
+_BETWEEN = 0.4
+"""Meters at most between points of a short stretch; a long one has :data:`_MOST_BETWEEN` of them."""
+
+_MOST_BETWEEN = 6
+
+_REACH = 0.5
+"""Meters beyond what is needed up to which clearance is measured."""
+
+_SOFT = 0.005
+"""Meters by which a way may be too close: it is bent when a path is made of it."""
+
+
+@helper
+def room_at(layers, hints, radii, level, x, y):
+    """Least clearance at (x, y) of all layers beyond what behavior ``level`` needs there, at most ``_REACH``.
+
+    ``hints`` (m,) are triangles near the place in each layer, and hold those of the place afterwards.
+    """
+    least = _REACH
+    for k, m in enumerate(layers):
+        need = radii[level, k]
+        distance, triangle = disc_clearance(m, x, y, need + _REACH, hints[k])
+        if triangle >= 0:
+            hints[k] = triangle
+        least = min(least, distance - need)
+    return least
+
+
+@helper
+def level_at(layers, hints, radii, x, y):
+    """The widest behavior that fits at (x, y), -1 for none, and the room that the narrowest has there."""
+    n = radii.shape[0]
+    level = n - 1
+    least = _REACH
+    for k, m in enumerate(layers):
+        distance, triangle = disc_clearance(m, x, y, radii[n - 1, k] + _REACH, hints[k])
+        if triangle >= 0:
+            hints[k] = triangle
+        while level >= 0 and distance < radii[level, k]:
+            level -= 1
+        least = min(least, distance - radii[0, k])
+    return level, least
+
+
+@helper
+def _around(px, py, qx, qy, cx, cy, radius):
+    """Length of the shortest way from p to q that keeps ``radius`` from c, which both do."""
+    ax = px - cx
+    ay = py - cy
+    bx = qx - cx
+    by = qy - cy
+    straight = hypot(qx - px, qy - py)
+    da = hypot(ax, ay)
+    db = hypot(bx, by)
+    if straight == 0.0 or da <= radius or db <= radius:
+        return straight
+    angle = abs(atan2(ax * by - ay * bx, ax * bx + ay * by))
+    arc = angle - acos(radius / da) - acos(radius / db)
+    if arc <= 0.0:
+        return straight
+    return math.sqrt(da * da - radius * radius) + math.sqrt(db * db - radius * radius) + radius * arc
+
+
+@helper
+def _is_open(layers, roots, stack, radii, level, px, py, qx, qy):
+    """Whether a disc of behavior ``level`` moves straight from p, in triangles ``roots`` (m,), to q in all layers."""
+    for k, m in enumerate(layers):
+        if roots[k] < 0 or m.wind[roots[k]] != 0:
+            return False
+        free, _ = sweep(m.sides, m.vertices, stack, roots[k], px, py, qx, qy, radii[level, k])
+        if not free:
+            return False
+    return True
+
+
+@helper
+def way_level(layers, roots, hints, stack, radii, px, py, qx, qy, top, cx, cy, around):
+    """The widest behavior, at most ``top``, that fits on the way from p to q, -1 for none.
+
+    Where the way is closer to the corner c than ``around`` (n,) of the behavior, it is taken to wind around it.
+    roots: (m,) triangles of p in each layer. stack: scratch for `sweep`.
+    """
+    length = hypot(qx - px, qy - py)
+    for level in range(top, -1, -1):
+        if _is_open(layers, roots, stack, radii, level, px, py, qx, qy):
+            return level
+        at = 0.0
+        free = True
+        while at < length and free:
+            k = at / length
+            x = px + k * (qx - px)
+            y = py + k * (qy - py)
+            dx = x - cx
+            dy = y - cy
+            off = hypot(dx, dy)
+            if off < around[level] and off > 0.0:
+                x = cx + dx * around[level] / off
+                y = cy + dy * around[level] / off
+            room = room_at(layers, hints, radii, level, x, y)
+            free = room >= -_SOFT
+            at += max(room, 0.1)
+        if free:
+            return level
+    return -1
+
+
+@helper
+def tight_share(layers, hints, radii, px, py, qx, qy, cx, cy, around):
+    """Share of the way from p to q where the widest behavior does not fit; see `way_level`."""
+    top = radii.shape[0] - 1
+    steps = max(2, math.ceil(hypot(qx - px, qy - py) / _TIGHT_STEP))
+    tight = 0
+    for i in range(steps):
+        k = (i + 0.5) / steps
+        x = px + k * (qx - px)
+        y = py + k * (qy - py)
+        dx = x - cx
+        dy = y - cy
+        off = hypot(dx, dy)
+        if off < around[top] and off > 0.0:
+            x = cx + dx * around[top] / off
+            y = cy + dy * around[top] / off
+        if room_at(layers, hints, radii, top, x, y) < -_SOFT:
+            tight += 1
+    return tight / steps
+
+
+@helper
+def _add_point(points, count, x, y, level, h):
+    if count == points.size:
+        points = longer(points)
+    point = points[count]
+    point.x = x
+    point.y = y
+    point.level = level
+    point.side = h
+    return points, count + 1
+
+
+@helper
+def _border(layers, hints, radii, ax, ay, ux, uy, inside, outside):
+    """Meters along u from a, between ``inside`` and ``outside``, up to where the widest behavior fits."""
+    top = radii.shape[0] - 1
+    for _ in range(6):
+        middle = 0.5 * (inside + outside)
+        if room_at(layers, hints, radii, top, ax + middle * ux, ay + middle * uy) >= 0.0:
+            inside = middle
+        else:
+            outside = middle
+    return inside
+
+
+@kernel
+def place_points(layers, radii):
+    """Points (k,) of the roadmap, and for each half-edge of the lowest layer's mesh its first and last one.
+
+    layers: tuple of the meshes, the legs' first. radii: (n, m) float64, clearance of each behavior in each layer.
+    """
+    m = layers[0]
+    sides = m.sides
+    vertices = m.vertices
+    n = radii.shape[0]
+    count = np.int64(0)
+    points = np.empty(m.wind.size * 3 + 16, ROAD_POINT)
+    spans = np.zeros(3 * m.frame[0].triangles, SPAN_OF)
+    hints = np.full(len(layers), NONE)
+    levels = np.empty(_MOST_STEPS + 1, np.int64)
+    rooms = np.empty(_MOST_STEPS + 1)
+    least = 2.0 * radii[0, 0]
+    for h in range(3 * m.frame[0].triangles):
+        g = sides[h].twin
+        if g < h or sides[h].cst != 0 or m.wind[h // 3] != 0:
+            continue
+        a = vertices[sides[h].org]
+        b = vertices[sides[nxt(h)].org]
+        ax = a.x
+        ay = a.y
+        ux = b.x - ax
+        uy = b.y - ay
+        length = hypot(ux, uy)
+        if length < least - 2.0 * _SOFT:
+            continue
+        ux /= length
+        uy /= length
+        hints[0] = h // 3
+        steps = min(_MOST_STEPS, max(4, 2 * math.ceil(0.5 * length / _STEP)))
+        for k in range(steps + 1):
+            s = length * k / steps
+            levels[k], rooms[k] = level_at(layers, hints, radii, ax + s * ux, ay + s * uy)
+        first = count
+        for level in range(n):
+            k = 0
+            while k <= steps:
+                if levels[k] < level:
+                    k += 1
+                    continue
+                begin = k
+                widest = level
+                best = k
+                while k <= steps and levels[k] >= level:
+                    widest = max(widest, levels[k])
+                    if rooms[k] > rooms[best]:
+                        best = k
+                    k += 1
+                if widest > level:
+                    continue
+                if level < n - 1:
+                    s = length * best / steps
+                    points, count = _add_point(points, count, ax + s * ux, ay + s * uy, level, h)
+                    continue
+                low = length * begin / steps
+                high = length * (k - 1) / steps
+                if begin > 0:
+                    low = _border(layers, hints, radii, ax, ay, ux, uy, low, length * (begin - 1) / steps)
+                if k <= steps:
+                    high = _border(layers, hints, radii, ax, ay, ux, uy, high, length * k / steps)
+                parts = min(1 + _MOST_BETWEEN, math.ceil((high - low) / _BETWEEN))
+                if high - low < 0.05:
+                    s = 0.5 * (low + high)
+                    points, count = _add_point(points, count, ax + s * ux, ay + s * uy, level, h)
+                else:
+                    for i in range(parts + 1):
+                        s = low + (high - low) * i / parts
+                        points, count = _add_point(points, count, ax + s * ux, ay + s * uy, level, h)
+        if first == count:  # a passage that is measured across corners, not sides
+            points, count = _add_point(points, count, ax + 0.5 * length * ux, ay + 0.5 * length * uy, 0, h)
+        spans[h].first = first
+        spans[h].last = count
+        spans[g].first = first
+        spans[g].last = count
+    return points[:count].copy(), spans
+
+
+@kernel
+def corner_radii(layers, radii):
+    """(nv, n) float64: how far each behavior stays off each vertex of the lowest mesh, by the layers it stands in."""
+    vertices = layers[0].vertices
+    around = np.zeros((vertices.size, radii.shape[0]))
+    for v in range(vertices.size):
+        for k, m in enumerate(layers):
+            stands = k == 0
+            if not stands:
+                distance, _ = disc_clearance(m, vertices[v].x, vertices[v].y, 0.01, np.int64(NONE))
+                stands = distance < 0.001
+            if stands:
+                for i in range(radii.shape[0]):
+                    around[v, i] = max(around[v, i], radii[i, k])
+    return around
+
+
+@kernel
+def join_points(layers, radii, around, points, spans):
+    """Ways (k,) of all points, in their order; fills the begin of ``points``, the last of which ends the list."""
+    m = layers[0]
+    sides = m.sides
+    vertices = m.vertices
+    hints = np.full(len(layers), NONE)
+    roots = np.full(len(layers), NONE)
+    stack = np.empty(64, SWEPT)
+    pairs = np.empty(8 * points.size + 16, _PAIR)
+    count = np.int64(0)
+    width = 2.0 * radii[0, 0] * (1.0 - 1e-6)
+    legs_suffice = True
+    for k in range(1, len(layers)):
+        legs_suffice = legs_suffice and radii[0, k] <= radii[0, 0]
+    for t in range(m.frame[0].triangles):
+        if m.wind[t] != 0:
+            continue
+        for h in range(3 * t, 3 * t + 3):
+            # Side h and the one before it share the corner at the origin of h.
+            e = nxt(nxt(h))
+            v = sides[h].org
+            cx = vertices[v].x
+            cy = vertices[v].y
+            for i in range(spans[h].first, spans[h].last):
+                p = points[i]
+                hints[0] = t
+                level_at(layers, hints, radii, p.x, p.y)
+                for k in range(hints.size):
+                    roots[k] = hints[k]
+                for j in range(spans[e].first, spans[e].last):
+                    q = points[j]
+                    top = min(p.level, q.level)
+                    level = way_level(layers, roots, hints, stack, radii, p.x, p.y, q.x, q.y, top, cx, cy, around[v])
+                    if level < 0:
+                        # What the mesh knows to be wide enough for the legs may be a bend too tight for straight ways.
+                        if sides[h].clr < width or not legs_suffice:
+                            continue
+                        level = 0
+                    if count == pairs.size:
+                        pairs = longer(pairs)
+                    pair = pairs[count]
+                    pair.a = i
+                    pair.b = j
+                    pair.level = level
+                    pair.length = _around(p.x, p.y, q.x, q.y, cx, cy, around[v, level])
+                    pair.tight = pair.length
+                    if level < radii.shape[0] - 1:
+                        pair.tight *= tight_share(layers, hints, radii, p.x, p.y, q.x, q.y, cx, cy, around[v])
+                    count += 1
+    begins = np.zeros(points.size + 1, np.int64)
+    for k in range(count):
+        begins[pairs[k].a + 1] += 1
+        begins[pairs[k].b + 1] += 1
+    for i in range(points.size):
+        begins[i + 1] += begins[i]
+        points[i].begin = begins[i]
+    ways = np.empty(2 * count, ROAD_WAY)
+    for k in range(count):
+        for turn in range(2):
+            a = pairs[k].a if turn == 0 else pairs[k].b
+            way = ways[begins[a]]
+            begins[a] += 1
+            way.to = pairs[k].b if turn == 0 else pairs[k].a
+            way.level = pairs[k].level
+            way.length = pairs[k].length
+            way.tight = pairs[k].tight
+    return ways
+
+
+@helper
+def see_points(layers, hints, radii, around, points, spans, x, y, seen):
+    """Ways from (x, y) to the points of the sides of its triangle, in ``seen``, which grows; (seen, count)."""
+    m = layers[0]
+    sides = m.sides
+    vertices = m.vertices
+    count = 0
+    level, _ = level_at(layers, hints, radii, x, y)
+    if level < 0:
+        return seen, count
+    t = hints[0]
+    roots = hints.copy()
+    stack = np.empty(64, SWEPT)
+    for h in range(3 * t, 3 * t + 3):
+        for k in range(spans[h].first, spans[h].last):
+            point = points[k]
+            # The corner of the triangle that is nearest to the way is wound around.
+            corner = NONE
+            nearest = math.inf
+            for e in range(3 * t, 3 * t + 3):
+                v = sides[e].org
+                off = point_segment_distance2(vertices[v].x, vertices[v].y, x, y, point.x, point.y)
+                if off < nearest:
+                    nearest = off
+                    corner = v
+            cx = vertices[corner].x
+            cy = vertices[corner].y
+            top = min(level, point.level)
+            found = way_level(layers, roots, hints, stack, radii, x, y, point.x, point.y, top, cx, cy, around[corner])
+            if found < 0:
+                continue
+            if count == seen.size:
+                seen = longer(seen)
+            seen[count].to = k
+            seen[count].level = found
+            seen[count].length = _around(x, y, point.x, point.y, cx, cy, around[corner, found])
+            seen[count].tight = seen[count].length
+            if found < radii.shape[0] - 1:
+                seen[count].tight *= tight_share(layers, hints, radii, x, y, point.x, point.y, cx, cy, around[corner])
+            count += 1
+    return seen, count

@@ -1,0 +1,126 @@
+"""The cheapest string along a way over the roadmap: pinned in gates or not, which is found by trying.
+
+And any path made cheaper where it is narrow, by shifting stations along it time and again.
+"""
+
+import math
+
+import numpy as np
+
+from crowdsim.geometry.segments_kernels import polyline_length
+from crowdsim.jit import kernel
+from crowdsim.navmesh.clearance.sweep_kernels import SWEPT
+from crowdsim.navmesh.mesh.half_edge_kernels import triangle_of
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
+from crowdsim.navmesh.paths.string_kernels import pull
+from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE
+from crowdsim.planning.labels.fitting_kernels import annotate
+from crowdsim.planning.roadmap.funnel_kernels import (
+    CORNER,
+    channel_corners,
+    fill_gaps,
+    keep_off,
+    road_channel,
+    taut_string,
+)
+from crowdsim.planning.roadmap.gate_kernels import GATE, find_gates, pinned_string
+from crowdsim.planning.roadmap.shifting_kernels import shifted_path
+
+MOST_GATES = 8
+"""Gates that are pinned at most."""
+
+SPREAD = 0.12
+"""Meters by which stations of the cheapest path may shift aside at once; half as many after each time in vain."""
+
+_LEAST_SPREAD = 0.05
+
+_ROUNDS = 4
+"""Times that stations shift, each from where they were shifted to."""
+
+
+@kernel
+def polish_road(layers, upper, points, road, around, reach, ends, radii, costs, turned, terms, radius, least):
+    """Polyline (n, 2), its sections (k, 3) and cost, of the cheapest string found along a road; no rows if all tangle.
+
+    The first string is as wide as the road's behaviors and not pinned, the second pinned in all gates and elsewhere as
+    wide as can be, the next differ from the cheapest by one gate each.
+    All keep ``radius`` in the lowest of ``layers``, ``least`` of it at least. upper: those labelled by, with radii
+    (n, k) as of `annotate`. around: (nv, n) of `corner_radii`. reach: (nv,), for scratch.
+    """
+    m = layers[0]
+    top = costs.size - 1
+    channel = np.empty(road.shape[0] + 1, np.int64)
+    levels = np.empty(road.shape[0] + 1, np.int64)
+    corners = np.empty(2 * road.shape[0] + 2, CORNER)
+    stack = np.empty(64, SWEPT)
+    line = np.empty((0, 2))
+    sections = np.empty((0, 3))
+    cost = math.inf
+    start = triangle_of(m, ends[0, 0], ends[0, 1], NONE)
+    goal = triangle_of(m, ends[1, 0], ends[1, 1], NONE)
+    count = road_channel(m, points, road, start, goal, top, channel, levels)
+    if count < 0:
+        return line, sections, cost
+    filled = channel_corners(m, channel, count, around, radius, ends, corners)
+    gates = np.empty(MOST_GATES, GATE)
+    found_gates = find_gates(m, channel, levels, count, around, least, gates)
+    fill_gaps(m, channel, levels, count, around, corners, filled, radius, reach)
+    nodes, size = taut_string(m, channel, count, reach, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1])
+    string = np.empty(nodes.size + 4 * found_gates + 64, STRING_NODE)
+    narrow = False
+    for k in range(count):
+        narrow = narrow or levels[k] < top
+    pins = 0
+    for g in range(found_gates):
+        pins += gates[g].fits
+    for tried in range(2 + found_gates):
+        flip = tried - 2
+        if tried == 1:
+            if not narrow:
+                break
+            for g in range(found_gates):
+                gates[g].pinned = gates[g].fits
+        elif flip >= 0:
+            if pins < 2 or gates[flip].fits == 0:
+                continue
+            gates[flip].pinned = 1 - gates[flip].pinned
+        if tried == 0:
+            for i in range(size):
+                string[i] = nodes[i]
+            written = keep_off(string, size, corners, filled, np.int64(0), count)
+        else:
+            written = pinned_string(nodes, size, corners, filled, around, gates, found_gates, string)
+        value = math.inf
+        if written >= 0:
+            done, found = pull(m, stack, string, written, radius, least, start, np.bool_(False))
+            if done and polyline_length(found) * costs[top] < cost:
+                labels, value, _ = annotate(upper, radii, costs, turned, terms, found)
+                if value < cost:
+                    line, sections, cost = found, labels, value
+        if flip >= 0 and value > cost:
+            gates[flip].pinned = 1 - gates[flip].pinned
+    return line, sections, cost
+
+
+@kernel
+def shift_path(layers, upper, points, sections, cost, radii, full, costs, turned, terms, least):
+    """Polyline (n, 2), its sections (k, 3) and cost, of the path with stations shifted aside where that is cheaper.
+
+    sections, cost: as of `annotate`, of the path along ``points``. Others: as of `polish_road`;
+    full: (n, m), radii on all layers.
+    """
+    stack = np.empty(64, SWEPT)
+    hints = np.full(len(layers), NONE)
+    spread = SPREAD
+    for _ in range(_ROUNDS):
+        if spread < _LEAST_SPREAD:
+            break
+        found = shifted_path(layers, hints, full, costs, points, sections, terms[1], spread, stack, least)
+        value = math.inf
+        if found.shape[0] > 0:
+            labels, value, _ = annotate(upper, radii, costs, turned, terms, found)
+        if value < cost:
+            points, sections, cost = found, labels, value
+        else:
+            spread *= 0.5
+    return points, sections, cost

@@ -1,0 +1,152 @@
+"""The roadmap of a place for a set of behaviors: made once for meshes as they are, searched by any thread."""
+
+from __future__ import annotations
+
+import math
+import threading
+import weakref
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.navmesh.mesh.heap_kernels import HEAP_ROW
+from crowdsim.planning.labels.annotated_path import AnnotatedPath
+from crowdsim.planning.labels.labelling_kernels import TERMS
+from crowdsim.planning.query.query import with_sections
+from crowdsim.planning.query.requirements import TOUCH, Requirements
+from crowdsim.planning.roadmap import build_kernels, polishing_kernels, search_kernels
+
+if TYPE_CHECKING:
+    from crowdsim.navmesh.navmesh import NavMesh
+
+
+LANDMARKS = 24
+"""Points of the roadmap from where the costs to all others are kept, as bounds for the search."""
+
+_NEVER = 1e9
+
+_ENTRY = 0.05
+"""Meters of the least length of a section that a change of behavior counts for, as what is walked of it counts too."""
+
+
+_WORTH = 0.03
+"""Share of the cost of a path that narrow sections cost beyond their least lengths, up to which nothing is shifted."""
+
+
+class Roadmap:
+    """Points, ways and landmarks (:mod:`crowdsim.planning.roadmap.build_kernels`) of meshes as they are now."""
+
+    def __init__(self, meshes: Sequence[NavMesh], need: Requirements, terms: NDArray[np.float64] = TERMS) -> None:
+        self.layers = tuple(mesh.arrays for mesh in meshes)
+        self.need = need
+        self.terms = terms
+        radii = np.ascontiguousarray(need.radii)
+        self._radii = radii
+        self._least = float(radii[0, 0] - 1e-6 * radii[0, 0] - 2.0 * self.layers[0].frame["cell"][0])
+        self._touching = np.ascontiguousarray(need.radii[:, need.first_labelled :] - TOUCH)
+        self.points, self.spans = build_kernels.place_points(self.layers, radii)
+        self.around = build_kernels.corner_radii(self.layers, radii)
+        self.ways = build_kernels.join_points(self.layers, radii, self.around, self.points, self.spans)
+        steps = np.abs(need.costs[:, None] - need.costs)
+        self.change = terms[0] * need.costs[-1] + steps * (_ENTRY if terms[1] > 0.0 else 0.0)
+        self.marks = self._landmarks()
+        self._more = (need.costs - need.costs[-1]).tolist()
+        self._shortest = float(terms[1])
+        self._idle: list[tuple[NDArray[Any], int]] = []
+
+    def answers(self, need: Requirements, terms: NDArray[np.float64]) -> bool:
+        """Whether it was made for the same requirements and terms of changes."""
+        one, other = self.need, need
+        if one is not other and not (
+            np.array_equal(one.radii, other.radii)
+            and np.array_equal(one.costs, other.costs)
+            and np.array_equal(one.turned, other.turned)
+        ):
+            return False
+        return self.terms is terms or np.array_equal(self.terms, terms)
+
+    def _landmarks(self) -> NDArray[np.float32]:
+        """(states, l) costs from landmarks, each as far as can be from those before."""
+        n, count = self.need.count, len(self.points)
+        costs = np.empty((min(LANDMARKS, count), count * n))
+        nearest = np.full(count, np.inf)
+        heap = np.empty(256, HEAP_ROW)
+        source = 0
+        for out in costs:
+            heap = search_kernels.costs_from(
+                self.points, self.ways, self.need.costs, self.need.turned, self.change, source, heap, out
+            )
+            least = np.minimum(nearest, out.reshape(count, n).min(axis=1))
+            # An island next where most of the points are not reached yet.
+            reached = np.isfinite(least)
+            nearest = least
+            source = int(np.argmax(np.where(reached, least, np.inf if reached.mean() < 0.5 else -1.0)))
+        return np.minimum(costs, _NEVER).T.astype(np.float32, order="C")
+
+    def find(self, ends: NDArray[np.float64]) -> tuple[NDArray[np.int64], float]:
+        """Points and behaviors (k, 2) of about the cheapest way from ends[0] to ends[1], and about what it costs.
+
+        No rows where there is no way.
+        """
+        try:
+            states, stamp = self._idle.pop()  # one thread gets it
+        except IndexError:
+            states, stamp = np.zeros(len(self.points) * self.need.count, search_kernels.STATE), 0
+        road, cost = search_kernels.find_road(
+            self.layers, self._radii, self.around, self.need.costs, self.need.turned, self.terms,
+            self.change, self.points, self.spans, self.ways, self.marks, states, stamp + 1, ends,
+        )  # fmt: skip
+        self._idle.append((states, stamp + 1))
+        return road, float(cost)
+
+    def polish(self, road: NDArray[np.int64], ends: NDArray[np.float64]) -> AnnotatedPath | None:
+        """The cheapest string found along a road, or None where it tangles or fits nothing."""
+        need = self.need
+        line, found, cost = polishing_kernels.polish_road(
+            self.layers, self.layers[need.first_labelled :], self.points, road, self.around,
+            np.empty(len(self.around)), ends,
+            self._touching, need.costs, need.turned, self.terms, need.search_radius, self._least,
+        )  # fmt: skip
+        return with_sections(line, found, float(cost)) if len(found) else None
+
+    def excess(self, path: AnnotatedPath) -> list[float]:
+        """What each section costs more than the preferred behavior for what it is longer than the least."""
+        return [self._more[s.behavior] * max(s.end - s.start - self._shortest, 0.0) for s in path.sections]
+
+    def shifted(self, path: AnnotatedPath) -> AnnotatedPath:
+        """The path with stations shifted aside, if it is cheaper, where narrow sections cost more than their least."""
+        need = self.need
+        if math.fsum(self.excess(path)) <= _WORTH * path.cost:
+            return path
+        line, found, cost = polishing_kernels.shift_path(
+            self.layers, self.layers[need.first_labelled :], path.points, np.array(path.sections), path.cost,
+            self._touching, self._radii, need.costs, need.turned, self.terms, self._least,
+        )  # fmt: skip
+        return with_sections(line, found, float(cost)) if cost < path.cost else path
+
+
+_Revisions = tuple[int, ...]
+
+_roadmaps: weakref.WeakKeyDictionary[NavMesh, list[tuple[_Revisions, tuple[NavMesh, ...], Roadmap]]] = (
+    weakref.WeakKeyDictionary()
+)
+_making = threading.Lock()
+
+_KEPT = 4
+"""Roadmaps kept for one lowest mesh, for other behaviors or upper layers."""
+
+
+def roadmap_of(meshes: Sequence[NavMesh], need: Requirements, terms: NDArray[np.float64] = TERMS) -> Roadmap:
+    """The roadmap of ``meshes`` as they are, made at the first call and after every edit."""
+    revisions = tuple([mesh.revision for mesh in meshes])
+    upper = tuple(meshes[1:])
+    with _making:
+        kept = _roadmaps.setdefault(meshes[0], [])
+        for known, others, roadmap in kept:
+            if known == revisions and others == upper and roadmap.answers(need, terms):
+                return roadmap
+        del kept[: len(kept) - _KEPT + 1]
+        kept.append((revisions, upper, Roadmap(meshes, need, terms)))
+        return kept[-1][2]

@@ -1,0 +1,122 @@
+"""Keys of a scenario file about the characters: who walks from where to where, and how they move."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, ConfigDict, Field, WithJsonSchema, model_validator
+
+from crowdsim.constants import NONE
+from crowdsim.scenario.schema.values import Degrees, FileText, Name, Part, Region, Seconds, one_of
+
+MAX_COUNT = 100_000
+
+STAND_WITHIN = 0.1
+"""Meters from its goal within which a character comes to stand where nothing else is asked for."""
+
+
+class Motion(Part):
+    """Where movement comes from: a built-in set, or captures in a folder beside the scenario file."""
+
+    model_config = ConfigDict(json_schema_extra=one_of(("set",), ("captures",)))
+    set: Literal["default", "happy", "dance"] | None = None
+    captures: FileText | None = None
+    clips: Annotated[tuple[FileText, ...], Field(strict=False, min_length=1)] = ("*.bvh",)
+
+    @model_validator(mode="after")
+    def _check(self) -> Motion:
+        if self.only("set", "captures") == "set" and "clips" in self.model_fields_set:
+            raise ValueError("'clips' chooses among captures; give 'captures' with it, or drop it")
+        return self
+
+
+def _checked_repeat(value: Any) -> Any:
+    whole = isinstance(value, int) and not isinstance(value, bool)
+    if value != "forever" and not (whole and 1 <= value <= MAX_COUNT):
+        raise ValueError(f"expected a whole number from 1 to {MAX_COUNT}, or forever")
+    return value
+
+
+Repeat = Annotated[
+    Any,
+    AfterValidator(_checked_repeat),
+    WithJsonSchema({"anyOf": [{"type": "integer", "minimum": 1, "maximum": MAX_COUNT}, {"const": "forever"}]}),
+]
+
+
+def _one_goal_and_some_agents(schema: dict[str, Any]) -> None:
+    schema["oneOf"] = [{"required": ["goal"]}, {"required": ["goals"]}]
+    schema["anyOf"] = [{"required": ["count"]}, {"required": ["rate"]}]
+
+
+class Goal(Region):
+    """A place to go to, and where to face for those who stand there."""
+
+    model_config = ConfigDict(json_schema_extra=one_of(("rectangle",), ("point",), ("circle",), ("polygon",)))
+    heading: Degrees | None = None
+
+
+class AgentGroup(Part):
+    """Characters with one start and the same goals.
+
+    ``count`` of them start ``interval`` seconds after each other; or a source lets in ``rate`` a second until ``until``
+    (at most ``count``). They go to their ``goal``, or to each of ``goals`` in turn, ``repeat`` times over, and stand
+    ``wait`` seconds at all but the last, within ``stand_within`` meters of them.
+    """
+
+    model_config = ConfigDict(json_schema_extra=_one_goal_and_some_agents)
+    name: Name
+    count: Annotated[int, Field(ge=1, le=MAX_COUNT)] | None = None
+    rate: Annotated[float, Field(allow_inf_nan=False, gt=0.0, le=1000.0)] | None = None
+    arrivals: Literal["poisson", "regular"] = "poisson"
+    start: Region
+    goal: Goal | None = None
+    goals: Annotated[tuple[Goal, ...], Field(strict=False, min_length=1)] | None = None
+    repeat: Repeat = 1
+    wait: Seconds = 0.0
+    start_time: Seconds = 0.0
+    interval: Seconds = 0.0
+    until: Seconds | None = None
+    on_arrival: Literal["leave", "stay"] = "leave"
+    stand_within: Annotated[float, Field(allow_inf_nan=False, ge=0.01, le=0.35)] = STAND_WITHIN
+
+    @model_validator(mode="after")
+    def _check(self) -> AgentGroup:
+        self.only("goal", "goals")
+        if self.count is None and self.rate is None:
+            raise ValueError("give 'count' for so many characters, or 'rate' for a source of them")
+        if self.rate is None:
+            for key in ("arrivals", "until"):
+                if key in self.model_fields_set:
+                    raise ValueError(f"'{key}' is about a source; give 'rate' with it, or drop it")
+        elif "interval" in self.model_fields_set:
+            raise ValueError("a source has a 'rate', not an 'interval'; drop one of them")
+        elif self.until is not None and self.until <= self.start_time:
+            raise ValueError(f"'until' ({self.until:g} s) must lie after 'start_time' ({self.start_time:g} s)")
+        if self.rounds != 1 and len(self.regions()) < 2:
+            raise ValueError("'repeat' goes round among several places; give 'goals' with at least two")
+        self._check_stands()
+        return self
+
+    def _check_stands(self) -> None:
+        regions = self.regions()
+        stands = [self.wait > 0.0] * len(regions)
+        stands[-1] = self.on_arrival == "stay" or (self.wait > 0.0 and self.rounds != 1)
+        if "stand_within" in self.model_fields_set and not any(stands):
+            raise ValueError("'stand_within' is about goals to stand at; give 'wait' or 'on_arrival: stay', or drop it")
+        for (key, goal), stood_at in zip(regions, stands, strict=True):
+            if goal.heading is not None and not stood_at:
+                name = ".".join(str(part) for part in key)
+                needed = "'on_arrival: stay'" if key == regions[-1][0] else "'wait'"
+                raise ValueError(f"nobody stands at {name} to face its 'heading'; give {needed}, or drop it")
+
+    @property
+    def rounds(self) -> int:
+        """How many times over the goals are gone to; NONE for as long as the run lasts."""
+        return NONE if self.repeat == "forever" else int(self.repeat)
+
+    def regions(self) -> list[tuple[tuple[str | int, ...], Goal]]:
+        """The goals in order, each with its place in the group: ``("goals", 1)``."""
+        if self.goal is not None:
+            return [(("goal",), self.goal)]
+        return [(("goals", number), region) for number, region in enumerate(self.goals or ())]

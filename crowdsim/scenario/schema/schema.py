@@ -1,0 +1,84 @@
+"""The scenario file as data: every key, its type and its range."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field, field_validator, model_validator
+
+from crowdsim.constants import CAPTURE_RATE
+from crowdsim.environment.layers import LEGS, TORSO
+from crowdsim.scenario.schema.agents import AgentGroup, Motion
+from crowdsim.scenario.schema.events import Door, Event
+from crowdsim.scenario.schema.place import Clutter, Floor, Layer, Obstacle
+from crowdsim.scenario.schema.values import Name, Part, Region, one_of
+
+FORMAT_VERSION = 1
+DEFAULT_BEHAVIORS = ("lateral", "arm_constrained", "frontal")
+
+
+class Area(Region):
+    """A named part of the floor for which shares of behaviors are reported."""
+
+    model_config = ConfigDict(json_schema_extra=one_of(("rectangle",), ("circle",), ("polygon",)))
+    name: Name
+
+    @model_validator(mode="after")
+    def _check_extent(self) -> Area:
+        if self.point is not None:
+            raise ValueError("an area needs an extent; give rectangle, circle or polygon")
+        return self
+
+
+class ScenarioFields(Part):
+    """The keys of a scenario file."""
+
+    crowdsim: Annotated[int, Field(json_schema_extra={"const": FORMAT_VERSION})]
+    name: Name
+    description: str = ""
+    seed: Annotated[int, Field(ge=0, lt=2**63)]
+    duration: Annotated[float, Field(allow_inf_nan=False, gt=0.0, le=1e6)]
+    steps_per_second: Annotated[int, Field(ge=1, le=CAPTURE_RATE)] = 30
+    floor: Floor
+    obstacles: Annotated[tuple[Obstacle, ...], Field(strict=False)] = ()
+    clutter: Clutter | None = None
+    doors: Annotated[tuple[Door, ...], Field(strict=False)] = ()
+    events: Annotated[tuple[Event, ...], Field(strict=False)] = ()
+    # The attribute gives way to the method that builds the layers themselves.
+    bands: Annotated[tuple[Layer, ...], Field(strict=False, min_length=1, alias="layers")] = tuple(
+        Layer(name=band.name, low=band.low, high=band.high) for band in (LEGS, TORSO)
+    )
+    behaviors: Annotated[tuple[Name, ...], Field(strict=False, min_length=1)] = DEFAULT_BEHAVIORS
+    planner: Literal["layered", "greedy", "greedy_literal", "collision3d"] = "layered"
+    motion: Motion = Motion(set="default")
+    agents: Annotated[tuple[AgentGroup, ...], Field(strict=False, min_length=1)]
+    areas: Annotated[tuple[Area, ...], Field(strict=False)] = ()
+
+    @field_validator("crowdsim")
+    @classmethod
+    def _check_version(cls, value: int) -> int:
+        if value != FORMAT_VERSION:
+            raise ValueError(f"format version {value} is unknown here; this crowdsim reads version {FORMAT_VERSION}")
+        return value
+
+    @field_validator("steps_per_second")
+    @classmethod
+    def _check_rate(cls, value: int) -> int:
+        if CAPTURE_RATE % value:
+            rates = [rate for rate in range(1, CAPTURE_RATE + 1) if CAPTURE_RATE % rate == 0]
+            nearest = min(rates, key=lambda rate: abs(rate - value))
+            raise ValueError(f"{value} does not divide {CAPTURE_RATE}; did you mean {nearest}?")
+        return value
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON schema of a scenario file, for editors that complete and check YAML."""
+    schema = ScenarioFields.model_json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "crowdsim scenario"}
+
+
+def write_json_schema(path: Path) -> None:
+    """Write :func:`json_schema` to ``path``."""
+    path.write_text(json.dumps(json_schema(), indent=1) + "\n", encoding="utf-8")

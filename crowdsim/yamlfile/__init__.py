@@ -1,0 +1,1 @@
+"""YAML files: values with their places, messages, overrides."""

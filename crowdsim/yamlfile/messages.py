@@ -1,0 +1,153 @@
+"""From the schema's complaints to problems a person can act on."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import types
+import typing
+from collections.abc import Iterable
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from crowdsim.errors import Problem
+from crowdsim.yamlfile.document import Document, Path, shorten
+
+_BOUNDS = {
+    "greater_than_equal": ("ge", "at least"),
+    "greater_than": ("gt", "greater than"),
+    "less_than_equal": ("le", "at most"),
+    "less_than": ("lt", "less than"),
+}
+
+
+def schema_problems(error: ValidationError, document: Document, model: type[BaseModel]) -> list[Problem]:
+    """Problems of everything ``error`` holds against the values of ``document``, which ``model`` describes."""
+    problems = []
+    for detail in error.errors(include_url=False):
+        path: Path = detail["loc"]
+        if any(path[:length] in document.broken for length in range(len(path) + 1)) or _follows_from_another(detail):
+            continue
+        if detail["type"] == "missing" and isinstance(path[-1], int):
+            path = path[:-1]
+        message = _message(detail, path, model)
+        problems.append(document.problem(path, message, of_key=detail["type"] == "extra_forbidden"))
+    return problems
+
+
+def nearest(word: str, names: Iterable[str], otherwise: str) -> str:
+    """``did you mean 'x'?`` with the nearest of ``names``, or ``otherwise`` followed by all of them."""
+    names = list(names)
+    close = difflib.get_close_matches(word[:80].lower(), names, n=1)
+    return f"did you mean '{close[0]}'?" if close else f"{otherwise}: {', '.join(names) or 'none'}"
+
+
+def _follows_from_another(detail: ErrorDetails) -> bool:
+    """Whether the complaint only says again that a list has bad items, or names a second missing item of a list."""
+    if detail["type"] == "too_short":
+        return len(detail["input"]) >= detail["ctx"]["min_length"]
+    last = detail["loc"][-1] if detail["loc"] else None
+    return detail["type"] == "missing" and isinstance(last, int) and last > len(detail["input"])
+
+
+def _message(detail: ErrorDetails, path: Path, model: type[BaseModel]) -> str:
+    kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
+    annotation = _annotation(model, path[:-1] if kind in ("extra_forbidden", "missing") and path else path)
+    if kind == "extra_forbidden":
+        return f"unknown key; {nearest(str(path[-1]), _keys(annotation), 'the keys here are')}"
+    if kind == "missing" and isinstance(value, dict):
+        return "this key is required and missing"
+    if kind in ("missing", "too_long", "too_short"):
+        return f"expected {_wanted_list(_annotation(model, path), context)}, got {len(value)}"
+    if kind == "literal_error":
+        return _literal_message(value, context["expected"])
+    if kind in _BOUNDS:
+        name, words = _BOUNDS[kind]
+        return f"must be {words} {context[name]}, got {shorten(str(value))}"
+    if kind == "value_error":
+        return str(context["error"])
+    if kind == "finite_number":
+        return f"expected a finite number, got {value}"
+    if kind in ("string_too_short", "string_pattern_mismatch"):
+        return "must be one line of text that neither begins nor ends with a space"
+    if kind == "string_too_long":
+        return f"longer than {context['max_length']} characters"
+    return _type_message(kind, value, annotation)
+
+
+def _type_message(kind: str, value: Any, annotation: Any) -> str:
+    got = _describe(value)
+    if kind in ("model_type", "model_attributes_type", "dict_type"):
+        return f"expected a mapping with keys among {', '.join(_keys(annotation))}, got {got}"
+    if kind == "tuple_type":
+        return f"expected a list, got {got}"
+    if kind == "string_type":
+        return f"expected text, got {got}; put it in quotes if it is meant as text"
+    if kind in ("float_type", "int_type", "int_from_float"):
+        if kind == "float_type" and isinstance(value, int) and not isinstance(value, bool):
+            return f"the number {shorten(str(value))} is too large"
+        hint = ""
+        if isinstance(value, str) and re.fullmatch(r"[-+]?\d+,\d+", value.strip()):
+            hint = f"; write a decimal with a point: {value.strip().replace(',', '.')}"
+        return f"expected a {'number' if kind == 'float_type' else 'whole number'}, got {got}{hint}"
+    return f"not usable here, got {got}"
+
+
+def _literal_message(value: Any, expected: str) -> str:
+    names = re.findall(r"'([^']*)'", expected)
+    if isinstance(value, str) and names:
+        return f"unknown value '{shorten(value)}'; {nearest(value, names, 'the values here are')}"
+    return f"expected {expected}, got {_describe(value)}"
+
+
+def _wanted_list(annotation: Any, context: dict[str, Any]) -> str:
+    arguments = typing.get_args(_bare(annotation))
+    if arguments and arguments[-1] is not Ellipsis:
+        return f"a list of {len(arguments)} numbers"
+    bound, number = ("most", context["max_length"]) if "max_length" in context else ("least", context["min_length"])
+    return f"at {bound} {number} {'entry' if number == 1 else 'entries'}"
+
+
+def _describe(value: Any) -> str:
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return f"the number {shorten(str(value))}"
+    if isinstance(value, str):
+        return f"the text '{shorten(value)}'"
+    return "a list" if isinstance(value, list) else "a mapping"
+
+
+def _bare(annotation: Any) -> Any:
+    """``annotation`` without its metadata and without the None it allows."""
+    while True:
+        origin = typing.get_origin(annotation)
+        if origin is typing.Annotated:
+            annotation = typing.get_args(annotation)[0]
+        elif origin in (typing.Union, types.UnionType):
+            annotation = next(a for a in typing.get_args(annotation) if a is not type(None))
+        else:
+            return annotation
+
+
+def _annotation(model: type[BaseModel], path: Path) -> Any:
+    """Type that the schema wants at ``path``."""
+    annotation: Any = model
+    for part in path:
+        annotation = _bare(annotation)
+        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+            fields = annotation.model_fields
+            annotation = next(field.annotation for name, field in fields.items() if part in (name, field.alias))
+        else:
+            arguments = typing.get_args(annotation)
+            annotation = arguments[0] if arguments[-1] is Ellipsis else arguments[int(part)]
+    return _bare(annotation)
+
+
+def _keys(annotation: Any) -> list[str]:
+    fields = getattr(annotation, "model_fields", {})
+    return [field.alias or name for name, field in fields.items()]

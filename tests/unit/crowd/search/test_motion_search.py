@@ -1,0 +1,161 @@
+"""Searches in slices: the same motion in the end, nothing played ever changed, a way on where it would have to be."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crowdsim.crowd.search.motion_search import MotionSearch, search_motion
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.crowd.state.assets import Setting, prepare
+from crowdsim.crowd.state.environment import Place
+from crowdsim.crowd.state.motion_plan import MotionPlan, Request
+from crowdsim.errors import PathNotFound
+from crowdsim.following.follower.path_follower import FollowResult, FollowStatus, PathSearch
+from crowdsim.geometry.planar import compose
+from crowdsim.scenario.loader import parse_scenario
+from crowdsim.scenario.scenario import Scenario
+from tests.support.two_rooms import WALKERS, two_rooms
+
+TO_THE_OTHER_ROOM = Request(np.array([1.0, 1.5]), np.array([11.0, 3.0]), stays=True)
+TINY = 24
+"""Branches that are one map query of a quick search."""
+
+
+@pytest.fixture(scope="module")
+def scenario() -> Scenario:
+    return parse_scenario(two_rooms(WALKERS, events=("at: 1, close: door_a",), duration=60.0))
+
+
+@pytest.fixture(scope="module")
+def setting(scenario: Scenario) -> Setting:
+    return prepare(scenario)
+
+
+@pytest.fixture
+def place(scenario: Scenario, setting: Setting) -> Place:
+    return Place(setting, scenario.changes())
+
+
+def plan_of(found: MotionPlan | PathNotFound) -> MotionPlan:
+    assert isinstance(found, MotionPlan)
+    return found
+
+
+def check_chain(setting: Setting, plan: MotionPlan) -> None:
+    """Every node begins where the one before ends, but for its seam."""
+    nodes = np.concatenate([[plan.departure_node], plan.nodes[:-1]])
+    starts = np.concatenate([plan.departure[None], plan.origins[:-1]])
+    gaps = compose(starts, setting.graph.node_motion[nodes]) - plan.origins - plan.seams
+    gaps[:, 2] = (gaps[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
+    np.testing.assert_allclose(gaps, 0.0, atol=1e-9)
+
+
+def test_slices_come_to_what_one_search_finds_and_only_grow_what_is_played(setting: Setting, place: Place) -> None:
+    whole = plan_of(search_motion(setting, place, TO_THE_OTHER_ROOM))
+    assert whole.arrives
+    search = MotionSearch(setting, place, TO_THE_OTHER_ROOM)
+    kept, before = 0, None
+    counts = []
+    while not search.over:
+        plan = plan_of(search.advance(kept, TINY))
+        if before is not None:
+            np.testing.assert_array_equal(plan.nodes[:kept], before.nodes[:kept])
+            np.testing.assert_array_equal(plan.origins[:kept], before.origins[:kept])
+        counts.append(plan.count)
+        check_chain(setting, plan)
+        kept, before = min(kept + 1, plan.count), plan
+    assert search.slices > 3
+    assert max(counts[:-1]) > 0
+    np.testing.assert_array_equal(plan.nodes, whole.nodes)
+    np.testing.assert_array_equal(plan.origins, whole.origins)
+    assert plan.arrives
+    assert search.backtracks == search.recoveries == 0
+
+
+def test_who_has_walked_past_where_a_search_turns_back_goes_on_from_there(
+    setting: Setting, place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    search = MotionSearch(setting, place, TO_THE_OTHER_ROOM)
+    plan = plan_of(search.advance(0, TINY))
+    while plan.count < 3:
+        plan = plan_of(search.advance(0, TINY))
+    advance, calls = PathSearch.advance, []
+
+    def turned_back(self: PathSearch, queries: int, kept: int = 0) -> FollowResult | None:
+        calls.append(kept)
+        if len(calls) > 1:
+            return advance(self, queries, kept)
+        # All that it has is spoilt, as if a later stage had found no way on.
+        self._search.state[0] = 0
+        self._search.stage[0, 4] = self._search.stage[0, 3]
+        return advance(self, queries, kept)
+
+    monkeypatch.setattr(PathSearch, "advance", turned_back)
+    kept = 2
+    played = plan.until(kept - 1)
+    while not search.over:
+        plan = plan_of(search.advance(kept, TINY))
+        np.testing.assert_array_equal(plan.nodes[:kept], played.nodes)
+        np.testing.assert_array_equal(plan.origins[:kept], played.origins)
+    assert search.backtracks == search.recoveries == 1
+    assert plan.arrives
+    check_chain(setting, plan)
+    assert np.hypot(*(plan.origins[-1, :2] - TO_THE_OTHER_ROOM.goal)) < 2.0
+
+
+def test_a_change_of_the_place_is_taken_in_with_the_next_slice(
+    scenario: Scenario, setting: Setting, place: Place
+) -> None:
+    search = MotionSearch(setting, place, TO_THE_OTHER_ROOM)
+    plan = plan_of(search.advance(0, TINY))
+    while plan.count < 1:
+        plan = plan_of(search.advance(0, TINY))
+    assert not search.over
+    assert plan.route.at(np.array([plan.route.length / 2]))[0, 1] < 3.0, "by the lower door"
+    change = scenario.changes().changes[0]
+    place.put(change.movable, change.placing, 1)
+    played = plan.until(0)
+    while not search.over:
+        plan = plan_of(search.advance(1, TINY))
+    np.testing.assert_array_equal(plan.nodes[:1], played.nodes)
+    assert plan.arrives
+    assert search.recoveries >= 1
+    at_the_wall = plan.origins[np.argmin(np.abs(plan.origins[:, 0] - 5.1)), 1]
+    assert at_the_wall > 3.0, "by the upper door"
+
+
+def test_a_path_search_that_may_not_change_anything_says_so(setting: Setting, place: Place) -> None:
+    route = place.route(TO_THE_OTHER_ROOM.position, TO_THE_OTHER_ROOM.goal)
+    samples = route.sample()
+    arguments = (setting.graph, setting.maps, samples, tuple(mesh.arrays for mesh in place.meshes))
+    start = np.array([*TO_THE_OTHER_ROOM.position, samples.pose[0, 2]])
+    search = PathSearch(*arguments, setting.body_radii, setting.facings, start, int(setting.idle_nodes[-1]))
+    assert search.advance(2) is None
+    count = len(search.present.nodes)
+    assert count > 1
+    found = search.advance(0, kept=count + 1)
+    assert found is not None
+    assert found.status == FollowStatus.PAST_KEPT
+
+
+def test_runs_in_the_shortest_slices_arrive_and_are_the_same_for_any_number_of_workers(tmp_path: Path) -> None:
+    hashes = set()
+    for workers in (1, 3):
+        simulation = Simulation(parse_scenario(two_rooms(WALKERS, events=("at: 3, close: door_a",))), workers)
+        simulation.searches.first_slice = simulation.searches.longest_slice = TINY
+        with simulation.run(tmp_path / f"{workers}.h5") as recording:
+            summary = recording.summary
+        assert summary["arrived"] == summary["characters"] == 4
+        assert summary["searches"]["sliced"] >= 4
+        assert min(summary["obstacle_margin"].values()) > -0.01
+        hashes.add(summary["state_hash"])
+    assert len(hashes) == 1
+
+
+def test_ways_of_any_length_past_a_corner_are_found(place: Place) -> None:
+    for length in np.linspace(0.2, 2.0, 19):
+        route = place.route((7.4 - length / 2, 0.7), (7.4 + length / 2, 0.7))
+        assert length - 1e-9 <= route.length < length + 0.5

@@ -1,0 +1,123 @@
+"""Who stands at its goal: where it shall be, turned as it shall be, and what becomes of it where that cannot be."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from crowdsim.constants import TRACKING_MARGIN
+from crowdsim.crowd.search.motion_search import search_motion
+from crowdsim.crowd.search.standing import attempts
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.crowd.state.assets import Setting, prepare
+from crowdsim.crowd.state.environment import Place
+from crowdsim.crowd.state.itineraries import TRIES, Errands
+from crowdsim.crowd.state.motion_plan import Request
+from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM
+from crowdsim.following.follower.path_follower import FollowOptions
+from crowdsim.geometry.planar import compose, wrap_angle
+from crowdsim.scenario.loader import parse_scenario
+from crowdsim.scenario.placement import STAND_ROOM, place_agents
+from crowdsim.scenario.schema.agents import STAND_WITHIN
+
+TEXT = """\
+crowdsim: 1
+name: stands
+seed: 3
+duration: 120.0
+floor: {{rectangle: [0, 0, 10, 7]}}
+obstacles: [{{name: table, box: {{center: [5, 3.5], size: [1.6, 1.0]}}, top: 0.8}}]
+agents:
+  - {{name: guests, count: 3, interval: 5, start: {{rectangle: [0.5, 0.5, 2, 6.5]}}, on_arrival: stay, wait: 1,
+      goals: [{{rectangle: [3, 1, 4, 6]{first}}}, {{rectangle: [6, 1, 9, 6]{last}}}]{more}}}
+"""
+GOAL = np.array([8.0, 5.0])
+
+
+@pytest.fixture(scope="module")
+def setting() -> Setting:
+    return prepare(parse_scenario(TEXT.format(first="", last="", more="")))
+
+
+@pytest.fixture(scope="module")
+def place(setting: Setting) -> Place:
+    return Place(setting, parse_scenario(TEXT.format(first="", last="", more="")).changes())
+
+
+def end_of(setting: Setting, place: Place, request: Request) -> np.ndarray:
+    """The pose (3,) in which a motion ends."""
+    plan: Any = search_motion(setting, place, request)
+    assert plan.arrives
+    return compose(plan.origins[-1], setting.graph.node_motion[plan.nodes[-1]])
+
+
+@pytest.mark.parametrize("within", [STAND_WITHIN, 0.01])
+@pytest.mark.parametrize("heading", [None, 90.0, -135.0])
+def test_motions_end_where_and_as_is_asked(
+    setting: Setting, place: Place, within: float, heading: float | None
+) -> None:
+    angle = None if heading is None else float(np.radians(heading))
+    for x in (1.0, 3.0, 7.0):
+        end = end_of(setting, place, Request(np.array([x, 1.0]), GOAL, stays=True, heading=angle, within=within))
+        assert np.hypot(*(end[:2] - GOAL)) <= within
+        if angle is not None:
+            assert abs(wrap_angle(end[2] - angle)) <= FollowOptions.goal_heading_tolerance
+
+
+def test_what_cannot_be_had_is_come_near_to(setting: Setting, place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("crowdsim.crowd.search.standing.STRICT_BUDGET", 1)
+    end = end_of(setting, place, Request(np.array([1.0, 1.0]), GOAL, stays=True, heading=1.0))
+    assert np.hypot(*(end[:2] - GOAL)) <= FollowOptions.goal_tolerance
+
+
+def test_who_is_there_already_stays_or_turns(setting: Setting, place: Place) -> None:
+    node = int(setting.idle_nodes[-1])
+    for heading in (None, np.pi / 2):
+        departure = node, np.array([*GOAL, 0.0])
+        end = end_of(setting, place, Request(GOAL, GOAL, stays=True, departure=departure, heading=heading))
+        assert np.hypot(*(end[:2] - GOAL)) <= STAND_WITHIN
+        assert heading is None or abs(wrap_angle(end[2] - heading)) <= FollowOptions.goal_heading_tolerance
+
+
+def test_only_those_who_stand_are_held_to_it() -> None:
+    walker = Request(np.zeros(2), GOAL, stays=False, heading=1.0, within=0.01)
+    assert [options.goal_heading for options, _ in attempts(walker, 100, strictly=True)] == [None, None]
+    assert not any(exactly for _, exactly in attempts(walker, 100, strictly=True))
+
+
+def test_who_stands_otherwise_than_asked_tries_again_some_times() -> None:
+    text = TEXT.format(first="", last=", heading: 90", more="")
+    errands = Errands(place_agents(parse_scenario(text), 0.3))
+    for agent in range(3):
+        assert errands.reach(agent) == 1.0
+    first, second = (errands.goal(agent) for agent in (0, 1))
+    tries = [errands.accepts(0, np.array([*first, 0.0])) for _ in range(TRIES + 1)]
+    assert tries == [False] * TRIES + [True]
+    assert errands.accepts(1, np.array([*(second + [0.06, 0.0]), np.radians(80.0)]))
+    summary = errands.stands_summary()
+    assert summary["stood"] == 2
+    assert summary["off_goal_most"] == pytest.approx(0.06)
+    assert summary["off_heading_most"] == pytest.approx(90.0)
+
+
+def test_those_who_stay_have_room_to_turn_wherever_they_may_stand() -> None:
+    assert 2.0 * TRACKING_MARGIN + STAND_ROOM >= ELBOW_ROOM + 2.0 * STAND_WITHIN
+
+
+def test_a_run_brings_everyone_to_its_place_turned_as_asked_for_any_number_of_workers(tmp_path: Path) -> None:
+    text = TEXT.format(first=", heading: 180", last=", heading: 45", more=", stand_within: 0.02")
+    hashes = set()
+    for workers in (1, 2):
+        with Simulation(parse_scenario(text), workers).run(tmp_path / f"{workers}.h5") as recording:
+            summary = recording.summary
+            assert summary["arrived"] == 3
+            hashes.add(summary["state_hash"])
+            pose = np.array([recording.x[-1], recording.y[-1], recording.heading[-1]]).T
+    assert len(hashes) == 1
+    assert summary["stands"]["stood"] == 6
+    assert summary["stands"]["off_goal_most"] <= 0.02 + 1e-6
+    assert summary["stands"]["off_heading_most"] <= 15.0
+    assert np.abs(wrap_angle(pose[:, 2] - np.pi / 4)).max() <= np.radians(15.5)

@@ -1,0 +1,229 @@
+"""Reserved timelines against dense sampling, and the nodes that are played against the poses that were promised."""
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from crowdsim.crowd.state.components import SLOT_FRAMES
+from crowdsim.crowd.state.reservation_kernels import (
+    append_stop,
+    comes_near,
+    meets_anyone,
+    pair_meets,
+    reserve,
+    sample_chain,
+)
+from crowdsim.crowd.systems.animate_kernels import advance
+from crowdsim.navmesh.navmesh import NavMesh
+from tests.reference.crowd import FOREVER, chain_of, pose_at, timelines_meet, walking_graph
+
+GRAPH = walking_graph()
+START = np.array([0.3, -0.2, 0.4])
+NOTHING = np.empty((0, 4))
+
+
+def random_timeline(rng: np.random.Generator):
+    steps = rng.normal(0.0, 0.2, (6, 2)) * (rng.random((6, 1)) < 0.7)
+    start = int(rng.integers(3))
+    gone = FOREVER if rng.random() < 0.6 else int(start + rng.integers(8))
+    return rng.uniform(-0.8, 0.8, 2) + np.cumsum(steps, axis=0), start, gone
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=50, deadline=None, derandomize=True)
+def test_two_timelines_meet_exactly_when_dense_sampling_finds_it(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    a, b = random_timeline(rng), random_timeline(rng)
+    first = max(a[1], b[1])
+    found = pair_meets(*a, *b, first, 0.6, True)
+    if found != timelines_meet(a, b, 0.6, first):
+        # Dense sampling misses a graze between its samples: the exact answer may only be the stricter one.
+        assert found
+        assert timelines_meet(a, b, 0.6 + 2e-3, first)
+
+
+def test_those_who_stand_too_close_may_part_but_not_approach() -> None:
+    standing = np.zeros((4, 2))
+    parting = np.column_stack([0.5 + 0.1 * np.arange(4), np.zeros(4)])
+    approaching = np.column_stack([0.5 - 0.1 * np.arange(4), np.zeros(4)])
+    assert not pair_meets(parting, 0, FOREVER, standing, 0, FOREVER, 0, 0.6, True)
+    assert pair_meets(approaching, 0, FOREVER, standing, 0, FOREVER, 0, 0.6, True)
+    assert pair_meets(parting, 0, FOREVER, standing, 0, FOREVER, 0, 0.6, False), "no one enters that close"
+
+
+def test_whoever_is_gone_is_in_no_ones_way() -> None:
+    crossing = np.column_stack([np.linspace(-2, 2, 9), np.zeros(9)])
+    standing = np.zeros((9, 2))
+    assert pair_meets(crossing, 0, FOREVER, standing, 0, FOREVER, 0, 0.5, True)
+    assert not pair_meets(crossing, 0, FOREVER, standing, 0, 2, 0, 0.5, True)
+
+
+def circles_of(timelines: np.ndarray) -> np.ndarray:
+    """Circles around the first positions of timelines (N, K, 2) that hold all of them."""
+    reach = np.hypot(*(timelines - timelines[:, :1]).transpose(2, 0, 1)).max(axis=1)
+    return np.column_stack([timelines[:, 0], reach])
+
+
+def test_meets_anyone_skips_itself_and_finds_the_far_traveler() -> None:
+    timelines = np.zeros((3, 5, 2))
+    timelines[1, :, 0] = 9.0
+    timelines[2, :, 0] = [12, 9, 6, 3, 0.4]
+    starts, gones, radii = np.zeros(3, np.int64), np.full(3, FOREVER), np.full(3, 0.3)
+    assert meets_anyone(0, timelines[0], 0, FOREVER, 0, 0.3, timelines, starts, gones, radii, circles_of(timelines))
+    timelines[2, :, 0] += 0.5
+    assert not meets_anyone(0, timelines[0], 0, FOREVER, 0, 0.3, timelines, starts, gones, radii, circles_of(timelines))
+
+
+@given(st.integers(0, 10_000), st.integers(0, 6))
+def test_circles_dismiss_nobody_who_is_met(seed: int, slot: int) -> None:
+    rng = np.random.default_rng(seed)
+    timelines = rng.uniform(-4, 4, (6, 1, 2)) + np.cumsum(rng.normal(0, 0.5, (6, 5, 2)), axis=1)
+    starts, radii = rng.integers(0, 4, 6), rng.uniform(0.2, 0.5, 6)
+    gones = np.where(rng.random(6) < 0.3, starts + 5, FOREVER)
+    met = any(
+        pair_meets(timelines[0], 0, FOREVER, timelines[k], starts[k], gones[k], slot, radii[0] + radii[k], True)
+        for k in range(1, 6)
+        if gones[k] > slot
+    )
+    found = meets_anyone(
+        0, timelines[0], 0, FOREVER, slot, radii[0], timelines, starts, gones, radii, circles_of(timelines)
+    )
+    assert found == met
+
+
+@pytest.mark.parametrize(("frame", "clock"), [(0, 0), (7, 31), (39, 100)])
+def test_a_sampled_chain_is_where_the_chain_will_be(frame: int, clock: int) -> None:
+    nodes = [1, 2, 2, 3]
+    origins, seams = chain_of(GRAPH, nodes, START)
+    out = np.zeros((40, 2))
+    ended = sample_chain(GRAPH, np.array(nodes, np.int32), origins, seams, 4, frame, clock, SLOT_FRAMES, out)
+    total = int(GRAPH.node_frames[nodes].sum())
+    assert (ended - 1) * SLOT_FRAMES < clock + total - frame <= ended * SLOT_FRAMES
+    for k, found in enumerate(out):
+        later = max((clock // SLOT_FRAMES + k) * SLOT_FRAMES, clock) - clock
+        assert found == pytest.approx(pose_at(GRAPH, nodes, origins, seams, frame + later)[:2], abs=1e-12)
+
+
+def test_a_chain_longer_than_its_timeline_is_refused() -> None:
+    nodes = np.array([2, 2, 2], np.int32)
+    origins, seams = chain_of(GRAPH, [2, 2, 2], START)
+    assert sample_chain(GRAPH, nodes, origins, seams, 3, 0, 0, SLOT_FRAMES, np.zeros((10, 2))) == -1
+
+
+def test_the_stop_behind_a_chain_follows_the_stop_edges() -> None:
+    nodes = np.array([1, 2, 0, 0], np.int32)
+    origins, seams = np.zeros((4, 3)), np.zeros((4, 3))
+    origins[:2], seams[:2] = chain_of(GRAPH, [1, 2], START)
+    assert append_stop(GRAPH, nodes, origins, seams, 2) == 3
+    wanted_origins, wanted_seams = chain_of(GRAPH, [1, 2, 3], START)
+    assert nodes[:3].tolist() == [1, 2, 3]
+    assert origins[:3] == pytest.approx(wanted_origins, abs=1e-12)
+    assert seams[:3] == pytest.approx(wanted_seams, abs=1e-12)
+    assert append_stop(GRAPH, nodes[:2], origins[:2], seams[:2], 2) == -1
+
+
+@pytest.mark.parametrize("frames", [1, 2, 5])
+def test_advancing_plays_a_chain_frame_by_frame(frames: int) -> None:
+    chain = [1, 2, 3]
+    origins, seams = chain_of(GRAPH, chain, START)
+    node, previous, frame = np.array([1], np.int32), np.array([-1], np.int32), np.array([0], np.int32)
+    origin, seam, pose = START[None].copy(), np.zeros((1, 3)), np.zeros((1, 3))
+    next_node, cursor, next_cursor = np.array([-1], np.int32), np.array([0], np.int32), np.array([-1], np.int32)
+    next_origin, next_seam, behavior = np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1, np.int32)
+    place, played = 0, 0
+    for _ in range(int(GRAPH.node_frames[chain].sum()) // frames + 3):
+        if frame[0] + frames >= GRAPH.node_frames[node[0]] and next_node[0] < 0 and place + 1 < len(chain):
+            place += 1
+            next_node[0], next_origin[0], next_seam[0], next_cursor[0] = (
+                chain[place],
+                origins[place],
+                seams[place],
+                place,
+            )
+        advance(
+            GRAPH, frames, node, previous, frame, origin, seam, next_node, next_origin, next_seam, next_cursor, cursor,
+            behavior, pose,
+        )  # fmt: skip
+        played += frames
+        assert pose[0] == pytest.approx(pose_at(GRAPH, chain, origins, seams, played), abs=1e-12)
+    assert (node[0], previous[0], cursor[0]) == (3, 2, 2)
+    assert frame[0] == GRAPH.node_frames[3]
+
+
+def reserved(other: tuple[float, float], room: shapely.Polygon | None = None, kept_free: np.ndarray = NOTHING):
+    """What a walker that starts at START along three strides may reserve where ``other`` stands.
+
+    Returns (nodes taken, gone slot, timeline).
+    """
+    plan = [1, 2, 2, 2]
+    chain, origins, seams = np.zeros(12, np.int32), np.zeros((12, 3)), np.zeros((12, 3))
+    chain[:4] = plan
+    origins[:4], seams[:4] = chain_of(GRAPH, plan, START)
+    mesh = NavMesh(room or shapely.box(-5, -5, 10, 10)).arrays
+    timelines = np.zeros((2, 48, 2))
+    timelines[0] = START[:2]
+    timelines[1] = other
+    out = np.zeros((48, 2))
+    taken, gone = reserve(
+        GRAPH, (mesh, mesh), np.array([[0.2, 0.3]]), 0, 0, 0, SLOT_FRAMES, chain, origins, seams, 1, 3, False,
+        timelines, np.zeros(2, np.int64), np.full(2, FOREVER), np.full(2, 0.3), circles_of(timelines),
+        kept_free, 0.35, out,
+    )  # fmt: skip
+    return taken, gone, out
+
+
+def walked(taken: int) -> tuple[np.ndarray, np.ndarray]:
+    """Track positions at the slots of START, ``taken`` strides and the stop behind them; and where that ends."""
+    nodes = [1, *[2] * taken, 3]
+    origins, seams = chain_of(GRAPH, nodes, START)
+    path = np.array([pose_at(GRAPH, nodes, origins, seams, k * SLOT_FRAMES)[:2] for k in range(48)])
+    return path, path[-1]
+
+
+def test_one_stride_is_reserved_with_the_stop_behind_it() -> None:
+    taken, gone, timeline = reserved((50.0, 50.0))
+    assert (taken, gone) == (1, FOREVER)
+    assert timeline == pytest.approx(walked(1)[0], abs=1e-12)
+
+
+def test_more_strides_are_reserved_where_someone_stands_in_the_place_to_stop() -> None:
+    place = walked(1)[1] + np.array([0.4, -0.75])
+    taken, _, timeline = reserved(tuple(place))
+    assert taken > 1
+    assert timeline == pytest.approx(walked(taken)[0], abs=1e-12)
+    assert np.hypot(*(timeline - place).T).min() >= 0.6
+
+
+def test_nothing_is_reserved_through_someone_who_stands() -> None:
+    assert reserved(tuple(walked(3)[0][9]))[0] == 0
+
+
+def test_a_wall_behind_the_stop_asks_for_a_stride_more_or_refuses() -> None:
+    end = walked(1)[1]
+    post = shapely.Point(end).buffer(0.25)
+    assert reserved((50.0, 50.0), room=shapely.box(-5, -5, 10, 10).difference(post))[0] != 1
+
+
+def test_nothing_is_reserved_into_what_is_kept_free_and_more_nodes_do_not_help() -> None:
+    end = walked(1)[1]
+    bar = shapely.box(end[0] + 0.3, -3.0, end[0] + 0.4, 3.0)
+    ring = shapely.get_coordinates(bar)
+    assert reserved((50.0, 50.0), kept_free=np.concatenate([ring[:-1], ring[1:]], axis=1))[0] == 0
+    away = np.concatenate([ring[:-1], ring[1:]], axis=1) + [9.0, 0.0, 9.0, 0.0]
+    assert reserved((50.0, 50.0), kept_free=away)[0] == 1
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_a_timeline_comes_near_segments_exactly_when_shapely_says_so(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    timeline = np.cumsum(rng.normal(0.0, 0.4, (8, 2)) * (rng.random((8, 1)) < 0.8), axis=0)
+    segments = rng.uniform(-2.0, 2.0, (4, 4))
+    segments[0, 2:] = segments[0, :2]
+    distance = float(rng.uniform(0.01, 1.0))
+    lines = shapely.linestrings(segments.reshape(-1, 2, 2))
+    nearest = shapely.LineString(timeline).distance(shapely.MultiLineString(list(lines)))
+    if abs(nearest - distance) > 1e-9:
+        assert comes_near(timeline, segments, distance) == (nearest < distance)

@@ -1,0 +1,70 @@
+"""Motion maps kept in a file."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crowdsim.errors import CrowdSimError, MotionError
+from crowdsim.following.maps import map_file
+from crowdsim.following.maps.map_file import load_maps, maps_in_file, maps_key, save_maps
+from crowdsim.following.maps.motion_maps import MotionMaps
+from tests.unit.following.walking_graph import graph_of, pieces
+
+GRAPH = graph_of(pieces())
+SMALL = {"depth": 2, "reach": 2.2, "max_entries": 400}
+
+
+def equal(a: MotionMaps, b: MotionMaps) -> bool:
+    return all(
+        x.dtype == y.dtype and x.shape == y.shape and np.array_equal(x, y)
+        for x, y in zip(a.arrays, b.arrays, strict=True)
+    )
+
+
+def test_maps_come_back_as_they_were_built(tmp_path: Path) -> None:
+    built = maps_in_file(tmp_path / "new", GRAPH, **SMALL)
+    assert len(list((tmp_path / "new").iterdir())) == 1
+    loaded = maps_in_file(tmp_path / "new", GRAPH, **SMALL)
+    assert equal(built, loaded)
+    assert equal(MotionMaps.build(GRAPH, **SMALL), loaded)
+
+
+def test_what_is_kept_is_not_built_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    maps_in_file(tmp_path, GRAPH, **SMALL)
+    monkeypatch.setattr(MotionMaps, "build", None)
+    assert maps_in_file(tmp_path, GRAPH, **SMALL).entry_count > 0
+
+
+def test_every_number_and_array_is_part_of_the_name() -> None:
+    keys = {maps_key(GRAPH, **SMALL)}
+    keys |= {maps_key(GRAPH, **(SMALL | {name: value + 1})) for name, value in SMALL.items()}
+    for name, column in zip(GRAPH._fields, GRAPH, strict=True):
+        changed = column.copy()
+        changed.flat[0] = not changed.flat[0] if changed.dtype == bool else changed.flat[0] + 1
+        keys.add(maps_key(GRAPH._replace(**{name: changed}), **SMALL))
+    assert len(keys) == 1 + len(SMALL) + len(GRAPH)
+
+
+@pytest.mark.parametrize("damage", ["cut", "other", "empty", "version"])
+def test_a_file_that_cannot_be_read_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, damage: str) -> None:
+    built = maps_in_file(tmp_path, GRAPH, **SMALL)
+    (file,) = tmp_path.iterdir()
+    content = file.read_bytes()
+    if damage == "version":
+        monkeypatch.setattr(map_file, "VERSION", map_file.VERSION + 1)
+    else:
+        file.write_bytes({"cut": content[:-100], "other": b"something else", "empty": b""}[damage])
+    with pytest.raises(MotionError, match="no motion maps that can be read"):
+        load_maps(file)
+    assert equal(maps_in_file(tmp_path, GRAPH, **SMALL), built)
+
+
+def test_a_write_that_fails_leaves_nothing(tmp_path: Path) -> None:
+    maps = MotionMaps.build(GRAPH, **SMALL)
+    broken = MotionMaps(maps.arrays._replace(outline=None))
+    with pytest.raises(AttributeError):
+        save_maps(broken, tmp_path / "broken.maps")
+    with pytest.raises(CrowdSimError, match=r"\.maps"):
+        save_maps(maps, tmp_path / "maps.txt")
+    assert not list(tmp_path.iterdir())
