@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import crowdsim
+from crowdsim.behaviors import library as behavior_library
 from crowdsim.crowd.state.assets import prepare
 from crowdsim.crowd.state.environment import Place
 from crowdsim.library import library_folder
@@ -81,7 +82,7 @@ def test_a_room_is_crossed_with_four_behaviors(tmp_path: Path, monkeypatch: pyte
         file.read_text().replace("arm_constrained", "arm_bound").replace("cost_per_meter: 1.1", "cost_per_meter: 1.2")
     )
     file.write_text(text)
-    for module in (library, semantics):
+    for module in (behavior_library, semantics):
         monkeypatch.setattr(module, "library_folder", lambda _: library)
     with run(tmp_path, "behaviors: [lateral, arm_bound, arm_constrained, frontal]", 0.33) as recording:
         require_sound(recording)

@@ -9,9 +9,9 @@ import pytest
 BUILD = """
 import hashlib, sys
 from pathlib import Path
-from crowdsim.motion.captures.reader import capture_paths
 from crowdsim.motion.analysis.capture_sets import as_sources, read_clips
 from crowdsim.motion.analysis.graph_file import GraphSettings, build_graph, graph_in_file
+from crowdsim.motion.captures.reader import capture_paths
 from crowdsim.motion.graph.segmentation import segment_clip
 
 folder, out = map(Path, sys.argv[1:])
