@@ -16,7 +16,6 @@ from crowdsim.bench.registry import Measurement
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import PathNotFound
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
-from crowdsim.planning.planner import plan_path
 from crowdsim.planning.query.requirements import Requirements
 
 Floats = NDArray[np.float64]
@@ -78,6 +77,7 @@ def random_paths(ground: Ground, count: int, seed: int, least: float = 2.0) -> l
     need = needs_of(ground)
     rng = np.random.default_rng(seed)
     upright = need.radii[np.flatnonzero(~need.turned)[0]]
+    planners = [ground.planner(name) for name in PLANNERS]
     x0, y0, x1, y1 = ground.bounds
     paths: list[AnnotatedPath] = []
     sections = tries = 0
@@ -88,10 +88,7 @@ def random_paths(ground: Ground, count: int, seed: int, least: float = 2.0) -> l
         if not np.all(fits) or np.hypot(*(ends[1] - ends[0])) < least:
             continue
         try:
-            path = plan_path(
-                ground.meshes, ground.behaviors, *ends, rooms=ground.rooms,
-                planner=PLANNERS[len(paths) % len(PLANNERS)], slack=len(paths) % 2 == 0,
-            )  # fmt: skip
+            path = planners[len(paths) % len(planners)].plan(*ends, slack=len(paths) % 2 == 0)
         except PathNotFound:
             continue
         paths.append(path)

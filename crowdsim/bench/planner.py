@@ -23,7 +23,7 @@ from crowdsim.crowd.state.environment import Place
 from crowdsim.errors import PathNotFound
 from crowdsim.figures import write_figure
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
-from crowdsim.planning.planner import plan_path
+from crowdsim.planning.planner import Planner
 from crowdsim.scenario.loader import load_scenario
 
 if TYPE_CHECKING:
@@ -119,6 +119,7 @@ def run(
 ) -> tuple[Floats, Floats, list[AnnotatedPath | None]]:
     """Seconds (n,), costs (n,), infinite where nothing is found, and paths."""
     setting = place.setting
+    prepared = Planner(place.meshes, setting.behaviors, rooms=place.rooms, planner=planner, bodies=setting.bodies)
     paths: list[AnnotatedPath | None] = []
     seconds = np.full(len(queries), np.inf)
     for k, ends in enumerate(queries):
@@ -126,10 +127,7 @@ def run(
         for _ in range(passes):
             begin = time.perf_counter()
             try:
-                path = plan_path(
-                    place.meshes, setting.behaviors, ends[0], ends[1], rooms=place.rooms,
-                    planner=planner, bodies=setting.bodies, slack=False,
-                )  # fmt: skip
+                path = prepared.plan(ends[0], ends[1], slack=False)
             except PathNotFound:
                 path = None
             seconds[k] = min(seconds[k], time.perf_counter() - begin)

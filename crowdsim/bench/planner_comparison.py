@@ -24,7 +24,7 @@ from crowdsim.environment.layers import AnySolid
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
-from crowdsim.planning.planner import plan_path
+from crowdsim.planning.planner import Planner
 from crowdsim.planning.query.behavior_areas import room_polygons
 from crowdsim.planning.query.requirements import Requirements
 from crowdsim.scenario.loader import load_scenario
@@ -52,6 +52,10 @@ class Ground(NamedTuple):
     def bounds(self) -> tuple[float, ...]:
         """The box (x0, y0, x1, y1) around it."""
         return tuple(self.layers[0].bounds)
+
+    def planner(self, name: str = "layered") -> Planner:
+        """A planner of that name for the place as it is."""
+        return Planner(self.meshes, self.behaviors, rooms=self.rooms, planner=name)
 
 
 def measure(queries: int = QUERIES, worlds: Path | None = None) -> tuple[dict[str, str], dict[str, float]]:
@@ -126,11 +130,12 @@ def compare(ground: Ground, count: int, seed: int = 1) -> tuple[Floats, NDArray[
     And whether (n,) that answer has the widest behavior alone.
     """
     costs, wide = [], []
+    planners = {name: ground.planner(name) for name in ("layered", "greedy_literal", "greedy")}
     for ends in random_queries(ground, 3 * count, seed):
-        literal = _plan(ground, ends, "greedy_literal")
+        literal = _plan(planners["greedy_literal"], ends)
         if literal is None:
             continue
-        others = [_plan(ground, ends, name) for name in ("layered", "greedy")]
+        others = [_plan(planners[name], ends) for name in ("layered", "greedy")]
         layered, kept = (np.inf if path is None else path.cost for path in others)
         costs.append([layered, literal.cost, kept])
         wide.append({section.behavior for section in literal.sections} <= {len(ground.behaviors) - 1})
@@ -139,10 +144,8 @@ def compare(ground: Ground, count: int, seed: int = 1) -> tuple[Floats, NDArray[
     return np.array(costs), np.array(wide)
 
 
-def _plan(ground: Ground, ends: Floats, planner: str) -> AnnotatedPath | None:
+def _plan(planner: Planner, ends: Floats) -> AnnotatedPath | None:
     try:
-        return plan_path(
-            ground.meshes, ground.behaviors, ends[0], ends[1], rooms=ground.rooms, planner=planner, slack=False
-        )
+        return planner.plan(ends[0], ends[1], slack=False)
     except PathNotFound:
         return None

@@ -17,7 +17,6 @@ from crowdsim.navmesh.paths.checked_kernels import CHECK, Checked
 from crowdsim.navmesh.paths.component_kernels import label_sides
 from crowdsim.navmesh.paths.guide_kernels import GUIDE
 from crowdsim.navmesh.paths.paths import Floats
-from crowdsim.navmesh.paths.workspace import workspace
 
 _FARTHER = (1.05, 1.5)
 """How much longer than without obstacles ways are that the guide knows: a factor, and meters. Longer ones are found all
@@ -70,7 +69,7 @@ class Detours:
             self._labels = np.empty(len(arrays.sides), np.int32)
             label_sides(arrays, 2.0 * self._ends[-1], self._labels)
             self._labelled = radius
-        with workspace(len(arrays.wind)) as work:
+        with self.mesh.workspaces.lent(len(arrays.wind)) as work:
             detour_kernels.aim_guide(arrays, self._labels, work, *self._ends, _FARTHER, self._guide)
         self._checked.numbers[:] = self._checked.numbers[0] + 1, 0, 0
 
@@ -81,5 +80,6 @@ class Detours:
         That is workspace, checks, ends and guide. They may put obstacles into the mesh, its copy and the checks, as
         dots there.
         """
-        with self.mesh.edited() as obstacles, workspace(len(obstacles.mesh.wind)) as work:
+        mesh = self.mesh
+        with mesh.edited() as obstacles, mesh.workspaces.lent(len(obstacles.mesh.wind)) as work:
             yield obstacles.places, self._places_before, work, self._checked, self._ends, self._guide

@@ -38,6 +38,7 @@ from crowdsim.navmesh.paths.paths import (
     as_workers,
 )
 from crowdsim.navmesh.paths.reachability import ComponentCache
+from crowdsim.navmesh.paths.workspace import Workspaces
 from crowdsim.navmesh.triangulation.builders import triangulate
 
 if TYPE_CHECKING:
@@ -72,6 +73,8 @@ class NavMesh:
     """What kernels take as their mesh argument; other arrays after an edit."""
     revision: int
     """How many edits there were. What was worked out from the mesh holds as long as this is the same."""
+    workspaces: Workspaces
+    """Scratch memory of path searches, which copies of the mesh share."""
     _search: PathSearch | None = None
     """For path searches on ``arrays`` as they are; None where not made yet, or after ``arrays`` changed."""
 
@@ -84,6 +87,7 @@ class NavMesh:
             warnings.warn(message, GeometryWarning, stacklevel=2)
         self.arrays = triangulate(area, builder)
         self.revision = 0
+        self.workspaces = Workspaces()
         self._obstacles: Obstacles | None = None
 
     def tolerance(self, radius: Any) -> Any:
@@ -142,7 +146,7 @@ class NavMesh:
     def search(self) -> PathSearch:
         """What path searches share, until the next edit."""
         if self._search is None:
-            self._search = PathSearch(self.arrays)
+            self._search = PathSearch(self.arrays, self.workspaces)
         return self._search
 
     def clearances(self, points: ArrayLike, limit: float = math.inf) -> Floats:
@@ -345,6 +349,7 @@ class NavMesh:
         copy = object.__new__(NavMesh)
         copy._obstacles = self._edited().copy() if self._obstacles else Obstacles(self.arrays)
         copy.revision = self.revision
+        copy.workspaces = self.workspaces
         if len(array):
             copy._obstacles.insert(shapely.multipoints(array))
         copy.arrays = copy._obstacles.mesh

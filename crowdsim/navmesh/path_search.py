@@ -17,7 +17,7 @@ from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays
 from crowdsim.navmesh.paths import path_kernels
 from crowdsim.navmesh.paths.paths import Floats, Paths
 from crowdsim.navmesh.paths.region_kernels import REGION, find_regions
-from crowdsim.navmesh.paths.workspace import workspace
+from crowdsim.navmesh.paths.workspace import Workspaces
 from crowdsim.navmesh.shortest import shortest_kernels
 from crowdsim.navmesh.shortest.tangent_graph import RadiusGraph
 
@@ -85,10 +85,13 @@ class PathSearch:
     ----------
     mesh
         The mesh; it must not change while this is used.
+    workspaces
+        Scratch memory of the searches, which outlives this.
     """
 
-    def __init__(self, mesh: MeshArrays) -> None:
+    def __init__(self, mesh: MeshArrays, workspaces: Workspaces) -> None:
         self._mesh = mesh
+        self._workspaces = workspaces
         self._triangles = int(mesh.frame["triangles"][0])
         self._regions: NDArray[np.void] | None = None
         self._graphs: OrderedDict[float, RadiusGraph] = OrderedDict()
@@ -141,7 +144,7 @@ class PathSearch:
 
         def work(first: int, last: int) -> Floats:
             part = batch.part(first, last)
-            with workspace(self._triangles) as scratch:
+            with self._workspaces.lent(self._triangles) as scratch:
                 return path_kernels.plan_paths(
                     self._mesh, regions, scratch, part.starts, part.goals, part.radii, part.least,
                     part.status, part.lengths, part.counts,

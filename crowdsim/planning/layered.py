@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.clearance.sweep_kernels import are_free
-from crowdsim.planning.baselines.greedy import plan_greedy
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, Section, arc_lengths
 from crowdsim.planning.margins.slack import joined
 from crowdsim.planning.query.clear_ends import nearby_place
 from crowdsim.planning.query.query import Query
-from crowdsim.planning.roadmap.roadmap import Roadmap, roadmap_of
+from crowdsim.planning.roadmap.roadmap import Roadmap
 from crowdsim.planning.single_behavior import cheapest_uniform
 
 LONG = 0.5
@@ -24,31 +23,23 @@ LONG = 0.5
 SURPRISE = 0.01
 """Share of the estimate by which the best path may cost more before the shortest paths of all rooms are tried too."""
 
-ALARM = 0.03
-"""Share of the estimate above which blocked places are worth a try: sections of the least length near the ends."""
-
-SHORT_ALARM = -0.03
-"""The same for short paths with the narrowest behavior, whose strings as a rule cost less than the roadmap let expect:
-of 83 of them, blocked places made one cheaper, which cost 0.98 of the estimate."""
-
 WIDE = 1.0
 """What a path costs beyond its length, below which they are tried too."""
 
 NEAR = 6.0
-"""Meters between start and goal up to which they are tried before the roadmap, and below which a path is short."""
+"""Meters between start and goal up to which they are tried before the roadmap."""
 
 FARTHEST = 1.35
 """How many times as long as the shortest path for the legs they may be, but where the roadmap surprises: of 800 plans
 that they did not decide, they were the cheapest path of 25, at most 1.31 times as long but for one."""
 
 
-def plan_layered(query: Query) -> AnnotatedPath | None:
+def plan_layered(query: Query, roadmap: Roadmap) -> AnnotatedPath | None:
     """Cheapest path found, or None where no behavior has one.
 
     Near by, the shortest paths of the rooms are looked for first, and nothing else where none can be cheaper; then a
     path over the roadmap. Where that has no way, its string tangles or is dearer than expected, all rooms are tried.
     """
-    roadmap = roadmap_of(query.meshes, query.need, query.terms)
     arc = arc_lengths(query.ends)
     length = float(arc[-1])
     if length > 0.0 and are_free(roadmap.layers, query.need.radii[-1], query.ends.reshape(1, 4)):
@@ -68,20 +59,12 @@ def plan_layered(query: Query) -> AnnotatedPath | None:
         best = _cheaper(best, cheapest_uniform(query, below, FARTHEST).path)
     if best is None:
         return None
-    if best.cost > estimate * (1.0 + (SHORT_ALARM if _is_short_and_narrow(best) else ALARM)):
-        around = plan_greedy(query, keep_blockers=False)
-        best = around if around is not None and around.cost < best.cost else best
     return best if best is over_roadmap else roadmap.shifted(best)
 
 
 def _is_wide(path: AnnotatedPath, query: Query) -> bool:
     """Whether it costs little more than its length: the roadmap knows lengths worse than where it is narrow."""
     return path.cost - path.length * float(query.need.costs[-1]) < WIDE
-
-
-def _is_short_and_narrow(path: AnnotatedPath) -> bool:
-    """Whether a short path has sections of the narrowest behavior, whose lengths then make much of the cost."""
-    return path.length < NEAR and any(section.behavior == 0 for section in path.sections)
 
 
 def _cheaper(one: AnnotatedPath | None, other: AnnotatedPath | None) -> AnnotatedPath | None:

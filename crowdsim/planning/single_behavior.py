@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.paths.path_kernels import TANGLED
-from crowdsim.navmesh.paths.workspace import workspace
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.planning.labels.fitting_kernels import annotate
 from crowdsim.planning.query.behavior_areas import Room
@@ -93,7 +92,7 @@ def _labelled(query: Query, room: Room, most: float, fitting: tuple[Any, ...]) -
     """
     mesh = room.mesh
     least = room.radius - mesh.tolerance(room.radius)
-    with workspace(len(mesh.arrays.wind)) as work:
+    with mesh.workspaces.lent(len(mesh.arrays.wind)) as work:
         status, points, length, sections, cost = labelled_path(
             mesh.arrays, mesh.search.regions(), work, query.ends, room.radius, least, most, *fitting
         )

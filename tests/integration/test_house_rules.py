@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.module_state import state_in
+
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "crowdsim"
 SOURCES = sorted(path for folder in ("crowdsim", "tests", "tools") for path in (ROOT / folder).rglob("*.py"))
@@ -173,3 +175,77 @@ def test_the_rule_finds_what_hangs_on_the_processor(code):
 @pytest.mark.parametrize("code", ["np.sqrt(x)", "2.0**-50", "np.linalg.norm(v, axis=1)", "sin(x)", "buffered(a, 0.3)"])
 def test_the_rule_lets_through_what_does_not(code):
     assert not any(hangs_on_the_processor(node, "crowd/some.py") for node in ast.walk(ast.parse(code)))
+
+
+MAY_HOLD_STATE = {"cli", "bench", "playback"}
+HELD = {
+    # Settings of numba have to be made before the first kernel is; `kernel` is a decorator.
+    ("jit.py", "numba.config"),
+    ("jit.py", "kernel"),
+    # Defaults of pydantic's models, which it copies for each object.
+    ("behaviors/behavior.py", "BehaviorFile holds transitions"),
+    ("behaviors/behavior.py", "BehaviorFile holds idle"),
+    # The registry of detectors of features, which users add to before they build graphs.
+    ("motion/graph/features.py", "DETECTORS[detector.name]"),
+    # Poses of gaits that are constants of the package.
+    ("motion/synthesis/synthesize.py", "_standing is cached"),
+    ("motion/synthesis/synthesize.py", "_passing is cached"),
+}
+"""What a module may hold all the same: its name, and words of what is found."""
+
+
+def test_no_module_holds_what_changes():
+    found = [
+        (name, line, what)
+        for name, tree in package_trees()
+        if name.partition("/")[0] not in MAY_HOLD_STATE
+        for line, what in state_in(tree)
+    ]
+    unnamed = [entry for entry in found if not any(n == entry[0] and words in entry[2] for n, words in HELD)]
+    assert not unnamed, "\n".join(f"{name}:{line} {what}" for name, line, what in unnamed)
+    idle = [(n, words) for n, words in HELD if not any(n == entry[0] and words in entry[2] for entry in found)]
+    assert not idle, f"no longer needed: {idle}"
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "_kept = {}", "_kept: dict[int, int] = {}", "kept = dict()", "_kept = [x for x in y]", "_a, _b = [], 1",
+        "KEPT = threading.Lock()", "KEPT = weakref.WeakKeyDictionary()", "KEPT = (Lock(), 1)", "KEPT = Holder(RLock())",
+        "_kept = Cache()", "_kept = defaultdict[int, list](list)", "_kept = [] if x else None", "_kept = x or {}",
+        "if x:\n    _kept = []", "try:\n    pass\nexcept E:\n    _kept = []", "(kept := [])", "NUMBERS = count()",
+        "KEPT = {}\nKEPT[1] = 2", "KEPT = {}\ndef f(k):\n    KEPT[k] = 1", "KEPT = []\ndef f(k):\n    KEPT.append(k)",
+        "KEPT = {}\ndef f(k):\n    KEPT.setdefault(k, []).append(1)", "KEPT = {}\ndef f(k):\n    del KEPT[k]",
+        "KEPT = {1: []}\ndef f(k):\n    KEPT[1].append(k)", "KEPT = {}\ndef f(k):\n    kept = KEPT\n    kept[k] = 1",
+        "KEPT = []\nKEPT += [1]", "KEPT = []\ndef f():\n    def g():\n        KEPT.pop()\n    return g",
+        "KEPT = {}\nf = lambda k: KEPT.update(k)", "def f():\n    global last\n    last = 1",
+        "from crowdsim.a import KEPT\nKEPT[0] = 1", "from crowdsim import a\ndef f():\n    a.KEPT.append(1)",
+        "def f():\n    from crowdsim import a\n    a.last = 1", "def f():\n    globals()['x'] = 1",
+        "def f():\n    f.calls = 1", "class A:\n    kept = []", "class A:\n    kept: ClassVar[dict] = {}",
+        "class A:\n    KEPT = {}\n    def f(self):\n        self.KEPT[1] = 2", "class A:\n    LOCK = Lock()",
+        "class A:\n    KEPT = []\ndef f():\n    A.KEPT.append(1)", "class A:\n    last = 0\ndef f():\n    A.last = 1",
+        "class A:\n    @classmethod\n    def f(cls):\n        cls.last = 1",
+        "class A:\n    def f(self):\n        type(self).last = 1",
+        "class A:\n    def f(self):\n        self.__class__.last = 1", "def f(kept={}):\n    pass",
+        "def f(*, kept=dict()):\n    pass", "def f(k):\n    setattr(f, 'calls', k)", "@cache\ndef f(k):\n    pass",
+        "class A:\n    @functools.lru_cache(maxsize=None)\n    def f(self):\n        pass", "_f = cache(g)",
+    ],
+)  # fmt: skip
+def test_the_rule_finds_what_modules_hold(code):
+    assert state_in(ast.parse(code))
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "TABLE = {1: [2]}", "_TABLE = dict(a=1)", "__all__ = ['a']", "Floats = NDArray[np.float64]", "last = 0",
+        "T = TypeVar('T')", "NAMES = tuple(x for x in y)", "ROW = np.dtype([('x', float)])", "AREA = box(0, 0, 1, 1)",
+        "TABLE = {}\ndef f(TABLE):\n    TABLE[1] = 2", "TABLE = [1]\ndef f():\n    kept = list(TABLE)\n    kept[0] = 2",
+        "import numpy as np\ndef f(x):\n    return np.append(x, 1)", "def f(x):\n    kept = []\n    kept.append(x)",
+        "class A:\n    def __init__(self):\n        self.kept = {}\n        self.kept[1] = 2", "def f(x=()):\n    pass",
+        "class A:\n    kept: list[int] = field(default_factory=list)", "@cache\ndef f():\n    return 1",
+        "class A:\n    @cached_property\n    def f(self):\n        return []", "def f():\n    n = 0\n    n += 1",
+    ],
+)  # fmt: skip
+def test_the_rule_lets_constants_through(code):
+    assert not state_in(ast.parse(code))

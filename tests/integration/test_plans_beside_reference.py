@@ -6,7 +6,7 @@ import shapely
 
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.planning.planner import plan_path
+from crowdsim.planning.planner import Planner
 from crowdsim.planning.query.behavior_areas import room_polygons
 from crowdsim.planning.query.requirements import Requirements
 from tests.support.small_scenes import SIZE, scene
@@ -34,11 +34,12 @@ def excess(seed):
     goal, *starts = points[fits]
     rate, first = weighted_region.rates(polygons, need.radii, need.costs)
     cost = weighted_region.costs_to(rate, first, goal)
+    planner = Planner(meshes, BEHAVIORS, rooms=rooms, terms=np.zeros(4))
     found = []
     for start in starts:
         least = weighted_region.cost_at(cost, first, start)
         if np.hypot(*(start - goal)) > 3.0 and np.isfinite(least) and len(found) < STARTS:
-            path = plan_path(meshes, BEHAVIORS, start, goal, rooms=rooms, slack=False, terms=np.zeros(4))
+            path = planner.plan(start, goal, slack=False)
             found.append((path.cost / least - 1.0, path.gap))
     return found
 

@@ -11,12 +11,12 @@ from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.mesh.heap_kernels import HEAP_ROW
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.labels.labelling_kernels import TERMS
-from crowdsim.planning.planner import PLANNERS, plan_path
+from crowdsim.planning.planner import PLANNERS, Planner
 from crowdsim.planning.query.behavior_areas import make_rooms, room_polygons
 from crowdsim.planning.query.query import Query
 from crowdsim.planning.query.requirements import Requirements
 from crowdsim.planning.roadmap import polishing_kernels, search_kernels
-from crowdsim.planning.roadmap.roadmap import Roadmap, roadmap_of
+from crowdsim.planning.roadmap.roadmap import Roadmap
 from tests.reference import plan_roadmap
 from tests.unit.planning.conftest import make_behavior
 
@@ -80,7 +80,7 @@ def test_plans_are_sound_and_no_dearer_than_the_published_planner(seed, count):
     paths = {}
     for name in names:
         try:
-            paths[name] = plan_path(meshes, BEHAVIORS, *ends, rooms=rooms, planner=name, slack=False)
+            paths[name] = Planner(meshes, BEHAVIORS, rooms=rooms, planner=name).plan(*ends, slack=False)
         except PathNotFound:
             continue
         assert_sound(paths[name], polygons)
@@ -89,7 +89,7 @@ def test_plans_are_sound_and_no_dearer_than_the_published_planner(seed, count):
     if paths:
         assert paths["layered"].cost <= paths["greedy_literal"].cost * (1.0 + 1e-6)
         assert paths["greedy"].cost <= paths["greedy_literal"].cost * 1.2
-        slack = plan_path(meshes, BEHAVIORS, *ends, rooms=rooms)
+        slack = Planner(meshes, BEHAVIORS, rooms=rooms).plan(*ends)
         assert_sound(slack, polygons)
         assert slack.cost <= paths["layered"].cost * 1.03 + 1e-9
 
@@ -141,8 +141,7 @@ def test_roadmap_costs_are_those_of_a_plain_search(seed, count):
 def test_points_and_ways_keep_what_they_promise():
     polygons, meshes, _ = place(5, 20)
     need = Requirements.of(BEHAVIORS, 2, TRACKING_MARGIN)
-    roadmap = roadmap_of(meshes, need)
-    assert roadmap is roadmap_of(meshes, need)
+    roadmap = Roadmap(meshes, need)
     for point in roadmap.points[roadmap.points["level"] == 2]:
         for polygon, radius in zip(polygons, need.radii[2], strict=True):
             assert shapely.distance(polygon.boundary, shapely.Point(point["x"], point["y"])) >= radius - 1e-4
@@ -159,7 +158,7 @@ def test_polished_roads_are_sound_and_cost_what_they_say(seed, count):
     polygons, meshes, rooms = place(seed, count)
     need = Requirements.of(BEHAVIORS, 2, TRACKING_MARGIN)
     query = Query(meshes, need, make_rooms(meshes, need, rooms), ends_in(meshes, seed), TERMS)
-    roadmap = roadmap_of(meshes, need)
+    roadmap = Roadmap(meshes, need)
     road, _ = roadmap.find(query.ends)
     polished = roadmap.polish(road, query.ends)
     if polished is not None:
@@ -187,7 +186,7 @@ def test_gates_are_crossed_where_the_widest_behavior_comes_closest(gap, wall, le
     meshes = (NavMesh(free), NavMesh(free))
     need = Requirements.of(BEHAVIORS, 2, TRACKING_MARGIN)
     query = Query(meshes, need, make_rooms(meshes, need, None), np.array([[1.0, left], [8.0, right]]), TERMS)
-    roadmap = roadmap_of(meshes, need)
+    roadmap = Roadmap(meshes, need)
     road, _ = roadmap.find(query.ends)
     polished = roadmap.shifted(roadmap.polish(road, query.ends))
     assert_sound(polished, (free, free))
@@ -206,7 +205,7 @@ def test_gates_are_crossed_where_the_widest_behavior_comes_closest(gap, wall, le
 def test_a_road_that_does_not_hang_together_has_no_string():
     _, meshes, _ = place(5, 20)
     need = Requirements.of(BEHAVIORS, 2, TRACKING_MARGIN)
-    roadmap = roadmap_of(meshes, need)
+    roadmap = Roadmap(meshes, need)
     line, sections, cost = polishing_kernels.polish_road(
         roadmap.layers, roadmap.layers[1:], roadmap.points, np.empty((0, 2), np.int64), roadmap.around,
         np.empty(len(roadmap.around)),
@@ -217,14 +216,28 @@ def test_a_road_that_does_not_hang_together_has_no_string():
     assert cost == np.inf
 
 
-def test_a_roadmap_is_made_anew_after_an_edit():
+@pytest.mark.parametrize("name", sorted(set(PLANNERS) - {"collision3d"}))
+def test_planners_notice_edits_of_their_meshes(name):
     _, meshes, rooms = place(3, 0)
-    need = Requirements.of(BEHAVIORS, 2, TRACKING_MARGIN)
-    before = roadmap_of(meshes, need)
-    straight = plan_path(meshes, BEHAVIORS, (1, 4.5), (8, 4.5), rooms=rooms)
+    planner = Planner(meshes, BEHAVIORS, planner=name)
+    ends = (1, 4.5), (8, 4.5)
+    straight = Planner(meshes, BEHAVIORS, rooms=rooms, planner=name).plan(*ends)
+    assert planner.plan(*ends).cost == pytest.approx(straight.cost)
     handle = meshes[0].insert_obstacle(shapely.box(4, 0, 5, 8))
-    around = plan_path(meshes, BEHAVIORS, (1, 4.5), (8, 4.5))
+    around = planner.plan(*ends)
     assert around.cost > straight.cost + 2.0
+    assert around.cost == Planner(meshes, BEHAVIORS, planner=name).plan(*ends).cost
     meshes[0].remove(handle)
-    assert plan_path(meshes, BEHAVIORS, (1, 4.5), (8, 4.5)).cost == pytest.approx(straight.cost)
-    assert roadmap_of(meshes, need) is not before
+    assert planner.plan(*ends).cost == pytest.approx(straight.cost)
+
+
+def test_a_roadmap_is_made_once_and_anew_after_an_edit():
+    _, meshes, _ = place(3, 0)
+    planner = Planner(meshes, BEHAVIORS)
+    before = planner.roadmap()
+    assert planner.roadmap() is before
+    handle = meshes[1].insert_obstacle(shapely.box(4, 0, 5, 8))
+    between = planner.roadmap()
+    assert between is not before
+    meshes[1].remove(handle)
+    assert planner.roadmap() not in (before, between)

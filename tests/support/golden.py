@@ -10,10 +10,10 @@ from typing import Any
 
 import h5py
 
-from crowdsim.bench.planner_comparison import Ground, ground_of, random_queries
+from crowdsim.bench.planner_comparison import ground_of, random_queries
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.errors import PathNotFound
-from crowdsim.planning.planner import plan_path
+from crowdsim.planning.planner import Planner
 from crowdsim.scenario.loader import load_scenario, parse_scenario
 from crowdsim.scenario.scenario import Scenario
 
@@ -54,12 +54,13 @@ def plan_costs(place: str, planner: str = "layered", count: int = PLANS) -> list
     """Costs of plans between random places, None where there is no way."""
     ground = ground_of(place)
     assert ground is not None
-    return [_cost(ground, planner, *ends) for ends in random_queries(ground, count, seed=7)]
+    prepared = ground.planner(planner)
+    return [_cost(prepared, *ends) for ends in random_queries(ground, count, seed=7)]
 
 
-def _cost(ground: Ground, planner: str, start: Any, goal: Any) -> float | None:
+def _cost(planner: Planner, start: Any, goal: Any) -> float | None:
     try:
-        found = plan_path(ground.meshes, ground.behaviors, start, goal, rooms=ground.rooms, planner=planner)
+        found = planner.plan(start, goal)
     except PathNotFound:
         return None
     return float(found.cost)

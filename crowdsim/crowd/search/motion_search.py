@@ -25,7 +25,7 @@ from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, PathSamples
 from crowdsim.planning.margins.slack import with_slack
-from crowdsim.planning.planner import make_query
+from crowdsim.planning.planner import Planner
 from crowdsim.planning.query.clear_ends import joined_to
 from crowdsim.planning.single_behavior import cheapest_uniform
 
@@ -278,7 +278,7 @@ class MotionSearch:
             return None
         meshes = (legs.with_points(points), *place.meshes[1:])
         # Not over a roadmap, which would be made for this one plan.
-        query = make_query(meshes, setting.behaviors, request.position, request.goal)
+        query = Planner(meshes, setting.behaviors).query(request.position, request.goal)
         route = cheapest_uniform(query).path
         if route is None:
             return None

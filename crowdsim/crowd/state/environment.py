@@ -14,7 +14,7 @@ from crowdsim.environment.layers import taken_between
 from crowdsim.navmesh.editing.obstacles import Handle
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
-from crowdsim.planning.planner import plan_path
+from crowdsim.planning.planner import Planner
 from crowdsim.planning.query.behavior_areas import grown, room_growths, room_polygons
 from crowdsim.scenario.changes import Changes, Placing, placed
 
@@ -48,12 +48,14 @@ class Place:
     waited_for: list[BaseGeometry] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        free = [layer.free for layer in self.setting.layers]
+        setting = self.setting
+        free = [layer.free for layer in setting.layers]
         self.meshes = tuple(NavMesh(area) for area in free)
-        self.rooms = tuple(
-            None if room.is_empty else NavMesh(room) for room in room_polygons(free, self.setting.behaviors)
+        self.rooms = tuple(None if room.is_empty else NavMesh(room) for room in room_polygons(free, setting.behaviors))
+        self._planner = Planner(
+            self.meshes, setting.behaviors, rooms=self.rooms, planner=setting.planner, bodies=setting.bodies
         )
-        self._growths = room_growths(self.setting.behaviors, len(free))
+        self._growths = room_growths(setting.behaviors, len(free))
         self._handles: list[list[tuple[NavMesh, Handle]]] = [[] for _ in self.changes.movables]
         self._placings: list[Placing | None] = [None] * len(self.changes.movables)
         for number, movable in enumerate(self.changes.movables):
@@ -67,16 +69,7 @@ class Place:
 
     def route(self, start: ArrayLike, goal: ArrayLike) -> AnnotatedPath:
         """A path for whoever goes from ``start`` to ``goal`` (x, y) now; PathNotFound where there is none."""
-        setting = self.setting
-        return plan_path(
-            self.meshes,
-            setting.behaviors,
-            start,
-            goal,
-            rooms=self.rooms,
-            planner=setting.planner,
-            bodies=setting.bodies,
-        )
+        return self._planner.plan(start, goal)
 
     def placing(self, movable: int) -> Placing | None:
         """Where a movable stands; None while it is absent."""

@@ -47,10 +47,6 @@ class Workspace(NamedTuple):
     """(1,) number of the last query."""
 
 
-_idle: list[Workspace] = []
-_lock = threading.Lock()
-
-
 def empty_workspace(triangles: int) -> Workspace:
     """A workspace for meshes of up to ``triangles``; the system gives memory only where it is written to."""
     return Workspace(
@@ -62,16 +58,23 @@ def empty_workspace(triangles: int) -> Workspace:
     )
 
 
-@contextmanager
-def workspace(triangles: int) -> Iterator[Workspace]:
-    """Lend a workspace for a mesh of ``triangles`` to one thread; it is kept for the next one who asks."""
-    with _lock:
-        fit = next((k for k, idle in enumerate(_idle) if len(idle.waypoints) >= triangles), None)
-        found = None if fit is None else _idle.pop(fit)
+class Workspaces:
+    """Workspaces of searches on one mesh, each lent to one thread and kept for the next one who asks."""
+
+    def __init__(self) -> None:
+        self._idle: list[Workspace] = []
+        self._lock = threading.Lock()
+
+    @contextmanager
+    def lent(self, triangles: int) -> Iterator[Workspace]:
+        """Lend a workspace to one thread, for the mesh while it has ``triangles``."""
+        with self._lock:
+            fit = next((k for k, idle in enumerate(self._idle) if len(idle.waypoints) >= triangles), None)
+            found = None if fit is None else self._idle.pop(fit)
+            if found is None:
+                self._idle.clear()  # too small for what is searched now
         if found is None:
-            _idle.clear()  # too small for what is searched now
-    if found is None:
-        found = empty_workspace(1 << max(triangles - 1, 1).bit_length())
-    yield found
-    with _lock:
-        _idle.append(found)
+            found = empty_workspace(1 << max(triangles - 1, 1).bit_length())
+        yield found
+        with self._lock:
+            self._idle.append(found)

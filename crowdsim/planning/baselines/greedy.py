@@ -10,7 +10,6 @@ parts are not searched again.
 from __future__ import annotations
 
 import threading
-import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -36,25 +35,47 @@ Annotate = Callable[[Floats], AnnotatedPath]
 """The points (n, 2) of a path to the path with its sections, none and infinite cost where nothing fits."""
 
 
-def plan_greedy(query: Query, keep_blockers: bool) -> AnnotatedPath | None:
-    """Algorithm 1; None where no path fits any behavior."""
-    best = _in_one_kernel(query, keep_blockers)
+class MeshCopies:
+    """Copies of a mesh for whoever plans, each for one thread at a time; they are kept until the mesh is edited."""
+
+    def __init__(self, mesh: NavMesh) -> None:
+        self._mesh = mesh
+        self._idle: list[tuple[int, Detours]] = []
+        self._lock = threading.Lock()
+
+    def take(self) -> tuple[int, Detours]:
+        """A copy that nobody else has, and the revision of the mesh that it is of."""
+        revision = self._mesh.revision
+        with self._lock:
+            self._idle = [entry for entry in self._idle if entry[0] == revision]
+            if self._idle:
+                return self._idle.pop()
+        return revision, Detours(self._mesh)
+
+    def give_back(self, revision: int, detours: Detours) -> None:
+        """Keep a copy for whoever asks next."""
+        if detours.reset():
+            with self._lock:
+                self._idle.append((revision, detours))
+
+
+def plan_greedy(query: Query, copies: MeshCopies, keep_blockers: bool) -> AnnotatedPath | None:
+    """Algorithm 1, on ``copies`` of the lowest mesh; None where no path fits any behavior."""
+    best = _in_one_kernel(query, copies, keep_blockers)
     if best is None:
         best = plan_step_by_step(query, keep_blockers, query.annotated, keep_blockers)
     return best if best.sections else None
 
 
-def _in_one_kernel(query: Query, keep_blockers: bool) -> AnnotatedPath | None:
+def _in_one_kernel(query: Query, copies: MeshCopies, keep_blockers: bool) -> AnnotatedPath | None:
     """The cheapest path found by the layers; None where memory is short, or a detour cannot be traced."""
-    mesh = query.meshes[0]
-    revision = mesh.revision
-    detours = _take(mesh, revision)
+    revision, detours = copies.take()
     detours.aim(query.ends[0], query.ends[1], query.need.search_radius)
     with detours.lent() as search:
         status, cost, points, sections = plan_around(*search, *query.fitting(), keep_blockers)
     if status != DONE:
         return None
-    _give_back(mesh, revision, detours)
+    copies.give_back(revision, detours)
     return with_sections(points, sections, cost)
 
 
@@ -174,22 +195,3 @@ def _conflict_points(query: Query, path: AnnotatedPath, one_by_one: bool) -> lis
     if not one_by_one:
         found = [np.concatenate([np.empty((0, 2)), *found])]
     return [points for points in found if len(points)]
-
-
-_kept: weakref.WeakKeyDictionary[NavMesh, list[tuple[int, Detours]]] = weakref.WeakKeyDictionary()
-_lock = threading.Lock()
-
-
-def _take(mesh: NavMesh, revision: int) -> Detours:
-    """A copy of ``mesh`` that one thread may edit."""
-    with _lock:
-        kept = [entry for entry in _kept.get(mesh, []) if entry[0] == revision]
-        _kept[mesh] = kept[:-1]
-    return kept[-1][1] if kept else Detours(mesh)
-
-
-def _give_back(mesh: NavMesh, revision: int, detours: Detours) -> None:
-    """Keep the copy, of ``mesh`` as it was at ``revision``, for whoever asks next."""
-    if detours.reset():
-        with _lock:
-            _kept[mesh].append((revision, detours))

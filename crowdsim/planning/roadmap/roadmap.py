@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
-import weakref
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -55,17 +53,6 @@ class Roadmap:
         self._more = (need.costs - need.costs[-1]).tolist()
         self._shortest = float(terms[1])
         self._idle: list[tuple[NDArray[Any], int]] = []
-
-    def answers(self, need: Requirements, terms: NDArray[np.float64]) -> bool:
-        """Whether it was made for the same requirements and terms of changes."""
-        one, other = self.need, need
-        if one is not other and not (
-            np.array_equal(one.radii, other.radii)
-            and np.array_equal(one.costs, other.costs)
-            and np.array_equal(one.turned, other.turned)
-        ):
-            return False
-        return self.terms is terms or np.array_equal(self.terms, terms)
 
     def _landmarks(self) -> NDArray[np.float32]:
         """(states, l) costs from landmarks, each as far as can be from those before."""
@@ -125,28 +112,3 @@ class Roadmap:
             self._touching, self._radii, need.costs, need.turned, self.terms, self._least,
         )  # fmt: skip
         return with_sections(line, found, float(cost)) if cost < path.cost else path
-
-
-_Revisions = tuple[int, ...]
-
-_roadmaps: weakref.WeakKeyDictionary[NavMesh, list[tuple[_Revisions, tuple[NavMesh, ...], Roadmap]]] = (
-    weakref.WeakKeyDictionary()
-)
-_making = threading.Lock()
-
-_KEPT = 4
-"""Roadmaps kept for one lowest mesh, for other behaviors or upper layers."""
-
-
-def roadmap_of(meshes: Sequence[NavMesh], need: Requirements, terms: NDArray[np.float64] = TERMS) -> Roadmap:
-    """The roadmap of ``meshes`` as they are, made at the first call and after every edit."""
-    revisions = tuple([mesh.revision for mesh in meshes])
-    upper = tuple(meshes[1:])
-    with _making:
-        kept = _roadmaps.setdefault(meshes[0], [])
-        for known, others, roadmap in kept:
-            if known == revisions and others == upper and roadmap.answers(need, terms):
-                return roadmap
-        del kept[: len(kept) - _KEPT + 1]
-        kept.append((revisions, upper, Roadmap(meshes, need, terms)))
-        return kept[-1][2]

@@ -19,7 +19,6 @@ from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.paths.checked_kernels import add_dot
 from crowdsim.navmesh.paths.component_kernels import label_sides
 from crowdsim.navmesh.paths.guide_kernels import GUIDE
-from crowdsim.navmesh.paths.workspace import workspace
 from tests.reference.navmesh_reference import random_area
 from tests.reference.way_reference import side_distances
 
@@ -272,7 +271,7 @@ def test_a_guide_knows_how_far_sides_are_from_the_goal(kind):
     detour_kernels.begin_guide(m, guide)
     labels = np.empty(len(m.sides), np.int32)
     label_sides(m, 2.0 * radius, labels)
-    with workspace(len(m.wind)) as work:
+    with mesh.workspaces.lent(len(m.wind)) as work:
         detour_kernels.aim_guide(m, labels, work, *start, *goal, radius, radius, (0.0, 1e3), guide)
     rows = {int(row["side"]): (row["left"], row["right"]) for row in guide[:-1] if row["side"] != 0}
     expected = side_distances(m, goal, mesh.locate(goal), radius, 2.0 * radius)

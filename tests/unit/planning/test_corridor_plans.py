@@ -6,7 +6,7 @@ import pytest
 from crowdsim.behaviors.library import load_behavior_set
 from crowdsim.library import library_folder
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.planning.planner import plan_path
+from crowdsim.planning.planner import Planner
 from crowdsim.scenario.loader import load_scenario
 
 WALLS = {"arm_constrained": (5.5, 8.0), "lateral": (16.5, 18.0)}
@@ -21,11 +21,11 @@ def scenario():
 def plan(scenario):
     layers = scenario.layers()
     behaviors = load_behavior_set(scenario.behaviors, [(layer.low, layer.high) for layer in layers]).behaviors
-    meshes = [NavMesh(layer.free) for layer in layers]
+    planner = Planner([NavMesh(layer.free) for layer in layers], behaviors)
 
     def call(start, goal):
         """The path, and (name, x where it begins, x where it ends) of each section."""
-        path = plan_path(meshes, behaviors, start, goal)
+        path = planner.plan(start, goal)
         return path, [
             (behaviors[section.behavior].name, *path.at(np.array(section[1:]))[:, 0]) for section in path.sections
         ]

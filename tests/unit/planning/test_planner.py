@@ -5,7 +5,7 @@ import shapely
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import BehaviorError, PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.planning.planner import plan_path
+from crowdsim.planning.planner import Planner
 from crowdsim.planning.query.behavior_areas import room_polygons
 
 ROOM = shapely.box(0, -1.2, 22, 1.2)
@@ -50,7 +50,7 @@ def assert_sound(path, behaviors, polygons, start, goal):
 
 def test_corridor_is_walked_as_the_paper_shows(behaviors):
     polygons = layers(ROOM, [gap(4, 6, 0.34), gap(16, 17.5, 0.26)], [gap(10, 12, 0.30)])
-    path = plan_path([NavMesh(p) for p in polygons], behaviors, (1.0, 0.8), (21.0, -0.8))
+    path = Planner([NavMesh(p) for p in polygons], behaviors).plan((1.0, 0.8), (21.0, -0.8))
     assert [behaviors[s.behavior].name for s in path.sections] == [
         "frontal", "arm_constrained", "frontal", "lateral", "frontal",
     ]  # fmt: skip
@@ -63,7 +63,7 @@ def test_corridor_is_walked_as_the_paper_shows(behaviors):
 
 def test_path_runs_through_the_middle_of_gaps(behaviors):
     above = meshes(ROOM, [gap(4, 6, 0.34), gap(16, 17.5, 0.26)])
-    path = plan_path(above, behaviors, (1.0, 0.8), (21.0, -0.8))
+    path = Planner(above, behaviors).plan((1.0, 0.8), (21.0, -0.8))
     inside = path.at(np.linspace(0, path.length, 400))
     middle = inside[((inside[:, 0] > 4.0) & (inside[:, 0] < 6.0)) | ((inside[:, 0] > 16.0) & (inside[:, 0] < 17.5))]
     assert np.abs(middle[:, 1]).max() < 0.03
@@ -74,7 +74,7 @@ def test_cheaper_detour_is_taken(behaviors):
     room = shapely.box(0, 0, 12, 6)
     wall = shapely.box(5, 0, 7, 6).difference(shapely.box(5, 1.74, 7, 2.26)).difference(shapely.box(5, 3.2, 7, 4.4))
     polygons = layers(room, [wall])
-    path = plan_path([NavMesh(p) for p in polygons], behaviors, (1.0, 2.0), (11.0, 2.0))
+    path = Planner([NavMesh(p) for p in polygons], behaviors).plan((1.0, 2.0), (11.0, 2.0))
     assert [s.behavior for s in path.sections] == [2]
     assert_sound(path, behaviors, polygons, (1.0, 2.0), (11.0, 2.0))
 
@@ -88,7 +88,7 @@ def test_two_blockers_are_combined(behaviors):
         walls.append(wall.difference(shapely.box(x, 1.76, x + 3, 2.24)).difference(shapely.box(x, 2.6, x + 3, 3.8)))
         benches += [shapely.box(x, 2.6, x + 3, 2.95), shapely.box(x, 3.45, x + 3, 3.8)]
     polygons = layers(room, walls, benches)
-    path = plan_path([NavMesh(p) for p in polygons], behaviors, (1.0, 2.0), (19.0, 2.0))
+    path = Planner([NavMesh(p) for p in polygons], behaviors).plan((1.0, 2.0), (19.0, 2.0))
     assert [s.behavior for s in path.sections] == [2]
     assert_sound(path, behaviors, polygons, (1.0, 2.0), (19.0, 2.0))
 
@@ -100,7 +100,7 @@ def test_a_path_is_moved_off_obstacles_before_it_is_judged(behaviors):
     bench = shapely.box(12, 0, 12.5, 8).difference(shapely.box(12, 1.75, 12.5, 2.25))
     polygons = layers(room, [wall], [bench])
     start, goal = (1.0, 2.2), (15.0, 2.2)
-    path = plan_path([NavMesh(p) for p in polygons], behaviors, start, goal)
+    path = Planner([NavMesh(p) for p in polygons], behaviors).plan(start, goal)
     assert [s.behavior for s in path.sections] == [2, 1, 2]
     assert path.length < 14.2
     assert_sound(path, behaviors, polygons, start, goal)
@@ -109,13 +109,13 @@ def test_a_path_is_moved_off_obstacles_before_it_is_judged(behaviors):
 def test_long_detour_is_not_taken(behaviors):
     room = shapely.box(0, 0, 12, 30)
     wall = shapely.box(5, 0, 6, 30).difference(shapely.box(5, 1.74, 6, 2.26)).difference(shapely.box(5, 27, 6, 29))
-    path = plan_path(meshes(room, [wall]), behaviors, (1.0, 2.0), (11.0, 2.0))
+    path = Planner(meshes(room, [wall]), behaviors).plan((1.0, 2.0), (11.0, 2.0))
     assert 0 in {s.behavior for s in path.sections}
     assert path.length < 10.5
 
 
 def test_low_obstacles_leave_the_preferred_behavior(behaviors):
-    path = plan_path(meshes(ROOM, [shapely.box(30, 0, 31, 1)], [gap(8, 12, 0.25)]), behaviors, (1, 0), (21, 0))
+    path = Planner(meshes(ROOM, [shapely.box(30, 0, 31, 1)], [gap(8, 12, 0.25)]), behaviors).plan((1, 0), (21, 0))
     assert [s.behavior for s in path.sections] == [2]
 
 
@@ -127,10 +127,10 @@ def test_rooms_pass_close_to_low_obstacles_where_high_ones_ask_for_it(behaviors)
     """0.62 m between a bench and a cabinet: enough to walk beside the bench, not in the middle."""
     polygons = layers(ROOM, [shapely.box(8, 0.31, 12, 1.2)], [shapely.box(8, -1.2, 12, -0.31)])
     layered = [NavMesh(p) for p in polygons]
-    path = plan_path(layered, behaviors, (1, 0), (21, 0), rooms=rooms(polygons, behaviors))
+    path = Planner(layered, behaviors, rooms=rooms(polygons, behaviors)).plan((1, 0), (21, 0))
     assert [s.behavior for s in path.sections] == [2]
     assert_sound(path, behaviors, polygons, (1, 0), (21, 0))
-    without = plan_path(layered, behaviors, (1, 0), (21, 0))
+    without = Planner(layered, behaviors).plan((1, 0), (21, 0))
     assert [s.behavior for s in without.sections] == [2]
     assert_sound(without, behaviors, polygons, (1, 0), (21, 0))
 
@@ -138,7 +138,7 @@ def test_rooms_pass_close_to_low_obstacles_where_high_ones_ask_for_it(behaviors)
 def test_rooms_in_the_corridor(behaviors):
     polygons = layers(ROOM, [gap(4, 6, 0.34), gap(16, 17.5, 0.26)], [gap(10, 12, 0.30)])
     layered = [NavMesh(p) for p in polygons]
-    path = plan_path(layered, behaviors, (1.0, 0.8), (21.0, -0.8), rooms=rooms(polygons, behaviors))
+    path = Planner(layered, behaviors, rooms=rooms(polygons, behaviors)).plan((1.0, 0.8), (21.0, -0.8))
     assert [s.behavior for s in path.sections] == [2, 1, 2, 0, 2]
     assert_sound(path, behaviors, polygons, (1.0, 0.8), (21.0, -0.8))
 
@@ -149,18 +149,18 @@ def test_torso_too_narrow_names_the_layer(behaviors, given):
     polygons = layers(ROOM, [gap(4, 6, 0.27)])
     layered = [NavMesh(p) for p in polygons]
     with pytest.raises(PathNotFound, match=r"layer 1 is too narrow.*\([3-6]\.\d\d, .*radius 0\.31 m"):
-        plan_path(layered, wide, (1, 0), (21, 0), rooms=rooms(polygons, wide) if given else None)
+        Planner(layered, wide, rooms=rooms(polygons, wide) if given else None).plan((1, 0), (21, 0))
 
 
 def test_gap_too_narrow_says_where_and_by_how_much(behaviors):
     with pytest.raises(PathNotFound, match=r"legs layer is too narrow.*\(\d+\.\d+, -?\d+\.\d+\).*0\.22 m.*by 0\.04 m"):
-        plan_path(meshes(ROOM, [gap(4, 6, 0.2)]), behaviors, (1, 0), (21, 0))
+        Planner(meshes(ROOM, [gap(4, 6, 0.2)]), behaviors).plan((1, 0), (21, 0))
 
 
 def test_walled_off_goal(behaviors):
     polygons = layers(ROOM, [shapely.box(8, -1.2, 9, 1.2)])
     with pytest.raises(PathNotFound, match=r"nothing wider than 0\.02 m leads there at all"):
-        plan_path([NavMesh(polygon) for polygon in polygons], behaviors, (1, 0), (21, 0))
+        Planner([NavMesh(polygon) for polygon in polygons], behaviors).plan((1, 0), (21, 0))
 
 
 @pytest.mark.parametrize(("start", "goal", "what"), [((5, 0.5), (9, 0), "start"), ((1, 0), (5, -0.8), "goal")])
@@ -169,11 +169,11 @@ def test_place_within_an_obstacle_is_named(behaviors, start, goal, what):
     with pytest.raises(
         PathNotFound, match=rf"{what} blocked: .* is not in free space.*; choose a place with more room"
     ):
-        plan_path(room, behaviors, start, goal)
+        Planner(room, behaviors).plan(start, goal)
 
 
 def test_start_is_goal(behaviors):
-    path = plan_path(meshes(ROOM, [gap(4, 6, 0.34)]), behaviors, (1, 0), (1, 0))
+    path = Planner(meshes(ROOM, [gap(4, 6, 0.34)]), behaviors).plan((1, 0), (1, 0))
     assert path.length == 0.0
     assert [tuple(s) for s in path.sections] == [(2, 0.0, 0.0)]
     samples = path.sample()
@@ -183,11 +183,11 @@ def test_start_is_goal(behaviors):
 
 def test_layers_and_bodies_must_agree(behaviors):
     with pytest.raises(BehaviorError, match="measured on 2 layers, the scene has 1"):
-        plan_path(meshes(ROOM, [gap(4, 6, 0.34)])[:1], behaviors, (1, 0), (21, 0))
+        Planner(meshes(ROOM, [gap(4, 6, 0.34)])[:1], behaviors).plan((1, 0), (21, 0))
 
 
 def test_samples(behaviors):
-    path = plan_path(meshes(ROOM, [gap(4, 6, 0.34)]), behaviors, (1.0, 0.8), (21.0, -0.8))
+    path = Planner(meshes(ROOM, [gap(4, 6, 0.34)]), behaviors).plan((1.0, 0.8), (21.0, -0.8))
     samples = path.sample(0.1)
     assert samples.arc[0] == 0.0
     assert samples.arc[-1] == path.length
@@ -205,7 +205,7 @@ def test_samples(behaviors):
 @pytest.mark.parametrize("y", [0.06, -0.07])
 def test_held_arms_stay_held_after_straying_in_the_gap(behaviors, y):
     """0.68 m: held arms have 0.34 - 0.07 = 0.27 m, more than their body's own 0.26 m but not the planned 0.31 m."""
-    path = plan_path(meshes(ROOM, [gap(4, 6, 0.34)]), behaviors, (5.0, y), (9.0, 0.0))
+    path = Planner(meshes(ROOM, [gap(4, 6, 0.34)]), behaviors).plan((5.0, y), (9.0, 0.0))
     assert [s.behavior for s in path.sections] == [1, 2]
     assert path.points[0] == pytest.approx((5.0, y))
     inside = path.at(np.linspace(0.1, path.length, 200))
@@ -216,8 +216,8 @@ def test_held_arms_stay_held_after_straying_in_the_gap(behaviors, y):
 def test_who_strayed_toward_a_bench_still_finds_its_way(behaviors):
     """0.60 m for the legs: at 0.12 m off the middle they have 0.18 m of the planned 0.22 m."""
     above = meshes(ROOM, [shapely.box(30, 0, 31, 1)], [gap(4, 6, 0.30)])
-    there = plan_path(above, behaviors, (1.0, 0.0), (5.0, -0.12))
-    back = plan_path(above, behaviors, (5.0, 0.12), (1.0, 0.0))
+    there = Planner(above, behaviors).plan((1.0, 0.0), (5.0, -0.12))
+    back = Planner(above, behaviors).plan((5.0, 0.12), (1.0, 0.0))
     assert there.points[-1] == pytest.approx((5.0, -0.12))
     assert back.points[0] == pytest.approx((5.0, 0.12))
     assert {s.behavior for s in (*there.sections, *back.sections)} == {2}
@@ -225,6 +225,6 @@ def test_who_strayed_toward_a_bench_still_finds_its_way(behaviors):
 
 
 def test_narrow_start_is_left_where_a_planned_behavior_fits(behaviors):
-    path = plan_path(meshes(ROOM, [gap(4, 6, 0.34)]), behaviors, (5.95, 0.0), (9.0, 0.0))
+    path = Planner(meshes(ROOM, [gap(4, 6, 0.34)]), behaviors).plan((5.95, 0.0), (9.0, 0.0))
     assert [s.behavior for s in path.sections] == [1, 2]
     assert (np.diff(path.points[:, 0]) > 0.0).all()

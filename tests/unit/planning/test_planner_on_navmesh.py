@@ -9,7 +9,7 @@ import shapely
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.planning.planner import plan_path
+from crowdsim.planning.planner import Planner
 from crowdsim.planning.query.behavior_areas import room_polygons
 from crowdsim.planning.query.clear_ends import REACH
 
@@ -59,12 +59,13 @@ def test_every_section_keeps_its_clearance(behaviors, seed):
     walkable = polygons[0].buffer(-(behaviors[0].radii[0] + TRACKING_MARGIN + 0.002), quad_segs=32)
     parts = shapely.get_parts(walkable)
     points = free_points(walkable, 12, seed)
+    planners = [Planner(meshes, behaviors, rooms=given) for given in (None, rooms)]
     found = 0
     for start, goal in zip(points[::2], points[1::2], strict=True):
         joined = any(part.contains(shapely.Point(start)) and part.contains(shapely.Point(goal)) for part in parts)
-        for given in (None, rooms):
+        for planner in planners:
             try:
-                path = plan_path(meshes, behaviors, start, goal, rooms=given)
+                path = planner.plan(start, goal)
             except PathNotFound:
                 assert not joined
                 continue
@@ -89,18 +90,28 @@ def test_room_areas_are_where_the_behaviors_fit(behaviors):
         assert (shapely.distance(polygons[1].boundary, places) >= torso - 1e-3).all()
 
 
-def test_threads_plan_the_same(behaviors):
+@pytest.mark.parametrize("name", ["layered", "greedy", "greedy_literal"])
+def test_threads_plan_the_same(behaviors, name):
     polygons = cluttered_layers(2)
     meshes = [NavMesh(polygon) for polygon in polygons]
     points = free_points(polygons[0].buffer(-0.4), 16, 3)
+    shared = Planner(meshes, behaviors, planner=name)
 
-    def plan(k):
+    def plan(k, planner=shared):
         try:
-            path = plan_path(meshes, behaviors, points[k], points[k + 1])
+            path = planner.plan(points[k], points[k + 1])
         except PathNotFound as error:
             return str(error)
         return path.points.tobytes(), path.sections, path.cost
 
-    alone = [plan(k) for k in range(15)]
     with ThreadPoolExecutor(4) as pool:
-        assert list(pool.map(plan, range(15))) == alone
+        together = list(pool.map(plan, range(15)))  # the first to ask make what all share
+    assert together == [plan(k) for k in range(15)]
+    assert together == [plan(k, Planner(meshes, behaviors, planner=name)) for k in range(15)]
+
+
+def test_threads_make_one_roadmap(behaviors):
+    planner = Planner([NavMesh(polygon) for polygon in cluttered_layers(2)], behaviors)
+    with ThreadPoolExecutor(4) as pool:
+        made = list(pool.map(lambda _: planner.roadmap(), range(8)))
+    assert all(roadmap is made[0] for roadmap in made)

@@ -10,12 +10,10 @@ import shapely
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.paths.path_kernels import NO_PASSAGE, OK
-from crowdsim.navmesh.paths.workspace import workspace
 from crowdsim.planning import single_behavior_kernels
 from crowdsim.planning.labels.annotated_path import arc_lengths
 from crowdsim.planning.labels.labelling_kernels import required_length
-from crowdsim.planning.layered import plan_layered
-from crowdsim.planning.planner import PLANNERS, make_query
+from crowdsim.planning.planner import Planner
 from crowdsim.planning.query import lower_bound
 from crowdsim.planning.query.behavior_areas import room_polygons
 from crowdsim.planning.single_behavior import cheapest_uniform
@@ -26,13 +24,19 @@ LEGS = (dataclasses.replace(BEHAVIORS[-1], radii=BEHAVIORS[-1].radii[:1]),)
 
 def _query(seed, count=20):
     _, meshes, rooms = place(seed, count)
-    return make_query(meshes, BEHAVIORS, *ends_in(meshes, seed), rooms=rooms)
+    return Planner(meshes, BEHAVIORS, rooms=rooms).query(*ends_in(meshes, seed))
+
+
+def _others(seed, count):
+    """The published planners in the place of :func:`_query`."""
+    _, meshes, rooms = place(seed, count)
+    return [Planner(meshes, BEHAVIORS, rooms=rooms, planner=name) for name in ("greedy", "greedy_literal")]
 
 
 def _labelled(query, room, most):
     mesh = room.mesh
     least = room.radius - mesh.tolerance(room.radius)
-    with workspace(len(mesh.arrays.wind)) as work:
+    with mesh.workspaces.lent(len(mesh.arrays.wind)) as work:
         return single_behavior_kernels.labelled_path(
             mesh.arrays, mesh.search.regions(), work, query.ends, room.radius, least, most, *query.fitting()
         )
@@ -65,7 +69,7 @@ def test_a_limit_loses_no_shorter_path(doors):
     gaps = [shapely.box(x - 0.5, y, x + 0.7, y + 1.0) for x, y in ((3.0, 1.0), (6.0, 10.0), (9.0, 5.0)) if doors]
     solid = shapely.union_all([*boxes, *walls]).difference(shapely.union_all(gaps))
     mesh = NavMesh(shapely.box(0.0, 0.0, 12.0, 12.0).difference(solid))
-    query = make_query((mesh,), LEGS, (0.2, 0.2), (11.8, 11.8))
+    query = Planner((mesh,), LEGS).query((0.2, 0.2), (11.8, 11.8))
     room = query.rooms[-1]
     found = lost = 0
     for _ in range(200):
@@ -92,8 +96,8 @@ def test_nothing_is_cheaper_than_what_is_said_to_be_the_cheapest(count):
         if not is_cheapest or path is None:
             continue
         told += 1
-        for name in sorted(set(PLANNERS) - {"collision3d", "layered"}):
-            other = PLANNERS[name](query)
+        for planner in _others(seed, count):
+            other = planner.cheapest(query)
             assert path.cost <= other.cost * (1.0 + 2e-3)
         assert path.cost <= lower_bound.lower_bound(query) * 1.02
     assert told >= 3
@@ -116,12 +120,13 @@ def test_the_room_between_is_looked_at_where_the_widest_has_no_path():
     area = shapely.box(0.0, 0.0, 10.0, 10.0).difference(shapely.box(5.0, -1.0, 5.2, 11.0).difference(gaps))
     rooms = [None if room.is_empty else NavMesh(room) for room in room_polygons((area, area), BEHAVIORS)]
     mesh = NavMesh(area)
-    query = make_query((mesh, mesh), BEHAVIORS, (3.5, 5.0), (6.5, 5.0), rooms=rooms)
+    planner = Planner((mesh, mesh), BEHAVIORS, rooms=rooms)
+    query = planner.query((3.5, 5.0), (6.5, 5.0))
     for farthest in (1.35, math.inf):
         path, _ = cheapest_uniform(query, farthest=farthest)
         assert path is not None
         assert {section.behavior for section in path.sections} <= {1, 2}
-    assert plan_layered(query).cost <= path.cost
+    assert planner.cheapest(query).cost <= path.cost
 
 
 def test_the_bound_holds_for_a_turned_section_that_hardly_lasts():
@@ -130,11 +135,10 @@ def test_the_bound_holds_for_a_turned_section_that_hardly_lasts():
     mesh = NavMesh(area)
     behaviors = tuple(dataclasses.replace(each, radii=each.radii - 0.05) for each in BEHAVIORS)
     rooms = [NavMesh(room) for room in room_polygons((area, area), behaviors)]
-    need = make_query((mesh, mesh), behaviors, (1.0, 5.0), (5.0, 5.0), rooms=rooms).need
+    planner = Planner((mesh, mesh), behaviors, rooms=rooms)
+    need = planner.need
     x = float(need.radii[-1, 1]) - 1e-3
-    query = make_query((mesh, mesh), behaviors, (x, 5.0), (5.0, 5.0), rooms=rooms)._replace(
-        ends=np.array([(x, 5.0), (5.0, 5.0)])
-    )
+    query = planner.query((x, 5.0), (5.0, 5.0))._replace(ends=np.array([(x, 5.0), (5.0, 5.0)]))
     assert required_length.py_func(need.count, 0, need.count - 1, need.turned, query.terms) == 0.0
     costs = need.costs
     valid = 1e-3 * costs[0] + query.terms[0] * costs[-1] + (5.0 - x - 1e-3) * costs[-1]
@@ -144,9 +148,10 @@ def test_the_bound_holds_for_a_turned_section_that_hardly_lasts():
 def test_there_is_no_path_where_the_legs_have_none():
     area = shapely.box(0.0, 0.0, 10.0, 10.0).difference(shapely.box(4.0, -1.0, 5.0, 11.0))
     mesh = NavMesh(area)
-    query = make_query((mesh, mesh), BEHAVIORS, (1.0, 1.0), (9.0, 9.0), rooms=(mesh, mesh, mesh))
+    planner = Planner((mesh, mesh), BEHAVIORS, rooms=(mesh, mesh, mesh))
+    query = planner.query((1.0, 1.0), (9.0, 9.0))
     assert cheapest_uniform(query) == (None, True)
-    assert plan_layered(query) is None
+    assert planner.cheapest(query) is None
 
 
 def test_a_section_at_an_end_is_at_least_as_long_as_rules_ask():
@@ -174,7 +179,7 @@ def test_the_way_out_leads_to_where_the_preferred_behavior_stops_fitting():
     above = shapely.box(0.0, 0.0, 10.0, 10.0).difference(shapely.box(3.0, 4.0, 3.2, 6.0))
     below = above.difference(shapely.box(2.0, 4.0, 2.2, 6.0))
     meshes = NavMesh(below), NavMesh(above)
-    query = make_query(meshes, BEHAVIORS, (2.8, 3.0), (7.0, 7.0))
+    query = Planner(meshes, BEHAVIORS).query((2.8, 3.0), (7.0, 7.0))
     need = query.need
     for k in range(need.count - 1):
         clear = [shapely.distance(shapely.Point(2.8, 3.0), above.boundary) - need.radii[-1, 1]]

@@ -11,7 +11,6 @@ from crowdsim.crowd.state.environment import Edit, Place
 from crowdsim.crowd.state.motion_plan import Request
 from crowdsim.environment.layers import Band, clearance_layers
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.planning.planner import plan_path
 from crowdsim.planning.query.behavior_areas import room_polygons
 from crowdsim.planning.query.requirements import TOUCH
 from crowdsim.scenario.changes import AS_DRAWN
@@ -84,7 +83,7 @@ def test_the_state_tells_places_apart(scenario: Scenario, setting: Setting) -> N
 
 def test_a_route_is_taken_exactly_where_the_meshes_find_a_violation(scenario: Scenario, setting: Setting) -> None:
     place = Place(setting, scenario.changes())
-    route = plan_path(place.meshes, setting.behaviors, (1, 3), (11, 1), rooms=place.rooms)
+    route = place.route((1, 3), (11, 1))
     rng = np.random.default_rng(2)
     found = []
     for _ in range(60):
@@ -138,7 +137,7 @@ def test_a_motion_is_taken_where_its_body_is_and_not_behind(scenario: Scenario, 
 def test_only_a_much_shorter_straight_way_is_worth_a_new_plan(scenario: Scenario, setting: Setting) -> None:
     place = Place(setting, scenario.changes())
     # Door b is closed, so that the way leads through door a.
-    route = plan_path(place.meshes, setting.behaviors, (1, 4.5), (11, 4.5), rooms=place.rooms)
+    route = place.route((1, 4.5), (11, 4.5))
     start = np.array([1.0, 4.5])
     assert way_left(route, start) == pytest.approx(route.length)
     assert way_left(route, route.at(np.array([3.0]))[0]) == pytest.approx(route.length - 3.0)

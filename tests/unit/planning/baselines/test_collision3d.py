@@ -13,7 +13,7 @@ from crowdsim.motion.clips.body_capsules import Capsules, body_capsules
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.baselines.collision3d import annotated_in_3d, make_bodies, plan_collision3d
 from crowdsim.planning.baselines.collision_scene import CollisionScene, Stride
-from crowdsim.planning.planner import make_query
+from crowdsim.planning.planner import Planner
 from tests.unit.motion.walker import walk
 
 pytest.importorskip("fcl")
@@ -59,7 +59,7 @@ def test_a_ball_meets_what_it_reaches_into(solid, meets):
 def plan_through(behaviors, solids, ends):
     layers = clearance_layers(FLOOR, solids, [LEGS, TORSO])
     meshes = [NavMesh(layer.free) for layer in layers]
-    return make_query(meshes, behaviors, *ends), make_bodies(CollisionScene(solids), behaviors)
+    return Planner(meshes, behaviors).query(*ends), make_bodies(CollisionScene(solids), behaviors)
 
 
 def gap(width: float, top: float):

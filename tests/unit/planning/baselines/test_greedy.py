@@ -11,10 +11,10 @@ from crowdsim.jit import kernel
 from crowdsim.navmesh.editing.detour_kernels import LOST, NO_ROOM
 from crowdsim.planning.baselines import greedy
 from crowdsim.planning.baselines.candidate_kernels import nothing_known, path_cost
-from crowdsim.planning.baselines.greedy import plan_greedy, plan_step_by_step
+from crowdsim.planning.baselines.greedy import MeshCopies, plan_greedy, plan_step_by_step
 from crowdsim.planning.baselines.greedy_kernels import plan_around
 from crowdsim.planning.labels.labelling_kernels import TERMS
-from crowdsim.planning.planner import make_query, plan_path
+from crowdsim.planning.planner import Planner
 from tests.property.test_planner_properties import BEHAVIORS, SIZE, ends_in, place
 from tests.reference import plan_roadmap
 
@@ -48,7 +48,7 @@ def test_paths_cost_what_labels_of_each_say(seed, count, most):
     rng = np.random.default_rng(seed)
     corners = rng.uniform(0.3, SIZE - 0.3, (8, 2))  # through obstacles, too
     corners[3] = corners[2]  # a piece of no length
-    query = make_query(meshes, BEHAVIORS, *ends_in(meshes, seed), rooms=rooms)
+    query = Planner(meshes, BEHAVIORS, rooms=rooms).query(*ends_in(meshes, seed))
     # Few corners, so that most pieces are in several paths; some paths do not exist.
     paths = [corners[rng.integers(0, 8, rng.choice([0, 2, 4, 6]))] for _ in range(most)]
     paths = [path if len(path) and np.ptp(path, axis=0).any() else path[:0] for path in paths]
@@ -71,7 +71,7 @@ def test_paths_cost_what_labels_of_each_say(seed, count, most):
 def test_what_is_known_makes_room_and_tests_each_piece_once():
     _, meshes, rooms = place(1, 3)
     ends = ends_in(meshes, 1)
-    query = make_query(meshes, BEHAVIORS, *ends, rooms=rooms)
+    query = Planner(meshes, BEHAVIORS, rooms=rooms).query(*ends)
     path = meshes[0].find_path(*ends, query.need.search_radius).points
     cost = query.annotated(path).cost
     costs, _, pieces = _costs_of(query, [path[:0], path, path, path], [np.inf, np.inf, 0.999999 * cost, 2.0 * cost])
@@ -86,7 +86,7 @@ def _queries(count):
     for seed in range(count):
         _, meshes, rooms = place(seed, 32)
         try:
-            query = make_query(meshes, BEHAVIORS, *ends_in(meshes, seed), rooms=rooms)
+            query = Planner(meshes, BEHAVIORS, rooms=rooms).query(*ends_in(meshes, seed))
             meshes[0].find_path(*query.ends, query.need.search_radius)
         except PathNotFound:
             continue
@@ -98,7 +98,7 @@ def test_the_kernel_does_what_is_done_step_by_step(keep_blockers):
     ratios, gains = [], []
     for query in _queries(40):
         best = plan_step_by_step(query, keep_blockers, query.annotated, keep_blockers)
-        found = plan_greedy(query, keep_blockers)
+        found = plan_greedy(query, MeshCopies(query.meshes[0]), keep_blockers)
         assert (found is None) == (not best.sections)
         if found is None:
             continue
@@ -126,22 +126,22 @@ def test_where_the_kernel_gives_up_plans_are_made_step_by_step(monkeypatch, stat
         return status, np.inf, np.empty((0, 2)), np.empty((0, 3))
 
     monkeypatch.setattr(greedy, "plan_around", give_up)
-    found = plan_greedy(query, True)
+    copies = MeshCopies(query.meshes[0])
+    found = plan_greedy(query, copies, True)
     assert found.cost == expected.cost
     monkeypatch.undo()
-    assert plan_greedy(query, True).cost == pytest.approx(expected.cost, rel=0.05)
+    assert plan_greedy(query, copies, True).cost == pytest.approx(expected.cost, rel=0.05)
 
 
 @pytest.mark.parametrize("planner", ["greedy", "greedy_literal"])
 def test_plans_do_not_depend_on_plans_before(planner):
     _, meshes, rooms = place(4, 32)
 
+    shared = Planner(meshes, BEHAVIORS, rooms=rooms, planner=planner, margin=TRACKING_MARGIN)
+
     def cost(seed):
         try:
-            ends = ends_in(meshes, seed)
-            return plan_path(
-                meshes, BEHAVIORS, *ends, rooms=rooms, planner=planner, slack=False, margin=TRACKING_MARGIN
-            ).cost
+            return shared.plan(*ends_in(meshes, seed), slack=False).cost
         except PathNotFound:
             return np.inf
 

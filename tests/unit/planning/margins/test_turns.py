@@ -13,7 +13,7 @@ from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, arc_lengths
 from crowdsim.planning.margins.turn_kernels import SPARED, WORTH
 from crowdsim.planning.margins.turns import with_turn_room
-from crowdsim.planning.planner import make_query, plan_path
+from crowdsim.planning.planner import Planner
 from crowdsim.planning.query.query import as_sections
 from tests.reference import turn_room_reference
 from tests.reference.navmesh_reference import random_area
@@ -27,7 +27,7 @@ ENDS = np.array([[0.5, 0.0], [7.5, 0.0]])
 
 def query_in(behaviors, *obstacles):
     free = shapely.box(0.0, -3.0, 8.0, 3.0).difference(shapely.union_all([DOOR, *obstacles]))
-    return make_query((NavMesh(free), NavMesh(free)), behaviors, *ENDS)
+    return Planner((NavMesh(free), NavMesh(free)), behaviors).query(*ENDS)
 
 
 def turning(behaviors, back):
@@ -67,7 +67,7 @@ def test_a_path_stays_where_there_is_no_room_beside_it(behaviors):
 
 def test_plans_ask_for_room_to_turn(behaviors):
     query = query_in(behaviors, BELOW)
-    path = plan_path(query.meshes, turning(behaviors, REACH), *ENDS, slack=False)
+    path = Planner(query.meshes, turning(behaviors, REACH)).plan(*ENDS, slack=False)
     assert turn_clearances(query, path).min() > REACH - SPARED - 1e-3
 
 
@@ -94,7 +94,7 @@ def random_sections(rng, length):
 
 def random_path(rng, low, high, behaviors):
     """A question and a path between obstacles of both layers, its sections where chance has put them."""
-    query = make_query((NavMesh(low), NavMesh(high)), behaviors, (0.0, 0.0), (1.0, 1.0))
+    query = Planner((NavMesh(low), NavMesh(high)), behaviors).query((0.0, 0.0), (1.0, 1.0))
     free = shapely.get_coordinates(shapely.segmentize(low.buffer(-0.38).boundary, 0.5))
     start, goal = free[rng.integers(0, len(free), 2)]
     try:
@@ -123,7 +123,7 @@ def test_bends_of_plans_are_those_of_the_twin(behaviors):
     for seed in range(30):
         rng = np.random.default_rng(seed)
         high = random_area(rng, "boxes", count=40)
-        query = make_query((NavMesh(high), NavMesh(high)), turning(behaviors, REACH), (0.0, 0.0), (1.0, 1.0))
+        query = Planner((NavMesh(high), NavMesh(high)), turning(behaviors, REACH)).query((0.0, 0.0), (1.0, 1.0))
         for _ in range(4):
             free = shapely.get_coordinates(shapely.segmentize(high.buffer(-0.38).boundary, 0.5))
             try:
