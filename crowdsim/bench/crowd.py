@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.bench.map_trials import LENGTHS
+from crowdsim.bench.motions.map_trials import LENGTHS
 from crowdsim.bench.registry import Measurement
 from crowdsim.constants import NONE, TRACKING_MARGIN
 from crowdsim.crowd.search.motion_search import MotionSearch
@@ -244,7 +244,7 @@ _FIGURES = (
 def _first_movements(setting: Setting, place: Place, cast: Placement, count: int) -> list[float]:
     """Milliseconds from a request to the first nodes to walk, path and all, while nothing else goes on; best of three.
 
-    The ways are 10 to 18 m long as the crow flies, the length of the paths of :mod:`crowdsim.bench.map_trials`.
+    The ways are 10 to 18 m long as the crow flies, the length of the paths of :mod:`crowdsim.bench.motions.map_trials`.
     """
     ends = [
         (start, goal)

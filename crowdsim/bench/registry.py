@@ -14,22 +14,28 @@ from crowdsim.errors import CrowdSimError
 
 _BENCHES = {
     "startup": ("crowdsim.bench.startup", "seconds until something happens: help, import, kernels, first step"),
-    "navmesh": ("crowdsim.bench.navmesh", "navigation meshes: build, paths, clearances and edits; lengths, violations"),
+    "navmesh": (
+        "crowdsim.bench.places.navmesh",
+        "navigation meshes: build, paths, clearances and edits; lengths, violations",
+    ),
     "environment": (
-        "crowdsim.bench.environment",
+        "crowdsim.bench.places.environment",
         "3D worlds: time to layers and meshes, fit to a laser map, free area",
     ),
-    "planner": ("crowdsim.bench.planner", "plans: time, cost and proven gap of each planner, 5 to 20 steps in clutter"),
+    "planner": (
+        "crowdsim.bench.plans.planner",
+        "plans: time, cost and proven gap of each planner, 5 to 20 steps in clutter",
+    ),
     "plan-soundness": (
-        "crowdsim.bench.plan_soundness",
+        "crowdsim.bench.plans.plan_soundness",
         "plans: clearance kept along their sections, and how deep bodies posed along them in 3D reach into obstacles",
     ),
     "motion-graph": (
-        "crowdsim.bench.motion_graph",
+        "crowdsim.bench.motions.motion_graph",
         "motion graphs: standard against feature-based, time, size and branching as the set grows",
     ),
     "motion-search": (
-        "crowdsim.bench.motion_search",
+        "crowdsim.bench.motions.motion_search",
         "A* on the motion graph: collision tests against channels, with and without branch kinematics",
     ),
     "crowd": (
@@ -37,7 +43,7 @@ _BENCHES = {
         "1,000 characters that search and play at 30 frames a second, and run as a crowd",
     ),
     "motion-maps": (
-        "crowdsim.bench.motion_maps",
+        "crowdsim.bench.motions.motion_maps",
         "motion maps: size, success and time by depth, beside A*; lengths, bodies and arrivals",
     ),
 }

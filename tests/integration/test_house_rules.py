@@ -87,6 +87,14 @@ def test_a_file_has_at_most_450_lines(path):
     assert lines <= 450
 
 
+def test_a_folder_holds_at_most_15_files_beside_its_subfolders():
+    counts = {
+        folder.relative_to(ROOT).as_posix(): sum(path.name != "__init__.py" for path in folder.glob("*.py"))
+        for folder in {path.parent for path in PACKAGE.rglob("*.py")}
+    }
+    assert {folder: count for folder, count in counts.items() if count > 15} == {}
+
+
 def test_every_kernel_file_is_imported_by_a_test():
     tested = {
         module

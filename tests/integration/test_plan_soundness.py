@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import shapely
 
-from crowdsim.bench import plan_soundness
-from crowdsim.bench.planner_comparison import ground_of
-from crowdsim.bench.posed_bodies import Obstacles, motions_of, posed_along
+from crowdsim.bench.plans import plan_soundness
+from crowdsim.bench.plans.planner_comparison import ground_of
+from crowdsim.bench.plans.posed_bodies import Obstacles, motions_of, posed_along
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, Section
 from crowdsim.planning.query.requirements import Requirements
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import h5py
 
-from crowdsim.bench.planner_comparison import ground_of, random_queries
+from crowdsim.bench.plans.planner_comparison import ground_of, random_queries
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.errors import PathNotFound
 from crowdsim.planning.planner import Planner

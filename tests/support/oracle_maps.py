@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from crowdsim.bench.navmesh_maps import FILES, read_map
+from crowdsim.bench.places.navmesh_maps import FILES, read_map
 
 MAPS = FILES
 

@@ -10,8 +10,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from crowdsim.bench.planner_comparison import PLACES, Ground, ground_of
-from crowdsim.bench.posed_bodies import Obstacles, motions_of, posed_along
+from crowdsim.bench.plans.planner_comparison import PLACES, Ground, ground_of
+from crowdsim.bench.plans.posed_bodies import Obstacles, motions_of, posed_along
 from crowdsim.bench.registry import Measurement
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import PathNotFound
@@ -32,7 +32,7 @@ _EVERY = 10
 
 
 def measure(worlds: Path | None = None, sections: int = SECTIONS) -> Measurement:
-    """Of ``sections`` sections, as many in each of the places of :mod:`crowdsim.bench.planner_comparison`.
+    """Of ``sections`` sections, as many in each of the places of :mod:`crowdsim.bench.plans.planner_comparison`.
 
     A world that is not in the folder ``worlds`` is left out. "stiff" is for every tenth path, with legs as on a
     straight way.

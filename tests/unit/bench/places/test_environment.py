@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
-from crowdsim.bench import environment
-from crowdsim.bench.laser_map import read_laser_map
+from crowdsim.bench.places import environment
+from crowdsim.bench.places.laser_map import read_laser_map
 from crowdsim.bench.registry import run_bench
 from crowdsim.errors import CrowdSimError
 

@@ -6,7 +6,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crowdsim.bench.posed_bodies import (
+from crowdsim.bench.plans.posed_bodies import (
     Motions,
     Obstacles,
     Posed,

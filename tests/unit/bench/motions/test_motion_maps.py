@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from crowdsim.bench import motion_maps
+from crowdsim.bench.motions import motion_maps
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
-from crowdsim.bench import navmesh
-from crowdsim.bench.navmesh_maps import BenchMap, clutter, read_maps
+from crowdsim.bench.places import navmesh
+from crowdsim.bench.places.navmesh_maps import BenchMap, clutter, read_maps
 from crowdsim.bench.registry import run_bench
 from crowdsim.errors import CrowdSimError
 

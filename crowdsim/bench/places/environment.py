@@ -20,7 +20,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from crowdsim.bench.laser_map import LaserMap, read_laser_map
+from crowdsim.bench.places.laser_map import LaserMap, read_laser_map
 from crowdsim.bench.registry import Measurement
 from crowdsim.environment.floor_plans import read_floor_plan
 from crowdsim.environment.floors import Place, place_on_floor
@@ -56,7 +56,7 @@ _MEGABYTES = 500.0
 _CHILD = """
 import sys
 from pathlib import Path
-from crowdsim.bench.environment import prepare
+from crowdsim.bench.places.environment import prepare
 prepare(Path(sys.argv[1]), {})
 status = Path("/proc/self/status").read_text().split()
 print(int(status[status.index("VmHWM:") + 1]) / 1024.0)

@@ -1,7 +1,7 @@
 """Precomputed motion maps (2012 paper, tables 1 to 6): what maps cost, how often they lead along a path, and how soon.
 
-Trials are those of :mod:`crowdsim.bench.map_trials`. Times are milliseconds of one thread, the best of three for each
-trial. Bodies keep within the clearance of the path with every joint, but for the rows that say otherwise.
+Trials are those of :mod:`crowdsim.bench.motions.map_trials`. Times are milliseconds of one thread, the best of three
+for each trial. Bodies keep within the clearance of the path with every joint, but for the rows that say otherwise.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from crowdsim.bench.map_arrivals import measure_arrivals
-from crowdsim.bench.map_trials import (
+from crowdsim.bench.motions.map_arrivals import measure_arrivals
+from crowdsim.bench.motions.map_trials import (
     CLEARANCE,
     FOUND,
     TOLERANCE,

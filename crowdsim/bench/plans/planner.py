@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.bench import planner_comparison
+from crowdsim.bench.plans import planner_comparison
 from crowdsim.bench.registry import Measurement
 from crowdsim.crowd.state.assets import prepare
 from crowdsim.crowd.state.environment import Place
@@ -51,7 +51,7 @@ def measure(
 ) -> Measurement:
     """All planners on all places and distances; ``picture`` is written with their times.
 
-    Then costs side by side, of ``queries`` in each of the places of :mod:`crowdsim.bench.planner_comparison`.
+    Then costs side by side, of ``queries`` in each of the places of :mod:`crowdsim.bench.plans.planner_comparison`.
     """
     rows: list[dict[str, Any]] = []
     figures: dict[str, float] = {}

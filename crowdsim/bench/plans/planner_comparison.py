@@ -16,7 +16,7 @@ import shapely
 from numpy.typing import NDArray
 
 from crowdsim.behaviors.behavior import Behavior
-from crowdsim.bench.environment import prepare as prepare_world
+from crowdsim.bench.places.environment import prepare as prepare_world
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.crowd.state.assets import load_behaviors, prepare
 from crowdsim.crowd.state.environment import Place

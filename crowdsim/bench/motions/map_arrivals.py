@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.bench.map_trials import FOUND, TOLERANCE, Ground, MotionSet, Trial, follow_trial, most_excess
+from crowdsim.bench.motions.map_trials import FOUND, TOLERANCE, Ground, MotionSet, Trial, follow_trial, most_excess
 from crowdsim.following.follower.exact_following import follow_exactly
 from crowdsim.following.follower.path_follower import FollowOptions, FollowResult
 from crowdsim.following.maps.motion_maps import MotionMaps

@@ -16,7 +16,7 @@ import shapely
 from numpy.typing import NDArray
 
 from crowdsim.behaviors.library import load_behavior_set
-from crowdsim.bench.random_ground import GroundKind, random_ground
+from crowdsim.bench.places.random_ground import GroundKind, random_ground
 from crowdsim.constants import NONE
 from crowdsim.environment.layers import LEGS, TORSO
 from crowdsim.following.follower.body_reach import BodyReach, body_reach

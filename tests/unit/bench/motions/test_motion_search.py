@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from crowdsim.bench import motion_search
-from crowdsim.bench.thinned_graph import thinned
+from crowdsim.bench.motions import motion_search
+from crowdsim.bench.motions.thinned_graph import thinned
 from crowdsim.motion.captures.bvh_writer import write_bvh
 from crowdsim.motion.synthesis.library import motion_database
 from crowdsim.motion.synthesis.styles import HAPPY

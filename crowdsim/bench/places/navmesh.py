@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from crowdsim.bench.navmesh_maps import BenchMap, clutter, read_maps
+from crowdsim.bench.places.navmesh_maps import BenchMap, clutter, read_maps
 from crowdsim.bench.registry import Measurement
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh

@@ -1,6 +1,6 @@
 """The motion graph benchmark on the built-in sets: one row a set, graph and size, and figures of the same."""
 
-from crowdsim.bench.motion_graph import measure
+from crowdsim.bench.motions.motion_graph import measure
 
 
 def test_rows_and_figures_of_both_graphs() -> None:

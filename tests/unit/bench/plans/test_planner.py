@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from crowdsim.bench import planner, planner_comparison
+from crowdsim.bench.plans import planner, planner_comparison
 
 pytest.importorskip("fcl")
 

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.behaviors.library import load_behavior_set
-from crowdsim.bench.random_ground import GroundKind, random_ground
+from crowdsim.bench.motions.thinned_graph import thinned
+from crowdsim.bench.places.random_ground import GroundKind, random_ground
 from crowdsim.bench.registry import Measurement
-from crowdsim.bench.thinned_graph import thinned
 from crowdsim.environment.layers import LEGS, TORSO
 from crowdsim.following.follower.path_follower import FollowStatus
 from crowdsim.following.graph_search.channel import Channel, make_channel

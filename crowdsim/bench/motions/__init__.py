@@ -1,0 +1,1 @@
+"""Motions: graphs of them, searches over these, and maps that follow paths."""

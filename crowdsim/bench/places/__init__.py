@@ -1,0 +1,1 @@
+"""Places: triangulating them, paths through them, and making them from files."""

@@ -1,0 +1,1 @@
+"""Plans: what they cost and take, and whether bodies pass along them."""
