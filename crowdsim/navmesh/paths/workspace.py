@@ -65,6 +65,10 @@ class Workspaces:
         self._idle: list[Workspace] = []
         self._lock = threading.Lock()
 
+    def __reduce__(self) -> tuple[type[Workspaces], tuple[()]]:
+        """Scratch memory is neither copied nor pickled: a copy starts with none of its own."""
+        return Workspaces, ()
+
     @contextmanager
     def lent(self, triangles: int) -> Iterator[Workspace]:
         """Lend a workspace to one thread, for the mesh while it has ``triangles``."""
