@@ -142,6 +142,10 @@ class NavMesh:
         least = sizes - self.tolerance(sizes)
         return self.search.find(sources, targets, sizes, least, optimality, workers, self.clearance)
 
+    def __getstate__(self) -> dict[str, object]:
+        """What a copy or a pickle holds: not what searches share, which is made anew when asked for."""
+        return {**self.__dict__, "_search": None}
+
     @property
     def search(self) -> PathSearch:
         """What path searches share, until the next edit."""

@@ -1,8 +1,8 @@
 """Obstacles go in and out by handles, and the mesh is as if it had been built with what is in it."""
 
 import copy
-import pickle
 import math
+import pickle
 
 import numpy as np
 import pytest
