@@ -5,8 +5,8 @@ numbers of workers, and prints what came out otherwise; the exit code is 1 if an
 it also installs the lowest and highest supported numpy and numba into environments in that folder and compares them.
 ``--quick`` takes a few short cases and only those variants that need no kernels compiled anew, as the tests do.
 
-One variant preloads a C library whose inexact functions are off by one unit in the last place: no result may hang on
-them. It is left out, with a word, where no C compiler is found.
+One variant preloads a C library that gives every second inexact result off by one unit in the last place: no run may
+depend on it. It is left out, with a word, where no C compiler is found.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ import math
 from crowdsim.jit import helper, kernel
 
 LARGEST_ANGLE = 1e6
-"""Radians up to which the error bounds hold: about a million turns fit before the reduction loses bits."""
+"""Radians up to which the error bounds hold."""
 
 _TWO_OVER_PI = 0.6366197723675814
 # pi / 2 in three parts: the first two have 32 bits, so that their products with up to 2**21 quarter turns are exact.
@@ -97,7 +97,7 @@ def _reduce(x):
 
 @helper
 def _sin_near(x, rest):
-    """sin(x + rest) for \\|x\\| <= pi/4, with x as the leading term and the polynomial below its last bits."""
+    """sin(x + rest) for -pi/4 <= x <= pi/4; x is the leading term, the polynomial adds its last bits."""
     z = x * x
     tail = _SIN_2 + z * (_SIN_3 + z * (_SIN_4 + z * (_SIN_5 + z * _SIN_6)))
     cube = z * x
@@ -106,7 +106,7 @@ def _sin_near(x, rest):
 
 @helper
 def _cos_near(x, rest):
-    """cos(x + rest) for \\|x\\| <= pi/4; what rounding takes from 1 - x**2 / 2 is given back."""
+    """cos(x + rest) for -pi/4 <= x <= pi/4; the rounding error of 1 - x**2 / 2 is added back."""
     z = x * x
     tail = z * (_COS_1 + z * (_COS_2 + z * (_COS_3 + z * (_COS_4 + z * (_COS_5 + z * _COS_6)))))
     half = 0.5 * z

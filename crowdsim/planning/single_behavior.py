@@ -37,9 +37,9 @@ class Uniform(NamedTuple):
 def cheapest_uniform(query: Query, below: float = math.inf, farthest: float = math.inf) -> Uniform:
     """The cheapest of the shortest paths of all rooms, with the sections it has, that costs less than ``below``.
 
-    First those for the legs and for the widest behavior; where one of them is the cheapest of all paths, no others are
-    looked for. That is told by what :func:`crowdsim.planning.query.lower_bound.lower_bound` is told by: paths with
-    another worst behavior are no shorter than the shortest for it, and have a section of it.
+    Find those for the legs and for the widest behavior first; if one of them is the cheapest of all paths, search no
+    others. The test is that of :func:`crowdsim.planning.query.lower_bound.lower_bound`: a path with another worst
+    behavior is at least as long as the shortest path for that behavior, and has a section of it.
 
     farthest: how many times as long as the path for the legs others are looked for.
     """

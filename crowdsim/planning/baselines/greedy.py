@@ -36,7 +36,7 @@ Annotate = Callable[[Floats], AnnotatedPath]
 
 
 class MeshCopies:
-    """Copies of a mesh for whoever plans, each for one thread at a time; they are kept until the mesh is edited."""
+    """Copies of a mesh that planning threads edit, one thread to a copy; dropped when the mesh is edited."""
 
     def __init__(self, mesh: NavMesh) -> None:
         self._mesh = mesh
@@ -53,7 +53,7 @@ class MeshCopies:
         return revision, Detours(self._mesh)
 
     def give_back(self, revision: int, detours: Detours) -> None:
-        """Keep a copy for whoever asks next."""
+        """Return a copy, so that the next thread can use it."""
         if detours.reset():
             with self._lock:
                 self._idle.append((revision, detours))
