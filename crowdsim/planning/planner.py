@@ -108,7 +108,7 @@ class Planner:
         return replace(joined_to(best, given, query.need.costs), certificate=partial(lower_bound, query))
 
     def query(self, start: ArrayLike, goal: ArrayLike) -> Query:
-        """Prepare a query from start to goal (x, y); move ends that are too close to obstacles to free places nearby."""
+        """Prepare a query from start to goal (x, y); move ends too close to obstacles to free places nearby."""
         ends = clear_ends(self.meshes, self.need, np.array([start, goal], dtype=np.float64))
         return Query(self.meshes, self.need, self.rooms, ends, self.terms)
 
