@@ -1,0 +1,142 @@
+"""The exact commit: a step that touches nobody and no wall, whatever the others do in theirs.
+
+Two convex bodies with gap g and closest points p, q are parted by the line half way between p and q. If each body stays
+on its own side of that line, they cannot meet at any time of the step. So a step is feasible if for every neighbor, with n
+the unit vector from p to q, the farthest reach of the body along n grows by at most g / 2 less a margin; for a wall,
+which stands, by at most g less the margin. Standing still is always feasible. The step committed is the feasible one
+nearest to what is wanted. Each agent reads old places only, so neither order nor number of threads matters.
+"""
+
+import math
+
+from crowdsim.jit import helper
+from crowdsim.steering.capsule_kernels import core_to_core, core_to_segment
+from crowdsim.steering.wall_kernels import WALL_CELL
+
+MARGIN = 1e-6
+"""What every step leaves of its share of a gap [m]: more than rounding takes, less than anybody sees."""
+
+ROUNDING = 1e-9
+"""By how much rounding may carry a step over a line [m]."""
+
+HALVINGS = 5
+"""How often a turn that does not fit is halved before it is given up."""
+
+
+@helper
+def add_neighbors(rows, me, touchable, touch_count, most, lines):
+    """Add the lines between an agent and those it could meet if its body grew by ``most`` in the step [m].
+
+    ``lines``: float64[k, 3], normal and how far the body may go along it. Returns how many, -1 if there is no room.
+    """
+    mine = rows[me]
+    count = 0
+    for n in range(touch_count):
+        other = rows[touchable[n]]
+        px = other.x - mine.x
+        py = other.y - mine.y
+        apart = mine.half + mine.radius + other.half + other.radius + 2.0 * (most + MARGIN)
+        if px * px + py * py >= apart * apart:
+            continue
+        dx, dy, distance = core_to_core(
+            px, py, -mine.hy, mine.hx, mine.half, -other.hy, other.hx, other.half
+        )
+        room = 0.5 * (distance - mine.radius - other.radius) - MARGIN
+        if room < most:
+            if count == len(lines):
+                return -1
+            lines[count, 0] = dx / distance
+            lines[count, 1] = dy / distance
+            lines[count, 2] = max(room, 0.0)
+            count += 1
+    return count
+
+
+@helper
+def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
+    """Add the lines between a core and the segments of one layer that it could meet. Returns how many lines there are."""
+    column = int(math.floor((x - walls.left) / WALL_CELL))
+    row = int(math.floor((y - walls.bottom) / WALL_CELL))
+    if count < 0 or not (0 <= column < walls.columns and 0 <= row < walls.rows):
+        return count
+    cell = row * walls.columns + column
+    for entry in range(walls.starts[cell], walls.starts[cell + 1]):
+        number = walls.lists[entry]
+        dx, dy, distance = core_to_segment(
+            x,
+            y,
+            ux,
+            uy,
+            half,
+            walls.segments[number, 0],
+            walls.segments[number, 1],
+            walls.segments[number, 2],
+            walls.segments[number, 3],
+        )
+        room = distance - radius - MARGIN
+        if room < most:
+            if count == len(lines):
+                return -1
+            lines[count, 0] = dx / distance
+            lines[count, 1] = dy / distance
+            lines[count, 2] = max(room, 0.0)
+            count += 1
+    return count
+
+
+@helper
+def nearest_feasible(wx, wy, lines, count):
+    """The move nearest to ``(wx, wy)`` that crosses none of the lines (an incremental program in two dimensions).
+
+    The set of feasible moves contains standing still, so there always is one; it is no longer than what is wanted.
+    """
+    dx = wx
+    dy = wy
+    for k in range(count):
+        nx = lines[k, 0]
+        ny = lines[k, 1]
+        if nx * dx + ny * dy <= lines[k, 2]:
+            continue
+        # The nearest move lies on this line: the interval of the line that all lines before leave.
+        low = -math.inf
+        high = math.inf
+        for m in range(k):
+            slope = lines[m, 1] * nx - lines[m, 0] * ny
+            rest = lines[m, 2] - lines[k, 2] * (lines[m, 0] * nx + lines[m, 1] * ny)
+            if slope > 1e-12:
+                high = min(high, rest / slope)
+            elif slope < -1e-12:
+                low = max(low, rest / slope)
+        along = wy * nx - wx * ny
+        along = max(min(along, high), low)
+        dx = lines[k, 2] * nx - along * ny
+        dy = lines[k, 2] * ny + along * nx
+    for k in range(count):
+        if lines[k, 0] * dx + lines[k, 1] * dy > lines[k, 2] + ROUNDING:
+            return 0.0, 0.0
+    return dx, dy
+
+
+@helper
+def reach_of_turn(hx, hy, ex, ey, nx, ny):
+    """Largest |u . n| of the core's unit vector u while the heading turns from h to e, by less than a right angle.
+
+    u is across the heading: |u . n| is 1 if the heading passes a right angle to n on the way.
+    """
+    if (hx * nx + hy * ny) * (ex * nx + ey * ny) <= 0.0:
+        return 1.0
+    return max(abs(hx * ny - hy * nx), abs(ex * ny - ey * nx))
+
+
+@helper
+def turn_fits(mine, ex, ey, half, dx, dy, lines, count):
+    """Whether the body stays on its side of all lines while it moves by d, turns to e and its core gets ``half`` long."""
+    longest = max(mine.half, half)
+    for k in range(count):
+        nx = lines[k, 0]
+        ny = lines[k, 1]
+        growth = longest * reach_of_turn(mine.hx, mine.hy, ex, ey, nx, ny)
+        growth -= mine.half * abs(mine.hx * ny - mine.hy * nx)
+        if growth > lines[k, 2] - max(0.0, nx * dx + ny * dy) + ROUNDING:
+            return False
+    return True

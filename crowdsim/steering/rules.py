@@ -1,0 +1,71 @@
+"""The rules of steering: what an agent looks at, how fast it goes, whom it gives way to."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Rules(NamedTuple):
+    """Constants of the steering model, the same for all agents and places. Lengths [m], times [s], angles [rad]."""
+
+    step: float = 0.1
+    """Time between two decisions."""
+    reach: float = 3.0
+    """Distance up to which an agent sees others."""
+    reach_in_crowd: float = 2.0
+    """The same if more than ``crowd`` others stand in the 5 x 5 cells around it."""
+    crowd: int = 50
+    horizon: float = 4.0
+    """Distance ahead at which collisions count."""
+    wall_horizon: float = 1.6
+    """Distance ahead at which walls count."""
+    inertia: float = 0.2
+    """Cost of turning away from the present velocity, in horizons."""
+    left_bias: float = 0.05
+    """Cost of passing on the left, in horizons."""
+    turn_cost: float = 0.25
+    """Cost of turning the shoulders, in horizons."""
+    tight: float = 1.2
+    """An agent that can go no farther than this tries to turn its shoulders."""
+    keep_right: float = 1.1
+    """Angle by which an agent aims to the right of its way while others come towards it."""
+    sidle: float = 0.4
+    """Angle by which an agent that is stuck behind somebody aims to the right."""
+    headway: float = 0.6
+    """Time gap kept to whoever walks ahead."""
+    standoff: float = 0.14
+    """Gap at which the time gap begins."""
+    leader: float = 0.6
+    """Share of the speed of whoever walks ahead that is added to what the time gap allows."""
+    leader_gap: float = 0.5
+    offset_gain: float = 0.15
+    """Gap added for somebody at the edge of the agent's swath."""
+    swath: float = 0.9
+    """Width of an agent's swath, as a share of both bodies' widths."""
+    swath_before: float = 0.75
+    """The same towards those of the same goal who go first."""
+    swath_behind: float = 0.0
+    """The same towards those of the same goal who go after it."""
+    creep: float = 0.8
+    """Speed [m/s] at which an agent that is stuck presses on."""
+    creep_first: float = 1.2
+    """The same if nobody of its way is ahead [m/s for each second]."""
+    merge_after: float = 0.2
+    """Time stuck after which an agent gives way to those of its goal who go first."""
+    merge_behind: float = 0.3
+    merge_gap: float = 0.1
+    merge_speed: float = 0.3
+    yield_after: float = 1.0
+    """Time after which others step out of the way of somebody stuck."""
+    yield_aside: float = 0.5
+    yield_along: float = 0.3
+    relaxation: float = 0.25
+    """Time in which the velocity approaches what is wanted."""
+    acceleration: float = 2.5
+    """Largest change of the velocity [m/s2]."""
+    turn_rate: float = 2.5
+    """Largest turn rate of the body [rad/s]."""
+    turned_slowdown: float = 0.55
+    """Share of the speed that is lost sideways."""
+    identity: float = 0.15
+    """Spread of the order among those as far from their goal as each other [m]."""

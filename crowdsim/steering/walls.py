@@ -1,0 +1,47 @@
+"""Walls of a place, ready for steered agents."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.steering.wall_kernels import SPACING, WALL_CELL, WALL_REACH, count_near, measure_distances
+
+
+class Walls(NamedTuple):
+    """Segments of one layer's walls and what finds them, as kernels take it."""
+
+    segments: NDArray[np.float64]
+    """float64[n, 4]: both ends [m]."""
+    starts: NDArray[np.int64]
+    """Where the list of a cell begins, cells row by row."""
+    lists: NDArray[np.int64]
+    """Segments near the cells."""
+    distances: NDArray[np.uint8]
+    """Distances to the nearest segment at points of a grid, in centimeters."""
+    left: float
+    bottom: float
+    columns: int
+    rows: int
+
+
+def build_walls(segments: Any) -> Walls:
+    """Walls of these segments, float64[n, 4], both ends [m]."""
+    segments = np.ascontiguousarray(segments, np.float64).reshape(-1, 4)
+    if len(segments) == 0:
+        empty = np.zeros(0, np.int64)
+        return Walls(segments, np.zeros(2, np.int64), empty, np.full((1, 1), 255, np.uint8), 0.0, 0.0, 1, 1)
+    margin = WALL_REACH + 2 * WALL_CELL
+    low = segments.reshape(-1, 2).min(axis=0) - margin
+    high = segments.reshape(-1, 2).max(axis=0) + margin
+    columns, rows = (math.ceil(each) for each in (high - low) / WALL_CELL)
+    starts = np.zeros(columns * rows + 1, np.int64)
+    lists = np.zeros(count_near(segments, low[0], low[1], columns, rows, starts, np.zeros(0, np.int64)), np.int64)
+    count_near(segments, low[0], low[1], columns, rows, starts, lists)
+    per_cell = round(WALL_CELL / SPACING)
+    distances = np.zeros((rows * per_cell + 1, columns * per_cell + 1), np.uint8)
+    measure_distances(segments, starts, lists, low[0], low[1], columns, distances)
+    return Walls(segments, starts, lists, distances, float(low[0]), float(low[1]), columns, rows)
