@@ -9,8 +9,14 @@ nearest to what is wanted. Each agent reads old places only, so neither order no
 
 import math
 
-from crowdsim.jit import helper
+import numpy as np
+
+from crowdsim.geometry.elementary_kernels import cos_sin
+from crowdsim.geometry.planar_kernels import wrap_angle
+from crowdsim.jit import helper, kernel
 from crowdsim.steering.capsule_kernels import core_to_core, core_to_segment
+from crowdsim.steering.look_kernels import cell_of, rows_beside
+from crowdsim.steering.row_kernels import CELL
 from crowdsim.steering.wall_kernels import WALL_CELL
 
 MARGIN = 1e-6
@@ -22,33 +28,49 @@ ROUNDING = 1e-9
 HALVINGS = 5
 """How often a turn that does not fit is halved before it is given up."""
 
+MOST_LINES = 128
+"""Others and walls that an agent could meet in one step; if there are more, it stands."""
+
+STUCK_MOST = 30.0
+"""Time up to which being stuck is counted [s]."""
+
 
 @helper
-def add_neighbors(rows, me, touchable, touch_count, most, lines):
+def add_neighbors(rows, places, starts, frame, me, most, broadest, lines):
     """Add the lines between an agent and those it could meet if its body grew by ``most`` in the step [m].
 
-    ``lines``: float64[k, 3], normal and how far the body may go along it. Returns how many, -1 if there is no room.
+    ``broadest``: largest half breadth of all agents [m]. ``lines``: float64[k, 3], normal and how far the body may go
+    along it. Returns how many, -1 if there is no room for all.
     """
     mine = rows[me]
+    x = mine.x
+    y = mine.y
+    own = mine.half + mine.radius + 2.0 * (most + MARGIN)
+    farthest = own + broadest
+    column, row = cell_of(frame, x, y)
+    cells = int(math.ceil(farthest / CELL))
     count = 0
-    for n in range(touch_count):
-        other = rows[touchable[n]]
-        px = other.x - mine.x
-        py = other.y - mine.y
-        apart = mine.half + mine.radius + other.half + other.radius + 2.0 * (most + MARGIN)
-        if px * px + py * py >= apart * apart:
-            continue
-        dx, dy, distance = core_to_core(
-            px, py, -mine.hy, mine.hx, mine.half, -other.hy, other.hx, other.half
-        )
-        room = 0.5 * (distance - mine.radius - other.radius) - MARGIN
-        if room < most:
-            if count == len(lines):
-                return -1
-            lines[count, 0] = dx / distance
-            lines[count, 1] = dy / distance
-            lines[count, 2] = max(room, 0.0)
-            count += 1
+    for j in range(max(row - cells, 0), min(row + cells + 1, frame[3])):
+        begin, end = rows_beside(starts, frame, column, j, cells)
+        for number in range(begin, end):
+            px = places[number, 0] - x
+            py = places[number, 1] - y
+            square = px * px + py * py
+            if square >= farthest * farthest or number == me:
+                continue
+            other = rows[number]
+            apart = own + other.half + other.radius
+            if square >= apart * apart:
+                continue
+            dx, dy, distance = core_to_core(px, py, -mine.hy, mine.hx, mine.half, -other.hy, other.hx, other.half)
+            room = 0.5 * (distance - mine.radius - other.radius) - MARGIN
+            if room < most:
+                if count == len(lines):
+                    return -1
+                lines[count, 0] = dx / distance
+                lines[count, 1] = dy / distance
+                lines[count, 2] = max(room, 0.0)
+                count += 1
     return count
 
 
@@ -140,3 +162,83 @@ def turn_fits(mine, ex, ey, half, dx, dy, lines, count):
         if growth > lines[k, 2] - max(0.0, nx * dx + ny * dy) + ROUNDING:
             return False
     return True
+
+
+@helper
+def fitting_turn(mine, turn, half, dx, dy, lines, count):
+    """The turn, or a part of it, and the half length of the core that fit beside a move by d.
+
+    Returns heading [rad], its unit vector and the half length.
+    """
+    heading = wrap_angle(mine.heading + turn)
+    ex, ey = cos_sin(heading)
+    if count == 0 or turn_fits(mine, ex, ey, half, dx, dy, lines, count):
+        return heading, ex, ey, half
+    half = min(half, mine.half)
+    for _ in range(HALVINGS):
+        if turn_fits(mine, ex, ey, half, dx, dy, lines, count):
+            return heading, ex, ey, half
+        turn *= 0.5
+        heading = wrap_angle(mine.heading + turn)
+        ex, ey = cos_sin(heading)
+    return mine.heading, mine.hx, mine.hy, half
+
+
+@kernel
+def commit_rows(rows, places, starts, frame, first, last, order, wanted, walls, broadest, step, state):
+    """Move the agents ``rows[first:last]`` as they want, as far as that touches nobody.
+
+    ``walls``: those of the legs' layer, those of the torso's, and the radius of the legs [m]. ``broadest``: largest half
+    breadth of all agents [m]. ``step``: its length [s]. ``state``: ROW[n], gets what changes, by agent as ``order`` says.
+    Returns how many agents stood since more was near than the kernel has room for.
+    """
+    legs, torso, leg_radius = walls
+    lines = np.empty((MOST_LINES, 3))
+    crowded = 0
+    for me in range(first, last):
+        mine = rows[me]
+        want = wanted[me]
+        dx = want.vx * step
+        dy = want.vy * step
+        turn = want.turn
+        half = want.half
+
+        # What the body could meet if it grew by the most that the step can make its reach grow.
+        growth = max(mine.half, half) * abs(turn) + max(0.0, half - mine.half)
+        most = math.sqrt(dx * dx + dy * dy) + growth
+        count = add_neighbors(rows, places, starts, frame, me, most, broadest, lines)
+        count = add_walls(torso, mine.x, mine.y, -mine.hy, mine.hx, mine.half, mine.radius, most, lines, count)
+        count = add_walls(legs, mine.x, mine.y, 1.0, 0.0, 0.0, leg_radius, most, lines, count)
+        if count < 0:
+            crowded += 1
+            count = 0
+            dx = 0.0
+            dy = 0.0
+            turn = 0.0
+            half = min(half, mine.half)
+        if count > 0:
+            dx, dy = nearest_feasible(dx, dy, lines, count)
+        heading, hx, hy, half = fitting_turn(mine, turn, half, dx, dy, lines, count)
+
+        # Without progress along its way an agent is stuck.
+        progress = (dx * mine.gx + dy * mine.gy) / step
+        stuck = mine.stuck - 2.0 * step
+        if (mine.gx != 0.0 or mine.gy != 0.0) and progress < 0.15 * mine.speed:
+            stuck = mine.stuck + step
+
+        out = state[order[me]]
+        out.x = mine.x + dx
+        out.y = mine.y + dy
+        out.hx = hx
+        out.hy = hy
+        out.heading = heading
+        out.vx = dx / step
+        out.vy = dy / step
+        out.half = half
+        out.ix = want.ix
+        out.iy = want.iy
+        out.rank = want.rank
+        out.key = want.key
+        out.opposed = want.opposed
+        out.stuck = min(max(stuck, 0.0), STUCK_MOST)
+    return crowded

@@ -57,6 +57,7 @@ class Rules(NamedTuple):
     merge_speed: float = 0.3
     yield_after: float = 1.0
     """Time after which others step out of the way of somebody stuck."""
+    yield_reach: float = 1.5
     yield_aside: float = 0.5
     yield_along: float = 0.3
     relaxation: float = 0.25

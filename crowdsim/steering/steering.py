@@ -7,9 +7,11 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.steering.commit_kernels import commit_rows
+from crowdsim.steering.decide_kernels import WANTED, decide_rows
+from crowdsim.steering.look_kernels import MOST_NEAR, look_rows
 from crowdsim.steering.row_kernels import CELL, ROW, gather_rows, sort_rows
 from crowdsim.steering.rules import Rules
-from crowdsim.steering.step_kernels import step_rows
 from crowdsim.steering.walls import Walls
 
 CHUNK = 256
@@ -38,12 +40,18 @@ class Steering:
         cells = np.empty(count, np.int32)
         sort_rows(places, low[0], low[1], columns, rows_up, starts, order, cells)
         rows = np.empty(count, ROW)
+        near = np.empty((count, MOST_NEAR), np.int32)
+        wanted = np.empty(count, WANTED)
         frame = (float(low[0]), float(low[1]), columns, rows_up)
         gather_rows(state, order, 0, count, rows, places)
+        walls = (self.legs, self.torso, self.leg_radius)
+        broadest = float((state["half"] + state["radius"]).max()) + 0.02
 
         def run(first: int, last: int) -> int:
-            return step_rows(
-                rows, places, starts, frame, order, first, last, (self.legs, self.torso), self.leg_radius, self.rules, state
+            look_rows(rows, places, starts, frame, first, last, self.rules, near)
+            decide_rows(rows, near, first, last, walls, self.rules, wanted)
+            return commit_rows(
+                rows, places, starts, frame, first, last, order, wanted, walls, broadest, self.rules.step, state
             )
 
         if self._pool is None:
