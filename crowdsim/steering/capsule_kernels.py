@@ -9,7 +9,7 @@ import math
 from crowdsim.jit import helper
 
 _PARALLEL = 1e-12
-"""Squared sine of the angle between two cores below which they count as parallel."""
+"""Sine of the angle between two cores below which they count as parallel."""
 
 
 @helper
@@ -28,10 +28,11 @@ def core_to_core(px, py, ux, uy, a, wx, wy, b):
     between = ux * wx + uy * wy
     along_first = ux * px + uy * py
     along_second = wx * px + wy * py
-    square = 1.0 - between * between
+    sine = ux * wy - uy * wx
     s = 0.0
-    if square > _PARALLEL:
-        s = clamped((along_first - between * along_second) / square, a)
+    if abs(sine) > _PARALLEL:
+        # Where the lines of both cores cross, or as near to it as the first core reaches.
+        s = clamped((px * wy - py * wx) / sine, a)
     t = clamped(between * s - along_second, b)
     s = clamped(along_first + between * t, a)
     dx = px + t * wx - s * ux

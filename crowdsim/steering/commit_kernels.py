@@ -1,10 +1,10 @@
 """The exact commit: a step that touches nobody and no wall, whatever the others do in theirs.
 
 Two convex bodies with gap g and closest points p, q are parted by the line half way between p and q. If each body stays
-on its own side of that line, they cannot meet at any time of the step. So a step is feasible if for every neighbor, with n
-the unit vector from p to q, the farthest reach of the body along n grows by at most g / 2 less a margin; for a wall,
-which stands, by at most g less the margin. Standing still is always feasible. The step committed is the feasible one
-nearest to what is wanted. Each agent reads old places only, so neither order nor number of threads matters.
+on its own side of that line, they cannot meet at any time of the step. So a step is feasible if for every neighbor,
+with n the unit vector from p to q, the farthest reach of the body along n grows by at most g / 2 less a margin; for a
+wall, which stands, by at most g less the margin. Standing still is always feasible. The step committed is the
+feasible one nearest to what is wanted. Each agent reads old places only, so neither order nor number of threads matters.
 """
 
 import math
@@ -36,19 +36,21 @@ STUCK_MOST = 30.0
 
 
 @helper
-def add_neighbors(rows, places, starts, frame, me, most, broadest, lines):
+def add_neighbors(crowd, me, most, broadest, lines):
     """Add the lines between an agent and those it could meet if its body grew by ``most`` in the step [m].
 
-    ``broadest``: largest half breadth of all agents [m]. ``lines``: float64[k, 3], normal and how far the body may go
-    along it. Returns how many, -1 if there is no room for all.
+    ``crowd``: rows, their places, where cells begin in them, and the frame of the cells. ``broadest``: largest half
+    breadth of all agents [m]. ``lines``: float64[k, 3], normal and how far the body may go along it. Returns how many,
+    -1 if there is no room for all.
     """
+    rows, places, starts, frame = crowd
     mine = rows[me]
     x = mine.x
     y = mine.y
     own = mine.half + mine.radius + 2.0 * (most + MARGIN)
     farthest = own + broadest
     column, row = cell_of(frame, x, y)
-    cells = int(math.ceil(farthest / CELL))
+    cells = math.ceil(farthest / CELL)
     count = 0
     for j in range(max(row - cells, 0), min(row + cells + 1, frame[3])):
         begin, end = rows_beside(starts, frame, column, j, cells)
@@ -76,9 +78,9 @@ def add_neighbors(rows, places, starts, frame, me, most, broadest, lines):
 
 @helper
 def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
-    """Add the lines between a core and the segments of one layer that it could meet. Returns how many lines there are."""
-    column = int(math.floor((x - walls.left) / WALL_CELL))
-    row = int(math.floor((y - walls.bottom) / WALL_CELL))
+    """Add the lines between a core and the segments of one layer that it could meet. Returns how many there are."""
+    column = math.floor((x - walls.left) / WALL_CELL)
+    row = math.floor((y - walls.bottom) / WALL_CELL)
     if count < 0 or not (0 <= column < walls.columns and 0 <= row < walls.rows):
         return count
     cell = row * walls.columns + column
@@ -152,7 +154,7 @@ def reach_of_turn(hx, hy, ex, ey, nx, ny):
 
 @helper
 def turn_fits(mine, ex, ey, half, dx, dy, lines, count):
-    """Whether the body stays on its side of all lines while it moves by d, turns to e and its core gets ``half`` long."""
+    """Whether the body stays on its side of all lines if it moves by d, turns to e and its core gets ``half`` long."""
     longest = max(mine.half, half)
     for k in range(count):
         nx = lines[k, 0]
@@ -185,13 +187,15 @@ def fitting_turn(mine, turn, half, dx, dy, lines, count):
 
 
 @kernel
-def commit_rows(rows, places, starts, frame, first, last, order, wanted, walls, broadest, step, state):
-    """Move the agents ``rows[first:last]`` as they want, as far as that touches nobody.
+def commit_rows(crowd, first, last, order, wanted, walls, broadest, step, state):
+    """Move the agents of the rows from ``first`` to ``last`` as they want, as far as that touches nobody.
 
-    ``walls``: those of the legs' layer, those of the torso's, and the radius of the legs [m]. ``broadest``: largest half
-    breadth of all agents [m]. ``step``: its length [s]. ``state``: ROW[n], gets what changes, by agent as ``order`` says.
-    Returns how many agents stood since more was near than the kernel has room for.
+    ``crowd``: rows, their places, where cells begin in them, and the frame of the cells. ``walls``: those of the legs'
+    layer, those of the torso's, and the radius of the legs [m]. ``broadest``: largest half breadth of all agents [m].
+    ``step``: its length [s]. ``state``: ROW[n], gets what changes, by agent as ``order`` says. Returns how many agents
+    stood since more was near than the kernel has room for.
     """
+    rows = crowd[0]
     legs, torso, leg_radius = walls
     lines = np.empty((MOST_LINES, 3))
     crowded = 0
@@ -206,7 +210,7 @@ def commit_rows(rows, places, starts, frame, first, last, order, wanted, walls, 
         # What the body could meet if it grew by the most that the step can make its reach grow.
         growth = max(mine.half, half) * abs(turn) + max(0.0, half - mine.half)
         most = math.sqrt(dx * dx + dy * dy) + growth
-        count = add_neighbors(rows, places, starts, frame, me, most, broadest, lines)
+        count = add_neighbors(crowd, me, most, broadest, lines)
         count = add_walls(torso, mine.x, mine.y, -mine.hy, mine.hx, mine.half, mine.radius, most, lines, count)
         count = add_walls(legs, mine.x, mine.y, 1.0, 0.0, 0.0, leg_radius, most, lines, count)
         if count < 0:

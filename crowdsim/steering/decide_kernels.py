@@ -126,7 +126,10 @@ def yield_to_opposing(rows, mine, near, count, rules, want):
 
 @helper
 def let_merge(rows, mine, near, count, rules, want):
-    """Make room for those of the same goal who go first, are stuck, and whom the agent hinders. Returns whether it does."""
+    """Make room for those of the same goal who go first, are stuck, and whom the agent hinders.
+
+    Returns whether there are any.
+    """
     awayx = 0.0
     awayy = 0.0
     lowest = want.key
@@ -247,7 +250,10 @@ def limit_change(mine, rules, want):
 
 @helper
 def face(mine, rules, want):
-    """Turn the body where it goes, or where its way leads if it hardly moves; with turned shoulders the nearer side first."""
+    """Turn the body where it goes, or where its way leads if it hardly moves.
+
+    With turned shoulders, take the side that is nearer.
+    """
     most = rules.turn_rate * rules.step
     if want.facing_x * want.facing_x + want.facing_y * want.facing_y < 0.0625:
         want.facing_x = mine.gx
@@ -293,8 +299,8 @@ def decide_rows(rows, near_rows, first, last, walls, rules, wanted):
             want.opposed = hear_opposing(rows, mine, near, count, rules)
 
         # Giving way comes first, then merging, then the own way.
-        if not yield_to_opposing(rows, mine, near, count, rules, want) and goes:
-            if not let_merge(rows, mine, near, count, rules, want):
-                follow_way(rows, mine, near, count, walls, rules, want)
+        gives_way = yield_to_opposing(rows, mine, near, count, rules, want)
+        if goes and not gives_way and not let_merge(rows, mine, near, count, rules, want):
+            follow_way(rows, mine, near, count, walls, rules, want)
         limit_change(mine, rules, want)
         face(mine, rules, want)

@@ -22,7 +22,7 @@ def cell_of(frame, x, y):
 
 @helper
 def rows_beside(starts, frame, column, j, cells):
-    """First row, and the one after the last, of those in the cells of line ``j`` up to ``cells`` away from ``column``."""
+    """First row, and the one after the last, in the cells of line ``j`` up to ``cells`` away from ``column``."""
     columns = frame[2]
     first = starts[j * columns + max(column - cells, 0)]
     last = starts[j * columns + min(column + cells, columns - 1) + 1]
@@ -50,7 +50,7 @@ def look_rows(rows, places, starts, frame, first, last, rules, near):
             begin, end = rows_beside(starts, frame, column, j, 2)
             crowd += end - begin
         reach = rules.reach_in_crowd if crowd > rules.crowd else rules.reach
-        cells = int(math.ceil(reach / CELL))
+        cells = math.ceil(reach / CELL)
 
         # Keep the least weights, sorted by insertion.
         count = 0

@@ -44,8 +44,8 @@ ROW = np.dtype(
 def sort_rows(places, left, bottom, columns, rows_up, starts, order, cells):
     """Sort agents by cells, and by their number within a cell (a counting sort).
 
-    ``places``: float64[n, 2] [m]. ``order``: int32[n], gets the agents; ``starts``: int32[columns * rows_up + 1], gets where a
-    cell begins in it; ``cells``: int32[n], scratch.
+    ``places``: float64[n, 2] [m]. ``order``: int32[n], gets the agents; ``starts``: int64[columns * rows_up + 1], gets
+    where a cell begins in it; ``cells``: int32[n], scratch.
     """
     # Count the agents of every cell.
     starts[:] = 0
@@ -68,9 +68,9 @@ def sort_rows(places, left, bottom, columns, rows_up, starts, order, cells):
 
 
 @kernel
-def gather_rows(state, order, first, last, rows, places):
-    """Copy the agents of ``order[first:last]`` to the same rows of ``rows`` and their places to ``places``."""
-    for row in range(first, last):
+def gather_rows(state, order, rows, places):
+    """Copy the agents in ``order`` to ``rows``, and where they are to ``places``."""
+    for row in range(len(order)):
         rows[row] = state[order[row]]
         places[row, 0] = rows[row].x
         places[row, 1] = rows[row].y

@@ -19,6 +19,12 @@ UNIT = 0.01
 SPACING = 0.1
 """Of the points at which these distances are kept [m]."""
 
+_TOLERANCE = 0.04
+"""By how much a way ahead may come nearer to a wall than a body is broad [m]: distances are rounded, and walls bend."""
+
+_LEAST_STRIDE = 0.05
+"""Of a look along a way [m]."""
+
 FARTHEST = 255 * UNIT
 
 
@@ -34,10 +40,10 @@ def count_near(segments, left, bottom, columns, rows_up, starts, lists):
         starts[:] = 0
     for number in range(len(segments)):
         ax, ay, bx, by = segments[number]
-        low_column = max(int(math.floor((min(ax, bx) - reach - left) / WALL_CELL)), 0)
-        high_column = min(int(math.floor((max(ax, bx) + reach - left) / WALL_CELL)), columns - 1)
-        low_row = max(int(math.floor((min(ay, by) - reach - bottom) / WALL_CELL)), 0)
-        high_row = min(int(math.floor((max(ay, by) + reach - bottom) / WALL_CELL)), rows_up - 1)
+        low_column = max(math.floor((min(ax, bx) - reach - left) / WALL_CELL), 0)
+        high_column = min(math.floor((max(ax, bx) + reach - left) / WALL_CELL), columns - 1)
+        low_row = max(math.floor((min(ay, by) - reach - bottom) / WALL_CELL), 0)
+        high_row = min(math.floor((max(ay, by) + reach - bottom) / WALL_CELL), rows_up - 1)
         for row in range(low_row, high_row + 1):
             y = bottom + (row + 0.5) * WALL_CELL
             for column in range(low_column, high_column + 1):
@@ -134,12 +140,12 @@ def free_ahead(walls, x, y, ux, uy, width, farthest):
         ahead = distance_at(walls, x + way * ux, y + way * uy)
         if ahead < before:
             return 0.0
-        width = before
+        width = before - _TOLERANCE
     for _ in range(32):
         room = distance_at(walls, x + way * ux, y + way * uy) - width
-        if room < 0.02:
+        if room < 0.5 * _TOLERANCE:
             return min(way, farthest)
-        way += max(room, 0.05)
+        way += max(room, _LEAST_STRIDE)
         if way >= farthest:
             return farthest
     return min(way, farthest)
