@@ -4,7 +4,7 @@ Two convex bodies with gap g and closest points p, q are parted by the line half
 on its own side of that line, they cannot meet at any time of the step. So a step is feasible if for every neighbor,
 with n the unit vector from p to q, the farthest reach of the body along n grows by at most g / 2 less a margin; for a
 wall, which stands, by at most g less the margin. Standing still is always feasible. The step committed is the
-feasible one nearest to what is wanted. Each agent reads old places only, so neither order nor number of threads matters.
+feasible one nearest to what is wanted. Each agent reads old places only, so neither order nor threads matter.
 """
 
 import math
