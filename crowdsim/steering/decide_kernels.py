@@ -76,7 +76,7 @@ def hear_opposing(rows, mine, near, count, rules):
             if abs(mine.gx * seen.py - mine.gy * seen.px) < 1.5:
                 return 1.0
         elif along > 0.3:
-            news = max(news, 0.97 * other.opposed - 0.02)
+            news = max(news, rules.news * other.opposed - 0.02)
     return news
 
 
@@ -196,7 +196,7 @@ def keep_right(mine, near, count, walls, rules, opposed):
     if opposed <= 0.0:
         return 0.0
     free = distance_at(walls[1], mine.x + 0.5 * mine.gy, mine.y - 0.5 * mine.gx)
-    room = min(max((free - 0.2) / 0.3, 0.0), 1.0)
+    room = min(max((free - rules.edge) / 0.3, 0.0), 1.0)
     angle = rules.keep_right * opposed * room
     if mine.stuck > 0.0:
         for n in range(count):

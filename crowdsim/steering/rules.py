@@ -19,30 +19,33 @@ class Rules(NamedTuple):
     """Distance ahead at which collisions count."""
     wall_horizon: float = 1.6
     """Distance ahead at which walls count."""
-    inertia: float = 0.2
+    inertia: float = 0.116
     """Cost of turning away from the present velocity, in horizons."""
-    left_bias: float = 0.05
+    left_bias: float = 0.027
     """Cost of passing on the left, in horizons."""
     turn_cost: float = 0.25
     """Cost of turning the shoulders, in horizons."""
-    tight: float = 1.2
+    tight: float = 1.116
     """An agent that can go no farther than this tries to turn its shoulders."""
     keep_right: float = 1.1
     """Angle by which an agent aims to the right of its way while others come towards it."""
-    sidle: float = 0.4
+    edge: float = 0.35
+    news: float = 0.6
+    """Share of what somebody ahead knows of opposing agents that is handed on."""
+    sidle: float = 0.611
     """Angle by which an agent that is stuck behind somebody aims to the right."""
-    headway: float = 0.6
+    headway: float = 0.45
     """Time gap kept to whoever walks ahead."""
-    standoff: float = 0.14
+    standoff: float = 0.32
     """Gap at which the time gap begins."""
     leader: float = 0.6
     """Share of the speed of whoever walks ahead that is added to what the time gap allows."""
     leader_gap: float = 0.5
     offset_gain: float = 0.15
     """Gap added for somebody at the edge of the agent's swath."""
-    swath: float = 0.9
+    swath: float = 0.903
     """Width of an agent's swath, as a share of both bodies' widths."""
-    swath_before: float = 0.75
+    swath_before: float = 0.787
     """The same towards those of the same goal who go first."""
     swath_behind: float = 0.0
     """The same towards those of the same goal who go after it."""
@@ -54,13 +57,13 @@ class Rules(NamedTuple):
     """Time stuck after which an agent gives way to those of its goal who go first."""
     merge_behind: float = 0.3
     merge_gap: float = 0.1
-    merge_speed: float = 0.3
+    merge_speed: float = 0.384
     yield_after: float = 1.0
     """Time after which others step out of the way of somebody stuck."""
     yield_reach: float = 1.5
     yield_aside: float = 0.5
     yield_along: float = 0.3
-    relaxation: float = 0.25
+    relaxation: float = 0.235
     """Time in which the velocity approaches what is wanted."""
     acceleration: float = 2.5
     """Largest change of the velocity [m/s2]."""
