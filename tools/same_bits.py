@@ -156,7 +156,7 @@ def world_of_meshes() -> str:
     from crowdsim.scenario.loader import parse_scenario
 
     scenario = parse_scenario(HOUSE.format(folder=SHARED / "worlds"))
-    text = "".join(layer.free.wkb_hex for layer in scenario.layers())
+    text = "".join(layer.free.wkb_hex for layer in scenario.environment.layers)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 

@@ -202,7 +202,7 @@ def measure(
     scenario = parse_scenario(scenario_text(characters, interval=0.0))
     setting = prepare(scenario)
     cast = place_agents(scenario, setting.personal_radius + TRACKING_MARGIN)
-    place = Place(setting, scenario.changes())
+    place = Place(setting)
     _warm_up(setting, place, cast)
     rows = []
     with WorkerPool[tuple[Ongoing, MotionPlan | PathNotFound]](workers, latency=1) as pool:

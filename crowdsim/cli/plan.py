@@ -39,7 +39,7 @@ def plan(
         changes.append(f"planner={planner}")
     loaded = load_scenario(scenario, changes)
     setting = prepare(loaded)
-    place = Place(setting, loaded.changes())
+    place = Place(setting)
     path = place.route(*ends)
     gap = path.gap
     # Again, for the first plan in a place makes what later ones share.

@@ -37,9 +37,9 @@ from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.recording.header import AgentState, RecordedFrame
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.writer import RecordingWriter
-from crowdsim.scenario.changes import Placing, placed
 from crowdsim.scenario.placement import place_agents
 from crowdsim.scenario.scenario import Scenario
+from crowdsim.scenario.timetable import Placing, placed
 
 LEAD_SECONDS = 0.2
 """How long before it is needed a plan is asked for, where that can be told."""
@@ -62,7 +62,7 @@ class Simulation:
         self._closed = False
         self.scenario = scenario
         self.setting = prepare(scenario, workers, preparing)
-        self.place = Place(self.setting, scenario.changes())
+        self.place = Place(self.setting)
         rate = scenario.steps_per_second
         self.step_limit = round(scenario.duration * rate)
         self.cast = place_agents(scenario, self.setting.personal_radius + TRACKING_MARGIN)
@@ -81,7 +81,7 @@ class Simulation:
         self.hash = 0
         self._make_ready()
 
-        changing = Changing(self.plans, self.place)
+        changing = Changing(self.plans)
         entering = Entering(self.world, self.setting, self.cast, self.plans)
         replanning = Replanning(self.plans)
         self._searching = Searching(self.plans)
@@ -166,10 +166,10 @@ class Simulation:
                 f"{self.scenario.name}: the simulation has taken {self.step_count} steps, which the recording would "
                 "lack; make a new Simulation and run that"
             )
-        statistics = Statistics(self.setting, self.place, {area.name: area.shape() for area in self.scenario.areas})
+        statistics = Statistics(self.setting, self.place, self.scenario.area_polygons())
         header = record_header(self.scenario, self.setting, self.cast)
         with self, RecordingWriter(output, header) as writer:
-            before: list[Placing | None] = [None] * len(self.place.changes.movables)
+            before: list[Placing | None] = [None] * len(self.setting.timetable.movables)
             started = time.perf_counter()
             while not self.finished:
                 self._advance()
@@ -208,7 +208,7 @@ class Simulation:
     def _record_place(self, writer: RecordingWriter, before: list[Placing | None]) -> None:
         """Record what stands elsewhere than ``before`` says, and update that."""
         first = 0
-        for number, movable in enumerate(self.place.changes.movables):
+        for number, movable in enumerate(self.setting.timetable.movables):
             now = self.place.placing(number)
             if now != before[number]:
                 before[number] = now

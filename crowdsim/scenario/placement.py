@@ -13,12 +13,15 @@ from numpy.typing import NDArray
 from shapely import MultiPolygon, Point, Polygon
 
 from crowdsim.environment.layers import dropped_solids, polygons_only
-from crowdsim.errors import Problem, ScenarioError
+from crowdsim.errors import ScenarioError
 from crowdsim.geometry.elementary import cos
 from crowdsim.geometry.polygons import buffered
 from crowdsim.scenario.arrivals import start_times
+from crowdsim.scenario.environment import Environment
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.schema.agents import MAX_COUNT, Goal
+from crowdsim.scenario.schema.schema import ScenarioFields
+from crowdsim.yamlfile.document import Complaint
 
 NOMINAL_RADIUS = 0.30
 """Meters around a character for which a scenario is checked before the motion, and with it the body, is known."""
@@ -94,28 +97,28 @@ def place_agents(scenario: Scenario, radius: float) -> Placement:
     ScenarioError
         With every region that is off the floor, blocked, or too full.
     """
-    placement, problems = try_placement(scenario, radius)
-    if problems:
-        raise ScenarioError(problems)
+    placement, complaints = try_placement(scenario, scenario.environment, radius)
+    if complaints:
+        raise ScenarioError(scenario.problem(*complaint) for complaint in complaints)
     return placement
 
 
-def try_placement(scenario: Scenario, radius: float) -> tuple[Placement, list[Problem]]:
-    """:func:`place_agents` with its problems returned; the arrays lack the characters that found no place."""
-    rooms = _rooms(scenario, radius)
+def try_placement(keys: ScenarioFields, environment: Environment, radius: float) -> tuple[Placement, list[Complaint]]:
+    """:func:`place_agents` with its complaints returned; the arrays lack the characters that found no place."""
+    rooms = _rooms(keys, environment, radius)
     starts_by_step: defaultdict[int, _Spots] = defaultdict(lambda: _Spots(2.0 * radius))
     stay_spots = _Spots(2.0 * radius + STAND_ROOM)
     starts: list[tuple[float, float]] = []
     goals: list[NDArray[np.float64]] = []
     steps: list[int] = []
     counts: list[int] = []
-    problems = []
-    for number, group in enumerate(scenario.agents):
-        group_steps = [round(time * scenario.steps_per_second) for time in start_times(scenario, number).tolist()]
+    complaints: list[Complaint] = []
+    for number, group in enumerate(keys.agents):
+        group_steps = [round(time * keys.steps_per_second) for time in start_times(keys, number).tolist()]
         count = len(group_steps)
         if not 1 <= count <= MAX_COUNT:
             how_many = "no character comes" if count == 0 else f"more than {MAX_COUNT} characters come"
-            problems.append(scenario.problem(("agents", number, "rate"), f"{how_many} at this rate"))
+            complaints.append((("agents", number, "rate"), f"{how_many} at this rate"))
             continue
         regions = group.regions()
         places = np.full((count, len(regions), 2), np.nan)
@@ -127,10 +130,10 @@ def try_placement(scenario: Scenario, radius: float) -> tuple[Placement, list[Pr
             # The first has the stream that an only goal has.
             wanted.append((key, region.shape(), (_GOAL_STREAM, k) if k else (_GOAL_STREAM,), [last] * count))
         for k, (key, shape, stream, crowds) in enumerate(wanted):
-            generator = np.random.default_rng(np.random.SeedSequence(scenario.seed, spawn_key=(number, *stream)))
+            generator = np.random.default_rng(np.random.SeedSequence(keys.seed, spawn_key=(number, *stream)))
             room = next((room for room in rooms if _meets(shape, room)), None)
             if room is None:
-                complaint: str | None = _unusable(scenario, shape, radius)
+                complaint: str | None = _unusable(environment, shape, radius)
             else:
                 placed = _draw(_Sampler(shape, room, generator), crowds)
                 complaint = None if len(placed) == count else _too_full(key, shape, len(placed), count, radius)
@@ -139,11 +142,11 @@ def try_placement(scenario: Scenario, radius: float) -> tuple[Placement, list[Pr
                 else:
                     places[: len(placed), k - 1] = np.array(placed).reshape(-1, 2)
             if complaint is not None:
-                problems.append(scenario.problem(("agents", number, *key), complaint))
+                complaints.append((("agents", number, *key), complaint))
         goals += list(places)
         steps += group_steps
         counts.append(count)
-    groups = [group for group, count in zip(scenario.agents, counts, strict=False) for _ in range(count)]
+    groups = [group for group, count in zip(keys.agents, counts, strict=False) for _ in range(count)]
     placement = Placement(
         starts=np.array(starts, np.float64).reshape(-1, 2),
         goals=tuple(goals),
@@ -155,7 +158,7 @@ def try_placement(scenario: Scenario, radius: float) -> tuple[Placement, list[Pr
         stand_within=np.array([group.stand_within for group in groups], np.float64),
         groups=tuple(group.name for group in groups),
     )
-    return placement, problems
+    return placement, complaints
 
 
 _Wanted = tuple[tuple[str | int, ...], "Polygon | Point", tuple[int, ...], "list[_Spots | None]"]
@@ -166,26 +169,25 @@ def _heading(goal: Goal) -> float:
     return math.nan if goal.heading is None else goal.heading
 
 
-def _rooms(scenario: Scenario, radius: float) -> list[MultiPolygon]:
+def _rooms(keys: ScenarioFields, environment: Environment, radius: float) -> list[MultiPolygon]:
     """Floor of the ground layer with ``radius`` around it that is always free; then, if more, what is so at some time.
 
     Only regions without room of the first kind use the second.
     """
-    changes = scenario.changes()
-    bands = [layer.band() for layer in scenario.bands]
+    timetable = environment.timetable
+    bands = [layer.band() for layer in keys.bands]
     taken = [
         movable.footprint(placing)
         for movable, placing in [
-            *((movable, movable.placing) for movable in changes.movables),
-            *((changes.movables[change.movable], change.placing) for change in changes.changes),
+            *((movable, movable.placing) for movable in timetable.movables),
+            *((timetable.movables[event.movable], event.placing) for event in timetable.events),
         ]
         if placing is not None and len(dropped_solids(movable.solids, bands)) < len(movable.solids)
     ]
-    free = scenario.layers_of(changes.fixed)[0].free if taken else scenario.layers()[0].free
-    rooms = [_room(free, radius)]
-    if taken:
-        rooms.insert(0, _room(polygons_only(free.difference(shapely.union_all(taken))), radius))
-    return rooms
+    if not taken:
+        return [_room(environment.layers[0].free, radius)]
+    free = environment.fixed_layers[0].free
+    return [_room(polygons_only(free.difference(shapely.union_all(taken))), radius), _room(free, radius)]
 
 
 def _room(free: MultiPolygon, radius: float) -> MultiPolygon:
@@ -196,13 +198,12 @@ def _room(free: MultiPolygon, radius: float) -> MultiPolygon:
     return polygons_only(buffered(free, -outer, quad_segs=quarter))
 
 
-def _unusable(scenario: Scenario, region: Polygon | Point, radius: float) -> str:
+def _unusable(environment: Environment, region: Polygon | Point, radius: float) -> str:
     """Why no character at all can ever stand in ``region``."""
-    if not _meets(region, scenario.floor_polygon()):
+    if not _meets(region, environment.floor):
         return "lies off the floor"
-    fixed = scenario.changes().fixed
-    if not _meets(region, scenario.layers_of(fixed)[0].free):
-        inside = [solid.name for solid in fixed if solid.footprint.intersects(region)]
+    if not _meets(region, environment.fixed_layers[0].free):
+        inside = [solid.name for solid in environment.timetable.fixed if solid.footprint.intersects(region)]
         return f"lies inside {', '.join(repr(name) for name in inside[:3])}; nobody can stand there"
     return f"no spot with {radius:.2f} m of free floor around it; move it away from walls and obstacles"
 

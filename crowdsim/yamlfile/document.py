@@ -7,6 +7,7 @@ recurse, expand an alias or construct an object.
 
 from __future__ import annotations
 
+import pathlib
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -32,6 +33,9 @@ MAX_BYTES = 1_000_000
 MAX_DEPTH = 32
 
 Path = tuple[str | int, ...]
+
+Complaint = tuple[Path, str]
+"""The path of an entry, and what is wrong with it."""
 
 # YAML 1.2.2, section 10.3.2. Under these "no" is text, "0123" is 123, and "1:30" is text.
 _NULL = re.compile(r"~|null|Null|NULL|")
@@ -95,10 +99,30 @@ def shorten(text: str, limit: int = 60) -> str:
     return line if len(line) <= limit else line[: limit - 3] + "..."
 
 
+def read_text(path: pathlib.Path, name: str) -> tuple[str, list[Problem]]:
+    """The text of a file, which messages call ``name``; empty beside the problem if it cannot be read.
+
+    Of a file that is too large for :func:`read_document` no more is read than shows that.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        return "", [Problem(name, None, None, "", f"cannot be read: {error.strerror}")]
+    try:
+        return data.decode("utf-8"), []
+    except UnicodeDecodeError as error:
+        if len(data) > MAX_BYTES:
+            return data.decode("utf-8", "replace"), []
+        before = data[: error.start]
+        line, column = before.count(b"\n") + 1, error.start - before.rfind(b"\n")
+        return "", [Problem(str(path), line, column, "", "this is not UTF-8 text")]
+
+
 def read_document(text: str, file: str) -> tuple[Document, list[Problem]]:
     """Read one YAML document; what is wrong with it comes back beside whatever could be read."""
     if len(text.encode("utf-8", "surrogatepass")) > MAX_BYTES:
-        message = f"the file is larger than {MAX_BYTES // 1_000_000} MB; is it a scenario?"
+        message = f"the file is larger than {MAX_BYTES // 1_000_000} MB; is it the right one?"
         return Document(file), [Problem(file, 1, 1, "", message)]
     reader = _Reader(_events(text), file)
     try:
@@ -164,9 +188,9 @@ class _Reader:
             if isinstance(event, DocumentStartEvent):
                 documents += 1
                 if documents > 1:
-                    raise _Stop(*_spot(event), "a second document begins here; a scenario is one document")
+                    raise _Stop(*_spot(event), "a second document begins here; a file holds one")
                 if event.version is not None and tuple(event.version) != (1, 2):
-                    raise _Stop(*_spot(event), "scenarios are YAML 1.2; remove the %YAML directive")
+                    raise _Stop(*_spot(event), "files are YAML 1.2; remove the %YAML directive")
                 self.document.value = self._value(next(self.events), ())
         self.document.complete = True
 
@@ -234,7 +258,7 @@ def _spot(event: Event) -> tuple[int, int]:
 
 
 def _complaint(event: Event) -> str | None:
-    """What a node may not carry in a scenario: aliases, anchors, tags, and characters that cannot be written."""
+    """What a node may not carry: aliases, anchors, tags, and characters that cannot be written."""
     if isinstance(event, AliasEvent):
         return f"aliases are not allowed ('*{shorten(event.anchor)}'); write the value out"
     if not isinstance(event, NodeEvent):

@@ -33,7 +33,7 @@ def used(path: AnnotatedPath, setting: Setting) -> list[str]:
 
 def shelves(low: float, north: float = 4.02) -> Place:
     scenario = parse_scenario(SHELVES.format(low=low, north=north))
-    return Place(prepare(scenario), scenario.changes())
+    return Place(prepare(scenario))
 
 
 def across(place: Place) -> AnnotatedPath:
@@ -74,7 +74,7 @@ def to_the_study(text: str, goal: tuple[float, float], lateral: float = 3.0) -> 
     setting = prepare(scenario)
     narrowest, *others = setting.behaviors
     setting = replace(setting, behaviors=(replace(narrowest, cost_per_meter=lateral), *others))
-    path = Place(setting, scenario.changes()).route((5.8, 1.2), goal)
+    path = Place(setting).route((5.8, 1.2), goal)
     return used(path, setting), path
 
 

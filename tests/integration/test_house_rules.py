@@ -95,6 +95,33 @@ def test_a_folder_holds_at_most_15_files_beside_its_subfolders():
     assert {folder: count for folder, count in counts.items() if count > 15} == {}
 
 
+def imports_of_modules() -> dict[str, set[str]]:
+    """Modules of the package, and which others each names in an import, in functions and for types too."""
+    trees = {
+        f"crowdsim.{name[:-3].replace('/', '.')}".removesuffix(".__init__"): tree for name, tree in package_trees()
+    }
+    return {name: {module for module in imported_modules(tree) if module in trees} for name, tree in trees.items()}
+
+
+def circles_in(imports: dict[str, set[str]]) -> set[str]:
+    """Modules that are left when those that import none of the rest are taken away, again and again."""
+    left = set(imports)
+    while leaves := {name for name in left if not imports[name] & left}:
+        left -= leaves
+    return left
+
+
+def test_no_modules_import_each_other_in_a_circle():
+    imports = imports_of_modules()
+    # Whoever imports a module names its package, too, and the top one hands on names that it imports when asked.
+    packages = {name for name in imports if any(other.startswith(f"{name}.") for other in imports)}
+    assert circles_in({name: modules - packages for name, modules in imports.items()}) == set()
+
+
+def test_the_rule_finds_circles():
+    assert circles_in({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": set()}) == {"a", "b", "c"}
+
+
 def test_every_kernel_file_is_imported_by_a_test():
     tested = {
         module
@@ -190,9 +217,6 @@ HELD = {
     # Settings of numba have to be made before the first kernel is; `kernel` is a decorator.
     ("jit.py", "numba.config"),
     ("jit.py", "kernel"),
-    # Defaults of pydantic's models, which it copies for each object.
-    ("behaviors/behavior.py", "BehaviorFile holds transitions"),
-    ("behaviors/behavior.py", "BehaviorFile holds idle"),
     # The registry of detectors of features, which users add to before they build graphs.
     ("motion/graph/features.py", "DETECTORS[detector.name]"),
     # Poses of gaits that are constants of the package.

@@ -60,7 +60,7 @@ def test_a_room_is_crossed_whatever_the_number_of_layers(tmp_path: Path, layers:
 def test_with_one_layer_no_plan_asks_for_a_narrower_behavior() -> None:
     """All behaviors need the same room there; a follower may still take a step with the arms held in."""
     scenario = parse_scenario(ROOM.format(more=ONE, gap=0.5))
-    place = Place(prepare(scenario), scenario.changes())
+    place = Place(prepare(scenario))
     for y in (-0.5, 0.0, 0.5):
         sections = place.route((1.0, y), (7.2, -y)).sections
         assert [section.behavior for section in sections] == [len(place.setting.behaviors) - 1]

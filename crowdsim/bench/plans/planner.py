@@ -93,7 +93,7 @@ def measure(
 def cluttered_place(density: str) -> Place:
     """The place of the scenario ``clutter`` with obstacles as dense, ready for all planners."""
     scenario = load_scenario("clutter", [f"clutter.density={density}", "planner=collision3d"])
-    return Place(prepare(scenario), scenario.changes())
+    return Place(prepare(scenario))
 
 
 def place_queries(place: Place, count: int, distance: float, seed: int) -> list[Floats]:

@@ -96,10 +96,9 @@ def ground_of(name: str, worlds: Path | None = None) -> Ground | None:
     if name != _WORLD:
         clutter = name in ("normal", "dense")
         scenario = load_scenario("clutter", [f"clutter.density={name}"]) if clutter else load_scenario(name)
-        changes = scenario.changes()
-        place = Place(prepare(scenario), changes)
+        place = Place(prepare(scenario))
         free = tuple(layer.free for layer in place.setting.layers)
-        return Ground(place.meshes, place.rooms, place.setting.behaviors, free, changes.fixed)
+        return Ground(place.meshes, place.rooms, place.setting.behaviors, free, place.setting.timetable.fixed)
     folder = worlds or Path(os.environ.get("CROWDSIM_SHARED", "../shared")) / "worlds"
     if not (folder / f"{name}.glb").is_file():
         return None

@@ -27,7 +27,7 @@ from crowdsim.scenario.scenario import Scenario
 def record_header(scenario: Scenario, setting: Setting, cast: Placement) -> RecordingHeader:
     """The header of the recording of one run."""
     rate = setting.steps_per_second
-    changes = scenario.changes()
+    timetable = scenario.environment.timetable
     goals = np.array([goals[0] for goals in cast.goals])
     toward = goals - cast.starts
     starts = np.column_stack([cast.starts, atan2(toward[:, 1], toward[:, 0])])
@@ -39,10 +39,10 @@ def record_header(scenario: Scenario, setting: Setting, cast: Placement) -> Reco
         steps_per_second=rate,
         behaviors=[BehaviorRecord(b.name, b.color, tuple(map(float, b.radii))) for b in setting.behaviors],
         layers=[LayerRecord(layer.name, layer.low, layer.high) for layer in setting.layers],
-        floor=scenario.floor_polygon().wkt,
-        solids=[_record(solid) for solid in changes.fixed if isinstance(solid, Solid)],
-        meshes=[_mesh_record(solid) for solid in changes.fixed if isinstance(solid, MeshSolid)],
-        movables=[_record(solid) for movable in changes.movables for solid in movable.solids],
+        floor=scenario.environment.floor.wkt,
+        solids=[_record(solid) for solid in timetable.fixed if isinstance(solid, Solid)],
+        meshes=[_mesh_record(solid) for solid in timetable.fixed if isinstance(solid, MeshSolid)],
+        movables=[_record(solid) for movable in timetable.movables for solid in movable.solids],
         agents=AgentsRecord(
             groups=cast.groups,
             start_times=cast.start_steps / rate,

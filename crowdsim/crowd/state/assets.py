@@ -23,6 +23,7 @@ from crowdsim.planning.baselines.collision3d import Bodies, make_bodies
 from crowdsim.planning.baselines.collision_scene import CollisionScene
 from crowdsim.planning.query.requirements import Requirements
 from crowdsim.scenario.scenario import Scenario
+from crowdsim.scenario.timetable import Timetable
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ class Setting:
     behaviors: tuple[Behavior, ...]
     motion: MotionGraph
     maps: MotionMaps
+    timetable: Timetable
     steps_per_second: int
     planner: str = "layered"
     bodies: Bodies | None = None
@@ -93,12 +95,12 @@ def load_behaviors(scenario: Scenario) -> BehaviorSet:
 
     Raises BehaviorError or MotionError where something cannot be used.
     """
-    bands = [(layer.low, layer.high) for layer in scenario.layers()]
-    captures = scenario.captures()
+    bands = [(layer.low, layer.high) for layer in scenario.environment.layers]
+    captures = scenario.captures_folder()
     if captures is None:
         # A scenario names a set or captures, never both.
         return load_behavior_set(scenario.behaviors, bands, motion_set=str(scenario.motion.set))
-    return load_behavior_set(scenario.behaviors, bands, captures=captures.folder, capture_patterns=captures.patterns)
+    return load_behavior_set(scenario.behaviors, bands, captures=captures, capture_patterns=scenario.motion.clips)
 
 
 def prepare(scenario: Scenario, workers: int = 1, progress: Callable[[int, int], None] | None = None) -> Setting:
@@ -109,8 +111,6 @@ def prepare(scenario: Scenario, workers: int = 1, progress: Callable[[int, int],
 
     Raises ScenarioError, GeometryError, BehaviorError or MotionError where something cannot be used.
     """
-    changes = scenario.changes()
-    layers = scenario.layers_of(changes.fixed) if changes.movables else scenario.layers()
     behavior_set = load_behaviors(scenario)
     if not behavior_set.graph.arrays.node_ends_standing.any():
         raise MotionError("no clip of the motion set ends standing, so no character could ever wait; add one that does")
@@ -123,12 +123,13 @@ def prepare(scenario: Scenario, workers: int = 1, progress: Callable[[int, int],
         raise ScenarioError([scenario.problem(("steps_per_second",), message)])
     bodies = None
     if scenario.planner == "collision3d":
-        bodies = make_bodies(CollisionScene(changes.fixed), behavior_set.behaviors)
+        bodies = make_bodies(CollisionScene(scenario.environment.timetable.fixed), behavior_set.behaviors)
     return Setting(
-        layers=layers,
+        layers=scenario.environment.fixed_layers,
         behaviors=behavior_set.behaviors,
         motion=behavior_set.graph,
         maps=maps_in_file(cache_folder() / "maps", behavior_set.graph.arrays, progress=progress, workers=workers),
+        timetable=scenario.environment.timetable,
         steps_per_second=scenario.steps_per_second,
         planner=scenario.planner,
         bodies=bodies,

@@ -16,7 +16,7 @@ from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.planning.planner import Planner
 from crowdsim.planning.query.behavior_areas import grown, room_growths, room_polygons
-from crowdsim.scenario.changes import Changes, Placing, placed
+from crowdsim.scenario.timetable import Placing, placed
 
 Footprints = tuple[BaseGeometry | None, ...]
 """What a thing takes of each layer, None where it takes nothing."""
@@ -40,7 +40,6 @@ class Place:
     """
 
     setting: Setting
-    changes: Changes
     meshes: tuple[NavMesh, ...] = field(init=False)
     rooms: tuple[NavMesh | None, ...] = field(init=False)
     edits: list[Edit] = field(default_factory=list)
@@ -56,9 +55,9 @@ class Place:
             self.meshes, setting.behaviors, rooms=self.rooms, planner=setting.planner, bodies=setting.bodies
         )
         self._growths = room_growths(setting.behaviors, len(free))
-        self._handles: list[list[tuple[NavMesh, Handle]]] = [[] for _ in self.changes.movables]
-        self._placings: list[Placing | None] = [None] * len(self.changes.movables)
-        for number, movable in enumerate(self.changes.movables):
+        self._handles: list[list[tuple[NavMesh, Handle]]] = [[] for _ in self.setting.timetable.movables]
+        self._placings: list[Placing | None] = [None] * len(self.setting.timetable.movables)
+        for number, movable in enumerate(self.setting.timetable.movables):
             if movable.placing is not None:
                 self._put(number, movable.placing)
 
@@ -77,7 +76,7 @@ class Place:
 
     def footprints(self, movable: int, placing: Placing) -> Footprints:
         """What a movable takes of each layer where it stands so; the lowest holds what any of them does."""
-        solids = self.changes.movables[movable].solids
+        solids = self.setting.timetable.movables[movable].solids
         shapes = [
             placed(shapely.union_all([taken_between(solid, layer.low, layer.high) for solid in solids]), placing)
             for layer in self.setting.layers

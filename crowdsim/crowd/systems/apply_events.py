@@ -14,9 +14,8 @@ from crowdsim.constants import NONE, TRACKING_MARGIN
 from crowdsim.crowd.search.affected import could_shorten, first_taken, route_taken, way_left
 from crowdsim.crowd.search.plans import Join, Plans
 from crowdsim.crowd.state.components import SLOT_FRAMES
-from crowdsim.crowd.state.environment import Edit, Footprints, Place
+from crowdsim.crowd.state.environment import Edit, Footprints
 from crowdsim.ecs.world import View
-from crowdsim.scenario.changes import Change
 
 KEPT_OFF = TRACKING_MARGIN
 """Meters beyond its body that a character keeps from where something is about to be."""
@@ -27,12 +26,11 @@ class Changing:
     """The system that edits the place when events are due.
 
     Nothing comes to where somebody is, or has reserved to go: it waits, and meanwhile nobody else may go there. A
-    later change of the same thing takes the place of one that still waits. happened: seconds at which each change that
-    was due came about, None for one that did not, by its index.
+    later event of the same thing takes the place of one that still waits. happened: seconds at which each event that
+    was due happened, None for one that did not, by its index.
     """
 
     plans: Plans
-    place: Place
     happened: dict[int, float | None] = field(default_factory=dict)
     _next: int = 0
     _waiting: list[int] = field(default_factory=list)
@@ -43,54 +41,48 @@ class Changing:
     @property
     def over(self) -> bool:
         """Whether nothing changes any more."""
-        return self._next == len(self.place.changes.changes) and not self._waiting
+        return self._next == len(self.plans.setting.timetable.events) and not self._waiting
 
     def run(self, view: View) -> None:
-        changes, rate = self.place.changes.changes, self.plans.setting.steps_per_second
-        while self._next < len(changes) and round(changes[self._next].at * rate) <= self.plans.step:
+        plans, place = self.plans, self.plans.place
+        events, rate = plans.setting.timetable.events, plans.setting.steps_per_second
+        while self._next < len(events) and round(events[self._next].at * rate) <= plans.step:
             self.happened[self._next] = None
-            movable = changes[self._next].movable
-            self._waiting = [number for number in self._waiting if changes[number].movable != movable]
+            movable = events[self._next].movable
+            self._waiting = [number for number in self._waiting if events[number].movable != movable]
             self._waiting.append(self._next)
             self._next += 1
         if not self._waiting:
             return
-        lines = reserved_lines(view, self.plans.step * self.plans.setting.frames_per_step // SLOT_FRAMES)
-        still = []
+        lines = reserved_lines(view, plans.step * plans.setting.frames_per_step // SLOT_FRAMES)
+        waiting, outlines = [], []
         for number in self._waiting:
-            change = changes[number]
-            if self._outline(change) is not None and self._is_taken(view, lines, change):
-                still.append(number)
+            event = events[number]
+            outline = None if event.placing is None else place.footprints(event.movable, event.placing)[0]
+            # Nothing comes to where somebody is, or will be.
+            if outline is not None and (shapely.distance(lines, outline) < view.body_radius + KEPT_OFF).any():
+                waiting.append(number)
+                outlines.append(outline)
                 continue
-            self.happened[number] = self.plans.step / rate
-            if change.placing != self.place.placing(change.movable):
-                self.plans.searches.pool.settle()
-                edit = self.place.put(change.movable, change.placing, self.plans.step)
-                _Concerned(self.plans, view).plan_anew(edit)
-        self._waiting = still
-        self.place.waited_for = [shape for number in still if (shape := self._outline(changes[number])) is not None]
+            self.happened[number] = plans.step / rate
+            if event.placing != place.placing(event.movable):
+                plans.searches.pool.settle()
+                edit = place.put(event.movable, event.placing, plans.step)
+                _Concerned(plans, view).plan_anew(edit)
+        self._waiting, place.waited_for = waiting, outlines
 
     def report(self) -> list[dict[str, Any]]:
-        """Every change that was due: what, when, what became of it, and how many seconds late, None if never.
+        """Every event that was due: what, when, what became of it, and how many seconds late, None if never.
 
-        It ``happened``, is ``waiting`` still, or was ``overtaken`` by the next change of the same thing.
+        It ``happened``, is ``waiting`` still, or was ``overtaken`` by the next event of the same thing.
         """
-        changes = self.place.changes.changes
         rows = []
         for number, time in self.happened.items():
+            event = self.plans.setting.timetable.events[number]
             outcome = "happened" if time is not None else "waiting" if number in self._waiting else "overtaken"
-            late = None if time is None else max(round(time - changes[number].at, 6), 0.0)
-            rows.append({"event": changes[number].title, "at": changes[number].at, "outcome": outcome, "late": late})
+            late = None if time is None else max(round(time - event.at, 6), 0.0)
+            rows.append({"event": event.title, "at": event.at, "outcome": outcome, "late": late})
         return rows
-
-    def _outline(self, change: Change) -> BaseGeometry | None:
-        """What a change takes of the lowest layer."""
-        return None if change.placing is None else self.place.footprints(change.movable, change.placing)[0]
-
-    def _is_taken(self, view: View, lines: NDArray[Any], change: Change) -> bool:
-        """Whether somebody is, or will be, where a thing is to come."""
-        near = shapely.distance(lines, self._outline(change)) < view.body_radius + KEPT_OFF
-        return bool(near.any())
 
 
 def reserved_lines(view: View, slot: int) -> NDArray[Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ from crowdsim.constants import CAPTURE_RATE
 from crowdsim.errors import MotionError
 from crowdsim.geometry.elementary import asin, atan2
 from crowdsim.motion.clips.clip import Clip
+from crowdsim.whole_files import whole_file
 
 Floats = NDArray[np.float64]
 
@@ -82,6 +82,5 @@ def bvh_text(clip: Clip) -> str:
 
 def write_bvh(clip: Clip, path: Path) -> None:
     """Write ``clip`` to ``path``; the file bears its name only once it is whole."""
-    partial = path.with_name(path.name + ".part")
-    partial.write_bytes(bvh_text(clip).encode("ascii"))
-    os.replace(partial, path)
+    with whole_file(path, (".bvh",), "clips") as file:
+        file.write_bytes(bvh_text(clip).encode("ascii"))

@@ -23,7 +23,7 @@ def test_each_has_room_within_its_region():
     text = change(("[1, 1, 3, 4]", "[3, -1, 7, 8]"), ("count: 4", "count: 12"))
     scenario = parse_scenario(text)
     placement = place_agents(scenario, RADIUS)
-    free = scenario.layers()[0].free
+    free = scenario.environment.layers[0].free
     for points, group_region in (
         (placement.starts, scenario.agents[0].start.shape()),
         (np.concatenate(placement.goals), scenario.agents[0].goal.shape()),

@@ -90,7 +90,7 @@ def test_an_absent_value_stands_where_its_key_does():
         ("a: !mine {b: 1}\n", "f:1:4: a: tags are not allowed ('!mine')"),
         ("a: 1\n? [b, {c: d}]\n: 2\n", "f:2:3: a key must be a plain word"),
         ("a: 1\n---\nb: 1\n", "f:2:1: a second document begins here"),
-        ("%YAML 1.1\n---\na: 1\n", "f:2:1: scenarios are YAML 1.2"),
+        ("%YAML 1.1\n---\na: 1\n", "f:2:1: files are YAML 1.2"),
         ("a: 'x\n", "f:2:1: not YAML: found unexpected end of stream"),
         ("a: {b: 1\n", "f:2:1: not YAML: expected ',' or '}'"),
         ("a: b: c\n", "f:1:5: not YAML: mapping values are not allowed here"),

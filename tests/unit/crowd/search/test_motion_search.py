@@ -36,7 +36,7 @@ def setting(scenario: Scenario) -> Setting:
 
 @pytest.fixture
 def place(scenario: Scenario, setting: Setting) -> Place:
-    return Place(setting, scenario.changes())
+    return Place(setting)
 
 
 def plan_of(found: MotionPlan | PathNotFound) -> MotionPlan:
@@ -115,7 +115,7 @@ def test_a_change_of_the_place_is_taken_in_with_the_next_slice(
         plan = plan_of(search.advance(0, TINY))
     assert not search.over
     assert plan.route.at(np.array([plan.route.length / 2]))[0, 1] < 3.0, "by the lower door"
-    change = scenario.changes().changes[0]
+    change = scenario.environment.timetable.events[0]
     place.put(change.movable, change.placing, 1)
     played = plan.until(0)
     while not search.over:

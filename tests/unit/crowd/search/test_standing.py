@@ -44,7 +44,7 @@ def setting() -> Setting:
 
 @pytest.fixture(scope="module")
 def place(setting: Setting) -> Place:
-    return Place(setting, parse_scenario(TEXT.format(first="", last="", more="")).changes())
+    return Place(setting)
 
 
 def end_of(setting: Setting, place: Place, request: Request) -> np.ndarray:

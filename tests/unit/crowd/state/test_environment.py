@@ -1,5 +1,7 @@
 """The edited place against one built as it should be, and whom an edit concerns against what the meshes say."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -13,9 +15,9 @@ from crowdsim.environment.layers import Band, clearance_layers
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.query.behavior_areas import room_polygons
 from crowdsim.planning.query.requirements import TOUCH
-from crowdsim.scenario.changes import AS_DRAWN
 from crowdsim.scenario.loader import parse_scenario
 from crowdsim.scenario.scenario import Scenario
+from crowdsim.scenario.timetable import AS_DRAWN
 from tests.support.two_rooms import WALKERS, two_rooms
 
 EVENTS = (
@@ -38,13 +40,13 @@ def setting(scenario: Scenario) -> Setting:
 
 
 def test_after_every_edit_the_meshes_are_those_of_the_place_as_it_is(scenario: Scenario, setting: Setting) -> None:
-    place = Place(setting, scenario.changes())
+    place = Place(setting)
     points = np.random.default_rng(1).uniform((0, 0), (12, 6), (600, 2))
-    for change in (None, *scenario.changes().changes):
+    for change in (None, *setting.timetable.events):
         if change is not None:
             place.put(change.movable, change.placing, 7)
         free = [layer.free for layer in setting.layers]
-        for number in range(len(scenario.changes().movables)):
+        for number in range(len(setting.timetable.movables)):
             placing = place.placing(number)
             for row, shape in enumerate(() if placing is None else place.footprints(number, placing)):
                 free[row] = free[row] if shape is None else free[row].difference(shape)
@@ -56,13 +58,13 @@ def test_after_every_edit_the_meshes_are_those_of_the_place_as_it_is(scenario: S
 
 
 def test_the_lowest_layer_takes_what_any_layer_does(scenario: Scenario, setting: Setting) -> None:
-    place = Place(setting, scenario.changes())
-    names = [movable.name for movable in scenario.changes().movables]
+    place = Place(setting)
+    names = [movable.name for movable in setting.timetable.movables]
     assert [shape is None for shape in place.footprints(names.index("shelf"), AS_DRAWN)] == [False, False]
     assert [shape is None for shape in place.footprints(names.index("crate"), AS_DRAWN)] == [False, False]
     bands = [Band(layer.name, layer.low, layer.high) for layer in setting.layers]
     for name, number in zip(names, range(len(names)), strict=True):
-        solid = scenario.changes().movables[number].solids[0]
+        solid = setting.timetable.movables[number].solids[0]
         for shape, layer in zip(
             place.footprints(number, AS_DRAWN), clearance_layers(shapely.box(0, 0, 12, 6), [solid], bands), strict=True
         ):
@@ -71,18 +73,18 @@ def test_the_lowest_layer_takes_what_any_layer_does(scenario: Scenario, setting:
 
 
 def test_the_state_tells_places_apart(scenario: Scenario, setting: Setting) -> None:
-    place = Place(setting, scenario.changes())
+    place = Place(setting)
     states = [place.state()]
-    for change in scenario.changes().changes:
+    for change in setting.timetable.events:
         place.put(change.movable, change.placing, 0)
         states.append(place.state())
     assert len(set(states)) == len(states)
     still = parse_scenario(two_rooms(WALKERS))
-    assert Place(setting, still.changes()).state() == b""
+    assert Place(replace(setting, timetable=still.environment.timetable)).state() == b""
 
 
 def test_a_route_is_taken_exactly_where_the_meshes_find_a_violation(scenario: Scenario, setting: Setting) -> None:
-    place = Place(setting, scenario.changes())
+    place = Place(setting)
     route = place.route((1, 3), (11, 1))
     rng = np.random.default_rng(2)
     found = []
@@ -110,7 +112,7 @@ def test_a_route_is_taken_exactly_where_the_meshes_find_a_violation(scenario: Sc
 
 
 def test_a_motion_is_taken_where_its_body_is_and_not_behind(scenario: Scenario, setting: Setting) -> None:
-    place = Place(setting, scenario.changes())
+    place = Place(setting)
     plan = search_motion(setting, place, Request(np.array([1.0, 1.5]), np.array([11.0, 3.0]), True))
     assert plan.count > 5
     middle = plan.count // 2
@@ -135,7 +137,7 @@ def test_a_motion_is_taken_where_its_body_is_and_not_behind(scenario: Scenario, 
 
 
 def test_only_a_much_shorter_straight_way_is_worth_a_new_plan(scenario: Scenario, setting: Setting) -> None:
-    place = Place(setting, scenario.changes())
+    place = Place(setting)
     # Door b is closed, so that the way leads through door a.
     route = place.route((1, 4.5), (11, 4.5))
     start = np.array([1.0, 4.5])
