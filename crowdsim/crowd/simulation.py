@@ -23,13 +23,12 @@ from crowdsim.crowd.state.environment import Place
 from crowdsim.crowd.state.itineraries import Errands
 from crowdsim.crowd.state.motion_plan import Request
 from crowdsim.crowd.state.state_hash import state_hash
-from crowdsim.crowd.systems.animate import Advancing
-from crowdsim.crowd.systems.apply_events import Changing
+from crowdsim.crowd.systems.animate import animate
+from crowdsim.crowd.systems.apply_events import Events
 from crowdsim.crowd.systems.choose_motion import Choosing
-from crowdsim.crowd.systems.despawn import Arriving
-from crowdsim.crowd.systems.replan import AT_GOAL, Replanning, Searching
-from crowdsim.crowd.systems.spawn import Entering
-from crowdsim.ecs.schedule import Schedule, System
+from crowdsim.crowd.systems.despawn import Despawning
+from crowdsim.crowd.systems.replan import AT_GOAL, Replanning, search_on
+from crowdsim.crowd.systems.spawn import Spawning
 from crowdsim.ecs.world import World
 from crowdsim.errors import CrowdSimError
 from crowdsim.geometry.elementary import distance
@@ -81,25 +80,11 @@ class Simulation:
         self.hash = 0
         self._make_ready()
 
-        changing = Changing(self.plans)
-        entering = Entering(self.world, self.setting, self.cast, self.plans)
-        replanning = Replanning(self.plans)
-        self._searching = Searching(self.plans)
-        choosing = Choosing(self.plans)
-        advancing = Advancing(self.setting)
-        arriving = Arriving(self.world, self.plans, len(self.cast.starts))
-        self._changing, self._entering, self._arriving = changing, entering, arriving
-        self.schedule = Schedule(
-            self.world,
-            [
-                System("change", changing.run, changing.READS, changing.WRITES),
-                System("plans", replanning.run, replanning.READS, replanning.WRITES),
-                System("enter", entering.run, entering.READS),
-                System("choose", choosing.run, choosing.READS, choosing.WRITES),
-                System("advance", advancing.run, writes=advancing.WRITES),
-                System("arrive", arriving.run, arriving.READS),
-            ],
-        )
+        self._events = Events(self.plans)
+        self._replanning = Replanning(self.plans)
+        self._spawning = Spawning(self.world, self.setting, self.cast, self.plans)
+        self._choosing = Choosing(self.plans)
+        self._despawning = Despawning(self.world, self.plans, len(self.cast.starts))
 
     def _make_ready(self) -> None:
         """Search a way and throw it away: what is made once for a place, or loads, is not waited for in a step."""
@@ -118,13 +103,13 @@ class Simulation:
     @property
     def arrived(self) -> int:
         """Characters that reached their goal so far."""
-        return int((self._arriving.arrived >= 0).sum())
+        return int((self._despawning.arrived >= 0).sum())
 
     @property
     def finished(self) -> bool:
         """Whether everyone who can arrive has, or the scenario's time is up."""
         # Nobody is out of reach for good while doors may open.
-        lost = len(self.plans.unreachable) if self._changing.over else 0
+        lost = len(self.plans.unreachable) if self._events.over else 0
         return self.step_count >= self.step_limit or self.arrived + lost >= len(self.cast.starts)
 
     def close(self) -> None:
@@ -145,12 +130,24 @@ class Simulation:
         self._end_step()
 
     def _advance(self) -> None:
-        self.schedule.run()
-        self.hash = state_hash(self.world, self.place.state(), self.step_count, self.hash)
+        """All stages of a step but its searches, in order; characters come and go only where changes are applied."""
+        world = self.world
+        view = world.view()
+        self._events.apply(view)
+        # What searches came to is handed out one step after they began, so that the number of workers never shows.
+        self._replanning.replan(view)
+        self._spawning.spawn(view)
+        world.apply_changes()
+        view = world.view()
+        self._choosing.choose(view)
+        animate(self.setting, view)
+        self._despawning.despawn(view)
+        world.apply_changes()
+        self.hash = state_hash(world, self.place.state(), self.step_count, self.hash)
 
     def _end_step(self) -> None:
         """Begin the slices that the next step waits for: after all else, which threads that search slow down."""
-        self._searching.run(self.world.view(self._searching.READS))
+        search_on(self.plans, self.world.view())
         self.plans.step += 1
 
     def run(self, output: str | os.PathLike[str], progress: Progress | None = None) -> Recording:
@@ -218,8 +215,8 @@ class Simulation:
 
     def _summary(self, statistics: Statistics, seconds: float) -> dict[str, Any]:
         rate = self.setting.steps_per_second
-        done = self._arriving.arrived >= 0
-        times = (self._arriving.arrived - self._entering.entered)[done] / rate
+        done = self._despawning.arrived >= 0
+        times = (self._despawning.arrived - self._spawning.spawned)[done] / rate
         return {
             "characters": len(self.cast.starts),
             "arrived": int(done.sum()),
@@ -227,7 +224,7 @@ class Simulation:
             "unreachable": {str(agent): reason for agent, reason in sorted(self.plans.unreachable.items())},
             "laps": self.errands.laps(),
             "stands": self.errands.stands_summary(),
-            "events": self._changing.report(),
+            "events": self._events.report(),
             "replans": self.plans.replans,
             "searches": self.searches.summary(),
             "steps": self.step_count,

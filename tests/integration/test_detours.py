@@ -53,7 +53,7 @@ def test_a_gap_between_shelves_is_passed_until_it_costs_more() -> None:
     setting = place.setting
     assert "lateral" in used(across(place), setting)
     dear = tuple(replace(b, cost_per_meter=12.0) if b.name == "lateral" else b for b in setting.behaviors)
-    place = Place(replace(setting, behaviors=dear), place.changes)
+    place = Place(replace(setting, behaviors=dear))
     assert used(across(place), setting) == ["frontal"]
     assert across(place).length > 7.0
 

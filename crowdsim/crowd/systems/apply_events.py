@@ -22,8 +22,8 @@ KEPT_OFF = TRACKING_MARGIN
 
 
 @dataclass
-class Changing:
-    """The system that edits the place when events are due.
+class Events:
+    """Edits the place when events are due.
 
     Nothing comes to where somebody is, or has reserved to go: it waits, and meanwhile nobody else may go there. A
     later event of the same thing takes the place of one that still waits. happened: seconds at which each event that
@@ -35,15 +35,13 @@ class Changing:
     _next: int = 0
     _waiting: list[int] = field(default_factory=list)
 
-    READS = ("agent", "pose", "frame", "cursor", "timeline", "timeline_start", "body_radius")
-    WRITES = ("reserved", "awaiting_plan", "retry_step", "blocked_since")
-
     @property
     def over(self) -> bool:
         """Whether nothing changes any more."""
         return self._next == len(self.plans.setting.timetable.events) and not self._waiting
 
-    def run(self, view: View) -> None:
+    def apply(self, view: View) -> None:
+        """Let what is due happen, where nobody is in the way."""
         plans, place = self.plans, self.plans.place
         events, rate = plans.setting.timetable.events, plans.setting.steps_per_second
         while self._next < len(events) and round(events[self._next].at * rate) <= plans.step:

@@ -36,20 +36,13 @@ _NOTHING = np.empty((0, 4))
 
 
 class Choosing:
-    """The system that picks the next node of everyone whose node ends in this step.
+    """Picks the next node of everyone whose node ends in this step.
 
     Every character owns a reserved timeline that ends with it standing, or gone, and that no other
     reserved timeline meets. A node of the plan is entered only after the timeline through that node and
     the stop behind it was reserved, row by row in order. So whoever is refused can always follow the timeline
     it has, and no one ever walks into another, whatever happens.
     """
-
-    READS = ("agent", "frame", "pose", "body_radius", "node", "origin", "seam", "stays")
-    WRITES = (
-        "state", "next_node", "next_origin", "next_seam", "next_cursor", "cursor", "reserved", "blocked_since",
-        "timeline", "timeline_circle", "timeline_digest", "timeline_start", "gone_slot", "goal",
-        "awaiting_plan", "retry_step",
-    )  # fmt: skip
 
     def __init__(self, plans: Plans) -> None:
         self.plans = plans
@@ -59,7 +52,8 @@ class Choosing:
         self._seams = np.zeros((_CHAIN, 3))
         self._timeline = np.zeros((TIMELINE_SLOTS, 2))
 
-    def run(self, view: View) -> None:
+    def choose(self, view: View) -> None:
+        """Choose for all rows, in order."""
         setting = self.plans.setting
         ending = view.frame + setting.frames_per_step >= setting.graph.node_frames[view.node]
         for row in np.flatnonzero(ending & (view.next_node == NONE)):

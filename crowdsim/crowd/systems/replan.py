@@ -1,4 +1,4 @@
-"""The system that hands out plans and asks for new ones."""
+"""Plans are handed out, and new ones asked for."""
 
 from __future__ import annotations
 
@@ -26,32 +26,24 @@ AT_GOAL = 0.25
 """Meters from a goal at which somebody who stands is there, if it goes on from there."""
 
 
-@dataclass
-class Searching:
-    """The system that lets searches go on for another slice, while what they found so far is walked."""
+def search_on(plans: Plans, view: View) -> None:
+    """Let searches go on for another slice, while what they found so far is walked."""
 
-    plans: Plans
+    def played(agent: int) -> int:
+        rows = np.flatnonzero(view.agent == agent)  # few ask
+        return int(np.maximum(view.cursor, view.reserved)[rows].max(initial=NONE)) + 1
 
-    READS = ("agent", "cursor", "reserved")
-
-    def run(self, view: View) -> None:
-        def played(agent: int) -> int:
-            rows = np.flatnonzero(view.agent == agent)  # few ask
-            return int(np.maximum(view.cursor, view.reserved)[rows].max(initial=NONE)) + 1
-
-        self.plans.search_on(played)
+    plans.search_on(played)
 
 
 @dataclass
 class Replanning:
-    """The system that gives characters their plans and asks for new ones for those who stand without."""
+    """Gives characters their plans and asks for new ones for those who stand without."""
 
     plans: Plans
 
-    READS = ("agent", "state", "node", "pose", "origin", "stays")
-    WRITES = ("goal", "awaiting_plan", "retry_step", "blocked_since", "cursor", "reserved", "plan_digest")
-
-    def run(self, view: View) -> None:
+    def replan(self, view: View) -> None:
+        """Hand out what searches found, then ask for those who wait."""
         plans, setting = self.plans, self.plans.setting
         for found in plans.collect():
             row = int(np.argmax(view.agent == found.agent)) if len(view.agent) else 0

@@ -24,8 +24,11 @@ NO_MOTION = "there is a path, but no motion of the set follows it; add clips tha
 
 
 @dataclass
-class Entering:
-    """The system that plans ahead for those about to come and lets them in one by one, in order."""
+class Spawning:
+    """Plans ahead for those about to come and lets them in one by one, in order.
+
+    spawned: step in which each character came into the world, -1 before.
+    """
 
     world: World
     setting: Setting
@@ -34,45 +37,54 @@ class Entering:
     # Steps in which agents asked for their way, and in which they last found their place taken.
     requested: dict[int, int] = field(default_factory=dict)
     refused: dict[int, int] = field(default_factory=dict)
-    entered: NDArray[np.int64] = field(init=False)
-
-    READS = ("timeline", "timeline_start", "gone_slot", "body_radius", "timeline_circle")
+    spawned: NDArray[np.int64] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.entered = np.full(len(self.cast.starts), -1, np.int64)
+        self.spawned = np.full(len(self.cast.starts), -1, np.int64)
         self._parked = np.empty((TIMELINE_SLOTS, 2))
         # Timelines have no finer steps.
         self._pause = max(SLOT_FRAMES // self.setting.frames_per_step, 1)
 
-    def run(self, _: View) -> None:
+    def spawn(self, view: View) -> None:
+        """Ask the world for those whose time has come, and plan for those whose time is near."""
         step = self.plans.step
         slot = step * self.setting.frames_per_step // SLOT_FRAMES
-        entered: list[NDArray[np.float64]] = []
-        for agent in np.flatnonzero((self.entered < 0) & (self.cast.start_steps - self.plans.lead <= step)).tolist():
+        taken: list[NDArray[np.float64]] = []
+        for agent in np.flatnonzero((self.spawned < 0) & (self.cast.start_steps - self.plans.lead <= step)).tolist():
             plan = self.plans.motions.get(agent)
             if plan is None:
                 self._ask(agent)
             elif max(self.cast.start_steps[agent], self.refused.get(agent, -self._pause) + self._pause) <= step:
                 position = plan.departure[:2]
-                if self._is_free(position, entered, slot):
+                if self._is_free(view, position, taken, slot):
                     self._spawn(agent, plan, slot)
-                    self.entered[agent] = step
-                    entered.append(position)
+                    self.spawned[agent] = step
+                    taken.append(position)
                 else:
                     self.refused[agent] = step
 
-    def _is_free(self, position: NDArray[np.float64], entered: list[NDArray[np.float64]], slot: int) -> bool:
-        """Whether nobody is or will be at a place, of those in the world and those who enter in this step."""
+    def _is_free(self, view: View, position: NDArray[np.float64], taken: list[NDArray[np.float64]], slot: int) -> bool:
+        """Whether nobody is or will be at a position, of those in the world and those who spawn in this step."""
         radius = self.setting.personal_radius
         waited_for = self.plans.place.waited_for
         if waited_for and shapely.distance(Point(position), waited_for).min() < radius + KEPT_OFF:
             return False
-        if any(distance(position, other) < 2.0 * radius + ELBOW_ROOM for other in entered):
+        if any(distance(position, other) < 2.0 * radius + ELBOW_ROOM for other in taken):
             return False
         self._parked[:] = position
-        # Not from the view: for arrays that must not be written the kernel would be compiled anew.
-        timelines, starts, gones, radii, circles = (self.world.column(name) for name in self.READS)
-        return not meets_anyone(-1, self._parked, slot, FOREVER, slot, radius, timelines, starts, gones, radii, circles)
+        return not meets_anyone(
+            -1,
+            self._parked,
+            slot,
+            FOREVER,
+            slot,
+            radius,
+            view.timeline,
+            view.timeline_start,
+            view.gone_slot,
+            view.body_radius,
+            view.timeline_circle,
+        )
 
     def _ask(self, agent: int) -> None:
         """Ask for the way of somebody who has none, unless it is looked for or was in vain."""
