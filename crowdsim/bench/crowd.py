@@ -21,8 +21,8 @@ from crowdsim.crowd.search.motion_search import MotionSearch
 from crowdsim.crowd.search.scheduler import Ongoing, Searches
 from crowdsim.crowd.search.worker_pool import WorkerPool
 from crowdsim.crowd.simulation import Simulation
-from crowdsim.crowd.state.assets import Setting, prepare
-from crowdsim.crowd.state.environment import Place
+from crowdsim.crowd.state.assets import Assets, prepare
+from crowdsim.crowd.state.environment import EnvironmentState
 from crowdsim.crowd.state.motion_plan import MotionPlan, Request
 from crowdsim.crowd.state.reservation_kernels import append_stop
 from crowdsim.crowd.systems.animate_kernels import advance
@@ -76,8 +76,8 @@ class Players:
     stops: how often a search was not far enough when its nodes were played.
     """
 
-    setting: Setting
-    place: Place
+    assets: Assets
+    environment: EnvironmentState
     cast: Placement
     searches: Searches
     step: int = 0
@@ -88,18 +88,18 @@ class Players:
         count = len(self.cast.starts)
         self.plans: list[MotionPlan | None] = [None] * count
         self.reached = np.zeros(count, np.int64)
-        idle = int(self.setting.idle_nodes[-1])
+        idle = int(self.assets.idle_nodes[-1])
         self.node = np.full(count, idle, np.int32)
         self.previous = np.full(count, NONE, np.int32)
         # Not all in step with each other.
-        self.frame = (7 * np.arange(count) % int(self.setting.graph.node_frames[idle])).astype(np.int32)
+        self.frame = (7 * np.arange(count) % int(self.assets.graph.node_frames[idle])).astype(np.int32)
         self.origin = np.column_stack([self.cast.starts, np.zeros(count)])
         self.seam = np.zeros((count, 3))
         self.next_node = np.full(count, NONE, np.int32)
         self.next_origin, self.next_seam = np.zeros((count, 3)), np.zeros((count, 3))
         self.next_cursor, self.cursor = np.full(count, NONE, np.int32), np.full(count, NONE, np.int32)
         self.behavior, self.pose = np.zeros(count, np.int32), np.zeros((count, 3))
-        joints = len(self.setting.motion.poses.parents)
+        joints = len(self.assets.motion.poses.parents)
         self.joints = np.empty((count, joints, 3), np.float32)
         self.turns = np.empty((count, joints, 4), np.float32)
         self._chain = np.zeros(16, np.int32), np.zeros((16, 3)), np.zeros((16, 3))
@@ -108,10 +108,10 @@ class Players:
 
     def frame_on(self) -> None:
         """All that happens between two frames that are shown."""
-        graph = self.setting.graph
+        graph = self.assets.graph
         for agent, search, found in self.searches.collect(self.step):
             self._hand_out(agent, search, found)
-        frames = self.setting.frames_per_step
+        frames = self.assets.frames_per_step
         for agent in np.flatnonzero(self.frame + frames >= graph.node_frames[self.node]).tolist():
             self._choose(agent)
         advance(
@@ -119,7 +119,7 @@ class Players:
             self.next_origin, self.next_seam, self.next_cursor, self.cursor, self.behavior, self.pose,
         )  # fmt: skip
         self.searches.submit(self.step, 0, self._played)
-        pose_joints(self.setting.motion.poses, self.node, self.previous, self.frame, self.pose, self.joints, self.turns)
+        pose_joints(self.assets.motion.poses, self.node, self.previous, self.frame, self.pose, self.joints, self.turns)
         self.step += 1
 
     @property
@@ -134,10 +134,10 @@ class Players:
 
     def _ask(self, agent: int) -> None:
         node, origin = int(self.node[agent]), self.origin[agent].copy()
-        position = np.array(node_end(self.setting.graph, node, *origin)[:2])
+        position = np.array(node_end(self.assets.graph, node, *origin)[:2])
         goal = self.cast.goal(agent, int(self.reached[agent]))
         self.searches.begin(
-            agent, MotionSearch(self.setting, self.place, Request(position, goal, True, departure=(node, origin)))
+            agent, MotionSearch(self.assets, self.environment, Request(position, goal, True, departure=(node, origin)))
         )
 
     def _hand_out(self, agent: int, search: Ongoing, found: MotionPlan | PathNotFound) -> None:
@@ -155,7 +155,7 @@ class Players:
 
     def _choose(self, agent: int) -> None:
         """The next node of a plan, of a stop, or of waiting."""
-        graph, plan = self.setting.graph, self.plans[agent]
+        graph, plan = self.assets.graph, self.plans[agent]
         following = int(self.cursor[agent]) + 1
         if plan is not None and following < plan.count:
             self._enter(agent, int(plan.nodes[following]), plan.origins[following], plan.seams[following], following)
@@ -173,7 +173,7 @@ class Players:
             return
         if not graph.node_idle[node]:
             end = np.array(node_end(graph, node, *self.origin[agent]))
-            self._enter(agent, self.setting.idle_after(node), end, np.zeros(3))
+            self._enter(agent, self.assets.idle_after(node), end, np.zeros(3))
         else:
             self._enter(agent, node, self.origin[agent], np.zeros(3))
             if not self.searches.is_under_way(agent):
@@ -200,13 +200,13 @@ def measure(
     """
     frames = round(seconds / FRAME_SECONDS)
     scenario = parse_scenario(scenario_text(characters, interval=0.0))
-    setting = prepare(scenario)
-    cast = place_agents(scenario, setting.personal_radius + TRACKING_MARGIN)
-    place = Place(setting)
-    _warm_up(setting, place, cast)
+    assets = prepare(scenario)
+    cast = place_agents(scenario, assets.personal_radius + TRACKING_MARGIN)
+    environment = EnvironmentState(assets)
+    _warm_up(assets, environment, cast)
     rows = []
     with WorkerPool[tuple[Ongoing, MotionPlan | PathNotFound]](workers, latency=1) as pool:
-        players = Players(setting, place, cast, Searches(pool))
+        players = Players(assets, environment, cast, Searches(pool))
         times = _paced(players.frame_on, BURST_FRAMES)
         rows.append(_row("playing, after all asked at once", characters, times, players.searches, players.arrivals))
         players.searches.waits.clear()
@@ -218,7 +218,7 @@ def measure(
         for _ in range(30):
             simulation.step()
         steps = _paced(simulation.step, round(run_seconds / FRAME_SECONDS))
-        reached = int(simulation.errands.reached.sum())
+        reached = int(simulation.itineraries.reached.sum())
         rows.append(_row("run", simulation.world.count, steps, simulation.searches, reached))
     figures = {
         f"{name}_{key}": float(row[key])
@@ -227,7 +227,7 @@ def measure(
         if row[key] is not None
     }
     figures |= {"playing_stops": float(players.stops), "playing_walking_at_the_end": float(walking)}
-    first = _first_movements(setting, place, cast, requests)
+    first = _first_movements(assets, environment, cast, requests)
     figures |= {
         "first_movement_ms_median": float(np.median(first)),
         "first_movement_ms_p95": float(np.quantile(first, 0.95)),
@@ -241,7 +241,7 @@ _FIGURES = (
 )  # fmt: skip
 
 
-def _first_movements(setting: Setting, place: Place, cast: Placement, count: int) -> list[float]:
+def _first_movements(assets: Assets, environment: EnvironmentState, cast: Placement, count: int) -> list[float]:
     """Milliseconds from a request to the first nodes to walk, path and all, while nothing else goes on; best of three.
 
     The ways are 10 to 18 m long as the crow flies, the length of the paths of :mod:`crowdsim.bench.motions.map_trials`.
@@ -258,16 +258,16 @@ def _first_movements(setting: Setting, place: Place, cast: Placement, count: int
         tries = []
         for _ in range(3):
             begin = time.perf_counter()
-            MotionSearch(setting, place, Request(start, goal, stays=True)).advance()
+            MotionSearch(assets, environment, Request(start, goal, stays=True)).advance()
             tries.append(time.perf_counter() - begin)
         times.append(min(tries) * 1e3)
     return times
 
 
-def _warm_up(setting: Setting, place: Place, cast: Placement) -> None:
+def _warm_up(assets: Assets, environment: EnvironmentState, cast: Placement) -> None:
     """Load all kernels, and make what is made once for the place."""
     with WorkerPool[tuple[Ongoing, MotionPlan | PathNotFound]](1, latency=1) as pool:
-        few = Players(setting, place, cast, Searches(pool))
+        few = Players(assets, environment, cast, Searches(pool))
         for _ in range(40):
             few.frame_on()
 

@@ -31,39 +31,39 @@ def plan(
 
     from crowdsim.cli.tables import print_rows
     from crowdsim.crowd.state.assets import prepare
-    from crowdsim.crowd.state.environment import Place
+    from crowdsim.crowd.state.environment import EnvironmentState
     from crowdsim.scenario.loader import load_scenario
 
     changes = [*(overrides or [])]
     if planner is not None:
         changes.append(f"planner={planner}")
     loaded = load_scenario(scenario, changes)
-    setting = prepare(loaded)
-    place = Place(setting)
-    path = place.route(*ends)
+    assets = prepare(loaded)
+    environment = EnvironmentState(assets)
+    path = environment.route(*ends)
     gap = path.gap
     # Again, for the first plan in a place makes what later ones share.
     begin = time.perf_counter()
-    place.route(*ends)
+    environment.route(*ends)
     milliseconds = 1e3 * (time.perf_counter() - begin)
     if picture is not None:
         from crowdsim.figures import write_figure
         from crowdsim.scenario.picture import draw_plan
 
-        write_figure(draw_plan(loaded, setting.behaviors, path), picture)
+        write_figure(draw_plan(loaded, assets.behaviors, path), picture)
     sections: list[dict[str, Any]] = [
         {
-            "behavior": setting.behaviors[section.behavior].name,
+            "behavior": assets.behaviors[section.behavior].name,
             "start": section.start,
             "end": section.end,
             "length": section.end - section.start,
-            "cost": (section.end - section.start) * setting.behaviors[section.behavior].cost_per_meter,
+            "cost": (section.end - section.start) * assets.behaviors[section.behavior].cost_per_meter,
         }
         for section in path.sections
     ]
     if as_json:
         found = {
-            "planner": setting.planner,
+            "planner": assets.planner,
             "length": path.length,
             "cost": path.cost,
             "gap": gap,

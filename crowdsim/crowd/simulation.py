@@ -19,8 +19,8 @@ from crowdsim.crowd.search.scheduler import Searches
 from crowdsim.crowd.search.worker_pool import WorkerPool
 from crowdsim.crowd.state.assets import prepare
 from crowdsim.crowd.state.components import COLUMNS
-from crowdsim.crowd.state.environment import Place
-from crowdsim.crowd.state.itineraries import Errands
+from crowdsim.crowd.state.environment import EnvironmentState
+from crowdsim.crowd.state.itineraries import Itineraries
 from crowdsim.crowd.state.motion_plan import Request
 from crowdsim.crowd.state.state_hash import state_hash
 from crowdsim.crowd.systems.animate import animate
@@ -60,19 +60,19 @@ class Simulation:
     ) -> None:
         self._closed = False
         self.scenario = scenario
-        self.setting = prepare(scenario, workers, preparing)
-        self.place = Place(self.setting)
+        self.assets = prepare(scenario, workers, preparing)
+        self.environment = EnvironmentState(self.assets)
         rate = scenario.steps_per_second
         self.step_limit = round(scenario.duration * rate)
-        self.cast = place_agents(scenario, self.setting.personal_radius + TRACKING_MARGIN)
+        self.cast = place_agents(scenario, self.assets.personal_radius + TRACKING_MARGIN)
         self.world = World(COLUMNS, capacity=len(self.cast.starts))
         self.searches = Searches(WorkerPool(workers, latency=1))
         self._new_routes: list[tuple[int, AnnotatedPath]] = []
-        self.errands = Errands(self.cast)
+        self.itineraries = Itineraries(self.cast)
         self.plans = Plans(
-            self.setting,
-            self.place,
-            self.errands,
+            self.assets,
+            self.environment,
+            self.itineraries,
             self.searches,
             lambda agent, route: self._new_routes.append((agent, route)),
             lead=max(1, round(LEAD_SECONDS * rate)),
@@ -82,7 +82,7 @@ class Simulation:
 
         self._events = Events(self.plans)
         self._replanning = Replanning(self.plans)
-        self._spawning = Spawning(self.world, self.setting, self.cast, self.plans)
+        self._spawning = Spawning(self.world, self.assets, self.cast, self.plans)
         self._choosing = Choosing(self.plans)
         self._despawning = Despawning(self.world, self.plans, len(self.cast.starts))
 
@@ -92,7 +92,7 @@ class Simulation:
         start, within = self.cast.starts[strictest], float(self.cast.stand_within[strictest])
         for goal in self.cast.goals[strictest]:
             if distance(goal, start) > AT_GOAL:
-                MotionSearch(self.setting, self.place, Request(start, goal, stays=True, within=within)).advance()
+                MotionSearch(self.assets, self.environment, Request(start, goal, stays=True, within=within)).advance()
                 return
 
     @property
@@ -140,10 +140,10 @@ class Simulation:
         world.apply_changes()
         view = world.view()
         self._choosing.choose(view)
-        animate(self.setting, view)
+        animate(self.assets, view)
         self._despawning.despawn(view)
         world.apply_changes()
-        self.hash = state_hash(world, self.place.state(), self.step_count, self.hash)
+        self.hash = state_hash(world, self.environment.state(), self.step_count, self.hash)
 
     def _end_step(self) -> None:
         """Begin the slices that the next step waits for: after all else, which threads that search slow down."""
@@ -163,17 +163,17 @@ class Simulation:
                 f"{self.scenario.name}: the simulation has taken {self.step_count} steps, which the recording would "
                 "lack; make a new Simulation and run that"
             )
-        statistics = Statistics(self.setting, self.place, self.scenario.area_polygons())
-        header = record_header(self.scenario, self.setting, self.cast)
+        statistics = Statistics(self.assets, self.environment, self.scenario.area_polygons())
+        header = record_header(self.scenario, self.assets, self.cast)
         with self, RecordingWriter(output, header) as writer:
-            before: list[Placing | None] = [None] * len(self.setting.timetable.movables)
+            before: list[Placing | None] = [None] * len(self.assets.timetable.movables)
             started = time.perf_counter()
             while not self.finished:
                 self._advance()
                 for agent, route in self._new_routes:
                     writer.add_path(agent, *labeled_points(route))
                 self._new_routes.clear()
-                self._record_place(writer, before)
+                self._record_movables(writer, before)
                 frame = self.frame()
                 writer.append(frame, self.hash)
                 statistics.add(frame)
@@ -202,11 +202,11 @@ class Simulation:
         state[agent] = self.world.column("state")
         return RecordedFrame(x=pose[:, 0], y=pose[:, 1], heading=pose[:, 2], state=state, **columns)
 
-    def _record_place(self, writer: RecordingWriter, before: list[Placing | None]) -> None:
+    def _record_movables(self, writer: RecordingWriter, before: list[Placing | None]) -> None:
         """Record what stands elsewhere than ``before`` says, and update that."""
         first = 0
-        for number, movable in enumerate(self.setting.timetable.movables):
-            now = self.place.placing(number)
+        for number, movable in enumerate(self.assets.timetable.movables):
+            now = self.environment.placing(number)
             if now != before[number]:
                 before[number] = now
                 for row, solid in enumerate(movable.solids, start=first):
@@ -214,7 +214,7 @@ class Simulation:
             first += len(movable.solids)
 
     def _summary(self, statistics: Statistics, seconds: float) -> dict[str, Any]:
-        rate = self.setting.steps_per_second
+        rate = self.assets.steps_per_second
         done = self._despawning.arrived >= 0
         times = (self._despawning.arrived - self._spawning.spawned)[done] / rate
         return {
@@ -222,8 +222,8 @@ class Simulation:
             "arrived": int(done.sum()),
             "waiting": int((self.world.column("state") == AgentState.WAITING).sum()),
             "unreachable": {str(agent): reason for agent, reason in sorted(self.plans.unreachable.items())},
-            "laps": self.errands.laps(),
-            "stands": self.errands.stands_summary(),
+            "laps": self.itineraries.laps(),
+            "stands": self.itineraries.stands_summary(),
             "events": self._events.report(),
             "replans": self.plans.replans,
             "searches": self.searches.summary(),

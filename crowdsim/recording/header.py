@@ -167,7 +167,7 @@ class PlannedPath:
 
 
 @dataclass(frozen=True)
-class PlaceChange:
+class MovableChange:
     """From ``step`` on a movable (index in the header) has the outline ``footprint`` (WKT), or is not there (None)."""
 
     movable: int

@@ -21,7 +21,7 @@ from crowdsim.environment.mesh_solid import MeshSolid
 from crowdsim.environment.solids import polygon_from_points
 from crowdsim.errors import GeometryError, PlaceError
 from crowdsim.geometry.polygons import buffered
-from crowdsim.scenario.schema.place import Mesh, Obstacle
+from crowdsim.scenario.schema.environment import Mesh, Obstacle
 from crowdsim.scenario.schema.schema import ScenarioFields
 from crowdsim.yamlfile.document import Complaint
 from crowdsim.yamlfile.document import Path as KeyPath
@@ -136,19 +136,19 @@ class _Reader:
             if floor is not None and not placed:
                 return floor
             height = given.height if floor is None else given.height or 0.0
-            place = place_on_floor([solid for _, solid in placed], floor, height)
+            placed_solids = place_on_floor([solid for _, solid in placed], floor, height)
         except (PlaceError, GeometryError) as error:
             self.complaints.append((("floor",), str(error)))
             return _NO_FLOOR
-        self.report += place.report
+        self.report += placed_solids.report
         for path in {path for path, _ in placed}:
             self.solids[path] = ()
-        for number, solid in zip(place.kept, place.solids, strict=True):
+        for number, solid in zip(placed_solids.kept, placed_solids.solids, strict=True):
             path = placed[number][0]
             self.solids[path] = (*self.solids[path], solid)
         if floor is not None:
             self._require_effect({path for path, _ in placed}, floor)
-        return place.floor
+        return placed_solids.floor
 
     def _require_effect(self, paths: set[KeyPath], floor: Polygon | MultiPolygon) -> None:
         """Refuse files of which nothing is in a layer over the floor: nobody means an empty place."""

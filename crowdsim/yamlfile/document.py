@@ -50,7 +50,7 @@ _MAX_DIGITS = 400
 
 
 @dataclass(frozen=True)
-class Place:
+class Position:
     """A spot of a text, line and column from 1; both None where ``file`` is no text."""
 
     file: str
@@ -68,23 +68,23 @@ class Document:
 
     file: str
     value: Any = None
-    values: dict[Path, Place] = field(default_factory=dict)
-    keys: dict[Path, Place] = field(default_factory=dict)
+    values: dict[Path, Position] = field(default_factory=dict)
+    keys: dict[Path, Position] = field(default_factory=dict)
     broken: set[Path] = field(default_factory=set)
     complete: bool = False
 
-    def place(self, path: Path, of_key: bool = False) -> Place:
+    def position(self, path: Path, of_key: bool = False) -> Position:
         """Place of the value (or key) at ``path``, or of the closest entry around it that exists."""
         if of_key and path in self.keys:
             return self.keys[path]
         while path and path not in self.values:
             path = path[:-1]
-        return self.values.get(path, Place(self.file, 1, 1))
+        return self.values.get(path, Position(self.file, 1, 1))
 
     def problem(self, path: Path, message: str, of_key: bool = False) -> Problem:
         """What is wrong at ``path``, with its place."""
-        place = self.place(path, of_key)
-        return Problem(place.file, place.line, place.column, dotted(path), message)
+        position = self.position(path, of_key)
+        return Problem(position.file, position.line, position.column, dotted(path), message)
 
 
 def dotted(path: Path) -> str:
@@ -195,7 +195,7 @@ class _Reader:
         self.document.complete = True
 
     def _value(self, event: Event, path: Path) -> Any:
-        self.document.values[path] = Place(self.document.file, *_spot(event))
+        self.document.values[path] = Position(self.document.file, *_spot(event))
         value: Any = None
         complaint = _complaint(event)
         if isinstance(event, ScalarEvent):
@@ -221,7 +221,7 @@ class _Reader:
     def _mapping(self, path: Path) -> dict[str, Any]:
         values: dict[str, Any] = {}
         while not isinstance(event := next(self.events), MappingEndEvent):
-            place = Place(self.document.file, *_spot(event))
+            position = Position(self.document.file, *_spot(event))
             key = event.value if isinstance(event, ScalarEvent) else None
             complaint = _complaint(event)
             if key is None:
@@ -231,15 +231,15 @@ class _Reader:
                 complaint = f"key given twice; it stands at line {self.document.keys[(*path, key)].line} already"
             if complaint:
                 where = dotted(path if key is None else (*path, key))
-                self.problems.append(Problem(place.file, place.line, place.column, where, complaint))
+                self.problems.append(Problem(position.file, position.line, position.column, where, complaint))
             if key is None or key in values:
                 self._discard(next(self.events))
             else:
-                self.document.keys[(*path, key)] = place
+                self.document.keys[(*path, key)] = position
                 inner = next(self.events)
                 values[key] = self._value(inner, (*path, key))
                 if isinstance(inner, ScalarEvent) and inner.start_mark.index == inner.end_mark.index:
-                    self.document.values[(*path, key)] = place  # nothing is written there; its mark is the next line
+                    self.document.values[(*path, key)] = position  # nothing is written there; its mark is the next line
         return values
 
     def _discard(self, event: Event) -> None:

@@ -140,7 +140,7 @@ def test_the_number_of_workers_does_not_change_the_run(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_only_those_concerned_plan_anew(seed: int, request: pytest.FixtureRequest) -> None:
+def test_only_affected_agents_plan_anew(seed: int, request: pytest.FixtureRequest) -> None:
     """At 1.5 s nobody is near the door, which closes in time, and none of those behind it is at its goal."""
     far = """\
 name: far, count: 3, interval: 0.5, start: {rectangle: [6, 0.5, 7, 5.5]},

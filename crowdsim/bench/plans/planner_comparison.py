@@ -19,7 +19,7 @@ from crowdsim.behaviors.behavior import Behavior
 from crowdsim.bench.places.environment import prepare as prepare_world
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.crowd.state.assets import load_behaviors, prepare
-from crowdsim.crowd.state.environment import Place
+from crowdsim.crowd.state.environment import EnvironmentState
 from crowdsim.environment.layers import AnySolid
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh
@@ -96,9 +96,9 @@ def ground_of(name: str, worlds: Path | None = None) -> Ground | None:
     if name != _WORLD:
         clutter = name in ("normal", "dense")
         scenario = load_scenario("clutter", [f"clutter.density={name}"]) if clutter else load_scenario(name)
-        place = Place(prepare(scenario))
-        free = tuple(layer.free for layer in place.setting.layers)
-        return Ground(place.meshes, place.rooms, place.setting.behaviors, free, place.setting.timetable.fixed)
+        place = EnvironmentState(prepare(scenario))
+        free = tuple(layer.free for layer in place.assets.layers)
+        return Ground(place.meshes, place.rooms, place.assets.behaviors, free, place.assets.timetable.fixed)
     folder = worlds or Path(os.environ.get("CROWDSIM_SHARED", "../shared")) / "worlds"
     if not (folder / f"{name}.glb").is_file():
         return None

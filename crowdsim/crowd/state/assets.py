@@ -1,4 +1,4 @@
-"""Everything that a run reads and never changes: what of the place stands still, the bodies, the motions."""
+"""Everything that a run reads and never changes: what of the environment stands still, the bodies, the motions."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from crowdsim.scenario.timetable import Timetable
 
 
 @dataclass(frozen=True)
-class Setting:
+class Assets:
     """Layers without what moves (legs first), behaviors (least preferred first), the motion graph and its maps.
 
-    What moves, and the meshes, are in :class:`crowdsim.crowd.state.environment.Place`. planner: what finds routes;
-    bodies: what it moves through the place in 3D, if it does.
+    Meshes, and where movables stand, are in :class:`crowdsim.crowd.state.environment.EnvironmentState`. planner: what
+    finds routes; bodies: what it moves through the environment in 3D, if it does.
     """
 
     layers: tuple[ClearanceLayer, ...]
@@ -103,7 +103,7 @@ def load_behaviors(scenario: Scenario) -> BehaviorSet:
     return load_behavior_set(scenario.behaviors, bands, captures=captures, capture_patterns=scenario.motion.clips)
 
 
-def prepare(scenario: Scenario, workers: int = 1, progress: Callable[[int, int], None] | None = None) -> Setting:
+def prepare(scenario: Scenario, workers: int = 1, progress: Callable[[int, int], None] | None = None) -> Assets:
     """Build layers, motion graph and motion maps for a scenario.
 
     Maps that were built before are mapped from a file. Else so many ``workers`` build them, and ``progress`` is called
@@ -124,7 +124,7 @@ def prepare(scenario: Scenario, workers: int = 1, progress: Callable[[int, int],
     bodies = None
     if scenario.planner == "collision3d":
         bodies = make_bodies(CollisionScene(scenario.environment.timetable.fixed), behavior_set.behaviors)
-    return Setting(
+    return Assets(
         layers=scenario.environment.fixed_layers,
         behaviors=behavior_set.behaviors,
         motion=behavior_set.graph,

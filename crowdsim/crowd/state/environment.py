@@ -1,4 +1,4 @@
-"""The place as it is now: meshes that are edited as doors open and close and things come, move and go."""
+"""The environment as it is now: meshes that are edited as doors open and close and things come, move and go."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from crowdsim.crowd.state.assets import Setting
+from crowdsim.crowd.state.assets import Assets
 from crowdsim.environment.layers import taken_between
 from crowdsim.navmesh.editing.obstacles import Handle
 from crowdsim.navmesh.navmesh import NavMesh
@@ -31,7 +31,7 @@ class Edit:
 
 
 @dataclass
-class Place:
+class EnvironmentState:
     """Meshes of the layers, legs first, and of the rooms (None where a behavior has none).
 
     Only :meth:`put` changes it, which the crowd calls between two steps while no search runs; everyone else reads, and
@@ -39,7 +39,7 @@ class Place:
     waited_for: outlines of things that are to come as soon as nobody is there, and that nobody may enter meanwhile.
     """
 
-    setting: Setting
+    assets: Assets
     meshes: tuple[NavMesh, ...] = field(init=False)
     rooms: tuple[NavMesh | None, ...] = field(init=False)
     edits: list[Edit] = field(default_factory=list)
@@ -47,17 +47,17 @@ class Place:
     waited_for: list[BaseGeometry] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        setting = self.setting
-        free = [layer.free for layer in setting.layers]
+        assets = self.assets
+        free = [layer.free for layer in assets.layers]
         self.meshes = tuple(NavMesh(area) for area in free)
-        self.rooms = tuple(None if room.is_empty else NavMesh(room) for room in room_polygons(free, setting.behaviors))
+        self.rooms = tuple(None if room.is_empty else NavMesh(room) for room in room_polygons(free, assets.behaviors))
         self._planner = Planner(
-            self.meshes, setting.behaviors, rooms=self.rooms, planner=setting.planner, bodies=setting.bodies
+            self.meshes, assets.behaviors, rooms=self.rooms, planner=assets.planner, bodies=assets.bodies
         )
-        self._growths = room_growths(setting.behaviors, len(free))
-        self._handles: list[list[tuple[NavMesh, Handle]]] = [[] for _ in self.setting.timetable.movables]
-        self._placings: list[Placing | None] = [None] * len(self.setting.timetable.movables)
-        for number, movable in enumerate(self.setting.timetable.movables):
+        self._growths = room_growths(assets.behaviors, len(free))
+        self._handles: list[list[tuple[NavMesh, Handle]]] = [[] for _ in self.assets.timetable.movables]
+        self._placings: list[Placing | None] = [None] * len(self.assets.timetable.movables)
+        for number, movable in enumerate(self.assets.timetable.movables):
             if movable.placing is not None:
                 self._put(number, movable.placing)
 
@@ -76,10 +76,10 @@ class Place:
 
     def footprints(self, movable: int, placing: Placing) -> Footprints:
         """What a movable takes of each layer where it stands so; the lowest holds what any of them does."""
-        solids = self.setting.timetable.movables[movable].solids
+        solids = self.assets.timetable.movables[movable].solids
         shapes = [
             placed(shapely.union_all([taken_between(solid, layer.low, layer.high) for solid in solids]), placing)
-            for layer in self.setting.layers
+            for layer in self.assets.layers
         ]
         shapes[0] = shapely.union_all(shapes)
         return tuple(None if shape.is_empty else shape for shape in shapes)

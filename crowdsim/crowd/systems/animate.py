@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from crowdsim.crowd.state.assets import Setting
+from crowdsim.crowd.state.assets import Assets
 from crowdsim.crowd.systems.animate_kernels import advance
 from crowdsim.ecs.world import View
 
 
-def animate(setting: Setting, view: View) -> None:
+def animate(assets: Assets, view: View) -> None:
     """Advance frames, seams and poses of all rows."""
     advance(
-        setting.graph,
-        setting.frames_per_step,
+        assets.graph,
+        assets.frames_per_step,
         view.node,
         view.previous,
         view.frame,

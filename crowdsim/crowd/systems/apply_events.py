@@ -1,4 +1,4 @@
-"""Events happen: doors open and close, things come, move and go, and those concerned plan anew."""
+"""Events happen: doors open and close, things come, move and go, and those affected plan anew."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ KEPT_OFF = TRACKING_MARGIN
 
 @dataclass
 class Events:
-    """Edits the place when events are due.
+    """Edits the environment when events are due.
 
-    Nothing comes to where somebody is, or has reserved to go: it waits, and meanwhile nobody else may go there. A
+    Nothing comes to where an agent is, or has reserved to go: it waits, and meanwhile nobody else may go there. A
     later event of the same thing takes the place of one that still waits. happened: seconds at which each event that
     was due happened, None for one that did not, by its index.
     """
@@ -38,12 +38,12 @@ class Events:
     @property
     def over(self) -> bool:
         """Whether nothing changes any more."""
-        return self._next == len(self.plans.setting.timetable.events) and not self._waiting
+        return self._next == len(self.plans.assets.timetable.events) and not self._waiting
 
     def apply(self, view: View) -> None:
         """Let what is due happen, where nobody is in the way."""
-        plans, place = self.plans, self.plans.place
-        events, rate = plans.setting.timetable.events, plans.setting.steps_per_second
+        plans, environment = self.plans, self.plans.environment
+        events, rate = plans.assets.timetable.events, plans.assets.steps_per_second
         while self._next < len(events) and round(events[self._next].at * rate) <= plans.step:
             self.happened[self._next] = None
             movable = events[self._next].movable
@@ -52,22 +52,22 @@ class Events:
             self._next += 1
         if not self._waiting:
             return
-        lines = reserved_lines(view, plans.step * plans.setting.frames_per_step // SLOT_FRAMES)
+        lines = reserved_lines(view, plans.step * plans.assets.frames_per_step // SLOT_FRAMES)
         waiting, outlines = [], []
         for number in self._waiting:
             event = events[number]
-            outline = None if event.placing is None else place.footprints(event.movable, event.placing)[0]
-            # Nothing comes to where somebody is, or will be.
+            outline = None if event.placing is None else environment.footprints(event.movable, event.placing)[0]
+            # Nothing comes to where an agent is, or will be.
             if outline is not None and (shapely.distance(lines, outline) < view.body_radius + KEPT_OFF).any():
                 waiting.append(number)
                 outlines.append(outline)
                 continue
             self.happened[number] = plans.step / rate
-            if event.placing != place.placing(event.movable):
+            if event.placing != environment.placing(event.movable):
                 plans.searches.pool.settle()
-                edit = place.put(event.movable, event.placing, plans.step)
-                _Concerned(plans, view).plan_anew(edit)
-        self._waiting, place.waited_for = waiting, outlines
+                edit = environment.put(event.movable, event.placing, plans.step)
+                _AffectedAgents(plans, view).plan_anew(edit)
+        self._waiting, environment.waited_for = waiting, outlines
 
     def report(self) -> list[dict[str, Any]]:
         """Every event that was due: what, when, what became of it, and how many seconds late, None if never.
@@ -76,7 +76,7 @@ class Events:
         """
         rows = []
         for number, time in self.happened.items():
-            event = self.plans.setting.timetable.events[number]
+            event = self.plans.assets.timetable.events[number]
             outcome = "happened" if time is not None else "waiting" if number in self._waiting else "overtaken"
             late = None if time is None else max(round(time - event.at, 6), 0.0)
             rows.append({"event": event.title, "at": event.at, "outcome": outcome, "late": late})
@@ -91,11 +91,11 @@ def reserved_lines(view: View, slot: int) -> NDArray[Any]:
     return shapely.linestrings(np.take_along_axis(view.timeline, ahead[:, :, None], axis=1))
 
 
-class _Concerned:
-    """Finds those whom an edit concerns and lets them plan anew; everyone else keeps plan and route."""
+class _AffectedAgents:
+    """Finds the agents that an edit affects and lets them plan anew; everyone else keeps plan and route."""
 
     def __init__(self, plans: Plans, view: View) -> None:
-        self.plans, self.view, self.setting = plans, view, plans.setting
+        self.plans, self.view, self.assets = plans, view, plans.assets
 
     def plan_anew(self, edit: Edit) -> None:
         present = set()
@@ -111,8 +111,8 @@ class _Concerned:
             if (
                 edit.taken is not None
                 and (
-                    first_taken(self.setting, plan, 0, edit.taken) < plan.count
-                    or route_taken(self.setting, plan.route, position, edit.taken)
+                    first_taken(self.assets, plan, 0, edit.taken) < plan.count
+                    or route_taken(self.assets, plan.route, position, edit.taken)
                 )
             ) or (edit.freed is not None and could_shorten(plan.route, position, edit.freed)):
                 del self.plans.motions[agent]  # entering asks again
@@ -126,8 +126,8 @@ class _Concerned:
         route = plans.routes.get(agent) if plan is None else plan.route
         if route is None:
             return
-        clear = NONE if plan is None else first_taken(self.setting, plan, max(cursor, 0), taken)
-        if (plan is None or clear == plan.count) and not route_taken(self.setting, route, position, taken):
+        clear = NONE if plan is None else first_taken(self.assets, plan, max(cursor, 0), taken)
+        if (plan is None or clear == plan.count) and not route_taken(self.assets, route, position, taken):
             return
         plans.routes.pop(agent, None)
         if plan is None:
@@ -170,7 +170,7 @@ class _Concerned:
         self._ask(row, agent, Join(plan, after, shorter_than=way_left(plan.route, end)))
 
     def _drop(self, row: int, agent: int) -> None:
-        """Let somebody who stands forget its plan; it asks for another at once."""
+        """Let a standing agent forget its plan; it asks for another at once."""
         self.plans.motions.pop(agent, None)
         self.view.reserved[row] = self.view.blocked_since[row] = NONE
 
@@ -178,12 +178,12 @@ class _Concerned:
         """The node up to which a character keeps its plan: reserved, or played until a search from there is done."""
         plans, view = self.plans, self.view
         plan = plans.motions[int(view.agent[row])]
-        lengths = self.setting.graph.node_frames[plan.nodes]
+        lengths = self.assets.graph.node_frames[plan.nodes]
         after = int(view.cursor[row])
         end = max(min(clear, plan.count), int(view.reserved[row]) + 1)
         left = int(lengths[after]) - int(view.frame[row])
         while after + 1 < end and (
-            after < view.reserved[row] or left <= (plans.lead + 1) * self.setting.frames_per_step
+            after < view.reserved[row] or left <= (plans.lead + 1) * self.assets.frames_per_step
         ):
             after += 1
             left += int(lengths[after])

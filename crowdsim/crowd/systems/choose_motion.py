@@ -54,13 +54,13 @@ class Choosing:
 
     def choose(self, view: View) -> None:
         """Choose for all rows, in order."""
-        setting = self.plans.setting
-        ending = view.frame + setting.frames_per_step >= setting.graph.node_frames[view.node]
+        assets = self.plans.assets
+        ending = view.frame + assets.frames_per_step >= assets.graph.node_frames[view.node]
         for row in np.flatnonzero(ending & (view.next_node == NONE)):
             self._choose(view, int(row))
 
     def _choose(self, view: View, row: int) -> None:
-        graph = self.plans.setting.graph
+        graph = self.plans.assets.graph
         agent, node, cursor = int(view.agent[row]), int(view.node[row]), int(view.cursor[row])
         plan = self.plans.motions.get(agent)
         if plan is not None:
@@ -82,10 +82,10 @@ class Choosing:
                     self._abandon(view, row, agent)
                 elif view.blocked_since[row] == NONE:
                     view.blocked_since[row] = self.plans.step
-            elif plan.arrives and not self.plans.errands.accepts(agent, self._end(view, row)):
+            elif plan.arrives and not self.plans.itineraries.accepts(agent, self._end(view, row)):
                 self._abandon(view, row, agent)
             elif plan.arrives:
-                if not self.plans.errands.is_last(agent):
+                if not self.plans.itineraries.is_last(agent):
                     reach_goal(self.plans, view, row)
                     self._abandon(view, row, agent)
                 elif not view.stays[row]:
@@ -103,7 +103,7 @@ class Choosing:
 
     def _extend(self, view: View, row: int, plan: MotionPlan, following: int) -> bool:
         """Reserve the node ``following`` of the plan, and as many after it as it takes to be able to stop."""
-        setting, layers = self.plans.setting, tuple(mesh.arrays for mesh in self.plans.place.meshes)
+        assets, layers = self.plans.assets, tuple(mesh.arrays for mesh in self.plans.environment.meshes)
         available = min(plan.count - following, LOOKAHEAD)
         chain, origins, seams = self._chain, self._origins, self._seams
         chain[0], origins[0], seams[0] = view.node[row], view.origin[row], view.seam[row]
@@ -111,11 +111,11 @@ class Choosing:
         chain[1 : available + 1] = plan.nodes[ahead]
         origins[1 : available + 1] = plan.origins[ahead]
         seams[1 : available + 1] = plan.seams[ahead]
-        last = self.plans.errands.is_last(int(view.agent[row]), len(plan.passes))
+        last = self.plans.itineraries.is_last(int(view.agent[row]), len(plan.passes))
         leaves = plan.arrives and last and not view.stays[row] and following + available == plan.count
-        clock = self.plans.step * setting.frames_per_step
+        clock = self.plans.step * assets.frames_per_step
         taken, gone = reserve(
-            setting.graph, layers, setting.body_radii,
+            assets.graph, layers, assets.body_radii,
             row, int(view.frame[row]), clock, SLOT_FRAMES, chain, origins, seams, 1, available, leaves,
             view.timeline, view.timeline_start, view.gone_slot, view.body_radius, view.timeline_circle,
             self._kept_free(view, row), float(view.body_radius[row]) + KEPT_OFF, self._timeline,
@@ -134,10 +134,10 @@ class Choosing:
 
     def _kept_free(self, view: View, row: int) -> NDArray[np.float64]:
         """Outlines (M, 4) of what is about to come and that a character must not enter: it is not there already."""
-        waited_for = self.plans.place.waited_for
+        waited_for = self.plans.environment.waited_for
         if not waited_for:
             return _NOTHING
-        slot = self.plans.step * self.plans.setting.frames_per_step // SLOT_FRAMES
+        slot = self.plans.step * self.plans.assets.frames_per_step // SLOT_FRAMES
         line = reserved_lines(view, slot)[row]
         distance = float(view.body_radius[row]) + KEPT_OFF
         segments = [_NOTHING]
@@ -149,8 +149,8 @@ class Choosing:
 
     def _walks_through(self, plan: MotionPlan, agent: int) -> bool:
         """Whether a plan ends at a goal that its character leaves at once for the next."""
-        errands, ahead = self.plans.errands, len(plan.passes)
-        return plan.arrives and not errands.is_last(agent, ahead) and not errands.stands(agent, ahead)
+        itineraries, ahead = self.plans.itineraries, len(plan.passes)
+        return plan.arrives and not itineraries.is_last(agent, ahead) and not itineraries.stands(agent, ahead)
 
     def _look_ahead(self, view: View, row: int, plan: MotionPlan, following: int) -> None:
         """Ask for the way on from the goal of a plan before it is reached, where nobody stops there."""
@@ -169,12 +169,12 @@ class Choosing:
     def _stop(self, view: View, row: int) -> None:
         """Enter the first node of the stop that was reserved with the present node."""
         self._chain[0], self._origins[0], self._seams[0] = view.node[row], view.origin[row], view.seam[row]
-        append_stop(self.plans.setting.graph, self._chain, self._origins, self._seams, 1)
+        append_stop(self.plans.assets.graph, self._chain, self._origins, self._seams, 1)
         _take(view, row, int(self._chain[1]), self._origins[1], self._seams[1])
 
     def _stand(self, view: View, row: int, agent: int) -> None:
         """Wait where the node ends: in an idle node if one may follow, else on the node's last frame."""
-        idle = self.plans.setting.idle_after(int(view.node[row]))
+        idle = self.plans.assets.idle_after(int(view.node[row]))
         if idle == NONE:
             view.state[row] = max(view.state[row], AgentState.WAITING)
             return
@@ -184,7 +184,7 @@ class Choosing:
 
     def _end(self, view: View, row: int) -> NDArray[np.float64]:
         """Where the present node ends (3,)."""
-        return np.array(node_end(self.plans.setting.graph, int(view.node[row]), *view.origin[row]))
+        return np.array(node_end(self.plans.assets.graph, int(view.node[row]), *view.origin[row]))
 
 
 def _distance(view: View, row: int) -> float:

@@ -27,7 +27,7 @@ class Despawning:
 
     def despawn(self, view: View) -> None:
         """Note who has arrived and ask the world to remove those who leave."""
-        graph = self.plans.setting.graph
+        graph = self.plans.assets.graph
         at_end = (view.frame == graph.node_frames[view.node]) & (view.next_node == NONE) & (view.cursor >= 0)
         for row in np.flatnonzero(at_end & ~view.stays):
             agent = int(view.agent[row])
@@ -41,4 +41,4 @@ class Despawning:
 
     def _note(self, agent: int) -> None:
         self.arrived[agent] = self.plans.step
-        self.plans.errands.reach(agent)
+        self.plans.itineraries.reach(agent)

@@ -23,7 +23,7 @@ NEARBY = 2.5
 """Meters within which others count as near."""
 
 AT_GOAL = 0.25
-"""Meters from a goal at which somebody who stands is there, if it goes on from there."""
+"""Distance from a goal below which a standing agent that goes on from there has reached it [m]."""
 
 
 def search_on(plans: Plans, view: View) -> None:
@@ -44,7 +44,7 @@ class Replanning:
 
     def replan(self, view: View) -> None:
         """Hand out what searches found, then ask for those who wait."""
-        plans, setting = self.plans, self.plans.setting
+        plans, assets = self.plans, self.plans.assets
         for found in plans.collect():
             row = int(np.argmax(view.agent == found.agent)) if len(view.agent) else 0
             if row == len(view.agent) or view.agent[row] != found.agent:
@@ -56,9 +56,9 @@ class Replanning:
             else:
                 self._hand_out(view, row, found)
 
-        waiting = (view.state == AgentState.WAITING) & setting.graph.node_idle[view.node]
+        waiting = (view.state == AgentState.WAITING) & assets.graph.node_idle[view.node]
         blocked = plans.step - view.blocked_since
-        patient = (view.blocked_since < 0) | (blocked < PATIENCE_SECONDS * setting.steps_per_second)
+        patient = (view.blocked_since < 0) | (blocked < PATIENCE_SECONDS * assets.steps_per_second)
         rows = np.flatnonzero(waiting & ~view.awaiting_plan & (view.retry_step <= plans.step))
         for row, agent, waits in zip(rows.tolist(), view.agent[rows].tolist(), patient[rows].tolist(), strict=True):
             around = np.empty((0, 2))
@@ -73,14 +73,14 @@ class Replanning:
                 continue
             view.awaiting_plan[row] = True
             departure = int(view.node[row]), view.origin[row].copy()
-            request = plans.errands.request(agent, view.pose[row, :2].copy(), departure=departure)
+            request = plans.itineraries.request(agent, view.pose[row, :2].copy(), departure=departure)
             route = plans.routes.get(agent)
             if route is not None and (route.points[-1] != request.goal).any():
                 route = None
             plans.request(agent, replace(request, route=route, around=around))
 
     def _hand_out(self, view: View, row: int, found: Found) -> None:
-        """Give a plan to somebody who stands or has begun it, or let it stand a while where there is none."""
+        """Give a plan to an agent that stands or has begun it; if there is none, let it stand a while."""
         plans, plan = self.plans, found.plan
         view.awaiting_plan[row] = plan is None and not found.over
         if found.first is None or plan is None:
@@ -89,10 +89,10 @@ class Replanning:
         plans.hand_out(found.agent, plan)
         if plan is None and found.over:
             pause = 0.0 if found.outdated else RETRY_SECONDS
-            view.retry_step[row] = plans.step + int(pause * plans.setting.steps_per_second)
+            view.retry_step[row] = plans.step + int(pause * plans.assets.steps_per_second)
 
     def _join(self, view: View, row: int, found: Found, join: Join) -> None:
-        """Let somebody who walks go on as was found, unless it has come to a stand or elsewhere meanwhile."""
+        """Let a walking agent go on as was found, unless it has stopped or left its plan meanwhile."""
         plans, agent, cursor = self.plans, found.agent, int(view.cursor[row])
         plan = plans.motions.get(agent)
         fits = plan is not None and join.fits(plan, cursor)
@@ -110,7 +110,7 @@ class Replanning:
         view.plan_digest[row] = joined.digest
 
     def _go_on(self, view: View, row: int, found: Found, first: int) -> None:
-        """Let somebody who walks what was found of its way go on as was found since."""
+        """Append what its search found since to the plan of a walking agent."""
         plan = self.plans.motions[found.agent]
         plan = plan.until(first - 1) if found.plan is None else plan.joined(0, first - 1, found.plan, reaches=False)
         self.plans.hand_out(found.agent, plan, first)
@@ -118,18 +118,18 @@ class Replanning:
         view.plan_digest[row] = plan.digest
 
     def _is_there(self, view: View, row: int, agent: int) -> bool:
-        """Whether somebody stands at a goal from where it goes on."""
+        """Whether an agent stands at a goal from where it goes on."""
         near = distance(view.pose[row, :2], view.goal[row]) < AT_GOAL
-        errands = self.plans.errands
-        return near and not errands.is_last(agent) and errands.accepts(agent, view.pose[row])
+        itineraries = self.plans.itineraries
+        return near and not itineraries.is_last(agent) and itineraries.accepts(agent, view.pose[row])
 
 
 def reach_goal(plans: Plans, view: View, row: int) -> None:
     """Count the goal of a character as reached, from where it goes on, and give it the next."""
     agent = int(view.agent[row])
-    seconds = plans.errands.reach(agent)
-    view.goal[row] = plans.errands.goal(agent)
-    view.retry_step[row] = plans.step + round(seconds * plans.setting.steps_per_second)
+    seconds = plans.itineraries.reach(agent)
+    view.goal[row] = plans.itineraries.goal(agent)
+    view.retry_step[row] = plans.step + round(seconds * plans.assets.steps_per_second)
 
 
 def _standing_near(view: View, row: int) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from shapely import Point
 
 from crowdsim.crowd.search.plans import Plans
-from crowdsim.crowd.state.assets import Setting
+from crowdsim.crowd.state.assets import Assets
 from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM, FOREVER, meets_anyone
@@ -31,7 +31,7 @@ class Spawning:
     """
 
     world: World
-    setting: Setting
+    assets: Assets
     cast: Placement
     plans: Plans
     # Steps in which agents asked for their way, and in which they last found their place taken.
@@ -43,12 +43,12 @@ class Spawning:
         self.spawned = np.full(len(self.cast.starts), -1, np.int64)
         self._parked = np.empty((TIMELINE_SLOTS, 2))
         # Timelines have no finer steps.
-        self._pause = max(SLOT_FRAMES // self.setting.frames_per_step, 1)
+        self._pause = max(SLOT_FRAMES // self.assets.frames_per_step, 1)
 
     def spawn(self, view: View) -> None:
         """Ask the world for those whose time has come, and plan for those whose time is near."""
         step = self.plans.step
-        slot = step * self.setting.frames_per_step // SLOT_FRAMES
+        slot = step * self.assets.frames_per_step // SLOT_FRAMES
         taken: list[NDArray[np.float64]] = []
         for agent in np.flatnonzero((self.spawned < 0) & (self.cast.start_steps - self.plans.lead <= step)).tolist():
             plan = self.plans.motions.get(agent)
@@ -65,8 +65,8 @@ class Spawning:
 
     def _is_free(self, view: View, position: NDArray[np.float64], taken: list[NDArray[np.float64]], slot: int) -> bool:
         """Whether nobody is or will be at a position, of those in the world and those who spawn in this step."""
-        radius = self.setting.personal_radius
-        waited_for = self.plans.place.waited_for
+        radius = self.assets.personal_radius
+        waited_for = self.plans.environment.waited_for
         if waited_for and shapely.distance(Point(position), waited_for).min() < radius + KEPT_OFF:
             return False
         if any(distance(position, other) < 2.0 * radius + ELBOW_ROOM for other in taken):
@@ -87,12 +87,12 @@ class Spawning:
         )
 
     def _ask(self, agent: int) -> None:
-        """Ask for the way of somebody who has none, unless it is looked for or was in vain."""
+        """Request the way of an agent that has none, unless a search is under way or failed."""
         plans = self.plans
         if agent in self.requested:
             if plans.searches.is_under_way(agent):
                 return
-            if self.requested[agent] >= plans.place.last_edit_step:
+            if self.requested[agent] >= plans.environment.last_edit_step:
                 plans.unreachable.setdefault(agent, NO_MOTION)
                 return
             plans.unreachable.pop(agent, None)
@@ -100,26 +100,26 @@ class Spawning:
 
     def _request(self, agent: int) -> None:
         self.requested[agent] = self.plans.step
-        errands = self.plans.errands
+        itineraries = self.plans.itineraries
         for _ in self.cast.goals[agent]:
-            if errands.is_last(agent) or distance(errands.goal(agent), self.cast.starts[agent]) >= AT_GOAL:
+            if itineraries.is_last(agent) or distance(itineraries.goal(agent), self.cast.starts[agent]) >= AT_GOAL:
                 break
-            errands.reach(agent)  # it starts there
-        self.plans.request(agent, errands.request(agent, self.cast.starts[agent]))
+            itineraries.reach(agent)  # it starts there
+        self.plans.request(agent, itineraries.request(agent, self.cast.starts[agent]))
 
     def _spawn(self, agent: int, plan: MotionPlan, slot: int) -> None:
         node = plan.departure_node
         self.world.spawn(
             agent=agent,
             pose=plan.departure,
-            behavior=self.setting.graph.node_behavior[node],
+            behavior=self.assets.graph.node_behavior[node],
             node=node,
             origin=plan.departure,
             plan_digest=plan.digest,
             timeline=np.tile(plan.departure[:2], (TIMELINE_SLOTS, 1)),
             timeline_circle=np.array([*plan.departure[:2], 0.0]),
             timeline_start=slot,
-            body_radius=self.setting.personal_radius,
-            goal=self.plans.errands.goal(agent),
+            body_radius=self.assets.personal_radius,
+            goal=self.plans.itineraries.goal(agent),
             stays=self.cast.stays[agent],
         )

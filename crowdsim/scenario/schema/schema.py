@@ -11,8 +11,8 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.environment.layers import LEGS, TORSO
 from crowdsim.scenario.schema.agents import AgentGroup, Motion
+from crowdsim.scenario.schema.environment import Clutter, Floor, Layer, Obstacle
 from crowdsim.scenario.schema.events import Door, Event
-from crowdsim.scenario.schema.place import Clutter, Floor, Layer, Obstacle
 from crowdsim.scenario.schema.values import Name, Part, Region, one_of
 
 FORMAT_VERSION = 1
