@@ -86,7 +86,7 @@ def cases(quick: bool) -> dict[str, Callable[[], Any]]:
     found["source"] = lambda: golden.text_figures(SOURCE)
     found["events"] = events
     found["floor plan"] = floor_plan
-    for planner in ("layered", "greedy", "greedy_literal"):
+    for planner in ("layered", "greedy_literal"):
         found[f"plans, {planner}"] = lambda planner=planner: golden.plan_costs("dense", planner, 30)
     if SHARED.is_dir():
         found["captures"] = lambda: golden.text_figures(CAPTURES.format(folder=SHARED / "mocap"))

@@ -16,9 +16,7 @@ def plan(
     scenario: Scenario,
     start: Annotated[str, typer.Option("--from", metavar="X,Y", help="Start, in meters.")],
     goal: Annotated[str, typer.Option("--to", metavar="X,Y", help="Goal, in meters.")],
-    planner: Annotated[
-        str | None, typer.Option(metavar="NAME", help="layered, greedy, greedy_literal or collision3d.")
-    ] = None,
+    planner: Annotated[str | None, typer.Option(metavar="NAME", help="layered, greedy_literal or collision3d.")] = None,
     picture: Annotated[
         Path | None, typer.Option(metavar="OUT.png", help="Draw the path in the colors of its behaviors.")
     ] = None,

@@ -32,7 +32,7 @@ from crowdsim.planning.roadmap.roadmap import Roadmap
 if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
 
-PLANNERS = ("layered", "greedy", "greedy_literal", "collision3d")
+PLANNERS = ("layered", "greedy_literal", "collision3d")
 
 
 class Planner:
@@ -45,8 +45,8 @@ class Planner:
     rooms: meshes of :func:`~crowdsim.planning.query.behavior_areas.room_polygons`, with which a path gets slack close
         to low obstacles where high ones ask for it; without them it does as in the lowest mesh with the largest
         clearance of any layer.
-    planner: "layered"; or the published "greedy_literal", or "greedy", which combines detours; or "collision3d", which
-        tests ``bodies`` in 3D where the others ask the layers.
+    planner: "layered"; or the published "greedy_literal"; or "collision3d", which tests ``bodies`` in 3D where the
+        others ask the layers.
     margin: meters added to every body radius. Start and goal alone may be that much nearer to obstacles.
     terms: (4,) what changes of behavior take, as :data:`~crowdsim.planning.labels.labelling_kernels.TERMS`.
 
@@ -119,7 +119,7 @@ class Planner:
         if self.name == "collision3d":
             assert self._bodies is not None
             return plan_collision3d(query, self._bodies)
-        return plan_greedy(query, self._copies, keep_blockers=self.name == "greedy")
+        return plan_greedy(query, self._copies)
 
     def roadmap(self) -> Roadmap:
         """The roadmap of the meshes as they are, made at the first call and after every edit."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.paths.path_kernels import TANGLED
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
-from crowdsim.planning.labels.fitting_kernels import annotate
+from crowdsim.planning.labels.fitting_kernels import Fitting, annotate
 from crowdsim.planning.query.behavior_areas import Room
 from crowdsim.planning.query.lower_bound import least_extra, way_out
 from crowdsim.planning.query.query import Query, with_sections
@@ -85,7 +85,7 @@ def _is_cheapest(query: Query, cost: float, lengths: list[float], ways_out: list
     return True
 
 
-def _labelled(query: Query, room: Room, most: float, fitting: tuple[Any, ...]) -> tuple[Floats, float, Floats, float]:
+def _labelled(query: Query, room: Room, most: float, fitting: Fitting) -> tuple[Floats, float, Floats, float]:
     """Points (n, 2), length, sections (k, 3) and cost of the shortest path of ``room``; infinite where there is none.
 
     No sections and infinite cost where it fits nothing, or costs at least ``most`` by its length alone.
@@ -94,12 +94,12 @@ def _labelled(query: Query, room: Room, most: float, fitting: tuple[Any, ...]) -
     least = room.radius - mesh.tolerance(room.radius)
     with mesh.workspaces.lent(len(mesh.arrays.wind)) as work:
         status, points, length, sections, cost = labelled_path(
-            mesh.arrays, mesh.search.regions(), work, query.ends, room.radius, least, most, *fitting
+            mesh.arrays, mesh.search.regions(), work, query.ends, room.radius, least, most, fitting
         )
     if status == TANGLED:
         try:
             points = room.find_path(query.ends)
         except PathNotFound:
             return points, math.inf, sections, math.inf
-        sections, cost, length = annotate(*fitting, points)
+        sections, cost, length = annotate(fitting, points)
     return points, float(length), sections, float(cost)

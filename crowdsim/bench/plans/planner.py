@@ -37,7 +37,7 @@ DENSITIES = ("normal", "dense")
 GOALS = 100
 PASSES = 3
 
-PLANNERS = ("layered", "greedy", "greedy_literal", "collision3d")
+PLANNERS = ("layered", "greedy_literal", "collision3d")
 
 _EVERY = 5
 """Of so many goals, one is also planned to in 3D."""

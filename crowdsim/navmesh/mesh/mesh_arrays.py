@@ -179,9 +179,3 @@ def resized(mesh: MeshArrays, vertices: int) -> MeshArrays:
     copy.wind[:triangles] = mesh.wind[:triangles]
     copy.hints[:] = mesh.hints
     return copy
-
-
-def overwrite(mesh: MeshArrays, other: MeshArrays) -> None:
-    """Make ``mesh``, which has at least as much room, the same as ``other``."""
-    for array, filled in zip(mesh, other, strict=True):
-        array.view(np.uint8)[: filled.nbytes] = filled.view(np.uint8)  # records would be copied field by field

@@ -124,14 +124,13 @@ def straight_path(sx, sy, gx, gy):
 
 
 @helper
-def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, checked=None, longest=None):
+def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, longest=None):
     """(status, points (n, 2)) of a short path of a disc of ``radius`` that comes nowhere closer than ``least``.
 
     Found whenever one exists, but for the few that end TANGLED. ``regions`` (nt,) are those of
     :func:`crowdsim.navmesh.paths.region_kernels.find_regions`, ``work`` is a
     :class:`crowdsim.navmesh.paths.workspace.Workspace`. ``guide`` is None, or one of
-    :func:`crowdsim.navmesh.paths.guide_kernels.fill_guide` for the goal, with which ``regions`` is None;
-    ``checked`` is None, or a :class:`crowdsim.navmesh.paths.checked_kernels.Checked` for this radius.
+    :func:`crowdsim.navmesh.paths.guide_kernels.fill_guide` for the goal, with which ``regions`` is None.
     ``longest`` is None, or meters up to which ways are looked for, where finite without the complete search at last, so
     that a few in passages of just the diameter are not found.
     """
@@ -149,13 +148,13 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, checked=No
     channel = np.empty(0, np.int64)
     if start == goal:  # within one triangle the string may need no side
         nodes, count = _funnel(m, channel, sx, sy, gx, gy, radius)
-        done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False), checked)
+        done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False))
         if done:
             return OK, points
     last, _, _ = find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, 2.0 * least, guide, None, longest)
     if last >= 0:
         nodes, count = string_along(m, work.labels, last, sx, sy, gx, gy, radius)
-        done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False), checked)
+        done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False))
         if done:
             return OK, points
     if longest is not None and longest < math.inf:
@@ -165,7 +164,7 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, checked=No
     if channel.size == 0:
         return NO_PASSAGE, points
     nodes, count = _funnel(m, channel, sx, sy, gx, gy, radius)
-    done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False), checked)
+    done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False))
     if done:
         return OK, points
     return TANGLED, points

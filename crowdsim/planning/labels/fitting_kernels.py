@@ -1,8 +1,12 @@
 """Which behavior fits where along a path: exact intervals of all behaviors in one pass, and the cheapest sections."""
 
+from __future__ import annotations
+
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper, kernel
@@ -10,7 +14,7 @@ from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, is_close, is_met, sw
 from crowdsim.navmesh.clearance.violation_kernels import SPAN, merged
 from crowdsim.navmesh.mesh.growing_kernels import longer
 from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv, triangle_near
-from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, NONE
+from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, NONE, MeshArrays
 from crowdsim.planning.labels.labelling_kernels import label_stretches
 
 OWN_SPAN = np.dtype([("lo", np.float64), ("hi", np.float64), ("owner", np.int64)], align=True)
@@ -18,6 +22,21 @@ OWN_SPAN = np.dtype([("lo", np.float64), ("hi", np.float64), ("owner", np.int64)
 
 _GRAZE = 1e-9
 """Meters within which a piece that touches an obstacle's side may as well cross it."""
+
+
+class Fitting(NamedTuple):
+    """What tells which behaviors fit where along a path, and what sections of them cost."""
+
+    layers: tuple[MeshArrays, ...]
+    """The meshes tested: all but the legs', if there are others, as every path is found with the legs' clearance."""
+    radii: NDArray[np.float64]
+    """(b, m) clearance of each behavior on each of them [m]."""
+    costs: NDArray[np.float64]
+    """(b,) cost a meter."""
+    turned: NDArray[np.bool_]
+    """(b,) whether the body moves turned off its way."""
+    terms: NDArray[np.float64]
+    """(4,) as :data:`crowdsim.planning.labels.labelling_kernels.TERMS`."""
 
 
 @helper
@@ -251,11 +270,9 @@ def label_spans(spans, total, costs, turned, terms, length):
 
 
 @kernel
-def annotate(layers, radii, costs, turned, terms, points):
-    """Cheapest sections (k, 3) of the polyline (n, 2), as of `label_stretches`, their cost and the polyline's length.
-
-    layers: tuple of the meshes tested, without the legs'. radii: (b, m) float64, clearance of each behavior on each.
-    """
+def annotate(fitting, points):
+    """Cheapest sections (k, 3) of the polyline (n, 2), as of `label_stretches`; their cost; the polyline's length."""
+    layers, radii, costs, turned, terms = fitting
     count = costs.size
     pieces = points.shape[0] - 1
     stack = np.empty(64, SWEPT)

@@ -39,16 +39,16 @@ _ROUNDS = 4
 
 
 @kernel
-def polish_road(layers, upper, points, road, around, reach, ends, radii, costs, turned, terms, radius, least):
+def polish_road(layers, fitting, points, road, around, reach, ends, radius, least):
     """Polyline (n, 2), its sections (k, 3) and cost, of the cheapest string found along a road; no rows if all tangle.
 
     The first string is as wide as the road's behaviors and not pinned, the second pinned in all gates and elsewhere as
     wide as can be, the next differ from the cheapest by one gate each.
-    All keep ``radius`` in the lowest of ``layers``, ``least`` of it at least. upper: those labelled by, with radii
-    (n, k) as of `annotate`. around: (nv, n) of `corner_radii`. reach: (nv,), for scratch.
+    All keep ``radius`` in the lowest of ``layers``, ``least`` of it at least. fitting: as of `annotate`. around:
+    (nv, n) of `corner_radii`. reach: (nv,), for scratch.
     """
     m = layers[0]
-    top = costs.size - 1
+    top = fitting.costs.size - 1
     channel = np.empty(road.shape[0] + 1, np.int64)
     levels = np.empty(road.shape[0] + 1, np.int64)
     corners = np.empty(2 * road.shape[0] + 2, CORNER)
@@ -93,8 +93,8 @@ def polish_road(layers, upper, points, road, around, reach, ends, radii, costs, 
         value = math.inf
         if written >= 0:
             done, found = pull(m, stack, string, written, radius, least, start, np.bool_(False))
-            if done and polyline_length(found) * costs[top] < cost:
-                labels, value, _ = annotate(upper, radii, costs, turned, terms, found)
+            if done and polyline_length(found) * fitting.costs[top] < cost:
+                labels, value, _ = annotate(fitting, found)
                 if value < cost:
                     line, sections, cost = found, labels, value
         if flip >= 0 and value > cost:
@@ -103,11 +103,11 @@ def polish_road(layers, upper, points, road, around, reach, ends, radii, costs, 
 
 
 @kernel
-def shift_path(layers, upper, points, sections, cost, radii, full, costs, turned, terms, least):
+def shift_path(layers, fitting, points, sections, cost, radii, least):
     """Polyline (n, 2), its sections (k, 3) and cost, of the path with stations shifted aside where that is cheaper.
 
-    sections, cost: as of `annotate`, of the path along ``points``. Others: as of `polish_road`;
-    full: (n, m), radii on all layers.
+    fitting, sections, cost: as of `annotate`, of the path along ``points``. radii: (n, m), on all ``layers``. The legs
+    keep ``least`` meters at least.
     """
     stack = np.empty(64, SWEPT)
     hints = np.full(len(layers), NONE)
@@ -115,10 +115,12 @@ def shift_path(layers, upper, points, sections, cost, radii, full, costs, turned
     for _ in range(_ROUNDS):
         if spread < _LEAST_SPREAD:
             break
-        found = shifted_path(layers, hints, full, costs, points, sections, terms[1], spread, stack, least)
+        found = shifted_path(
+            layers, hints, radii, fitting.costs, points, sections, fitting.terms[1], spread, stack, least
+        )
         value = math.inf
         if found.shape[0] > 0:
-            labels, value, _ = annotate(upper, radii, costs, turned, terms, found)
+            labels, value, _ = annotate(fitting, found)
         if value < cost:
             points, sections, cost = found, labels, value
         else:

@@ -51,7 +51,7 @@ class ScenarioFields(Part):
         Layer(name=band.name, low=band.low, high=band.high) for band in (LEGS, TORSO)
     )
     behaviors: Annotated[tuple[Name, ...], Field(strict=False, min_length=1)] = DEFAULT_BEHAVIORS
-    planner: Literal["layered", "greedy", "greedy_literal", "collision3d"] = "layered"
+    planner: Literal["layered", "greedy_literal", "collision3d"] = "layered"
     motion: Motion = Motion(set="default")
     agents: Annotated[tuple[AgentGroup, ...], Field(strict=False, min_length=1)]
     areas: Annotated[tuple[Area, ...], Field(strict=False)] = ()

@@ -6,7 +6,7 @@ import shapely
 
 from crowdsim.navmesh.clearance.sweep_kernels import are_free
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.planning.labels.fitting_kernels import annotate
+from crowdsim.planning.labels.fitting_kernels import Fitting, annotate
 from crowdsim.planning.labels.labelling_kernels import TERMS
 from crowdsim.planning.roadmap.build_kernels import corner_radii, join_points, place_points
 
@@ -62,13 +62,13 @@ def test_door_is_passed_sideways_for_the_least_length():
     upper = (NavMesh(HALL.difference(DOOR)).arrays,)
     radii = np.ascontiguousarray(RADII[:, 1:])
     points = np.array([[1.0, 2.0], [5.0, 2.0], [5.0, 2.0], [9.0, 2.0]])  # one point twice
-    sections, cost, length = annotate(upper, radii, COSTS, TURNED, TERMS, points)
+    sections, cost, length = annotate(Fitting(upper, radii, COSTS, TURNED, TERMS), points)
     assert length == 8.0
     assert sections[:, 0].tolist() == [2, 0, 2]
     across = 0.2 + 2.0 * np.sqrt(0.31**2 - 0.28**2)
     assert sections[1, 2] - sections[1, 1] == pytest.approx(max(0.6, 0.2 + 2.0 * np.sqrt(0.37**2 - 0.28**2)), abs=1e-6)
     assert cost == pytest.approx(8.0 + 2.0 * (sections[1, 2] - sections[1, 1]) + 0.3, abs=1e-9)
-    place_by_place = annotate(upper, radii, COSTS, TURNED, np.zeros(4), points)
+    place_by_place = annotate(Fitting(upper, radii, COSTS, TURNED, np.zeros(4)), points)
     assert place_by_place[1] == pytest.approx(
         8.0 + 2.0 * across + 0.1 * (0.2 + 2.0 * np.sqrt(0.37**2 - 0.28**2) - across), abs=1e-5
     )
@@ -77,5 +77,6 @@ def test_door_is_passed_sideways_for_the_least_length():
 def test_nothing_fits_through_a_wall():
     wall = (NavMesh(HALL.difference(shapely.box(4, 0, 5, 4))).arrays,)
     points = np.array([[1.0, 2.0], [9.0, 2.0]])
-    sections, cost, _ = annotate(wall, np.ascontiguousarray(RADII[:, 1:]), COSTS, TURNED, TERMS, points)
+    fitting = Fitting(wall, np.ascontiguousarray(RADII[:, 1:]), COSTS, TURNED, TERMS)
+    sections, cost, _ = annotate(fitting, points)
     assert (len(sections), cost) == (0, np.inf)
