@@ -65,12 +65,6 @@ class World:
         """Views of the live rows of all columns."""
         return View({name: array[: self.count] for name, array in self._arrays.items()})
 
-    def slot(self, entity: int) -> int:
-        """Row of the entity with this id, or -1 where it is no longer, or not yet, in the world."""
-        ids = self.column("id")
-        row = int(np.searchsorted(ids, entity))
-        return row if row < self.count and ids[row] == entity else NONE
-
     def spawn(self, **values: Any) -> int:
         """Ask for a new entity; returns its id. Its row appears with :meth:`apply_changes`."""
         unknown = values.keys() - set(self.column_names)

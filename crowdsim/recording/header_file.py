@@ -22,6 +22,12 @@ from crowdsim.recording.header import (
 from crowdsim.version import __version__
 
 _STRINGS = h5py.string_dtype("utf-8")
+_AGENT_ARRAYS = ("start_times", "starts", "goals", "radii")
+_SKELETON_ARRAYS = {"parents": "int32", "offsets": "float64", "end_parents": "int32", "end_offsets": "float64"}
+_MOTION_ARRAYS = {
+    **dict.fromkeys(("node_behavior", "node_first", "node_frames"), "int32"),
+    **dict.fromkeys(("pool_root", "pool_rotations"), "float32"),
+}
 
 
 def _write_strings(group: h5py.Group, name: str, values: Sequence[str]) -> None:
@@ -84,7 +90,7 @@ def write_header(file: h5py.File, header: RecordingHeader) -> None:
 
     agents = file.create_group("agents")
     _write_strings(agents, "groups", header.agents.groups)
-    for name in ("start_times", "starts", "goals", "radii"):
+    for name in _AGENT_ARRAYS:
         _write_array(agents, name, getattr(header.agents, name), "float64")
 
     _write_motion(file.create_group("motion"), header.motion)
@@ -93,17 +99,13 @@ def write_header(file: h5py.File, header: RecordingHeader) -> None:
 def _write_motion(group: h5py.Group, motion: MotionRecord) -> None:
     skeleton = motion.skeleton
     _write_strings(group, "joint_names", skeleton.names)
-    _write_array(group, "parents", skeleton.parents, "int32")
-    _write_array(group, "offsets", skeleton.offsets, "float64")
-    _write_array(group, "end_parents", skeleton.end_parents, "int32")
-    _write_array(group, "end_offsets", skeleton.end_offsets, "float64")
+    for name, dtype in _SKELETON_ARRAYS.items():
+        _write_array(group, name, getattr(skeleton, name), dtype)
     _write_strings(group, "role_names", list(skeleton.roles))
     _write_array(group, "role_joints", list(skeleton.roles.values()), "int32")
     _write_strings(group, "node_names", motion.node_names)
-    for name in ("node_behavior", "node_first", "node_frames"):
-        _write_array(group, name, getattr(motion, name), "int32")
-    for name in ("pool_root", "pool_rotations"):
-        _write_array(group, name, getattr(motion, name), "float32")
+    for name, dtype in _MOTION_ARRAYS.items():
+        _write_array(group, name, getattr(motion, name), dtype)
 
 
 def read_versions(file: h5py.File) -> dict[str, str]:
@@ -132,11 +134,7 @@ def read_header(file: h5py.File) -> RecordingHeader:
         movables=_read_solids(environment, "movable") if "movable_names" in environment else (),
         meshes=_read_meshes(environment) if "mesh_names" in environment else (),
         agents=AgentsRecord(
-            groups=tuple(_read_strings(agents, "groups")),
-            start_times=agents["start_times"][:],
-            starts=agents["starts"][:],
-            goals=agents["goals"][:],
-            radii=agents["radii"][:],
+            groups=tuple(_read_strings(agents, "groups")), **{name: agents[name][:] for name in _AGENT_ARRAYS}
         ),
         motion=_read_motion(file["motion"]),
     )
@@ -164,18 +162,11 @@ def _read_meshes(environment: h5py.Group) -> tuple[MeshRecord, ...]:
 def _read_motion(group: h5py.Group) -> MotionRecord:
     skeleton = Skeleton(
         names=tuple(_read_strings(group, "joint_names")),
-        parents=group["parents"][:],
-        offsets=group["offsets"][:],
-        end_parents=group["end_parents"][:],
-        end_offsets=group["end_offsets"][:],
+        **{name: group[name][:] for name in _SKELETON_ARRAYS},
         roles=dict(zip(_read_strings(group, "role_names"), map(int, group["role_joints"][:]), strict=True)),
     )
     return MotionRecord(
         skeleton=skeleton,
         node_names=tuple(_read_strings(group, "node_names")),
-        node_behavior=group["node_behavior"][:],
-        node_first=group["node_first"][:],
-        node_frames=group["node_frames"][:],
-        pool_root=group["pool_root"][:],
-        pool_rotations=group["pool_rotations"][:],
+        **{name: group[name][:] for name in _MOTION_ARRAYS},
     )

@@ -68,7 +68,7 @@ class Placement(NamedTuple):
     def goal(self, agent: int, reached: int) -> NDArray[np.float64]:
         """The place (2,) that an agent goes to when it has been to ``reached`` places."""
         goals = self.goals[agent]
-        return goals[reached % len(goals)]
+        return np.asarray(goals[reached % len(goals)])
 
     def heading(self, agent: int, reached: int) -> float | None:
         """Radians that an agent is to face at that place, None where any will do."""
@@ -78,7 +78,7 @@ class Placement(NamedTuple):
 
     def is_last(self, agent: int, reached: int) -> bool:
         """Whether it goes nowhere after that place."""
-        return reached + 1 == self.rounds[agent] * len(self.goals[agent])
+        return bool(reached + 1 == self.rounds[agent] * len(self.goals[agent]))
 
     def stands(self, agent: int, reached: int) -> bool:
         """Whether it stands at that place, for a while or for good."""

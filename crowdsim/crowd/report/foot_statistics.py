@@ -10,6 +10,9 @@ from crowdsim.motion.graph.motion_graph import MotionGraph
 from crowdsim.motion.graph.pose_kernels import pose_joints
 from crowdsim.recording.header import RecordedFrame
 
+Indices = NDArray[np.int32]
+Positions = NDArray[np.float64]
+
 NEAR_FLOOR = 0.03
 """Meters above its lowest height up to which a foot joint may be planted."""
 
@@ -59,8 +62,8 @@ class FootStatistics:
             self._speed_count += int(standing.sum())
         self._before = (present, feet)
 
-    def _posed_feet(self, node: NDArray[np.int32], previous: NDArray[np.int32], at: NDArray[np.int32],
-                    pose: NDArray[np.float64]) -> NDArray[np.float64]:  # fmt: skip
+    def _posed_feet(self, node: Indices, previous: Indices, at: Indices, pose: NDArray[np.float64]) -> Positions:
+        """World positions (n, feet, 3) of the feet in frames ``at`` of nodes."""
         positions = np.empty((len(node), self._joints, 3), np.float32)
         rotations = np.empty((len(node), self._joints, 4), np.float32)
         pose_joints(self._table, node, previous, at, pose, positions, rotations)
@@ -73,7 +76,7 @@ class FootStatistics:
         node = np.repeat(np.arange(len(lengths), dtype=np.int32), lengths)
         at = np.concatenate([np.arange(length, dtype=np.int32) for length in lengths])
         heights = self._posed_feet(node, np.full(len(node), -1, np.int32), at, np.zeros((len(node), 3)))[..., 2]
-        return heights.min(axis=0)
+        return np.asarray(heights.min(axis=0))
 
 
 def foot_joints(skeleton: Skeleton) -> list[int]:

@@ -288,15 +288,6 @@ class MotionSearch:
         return plan if plan.arrives else None
 
 
-def search_motion(assets: Assets, environment: EnvironmentState, request: Request) -> MotionPlan | PathNotFound:
-    """All slices of a search, one after the other, before anything is walked."""
-    search = MotionSearch(assets, environment, request)
-    plan = search.advance()
-    while not search.over:
-        plan = search.advance()
-    return plan
-
-
 def _departure(
     assets: Assets, request: Request, route: AnnotatedPath, samples: PathSamples
 ) -> tuple[int, NDArray[np.float64]]:

@@ -88,7 +88,8 @@ def reserved_lines(view: View, slot: int) -> NDArray[Any]:
     last = view.timeline.shape[1] - 1
     first = np.clip(slot - view.timeline_start, 0, last)
     ahead = np.minimum(first[:, None] + np.arange(last + 1), last)
-    return shapely.linestrings(np.take_along_axis(view.timeline, ahead[:, :, None], axis=1))
+    lines: NDArray[Any] = shapely.linestrings(np.take_along_axis(view.timeline, ahead[:, :, None], axis=1))
+    return lines
 
 
 class _AffectedAgents:

@@ -135,5 +135,5 @@ def reach_goal(plans: Plans, view: View, row: int) -> None:
 def _standing_near(view: View, row: int) -> NDArray[np.float64]:
     """(k, 2) places of the others who stand within NEARBY meters."""
     others = (view.state != AgentState.MOVING) & (np.arange(len(view.agent)) != row)
-    places = view.pose[others, :2]
-    return places[hypot(*(places - view.pose[row, :2]).T) < NEARBY]
+    positions = view.pose[others, :2]
+    return np.asarray(positions[hypot(*(positions - view.pose[row, :2]).T) < NEARBY])

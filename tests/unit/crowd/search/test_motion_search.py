@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crowdsim.crowd.search.motion_search import MotionSearch, search_motion
+from crowdsim.crowd.search.motion_search import MotionSearch
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.state.assets import Assets, prepare
 from crowdsim.crowd.state.environment import EnvironmentState
@@ -17,6 +17,7 @@ from crowdsim.following.follower.path_follower import FollowResult, FollowStatus
 from crowdsim.geometry.planar import compose
 from crowdsim.scenario.loader import parse_scenario
 from crowdsim.scenario.scenario import Scenario
+from tests.support.motion_search import search_motion
 from tests.support.two_rooms import WALKERS, two_rooms
 
 TO_THE_OTHER_ROOM = Request(np.array([1.0, 1.5]), np.array([11.0, 3.0]), stays=True)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from crowdsim.constants import TRACKING_MARGIN
-from crowdsim.crowd.search.motion_search import search_motion
 from crowdsim.crowd.search.standing import attempts
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.state.assets import Assets, prepare
@@ -22,6 +21,7 @@ from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.scenario.loader import parse_scenario
 from crowdsim.scenario.placement import STAND_ROOM, place_agents
 from crowdsim.scenario.schema.agents import STAND_WITHIN
+from tests.support.motion_search import search_motion
 
 TEXT = """\
 crowdsim: 1

@@ -7,7 +7,6 @@ import pytest
 import shapely
 
 from crowdsim.crowd.search.affected import could_shorten, first_taken, outdated, route_taken, way_left
-from crowdsim.crowd.search.motion_search import search_motion
 from crowdsim.crowd.state.assets import Assets, prepare
 from crowdsim.crowd.state.environment import Edit, EnvironmentState
 from crowdsim.crowd.state.motion_plan import Request
@@ -18,6 +17,7 @@ from crowdsim.planning.query.requirements import TOUCH
 from crowdsim.scenario.loader import parse_scenario
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.timetable import AS_DRAWN
+from tests.support.motion_search import search_motion
 from tests.support.two_rooms import WALKERS, two_rooms
 
 EVENTS = (
