@@ -25,6 +25,8 @@ from crowdsim.crowd.state.assets import Assets, prepare
 from crowdsim.crowd.state.environment import EnvironmentState
 from crowdsim.crowd.state.motion_plan import MotionPlan, Request
 from crowdsim.crowd.state.reservation_kernels import append_stop
+from crowdsim.crowd.state.timelines import Chain
+from crowdsim.crowd.systems.animate import Playing
 from crowdsim.crowd.systems.animate_kernels import advance
 from crowdsim.errors import PathNotFound
 from crowdsim.motion.graph.pose_kernels import pose_joints
@@ -102,7 +104,7 @@ class Players:
         joints = len(self.assets.motion.poses.parents)
         self.joints = np.empty((count, joints, 3), np.float32)
         self.turns = np.empty((count, joints, 4), np.float32)
-        self._chain = np.zeros(16, np.int32), np.zeros((16, 3)), np.zeros((16, 3))
+        self._chain = Chain.room(16)
         for agent in range(count):
             self._ask(agent)
 
@@ -114,10 +116,7 @@ class Players:
         frames = self.assets.frames_per_step
         for agent in np.flatnonzero(self.frame + frames >= graph.node_frames[self.node]).tolist():
             self._choose(agent)
-        advance(
-            graph, frames, self.node, self.previous, self.frame, self.origin, self.seam, self.next_node,
-            self.next_origin, self.next_seam, self.next_cursor, self.cursor, self.behavior, self.pose,
-        )  # fmt: skip
+        advance(graph, frames, Playing(*(getattr(self, name) for name in Playing._fields)))
         self.searches.submit(self.step, 0, self._played)
         pose_joints(self.assets.motion.poses, self.node, self.previous, self.frame, self.pose, self.joints, self.turns)
         self.step += 1
@@ -168,7 +167,7 @@ class Players:
         if graph.stop_edge[node] != NONE:
             nodes, origins, seams = self._chain
             nodes[0], origins[0], seams[0] = node, self.origin[agent], self.seam[agent]
-            append_stop(graph, nodes, origins, seams, 1)
+            append_stop(graph, self._chain, 1)
             self._enter(agent, int(nodes[1]), origins[1], seams[1])
             return
         if not graph.node_idle[node]:

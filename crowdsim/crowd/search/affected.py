@@ -11,6 +11,7 @@ from crowdsim.crowd.state.assets import Assets
 from crowdsim.crowd.state.environment import Edit, Footprints
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import sample_chain
+from crowdsim.crowd.state.timelines import Chain
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, points_at
 from crowdsim.planning.query.requirements import TOUCH
 
@@ -34,7 +35,7 @@ def first_taken(assets: Assets, plan: MotionPlan, first: int, taken: Footprints)
         return plan.count
     frames = graph.node_frames[nodes].astype(np.int64)
     out = np.empty((int(frames.sum()) // _STRIDE + 2, 2))
-    sample_chain(graph, nodes, origins, plan.seams[first:], len(nodes), 0, 0, _STRIDE, out)
+    sample_chain(graph, Chain(nodes, origins, plan.seams[first:]), len(nodes), 0, 0, _STRIDE, out)
     owner = np.minimum(np.searchsorted(np.cumsum(frames), _STRIDE * np.arange(len(out)), side="right"), len(nodes) - 1)
     pieces = shapely.linestrings(np.stack([out[:-1], out[1:]], axis=1))
     radii = assets.body_radii[graph.node_behavior[nodes]]

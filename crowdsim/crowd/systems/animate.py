@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
 from crowdsim.crowd.state.assets import Assets
 from crowdsim.crowd.systems.animate_kernels import advance
 from crowdsim.ecs.world import View
 
 
+class Playing(NamedTuple):
+    """The columns that playing a node changes, as of :mod:`crowdsim.crowd.state.components`."""
+
+    node: NDArray[np.int32]
+    previous: NDArray[np.int32]
+    frame: NDArray[np.int32]
+    origin: NDArray[np.float64]
+    seam: NDArray[np.float64]
+    next_node: NDArray[np.int32]
+    next_origin: NDArray[np.float64]
+    next_seam: NDArray[np.float64]
+    next_cursor: NDArray[np.int32]
+    cursor: NDArray[np.int32]
+    behavior: NDArray[np.int32]
+    pose: NDArray[np.float64]
+
+
 def animate(assets: Assets, view: View) -> None:
     """Advance frames, seams and poses of all rows."""
-    advance(
-        assets.graph,
-        assets.frames_per_step,
-        view.node,
-        view.previous,
-        view.frame,
-        view.origin,
-        view.seam,
-        view.next_node,
-        view.next_origin,
-        view.next_seam,
-        view.next_cursor,
-        view.cursor,
-        view.behavior,
-        view.pose,
-    )
+    advance(assets.graph, assets.frames_per_step, Playing(*(getattr(view, name) for name in Playing._fields)))

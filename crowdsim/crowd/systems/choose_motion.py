@@ -14,6 +14,7 @@ from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ROUNDING, append_stop, reserve
 from crowdsim.crowd.state.state_hash import digest_of
+from crowdsim.crowd.state.timelines import Chain, Obstacles, Timelines
 from crowdsim.crowd.systems.apply_events import KEPT_OFF, reserved_lines
 from crowdsim.crowd.systems.replan import reach_goal
 from crowdsim.ecs.world import View
@@ -47,9 +48,7 @@ class Choosing:
     def __init__(self, plans: Plans) -> None:
         self.plans = plans
         self._looked_ahead: dict[int, NDArray[np.int32]] = {}
-        self._chain = np.zeros(_CHAIN, np.int32)
-        self._origins = np.zeros((_CHAIN, 3))
-        self._seams = np.zeros((_CHAIN, 3))
+        self._chain, self._draft = Chain.room(_CHAIN), Chain.room(_CHAIN)
         self._timeline = np.zeros((TIMELINE_SLOTS, 2))
 
     def choose(self, view: View) -> None:
@@ -103,23 +102,24 @@ class Choosing:
 
     def _extend(self, view: View, row: int, plan: MotionPlan, following: int) -> bool:
         """Reserve the node ``following`` of the plan, and as many after it as it takes to be able to stop."""
-        assets, layers = self.plans.assets, tuple(mesh.arrays for mesh in self.plans.environment.meshes)
+        assets = self.plans.assets
         available = min(plan.count - following, LOOKAHEAD)
-        chain, origins, seams = self._chain, self._origins, self._seams
-        chain[0], origins[0], seams[0] = view.node[row], view.origin[row], view.seam[row]
-        ahead = slice(following, following + available)
-        chain[1 : available + 1] = plan.nodes[ahead]
-        origins[1 : available + 1] = plan.origins[ahead]
-        seams[1 : available + 1] = plan.seams[ahead]
+        chain = self._begin_chain(view, row)
+        ahead, until = slice(following, following + available), available + 1
+        chain.nodes[1:until] = plan.nodes[ahead]
+        chain.origins[1:until] = plan.origins[ahead]
+        chain.seams[1:until] = plan.seams[ahead]
         last = self.plans.itineraries.is_last(int(view.agent[row]), len(plan.passes))
         leaves = plan.arrives and last and not view.stays[row] and following + available == plan.count
         clock = self.plans.step * assets.frames_per_step
+        layers = tuple(mesh.arrays for mesh in self.plans.environment.meshes)
+        kept_off = float(view.body_radius[row]) + KEPT_OFF
+        obstacles = Obstacles(layers, assets.body_radii, self._kept_free(view, row), kept_off)
+        everyone = Timelines.of(view)
+        now = row, int(view.frame[row]), clock, SLOT_FRAMES
         taken, gone = reserve(
-            assets.graph, layers, assets.body_radii,
-            row, int(view.frame[row]), clock, SLOT_FRAMES, chain, origins, seams, 1, available, leaves,
-            view.timeline, view.timeline_start, view.gone_slot, view.body_radius, view.timeline_circle,
-            self._kept_free(view, row), float(view.body_radius[row]) + KEPT_OFF, self._timeline,
-        )  # fmt: skip
+            assets.graph, obstacles, everyone, *now, chain, self._draft, 1, available, leaves, self._timeline
+        )
         if not taken:
             return False
         view.timeline[row] = self._timeline
@@ -131,6 +131,12 @@ class Choosing:
         view.gone_slot[row] = gone
         view.reserved[row] = following + taken - 1
         return True
+
+    def _begin_chain(self, view: View, row: int) -> Chain:
+        """The chain of the present node alone."""
+        chain = self._chain
+        chain.nodes[0], chain.origins[0], chain.seams[0] = view.node[row], view.origin[row], view.seam[row]
+        return chain
 
     def _kept_free(self, view: View, row: int) -> NDArray[np.float64]:
         """Outlines (M, 4) of what is about to come and that a character must not enter: it is not there already."""
@@ -168,9 +174,9 @@ class Choosing:
 
     def _stop(self, view: View, row: int) -> None:
         """Enter the first node of the stop that was reserved with the present node."""
-        self._chain[0], self._origins[0], self._seams[0] = view.node[row], view.origin[row], view.seam[row]
-        append_stop(self.plans.assets.graph, self._chain, self._origins, self._seams, 1)
-        _take(view, row, int(self._chain[1]), self._origins[1], self._seams[1])
+        chain = self._begin_chain(view, row)
+        append_stop(self.plans.assets.graph, chain, 1)
+        _take(view, row, int(chain.nodes[1]), chain.origins[1], chain.seams[1])
 
     def _stand(self, view: View, row: int, agent: int) -> None:
         """Wait where the node ends: in an idle node if one may follow, else on the node's last frame."""

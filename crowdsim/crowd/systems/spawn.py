@@ -14,6 +14,7 @@ from crowdsim.crowd.state.assets import Assets
 from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM, FOREVER, meets_anyone
+from crowdsim.crowd.state.timelines import Timelines
 from crowdsim.crowd.systems.apply_events import KEPT_OFF
 from crowdsim.crowd.systems.replan import AT_GOAL
 from crowdsim.ecs.world import View, World
@@ -72,19 +73,7 @@ class Spawning:
         if any(distance(position, other) < 2.0 * radius + ELBOW_ROOM for other in taken):
             return False
         self._parked[:] = position
-        return not meets_anyone(
-            -1,
-            self._parked,
-            slot,
-            FOREVER,
-            slot,
-            radius,
-            view.timeline,
-            view.timeline_start,
-            view.gone_slot,
-            view.body_radius,
-            view.timeline_circle,
-        )
+        return not meets_anyone(-1, self._parked, slot, FOREVER, slot, radius, Timelines.of(view))
 
     def _ask(self, agent: int) -> None:
         """Request the way of an agent that has none, unless a search is under way or failed."""
