@@ -20,7 +20,7 @@ from crowdsim.bench.places.random_ground import GroundKind, random_ground
 from crowdsim.constants import NONE
 from crowdsim.environment.layers import LEGS, TORSO
 from crowdsim.following.follower.body_reach import BodyReach, body_reach
-from crowdsim.following.follower.path_follower import FollowOptions, FollowResult, FollowStatus, follow_path
+from crowdsim.following.follower.path_follower import Character, FollowOptions, FollowResult, FollowStatus, follow_path
 from crowdsim.following.graph_search.graph_search import SearchResult
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.geometry.planar import compose, wrap_angle
@@ -84,6 +84,9 @@ class MotionSet:
     def graph(self) -> GraphArrays:
         return self.motion.arrays
 
+    def character(self, maps: MotionMaps) -> Character:
+        return Character(self.graph, maps, self.radii, self.facings, self.reach)
+
 
 @dataclass(frozen=True)
 class Ground:
@@ -142,10 +145,8 @@ def as_trial(points: Floats, behavior: int) -> Trial:
 def follow_trial(
     motions: MotionSet, maps: MotionMaps, ground: Ground, trial: Trial, options: FollowOptions
 ) -> FollowResult:
-    return follow_path(
-        motions.graph, maps, trial.samples, ground.arrays, motions.radii, motions.facings,
-        trial.start, motions.waiting, options, motions.reach,
-    )  # fmt: skip
+    character = motions.character(maps)
+    return follow_path(character, trial.samples, ground.arrays, trial.start, motions.waiting, options)
 
 
 def follow_all(motions: MotionSet, maps: MotionMaps, ground: Ground) -> list[tuple[FollowResult, float]]:

@@ -18,7 +18,7 @@ from crowdsim.crowd.state.assets import Assets
 from crowdsim.crowd.state.environment import EnvironmentState
 from crowdsim.crowd.state.motion_plan import MotionPlan, Request
 from crowdsim.errors import PathNotFound
-from crowdsim.following.follower.path_follower import FollowResult, FollowStatus, PathSearch
+from crowdsim.following.follower.path_follower import FollowResult, FollowStatus, PathFollower
 from crowdsim.geometry.elementary import atan2, cos, distance, hypot, sin
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.motion.graph.track_kernels import node_end
@@ -199,22 +199,13 @@ class MotionSearch:
         samples = _rest_of(route.sample(), request.position)
         node, origin = _departure(assets, request, route, samples)
         before = 0 if played is None else played.count
+        arrays = tuple(mesh.arrays for mesh in meshes)
         best: FollowResult | None = None
         plan, kept, least = None, 0, np.inf
         for options, exactly in attempts(request, budget, strictly):
             if least < np.inf and not exactly:
                 break
-            search = PathSearch(
-                assets.graph,
-                assets.maps,
-                samples,
-                tuple(mesh.arrays for mesh in meshes),
-                assets.body_radii,
-                assets.facings,
-                start_pose=origin,
-                start_node=node,
-                options=options,
-            )
+            search = PathFollower(assets.character, samples, arrays, origin, node, options)
             while (found := search.advance(max(self._branches // options.looks, 1), kept + 1)) is None:
                 plan = _as_plan(assets, route, search.present, played, kept if shown else _HIDDEN)
                 yield plan

@@ -14,7 +14,7 @@ from crowdsim.following.follower.path_follower import (
     FollowOptions,
     FollowResult,
     FollowStatus,
-    PathSearch,
+    PathFollower,
 )
 from crowdsim.motion.graph.arrays import GraphArrays
 from crowdsim.scenario.schema.agents import STAND_WITHIN
@@ -54,7 +54,12 @@ def attempts(request: Request, budget: int, strictly: bool) -> Iterator[tuple[Fo
 
 
 def nearest_end(
-    graph: GraphArrays, search: PathSearch, found: FollowResult, request: Request, goal: NDArray[np.float64], kept: int
+    graph: GraphArrays,
+    search: PathFollower,
+    found: FollowResult,
+    request: Request,
+    goal: NDArray[np.float64],
+    kept: int,
 ) -> tuple[FollowResult, float]:
     """Of the solutions of a search from ``found`` on, bent where that is needed, the first that is near enough.
 

@@ -14,6 +14,7 @@ from crowdsim.behaviors.library import BehaviorSet, load_behavior_set
 from crowdsim.constants import CAPTURE_RATE, NONE, TRACKING_MARGIN
 from crowdsim.environment.layers import ClearanceLayer
 from crowdsim.errors import MotionError, ScenarioError
+from crowdsim.following.follower.path_follower import Character
 from crowdsim.following.maps.map_file import maps_in_file
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.jit import cache_folder
@@ -67,6 +68,11 @@ class Assets:
         widest = max(len(behavior.facings) for behavior in self.behaviors)
         rows = [[*behavior.facings, *[np.nan] * (widest - len(behavior.facings))] for behavior in self.behaviors]
         return np.array(rows, np.float64)
+
+    @cached_property
+    def character(self) -> Character:
+        """What every character follows paths with."""
+        return Character(self.graph, self.maps, self.body_radii, self.facings)
 
     @property
     def personal_radius(self) -> float:

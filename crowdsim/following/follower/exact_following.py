@@ -10,16 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.following.follower.body_reach import BodyReach
 from crowdsim.following.follower.follow_workspace import Samples
 from crowdsim.following.follower.path_follower import (
     THOROUGH_LOOKS,
+    Character,
     FollowOptions,
     FollowResult,
     FollowStatus,
-    PathSearch,
+    PathFollower,
 )
-from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.geometry.elementary import distance
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.motion.graph.arrays import GraphArrays
@@ -36,17 +35,13 @@ FEW_LOOKS = 8
 
 
 def follow_exactly(
-    graph: GraphArrays,
-    maps: MotionMaps,
+    character: Character,
     samples: Samples,
     meshes: tuple[Any, ...],
-    radii: Floats,
-    facings: Floats,
     start_pose: Floats,
     start_node: int = -1,
     options: FollowOptions | None = None,
     arrival: float = 0.01,
-    reach: BodyReach | None = None,
 ) -> tuple[FollowResult, float]:
     """Follow a path to a stand, with the last transitions turned so that it is within ``arrival`` meters of the end.
 
@@ -55,11 +50,12 @@ def follow_exactly(
     distances, a wider range of headings, of more branches. Returns the motion and the meters it ends off: that of least
     where none arrives, the one that came farthest where none is found.
     """
+    graph = character.graph
     options = replace(options or FollowOptions(goal_tolerance=0.1), end_standing=True)
     goal = np.asarray(samples.pose[-1, :2], np.float64)
     best: tuple[FollowResult, float] | None = None
     for sought, tries in _searches(options):
-        search = PathSearch(graph, maps, samples, meshes, radii, facings, start_pose, start_node, sought, reach)
+        search = PathFollower(character, samples, meshes, start_pose, start_node, sought)
         for _ in range(tries):
             found = search.next()
             off = meters_off(graph, found, goal)

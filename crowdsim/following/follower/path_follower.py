@@ -106,7 +106,23 @@ class FollowResult:
     expansions: int
 
 
-class PathSearch:
+@dataclass(frozen=True)
+class Character:
+    """Who follows paths: its motions, its body, and which way it may face.
+
+    radii: (B, layers) meters, the radius of the body in each behavior on each layer. facings: (B, F) radians off the
+    direction of motion that the body may face in each behavior, padded with NaN. reach: where the body's joints are, to
+    keep every one of them in its section; without it the discs alone count.
+    """
+
+    graph: GraphArrays
+    maps: MotionMaps
+    radii: Floats
+    facings: Floats
+    reach: BodyReach | None = None
+
+
+class PathFollower:
     """One search for motion along a path, that can be asked for more than the first solution.
 
     Arguments as of :func:`follow_path`. Of one thread at a time.
@@ -114,23 +130,20 @@ class PathSearch:
 
     def __init__(
         self,
-        graph: GraphArrays,
-        maps: MotionMaps,
+        character: Character,
         samples: Samples,
         meshes: tuple[Any, ...],
-        radii: Floats,
-        facings: Floats,
         start_pose: Floats,
         start_node: int = -1,
         options: FollowOptions | None = None,
-        reach: BodyReach | None = None,
     ) -> None:
         options = options or FollowOptions()
-        _check(graph, samples, meshes, radii, facings, options, reach)
-        guide = make_guide(samples, facings, options.transition_reach)
+        _check(character, samples, meshes, options)
+        graph, maps, reach = character.graph, character.maps, character.reach
+        guide = make_guide(samples, character.facings, options.transition_reach)
         rules = Rules(
-            radii=np.ascontiguousarray(radii, np.float64),
-            facings=np.ascontiguousarray(facings, np.float64),
+            radii=np.ascontiguousarray(character.radii, np.float64),
+            facings=np.ascontiguousarray(character.facings, np.float64),
             goal_tolerance=float(options.goal_tolerance),
             end_standing=bool(options.end_standing),
             margin=float(options.margin),
@@ -213,51 +226,38 @@ def _result(status: int, steps: NDArray[np.int64], places: Floats, reached: floa
 
 
 def follow_path(
-    graph: GraphArrays,
-    maps: MotionMaps,
+    character: Character,
     samples: Samples,
     meshes: tuple[Any, ...],
-    radii: Floats,
-    facings: Floats,
     start_pose: Floats,
     start_node: int = -1,
     options: FollowOptions | None = None,
-    reach: BodyReach | None = None,
 ) -> FollowResult:
     """Find nodes that walk along a path with every body disc free on all layers (2012 paper, section 5).
 
-    meshes: kernel arrays of each layer's mesh. radii: (B, layers) body radius of each behavior on them.
-    facings: (B, F) allowed headings of the body relative to its direction of motion, padded with NaN.
-    start_pose: (3,) where the first node starts. start_node: the first node, taken as being played already and not
-    tested; -1 to choose one. reach: where the body's joints are, to keep every one of them in its section; without it
-    the discs alone count. Safe to call from several threads at once. MotionError where shapes do not fit.
+    meshes: kernel arrays of each layer's mesh. start_pose: (3,) where the first node starts. start_node: the first
+    node, taken as being played already and not tested; -1 to choose one. Safe to call from several threads at once.
+    MotionError where shapes do not fit.
 
     A quarter of the budget goes into a quick search. Where that finds nothing, a thorough one looks at more branches.
     """
     options = options or FollowOptions()
     quick = replace(options, budget=max(options.budget // 4, 1))
-    arguments = graph, maps, samples, meshes, radii, facings, start_pose, start_node
-    found = PathSearch(*arguments, quick, reach).next()
+    arguments = character, samples, meshes, start_pose, start_node
+    found = PathFollower(*arguments, quick).next()
     if found.status == FollowStatus.FOUND or options.budget <= quick.budget:
         return found
     thorough = replace(options, budget=options.budget - found.expansions, looks=max(options.looks, THOROUGH_LOOKS))
-    again = PathSearch(*arguments, thorough, reach).next()
+    again = PathFollower(*arguments, thorough).next()
     expansions = found.expansions + again.expansions
     farther = again.status == FollowStatus.FOUND or again.reached >= found.reached
     return replace(again if farther else found, status=again.status, expansions=expansions)
 
 
-def _check(
-    graph: GraphArrays,
-    samples: Samples,
-    meshes: tuple[Any, ...],
-    radii: Floats,
-    facings: Floats,
-    options: FollowOptions,
-    reach: BodyReach | None,
-) -> None:
+def _check(character: Character, samples: Samples, meshes: tuple[Any, ...], options: FollowOptions) -> None:
     """MotionError where shapes or numbers do not fit."""
-    behaviors = int(graph.node_behavior.max(initial=0)) + 1
+    radii, facings, reach = character.radii, character.facings, character.reach
+    behaviors = int(character.graph.node_behavior.max(initial=0)) + 1
     if len(samples.arc) < 2 or not samples.arc[-1] > 0.0:
         raise MotionError("a path to follow needs two samples and a length; there is nothing to walk")
     if len(radii) < behaviors or len(facings) != len(radii) or radii.shape[1] != len(meshes):

@@ -13,7 +13,7 @@ from crowdsim.crowd.state.assets import Assets, prepare
 from crowdsim.crowd.state.environment import EnvironmentState
 from crowdsim.crowd.state.motion_plan import MotionPlan, Request
 from crowdsim.errors import PathNotFound
-from crowdsim.following.follower.path_follower import FollowResult, FollowStatus, PathSearch
+from crowdsim.following.follower.path_follower import FollowResult, FollowStatus, PathFollower
 from crowdsim.geometry.planar import compose
 from crowdsim.scenario.loader import parse_scenario
 from crowdsim.scenario.scenario import Scenario
@@ -85,9 +85,9 @@ def test_who_has_walked_past_where_a_search_turns_back_goes_on_from_there(
     plan = plan_of(search.advance(0, TINY))
     while plan.count < 3:
         plan = plan_of(search.advance(0, TINY))
-    advance, calls = PathSearch.advance, []
+    advance, calls = PathFollower.advance, []
 
-    def turned_back(self: PathSearch, queries: int, kept: int = 0) -> FollowResult | None:
+    def turned_back(self: PathFollower, queries: int, kept: int = 0) -> FollowResult | None:
         calls.append(kept)
         if len(calls) > 1:
             return advance(self, queries, kept)
@@ -96,7 +96,7 @@ def test_who_has_walked_past_where_a_search_turns_back_goes_on_from_there(
         self._search.stage[0, 4] = self._search.stage[0, 3]
         return advance(self, queries, kept)
 
-    monkeypatch.setattr(PathSearch, "advance", turned_back)
+    monkeypatch.setattr(PathFollower, "advance", turned_back)
     kept = 2
     played = plan.until(kept - 1)
     while not search.over:
@@ -133,9 +133,9 @@ def test_a_change_of_the_place_is_taken_in_with_the_next_slice(
 def test_a_path_search_that_may_not_change_anything_says_so(assets: Assets, environment: EnvironmentState) -> None:
     route = environment.route(TO_THE_OTHER_ROOM.position, TO_THE_OTHER_ROOM.goal)
     samples = route.sample()
-    arguments = (assets.graph, assets.maps, samples, tuple(mesh.arrays for mesh in environment.meshes))
+    arguments = assets.character, samples, tuple(mesh.arrays for mesh in environment.meshes)
     start = np.array([*TO_THE_OTHER_ROOM.position, samples.pose[0, 2]])
-    search = PathSearch(*arguments, assets.body_radii, assets.facings, start, int(assets.idle_nodes[-1]))
+    search = PathFollower(*arguments, start, int(assets.idle_nodes[-1]))
     assert search.advance(2) is None
     count = len(search.present.nodes)
     assert count > 1

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from crowdsim.errors import MotionError
 from crowdsim.following.follower.path_follower import (
     THOROUGH_LOOKS,
+    Character,
     FollowOptions,
     FollowResult,
     FollowStatus,
-    PathSearch,
+    PathFollower,
     follow_path,
 )
 from crowdsim.following.maps.motion_maps import MotionMaps
@@ -71,7 +72,7 @@ def follow(
     maps: MotionMaps, world: Scene, path: Samples, start: tuple[float, float, float], node: int = IDLE, **options: float
 ) -> FollowResult:
     chosen = FollowOptions(**options)  # type: ignore[arg-type]
-    return follow_path(GRAPH, maps, path, world.meshes, RADII, FACINGS, np.array(start), node, chosen)
+    return follow_path(Character(GRAPH, maps, RADII, FACINGS), path, world.meshes, np.array(start), node, chosen)
 
 
 def check(result: FollowResult, world: Scene) -> NDArray[np.float64]:
@@ -260,10 +261,10 @@ def test_what_a_quick_search_cannot_find_is_searched_thoroughly(maps: MotionMaps
 def test_a_search_goes_on_to_other_solutions(maps: MotionMaps) -> None:
     world, path = corridor()
     options = FollowOptions(end_standing=True, budget=400)
-    arguments = (GRAPH, maps, path, world.meshes, RADII, FACINGS, np.zeros(3), IDLE, options)
-    search = PathSearch(*arguments)
+    arguments = (Character(GRAPH, maps, RADII, FACINGS), path, world.meshes, np.zeros(3), IDLE, options)
+    search = PathFollower(*arguments)
     found = [search.next() for _ in range(5)]
-    assert same(found[0], PathSearch(*arguments).next())
+    assert same(found[0], PathFollower(*arguments).next())
     for one, other in pairwise(found):
         assert other.status is FollowStatus.FOUND
         assert one.expansions <= other.expansions
@@ -299,9 +300,9 @@ def test_few_looks_lead_there_too_and_all_of_them_are_as_many_as_one_asks(maps: 
 def test_input_that_does_not_fit_is_refused(maps: MotionMaps) -> None:
     world, path = scene(OPEN_GROUND), sample([(0.0, 0.0), (5.0, 0.0)])
     with pytest.raises(MotionError, match="each of the 3 behaviors"):
-        follow_path(GRAPH, maps, path, world.meshes, RADII[:2], FACINGS[:2], np.zeros(3))
+        follow_path(Character(GRAPH, maps, RADII[:2], FACINGS[:2]), path, world.meshes, np.zeros(3))
     with pytest.raises(MotionError, match="one candidate and looks at one branch"):
         follow(maps, world, path, (0.0, 0.0, 0.0), looks=0)
     short = Samples(path.pose[:1], path.arc[:1], path.behavior[:1])
     with pytest.raises(MotionError, match="two samples"):
-        follow_path(GRAPH, maps, short, world.meshes, RADII, FACINGS, np.zeros(3))
+        follow_path(Character(GRAPH, maps, RADII, FACINGS), short, world.meshes, np.zeros(3))
