@@ -11,12 +11,12 @@ from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, sweep
 from crowdsim.navmesh.mesh.growing_kernels import longer_rows
-from crowdsim.navmesh.mesh.half_edge_kernels import nxt, triangle_of
+from crowdsim.navmesh.mesh.half_edge_kernels import triangle_of
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.interval_kernels import find_way, string_along
 from crowdsim.navmesh.paths.search_kernels import find_channel
 from crowdsim.navmesh.paths.string_kernels import pull
-from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE, set_node, tangent
+from crowdsim.navmesh.paths.tangent_kernels import funnel
 
 OK = 0
 START_BLOCKED = 1
@@ -24,78 +24,6 @@ GOAL_BLOCKED = 2
 NO_PASSAGE = 3
 TANGLED = 4
 """A wide enough passage exists, and repair found no path through it; a search for the shortest path does."""
-
-
-@helper
-def _funnel(m, channel, sx, sy, gx, gy, radius):
-    """Nodes of the taut string through the channel, with room for more, and their number."""
-    # The funnel is a deque: left chain (outwards to lower places), apex, right chain (outwards to higher places).
-    sides = m.sides
-    vertices = m.vertices
-    room = 2 * channel.size + 4
-    chain = np.empty(2 * room + 2, STRING_NODE)
-    heading = np.empty((2 * room + 1, 2))  # of the tangent from the node nearer to the apex
-    nodes = np.empty(room + 64, STRING_NODE)
-    apex = room
-    low = room
-    high = room
-    set_node(chain[apex], sx, sy, 0.0, NONE)
-    nodes[0] = chain[apex]
-    count = 1
-    before_left = NONE
-    before_right = NONE
-    target = chain[2 * room + 1]
-    for k in range(2 * channel.size + 1):
-        sign = 1 if k % 2 == 0 else -1
-        if k == 2 * channel.size:
-            set_node(target, gx, gy, 0.0, NONE)
-        else:
-            h = channel[k // 2]
-            v = sides[nxt(h) if sign > 0 else h].org
-            if v == (before_left if sign > 0 else before_right):
-                continue
-            if sign > 0:
-                before_left = v
-            else:
-                before_right = v
-            set_node(target, vertices[v].x, vertices[v].y, sign * radius, v)
-        while True:  # each round takes a node off the deque
-            end = low if sign > 0 else high
-            _, dx, dy = tangent(chain[end], target)
-            if end != apex:
-                at = end
-            elif low != high:  # the other chain has a first node
-                at = apex + sign
-            else:
-                break
-            if sign * (heading[at, 0] * dy - heading[at, 1] * dx) >= 0.0:
-                break
-            if end != apex:
-                if sign > 0:
-                    low += 1
-                else:
-                    high -= 1
-            else:
-                apex += sign
-                nodes[count] = chain[apex]
-                count += 1
-                if sign > 0:
-                    low = apex
-                else:
-                    high = apex
-        if sign > 0:
-            low -= 1
-            end = low
-        else:
-            high += 1
-            end = high
-        chain[end] = target
-        heading[end, 0] = dx
-        heading[end, 1] = dy
-    for i in range(apex - 1, low - 1, -1):
-        nodes[count] = chain[i]
-        count += 1
-    return nodes, count
 
 
 @helper
@@ -147,7 +75,7 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, longest=No
         return OK, straight_path(sx, sy, gx, gy)
     channel = np.empty(0, np.int64)
     if start == goal:  # within one triangle the string may need no side
-        nodes, count = _funnel(m, channel, sx, sy, gx, gy, radius)
+        nodes, count = funnel(m, channel, channel.size, np.empty(0), sx, sy, gx, gy)
         done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False))
         if done:
             return OK, points
@@ -163,7 +91,7 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, longest=No
     channel = find_channel(m, start, sx, sy, goal, gx, gy, radius, 2.0 * least)
     if channel.size == 0:
         return NO_PASSAGE, points
-    nodes, count = _funnel(m, channel, sx, sy, gx, gy, radius)
+    nodes, count = funnel(m, channel, channel.size, np.full(m.vertices.size, radius), sx, sy, gx, gy)
     done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False))
     if done:
         return OK, points

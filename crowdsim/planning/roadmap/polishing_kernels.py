@@ -13,7 +13,7 @@ from crowdsim.navmesh.clearance.sweep_kernels import SWEPT
 from crowdsim.navmesh.mesh.half_edge_kernels import triangle_of
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.string_kernels import pull
-from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE
+from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE, funnel
 from crowdsim.planning.labels.fitting_kernels import annotate
 from crowdsim.planning.roadmap.funnel_kernels import (
     CORNER,
@@ -21,7 +21,6 @@ from crowdsim.planning.roadmap.funnel_kernels import (
     fill_gaps,
     keep_off,
     road_channel,
-    taut_string,
 )
 from crowdsim.planning.roadmap.gate_kernels import GATE, find_gates, pinned_string
 from crowdsim.planning.roadmap.shifting_kernels import shifted_path
@@ -65,7 +64,7 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
     gates = np.empty(MOST_GATES, GATE)
     found_gates = find_gates(m, channel, levels, count, around, least, gates)
     fill_gaps(m, channel, levels, count, around, corners, filled, radius, reach)
-    nodes, size = taut_string(m, channel, count, reach, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1])
+    nodes, size = funnel(m, channel, count, reach, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1])
     string = np.empty(nodes.size + 4 * found_gates + 64, STRING_NODE)
     narrow = False
     for k in range(count):
