@@ -116,17 +116,18 @@ def append_path(points, filled, path):
 
 
 @kernel
-def plan_paths(m, regions, work, starts, goals, radii, least, status, lengths, counts):
-    """The points (k, 2) of the paths of :func:`plan_path` for rows of ``starts`` and ``goals`` (n, 2), one by one.
+def plan_paths(m, regions, work, batch):
+    """The points (k, 2) of the paths of :func:`plan_path`, one by one, for a `crowdsim.navmesh.paths.batch.Batch`.
 
-    Fills ``status`` (n,), ``lengths`` (n,), nan where there is no path, and ``counts`` (n,) of points of each path.
+    Fills its ``status``, its ``lengths``, nan where there is no path, and its ``counts`` of points of each path.
     """
+    starts, goals, radii, least = batch.starts, batch.goals, batch.radii, batch.least
+    status, lengths, counts = batch.status, batch.lengths, batch.counts
     points = np.empty((16 * status.size, 2))
     filled = np.int64(0)
     for i in range(status.size):
-        found, path = plan_path(
-            m, regions, work, starts[i, 0], starts[i, 1], goals[i, 0], goals[i, 1], radii[i], least[i], None
-        )
+        sx, sy, gx, gy = starts[i, 0], starts[i, 1], goals[i, 0], goals[i, 1]
+        found, path = plan_path(m, regions, work, sx, sy, gx, gy, radii[i], least[i], None)
         status[i] = found
         counts[i] = 0
         lengths[i] = math.nan
