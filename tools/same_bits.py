@@ -30,7 +30,7 @@ SHARED = Path(os.environ.get("CROWDSIM_SHARED", ROOT.parent / "shared"))
 OTHER_LIBRARY = Path(__file__).with_name("other_libm.c")
 
 LOWEST = ("numpy==2.0.*", "numba==0.61.0")
-HIGHEST = ("numpy", "numba")
+HIGHEST = ("numpy", "numba<0.69")
 BLAS_KERNELS = ("Prescott", "Haswell", "Zen", "SkylakeX")
 
 CAPTURES = """\
@@ -182,6 +182,7 @@ def variants(quick: bool, folder: Path) -> Iterator[tuple[str, dict[str, str]]]:
         yield f"{count} workers", {"SAME_BITS_WORKERS": count}
     for seed in ("0", "1"):
         yield f"hash seed {seed}", {"PYTHONHASHSEED": seed}
+    yield "numba as it comes", {"CROWDSIM_PLAIN_NUMBA": "1"}
     yield "kernels for any x86-64", {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
 
 

@@ -16,7 +16,7 @@ from crowdsim.following.follower.reach_kernels import branch_keeps_in
 from crowdsim.following.maps.map_kernels import BEHAVIOR, BIN, CELL, END_X, END_Y, LEVEL, WALKED, pack_cell
 from crowdsim.geometry.elementary_kernels import cos_sin
 from crowdsim.geometry.planar_kernels import to_local
-from crowdsim.jit import helper, kernel, unowned
+from crowdsim.jit import helper, kernel
 from crowdsim.motion.graph.track_kernels import node_end
 
 GOAL_FIRST = 1e6
@@ -301,8 +301,6 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
     them in their section, or is None. A search that has found a solution goes on to the next when called again, one out
     of budget goes on with a greater one, and one that would have to change a kept node is PAST_KEPT.
     """
-    graph, maps, guide, rules = unowned(graph), unowned(maps), unowned(guide), unowned(rules)
-    layers, search, laid = unowned(layers), unowned(search), unowned(laid)
     hints = np.full(len(layers), np.int64(NONE))
     room = search.candidate.shape[0] // search.stage.shape[0]
     state = search.state
@@ -349,8 +347,7 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
         for k, mesh in enumerate(layers):
             free = free and branch_is_free(graph, rules, mesh, np.int64(k), search, laid, depth, end, root >= 0, hints)
         if reach is not None:
-            kept = unowned(reach)
-            free = free and branch_keeps_in(graph, guide, rules, kept, search, laid, depth, end, arc, root >= 0)
+            free = free and branch_keeps_in(graph, guide, rules, reach, search, laid, depth, end, arc, root >= 0)
         if not free:
             continue
         count = search.stage[top, COUNT]

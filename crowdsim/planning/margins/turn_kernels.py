@@ -3,7 +3,7 @@
 import numpy as np
 
 from crowdsim.geometry.elementary_kernels import hypot
-from crowdsim.jit import helper, kernel, unowned
+from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.clearance.sweep_kernels import are_free
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
@@ -101,7 +101,6 @@ def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turne
     No points where nothing bends. layers: tuple of all meshes. points, arc, sections, cost: the path as it is. Others:
     as of :class:`crowdsim.planning.query.requirements.Requirements`.
     """
-    layers = unowned(layers)
     count = sections.shape[0]
     least = np.empty(len(layers))
     pieces = np.empty((_PLACES - 1, 4))
