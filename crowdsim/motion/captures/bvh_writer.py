@@ -29,7 +29,8 @@ def euler_zxy(q: Floats) -> Floats:
     about_x = asin(np.clip(2.0 * (y * z + w * x), -1.0, 1.0))
     about_z = atan2(-2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z))
     about_y = atan2(-2.0 * (x * z - w * y), 1.0 - 2.0 * (x * x + y * y))
-    return np.degrees(np.stack([about_z, about_x, about_y], axis=-1))
+    angles: Floats = np.degrees(np.stack([about_z, about_x, about_y], axis=-1))
+    return angles
 
 
 def _number(value: float, decimals: int) -> str:
