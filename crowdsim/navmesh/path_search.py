@@ -110,7 +110,8 @@ class PathSearch:
         def work(first: int, last: int) -> Floats:
             part = batch.part(first, last)
             with self._workspaces.lent(self._triangles) as scratch:
-                return path_kernels.plan_paths(self._mesh, regions, scratch, part)
+                points: Floats = path_kernels.plan_paths(self._mesh, regions, scratch, part)
+            return points
 
         points = _in_parts(work, len(batch.starts), workers)
         tangled = np.flatnonzero(batch.status == path_kernels.TANGLED)
@@ -139,6 +140,9 @@ class PathSearch:
         def work(first: int, last: int) -> Floats:
             part = batch.part(first, last)
             with graph.scratch() as scratch:
-                return shortest_kernels.shortest_paths(self._mesh, graph.arrays, scratch, part, graph.asked, graph.disc)
+                points: Floats = shortest_kernels.shortest_paths(
+                    self._mesh, graph.arrays, scratch, part, graph.asked, graph.disc
+                )
+            return points
 
         return _in_parts(work, len(batch.starts), workers)

@@ -53,7 +53,8 @@ class RadiusGraph:
 
         def tangents(first: int, last: int) -> np.ndarray:
             view = empty_view(self._vertices, self._triangles)
-            return tangent_graph_kernels.find_tangents(mesh, arcs, begin, *self.disc, view, first, last)
+            part: np.ndarray = tangent_graph_kernels.find_tangents(mesh, arcs, begin, *self.disc, view, first, last)
+            return part
 
         ends = np.linspace(0, 2 * len(arcs), max(workers, 1) + 1).astype(np.int64).tolist()
         if workers <= 1:

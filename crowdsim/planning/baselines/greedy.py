@@ -105,4 +105,5 @@ def conflict_points(query: Query, path: AnnotatedPath) -> Floats:
     along = [path.at(np.arange(start, section.end, MIN_SECTION)) for start, section in spans]
     points = np.concatenate([np.empty((0, 2)), *along])
     away = hypot(*(points[:, None, :] - query.ends).transpose(2, 0, 1)).min(axis=1)
-    return points[away > 2.0 * query.need.search_radius]
+    apart: Floats = points[away > 2.0 * query.need.search_radius]
+    return apart

@@ -64,7 +64,10 @@ def room_polygons(
 def room_growths(behaviors: Sequence[Behavior], layers: int, margin: float = TRACKING_MARGIN) -> NDArray[np.float64]:
     """(B, layers - 1) meters by which the obstacles of the upper layers grow in each behavior's room, 0 for not."""
     need = Requirements.of(behaviors, layers, margin)
-    return np.maximum(need.radii[:, 1:] - need.search_radius, 0.0) / cos(np.pi / 4.0 / _ARC_STEPS)
+    widened: NDArray[np.float64] = np.maximum(need.radii[:, 1:] - need.search_radius, 0.0) / cos(
+        np.pi / 4.0 / _ARC_STEPS
+    )
+    return widened
 
 
 def grown(obstacle: shapely.Geometry, growth: float) -> shapely.Geometry:

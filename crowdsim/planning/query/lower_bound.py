@@ -35,7 +35,8 @@ def least_extra(query: Query, k: int, shortest: float, out: float) -> float:
     All of such a path is of k, or a section within it, or one at an end: then at least ``out`` meters, of `way_out`.
     How long sections have to be is as of :func:`crowdsim.planning.labels.labelling_kernels.required_length`.
     """
-    need, terms = query.need, query.terms.tolist()
+    need = query.need
+    terms: list[float] = query.terms.tolist()
     preferred = float(need.costs[-1])
     if k == need.count - 1:
         return 0.0
@@ -52,7 +53,8 @@ def way_out(query: Query, k: int) -> float:
     At least so many, and no more than tell anything about costs. A section of k at an end of a path is that long: any
     neighbor that fits all along it would take its place, and the preferred one is the first to fit no longer.
     """
-    need, terms = query.need, query.terms.tolist()
+    need = query.need
+    terms: list[float] = query.terms.tolist()
     if k == need.count - 1:
         return 0.0
     more = float(need.costs[k] - need.costs[-1])
