@@ -121,6 +121,7 @@ def pinned_string(nodes, size, corners, filled, around, gates, found, string):
             high = corners[filled - 1].last + 1
             if g < found:
                 high = gates[g].high if inside == 1 else gates[g].low
+            # This part of the string leads from the last place written to the gate's front, or on to its back.
             begin = written - 1
             fx = string[begin].x
             fy = string[begin].y
@@ -145,6 +146,7 @@ def pinned_string(nodes, size, corners, filled, around, gates, found, string):
                         corner.reach = around[corner.vertex, top] if beside else corner.most
                 near = min(hypot(corner.x - fx, corner.y - fy), hypot(corner.x - tx, corner.y - ty))
                 corner.reach = min(corner.reach, near - 0.5 * _OFF)
+            # The corners that the string without pins winds around, with their reach on this part.
             for i in range(1, size - 1):
                 for c in range(filled):
                     corner = corners[c]

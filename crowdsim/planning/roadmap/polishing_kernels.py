@@ -57,12 +57,14 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
     cost = math.inf
     start = triangle_of(m, ends[0, 0], ends[0, 1], NONE)
     goal = triangle_of(m, ends[1, 0], ends[1, 1], NONE)
+    # The sides that the road crosses, the vertices beside it, and the gates that only a narrow behavior passes.
     count = road_channel(m, points, road, start, goal, top, channel, levels)
     if count < 0:
         return line, sections, cost
     filled = channel_corners(m, channel, count, around, radius, ends, corners)
     gates = np.empty(MOST_GATES, GATE)
     found_gates = find_gates(m, channel, levels, count, around, least, gates)
+    # The string around them, as wide as the behaviors at each.
     fill_gaps(m, channel, levels, count, around, corners, filled, radius, reach)
     nodes, size = funnel(m, channel, count, reach, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1])
     string = np.empty(nodes.size + 4 * found_gates + 64, STRING_NODE)
@@ -72,6 +74,7 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
     pins = 0
     for g in range(found_gates):
         pins += gates[g].fits
+    # Not pinned; pinned in all gates; then one gate after the other the other way, which stays where it is cheaper.
     for tried in range(2 + found_gates):
         flip = tried - 2
         if tried == 1:

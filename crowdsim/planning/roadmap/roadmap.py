@@ -49,7 +49,8 @@ class Roadmap:
         self.ways = build_kernels.join_points(self.layers, radii, self.around, self.points, self.spans)
         steps = np.abs(need.costs[:, None] - need.costs)
         self.change = terms[0] * need.costs[-1] + steps * (_ENTRY if terms[1] > 0.0 else 0.0)
-        self.marks = self._landmarks()
+        self._prices = search_kernels.Prices(need.costs, need.turned, terms, self.change)
+        self._graph = search_kernels.RoadGraph(self.points, self.spans, self.ways, self._landmarks())
         self._more = (need.costs - need.costs[-1]).tolist()
         self._shortest = float(terms[1])
         self._idle: list[tuple[NDArray[Any], int]] = []
@@ -82,9 +83,8 @@ class Roadmap:
         except IndexError:
             states, stamp = np.zeros(len(self.points) * self.need.count, search_kernels.STATE), 0
         road, cost = search_kernels.find_road(
-            self.layers, self._radii, self.around, self.need.costs, self.need.turned, self.terms,
-            self.change, self.points, self.spans, self.ways, self.marks, states, stamp + 1, ends,
-        )  # fmt: skip
+            self.layers, self._radii, self.around, self._prices, self._graph, states, stamp + 1, ends
+        )
         self._idle.append((states, stamp + 1))
         return road, float(cost)
 
