@@ -119,7 +119,7 @@ def run(
 ) -> tuple[Floats, Floats, list[AnnotatedPath | None]]:
     """Seconds (n,), costs (n,), infinite where nothing is found, and paths."""
     assets = place.assets
-    prepared = Planner(place.meshes, assets.behaviors, rooms=place.rooms, planner=planner, bodies=assets.bodies)
+    prepared = Planner(place.meshes, assets.behaviors, areas=place.areas, planner=planner, bodies=assets.bodies)
     paths: list[AnnotatedPath | None] = []
     seconds = np.full(len(queries), np.inf)
     for k, ends in enumerate(queries):

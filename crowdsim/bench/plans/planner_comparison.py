@@ -25,7 +25,7 @@ from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.planning.planner import Planner
-from crowdsim.planning.query.behavior_areas import room_polygons
+from crowdsim.planning.query.behavior_areas import area_polygons
 from crowdsim.planning.query.requirements import Requirements
 from crowdsim.scenario.loader import load_scenario
 
@@ -40,10 +40,10 @@ _WORLD = "small_house"
 
 
 class Ground(NamedTuple):
-    """Meshes of layers and rooms, the behaviors that go there, free areas of the layers, and all obstacles."""
+    """Meshes of layers and areas, the behaviors that go there, free areas of the layers, and all obstacles."""
 
     meshes: tuple[NavMesh, ...]
-    rooms: tuple[NavMesh | None, ...]
+    areas: tuple[NavMesh | None, ...]
     behaviors: tuple[Behavior, ...]
     layers: tuple[shapely.Geometry, ...]
     solids: tuple[AnySolid, ...]
@@ -55,7 +55,7 @@ class Ground(NamedTuple):
 
     def planner(self, name: str = "layered") -> Planner:
         """A planner of that name for the place as it is."""
-        return Planner(self.meshes, self.behaviors, rooms=self.rooms, planner=name)
+        return Planner(self.meshes, self.behaviors, areas=self.areas, planner=name)
 
 
 def measure(queries: int = QUERIES, worlds: Path | None = None) -> tuple[dict[str, str], dict[str, float]]:
@@ -97,15 +97,15 @@ def ground_of(name: str, worlds: Path | None = None) -> Ground | None:
         scenario = load_scenario("clutter", [f"clutter.density={name}"]) if clutter else load_scenario(name)
         place = EnvironmentState(prepare(scenario))
         free = tuple(layer.free for layer in place.assets.layers)
-        return Ground(place.meshes, place.rooms, place.assets.behaviors, free, place.assets.timetable.fixed)
+        return Ground(place.meshes, place.areas, place.assets.behaviors, free, place.assets.timetable.fixed)
     folder = worlds or Path(os.environ.get("CROWDSIM_SHARED", "../shared")) / "worlds"
     if not (folder / f"{name}.glb").is_file():
         return None
     world = prepare_world(folder / f"{name}.glb", {})
     behaviors = load_behaviors(load_scenario("clutter")).behaviors
     free = tuple(layer.free for layer in world.layers)
-    rooms = tuple(None if room.is_empty else NavMesh(room) for room in room_polygons(free, behaviors))
-    return Ground(world.meshes, rooms, behaviors, free, tuple(world.place.solids))
+    areas = tuple(None if area.is_empty else NavMesh(area) for area in area_polygons(free, behaviors))
+    return Ground(world.meshes, areas, behaviors, free, tuple(world.place.solids))
 
 
 def random_queries(ground: Ground, count: int, seed: int) -> list[Floats]:

@@ -13,7 +13,7 @@ from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import sample_chain
 from crowdsim.crowd.state.timelines import Chain
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, points_at
-from crowdsim.planning.query.requirements import TOUCH
+from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 
 WORTH = 0.5
 """Meters by which the straight way through a place that became free must beat the way that an agent has."""
@@ -61,7 +61,7 @@ def route_taken(assets: Assets, route: AnnotatedPath, position: NDArray[np.float
             continue
         piece = _piece(route, max(section.start, arc), section.end)
         for layer, shape in enumerate(taken):
-            if shape is not None and piece.distance(shape) < need[section.behavior, layer] - TOUCH:
+            if shape is not None and piece.distance(shape) < need[section.behavior, layer] - CONTACT_TOLERANCE:
                 return True
     return False
 

@@ -24,7 +24,7 @@ from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, PathSamples
-from crowdsim.planning.margins.slack import with_slack
+from crowdsim.planning.margins.clearance_margin import with_clearance_margin
 from crowdsim.planning.planner import Planner
 from crowdsim.planning.query.clear_ends import joined_to
 from crowdsim.planning.single_behavior import cheapest_uniform
@@ -274,7 +274,9 @@ class MotionSearch:
         route = cheapest_uniform(query).path
         if route is None:
             return None
-        route = joined_to(with_slack(query, route), np.array([request.position, request.goal]), assets.need.costs)
+        route = joined_to(
+            with_clearance_margin(query, route), np.array([request.position, request.goal]), assets.need.costs
+        )
         plan = yield from self._whole(request, route, meshes)
         return plan if plan.arrives else None
 

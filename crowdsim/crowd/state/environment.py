@@ -15,7 +15,7 @@ from crowdsim.navmesh.editing.obstacles import Handle
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.planning.planner import Planner
-from crowdsim.planning.query.behavior_areas import grown, room_growths, room_polygons
+from crowdsim.planning.query.behavior_areas import area_growths, area_polygons, grown
 from crowdsim.scenario.timetable import Placing, placed
 
 Footprints = tuple[BaseGeometry | None, ...]
@@ -32,7 +32,7 @@ class Edit:
 
 @dataclass
 class EnvironmentState:
-    """Meshes of the layers, legs first, and of the rooms (None where a behavior has none).
+    """Meshes of the layers, legs first, and of the behavior areas (None where a behavior has none).
 
     Only :meth:`put` changes it, which the crowd calls between two steps while no search runs; everyone else reads, and
     nobody keeps ``mesh.arrays`` from one step to the next. edits: all that changed so far; revision: how many they are.
@@ -41,7 +41,7 @@ class EnvironmentState:
 
     assets: Assets
     meshes: tuple[NavMesh, ...] = field(init=False)
-    rooms: tuple[NavMesh | None, ...] = field(init=False)
+    areas: tuple[NavMesh | None, ...] = field(init=False)
     edits: list[Edit] = field(default_factory=list)
     last_edit_step: int = -1
     waited_for: list[BaseGeometry] = field(default_factory=list)
@@ -50,11 +50,11 @@ class EnvironmentState:
         assets = self.assets
         free = [layer.free for layer in assets.layers]
         self.meshes = tuple(NavMesh(area) for area in free)
-        self.rooms = tuple(None if room.is_empty else NavMesh(room) for room in room_polygons(free, assets.behaviors))
+        self.areas = tuple(None if area.is_empty else NavMesh(area) for area in area_polygons(free, assets.behaviors))
         self._planner = Planner(
-            self.meshes, assets.behaviors, rooms=self.rooms, planner=assets.planner, bodies=assets.bodies
+            self.meshes, assets.behaviors, areas=self.areas, planner=assets.planner, bodies=assets.bodies
         )
-        self._growths = room_growths(assets.behaviors, len(free))
+        self._growths = area_growths(assets.behaviors, len(free))
         self._handles: list[list[tuple[NavMesh, Handle]]] = [[] for _ in self.assets.timetable.movables]
         self._placings: list[Placing | None] = [None] * len(self.assets.timetable.movables)
         for number, movable in enumerate(self.assets.timetable.movables):
@@ -109,11 +109,11 @@ class EnvironmentState:
             return
         taken = self.footprints(movable, placing)
         pairs = list(zip(self.meshes, taken, strict=True))
-        for room, growths in zip(self.rooms, self._growths, strict=True):
-            if room is not None:
+        for area, growths in zip(self.areas, self._growths, strict=True):
+            if area is not None:
                 # What grows covers what does not.
                 widest = max(
                     (g for g, t in zip(growths.tolist(), taken[1:], strict=True) if t is not None), default=0.0
                 )
-                pairs.append((room, taken[0] and grown(taken[0], widest)))
+                pairs.append((area, taken[0] and grown(taken[0], widest)))
         self._handles[movable] = [(mesh, mesh.insert_obstacle(shape)) for mesh, shape in pairs if shape is not None]

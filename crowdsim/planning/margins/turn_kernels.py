@@ -8,7 +8,7 @@ from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.clearance.sweep_kernels import are_free
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.planning.labels.labelling_kernels import TURN_ROOM
-from crowdsim.planning.query.requirements import TOUCH
+from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 
 STATION = 0.06
 """Meters between the places of a turn that are looked at."""
@@ -142,7 +142,7 @@ def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turne
             for c in range(4):
                 pieces[i, c] = places[i + c // 2, c % 2]
         for i in range(len(layers)):
-            least[i] = radii[walking, i] - TOUCH
+            least[i] = radii[walking, i] - CONTACT_TOLERANCE
         if more * costs[walking] > WORTH * cost or not are_free(layers, least, pieces):
             continue
         # The path up to the turn as it is, then the bent part, whose length moves all that comes after.

@@ -6,9 +6,9 @@ import math
 
 from crowdsim.errors import PathNotFound
 from crowdsim.geometry.elementary import distance
-from crowdsim.planning.query.behavior_areas import room_excess
+from crowdsim.planning.query.behavior_areas import area_excess
 from crowdsim.planning.query.query import Query
-from crowdsim.planning.query.requirements import TOUCH
+from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 
 
 def lower_bound(query: Query) -> float:
@@ -68,16 +68,16 @@ def way_out(query: Query, k: int) -> float:
 def _shortest(query: Query, behavior: int) -> float:
     """Lower bound of the length of paths that fit ``behavior`` everywhere; infinite where there are none.
 
-    Each layer alone gives one, and so does the behavior's room, which is a little too narrow, made that much wider.
+    Each layer alone gives one, and so does the behavior's area, which is a little too narrow, made that much wider.
     """
     radii = query.need.radii[behavior].tolist()
     where = list(zip(query.meshes, radii, strict=True))
-    excess = room_excess(max(radii) - query.need.search_radius)
-    where += [(room.mesh, room.radius - excess) for room in query.rooms if room.behavior == behavior]
+    excess = area_excess(max(radii) - query.need.search_radius)
+    where += [(area.mesh, area.radius - excess) for area in query.areas if area.behavior == behavior]
     longest = 0.0
     for mesh, radius in where:
         try:
-            path = mesh.find_path(query.ends[0], query.ends[1], radius - 2.0 * TOUCH, optimality="best")
+            path = mesh.find_path(query.ends[0], query.ends[1], radius - 2.0 * CONTACT_TOLERANCE, optimality="best")
         except PathNotFound:
             return math.inf
         longest = max(longest, path.length)

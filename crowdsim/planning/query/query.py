@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, Section, arc_lengths
 from crowdsim.planning.labels.fitting_kernels import Fitting, annotate
-from crowdsim.planning.query.behavior_areas import Room
+from crowdsim.planning.query.behavior_areas import BehaviorArea
 from crowdsim.planning.query.requirements import Requirements
 
 if TYPE_CHECKING:
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 
 class Query(NamedTuple):
-    """Layers, what the behaviors need, rooms from wide to narrow, start and goal (2, 2), terms of changes."""
+    """Layers, what the behaviors need, their areas from wide to narrow, start and goal (2, 2), terms of changes."""
 
     meshes: tuple[NavMesh, ...]
     need: Requirements
-    rooms: tuple[Room, ...]
+    areas: tuple[BehaviorArea, ...]
     ends: NDArray[np.float64]
     terms: NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from crowdsim.errors import BehaviorError
 from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays
 from crowdsim.planning.labels.fitting_kernels import Fitting
 
-TOUCH = 8e-6
+CONTACT_TOLERANCE = 8e-6
 """Meters a path may come closer than planned: it touches corners at exactly its clearance."""
 
 
@@ -67,7 +67,7 @@ class Requirements:
     def fitting(self, layers: tuple[MeshArrays, ...], terms: NDArray[np.float64]) -> Fitting:
         """What kernels of sections are given."""
         first = min(1, len(layers) - 1)  # the legs' layer asks all behaviors for the same
-        radii = np.ascontiguousarray(self.radii[:, first:] - TOUCH)
+        radii = np.ascontiguousarray(self.radii[:, first:] - CONTACT_TOLERANCE)
         return Fitting(layers[first:], radii, self.costs, self.turned, terms)
 
     @property

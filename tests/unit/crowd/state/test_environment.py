@@ -12,8 +12,8 @@ from crowdsim.crowd.state.environment import Edit, EnvironmentState
 from crowdsim.crowd.state.motion_plan import Request
 from crowdsim.environment.layers import Band, clearance_layers
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.planning.query.behavior_areas import room_polygons
-from crowdsim.planning.query.requirements import TOUCH
+from crowdsim.planning.query.behavior_areas import area_polygons
+from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 from crowdsim.scenario.loader import parse_scenario
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.timetable import AS_DRAWN
@@ -50,8 +50,8 @@ def test_after_every_edit_the_meshes_are_those_of_the_place_as_it_is(scenario: S
             placing = environment.placing(number)
             for row, shape in enumerate(() if placing is None else environment.footprints(number, placing)):
                 free[row] = free[row] if shape is None else free[row].difference(shape)
-        wanted = [*free, *room_polygons(free, assets.behaviors)]
-        for mesh, area in zip((*environment.meshes, *environment.rooms), wanted, strict=True):
+        wanted = [*free, *area_polygons(free, assets.behaviors)]
+        for mesh, area in zip((*environment.meshes, *environment.areas), wanted, strict=True):
             assert mesh.clearances(points, 1.0) == pytest.approx(NavMesh(area).clearances(points, 1.0), abs=2e-3)
     assert environment.revision == len(EVENTS)
     assert environment.last_edit_step == 7
@@ -104,7 +104,7 @@ def test_a_route_is_taken_exactly_where_the_meshes_find_a_violation(scenario: Sc
             for section in route.sections:
                 inner = route.arc[(route.arc > section.start) & (route.arc < section.end)]
                 points = route.at(np.concatenate([[section.start], inner, [section.end]]))
-                near = mesh.violations(points, assets.need.radii[section.behavior, row] - TOUCH)
+                near = mesh.violations(points, assets.need.radii[section.behavior, row] - CONTACT_TOLERANCE)
                 # The floor's edge is no affair of the obstacle.
                 hit |= bool(len(near)) and shapely.LineString(points).distance(part) < 0.5
             assert layer.low < layer.high

@@ -16,7 +16,7 @@ def _queries(count):
     for seed in range(count):
         _, meshes, rooms = place(seed, 32)
         try:
-            query = Planner(meshes, BEHAVIORS, rooms=rooms).query(*ends_in(meshes, seed))
+            query = Planner(meshes, BEHAVIORS, areas=rooms).query(*ends_in(meshes, seed))
             meshes[0].find_path(*query.ends, query.need.search_radius)
         except PathNotFound:
             continue
@@ -64,7 +64,7 @@ def test_where_the_kernel_gives_up_plans_are_made_step_by_step(monkeypatch, stat
 
 def test_plans_do_not_depend_on_plans_before():
     _, meshes, rooms = place(4, 32)
-    shared = Planner(meshes, BEHAVIORS, rooms=rooms, planner="greedy_literal")
+    shared = Planner(meshes, BEHAVIORS, areas=rooms, planner="greedy_literal")
 
     def cost(seed):
         try:
