@@ -38,7 +38,7 @@ def plan_layered(query: Query, roadmap: Roadmap) -> AnnotatedPath | None:
     """Cheapest path found, or None where no behavior has one.
 
     Near by, the shortest paths in behavior areas are looked for first, and nothing else if none can be cheaper; then a
-    path over the roadmap. Where that has no way, its string tangles or is dearer than expected, all areas are tried.
+    path over the roadmap. Where that has no way, its taut path tangles or is dearer than expected, all areas are tried.
     """
     arc = arc_lengths(query.ends)
     length = float(arc[-1])
@@ -77,10 +77,10 @@ def _over_roadmap(query: Query, roadmap: Roadmap) -> tuple[AnnotatedPath | None,
     road, estimate = roadmap.find(query.ends)
     if not len(road):
         return None, estimate
-    string = roadmap.polish(road, query.ends)
-    best = None if string is None else roadmap.shifted(string)
+    taut = roadmap.polish(road, query.ends)
+    best = None if taut is None else roadmap.shifted(taut)
     # Pins are where sides of triangles are narrow only, and sections that are none may be longer than they have to be.
-    if string is None or string.cost > estimate or max(roadmap.excess(string), default=0.0) > LONG:
+    if taut is None or taut.cost > estimate or max(roadmap.excess(taut), default=0.0) > LONG:
         points = _by_areas(query, roadmap, road)
         path = query.annotated(points) if len(points) else None
         if path is not None and path.sections and (best is None or path.cost < best.cost):

@@ -1,4 +1,4 @@
-"""The cheapest string along a way over the roadmap: pinned in gates or not, which is found by trying.
+"""The cheapest taut path along a way over the roadmap: pinned in gates or not, which is found by trying.
 
 And any path made cheaper where it is narrow, by shifting stations along it time and again.
 """
@@ -22,7 +22,7 @@ from crowdsim.planning.roadmap.funnel_kernels import (
     keep_off,
     road_channel,
 )
-from crowdsim.planning.roadmap.gate_kernels import GATE, find_gates, pinned_string
+from crowdsim.planning.roadmap.gate_kernels import GATE, find_gates, pinned_path
 from crowdsim.planning.roadmap.shifting_kernels import shifted_path
 
 MOST_GATES = 8
@@ -39,9 +39,9 @@ _ROUNDS = 4
 
 @kernel
 def polish_road(layers, fitting, points, road, around, reach, ends, radius, least):
-    """Polyline (n, 2), its sections (k, 3) and cost, of the cheapest string found along a road; no rows if all tangle.
+    """Polyline (n, 2), its sections (k, 3) and cost, of the cheapest taut path along a road; no rows if all tangle.
 
-    The first string is as wide as the road's behaviors and not pinned, the second pinned in all gates and elsewhere as
+    The first is as wide as the road's behaviors and not pinned, the second pinned in all gates and elsewhere as
     wide as can be, the next differ from the cheapest by one gate each.
     All keep ``radius`` in the lowest of ``layers``, ``least`` of it at least. fitting: as of `annotate`. around:
     (nv, n) of `corner_radii`. reach: (nv,), for scratch.
@@ -64,10 +64,10 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
     filled = channel_corners(m, channel, count, around, radius, ends, corners)
     gates = np.empty(MOST_GATES, GATE)
     found_gates = find_gates(m, channel, levels, count, around, least, gates)
-    # The string around them, as wide as the behaviors at each.
+    # The taut path around them, as wide as the behaviors at each.
     fill_gaps(m, channel, levels, count, around, corners, filled, radius, reach)
     nodes, size = funnel(m, channel, count, reach, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1])
-    string = np.empty(nodes.size + 4 * found_gates + 64, STRING_NODE)
+    taut = np.empty(nodes.size + 4 * found_gates + 64, STRING_NODE)
     narrow = False
     for k in range(count):
         narrow = narrow or levels[k] < top
@@ -88,13 +88,13 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
             gates[flip].pinned = 1 - gates[flip].pinned
         if tried == 0:
             for i in range(size):
-                string[i] = nodes[i]
-            written = keep_off(string, size, corners, filled, np.int64(0), count)
+                taut[i] = nodes[i]
+            written = keep_off(taut, size, corners, filled, np.int64(0), count)
         else:
-            written = pinned_string(nodes, size, corners, filled, around, gates, found_gates, string)
+            written = pinned_path(nodes, size, corners, filled, around, gates, found_gates, taut)
         value = math.inf
         if written >= 0:
-            done, found = pull(m, stack, string, written, radius, least, start, np.bool_(False))
+            done, found = pull(m, stack, taut, written, radius, least, start, np.bool_(False))
             if done and polyline_length(found) * fitting.costs[top] < cost:
                 labels, value, _ = annotate(fitting, found)
                 if value < cost:

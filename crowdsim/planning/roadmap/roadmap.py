@@ -89,7 +89,7 @@ class Roadmap:
         return road, float(cost)
 
     def polish(self, road: NDArray[np.int64], ends: NDArray[np.float64]) -> AnnotatedPath | None:
-        """The cheapest string found along a road, or None where it tangles or fits nothing."""
+        """The cheapest taut path found along a road, or None where it tangles or fits nothing."""
         line, found, cost = polishing_kernels.polish_road(
             self.layers,
             self.fitting,

@@ -1,6 +1,6 @@
 """A path made cheaper where only narrow behaviors fit: stations along it shift aside, by dynamic programming.
 
-A string has one radius around each corner. The cheapest path through a gap often leaves its corner straight outward
+A taut path has one radius around each corner. The cheapest path through a gap often leaves its corner straight outward
 and goes on around it as wide as the next behavior asks for: it refracts where the cost of a meter changes.
 """
 
