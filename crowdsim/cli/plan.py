@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from crowdsim.cli.options import Debug, Json, Overrides, Scenario, read_point
+
+if TYPE_CHECKING:
+    from crowdsim.behaviors.behavior import Behavior
+    from crowdsim.planning.labels.annotated_path import AnnotatedPath
 
 
 def plan(
@@ -39,7 +44,6 @@ def plan(
     assets = prepare(loaded)
     environment = EnvironmentState(assets)
     path = environment.route(*ends)
-    gap = path.gap
     # Again, for the first plan in a place makes what later ones share.
     begin = time.perf_counter()
     environment.route(*ends)
@@ -49,41 +53,37 @@ def plan(
         from crowdsim.scenario.picture import draw_plan
 
         write_figure(draw_plan(loaded, assets.behaviors, path), picture)
-    sections: list[dict[str, Any]] = [
-        {
-            "behavior": assets.behaviors[section.behavior].name,
-            "start": section.start,
-            "end": section.end,
-            "length": section.end - section.start,
-            "cost": (section.end - section.start) * assets.behaviors[section.behavior].cost_per_meter,
-        }
-        for section in path.sections
-    ]
+    sections = _sections(path, assets.behaviors)
     if as_json:
         found = {
             "planner": assets.planner,
             "length": path.length,
             "cost": path.cost,
-            "gap": gap,
+            "gap": path.gap,
             "milliseconds": milliseconds,
             "sections": sections,
             "points": path.points.tolist(),
         }
         typer.echo(json.dumps(found))
         return
-    print_rows(
-        [
-            {
-                "behavior": section["behavior"],
-                "from m": f"{section['start']:.2f}",
-                "to m": f"{section['end']:.2f}",
-                "length m": f"{section['length']:.2f}",
-                "cost": f"{section['cost']:.2f}",
-            }
-            for section in sections
-        ]
-    )
+    labels = {"start": "from m", "end": "to m", "length": "length m", "cost": "cost"}
+    rows = [{label: f"{section[key]:.2f}" for key, label in labels.items()} for section in sections]
+    print_rows([{"behavior": section["behavior"], **row} for section, row in zip(sections, rows, strict=True)])
     typer.echo(
-        f"\n{path.length:.2f} m, cost {path.cost:.2f}, changes of behavior included; no more than {gap:.1%} above the"
-        f" cheapest there is; {milliseconds:.1f} ms"
+        f"\n{path.length:.2f} m, cost {path.cost:.2f}, changes of behavior included; no more than {path.gap:.1%} above"
+        f" the cheapest there is; {milliseconds:.1f} ms"
     )
+
+
+def _sections(path: AnnotatedPath, behaviors: Sequence[Behavior]) -> list[dict[str, Any]]:
+    """The sections of a path, by the name of their behavior, with what each costs."""
+    return [
+        {
+            "behavior": behaviors[section.behavior].name,
+            "start": section.start,
+            "end": section.end,
+            "length": section.end - section.start,
+            "cost": (section.end - section.start) * behaviors[section.behavior].cost_per_meter,
+        }
+        for section in path.sections
+    ]

@@ -82,7 +82,7 @@ class Simulation:
 
         self._events = Events(self.plans)
         self._replanning = Replanning(self.plans)
-        self._spawning = Spawning(self.world, self.assets, self.cast, self.plans)
+        self._spawning = Spawning(self.world, self.plans)
         self._choosing = Choosing(self.plans)
         self._despawning = Despawning(self.world, self.plans, len(self.cast.starts))
 

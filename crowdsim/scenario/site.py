@@ -92,14 +92,7 @@ class _Reader:
 
     def _mesh(self, mesh: Mesh) -> Sequence[AnySolid]:
         """Parts of a file of triangles."""
-        scene = read_mesh_file(
-            self.folder / mesh.file,
-            up=mesh.up,
-            units=mesh.units,
-            scale=mesh.scale,
-            rotation=mesh.rotation,
-            position=mesh.position,
-        )
+        scene = read_mesh_file(self.folder / mesh.file, **mesh.model_dump(exclude={"file"}))
         self.report += scene.report
         return scene.solids
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from shapely import Point
 
 from crowdsim.crowd.search.plans import Plans
-from crowdsim.crowd.state.assets import Assets
 from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM, FOREVER, meets_anyone
@@ -19,7 +18,6 @@ from crowdsim.crowd.systems.apply_events import KEPT_OFF
 from crowdsim.crowd.systems.replan import AT_GOAL
 from crowdsim.ecs.world import View, World
 from crowdsim.geometry.elementary import distance
-from crowdsim.scenario.placement import Placement
 
 NO_MOTION = "there is a path, but no motion of the set follows it; add clips that turn, start or step as it asks"
 
@@ -32,8 +30,6 @@ class Spawning:
     """
 
     world: World
-    assets: Assets
-    cast: Placement
     plans: Plans
     # Steps in which agents asked for their way, and in which they last found their place taken.
     requested: dict[int, int] = field(default_factory=dict)
@@ -41,6 +37,7 @@ class Spawning:
     spawned: NDArray[np.int64] = field(init=False)
 
     def __post_init__(self) -> None:
+        self.assets, self.cast = self.plans.assets, self.plans.itineraries.cast
         self.spawned = np.full(len(self.cast.starts), -1, np.int64)
         self._parked = np.empty((TIMELINE_SLOTS, 2))
         # Timelines have no finer steps.
