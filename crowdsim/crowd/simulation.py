@@ -41,7 +41,7 @@ from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.timetable import Placing, placed
 
 LEAD_SECONDS = 0.2
-"""How long before it is needed a plan is asked for, where that can be told."""
+"""Time ahead of its need at which a plan is requested, if that can be told [s]."""
 
 Progress = Callable[[int, int, "Simulation"], None]
 
@@ -87,7 +87,7 @@ class Simulation:
         self._despawning = Despawning(self.world, self.plans, len(self.cast.starts))
 
     def _make_ready(self) -> None:
-        """Search a way and throw it away: what is made once for a place, or loads, is not waited for in a step."""
+        """Warm up: run one search so that roadmap, regions and kernels are ready before the first step."""
         strictest = int(np.argmin(self.cast.stand_within))
         start, within = self.cast.starts[strictest], float(self.cast.stand_within[strictest])
         for goal in self.cast.goals[strictest]:

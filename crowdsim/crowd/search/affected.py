@@ -16,7 +16,7 @@ from crowdsim.planning.labels.annotated_path import AnnotatedPath, points_at
 from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 
 WORTH = 0.5
-"""Meters by which the straight way through a place that became free must beat the way that an agent has."""
+"""Length by which the straight way through a freed outline must beat the rest of the route to plan anew [m]."""
 
 _STRIDE = 4
 """Frames between two places of a motion that are joined by a straight piece: at most a decimeter, so that the body's

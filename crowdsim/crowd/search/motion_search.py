@@ -30,35 +30,35 @@ from crowdsim.planning.query.clear_ends import joined_to
 from crowdsim.planning.single_behavior import cheapest_uniform
 
 WORTHWHILE = 2.0
-"""Meters that a motion must lead along the route to be begun though it does not reach the goal: who shuffles on the
-spot towards a place it cannot leave had better wait."""
+"""Length along the route from which on a motion that does not reach the goal is begun all the same [m]; an agent that
+could only shuffle on the spot waits instead."""
 
 SEARCH_BUDGET = 2000
-"""Map queries until a search for motion gives up: several times what any that succeeds has been seen to need."""
+"""Map queries after which a search for motion gives up: several times what any search that succeeded needed."""
 
 PASSING_BUDGET = 200
-"""The same for a way around others or by a place beside, which is a try among several."""
+"""The same for a way around others or a side step, each one try among several."""
 
 SLICE_BRANCHES = 1200
-"""Branches that the first slice of a search lays at most: a millisecond or two. Most searches are over with it."""
+"""Candidate branches that the first slice of a search lays at most: 1 to 2 ms; most searches end with it."""
 
 MOTION_WORK = 24
-"""Branches that a motion takes for each meter of the way: those of one map query."""
+"""Candidate branches that a motion takes per meter of its route: those of one map query."""
 
 ROUTE_WORK = (600, 40)
 """Estimated work of planning a route, in branch evaluations: constant, and per meter."""
 
 PASSING_WORK = 1500
-"""What a way around others takes beyond its route and its motion: a mesh with those who stand there."""
+"""Work of a way around others beyond its route and motion, in branch evaluations: a mesh with those who stand there."""
 
 RECOVERIES = 3
-"""How often a search begins anew from where its character will be that has walked past where it should have turned."""
+"""How often a search begins anew after its agent has walked past the node where it should have turned."""
 
 SIDE_STEP = 0.5
 """Length of the side step tried when a standing agent has no feasible first node [m]."""
 
 PASSING_ROOM = 0.02
-"""Meters beyond both bodies kept from those who are passed."""
+"""Clearance kept from those who are passed, beyond both bodies [m]."""
 
 _RING = 12  # points that stand for someone: closer together than any body is wide
 _OFF_WALLS = 0.02  # meters

@@ -17,16 +17,16 @@ from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.errors import PathNotFound
 
 BRANCHES_PER_STEP = 8 * SLICE_BRANCHES
-"""Branches that all slices of a step lay together, about: a step stays short however many searches there are. What the
-last slice lays beyond that is taken from the next step."""
+"""Candidate branches that all slices of a step lay together, about, so that a step stays short however many searches
+there are. What the last slice lays beyond that is taken from the next step."""
 
 PATIENT_SHARE = 0.25
-"""How much of a step is for ways around others, after all else: who looks for one stands and has been waiting anyway,
-and where many are in each other's way most will not find any."""
+"""Share of a step that ways around others get, after all else: whoever asks for one stands and has waited anyway, and
+in a throng most of these searches fail."""
 
 LONGEST_SLICE = 6 * SLICE_BRANCHES
-"""Branches that a slice lays at most. Every slice of a search is twice as long as the one before: few searches need a
-second, and of those that do most need many."""
+"""Candidate branches that a slice lays at most. Each slice of a search is twice as long as the one before: few searches
+need a second, and most of those that do need many."""
 
 Played = Callable[[int, "Ongoing"], int | None]
 

@@ -18,7 +18,7 @@ from crowdsim.crowd.state.environment import Edit, Footprints
 from crowdsim.ecs.world import View
 
 KEPT_OFF = TRACKING_MARGIN
-"""Meters beyond its body that a character keeps from where something is about to be."""
+"""Clearance that an agent keeps from the outline of what is about to come, beyond its body [m]."""
 
 
 @dataclass

@@ -14,13 +14,13 @@ from crowdsim.geometry.elementary import distance, hypot
 from crowdsim.recording.header import AgentState
 
 RETRY_SECONDS = 2.0
-"""How long a character whose search failed stands before it searches again."""
+"""Time that an agent stands after a failed search before it searches again [s]."""
 
 PATIENCE_SECONDS = 8.0
-"""How long a character waits for others before it looks for a way around those who stand near."""
+"""Time that an agent waits for others before it looks for a way around those who stand near [s]."""
 
 NEARBY = 2.5
-"""Meters within which others count as near."""
+"""Distance within which others count as near [m]."""
 
 AT_GOAL = 0.25
 """Distance from a goal below which a standing agent that goes on from there has reached it [m]."""
