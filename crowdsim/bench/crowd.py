@@ -96,9 +96,9 @@ class Players:
         # Not all in step with each other.
         self.frame = (7 * np.arange(count) % int(self.assets.graph.node_frames[idle])).astype(np.int32)
         self.origin = np.column_stack([self.cast.starts, np.zeros(count)])
-        self.seam = np.zeros((count, 3))
+        self.blend_offset = np.zeros((count, 3))
         self.next_node = np.full(count, NONE, np.int32)
-        self.next_origin, self.next_seam = np.zeros((count, 3)), np.zeros((count, 3))
+        self.next_origin, self.next_blend_offset = np.zeros((count, 3)), np.zeros((count, 3))
         self.next_cursor, self.cursor = np.full(count, NONE, np.int32), np.full(count, NONE, np.int32)
         self.behavior, self.pose = np.zeros(count, np.int32), np.zeros((count, 3))
         joints = len(self.assets.motion.poses.parents)
@@ -157,7 +157,9 @@ class Players:
         graph, plan = self.assets.graph, self.plans[agent]
         following = int(self.cursor[agent]) + 1
         if plan is not None and following < plan.count:
-            self._enter(agent, int(plan.nodes[following]), plan.origins[following], plan.seams[following], following)
+            self._enter(
+                agent, int(plan.nodes[following]), plan.origins[following], plan.blend_offsets[following], following
+            )
             return
         if plan is not None:
             self.stops += not plan.arrives
@@ -165,10 +167,10 @@ class Players:
             self.plans[agent] = None
         node = int(self.node[agent])
         if graph.stop_edge[node] != NONE:
-            nodes, origins, seams = self._chain
-            nodes[0], origins[0], seams[0] = node, self.origin[agent], self.seam[agent]
+            nodes, origins, blend_offsets = self._chain
+            nodes[0], origins[0], blend_offsets[0] = node, self.origin[agent], self.blend_offset[agent]
             append_stop(graph, self._chain, 1)
-            self._enter(agent, int(nodes[1]), origins[1], seams[1])
+            self._enter(agent, int(nodes[1]), origins[1], blend_offsets[1])
             return
         if not graph.node_idle[node]:
             end = np.array(node_end(graph, node, *self.origin[agent]))
@@ -183,11 +185,11 @@ class Players:
         agent: int,
         node: int,
         origin: NDArray[np.float64],
-        seam: NDArray[np.float64],
+        blend_offset: NDArray[np.float64],
         cursor: int = NONE,
     ) -> None:
         self.next_node[agent], self.next_cursor[agent] = node, cursor
-        self.next_origin[agent], self.next_seam[agent] = origin, seam
+        self.next_origin[agent], self.next_blend_offset[agent] = origin, blend_offset
 
 
 def measure(

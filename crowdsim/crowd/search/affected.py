@@ -35,7 +35,7 @@ def first_taken(assets: Assets, plan: MotionPlan, first: int, taken: Footprints)
         return plan.count
     frames = graph.node_frames[nodes].astype(np.int64)
     out = np.empty((int(frames.sum()) // _STRIDE + 2, 2))
-    sample_chain(graph, Chain(nodes, origins, plan.seams[first:]), len(nodes), 0, 0, _STRIDE, out)
+    sample_chain(graph, Chain(nodes, origins, plan.blend_offsets[first:]), len(nodes), 0, 0, _STRIDE, out)
     owner = np.minimum(np.searchsorted(np.cumsum(frames), _STRIDE * np.arange(len(out)), side="right"), len(nodes) - 1)
     pieces = shapely.linestrings(np.stack([out[:-1], out[1:]], axis=1))
     radii = assets.body_radii[graph.node_behavior[nodes]]

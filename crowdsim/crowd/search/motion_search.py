@@ -299,8 +299,8 @@ def _as_plan(
     graph = assets.graph
     ends = compose(found.origins[:-1], graph.node_motion[found.nodes[:-1]])
     origins = found.origins[1:]
-    seams = ends - origins
-    seams[:, 2] = wrap_angle(seams[:, 2])
+    blend_offsets = ends - origins
+    blend_offsets[:, 2] = wrap_angle(blend_offsets[:, 2])
     arrives = found.status == FollowStatus.FOUND
     worthwhile = arrives or (kept != _HIDDEN and found.reached >= WORTHWHILE)
     count = len(origins) if worthwhile else max(kept, 0)
@@ -310,7 +310,7 @@ def _as_plan(
         departure=found.origins[0],
         nodes=found.nodes[1 : count + 1],
         origins=origins[:count],
-        seams=seams[:count],
+        blend_offsets=blend_offsets[:count],
         arrives=arrives,
     )
     return plan if played is None else played.joined(0, played.count - 1, plan, reaches=False)

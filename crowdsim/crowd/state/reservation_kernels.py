@@ -112,14 +112,15 @@ def _within_reach(center, other, first, last, reach):
 
 
 @helper
-def _node_is_free(graph, node, origin, seam, obstacles, hints):
+def _node_is_free(graph, node, origin, blend_offset, obstacles, hints):
     """Whether the body disc of a node's behavior keeps clear of all layers along the whole node."""
     behavior = graph.node_behavior[node]
     frames = graph.node_frames[node]
+    dx, dy, dh = blend_offset[0], blend_offset[1], blend_offset[2]
     frame = 0
     while True:
         at = np.int64(frame)
-        x, y, _ = track_pose(graph, np.int64(node), at, origin[0], origin[1], origin[2], seam[0], seam[1], seam[2])
+        x, y, _ = track_pose(graph, np.int64(node), at, origin[0], origin[1], origin[2], dx, dy, dh)
         for k, mesh in enumerate(obstacles.layers):
             need = obstacles.radii[behavior, k]
             distance, hints[k] = disc_clearance(mesh, x, y, need, hints[k])
@@ -133,7 +134,7 @@ def _node_is_free(graph, node, origin, seam, obstacles, hints):
 @kernel
 def append_stop(graph, chain, count):
     """Append to a chain of ``count`` nodes those that bring it to a stand; returns the new count, or -1 if too long."""
-    nodes, origins, seams = chain.nodes, chain.origins, chain.seams
+    nodes, origins, blend_offsets = chain.nodes, chain.origins, chain.blend_offsets
     node = nodes[count - 1]
     while graph.stop_edge[node] >= 0:
         if count == len(nodes):
@@ -147,9 +148,9 @@ def append_stop(graph, chain, count):
         origins[count, 0] = x
         origins[count, 1] = y
         origins[count, 2] = h
-        seams[count, 0] = ex - x
-        seams[count, 1] = ey - y
-        seams[count, 2] = wrap_angle(eh - h)
+        blend_offsets[count, 0] = ex - x
+        blend_offsets[count, 1] = ey - y
+        blend_offsets[count, 2] = wrap_angle(eh - h)
         count += 1
     return count
 
@@ -161,7 +162,7 @@ def sample_chain(graph, chain, count, frame, clock, slot_frames, out):
     Fills ``out`` (K, 2) from slot ``clock // slot_frames`` on; past the end of the chain it stays there. Returns
     the first slot at or after the end of the chain, or -1 if the chain is longer than ``out``.
     """
-    nodes, origins, seams = chain.nodes, chain.origins, chain.seams
+    nodes, origins, blend_offsets = chain.nodes, chain.origins, chain.blend_offsets
     k = 0
     begin = clock - frame  # global frame at which the current node of the chain started
     slot = clock // slot_frames
@@ -171,7 +172,7 @@ def sample_chain(graph, chain, count, frame, clock, slot_frames, out):
         while k < len(out) and slot * slot_frames < begin + frames:
             at = max(slot * slot_frames, clock) - begin
             o = origins[c]
-            s = seams[c]
+            s = blend_offsets[c]
             x, y, _ = track_pose(graph, np.int64(node), np.int64(at), o[0], o[1], o[2], s[0], s[1], s[2])
             out[k, 0] = x
             out[k, 1] = y
@@ -210,7 +211,7 @@ def _copy_chain(chain, to):
         to.nodes[k] = chain.nodes[k]
         for axis in range(3):
             to.origins[k, axis] = chain.origins[k, axis]
-            to.seams[k, axis] = chain.seams[k, axis]
+            to.blend_offsets[k, axis] = chain.blend_offsets[k, axis]
 
 
 @kernel
@@ -235,7 +236,7 @@ def reserve(
             # The stop behind the nodes taken, which nobody tested yet.
             count = append_stop(graph, draft, taken + 1)
             for c in range(taken + 1, count):
-                if not _node_is_free(graph, draft.nodes[c], draft.origins[c], draft.seams[c], obstacles, hints):
+                if not _node_is_free(graph, draft.nodes[c], draft.origins[c], draft.blend_offsets[c], obstacles, hints):
                     count = -1
                     break
             if count < 0:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 
-from crowdsim.crowd.state.components import DIGESTED
+from crowdsim.crowd.state.components import DIGESTED, HASHED_AS
 from crowdsim.ecs.world import World
 
 
@@ -13,7 +13,7 @@ def state_hash(world: World, environment: bytes, step: int, before: int) -> int:
     parts = [before.to_bytes(8, "little") + step.to_bytes(8, "little"), environment]
     for name in world.column_names:
         if name not in DIGESTED:
-            parts += [name.encode(), world.column(name).tobytes()]
+            parts += [HASHED_AS.get(name, name).encode(), world.column(name).tobytes()]
     # As one, as it lets other threads run meanwhile, and would wait for them after each.
     return digest_of(b"".join(parts))
 

@@ -13,13 +13,13 @@ Floats = NDArray[np.float64]
 
 
 class Chain(NamedTuple):
-    """Nodes one after the other, with room for more: where each starts, and the seam that fades from there on."""
+    """Nodes one after the other, with room for more: where each starts, and the blend offset that fades from there."""
 
     nodes: NDArray[np.int32]
     """(C,)"""
     origins: Floats
     """(C, 3)"""
-    seams: Floats
+    blend_offsets: Floats
     """(C, 3)"""
 
     @classmethod

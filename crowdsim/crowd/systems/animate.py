@@ -19,10 +19,10 @@ class Playing(NamedTuple):
     previous: NDArray[np.int32]
     frame: NDArray[np.int32]
     origin: NDArray[np.float64]
-    seam: NDArray[np.float64]
+    blend_offset: NDArray[np.float64]
     next_node: NDArray[np.int32]
     next_origin: NDArray[np.float64]
-    next_seam: NDArray[np.float64]
+    next_blend_offset: NDArray[np.float64]
     next_cursor: NDArray[np.int32]
     cursor: NDArray[np.int32]
     behavior: NDArray[np.int32]
@@ -30,5 +30,5 @@ class Playing(NamedTuple):
 
 
 def animate(assets: Assets, view: View) -> None:
-    """Advance frames, seams and poses of all rows."""
+    """Advance frames, blend offsets and poses of all rows."""
     advance(assets.graph, assets.frames_per_step, Playing(*(getattr(view, name) for name in Playing._fields)))

@@ -13,7 +13,7 @@ def advance(graph, frames, rows):
     ``rows`` are a :class:`crowdsim.crowd.systems.animate.Playing`. One without a next node stays on the last frame of
     its node. ``next_node`` is -1 again after it was entered.
     """
-    node, frame, origin, seam, next_node = rows.node, rows.frame, rows.origin, rows.seam, rows.next_node
+    node, frame, origin, blend_offset, next_node = rows.node, rows.frame, rows.origin, rows.blend_offset, rows.next_node
     for i in range(len(node)):
         at = frame[i] + frames
         length = graph.node_frames[node[i]]
@@ -25,13 +25,14 @@ def advance(graph, frames, rows):
                 # Not as rows, whose shape checks compile for two seconds.
                 for k in range(3):
                     origin[i, k] = rows.next_origin[i, k]
-                    seam[i, k] = rows.next_seam[i, k]
+                    blend_offset[i, k] = rows.next_blend_offset[i, k]
                 next_node[i] = -1
                 rows.behavior[i] = graph.node_behavior[node[i]]
                 rows.cursor[i] = rows.next_cursor[i]
             else:
                 at = length
         frame[i] = at
-        x, y, h, dx, dy, dh = origin[i, 0], origin[i, 1], origin[i, 2], seam[i, 0], seam[i, 1], seam[i, 2]
+        x, y, h = origin[i, 0], origin[i, 1], origin[i, 2]
+        dx, dy, dh = blend_offset[i, 0], blend_offset[i, 1], blend_offset[i, 2]
         x, y, h = track_pose(graph, np.int64(node[i]), np.int64(at), x, y, h, dx, dy, dh)
         rows.pose[i, 0], rows.pose[i, 1], rows.pose[i, 2] = x, y, h

@@ -73,7 +73,7 @@ class Choosing:
                     view.state[row] = AgentState.MOVING
                     view.blocked_since[row] = NONE
                     node = int(plan.nodes[following])
-                    _take(view, row, node, plan.origins[following], plan.seams[following], following)
+                    _take(view, row, node, plan.origins[following], plan.blend_offsets[following], following)
                     self._look_ahead(view, row, plan, following)
                     return
                 if self._walks_through(plan, agent) and _distance(view, row) < NEAR_GOAL:
@@ -108,7 +108,7 @@ class Choosing:
         ahead, until = slice(following, following + available), available + 1
         chain.nodes[1:until] = plan.nodes[ahead]
         chain.origins[1:until] = plan.origins[ahead]
-        chain.seams[1:until] = plan.seams[ahead]
+        chain.blend_offsets[1:until] = plan.blend_offsets[ahead]
         last = self.plans.itineraries.is_last(int(view.agent[row]), len(plan.passes))
         leaves = plan.arrives and last and not view.stays[row] and following + available == plan.count
         clock = self.plans.step * assets.frames_per_step
@@ -135,7 +135,11 @@ class Choosing:
     def _begin_chain(self, view: View, row: int) -> Chain:
         """The chain of the present node alone."""
         chain = self._chain
-        chain.nodes[0], chain.origins[0], chain.seams[0] = view.node[row], view.origin[row], view.seam[row]
+        chain.nodes[0], chain.origins[0], chain.blend_offsets[0] = (
+            view.node[row],
+            view.origin[row],
+            view.blend_offset[row],
+        )
         return chain
 
     def _kept_free(self, view: View, row: int) -> NDArray[np.float64]:
@@ -176,7 +180,7 @@ class Choosing:
         """Enter the first node of the stop that was reserved with the present node."""
         chain = self._begin_chain(view, row)
         append_stop(self.plans.assets.graph, chain, 1)
-        _take(view, row, int(chain.nodes[1]), chain.origins[1], chain.seams[1])
+        _take(view, row, int(chain.nodes[1]), chain.origins[1], chain.blend_offsets[1])
 
     def _stand(self, view: View, row: int, agent: int) -> None:
         """Wait where the node ends: in an idle node if one may follow, else on the node's last frame."""
@@ -199,9 +203,9 @@ def _distance(view: View, row: int) -> float:
 
 
 def _take(
-    view: View, row: int, node: int, origin: NDArray[np.float64], seam: NDArray[np.float64], cursor: int = NONE
+    view: View, row: int, node: int, origin: NDArray[np.float64], blend_offset: NDArray[np.float64], cursor: int = NONE
 ) -> None:
     view.next_node[row] = node
     view.next_origin[row] = origin
-    view.next_seam[row] = seam
+    view.next_blend_offset[row] = blend_offset
     view.next_cursor[row] = cursor

@@ -46,10 +46,10 @@ def plan_of(found: MotionPlan | PathNotFound) -> MotionPlan:
 
 
 def check_chain(assets: Assets, plan: MotionPlan) -> None:
-    """Every node begins where the one before ends, but for its seam."""
+    """Every node begins where the one before ends, but for its blend offset."""
     nodes = np.concatenate([[plan.departure_node], plan.nodes[:-1]])
     starts = np.concatenate([plan.departure[None], plan.origins[:-1]])
-    gaps = compose(starts, assets.graph.node_motion[nodes]) - plan.origins - plan.seams
+    gaps = compose(starts, assets.graph.node_motion[nodes]) - plan.origins - plan.blend_offsets
     gaps[:, 2] = (gaps[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
     np.testing.assert_allclose(gaps, 0.0, atol=1e-9)
 

@@ -123,7 +123,7 @@ def test_a_motion_is_taken_where_its_body_is_and_not_behind(scenario: Scenario, 
     assert first <= middle
     graph = assets.graph
     for node in range(plan.count):
-        # The end of a node is where the next one starts, but for the seam.
+        # The end of a node is where the next one starts, but for the blend offset.
         ends = [plan.origins[node, :2], plan.origins[min(node + 1, plan.count - 1), :2]]
         if node < first - 1:
             assert min(np.hypot(*(end - plan.origins[middle, :2])) for end in ends) > 0.1
