@@ -12,6 +12,7 @@ from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv
 from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, NONE
 from crowdsim.navmesh.shortest.tangent_graph_arrays import ARC
 from crowdsim.navmesh.shortest.view_arrays import SIGHT
+from crowdsim.navmesh.triangulation.refine_kernels import set_sight
 
 _TURN = 2.0 * math.pi
 
@@ -31,12 +32,9 @@ def _look_around(m, px, py, h, reach2, sights, found, count):
     """
     sides = m.sides
     vertices = m.vertices
-    sight = sights[0]
-    sight.side = h
-    sight.rx = vertices[sides[h].org].x - px
-    sight.ry = vertices[sides[h].org].y - py
-    sight.lx = vertices[sides[nxt(h)].org].x - px
-    sight.ly = vertices[sides[nxt(h)].org].y - py
+    right = vertices[sides[h].org]
+    left = vertices[sides[nxt(h)].org]
+    set_sight(sights[0], h, right.x - px, right.y - py, left.x - px, left.y - py)
     top = 1
     while top > 0:
         top -= 1
@@ -64,21 +62,12 @@ def _look_around(m, px, py, h, reach2, sights, found, count):
             found[count] = w
             count += 1
         if left_of_right:
-            sight = sights[top]
-            sight.side = nxt(g)
-            sight.rx = rx
-            sight.ry = ry
-            sight.lx = zx if right_of_left else lx
-            sight.ly = zy if right_of_left else ly
+            set_sight(sight, nxt(g), rx, ry, zx if right_of_left else lx, zy if right_of_left else ly)
             if sight.rx * sight.ly - sight.ry * sight.lx > 0.0:
                 top += 1
         if right_of_left:
             sight = sights[top]
-            sight.side = prv(g)
-            sight.rx = zx if left_of_right else rx
-            sight.ry = zy if left_of_right else ry
-            sight.lx = lx
-            sight.ly = ly
+            set_sight(sight, prv(g), zx if left_of_right else rx, zy if left_of_right else ry, lx, ly)
             if sight.rx * sight.ly - sight.ry * sight.lx > 0.0:
                 top += 1
     return count

@@ -182,6 +182,63 @@ def _clear_way(m, w, a, b, crossed):
 
 
 @helper
+def _look_ahead(m, cur, goal, near):
+    """In the star of vertex cur: (the half-edge along the way to ``goal``, the side across which it lies), -1 for none.
+
+    Along the way is a neighbor within ``near`` of it, as twice the area with both ends.
+    """
+    sides = m.sides
+    vertices = m.vertices
+    cx = vertices[cur].x
+    cy = vertices[cur].y
+    gx = vertices[goal].x - cx
+    gy = vertices[goal].y - cy
+    length2 = gx * gx + gy * gy
+    first = vertices[cur].vhe
+    h = first
+    while True:
+        x = vertices[sides[nxt(h)].org]
+        sx = side(vertices, cur, goal, x.x, x.y)
+        if abs(sx) <= near:
+            ahead = (x.x - cx) * gx + (x.y - cy) * gy
+            if ahead > 0.0 and (sx == 0.0 or ahead < length2):
+                return h, NONE
+        if sx < 0.0:
+            y = vertices[sides[prv(h)].org]
+            sy = side(vertices, cur, goal, y.x, y.y)
+            if sy > 0.0:
+                ahead = (y.x - cx) * gx + (y.y - cy) * gy
+                if sy <= near and ahead > 0.0 and ahead < length2:
+                    return sides[prv(h)].twin, NONE
+                return NONE, nxt(h)
+        h = sides[prv(h)].twin
+        if h == first:
+            return NONE, NONE
+
+
+@helper
+def _load(m, w, along, way):
+    """Add the load of a way to half-edge ``along`` and its twin, and go on from its end; 0 or FULL."""
+    sides = m.sides
+    forth = sides[along]
+    back = sides[forth.twin]
+    forth.cst += way.cst
+    back.cst += way.cst
+    forth.win += way.win
+    back.win -= way.win
+    soil(sides, along // 3)
+    soil(sides, forth.twin // 3)
+    if way.use >= 0 or way.back >= 0:
+        forth.use = joined(w, forth.use, way.use)
+        back.use = joined(w, back.use, way.back)
+        if w.progress[0].full != 0:
+            return FULL
+    touch(w, way.start)
+    way.start = back.org
+    return 0
+
+
+@helper
 def insert_segment(m, a, b, winding, use, w):
     """Constrain the way from vertex a to b, with ``winding`` and ``use`` on half-edges along it; 0 or FULL or STUCK.
 
@@ -209,33 +266,11 @@ def insert_segment(m, a, b, winding, use, w):
         gy = vertices[goal].y - cy
         length2 = gx * gx + gy * gy
         near = _NEAR * m.frame[0].cell * math.sqrt(length2)
-        # The star of cur: a neighbor in the direction of the goal, or the side across which the goal lies.
-        along = NONE
-        crossing = NONE
-        first = vertices[cur].vhe
-        h = first
-        while True:
-            x = vertices[sides[nxt(h)].org]
-            sx = side(vertices, cur, goal, x.x, x.y)
-            if abs(sx) <= near:
-                ahead = (x.x - cx) * gx + (x.y - cy) * gy
-                if ahead > 0.0 and (sx == 0.0 or ahead < length2):
-                    along = h
-                    break
-            if sx < 0.0:
-                y = vertices[sides[prv(h)].org]
-                sy = side(vertices, cur, goal, y.x, y.y)
-                if sy > 0.0:
-                    crossing = nxt(h)
-                    ahead = (y.x - cx) * gx + (y.y - cy) * gy
-                    if sy <= near and ahead > 0.0 and ahead < length2:
-                        along = sides[prv(h)].twin
-                    break
-            h = sides[prv(h)].twin
-            if h == first:
-                return STUCK
+        along, e = _look_ahead(m, cur, goal, near)
+        if along < 0 and e < 0:
+            return STUCK
+        # Across one side after the other, until a vertex is on the way or a constrained side is met.
         crossed = 0
-        e = crossing
         while along < 0:
             if sides[e].cst != 0:
                 if count + 3 > ways.size:
@@ -261,6 +296,7 @@ def insert_segment(m, a, b, winding, use, w):
             if abs(sz) <= near:
                 ahead = (vertices[z].x - cx) * gx + (vertices[z].y - cy) * gy
                 if ahead > 0.0 and ahead < length2:
+                    # First to the vertex that is about on the way, then on from there.
                     if count + 1 > ways.size:
                         ways = longer(ways)
                     way = ways[count - 1]
@@ -269,22 +305,8 @@ def insert_segment(m, a, b, winding, use, w):
                     count += 1
                     break
             e = nxt(f) if sz > 0.0 else prv(f)
-        if along < 0:
-            continue
-        way = ways[count - 1]
-        forth = sides[along]
-        back = sides[forth.twin]
-        forth.cst += way.cst
-        back.cst += way.cst
-        forth.win += way.win
-        back.win -= way.win
-        soil(sides, along // 3)
-        soil(sides, forth.twin // 3)
-        if way.use >= 0 or way.back >= 0:
-            forth.use = joined(w, forth.use, way.use)
-            back.use = joined(w, back.use, way.back)
-            if w.progress[0].full != 0:
-                return FULL
-        touch(w, cur)
-        way.start = back.org
+        if along >= 0:
+            status = _load(m, w, along, ways[count - 1])
+            if status < 0:
+                return status
     return 0
