@@ -38,7 +38,9 @@ class Detours:
             self._before = MeshArrays(*(array.copy() for array in obstacles.mesh))
         self._places_before = places_of(self._before)
         arrays = trimmed(self._before)
-        crossed = int(np.count_nonzero((arrays.sides["cst"].reshape(-1, 3) == 0) & (arrays.wind == 0)[:, None]))
+        crossed = int(
+            np.count_nonzero((arrays.sides["constraints"].reshape(-1, 3) == 0) & (arrays.cover == 0)[:, None])
+        )
         self._guide: NDArray[np.void] = np.zeros((1 << (2 * crossed).bit_length()) + 1, GUIDE)
         detour_kernels.begin_guide(arrays, self._guide)
         self._labels = np.empty(0, np.int32)
@@ -52,12 +54,12 @@ class Detours:
             self._labels = np.empty(len(arrays.sides), np.int32)
             label_sides(arrays, 2.0 * self._ends[-1], self._labels)
             self._labelled = radius
-        with self.mesh.workspaces.lent(len(arrays.wind)) as work:
+        with self.mesh.workspaces.lent(len(arrays.cover)) as work:
             detour_kernels.aim_guide(arrays, self._labels, work, *self._ends, _FARTHER, self._guide)
 
     @contextmanager
     def lent(self) -> Iterator[DetourSearch]:
         """Yield the search for use by kernels that look for detours."""
         mesh = self.mesh
-        with mesh.edited() as obstacles, mesh.workspaces.lent(len(obstacles.mesh.wind)) as work:
+        with mesh.edited() as obstacles, mesh.workspaces.lent(len(obstacles.mesh.cover)) as work:
             yield DetourSearch(obstacles.places, self._places_before, work, self._ends, self._guide)

@@ -92,7 +92,7 @@ def _labelled(query: Query, area: BehaviorArea, most: float, fitting: Fitting) -
     """
     mesh = area.mesh
     least = area.radius - mesh.tolerance(area.radius)
-    with mesh.workspaces.lent(len(mesh.arrays.wind)) as work:
+    with mesh.workspaces.lent(len(mesh.arrays.cover)) as work:
         status, points, length, sections, cost = labelled_path(
             mesh.arrays, mesh.search.regions(), work, query.ends, area.radius, least, most, fitting
         )

@@ -206,7 +206,7 @@ class MotionSearch:
             if least < np.inf and not exactly:
                 break
             search = PathFollower(assets.character, samples, arrays, origin, node, options)
-            while (found := search.advance(max(self._branches // options.looks, 1), kept + 1)) is None:
+            while (found := search.advance(max(self._branches // options.branches, 1), kept + 1)) is None:
                 plan = _as_plan(assets, route, search.present, played, kept if shown else _HIDDEN)
                 yield plan
                 kept = self._kept - before

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from crowdsim.following.follower.follow_workspace import Samples
 from crowdsim.following.follower.path_follower import (
-    THOROUGH_LOOKS,
+    THOROUGH_BRANCHES,
     Character,
     FollowOptions,
     FollowResult,
@@ -30,7 +30,7 @@ _TRIES = 200
 """Solutions looked at in a quick search and in one with the whole budget: what is found after the first ends elsewhere,
 and costs little."""
 
-FEW_LOOKS = 8
+FEW_BRANCHES = 8
 """Branches laid at each stage of searches that shall come to other motions than broader ones, sooner."""
 
 
@@ -83,18 +83,18 @@ def _searches(options: FollowOptions) -> Iterator[tuple[FollowOptions, int]]:
     """
     spreads = (1.0,) if options.goal_heading is None else (1.0, 2.0)
     rounds = (
-        (options.looks, max(options.budget // 4, 1), _QUICK_TRIES),
-        (FEW_LOOKS, options.budget, _TRIES),
-        (THOROUGH_LOOKS, options.budget, _TRIES),
+        (options.branches, max(options.budget // 4, 1), _QUICK_TRIES),
+        (FEW_BRANCHES, options.budget, _TRIES),
+        (THOROUGH_BRANCHES, options.budget, _TRIES),
     )
-    for looks, budget, tries in rounds:
+    for branches, budget, tries in rounds:
         for share in (1.0, 0.5):
             for spread in spreads:
                 sought = replace(
                     options,
                     goal_tolerance=share * options.goal_tolerance,
                     goal_heading_tolerance=min(spread * options.goal_heading_tolerance, math.pi),
-                    looks=looks,
+                    branches=branches,
                     budget=budget,
                 )
                 yield sought, tries

@@ -127,17 +127,17 @@ def _facing_bins(rules, along):
 
 
 @helper
-def _look_along_path(maps, guide, rules, search, root, origin, arc, serial):
+def _list_along_path(maps, guide, rules, search, root, origin, arc, serial):
     """List the entries of the map to be laid: in and around the cells that the path crosses from ``arc`` on.
 
-    Query points lie two cells apart up to the map's average length. Of more than ``search.look`` has room for those
+    Query points lie two cells apart up to the map's average length. Of more than ``search.listed`` has room for those
     that promise most are listed: what they would about score as the map has them, without extra rotations, with the
     area between branch and path taken for a triangle over what its end is off. Returns their number.
     """
     base, stop = maps.first[root], maps.first[root + 1]
     points = int(maps.average[root] / _QUERY_STEP) + 1
     count = np.int64(0)
-    room = search.look.shape[0]
+    room = search.listed.shape[0]
     ahead, marked = maps.ahead, search.marked
     c, s = cos_sin(origin[2])
     for q in range(points + 1):
@@ -170,11 +170,11 @@ def _look_along_path(maps, guide, rules, search, root, origin, arc, serial):
                 gain = max(walked, 0.1)
                 cost = gap * (0.5 * gain + 0.25) + NODE_COST * level + MISFIT_COST * misfit * gain
                 score = cost / (gain * gain)
-                if count < room or score <= search.look_score[count - 1]:
+                if count < room or score <= search.listed_score[count - 1]:
                     entry = np.int64(maps.order[row])
-                    count = _keep(search.look_score, search.look, np.int64(0), count, room, score, entry)
+                    count = _keep(search.listed_score, search.listed, np.int64(0), count, room, score, entry)
     for i in range(count):
-        marked[ENTRY, search.look[i]] = serial
+        marked[ENTRY, search.listed[i]] = serial
     return count
 
 
@@ -186,10 +186,10 @@ def _collect(graph, maps, guide, rules, search, laid, root, origin, end, arc, be
     stage going where the path leaves the cells of the map. Without a root every node may be the first. The score is
     equation 5 of the 2012 paper, with the last node's own track: where it begins, all children of a node look alike.
     """
-    looks = np.int64(0)
+    listed = np.int64(0)
     first, stop = np.int64(0), np.int64(0)
     if along and root >= 0:
-        looks = _look_along_path(maps, guide, rules, search, root, origin, arc, serial)
+        listed = _list_along_path(maps, guide, rules, search, root, origin, arc, serial)
     if singles and root >= 0:
         base = maps.first[root]
         first, stop = np.int64(1), np.int64(1)
@@ -198,9 +198,9 @@ def _collect(graph, maps, guide, rules, search, laid, root, origin, end, arc, be
     elif singles:
         stop = np.int64(graph.node_frames.shape[0])
     count = np.int64(0)
-    for i in range(looks + stop - first):
-        entry = search.look[i] if i < looks else first + i - looks
-        if i >= looks and (search.marked[ENTRY, entry] == serial or (root < 0 and graph.node_idle[entry])):
+    for i in range(listed + stop - first):
+        entry = search.listed[i] if i < listed else first + i - listed
+        if i >= listed and (search.marked[ENTRY, entry] == serial or (root < 0 and graph.node_idle[entry])):
             continue
         depth = _load_branch(maps, search, root, entry)
         taken = lay_branch(graph, maps, guide, rules, search, laid, root, depth, end, arc, serial)

@@ -51,7 +51,7 @@ class FollowStatus(IntEnum):
     PAST_KEPT = PAST_KEPT
 
 
-THOROUGH_LOOKS = 200
+THOROUGH_BRANCHES = 200
 """Branches laid at each stage of the second search, where a quick one found nothing."""
 
 
@@ -69,8 +69,8 @@ class FollowOptions:
     deviation: meters that the end of a node may lie off the path.
     slack: meters kept free beyond the body's radius, for what passes between two samples of the test.
     candidates: branches kept at each stage beside the single successors.
-    looks: branches laid on the path at each stage beside the single successors: of more, those that promise most.
-        A search that finds nothing with them is made again with THOROUGH_LOOKS.
+    branches: branches laid on the path at each stage beside the single successors: of more, those that promise most.
+        A search that finds nothing with them is made again with THOROUGH_BRANCHES.
     budget: map queries until the search gives up.
     """
 
@@ -84,7 +84,7 @@ class FollowOptions:
     deviation: float = 0.6
     slack: float = 0.005
     candidates: int = 48
-    looks: int = 24
+    branches: int = 24
     budget: int = 4_000
 
 
@@ -155,7 +155,7 @@ class PathFollower:
             goal_heading=float("nan") if options.goal_heading is None else float(options.goal_heading),
             goal_heading_tolerance=float(options.goal_heading_tolerance),
         )
-        self._search, laid = make_workspace(graph, maps, guide.length, rules, options.looks)
+        self._search, laid = make_workspace(graph, maps, guide.length, rules, options.branches)
         start = np.array(start_pose, np.float64)
         self._arguments = graph, maps.arrays, guide, rules, meshes, reach, start, int(start_node), self._search, laid
 
@@ -247,7 +247,9 @@ def follow_path(
     found = PathFollower(*arguments, quick).next()
     if found.status == FollowStatus.FOUND or options.budget <= quick.budget:
         return found
-    thorough = replace(options, budget=options.budget - found.expansions, looks=max(options.looks, THOROUGH_LOOKS))
+    thorough = replace(
+        options, budget=options.budget - found.expansions, branches=max(options.branches, THOROUGH_BRANCHES)
+    )
     again = PathFollower(*arguments, thorough).next()
     expansions = found.expansions + again.expansions
     farther = again.status == FollowStatus.FOUND or again.reached >= found.reached
@@ -265,9 +267,10 @@ def _check(character: Character, samples: Samples, meshes: tuple[Any, ...], opti
             f"radii {radii.shape} and facings {facings.shape} must have a row for each of the {behaviors} behaviors,"
             f" radii a column for each of the {len(meshes)} layers"
         )
-    if options.looks < 1 or options.candidates < 1:
+    if options.branches < 1 or options.candidates < 1:
         raise MotionError(
-            f"a search keeps one candidate and looks at one branch or more, not {options.candidates}, {options.looks}"
+            "a search keeps one candidate and looks at one branch or more, "
+            f"not {options.candidates}, {options.branches}"
         )
     if reach is not None and len(reach.room) <= int(np.max(samples.behavior)):
         raise MotionError(f"the body has room for {len(reach.room)} behaviors; the path is planned for more")

@@ -36,12 +36,12 @@ def _free_triangle(m, w, t):
     frame.triangles = last
     if t == last:
         return
-    m.wind[t] = m.wind[last]
+    m.cover[t] = m.cover[last]
     for i in range(3):
         h = 3 * t + i
         source = 3 * last + i
         sides[h].org = sides[source].org
-        sides[h].clr = sides[source].clr
+        sides[h].corner_clearance = sides[source].corner_clearance
         take(sides, h, source)
         m.vertices[sides[h].org].vhe = h
     cell = hint_cell(m, t)
@@ -82,7 +82,7 @@ def _flip_spokes(m, w, v):
     h = first
     while True:
         degree += 1
-        if sides[h].cst != 0:
+        if sides[h].constraints != 0:
             fixed += 1
         h = sides[prv(h)].twin
         if h == first:
@@ -95,11 +95,11 @@ def _flip_spokes(m, w, v):
         a = sides[prv(g)].org
         b = sides[g].org
         c = sides[prv(h)].org
-        between = sides[before].cst != 0 and sides[after].cst != 0
+        between = sides[before].constraints != 0 and sides[after].constraints != 0
         ax = vertices[a].x
         ay = vertices[a].y
         if (
-            sides[h].cst == 0
+            sides[h].constraints == 0
             and not between
             and side(vertices, b, c, ax, ay) > 0.0
             and side(vertices, v, a, vertices[c].x, vertices[c].y) > 0.0
@@ -135,7 +135,7 @@ def _spoke_to_join(m, h, fixed):
         d = sides[nxt(h3)].org
         joins = side(vertices, a, b, vertices[c].x, vertices[c].y) > 0.0
         joins = joins and side(vertices, a, c, vertices[d].x, vertices[d].y) > 0.0
-        if joins and (fixed == 0 or (sides[h].cst != 0 and sides[h2].cst != 0)):
+        if joins and (fixed == 0 or (sides[h].constraints != 0 and sides[h2].constraints != 0)):
             return h
         h = h1
     return NONE
@@ -271,7 +271,7 @@ def removable(m, w, v):
     fixed = 0
     h = first
     while True:
-        if sides[h].cst != 0:
+        if sides[h].constraints != 0:
             other = one
             one = h
             fixed += 1
@@ -286,7 +286,7 @@ def removable(m, w, v):
     to_other = sides[other]
     from_one = sides[to_one.twin]
     from_other = sides[to_other.twin]
-    if from_one.cst != to_other.cst or from_one.win != to_other.win:
+    if from_one.constraints != to_other.constraints or from_one.winding != to_other.winding:
         return False
     if not same_uses(w.uses, from_one.use, to_other.use) or not same_uses(w.uses, to_one.use, from_other.use):
         return False
@@ -299,7 +299,7 @@ def removable(m, w, v):
     slack = 4.0 * m.frame[0].cell * (abs(ux) + abs(uy))
     h = first
     while True:
-        if sides[h].cst == 0 and m.wind[h // 3] == 0:
+        if sides[h].constraints == 0 and m.cover[h // 3] == 0:
             far = vertices[sides[nxt(h)].org]
             is_foot = far.vref > 0 and abs((far.x - x) * ux + (far.y - y) * uy) <= slack
             if is_foot and not _takes_over(m, v, sides[nxt(h)].org, from_one.org, from_other.org):
@@ -319,7 +319,7 @@ def is_free_point(m, v):
     h = first
     fixed = False
     while True:
-        fixed = fixed or sides[h].cst != 0
+        fixed = fixed or sides[h].constraints != 0
         h = sides[prv(h)].twin
         if h == first:
             return not fixed

@@ -50,7 +50,7 @@ def copy_back(places, before):
         i = _number(w, k, first)
         if i < filled:
             _copy_around(s, s, t, i)
-            t.wind[i] = s.wind[i]
+            t.cover[i] = s.cover[i]
             for h in range(3 * i, 3 * i + 3):
                 t.sides[h] = s.sides[h]
     v = w.progress[0].vertex

@@ -260,13 +260,13 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
         for turn in range(2):
             e = nxt(g) if turn == 0 else prv(g)
             around = e if turn == 0 else g  # the corner that h and e share is at the origin of this
-            if sides[around].clr < width:
+            if sides[around].corner_clearance < width:
                 continue
             f = sides[e].twin
             t = f // 3
             if regions is not None and waypoints[regions[t].top].stamp != stamp:
                 continue
-            if sides[f].clr < width and sides[nxt(f)].clr < width and t != goal:
+            if sides[f].corner_clearance < width and sides[nxt(f)].corner_clearance < width and t != goal:
                 continue
             o = vertices[sides[around].org]
             used = _add_labels(labels, used, i, reached, stamp, spent_left, spent_right, e, turn, v, o, radius)

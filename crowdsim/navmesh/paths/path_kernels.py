@@ -30,7 +30,7 @@ TANGLED = 4
 def _stand(m, stack, x, y, least):
     """The triangle of (x, y), or -1 where a disc of radius ``least`` is not free there."""
     t = triangle_of(m, x, y, NONE)
-    if t < 0 or m.wind[t] != 0:
+    if t < 0 or m.cover[t] != 0:
         return NONE
     free, _ = sweep(m.sides, m.vertices, stack, t, x, y, x, y, least)
     if not free:

@@ -84,7 +84,7 @@ def arc_is_open(sides, vertices, v, ax, ay, bx, by, room):
                 return False, h // 3
             if lx * by - ly * bx < 0.0 and rx * by - ry * bx >= 0.0:
                 return True, h // 3
-            if sides[back].cst != 0:
+            if sides[back].constraints != 0:
                 return False, h // 3
         h = sides[back].twin
         rx = lx

@@ -40,7 +40,7 @@ def _look_around(m, px, py, h, reach2, sights, found, count):
         top -= 1
         sight = sights[top]
         h = sight.side
-        if sides[h].cst != 0:
+        if sides[h].constraints != 0:
             found[count] = -1 - h
             count += 1
             continue
@@ -129,7 +129,7 @@ def _wedge_end(sides, first):
     h = first
     while True:
         h = sides[prv(h)].twin
-        if sides[h].cst != 0:
+        if sides[h].constraints != 0:
             return h
 
 
@@ -263,15 +263,15 @@ def find_arcs(m, radius, least):
         walls = 0
         h = vertices[v].vhe
         while True:
-            if sides[h].cst != 0:
+            if sides[h].constraints != 0:
                 walls += 1
-                if m.wind[h // 3] == 0:
+                if m.cover[h // 3] == 0:
                     last = _wedge_end(sides, h)
                     arcs, count = _free_arcs(m, v, h, last, radius, least, arcs, count, sights, found, spans)
             h = sides[prv(h)].twin
             if h == vertices[v].vhe:
                 break
-        if walls == 0 and m.wind[h // 3] == 0:
+        if walls == 0 and m.cover[h // 3] == 0:
             arcs, count = _free_arcs(m, v, NONE, NONE, radius, least, arcs, count, sights, found, spans)
     begin[vertices.size] = count
     return arcs[:count].copy(), begin

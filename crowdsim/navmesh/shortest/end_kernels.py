@@ -44,16 +44,16 @@ def _free_triangle(m, x, y, least):
             v = vertices[sides[h].org]
             if on == 2 and v.x == x and v.y == y:
                 first = h
-                while m.wind[h // 3] != 0:
+                while m.cover[h // 3] != 0:
                     h = sides[prv(h)].twin
                     if h == first:
                         break
                 t = h // 3
                 break
-            if on == 1 and m.wind[t] != 0 and side(vertices, sides[h].org, sides[nxt(h)].org, x, y) == 0.0:
+            if on == 1 and m.cover[t] != 0 and side(vertices, sides[h].org, sides[nxt(h)].org, x, y) == 0.0:
                 t = sides[h].twin // 3
                 break
-    return (t, on > 0) if m.wind[t] == 0 else (NONE, False)
+    return (t, on > 0) if m.cover[t] == 0 else (NONE, False)
 
 
 @helper
@@ -72,7 +72,7 @@ def sees(m, t, x0, y0, x1, y1):
     sides = m.sides
     vertices = m.vertices
     came = NONE
-    for _ in range(m.wind.size):
+    for _ in range(m.cover.size):
         out = NONE
         inside = True
         for h in range(3 * t, 3 * t + 3):
@@ -86,7 +86,7 @@ def sees(m, t, x0, y0, x1, y1):
                     out = h
         if inside:
             return True
-        if out < 0 or sides[out].cst != 0:
+        if out < 0 or sides[out].constraints != 0:
             return False
         came = sides[out].twin
         t = came // 3
@@ -103,7 +103,7 @@ def see_each_other(m, t, x0, y0, x1, y1):
         if v.x == x0 and v.y == y0:
             g = h
             while True:
-                if m.wind[g // 3] == 0 and sees(m, g // 3, x0, y0, x1, y1):
+                if m.cover[g // 3] == 0 and sees(m, g // 3, x0, y0, x1, y1):
                     return True
                 g = sides[prv(g)].twin
                 if g == h:
@@ -111,7 +111,7 @@ def see_each_other(m, t, x0, y0, x1, y1):
     for h in range(3 * t, 3 * t + 3):
         g = sides[h].twin
         on = side(vertices, sides[h].org, sides[nxt(h)].org, x0, y0) == 0.0
-        if on and m.wind[g // 3] == 0 and sees(m, g // 3, x0, y0, x1, y1):
+        if on and m.cover[g // 3] == 0 and sees(m, g // 3, x0, y0, x1, y1):
             return True
     return sees(m, t, x0, y0, x1, y1)
 
@@ -153,14 +153,14 @@ def find_ends(m, graph, scratch, stand, disc, to_goal):
             if v.x == x and v.y == y:
                 g = sides[prv(h)].twin
                 while g != h:
-                    if m.wind[g // 3] == 0:
+                    if m.cover[g // 3] == 0:
                         found = _look(m, graph, scratch, eye, g // 3, found)
                     g = sides[prv(g)].twin
                 break
             w = sides[nxt(h)].org
             beyond = sides[h].twin // 3
             corner = vertices[w].x == x and vertices[w].y == y
-            if not corner and side(vertices, sides[h].org, w, x, y) <= 0.0 and m.wind[beyond] == 0:
+            if not corner and side(vertices, sides[h].org, w, x, y) <= 0.0 and m.cover[beyond] == 0:
                 found = _look(m, graph, scratch, eye, beyond, found)
     # The arcs of each corner seen, where a tangent touches them or nearly.
     count = 0

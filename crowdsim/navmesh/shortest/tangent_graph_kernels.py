@@ -114,7 +114,7 @@ def find_tangents(m, arcs, begin, radius, least, slack, view, first_node, last_n
             h = m.vertices[arc.vertex].vhe
             first = h
             while True:
-                if m.wind[h // 3] == 0:
+                if m.cover[h // 3] == 0:
                     found = see_corners(m, begin, eye, nxt(h), view, np.int64(0))
                     for k in range(found):
                         end = seen[k]

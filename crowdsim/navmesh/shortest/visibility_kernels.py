@@ -122,7 +122,7 @@ def _leads_on(sight, h, vertices, sides, eye, ellipse):
 
     Only outwards: a view that sees past vertices by a little would otherwise go round those that line up for ever.
     """
-    if sides[h].cst != 0:
+    if sides[h].constraints != 0:
         return False
     a = vertices[sides[h].org]
     b = vertices[sides[nxt(h)].org]

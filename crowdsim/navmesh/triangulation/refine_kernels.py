@@ -94,7 +94,7 @@ def find_bottleneck(m, v, qx, qy, sights):
     """
     sides = m.sides
     vertices = m.vertices
-    wind = m.wind
+    cover = m.cover
     px = vertices[v].x
     py = vertices[v].y
     qx -= px
@@ -112,7 +112,7 @@ def find_bottleneck(m, v, qx, qy, sights):
         yy = y.y - py
         # The triangle between two spokes, unless its base is a wall or it cannot lead to a foot.
         top = 0
-        if wind[corner // 3] == 0 and sides[base].cst == 0 and _reaches_beyond(xx, xy, yx, yy, qx, qy, least):
+        if cover[corner // 3] == 0 and sides[base].constraints == 0 and _reaches_beyond(xx, xy, yx, yy, qx, qy, least):
             set_sight(sights[0], base, xx, xy, yx, yy)
             top = 1
         while top > 0:
@@ -159,7 +159,7 @@ def find_bottleneck(m, v, qx, qy, sights):
                 lo, hi = _cut(lo, hi, l0 * ay - l1 * ax, l0 * by - l1 * bx)
                 if lo > hi + _SLACK:
                     continue
-                if sides[h].cst == 0:
+                if sides[h].constraints == 0:
                     if top < sights.size:
                         set_sight(sights[top], h, r0, r1, l0, l1)
                         top += 1
@@ -233,7 +233,7 @@ def _find_foot(m, s, sights):
     length2 = ex * ex + ey * ey
     top = 0
     for e in (nxt(s), prv(s)):
-        if sides[e].cst == 0:
+        if sides[e].constraints == 0:
             sight = sights[top]
             sight.side = e
             sight.lo = 0.0
@@ -256,7 +256,7 @@ def _find_foot(m, s, sights):
             if found:
                 return True, fx, fy
         for f in (nxt(g), prv(g)):
-            if sides[f].cst == 0 and top < sights.size:
+            if sides[f].constraints == 0 and top < sights.size:
                 sight = sights[top]
                 sight.side = f
                 sight.lo = lo
@@ -301,7 +301,7 @@ def refine(m, w):
         first = m.vertices[v].vhe
         h = first
         while True:
-            if sides[h].cst != 0 and m.wind[h // 3] == 0 and is_dirty(sides, h // 3):
+            if sides[h].constraints != 0 and m.cover[h // 3] == 0 and is_dirty(sides, h // 3):
                 found, x, y = _find_foot(m, h, w.sights)
                 if found:
                     enqueue(w, v)
@@ -316,14 +316,17 @@ def refine(m, w):
 
 @helper
 def measure_triangle(m, t):
-    """Fill ``clr`` of triangle t: what a turn around a corner leaves, the shorter side or the height over a wall."""
+    """Fill ``corner_clearance`` of triangle t: what a turn around a corner leaves.
+
+    That is the shorter side, or the height over a wall.
+    """
     sides = m.sides
     vertices = m.vertices
     for h in range(3 * t, 3 * t + 3):
         base = nxt(h)
         last = prv(h)
-        sides[h].clr = 0.0
-        if m.wind[t] != 0 or sides[h].cst != 0 or sides[last].cst != 0:
+        sides[h].corner_clearance = 0.0
+        if m.cover[t] != 0 or sides[h].constraints != 0 or sides[last].constraints != 0:
             continue
         v = vertices[sides[h].org]
         a = vertices[sides[base].org]
@@ -333,6 +336,6 @@ def measure_triangle(m, t):
         bx = b.x - v.x
         by = b.y - v.y
         width2 = min(ax * ax + ay * ay, bx * bx + by * by)
-        if sides[base].cst != 0:
+        if sides[base].constraints != 0:
             width2 = min(width2, point_segment_distance2(v.x, v.y, a.x, a.y, b.x, b.y))
-        sides[h].clr = math.sqrt(width2)
+        sides[h].corner_clearance = math.sqrt(width2)

@@ -153,6 +153,6 @@ def fill(mesh: MeshArrays, found: Triangulation) -> None:
     vertices["x"], vertices["y"] = found.vertices.T
     vertices["vref"] = np.bincount(found.ids, minlength=count)
     sides["org"], sides["twin"] = triangles.ravel(), twins.ravel()
-    sides["use"] = sides["clr"] = -1
+    sides["use"] = sides["corner_clearance"] = -1
     vertices["vhe"][triangles.ravel()] = np.arange(triangles.size)
     mesh.frame["vertices"], mesh.frame["triangles"] = count, len(triangles)

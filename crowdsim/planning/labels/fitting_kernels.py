@@ -187,7 +187,7 @@ def add_misfits(m, stack, marks, mark, root, piece, radii, k, spans, lasts, coun
     """
     sides = m.sides
     vertices = m.vertices
-    wind = m.wind
+    cover = m.cover
     length = piece.length
     behaviors = radii.shape[0]
     reach = radii[behaviors - 1, k]
@@ -208,7 +208,7 @@ def add_misfits(m, stack, marks, mark, root, piece, radii, k, spans, lasts, coun
         row.bx = after.ax
         row.by = after.ay
     marks[root] = mark
-    if wind[root] != 0:
+    if cover[root] != 0:
         count = _add_inside(m, root, piece, behaviors, spans, lasts, count)
     top = 3
     while top > 0:
@@ -226,7 +226,7 @@ def add_misfits(m, stack, marks, mark, root, piece, radii, k, spans, lasts, coun
         h = row.h
         side = sides[h]
         # A side of an obstacle hides what is behind it, unless the piece itself passes through.
-        if side.cst != 0:
+        if side.constraints != 0:
             count = _add_side(spans, lasts, count, radii, k, ax, ay, bx, by, piece)
             if not _crosses(ax, ay, bx, by, length):
                 continue
@@ -236,7 +236,7 @@ def add_misfits(m, stack, marks, mark, root, piece, radii, k, spans, lasts, coun
             continue
         # The triangle behind: its inside, the corner across, and its two other sides on the stack.
         marks[t] = mark
-        if wind[t] != 0:
+        if cover[t] != 0:
             count = _add_inside(m, t, piece, behaviors, spans, lasts, count)
         p = prv(g)
         origin = sides[p].org
@@ -301,7 +301,7 @@ def annotate(fitting, points):
     spans = np.empty(64, OWN_SPAN)
     most = 0
     for m in layers:
-        most = max(most, m.wind.size)
+        most = max(most, m.cover.size)
     marks = np.zeros(most, np.int32)
     mark = 0
     total = np.int64(0)
@@ -319,7 +319,7 @@ def annotate(fitting, points):
             # Where a disc of the widest behavior moves freely, all fit.
             free = False
             end = triangle
-            if m.wind[triangle] == 0:
+            if m.cover[triangle] == 0:
                 free, end = sweep(m.sides, m.vertices, stack, triangle, px, py, qx, qy, radii[count - 1, k])
             if size > 0.0 and not free:
                 mark += 1

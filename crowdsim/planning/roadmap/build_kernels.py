@@ -90,7 +90,7 @@ def place_points(layers, radii):
     vertices = m.vertices
     n = radii.shape[0]
     count = np.int64(0)
-    points = np.empty(m.wind.size * 3 + 16, ROAD_POINT)
+    points = np.empty(m.cover.size * 3 + 16, ROAD_POINT)
     spans = np.zeros(3 * m.frame[0].triangles, SPAN_OF)
     hints = np.full(len(layers), NONE)
     levels = np.empty(_MOST_STEPS + 1, np.int64)
@@ -98,7 +98,7 @@ def place_points(layers, radii):
     least = 2.0 * radii[0, 0]
     for h in range(3 * m.frame[0].triangles):
         g = sides[h].twin
-        if g < h or sides[h].cst != 0 or m.wind[h // 3] != 0:
+        if g < h or sides[h].constraints != 0 or m.cover[h // 3] != 0:
             continue
         a = vertices[sides[h].org]
         b = vertices[sides[nxt(h)].org]
@@ -196,7 +196,7 @@ def join_points(layers, radii, around, points, spans):
     for k in range(1, len(layers)):
         legs_suffice = legs_suffice and radii[0, k] <= radii[0, 0]
     for t in range(m.frame[0].triangles):
-        if m.wind[t] != 0:
+        if m.cover[t] != 0:
             continue
         for h in range(3 * t, 3 * t + 3):
             # Side h and the one before it share the corner at the origin of h.
@@ -216,7 +216,7 @@ def join_points(layers, radii, around, points, spans):
                     level = way_level(layers, roots, hints, stack, radii, p.x, p.y, q.x, q.y, top, cx, cy, around[v])
                     if level < 0:
                         # What the mesh knows to be wide enough for the legs may be a bend too tight for straight ways.
-                        if sides[h].clr < width or not legs_suffice:
+                        if sides[h].corner_clearance < width or not legs_suffice:
                             continue
                         level = 0
                     if count == pairs.size:

@@ -116,7 +116,7 @@ def channel_corners(m, channel, count, around, radius, ends, corners):
             corner.last = k
             wide = gap
             if turn >= 0 and sides[turn].org == v:
-                wide = min(wide, sides[turn].clr)
+                wide = min(wide, sides[turn].corner_clearance)
             corner.most = max(radius, around[v, 0], min(corner.most, FULL * wide - radius))
     return filled
 

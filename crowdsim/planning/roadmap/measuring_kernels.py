@@ -72,7 +72,7 @@ def length_around(px, py, qx, qy, cx, cy, radius):
 def _is_open(layers, roots, stack, radii, level, px, py, qx, qy):
     """Whether a disc of behavior ``level`` moves straight from p, in triangles ``roots`` (m,), to q in all layers."""
     for k, m in enumerate(layers):
-        if roots[k] < 0 or m.wind[roots[k]] != 0:
+        if roots[k] < 0 or m.cover[roots[k]] != 0:
             return False
         free, _ = sweep(m.sides, m.vertices, stack, roots[k], px, py, qx, qy, radii[level, k])
         if not free:

@@ -192,16 +192,16 @@ def test_a_guide_knows_how_far_sides_are_from_the_goal(kind):
     radius = 0.2
     start, goal = _ends(rng, mesh, radius)
     m = mesh.arrays
-    guide = np.zeros((1 << (6 * len(m.wind)).bit_length()) + 1, GUIDE)
+    guide = np.zeros((1 << (6 * len(m.cover)).bit_length()) + 1, GUIDE)
     detour_kernels.begin_guide(m, guide)
     labels = np.empty(len(m.sides), np.int32)
     label_sides(m, 2.0 * radius, labels)
-    with mesh.workspaces.lent(len(m.wind)) as work:
+    with mesh.workspaces.lent(len(m.cover)) as work:
         detour_kernels.aim_guide(m, labels, work, *start, *goal, radius, radius, (0.0, 1e3), guide)
     rows = {int(row["side"]): (row["left"], row["right"]) for row in guide[:-1] if row["side"] != 0}
     expected = side_distances(m, goal, mesh.locate(goal), radius, 2.0 * radius)
     compared = about = 0
-    for h in np.flatnonzero((m.sides["cst"] == 0) & np.repeat(m.wind == 0, 3)).tolist():
+    for h in np.flatnonzero((m.sides["constraints"] == 0) & np.repeat(m.cover == 0, 3)).tolist():
         # Ways from the goal over h come back over its other half, whose right end is the left one of h.
         twin = int(m.sides["twin"][h])
         origin, end = m.sides["org"][twin], m.sides["org"][h]

@@ -36,7 +36,7 @@ def _published(seed, count):
 def _labelled(query, room, most):
     mesh = room.mesh
     least = room.radius - mesh.tolerance(room.radius)
-    with mesh.workspaces.lent(len(mesh.arrays.wind)) as work:
+    with mesh.workspaces.lent(len(mesh.arrays.cover)) as work:
         return single_behavior_kernels.labelled_path(
             mesh.arrays, mesh.search.regions(), work, query.ends, room.radius, least, most, query.fitting()
         )
