@@ -179,13 +179,16 @@ def _list_along_path(maps, guide, rules, search, root, origin, arc, serial):
 
 
 @helper
-def _collect(graph, maps, guide, rules, search, laid, root, origin, end, arc, begin, serial, along, singles):
-    """Score the candidates of a stage into its list, which starts at ``begin``; returns their number.
+def _collect(graph, maps, guide, rules, search, laid, top, along, singles):
+    """Score the candidates of stage ``top`` into its list; returns their number.
 
     These are the best branches found ``along`` the path and the ``singles``, all other single successors, which keep a
     stage going where the path leaves the cells of the map. Without a root every node may be the first. The score is
     equation 5 of the 2012 paper, with the last node's own track: where it begins, all children of a node look alike.
     """
+    root, serial = search.stage[top, NODE], search.stage[top, SERIAL]
+    origin, end, arc = search.stage_origin[top], search.stage_end[top], search.stage_arc[top]
+    begin = top * (search.candidate.shape[0] // search.stage.shape[0])
     listed = np.int64(0)
     first, stop = np.int64(0), np.int64(0)
     if along and root >= 0:
@@ -334,10 +337,7 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
             singles = not along or arc > guide.length - _LAST
             search.stage[top, SINGLES] = np.int64(singles)
             search.stage[top, NEXT] = 0
-            search.stage[top, SIZE] = _collect(
-                graph, maps, guide, rules, search, laid, root, search.stage_origin[top], end, arc, begin,
-                search.stage[top, SERIAL], along, singles,
-            )  # fmt: skip
+            search.stage[top, SIZE] = _collect(graph, maps, guide, rules, search, laid, top, along, singles)
             continue
         entry = search.candidate[begin + search.stage[top, NEXT]]
         search.stage[top, NEXT] += 1

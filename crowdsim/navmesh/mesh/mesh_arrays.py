@@ -72,13 +72,10 @@ them; those at the end that are no longer there, or new, may be missing.
 """
 
 PROGRESS = np.dtype(
-    [
-        (name, np.int64)
-        for name in
-        ("head", "waiting", "touched", "changed", "uses", "pairs", "full", "rerouted", "removal", "gone", "vertex")
-    ],
+    [(name, np.int64) for name in ("head", "waiting", "touched", "changed", "uses", "pairs")]
+    + [(name, np.int64) for name in ("full", "rerouted", "removal", "gone", "vertex")],
     align=True,
-)  # fmt: skip
+)
 """Ring buffer ``waiting``: its first item and its length. Lengths of the lists ``touched`` and ``changed``, of the pool
 of uses (full: 1 where it was too short), of the stack ``pairs`` and of ``gone``. Whether a crossing made other
 obstacles take another way, whether the edit is a removal, and the vertex of a point that was edited."""
