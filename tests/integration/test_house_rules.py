@@ -87,16 +87,12 @@ def test_a_file_has_at_most_400_lines_and_of_tests_450(path):
     assert lines <= (400 if PACKAGE in path.parents else 450)
 
 
-STILL_LONG = {"find_bottleneck", "insert_segment", "remove_vertex"}
-"""Kernels that have yet to be cut into stages."""
-
-
 def test_a_function_has_at_most_100_lines():
     long = [
         f"{name}:{node.lineno} {node.name}"
         for name, tree in package_trees()
         for node in ast.walk(tree)
-        if isinstance(node, ast.FunctionDef) and node.end_lineno - node.lineno >= 100 and node.name not in STILL_LONG
+        if isinstance(node, ast.FunctionDef) and node.end_lineno - node.lineno >= 100
     ]
     assert not long, "; ".join(long)
 
