@@ -24,13 +24,27 @@ NEAR = np.dtype(
 )
 """What an agent sees of another."""
 
-_OFFSETS = np.radians([0.0, -10.0, 10.0, -20.0, 20.0, -35.0, 35.0, -50.0, 50.0, -70.0, 70.0, -90.0, 90.0])
-DIRECTIONS = np.round(np.column_stack((np.cos(_OFFSETS), np.sin(_OFFSETS))), 12)
-"""Directions beside straight ahead, as unit vectors, in the order in which they are tried."""
+DIRECTIONS = np.array(
+    [
+        (1.0, 0.0),
+        (0.984807753012, -0.173648177667),
+        (0.984807753012, 0.173648177667),
+        (0.939692620786, -0.342020143326),
+        (0.939692620786, 0.342020143326),
+        (0.819152044289, -0.573576436351),
+        (0.819152044289, 0.573576436351),
+        (0.642787609687, -0.766044443119),
+        (0.642787609687, 0.766044443119),
+        (0.342020143326, -0.939692620786),
+        (0.342020143326, 0.939692620786),
+        (0.0, -1.0),
+        (0.0, 1.0),
+    ]
+)
+"""Unit vectors beside straight ahead: 0, 10, 20, 35, 50, 70 and 90 degrees to either side, as they are tried."""
 
-_TURNS = np.radians([0.0, 40.0, 75.0])
-TURNS = np.round(np.column_stack((np.cos(_TURNS), np.sin(_TURNS))), 12)
-"""Cosine and sine of the turns of the shoulders that are tried."""
+TURNS = np.array([(1.0, 0.0), (0.766044443119, 0.642787609687), (0.258819045103, 0.965925826289)])
+"""Cosine and sine of the turns of the shoulders that are tried: 0, 40 and 75 degrees."""
 
 
 @helper

@@ -41,12 +41,14 @@ ROW = np.dtype(
 
 
 @kernel
-def sort_rows(places, left, bottom, columns, rows_up, starts, order, cells):
+def sort_rows(places, frame, starts, order, cells):
     """Sort agents by cells, and by their number within a cell (a counting sort).
 
-    ``places``: float64[n, 2] [m]. ``order``: int32[n], gets the agents; ``starts``: int64[columns * rows_up + 1], gets
-    where a cell begins in it; ``cells``: int32[n], scratch.
+    ``places``: float64[n, 2] [m]. ``frame``: left and bottom of the cells [m], columns and rows of them. ``order``:
+    int32[n], gets the agents; ``starts``: int64[columns * rows + 1], gets where a cell begins in it; ``cells``:
+    int32[n], scratch.
     """
+    left, bottom, columns, rows_up = frame
     # Count the agents of every cell.
     starts[:] = 0
     for agent in range(len(places)):

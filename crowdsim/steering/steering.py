@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,29 @@ from crowdsim.steering.walls import Walls
 MOST_CELLS = 50_000_000
 """Cells that agents may be spread over: a square of 7 km."""
 
-CHUNKS = 4
+PARTS = 4
 """Parts a thread that the rows are cut into, so that threads end together."""
+
+
+class SortedCrowd(NamedTuple):
+    """Agents sorted by cells, and what the stages of a step leave for the next ones."""
+
+    rows: NDArray[Any]
+    """ROW[n]."""
+    places: NDArray[np.float64]
+    """float64[n, 2], of the rows [m]."""
+    starts: NDArray[np.int64]
+    """Where cells begin in the rows."""
+    frame: tuple[float, float, int, int]
+    """Left and bottom of the cells [m], columns and rows of them."""
+    order: NDArray[np.int32]
+    """int32[n]: the agent of each row."""
+    near: NDArray[np.int32]
+    """int32[n, MOST_NEAR]: whom each row heeds."""
+    wanted: NDArray[Any]
+    """WANTED[n]."""
+    broadest: float
+    """Largest half breadth of all agents [m]."""
 
 
 class Steering:
@@ -33,12 +54,10 @@ class Steering:
     def __init__(
         self, legs: Walls, torso: Walls, *, leg_radius: float, rules: Rules | None = None, threads: int = 1
     ) -> None:
-        self.legs = legs
-        self.torso = torso
-        self.leg_radius = leg_radius
         self.rules = Rules() if rules is None else rules
         self.crowded = 0
         """How often an agent stood since more was near than there is room for, so far."""
+        self._walls = (legs, torso, leg_radius)
         self._threads = threads
         self._pool = ThreadPoolExecutor(threads, "steering") if threads > 1 else None
 
@@ -53,6 +72,10 @@ class Steering:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def set_walls(self, legs: Walls, torso: Walls) -> None:
+        """Take other walls from the next step on. Nobody may touch them."""
+        self._walls = (legs, torso, self._walls[2])
+
     def step(self, state: NDArray[Any]) -> None:
         """Step all agents of ``state``, records of :data:`~crowdsim.steering.row_kernels.ROW`, in place.
 
@@ -62,34 +85,63 @@ class Steering:
         count = len(state)
         if count == 0:
             return
+        crowd = self.sort(state)
+
+        # Everyone reads old rows only, so parts need not wait for each other.
+        def run(first: int) -> int:
+            last = min(first + part, count)
+            self.look(crowd, first, last)
+            self.decide(crowd, first, last)
+            return self.commit(crowd, first, last, state)
+
+        part = count if self._pool is None else -(-count // (PARTS * self._threads))
+        firsts = range(0, count, part)
+        self.crowded += sum(map(run, firsts) if self._pool is None else self._pool.map(run, firsts))
+
+    def sort(self, state: NDArray[Any]) -> SortedCrowd:
+        """Sort the agents by cells."""
+        count = len(state)
         places = np.column_stack((state["x"], state["y"]))
         low = np.floor(places.min(axis=0) / CELL) * CELL
         spread = np.floor((places.max(axis=0) - low) / CELL) + 1.0
         if not spread.prod() <= MOST_CELLS:
             raise ValueError(f"agents are spread over {spread[0]} by {spread[1]} m, more than steering can sort")
         columns, rows_up = (int(each) for each in spread)
-        frame = (float(low[0]), float(low[1]), columns, rows_up)
-        starts = np.empty(columns * rows_up + 1, np.int64)
-        order = np.empty(count, np.int32)
-        sort_rows(places, low[0], low[1], columns, rows_up, starts, order, np.empty(count, np.int32))
-        rows = np.empty(count, ROW)
-        gather_rows(state, order, rows, places)
-        near = np.empty((count, MOST_NEAR), np.int32)
-        wanted = np.empty(count, WANTED)
-        walls = (self.legs, self.torso, self.leg_radius)
-        broadest = float((state["half"] + state["radius"]).max())
+        crowd = SortedCrowd(
+            rows=np.empty(count, ROW),
+            places=places,
+            starts=np.empty(columns * rows_up + 1, np.int64),
+            frame=(float(low[0]), float(low[1]), columns, rows_up),
+            order=np.empty(count, np.int32),
+            near=np.empty((count, MOST_NEAR), np.int32),
+            wanted=np.empty(count, WANTED),
+            broadest=float((state["half"] + state["radius"]).max()),
+        )
+        sort_rows(places, crowd.frame, crowd.starts, crowd.order, np.empty(count, np.int32))
+        gather_rows(state, crowd.order, crowd.rows, places)
+        return crowd
 
-        def run(first: int) -> int:
-            last = min(first + chunk, count)
-            look_rows(rows, places, starts, frame, first, last, self.rules, near)
-            decide_rows(rows, near, first, last, walls, self.rules, wanted)
-            return int(
-                commit_rows(
-                    (rows, places, starts, frame), first, last, order, wanted, walls, broadest, self.rules.step, state
-                )
+    def look(self, crowd: SortedCrowd, first: int, last: int) -> None:
+        """Find whom the rows from ``first`` to ``last`` heed."""
+        look_rows(crowd.rows, crowd.places, crowd.starts, crowd.frame, first, last, self.rules, crowd.near)
+
+    def decide(self, crowd: SortedCrowd, first: int, last: int) -> None:
+        """Decide what they want."""
+        decide_rows(crowd.rows, crowd.near, first, last, self._walls, self.rules, crowd.wanted)
+
+    def commit(self, crowd: SortedCrowd, first: int, last: int, state: NDArray[Any]) -> int:
+        """Move them as far as that touches nobody; returns how many stood since too much was near."""
+        neighbors = (crowd.rows, crowd.places, crowd.starts, crowd.frame)
+        return int(
+            commit_rows(
+                neighbors,
+                first,
+                last,
+                crowd.order,
+                crowd.wanted,
+                self._walls,
+                crowd.broadest,
+                self.rules.step,
+                state,
             )
-
-        # Everyone reads old rows only, so parts need not wait for each other.
-        chunk = count if self._pool is None else -(-count // (CHUNKS * self._threads))
-        parts = range(0, count, chunk)
-        self.crowded += sum(map(run, parts) if self._pool is None else self._pool.map(run, parts))
+        )

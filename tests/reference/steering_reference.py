@@ -8,6 +8,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.steering.rules import Rules
+
 Lines = NDArray[np.float64]
 
 
@@ -82,19 +84,17 @@ def free_way(
     """Way until an agent meets another who keeps its velocity, by small ticks of time [m]."""
     mine = state[me]
     velocity = mine["speed"] * direction
-    for count in range(int(horizon / mine["speed"] / tick) + 1):
-        time = count * tick
-        for other, row in enumerate(state):
-            if other == me:
-                continue
-            relative = velocity - np.array([row["vx"], row["vy"]])
-            apart = np.array([row["x"] - mine["x"], row["y"] - mine["y"]])
-            if apart @ relative <= 0.0:
-                continue
-            across = abs(row["hx"] * relative[0] + row["hy"] * relative[1]) / np.hypot(*relative)
-            if np.hypot(*(apart - time * relative)) < width + row["radius"] + row["half"] * across:
-                return mine["speed"] * time
-    return horizon
+    times = np.arange(0.0, horizon / mine["speed"], tick)
+    met = np.zeros(len(times), bool)
+    for other, row in enumerate(state):
+        relative = velocity - np.array([row["vx"], row["vy"]])
+        apart = np.array([row["x"] - mine["x"], row["y"] - mine["y"]])
+        if other == me or apart @ relative <= 0.0:
+            continue
+        across = abs(row["hx"] * relative[0] + row["hy"] * relative[1]) / np.hypot(*relative)
+        distance = np.hypot(*(apart[:, None] - times * relative[:, None]))
+        met |= distance < width + row["radius"] + row["half"] * across
+    return float(mine["speed"] * times[met][0]) if met.any() else horizon
 
 
 def wall_distance(segments: NDArray[np.float64], x: float, y: float) -> float:
@@ -126,3 +126,155 @@ def smallest_gaps(
                 to_walls = min(to_walls, segment_to_segment(ends, wall.reshape(2, 2)) - state["radius"][i])
                 to_walls = min(to_walls, point_to_segment(places[i], wall.reshape(2, 2)) - leg_radius)
     return people, to_walls
+
+
+def turned(vector: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
+    """A vector turned counter-clockwise."""
+    return np.array(
+        [
+            vector[0] * math.cos(angle) - vector[1] * math.sin(angle),
+            vector[1] * math.cos(angle) + vector[0] * math.sin(angle),
+        ]
+    )
+
+
+class Decision:
+    """What an agent wants in a place without walls, rule by rule; ``heeded`` are the rows that it heeds."""
+
+    def __init__(self, state: NDArray[np.void], me: int, heeded: list[int], rules: Rules) -> None:
+        self.state, self.mine, self.rules, self.me = state, state[me], rules, me
+        self.heeded = heeded
+        self.way = np.array([self.mine["gx"], self.mine["gy"]])
+        self.goes = bool(self.way.any())
+        self.key = self.mine["togo"] + rules.identity * self.mine["share"]
+        self.turn = 0.0
+        self.opposed = self.hear() if self.goes else 0.0
+        velocity = self.give_way()
+        if velocity is None and self.goes:
+            velocity = self.let_merge()
+        if velocity is None:
+            velocity = self.follow() if self.goes else np.zeros(2)
+        self.wanted = velocity
+        now = np.array([self.mine["vx"], self.mine["vy"]])
+        change = (velocity - now) * rules.step / rules.relaxation
+        size = np.hypot(*change)
+        self.velocity = now + change * min(1.0, rules.acceleration * rules.step / size if size > 0.0 else 1.0)
+
+    def apart(self, other: int) -> NDArray[np.float64]:
+        return np.array([self.state[other]["x"] - self.mine["x"], self.state[other]["y"] - self.mine["y"]])
+
+    def intent(self, other: int) -> NDArray[np.float64]:
+        return np.array([self.state[other]["ix"], self.state[other]["iy"]])
+
+    def hear(self) -> float:
+        news = [0.0, self.mine["opposed"] - 0.5 * self.rules.step]
+        for other in self.heeded:
+            row, apart = self.state[other], self.apart(other)
+            along = self.intent(other) @ self.way
+            if apart @ self.way <= 0.0:
+                continue
+            if row["goal"] != self.mine["goal"] and along < -0.3:
+                if abs(cross(self.way, apart)) < 1.5:
+                    return 1.0
+            elif along > 0.3:
+                news.append(self.rules.news * row["opposed"] - 0.02)
+        return max(news)
+
+    def give_way(self) -> NDArray[np.float64] | None:
+        highest, first = max(self.mine["rank"] if self.goes else 0.0, self.rules.yield_after), None
+        for other in self.heeded:
+            row, apart = self.state[other], self.apart(other)
+            opposing = not self.goes or self.intent(other) @ self.way <= -0.3
+            breadth = self.mine["half"] + self.mine["radius"] + row["half"] + row["radius"]
+            in_its_way = -apart @ self.intent(other) > 0.0 and abs(cross(self.intent(other), apart)) < breadth
+            near = np.hypot(*apart) <= self.rules.yield_reach
+            if row["rank"] > highest and row["goal"] != self.mine["goal"] and opposing and in_its_way and near:
+                highest, first = row["rank"], other
+        if first is None:
+            return None
+        its_way = self.intent(first)
+        # My right is its left, unless I stand clearly on its right.
+        left_of_it = -cross(its_way, self.apart(first))
+        aside = turned(its_way, math.pi / 2 if left_of_it > -0.25 else -math.pi / 2)
+        return self.rules.yield_aside * aside + self.rules.yield_along * its_way
+
+    def let_merge(self) -> NDArray[np.float64] | None:
+        away = np.zeros(2)
+        for other in self.heeded:
+            row, apart = self.state[other], self.apart(other)
+            distance = np.hypot(*apart)
+            first = row["goal"] == self.mine["goal"] and row["key"] < self.key
+            behind = apart @ self.intent(other) > self.rules.merge_behind * distance
+            waits = row["stuck"] > self.rules.merge_after and distance <= 1.0
+            if first and waits and not behind and gap(self.state, self.me, other) < self.rules.merge_gap:
+                away -= apart / distance
+        size = np.hypot(*away)
+        return None if size == 0.0 else self.rules.merge_speed * away / size
+
+    def follow(self) -> NDArray[np.float64]:
+        rules, mine = self.rules, self.mine
+        angle = rules.keep_right * self.opposed
+        blocked = any(
+            np.hypot(*self.apart(other)) < 1.0
+            and self.apart(other) @ self.way > 0.0
+            and cross(self.way, self.apart(other)) < 0.25
+            for other in self.heeded
+        )
+        if self.opposed > 0.0 and mine["stuck"] > 0.0 and blocked:
+            angle += rules.sidle * min(1.0, mine["stuck"])
+        ahead = turned(self.way, -angle)
+        best = self.best_direction(ahead, [0.0])
+        if best[2] <= rules.tight:
+            best = min(best, self.best_direction(ahead, [40.0, 75.0]), key=lambda each: each[0])
+        _, direction, _, self.turn = best
+        return self.speed(direction) * direction
+
+    def best_direction(self, ahead: NDArray[np.float64], turns: list[float]) -> tuple[float, NDArray, float, float]:
+        rules, mine, horizon = self.rules, self.mine, self.rules.horizon
+        velocity = np.array([mine["vx"], mine["vy"]])
+        pace = np.hypot(*velocity)
+        tried = []
+        for turn in np.radians(turns):
+            for offset in np.radians([0, -10, 10, -20, 20, -35, 35, -50, 50, -70, 70, -90, 90]):
+                direction = turned(ahead, offset)
+                width = mine["half"] * math.cos(turn) + mine["radius"]
+                others = self.state[[self.me, *self.heeded]]
+                way = free_way(others, 0, direction, width, horizon, tick=2e-3)
+                score = horizon**2 + way**2 - 2.0 * horizon * way * math.cos(offset)
+                score += rules.turn_cost * horizon * (1.0 - math.cos(turn))
+                if pace > 0.1:
+                    score += rules.inertia * horizon * (1.0 - direction @ velocity / pace)
+                if offset > 0.0:
+                    score += rules.left_bias * horizon
+                if offset == 0.0 and way >= horizon:
+                    return (score, direction, way, turn)
+                tried.append((score, direction, way, turn))
+        return min(tried, key=lambda each: each[0])
+
+    def speed(self, direction: NDArray[np.float64]) -> float:
+        rules, mine = self.rules, self.mine
+        speed = mine["speed"] * (1.0 - rules.turned_slowdown * (1.0 - math.cos(self.turn)))
+        led = False
+        for other in self.heeded:
+            row, apart = self.state[other], self.apart(other)
+            same = row["goal"] == mine["goal"]
+            goes_first = row["key"] < mine["key"]
+            share = (rules.swath_before if goes_first else rules.swath_behind) if same else rules.swath
+            both = mine["half"] * math.cos(self.turn) + mine["radius"] + row["radius"]
+            both += row["half"] * abs(row["hx"] * direction[0] + row["hy"] * direction[1])
+            aside = abs(cross(direction, apart))
+            if apart @ direction <= 0.0 or aside >= share * both:
+                continue
+            free = gap(self.state, self.me, other)
+            allowed = max(0.0, free - rules.standoff + rules.offset_gain * (aside / both) ** 2) / rules.headway
+            leading = max(0.0, row["vx"] * direction[0] + row["vy"] * direction[1])
+            speed = min(speed, allowed + rules.leader * leading * min(1.0, max(free, 0.0) / rules.leader_gap))
+            led |= free < 0.4 and self.intent(other) @ self.way > 0.3 and (not same or goes_first)
+        creep = rules.creep * np.clip((mine["stuck"] - 0.3) / 2.0, 0.0, 1.0)
+        if not led:
+            creep = max(creep, rules.creep_first * np.clip(mine["stuck"] - 0.2, 0.0, 1.0))
+        return max(speed, min(creep, mine["speed"]))
+
+
+def cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    return float(a[0] * b[1] - a[1] * b[0])

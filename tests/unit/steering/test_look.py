@@ -48,7 +48,7 @@ def test_cells_and_neighbors(count, side):
     columns = rows_up = int(side) + 1
     starts = np.empty(columns * rows_up + 1, np.int64)
     order = np.empty(count, np.int32)
-    sort_rows(places, 0.0, 0.0, columns, rows_up, starts, order, np.empty(count, np.int32))
+    sort_rows(places, (0.0, 0.0, columns, rows_up), starts, order, np.empty(count, np.int32))
     cells = places[:, 1].astype(int) * columns + places[:, 0].astype(int)
     assert order.tolist() == sorted(range(count), key=lambda each: (cells[each], each))
     assert starts.tolist() == [int((cells < cell).sum()) for cell in range(columns * rows_up + 1)]

@@ -1,0 +1,119 @@
+"""What agents want, against the rules written down one by one."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from crowdsim.steering.decide_kernels import WANTED, decide_rows
+from crowdsim.steering.look_kernels import MOST_NEAR
+from crowdsim.steering.rules import Rules
+from crowdsim.steering.walls import build_walls
+from tests.reference import steering_reference as reference
+from tests.support.steered import State, agents, scatter
+
+
+def _decide(state: State, near: np.ndarray) -> np.ndarray:
+    wanted = np.zeros(len(state), WANTED)
+    walls = (build_walls([]), build_walls([]), 0.1)
+    decide_rows(state, near, 0, len(state), walls, Rules(), wanted)
+    return wanted
+
+
+def _near(state: State) -> tuple[list[list[int]], np.ndarray]:
+    heeded = [reference.nearest_agents(state, me, 3.0, MOST_NEAR) for me in range(len(state))]
+    near = np.full((len(state), MOST_NEAR), -1, np.int32)
+    for me, others in enumerate(heeded):
+        near[me, : len(others)] = others
+    return heeded, near
+
+
+def _busy(seed: int) -> State:
+    """A crowd in the midst of all that the rules speak of."""
+    rng = np.random.default_rng(seed)
+    # In pairs, so near each other that some could touch in a step.
+    places = scatter(rng, 12, (0, 0), (4.5, 4.5)).repeat(2, axis=0)
+    places[1::2] += [0.3, 0.0]
+    state = agents(places, rng.normal(0.0, 0.1, 24), rng.integers(0, 3, 24), rng)
+    way = rng.uniform(-math.pi, math.pi, 24)
+    state["gx"], state["gy"] = np.cos(way), np.sin(way)
+    intent = way + rng.normal(0.0, 0.3, 24)
+    state["ix"], state["iy"] = np.cos(intent), np.sin(intent)
+    pace = rng.uniform(0.0, 1.3, 24) * rng.integers(0, 2, 24)
+    state["vx"], state["vy"] = pace * np.cos(way), pace * np.sin(way)
+    state["togo"] = rng.uniform(0.0, 6.0, 24)
+    state["key"] = state["togo"] + Rules().identity * state["share"]
+    state["stuck"] = rng.uniform(-3.0, 6.0, 24).clip(0.0)
+    state["rank"] = state["stuck"] + 0.001 * state["share"]
+    state["opposed"] = rng.random(24) * rng.integers(0, 2, 24)
+    stays = rng.random(24) < 0.15
+    state["gx"][stays] = state["gy"][stays] = state["ix"][stays] = state["iy"][stays] = 0.0
+    return state
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_decisions_follow_the_rules(seed):
+    state = _busy(seed)
+    heeded, near = _near(state)
+    wanted = _decide(state, near)
+    alike = 0
+    for me in range(len(state)):
+        expected = reference.Decision(state, me, heeded[me], Rules())
+        assert wanted["opposed"][me] == pytest.approx(expected.opposed, abs=1e-9)
+        found = np.array([wanted["vx"][me], wanted["vy"][me]])
+        alike += bool(np.allclose(found, expected.velocity, atol=2e-3))
+    # Two directions may score the same but for the ticks of the slow twin.
+    assert alike >= len(state) - 1
+
+
+def test_rules_that_need_a_certain_place():
+    seen = {"gave way": 0, "merged": 0}
+    for seed in range(6):
+        state = _busy(seed)
+        heeded, near = _near(state)
+        wanted = _decide(state, near)
+        for me in range(len(state)):
+            decision = reference.Decision(state, me, heeded[me], Rules())
+            gave_way = decision.give_way() is not None
+            merged = not gave_way and decision.goes and decision.let_merge() is not None
+            seen["gave way"] += gave_way
+            seen["merged"] += merged
+            # What is inherited: rank of whom it gives way to, key of whom it lets merge.
+            if gave_way:
+                assert wanted["rank"][me] > Rules().yield_after - 0.01
+            elif merged:
+                assert wanted["key"][me] < decision.key
+            else:
+                assert wanted["rank"][me] == state["stuck"][me] + 0.001 * state["share"][me]
+                assert wanted["key"][me] == decision.key
+    assert seen["gave way"] > 0
+    assert seen["merged"] > 0
+
+
+def test_a_follower_keeps_a_time_gap():
+    rng = np.random.default_rng(1)
+    state = agents(np.array([[0.0, 0.0], [0.8, 0.0]]), np.zeros(2), np.zeros(2, int), rng)
+    state["key"] = state["togo"] = [10.0, 9.0]
+    state["vx"] = [1.0, 0.4]
+    state["ix"] = 1.0
+    heeded, near = _near(state)
+    rules = Rules()
+    gap = 0.8 - 2 * 0.125
+    allowed = (gap - rules.standoff) / rules.headway + rules.leader * 0.4 * min(1.0, gap / rules.leader_gap)
+    assert reference.Decision(state, 0, heeded[0], rules).speed(np.array([1.0, 0.0])) == pytest.approx(allowed)
+    wanted = _decide(state, near)
+    # Nobody slows down, or speeds up, faster than people do.
+    assert abs(wanted["vx"][0] - 1.0) <= rules.acceleration * rules.step + 1e-12
+
+
+def test_who_stays_wants_nothing():
+    rng = np.random.default_rng(2)
+    state = agents(np.array([[0.0, 0.0], [0.0, 0.6]]), np.zeros(2), np.zeros(2, int), rng)
+    for name in ("gx", "gy", "ix", "iy"):
+        state[name] = 0.0
+    wanted = _decide(state, _near(state)[1])
+    assert not wanted["vx"].any()
+    assert not wanted["vy"].any()
+    assert not wanted["turn"].any()
