@@ -1,4 +1,7 @@
-"""Runs give the same bits with the lowest numba that is supported, and with numba as it comes."""
+"""Plans cost the same to the last bit with the lowest numba that is supported, and with numba as it comes.
+
+Whole runs are compared by ``tools/same_bits.py --versions``; plans take a quarter of the time to compile.
+"""
 
 import json
 import subprocess
@@ -14,12 +17,12 @@ LOWEST = ("numba==0.61.0", "numpy==2.0.*")
 RUN = """
 import json, numba
 from tests.support import golden
-print(json.dumps([numba.__version__, golden.library_figures("doorway")]))
+print(json.dumps([numba.__version__, golden.plan_costs("normal")]))
 """
 
 
-def version_and_figures(environment: dict[str, str], **variables: str) -> tuple[str, dict[str, object]]:
-    """Version of numba in a process of its own, and what the run of a short scenario gives there."""
+def version_and_costs(environment: dict[str, str], **variables: str) -> tuple[str, list[float]]:
+    """Version of numba in a process of its own, and what plans cost there."""
     done = subprocess.run(
         [sys.executable, "-W", "error::RuntimeWarning", "-c", RUN],
         cwd=ROOT,
@@ -28,22 +31,22 @@ def version_and_figures(environment: dict[str, str], **variables: str) -> tuple[
         text=True,
     )
     assert done.returncode == 0, done.stderr
-    version, figures = json.loads(done.stdout.splitlines()[-1])
-    return version, figures
+    version, costs = json.loads(done.stdout.splitlines()[-1])
+    return version, costs
 
 
 @pytest.fixture(scope="module")
-def expected() -> dict[str, object]:
-    stored: dict[str, object] = json.loads(golden.FILE.read_text(encoding="utf-8"))["scenarios"]["doorway"]
+def expected() -> list[float]:
+    stored: list[float] = json.loads(golden.FILE.read_text(encoding="utf-8"))["plans"]["normal"]
     return stored
 
 
-def test_numba_as_it_comes_gives_the_same_run(environment: dict[str, str], expected: dict[str, object]) -> None:
-    assert version_and_figures(environment, CROWDSIM_PLAIN_NUMBA="1")[1] == expected
+def test_numba_as_it_comes_gives_the_same_plans(environment: dict[str, str], expected: list[float]) -> None:
+    assert version_and_costs(environment, CROWDSIM_PLAIN_NUMBA="1")[1] == expected
 
 
-def test_the_lowest_numba_gives_the_same_run(
-    environment: dict[str, str], expected: dict[str, object], tmp_path: Path
+def test_the_lowest_numba_gives_the_same_plans(
+    environment: dict[str, str], expected: list[float], tmp_path: Path
 ) -> None:
     """With its private parts: a warning that these do not fit is an error. All other tests run the highest."""
     install = [sys.executable, "-m", "pip", "install", "-qq", "--target", str(tmp_path), *LOWEST]
@@ -52,6 +55,6 @@ def test_the_lowest_numba_gives_the_same_run(
         pytest.skip(f"the package index gives no {LOWEST[0]}: {done.stderr.strip().splitlines()[-1]}")
     assert done.returncode == 0, done.stderr
     path = f"{tmp_path}:{environment['PYTHONPATH']}"
-    version, figures = version_and_figures(environment, PYTHONPATH=path)
+    version, costs = version_and_costs(environment, PYTHONPATH=path)
     assert version == "0.61.0"
-    assert figures == expected
+    assert costs == expected
