@@ -1,0 +1,176 @@
+"""What a place lets bodies do, made once for a place and a set of behaviors and shared by all fields."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import GeometryError
+from crowdsim.planning.labels.labelling_kernels import SWITCH_COST
+from crowdsim.planning.query.requirements import Requirements
+from crowdsim.steering.guidance.ground_kernels import (
+    BOX,
+    CORNER,
+    SPARE,
+    bound_distances,
+    list_segments,
+    set_pins,
+    set_ways,
+)
+
+Frame = tuple[float, float, int, int]
+
+EDGE = 2 * BOX
+"""Free boxes around the walls of a place [m]."""
+
+_ROUNDING = 1e-6
+"""Share by which a clearance may be too small and still count: paths touch corners at exactly theirs."""
+
+
+class Crowding(NamedTuple):
+    """By how much the crowd makes a meter dearer in cells of a grid, as kernels take it."""
+
+    load: NDArray[np.float32]
+    """float32[rows, columns], 1 for not at all."""
+    left: float
+    bottom: float
+    cell: float
+    """Side of a cell [m]."""
+    crowded: bool
+    """Whether anything counts at all."""
+
+
+NOBODY = Crowding(np.ones((1, 1), np.float32), 0.0, 0.0, 0.5, False)
+"""An empty place."""
+
+
+class Ground(NamedTuple):
+    """Boxes of a place, row by row, as kernels take them; see :mod:`crowdsim.steering.guidance.ground_kernels`.
+
+    n behaviors, narrowest first, on m layers.
+    """
+
+    segments: NDArray[np.float64]
+    """float64[k, 4]: both ends of the walls of all layers [m]."""
+    layers: NDArray[np.int64]
+    """int64[k]: the layer of each."""
+    radii: NDArray[np.float64]
+    """float64[n, m]: clearance that a behavior needs on a layer [m]."""
+    costs: NDArray[np.float64]
+    """float64[n]: cost of a meter."""
+    change: float
+    """Cost of a change of behavior."""
+    reach: float
+    """Largest of the clearances [m]."""
+    least: float
+    """Smallest of them [m]."""
+    left: float
+    bottom: float
+    columns: int
+    rows: int
+    starts: NDArray[np.int32]
+    """int32[boxes + 1]: where the list of a box begins."""
+    lists: NDArray[np.int32]
+    """Segments near the boxes."""
+    far: NDArray[np.uint8]
+    """uint8[rows, columns]: lower bound of the distance from a center to the nearest wall."""
+    pins: NDArray[np.int8]
+    """int8[boxes, 2]: from the center of a box to its pin."""
+    widest: NDArray[np.int8]
+    """int8[boxes]: widest behavior that fits at the pin, -1 for none."""
+    ways: NDArray[np.uint8]
+    """uint8[boxes]: bits of the eight directions in which something fits all along the line to the next pin."""
+    pure: NDArray[np.uint8]
+    """uint8[boxes]: bits of those in which the widest behavior does."""
+
+    @property
+    def frame(self) -> Frame:
+        """Left, bottom [m], columns and rows."""
+        return self.left, self.bottom, self.columns, self.rows
+
+
+def build_ground(
+    segments: Sequence[Any],
+    need: Requirements,
+    *,
+    bounds: tuple[float, float, float, float] | None = None,
+    wider: float = 0.0,
+) -> Ground:
+    """Ground of a place with these walls.
+
+    Parameters
+    ----------
+    segments: for each layer, the legs' first, float64[k, 4], both ends of its walls [m].
+    need: what the behaviors ask for on these layers.
+    bounds: x and y of the lower left and upper right corner of what is looked at [m]; that of the walls if None.
+    wider: by how much the bodies of this width class need more clearance than the behaviors' [m].
+
+    Raises
+    ------
+    GeometryError: if there are not as many layers as behaviors were measured on, or neither walls nor bounds.
+    """
+    if len(segments) != need.radii.shape[1]:
+        raise GeometryError(f"walls of {len(segments)} layers do not go with behaviors of {need.radii.shape[1]}")
+    walls = [np.ascontiguousarray(each, np.float64).reshape(-1, 4) for each in segments]
+    every = np.concatenate(walls)
+    layers = np.repeat(np.arange(len(walls)), [len(each) for each in walls]).astype(np.int64)
+    frame = _frame_of(every, bounds)
+    radii = np.ascontiguousarray((need.radii + wider) * (1.0 - _ROUNDING))
+    reach = float(radii.max())
+    starts, lists, far = _near(every, reach, frame)
+    boxes = frame[2] * frame[3]
+    ground = Ground(
+        every,
+        layers,
+        radii,
+        need.costs.astype(np.float64),
+        SWITCH_COST * float(need.costs[-1]),
+        reach,
+        float(radii.min()),
+        *frame,
+        starts,
+        lists,
+        far,
+        np.zeros((boxes, 2), np.int8),
+        np.zeros(boxes, np.int8),
+        np.zeros(boxes, np.uint8),
+        np.zeros(boxes, np.uint8),
+    )
+    set_pins(ground, 0, frame[3], 0, frame[2])
+    set_ways(ground, NOBODY, 0, frame[3], 0, frame[2])
+    return ground
+
+
+def _frame_of(segments: NDArray[np.float64], bounds: tuple[float, float, float, float] | None) -> Frame:
+    """The boxes that hold ``bounds``, or the walls, on one lattice for all places."""
+    if bounds is None:
+        if not len(segments):
+            raise GeometryError("a place without walls needs bounds")
+        corners = segments.reshape(-1, 2)
+        low, high = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+    else:
+        low, high = list(bounds[:2]), list(bounds[2:])
+    if not all(math.isfinite(each) for each in low + high):
+        raise GeometryError("walls and bounds need finite coordinates")
+    first = [math.floor((each - EDGE) / BOX) for each in low]
+    last = [math.ceil((each + EDGE) / BOX) for each in high]
+    return first[0] * BOX, first[1] * BOX, last[0] - first[0], last[1] - first[1]
+
+
+def _near(
+    segments: NDArray[np.float64], reach: float, frame: Frame
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.uint8]]:
+    """Lists of segments near boxes, and lower bounds of distances."""
+    listed = reach + CORNER + SPARE
+    starts = np.zeros(frame[2] * frame[3] + 1, np.int32)
+    count = list_segments(segments, listed, frame, starts, np.zeros(0, np.int32))
+    lists = np.zeros(count, np.int32)
+    if count:
+        list_segments(segments, listed, frame, starts, lists)
+    far = np.zeros((frame[3], frame[2]), np.uint8)
+    bound_distances(segments, starts, lists, listed, frame, far)
+    return starts, lists, far

@@ -1,0 +1,359 @@
+"""What a place lets bodies do: which behavior fits where, and what a straight line through it costs.
+
+The place is cut into boxes of :data:`BOX` meters. A box lists the wall segments near it, so that clearances are exact
+anywhere in it, and has one *pin*, the point that stands for it: its center if the widest behavior fits there, else the
+point of the box where the widest behavior that fits anywhere in it has most room. So a gap stays open however narrow it
+is and however it lies to the boxes.
+"""
+
+import math
+
+import numpy as np
+
+from crowdsim.geometry.segments_kernels import point_segment_distance2
+from crowdsim.jit import helper, kernel
+
+BOX = 0.25
+"""Side of a box [m]. A larger one would hold both sides of a thin wall, as planned clearances are 0.2 m and more."""
+
+CORNER = BOX * math.sqrt(0.5)
+"""From the center of a box to its corners [m]."""
+
+SPARE = 0.05
+"""Room beyond what a behavior needs that a pin looks for [m]; more does not count."""
+
+FAR_UNIT = 0.02
+"""Of the lower bounds of distances to walls, kept as bytes [m]."""
+
+PIN_UNIT = 0.001
+"""Of the ways from the centers of boxes to their pins, kept as signed bytes [m]."""
+
+PACE = 0.06
+"""Step along a line near walls [m]."""
+
+EAST = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
+STEPS = np.array(EAST, np.int64)
+"""Columns and rows to the eight boxes around a box, counter-clockwise."""
+
+_CLOSER = 12
+"""Bits of the pattern search for pins: rounds, each with steps two thirds as long as the one before."""
+
+
+@kernel
+def list_segments(segments, reach, frame, starts, lists):
+    """List the segments nearer than ``reach`` to the centers of boxes.
+
+    Call once with an empty ``lists`` to fill ``starts``, then with room for all. ``segments``: float64[n, 4] [m].
+    ``frame``: left, bottom [m], columns, rows. ``starts``: int32[boxes + 1]. Returns the number of entries.
+    """
+    left, bottom, columns, rows = frame
+    filling = len(lists) > 0
+    if not filling:
+        starts[:] = 0
+    for number in range(len(segments)):
+        ax, ay, bx, by = segments[number]
+        low_row = max(int(math.floor((min(ay, by) - reach - bottom) / BOX)), 0)
+        high_row = min(int(math.floor((max(ay, by) + reach - bottom) / BOX)), rows - 1)
+        for row in range(low_row, high_row + 1):
+            y = bottom + (row + 0.5) * BOX
+            # Of a long slanting segment only the part beside this row matters.
+            low, high = min(ax, bx), max(ax, bx)
+            if by != ay:
+                s = min(max((y - reach - ay) / (by - ay), 0.0), 1.0)
+                t = min(max((y + reach - ay) / (by - ay), 0.0), 1.0)
+                s = ax + s * (bx - ax)
+                t = ax + t * (bx - ax)
+                low, high = min(s, t), max(s, t)
+            low_column = max(math.floor((low - reach - left) / BOX), 0)
+            high_column = min(math.floor((high + reach - left) / BOX), columns - 1)
+            for column in range(low_column, high_column + 1):
+                x = left + (column + 0.5) * BOX
+                if point_segment_distance2(x, y, ax, ay, bx, by) < reach * reach:
+                    box = row * columns + column
+                    if filling:
+                        lists[starts[box + 1]] = number
+                    starts[box + 1] += 1
+    if filling:
+        return len(lists)
+    # Where each box begins, one place on: filling moves it to where it ends, which is where the next begins.
+    total = 0
+    for box in range(1, len(starts)):
+        count = starts[box]
+        starts[box] = total
+        total += count
+    return total
+
+
+@kernel
+def bound_distances(segments, starts, lists, reach, frame, far):
+    """Fill ``far`` (uint8[rows, columns]) with lower bounds of the distances from box centers to the nearest segment.
+
+    Exact, but for the unit, below ``reach``. Beyond, two sweeps of a chamfer distance whose steps are so short that it
+    never exceeds the Euclidean one (Borgefors 1986), less what the centers of boxes may be off.
+    """
+    left, bottom, columns, rows = frame
+    straight = BOX * 0.92387
+    diagonal = straight * math.sqrt(2.0)
+    most = 255 * FAR_UNIT
+    bound = np.full((rows, columns), most + 2.0 * BOX, np.float32)
+    for row in range(rows):
+        for column in range(columns):
+            box = row * columns + column
+            x = left + (column + 0.5) * BOX
+            y = bottom + (row + 0.5) * BOX
+            for entry in range(starts[box], starts[box + 1]):
+                ax, ay, bx, by = segments[lists[entry]]
+                bound[row, column] = min(bound[row, column], math.sqrt(point_segment_distance2(x, y, ax, ay, bx, by)))
+    for sweep in range(2):
+        for j in range(rows):
+            row = j if sweep == 0 else rows - 1 - j
+            back = row - 1 if sweep == 0 else row + 1
+            for i in range(columns):
+                column = i if sweep == 0 else columns - 1 - i
+                before = column - 1 if sweep == 0 else column + 1
+                least = bound[row, column]
+                if 0 <= before < columns:
+                    least = min(least, bound[row, before] + straight)
+                if 0 <= back < rows:
+                    least = min(least, bound[back, column] + straight)
+                    if column > 0:
+                        least = min(least, bound[back, column - 1] + diagonal)
+                    if column + 1 < columns:
+                        least = min(least, bound[back, column + 1] + diagonal)
+                bound[row, column] = least
+    for row in range(rows):
+        for column in range(columns):
+            box = row * columns + column
+            known = bound[row, column]
+            if starts[box] == starts[box + 1]:
+                known = max(known - 2.0 * CORNER - 0.01, reach)
+            far[row, column] = min(int(known / FAR_UNIT), 255)
+
+
+@helper
+def box_at(ground, x, y):
+    """Number of the box that holds a place, -1 outside."""
+    column = math.floor((x - ground.left) / BOX)
+    row = math.floor((y - ground.bottom) / BOX)
+    if not (0 <= column < ground.columns and 0 <= row < ground.rows):
+        return -1
+    return row * ground.columns + column
+
+
+@helper
+def pin_of(ground, box):
+    """The point that stands for a box [m]."""
+    row = box // ground.columns
+    column = box - row * ground.columns
+    x = ground.left + (column + 0.5) * BOX + PIN_UNIT * ground.pins[box, 0]
+    return x, ground.bottom + (row + 0.5) * BOX + PIN_UNIT * ground.pins[box, 1]
+
+
+@helper
+def margin_at(ground, box, x, y, behavior):
+    """Room at a place of ``box`` beyond what a behavior needs, negative if it does not fit, at most SPARE [m]."""
+    least = SPARE
+    for entry in range(ground.starts[box], ground.starts[box + 1]):
+        number = ground.lists[entry]
+        needed = ground.radii[behavior, ground.layers[number]]
+        ax, ay, bx, by = ground.segments[number]
+        square = point_segment_distance2(x, y, ax, ay, bx, by)
+        if square < (needed + least) * (needed + least):
+            least = math.sqrt(square) - needed
+    return least
+
+
+@helper
+def widest_at(ground, box, x, y):
+    """The widest behavior that fits at a place of ``box``, -1 for none."""
+    fits = len(ground.costs) - 1
+    for entry in range(ground.starts[box], ground.starts[box + 1]):
+        number = ground.lists[entry]
+        layer = ground.layers[number]
+        ax, ay, bx, by = ground.segments[number]
+        square = point_segment_distance2(x, y, ax, ay, bx, by)
+        while fits >= 0 and square < ground.radii[fits, layer] * ground.radii[fits, layer]:
+            fits -= 1
+        if fits < 0:
+            break
+    return fits
+
+
+@helper
+def load_at(crowding, x, y):
+    """By how much the crowd makes a meter dearer at a place, 1 for not at all."""
+    column = math.floor((x - crowding.left) / crowding.cell)
+    row = math.floor((y - crowding.bottom) / crowding.cell)
+    height, width = crowding.load.shape
+    if not (0 <= column < width and 0 <= row < height):
+        return 1.0
+    return float(crowding.load[row, column])
+
+
+@helper
+def line_cost(ground, crowding, px, py, qx, qy, most):
+    """Cost of the straight line from p to q with the cheapest behavior at each place, infinite where none fits.
+
+    ``most``: the cost above which the caller does not care; infinite is returned for more. A change of behavior costs
+    as it does in plans. Where walls are far, steps are as long as no wall can come near.
+    """
+    top = len(ground.costs) - 1
+    dx = qx - px
+    dy = qy - py
+    length = math.sqrt(dx * dx + dy * dy)
+    if length == 0.0:
+        return 0.0
+    dx /= length
+    dy /= length
+    longest = crowding.cell if crowding.crowded else math.inf
+    cost = 0.0
+    along = 0.0
+    before = -1
+    while along < length:
+        x = px + along * dx
+        y = py + along * dy
+        box = box_at(ground, x, y)
+        if box < 0:
+            return math.inf
+        row = box // ground.columns
+        column = box - row * ground.columns
+        off_x = x - (ground.left + (column + 0.5) * BOX)
+        off_y = y - (ground.bottom + (row + 0.5) * BOX)
+        room = ground.far[row, column] * FAR_UNIT - math.sqrt(off_x * off_x + off_y * off_y) - ground.reach
+        # Far from walls: everything within the distance to the nearest one is wide enough.
+        label = top
+        step = min(room, longest, length - along)
+        if room < PACE:
+            # Near walls: what fits in the middle of a short step.
+            step = min(PACE, length - along)
+            x += 0.5 * step * dx
+            y += 0.5 * step * dy
+            box = box_at(ground, x, y)
+            label = widest_at(ground, box, x, y) if box >= 0 else -1
+            if label < 0:
+                return math.inf
+        meter = ground.costs[label]
+        if crowding.crowded:
+            meter *= load_at(crowding, px + (along + 0.5 * step) * dx, py + (along + 0.5 * step) * dy)
+        cost += step * meter
+        if before >= 0 and label != before:
+            cost += ground.change
+        if cost > most:
+            return math.inf
+        before = label
+        along += step
+        if length - along < 1e-9:
+            break
+    return cost
+
+
+@helper
+def _better_pin(ground, box, behavior, x, y, low_x, low_y):
+    """The place of a box where a behavior has most room, looked for from (x, y) by a pattern search; and the room."""
+    best = margin_at(ground, box, x, y, behavior)
+    step = 0.06
+    inner = 0.49 * BOX
+    for _ in range(_CLOSER):
+        moved = True
+        while moved and best < SPARE:
+            moved = False
+            for k in range(8):
+                u = min(max(x + step * STEPS[k, 0], low_x - inner), low_x + inner)
+                v = min(max(y + step * STEPS[k, 1], low_y - inner), low_y + inner)
+                margin = margin_at(ground, box, u, v, behavior)
+                if margin > best + 1e-5:
+                    best, x, y = margin, u, v
+                    moved = True
+        step *= 0.66
+    return best, x, y
+
+
+@kernel
+def set_pins(ground, first_row, last_row, first_column, last_column):
+    """Choose the pins of the boxes of a window, and which is the widest behavior that fits there (``widest``)."""
+    top = len(ground.costs) - 1
+    for row in range(first_row, last_row):
+        for column in range(first_column, last_column):
+            box = row * ground.columns + column
+            ground.pins[box, 0] = 0
+            ground.pins[box, 1] = 0
+            cx = ground.left + (column + 0.5) * BOX
+            cy = ground.bottom + (row + 0.5) * BOX
+            fits = widest_at(ground, box, cx, cy)
+            ground.widest[box] = fits
+            if fits == top:
+                continue
+            # Nothing fits anywhere in the box if a wall is nearer than that to its center.
+            if (ground.far[row, column] + 1) * FAR_UNIT + CORNER < ground.least:
+                continue
+            best = -1
+            best_margin = -math.inf
+            best_off = math.inf
+            bx = cx
+            by = cy
+            for j in range(-2, 3):
+                for i in range(-2, 3):
+                    x = cx + 0.2 * BOX * i
+                    y = cy + 0.2 * BOX * j
+                    label = max(widest_at(ground, box, x, y), 0)
+                    margin = margin_at(ground, box, x, y, label)
+                    off = float(i * i + j * j)
+                    if margin < 0.0 and best >= 0 and best_margin >= 0.0:
+                        continue
+                    # A wider behavior, more room for it, or as much nearer to the center.
+                    first = best < 0 or (margin >= 0.0 and best_margin < 0.0) or label > best
+                    if not first and label < best:
+                        continue
+                    if first or margin > best_margin + 1e-9 or (margin > best_margin - 1e-9 and off < best_off):
+                        best, best_margin, best_off, bx, by = label, margin, off, x, y
+            if best_margin < SPARE:
+                best_margin, bx, by = _better_pin(ground, box, best, bx, by, cx, cy)
+            if best_margin >= 0.0:
+                ground.pins[box, 0] = math.floor((bx - cx) / PIN_UNIT + 0.5)
+                ground.pins[box, 1] = math.floor((by - cy) / PIN_UNIT + 0.5)
+                bx, by = pin_of(ground, box)
+                ground.widest[box] = widest_at(ground, box, bx, by)
+
+
+@kernel
+def set_ways(ground, crowding, first_row, last_row, first_column, last_column):
+    """Test the straight lines from the pins of a window's boxes to the pins around them.
+
+    Sets bits of ``ways`` for lines on which something fits all along, and of ``pure`` where the widest behavior does.
+    """
+    top = len(ground.costs) - 1
+    wide = ground.reach + 4.0 * CORNER
+    for row in range(first_row, last_row):
+        for column in range(first_column, last_column):
+            box = row * ground.columns + column
+            ground.ways[box] = 0
+            ground.pure[box] = 0
+            if ground.widest[box] < 0:
+                continue
+            open_around = ground.far[row, column] * FAR_UNIT > wide
+            px, py = pin_of(ground, box)
+            for k in range(8):
+                u = column + STEPS[k, 0]
+                v = row + STEPS[k, 1]
+                if not (0 <= u < ground.columns and 0 <= v < ground.rows):
+                    continue
+                other = v * ground.columns + u
+                if open_around:
+                    ground.ways[box] |= 1 << k
+                    ground.pure[box] |= 1 << k
+                    continue
+                if ground.widest[other] < 0:
+                    continue
+                # Both ends of a line come to the same result: it is tested from the box of the lower number.
+                qx, qy = pin_of(ground, other)
+                if other < box:
+                    cost = line_cost(ground, crowding, qx, qy, px, py, math.inf)
+                else:
+                    cost = line_cost(ground, crowding, px, py, qx, qy, math.inf)
+                if cost == math.inf:
+                    continue
+                ground.ways[box] |= 1 << k
+                length = math.sqrt((qx - px) * (qx - px) + (qy - py) * (qy - py))
+                widest = min(ground.widest[box], ground.widest[other])
+                if widest == top and cost <= length * ground.costs[top] * (1.0 + 1e-9):
+                    ground.pure[box] |= 1 << k
