@@ -38,8 +38,8 @@ class Field(NamedTuple):
     """int32[boxes]: the box at whose pin the way bends next; those behind the last box are points of the goal."""
     asks: NDArray[np.int8]
     """int8[boxes]: behavior that the next 0.7 m of the way ask for, -1 where there is no way."""
-    calm: NDArray[np.bool_]
-    """bool[boxes]: whether everybody in the box may go straight to its anchor."""
+    calm: NDArray[np.int8]
+    """int8[boxes]: whether everybody in the box may go straight to its anchor; found when somebody is there."""
     points: NDArray[np.float64]
     """float64[k, 2]: points of the goal beside the pins in it [m]."""
 
@@ -73,7 +73,7 @@ def solve_field(ground: Ground, goal: BaseGeometry | ArrayLike, crowding: Crowdi
         np.full(boxes, np.inf, np.float32),
         np.full(boxes, -1, np.int32),
         np.empty(boxes, np.int8),
-        np.empty(boxes, np.bool_),
+        np.empty(boxes, np.int8),
         points,
     )
     state = np.zeros(boxes, np.uint8)
@@ -129,7 +129,7 @@ def _goal_of(ground: Ground, goal: BaseGeometry | ArrayLike) -> tuple[NDArray[np
         outline = goal.boundary if goal.area > 0.0 else goal
         points = shapely.get_coordinates(shapely.segmentize(outline, SPACING))
         middle = shapely.get_coordinates(goal.representative_point())
-        points = np.ascontiguousarray(np.concatenate([points, middle]))
+        points = np.unique(np.concatenate([points, middle]), axis=0)
     return points, inside
 
 

@@ -19,6 +19,9 @@ NEW, GUESSED, KNOWN, KNOWN_PURE, CLOSED, CLOSED_PURE = range(6)
 """States of a box: its cost is not known, guessed, tested, tested with the widest behavior all along to its anchor; the
 same twice, and final."""
 
+UNTRIED, CALM, TRICKY = range(3)
+"""Of a box: nobody was there yet; whoever is in it may go straight to its anchor; each has to look around."""
+
 SHORTCUT = 0.9
 """Share of the way over a neighbor that is guessed for a straight line."""
 
@@ -49,20 +52,32 @@ def anchor_cost(field, boxes, anchor):
 
 
 @helper
-def _sees_too(ground, field, state, box, px, py, sx, sy, anchor):
+def eighth_of(dx, dy):
+    """The eighth of the circle that (dx, dy) lies in: from direction k of STEPS to the next."""
+    if dy >= 0.0:
+        return (0 if dx >= dy else 1) if dx >= 0.0 else (2 if -dx < dy else 3)
+    return (4 if -dx >= -dy else 5) if dx < 0.0 else (6 if dx < -dy else 7)
+
+
+@helper
+def is_quiet(crowding, x, y):
+    """Whether the crowd makes nothing dearer at a place."""
+    return not crowding.crowded or load_at(crowding, x, y)[0] == 1.0
+
+
+@helper
+def _sees_too(ground, crowding, field, state, box, px, py, sx, sy, anchor):
     """Whether two boxes on both sides of the line from a box to an anchor see the anchor, and the box sees both.
 
     Then it sees the anchor itself: what stands in the way of bodies is broader than what is between the two lines.
     """
     dx = sx - px
     dy = sy - py
-    # The eighth of the circle that the anchor lies in: from direction `first` to the next.
-    if dy >= 0.0:
-        first = (0 if dx >= dy else 1) if dx >= 0.0 else (2 if -dx < dy else 3)
-    else:
-        first = (4 if -dx >= -dy else 5) if dx < 0.0 else (6 if dx < -dy else 7)
+    first = eighth_of(dx, dy)
     row = box // ground.columns
     column = box - row * ground.columns
+    if not is_quiet(crowding, px, py):
+        return False
     for n in range(2):
         k = (first + n) % 8
         if not ground.pure[box] >> k & 1:
@@ -91,6 +106,7 @@ def _test_box(ground, crowding, points, field, state, box):
     best = math.inf
     anchor = -1
     is_pure = False
+    dropped = -1
     # Straight to the anchors around, the guessed one first: it is the cheapest as a rule, and prunes the others.
     for turn in range(-1, 8):
         if turn < 0:
@@ -104,14 +120,16 @@ def _test_box(ground, crowding, points, field, state, box):
             if state[other] < CLOSED:
                 continue
             tried = field.anchor[other]
-            if tried == anchor or tried == field.anchor[box]:
+            if tried == field.anchor[box]:
                 continue
+        if tried == anchor or tried == dropped:  # noqa: SIM109 (numba knows no tuples of two types)
+            continue
         sx, sy = anchor_place(ground, points, tried)
         paid = anchor_cost(field, boxes, tried)
         length = math.sqrt((sx - px) * (sx - px) + (sy - py) * (sy - py))
         if paid + top * length >= best:
             continue
-        if not crowding.crowded and _sees_too(ground, field, state, box, px, py, sx, sy, tried):
+        if _sees_too(ground, crowding, field, state, box, px, py, sx, sy, tried):
             value = paid + top * length
         else:
             value = paid + line_cost(ground, crowding, px, py, sx, sy, best - paid)
@@ -119,6 +137,8 @@ def _test_box(ground, crowding, points, field, state, box):
             best = value
             anchor = tried
             is_pure = value <= paid + top * length * (1.0 + 1e-9) + 1e-12
+        else:
+            dropped = tried
     # To the boxes around themselves: where the way bends.
     for k in range(8):
         if not ground.ways[box] >> k & 1:
@@ -132,14 +152,16 @@ def _test_box(ground, crowding, points, field, state, box):
         if paid + top * length >= best:
             continue
         wide = (ground.pure[box] >> k & 1) != 0
-        if wide and not crowding.crowded:
+        if wide and crowding.crowded:
+            wide = is_quiet(crowding, px, py) and is_quiet(crowding, qx, qy)
+        if wide:
             value = paid + top * length
         else:
             value = paid + line_cost(ground, crowding, px, py, qx, qy, best - paid)
         if value < best:
             best = value
             anchor = other
-            is_pure = wide and not crowding.crowded
+            is_pure = wide
     return best, anchor, is_pure
 
 
@@ -234,12 +256,12 @@ def solve(ground, crowding, points, inside, field, state):
             if state[other] >= CLOSED:
                 continue
             qx, qy = pin_of(ground, other)
-            if ground.pure[box] >> k & 1 and state[box] == CLOSED_PURE and not crowding.crowded:
+            if ground.pure[box] >> k & 1 and state[box] == CLOSED_PURE and is_quiet(crowding, qx, qy):
                 guess = paid + top * math.sqrt((sx - qx) * (sx - qx) + (sy - qy) * (sy - qy))
             else:
                 meter = ground.costs[min(ground.widest[box], ground.widest[other])]
                 if crowding.crowded:
-                    meter *= load_at(crowding, qx, qy)
+                    meter *= load_at(crowding, qx, qy)[0]
                 length = math.sqrt((px - qx) * (px - qx) + (py - qy) * (py - qy))
                 guess = float(field.cost[box]) + SHORTCUT * meter * length
             guess = float(np.float32(guess))
@@ -253,7 +275,7 @@ def solve(ground, crowding, points, inside, field, state):
 
 @helper
 def _passage(ground, x, y, dx, dy):
-    """The widest behavior that fits at a place, or beside it across the way (dx, dy); the widest of all if none does."""
+    """The widest behavior that fits at a place or beside it, across the way (dx, dy); the widest if none does."""
     top = len(ground.costs) - 1
     widest = -1
     for n in range(len(ASIDE)):
@@ -269,34 +291,40 @@ def _passage(ground, x, y, dx, dy):
 
 @kernel
 def ask(ground, points, field, state, asks, calm):
-    """Fill ``asks`` (int8[boxes]): the narrowest behavior on the next BEFORE meters of the way, -1 where there is none.
+    """Fill ``asks`` (int8[boxes]), the narrowest behavior on the next BEFORE meters.
 
-    And ``calm`` (bool[boxes]): whether anybody anywhere in the box may go straight to its anchor, as the boxes around
-    see the same anchor, all with the widest behavior.
+    And ``calm`` (int8[boxes]): CALM if anybody anywhere in the box may go straight to its anchor, as the boxes on both
+    sides across the way see the same anchor, all with the widest behavior. Boxes without a way ask for -1.
     """
     boxes = len(ground.widest)
     top = len(ground.costs) - 1
     paces = 5
     for box in range(boxes):
         asks[box] = -1
-        calm[box] = False
+        calm[box] = UNTRIED
         if state[box] < CLOSED:
             continue
         row = box // ground.columns
         column = box - row * ground.columns
-        around = state[box] == CLOSED_PURE and ground.pure[box] == 255
-        for k in range(8):
+        x, y = pin_of(ground, box)
+        anchor = field.anchor[box]
+        sx, sy = anchor_place(ground, points, anchor)
+        first = eighth_of(sx - x, sy - y)
+        around = state[box] == CLOSED_PURE and anchor != box
+        for n in (2, 3, 6, 7):
             if not around:
                 break
-            other = (row + STEPS[k, 1]) * ground.columns + column + STEPS[k, 0]
-            around = state[other] == CLOSED_PURE and field.anchor[other] == field.anchor[box]
-        calm[box] = around and field.anchor[box] != box
+            k = (first + n) % 8
+            around = (ground.pure[box] >> k & 1) != 0
+            if around:
+                other = (row + STEPS[k, 1]) * ground.columns + column + STEPS[k, 0]
+                around = state[other] == CLOSED_PURE and field.anchor[other] == anchor
+        if around:
+            calm[box] = CALM
         # Walk ahead along the way, from anchor to anchor.
         asks[box] = top
         if ground.far[row, column] > 0 and ground.far[row, column] * 0.02 > ground.reach + BEFORE + BOX:
             continue
-        x, y = pin_of(ground, box)
-        anchor = field.anchor[box]
         pace = BEFORE / (paces - 1)
         for n in range(paces):
             sx, sy = anchor_place(ground, points, anchor)

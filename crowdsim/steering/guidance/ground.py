@@ -36,6 +36,8 @@ class Crowding(NamedTuple):
 
     load: NDArray[np.float32]
     """float32[rows, columns], 1 for not at all."""
+    quiet: NDArray[np.uint8]
+    """uint8[rows, columns]: cells to the next one that is dearer, in the maximum norm."""
     left: float
     bottom: float
     cell: float
@@ -44,22 +46,22 @@ class Crowding(NamedTuple):
     """Whether anything counts at all."""
 
 
-NOBODY = Crowding(np.ones((1, 1), np.float32), 0.0, 0.0, 0.5, False)
+NOBODY = Crowding(np.ones((1, 1), np.float32), np.ones((1, 1), np.uint8), 0.0, 0.0, 0.5, False)
 """An empty place."""
 
 
 class Ground(NamedTuple):
     """Boxes of a place, row by row, as kernels take them; see :mod:`crowdsim.steering.guidance.ground_kernels`.
 
-    n behaviors, narrowest first, on m layers.
+    n behaviors, narrowest first; m classes of walls, by the layers that they stand in.
     """
 
     segments: NDArray[np.float64]
-    """float64[k, 4]: both ends of the walls of all layers [m]."""
+    """float64[k, 4]: both ends of the walls of all layers, each once [m]."""
     layers: NDArray[np.int64]
-    """int64[k]: the layer of each."""
+    """int64[k]: the class of each."""
     radii: NDArray[np.float64]
-    """float64[n, m]: clearance that a behavior needs on a layer [m]."""
+    """float64[n, m]: clearance that a behavior needs of a class [m]."""
     costs: NDArray[np.float64]
     """float64[n]: cost of a meter."""
     change: float
@@ -116,10 +118,8 @@ def build_ground(
     if len(segments) != need.radii.shape[1]:
         raise GeometryError(f"walls of {len(segments)} layers do not go with behaviors of {need.radii.shape[1]}")
     walls = [np.ascontiguousarray(each, np.float64).reshape(-1, 4) for each in segments]
-    every = np.concatenate(walls)
-    layers = np.repeat(np.arange(len(walls)), [len(each) for each in walls]).astype(np.int64)
+    every, layers, radii = _merged(walls, (need.radii + wider) * (1.0 - _ROUNDING))
     frame = _frame_of(every, bounds)
-    radii = np.ascontiguousarray((need.radii + wider) * (1.0 - _ROUNDING))
     reach = float(radii.max())
     starts, lists, far = _near(every, reach, frame)
     boxes = frame[2] * frame[3]
@@ -143,6 +143,29 @@ def build_ground(
     set_pins(ground, 0, frame[3], 0, frame[2])
     set_ways(ground, NOBODY, 0, frame[3], 0, frame[2])
     return ground
+
+
+def _merged(
+    walls: Sequence[NDArray[np.float64]], radii: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    """Each wall once, though it stands in several layers, with the class of layers that it stands in.
+
+    Returns walls (k, 4), their classes (k,), and the clearances (n, classes): the largest of the layers of a class.
+    """
+    every = np.concatenate(walls)
+    layers = np.repeat(np.arange(len(walls)), [len(each) for each in walls])
+    swap = (every[:, 0] > every[:, 2]) | ((every[:, 0] == every[:, 2]) & (every[:, 1] > every[:, 3]))
+    every = np.where(swap[:, None], every[:, [2, 3, 0, 1]], every)
+    found, number = np.unique(every, axis=0, return_inverse=True)
+    stands = np.zeros((len(found), len(walls)), np.bool_)
+    stands[number.ravel(), layers] = True
+    kinds, kind = np.unique(stands, axis=0, return_inverse=True)
+    needed = np.zeros((len(radii), max(len(kinds), 1)))
+    for column, each in enumerate(kinds):
+        needed[:, column] = radii[:, each].max(axis=1)
+    if not len(kinds):
+        needed[:, 0] = radii.max(axis=1)
+    return np.ascontiguousarray(found), kind.ravel().astype(np.int64), needed
 
 
 def _frame_of(segments: NDArray[np.float64], bounds: tuple[float, float, float, float] | None) -> Frame:

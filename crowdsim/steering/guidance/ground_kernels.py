@@ -52,8 +52,8 @@ def list_segments(segments, reach, frame, starts, lists):
         starts[:] = 0
     for number in range(len(segments)):
         ax, ay, bx, by = segments[number]
-        low_row = max(int(math.floor((min(ay, by) - reach - bottom) / BOX)), 0)
-        high_row = min(int(math.floor((max(ay, by) + reach - bottom) / BOX)), rows - 1)
+        low_row = max(math.floor((min(ay, by) - reach - bottom) / BOX), 0)
+        high_row = min(math.floor((max(ay, by) + reach - bottom) / BOX), rows - 1)
         for row in range(low_row, high_row + 1):
             y = bottom + (row + 0.5) * BOX
             # Of a long slanting segment only the part beside this row matters.
@@ -181,13 +181,13 @@ def widest_at(ground, box, x, y):
 
 @helper
 def load_at(crowding, x, y):
-    """By how much the crowd makes a meter dearer at a place, 1 for not at all."""
+    """By how much the crowd makes a meter dearer at a place, 1 for not at all; and how far that holds at least [m]."""
     column = math.floor((x - crowding.left) / crowding.cell)
     row = math.floor((y - crowding.bottom) / crowding.cell)
     height, width = crowding.load.shape
     if not (0 <= column < width and 0 <= row < height):
-        return 1.0
-    return float(crowding.load[row, column])
+        return 1.0, crowding.cell
+    return float(crowding.load[row, column]), max(crowding.quiet[row, column] - 1.0, 1.0) * crowding.cell
 
 
 @helper
@@ -205,7 +205,8 @@ def line_cost(ground, crowding, px, py, qx, qy, most):
         return 0.0
     dx /= length
     dy /= length
-    longest = crowding.cell if crowding.crowded else math.inf
+    load = 1.0
+    longest = math.inf
     cost = 0.0
     along = 0.0
     before = -1
@@ -220,22 +221,21 @@ def line_cost(ground, crowding, px, py, qx, qy, most):
         off_x = x - (ground.left + (column + 0.5) * BOX)
         off_y = y - (ground.bottom + (row + 0.5) * BOX)
         room = ground.far[row, column] * FAR_UNIT - math.sqrt(off_x * off_x + off_y * off_y) - ground.reach
+        if crowding.crowded:
+            load, longest = load_at(crowding, x, y)
         # Far from walls: everything within the distance to the nearest one is wide enough.
         label = top
         step = min(room, longest, length - along)
         if room < PACE:
             # Near walls: what fits in the middle of a short step.
-            step = min(PACE, length - along)
+            step = min(PACE, longest, length - along)
             x += 0.5 * step * dx
             y += 0.5 * step * dy
             box = box_at(ground, x, y)
             label = widest_at(ground, box, x, y) if box >= 0 else -1
             if label < 0:
                 return math.inf
-        meter = ground.costs[label]
-        if crowding.crowded:
-            meter *= load_at(crowding, px + (along + 0.5 * step) * dx, py + (along + 0.5 * step) * dy)
-        cost += step * meter
+        cost += step * load * ground.costs[label]
         if before >= 0 and label != before:
             cost += ground.change
         if cost > most:

@@ -4,17 +4,23 @@ import math
 
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
-from crowdsim.steering.guidance.field_kernels import anchor_cost, anchor_place
-from crowdsim.steering.guidance.ground_kernels import BOX, FAR_UNIT, STEPS, box_at, pin_of, widest_at
+from crowdsim.steering.guidance.field_kernels import CALM, TRICKY, UNTRIED, anchor_cost, anchor_place
+from crowdsim.steering.guidance.ground_kernels import BOX, CORNER, FAR_UNIT, STEPS, box_at, margin_at, pin_of, widest_at
 
-LOOK = 0.8
+LOOK = 0.6
 """Length of the way ahead that is tested [m]."""
 
-STRIDE = 0.1
+STRIDE = 0.15
 """Step of the test [m]."""
 
 TOO_NARROW = 10.0
 """How many times as dear as the widest behavior a meter counts on which none fits: agents pushed there leave."""
+
+DEARER = 1.2
+"""How many times as dear as from the pin of its box the first stretch to an anchor may be from a corner of the box."""
+
+INSIDE = 0.1
+"""Distance to a wall below which no agent is [m]."""
 
 TOUCHING = 0.05
 """A line that comes nearer than this to a wall leads through it [m]."""
@@ -51,6 +57,10 @@ def near_cost(ground, px, py, qx, qy, most):
         box = box_at(ground, x, y)
         if box < 0:
             return math.inf, length
+        row = box // ground.columns
+        if ground.far[row, box - row * ground.columns] * FAR_UNIT > ground.reach + CORNER:
+            cost += step * ground.costs[top]
+            continue
         label = widest_at(ground, box, x, y)
         if label >= 0:
             cost += step * ground.costs[label]
@@ -81,6 +91,19 @@ def look_around(ground, field, box, x, y):
     hx = x
     hy = y
     taken = -1
+    # The box's own anchor, if the line there begins as well as from the pin.
+    anchor = field.anchor[box]
+    if field.asks[box] >= 0 and anchor != box:
+        sx, sy = anchor_place(ground, field.points, anchor)
+        px, py = pin_of(ground, box)
+        paid = anchor_cost(field, boxes, anchor)
+        beside = math.sqrt((sx - px) * (sx - px) + (sy - py) * (sy - py))
+        length = math.sqrt((sx - x) * (sx - x) + (sy - y) * (sy - y))
+        meter = (float(field.cost[box]) - paid) / beside if beside > 0.0 else top
+        near, tested = near_cost(ground, x, y, sx, sy, DEARER * meter * min(length, LOOK))
+        if near < math.inf:
+            to_go = length + (float(field.length[anchor]) if anchor < boxes else 0.0)
+            return sx, sy, paid + near + (length - tested) * meter, to_go
     for k in range(-1, 8):
         u = column
         v = row
@@ -126,6 +149,38 @@ def look_around(ground, field, box, x, y):
 
 
 @helper
+def is_calm(ground, field, box):
+    """Whether whoever is in a box may go straight to its anchor: from all corners that are free, the line begins well.
+
+    That is, it is at most DEARER times as dear as from the pin if something fits at the corner, and leads through no
+    wall otherwise. It depends on the box alone, so it does not matter who asks first.
+    """
+    anchor = field.anchor[box]
+    if anchor == box or field.asks[box] < 0:
+        return False
+    boxes = len(ground.widest)
+    sx, sy = anchor_place(ground, field.points, anchor)
+    px, py = pin_of(ground, box)
+    row = box // ground.columns
+    cx = ground.left + (box - row * ground.columns + 0.5) * BOX
+    cy = ground.bottom + (row + 0.5) * BOX
+    beside = math.sqrt((sx - px) * (sx - px) + (sy - py) * (sy - py))
+    if beside < 2.0 * BOX:
+        return False
+    meter = (float(field.cost[box]) - anchor_cost(field, boxes, anchor)) / beside
+    for k in range(1, 8, 2):
+        x = cx + 0.499 * BOX * STEPS[k, 0]
+        y = cy + 0.499 * BOX * STEPS[k, 1]
+        near, tested = near_cost(ground, x, y, sx, sy, math.inf)
+        if widest_at(ground, box, x, y) >= 0:
+            if near > DEARER * meter * tested:
+                return False
+        elif near == math.inf and margin_at(ground, box, x, y, 0) > INSIDE - ground.least:
+            return False
+    return True
+
+
+@helper
 def way_at(ground, field, x, y):
     """Unit vector of the way at a place, its cost, its length to go [m] and the behavior it asks for.
 
@@ -137,15 +192,22 @@ def way_at(ground, field, x, y):
         return 0.0, 0.0, math.inf, math.inf, top
     boxes = len(ground.widest)
     asked = field.asks[box]
-    if field.calm[box]:
-        anchor = field.anchor[box]
-        sx, sy = anchor_place(ground, field.points, anchor)
-        length = math.sqrt((sx - x) * (sx - x) + (sy - y) * (sy - y))
-        cost = length * ground.costs[top] + anchor_cost(field, boxes, anchor)
-        to_go = length + (float(field.length[anchor]) if anchor < boxes else 0.0)
-        return (sx - x) / length, (sy - y) / length, cost, to_go, asked
     if field.cost[box] == 0.0:
         return 0.0, 0.0, 0.0, 0.0, top
+    calm = field.calm[box]
+    if calm == UNTRIED:
+        calm = CALM if is_calm(ground, field, box) else TRICKY
+        field.calm[box] = calm
+    if calm == CALM:
+        anchor = field.anchor[box]
+        sx, sy = anchor_place(ground, field.points, anchor)
+        px, py = pin_of(ground, box)
+        length = math.sqrt((sx - x) * (sx - x) + (sy - y) * (sy - y))
+        beside = math.sqrt((sx - px) * (sx - px) + (sy - py) * (sy - py))
+        to_go = float(field.length[box]) - beside + length
+        paid = anchor_cost(field, boxes, anchor)
+        cost = paid + (float(field.cost[box]) - paid) * length / beside
+        return (sx - x) / length, (sy - y) / length, cost, to_go, asked
     sx, sy, cost, to_go = look_around(ground, field, box, x, y)
     length = math.sqrt((sx - x) * (sx - x) + (sy - y) * (sy - y))
     if cost == math.inf or length == 0.0:
