@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from crowdsim.behaviors.behavior import Behavior
 from crowdsim.errors import GeometryError
-from crowdsim.steering.guidance.field_kernels import ask, solve
+from crowdsim.steering.guidance.field_kernels import PARTS, UNKNOWN, ask, solve
 from crowdsim.steering.guidance.ground import NOBODY, Crowding, Ground
 from crowdsim.steering.guidance.ground_kernels import BOX, PIN_UNIT
 from crowdsim.steering.guidance.sample_kernels import sample, ways_at
@@ -38,8 +38,12 @@ class Field(NamedTuple):
     """int32[boxes]: the box at whose pin the way bends next; those behind the last box are points of the goal."""
     asks: NDArray[np.int8]
     """int8[boxes]: behavior that the next 0.7 m of the way ask for, -1 where there is no way."""
-    calm: NDArray[np.int8]
-    """int8[boxes]: whether everybody in the box may go straight to its anchor; found when somebody is there."""
+    slots: NDArray[np.int32]
+    """int32[boxes]: row of ``heads`` and ``costs``, -1 if everybody in the box may go straight to its anchor."""
+    heads: NDArray[np.int32]
+    """int32[j, 16]: what each part of a box heads for, found when somebody is there: a box or a point of the goal."""
+    costs: NDArray[np.float32]
+    """float32[j, 16]: what that costs from the middle of the part."""
     points: NDArray[np.float64]
     """float64[k, 2]: points of the goal beside the pins in it [m]."""
 
@@ -73,12 +77,16 @@ def solve_field(ground: Ground, goal: BaseGeometry | ArrayLike, crowding: Crowdi
         np.full(boxes, np.inf, np.float32),
         np.full(boxes, -1, np.int32),
         np.empty(boxes, np.int8),
-        np.empty(boxes, np.int8),
+        np.empty(boxes, np.int32),
+        np.empty((0, PARTS * PARTS), np.int32),
+        np.empty((0, PARTS * PARTS), np.float32),
         points,
     )
     state = np.zeros(boxes, np.uint8)
     solve(ground, crowding, points, inside, field, state)
-    ask(ground, points, field, state, field.asks, field.calm)
+    count = ask(ground, points, field, state, field.asks, field.slots)
+    heads = np.full((count, PARTS * PARTS), UNKNOWN, np.int32)
+    field = field._replace(heads=heads, costs=np.empty((count, PARTS * PARTS), np.float32))
     return field
 
 
@@ -86,7 +94,7 @@ def ways(ground: Ground, field: Field, places: ArrayLike) -> Ways:
     """What a field says at places, float64[k, 2] [m]."""
     at = np.ascontiguousarray(places, np.float64).reshape(-1, 2)
     out = np.empty((len(at), 5))
-    ways_at(ground, field, at, out)
+    ways_at(ground, NOBODY, field, at, out)
     return Ways(out[:, :2], out[:, 2], out[:, 3], out[:, 4].astype(np.int64))
 
 
@@ -108,7 +116,7 @@ def guide(
     ground: Ground, field: Field, asked: NDArray[np.float64], agents: NDArray[np.int64], state: NDArray[Any]
 ) -> int:
     """Write what a field says to the rows ``agents`` of ``state``, records of ROW; returns how many have no way."""
-    return int(sample(ground, field, asked, agents, state))
+    return int(sample(ground, NOBODY, field, asked, agents, state))
 
 
 def _goal_of(ground: Ground, goal: BaseGeometry | ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

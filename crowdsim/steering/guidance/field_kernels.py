@@ -19,8 +19,11 @@ NEW, GUESSED, KNOWN, KNOWN_PURE, CLOSED, CLOSED_PURE = range(6)
 """States of a box: its cost is not known, guessed, tested, tested with the widest behavior all along to its anchor; the
 same twice, and final."""
 
-UNTRIED, CALM, TRICKY = range(3)
-"""Of a box: nobody was there yet; whoever is in it may go straight to its anchor; each has to look around."""
+PARTS = 4
+"""Parts of a box along each side whose agents head for the same, where not all of the box does."""
+
+UNKNOWN = -2
+"""What a part heads for before anybody was in it."""
 
 SHORTCUT = 0.9
 """Share of the way over a neighbor that is guessed for a straight line."""
@@ -290,18 +293,21 @@ def _passage(ground, x, y, dx, dy):
 
 
 @kernel
-def ask(ground, points, field, state, asks, calm):
+def ask(ground, points, field, state, asks, slots):
     """Fill ``asks`` (int8[boxes]), the narrowest behavior on the next BEFORE meters.
 
-    And ``calm`` (int8[boxes]): CALM if anybody anywhere in the box may go straight to its anchor, as the boxes on both
-    sides across the way see the same anchor, all with the widest behavior. Boxes without a way ask for -1.
+    And ``slots`` (int32[boxes]): -1 if anybody anywhere in the box may go straight to its anchor, as the boxes on both
+    sides across the way see the same anchor, all with the widest behavior; all other boxes are numbered. Boxes without
+    a way ask for -1. Returns how many boxes are numbered.
     """
     boxes = len(ground.widest)
     top = len(ground.costs) - 1
     paces = 5
+    numbered = 0
     for box in range(boxes):
         asks[box] = -1
-        calm[box] = UNTRIED
+        slots[box] = numbered
+        numbered += 1
         if state[box] < CLOSED:
             continue
         row = box // ground.columns
@@ -320,7 +326,8 @@ def ask(ground, points, field, state, asks, calm):
                 other = (row + STEPS[k, 1]) * ground.columns + column + STEPS[k, 0]
                 around = state[other] == CLOSED_PURE and field.anchor[other] == anchor
         if around:
-            calm[box] = CALM
+            numbered -= 1
+            slots[box] = -1
         # Walk ahead along the way, from anchor to anchor.
         asks[box] = top
         if ground.far[row, column] > 0 and ground.far[row, column] * 0.02 > ground.reach + BEFORE + BOX:
@@ -348,3 +355,4 @@ def ask(ground, points, field, state, asks, calm):
             if length > 0.0:
                 x += step * dx / length
                 y += step * dy / length
+    return numbered

@@ -18,9 +18,8 @@ from crowdsim.steering.guidance.ground_kernels import (
     SPARE,
     bound_distances,
     list_segments,
-    set_pins,
-    set_ways,
 )
+from crowdsim.steering.guidance.pin_kernels import mend_pins, set_pins, set_ways
 
 Frame = tuple[float, float, int, int]
 
@@ -115,12 +114,9 @@ def build_ground(
     ------
     GeometryError: if there are not as many layers as behaviors were measured on, or neither walls nor bounds.
     """
-    if len(segments) != need.radii.shape[1]:
-        raise GeometryError(f"walls of {len(segments)} layers do not go with behaviors of {need.radii.shape[1]}")
-    walls = [np.ascontiguousarray(each, np.float64).reshape(-1, 4) for each in segments]
-    every, layers, radii = _merged(walls, (need.radii + wider) * (1.0 - _ROUNDING))
+    every, layers, radii = _merged(segments, need, wider)
     frame = _frame_of(every, bounds)
-    reach = float(radii.max())
+    reach = float(need.radii.max() + wider)
     starts, lists, far = _near(every, reach, frame)
     boxes = frame[2] * frame[3]
     ground = Ground(
@@ -130,7 +126,7 @@ def build_ground(
         need.costs.astype(np.float64),
         SWITCH_COST * float(need.costs[-1]),
         reach,
-        float(radii.min()),
+        float(need.radii.min() + wider),
         *frame,
         starts,
         lists,
@@ -140,18 +136,70 @@ def build_ground(
         np.zeros(boxes, np.uint8),
         np.zeros(boxes, np.uint8),
     )
-    set_pins(ground, 0, frame[3], 0, frame[2])
-    set_ways(ground, NOBODY, 0, frame[3], 0, frame[2])
+    everywhere = (0, frame[3], 0, frame[2])
+    set_pins(ground, *everywhere)
+    mend_pins(ground, NOBODY, ground.pins.copy(), ground.widest.copy(), *everywhere)
+    set_ways(ground, NOBODY, *everywhere)
     return ground
 
 
+def update_ground(
+    ground: Ground,
+    segments: Sequence[Any],
+    need: Requirements,
+    window: tuple[float, float, float, float],
+    *,
+    wider: float = 0.0,
+) -> Ground:
+    """Ground of a place whose walls changed within a window (x and y of its corners): as build_ground makes it.
+
+    The old one stays as it is. Fields of the old one do not hold for the new one.
+    """
+    every, layers, radii = _merged(segments, need, wider)
+    starts, lists, far = _near(every, ground.reach, ground.frame)
+    changed = ground._replace(
+        segments=every,
+        layers=layers,
+        radii=radii,
+        starts=starts,
+        lists=lists,
+        far=far,
+        pins=ground.pins.copy(),
+        widest=ground.widest.copy(),
+        ways=ground.ways.copy(),
+        pure=ground.pure.copy(),
+    )
+    # Pins change as far as a wall tells what fits, and where lines to such pins, or past such walls, change ways.
+    raw = changed._replace(pins=ground.pins.copy(), widest=ground.widest.copy())
+    set_pins(raw, *_boxes_within(ground, window, ground.reach + 8.0 * BOX))
+    mend_pins(changed, NOBODY, raw.pins, raw.widest, *_boxes_within(ground, window, ground.reach + 6.0 * BOX))
+    set_ways(changed, NOBODY, *_boxes_within(ground, window, ground.reach + 8.0 * BOX))
+    return changed
+
+
+def _boxes_within(
+    ground: Ground, window: tuple[float, float, float, float], margin: float
+) -> tuple[int, int, int, int]:
+    """First and last row and column (exclusive) of the boxes within ``margin`` of a window."""
+    return (
+        max(math.floor((window[1] - margin - ground.bottom) / BOX), 0),
+        min(math.ceil((window[3] + margin - ground.bottom) / BOX), ground.rows),
+        max(math.floor((window[0] - margin - ground.left) / BOX), 0),
+        min(math.ceil((window[2] + margin - ground.left) / BOX), ground.columns),
+    )
+
+
 def _merged(
-    walls: Sequence[NDArray[np.float64]], radii: NDArray[np.float64]
+    segments: Sequence[Any], need: Requirements, wider: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
     """Each wall once, though it stands in several layers, with the class of layers that it stands in.
 
     Returns walls (k, 4), their classes (k,), and the clearances (n, classes): the largest of the layers of a class.
     """
+    if len(segments) != need.radii.shape[1]:
+        raise GeometryError(f"walls of {len(segments)} layers do not go with behaviors of {need.radii.shape[1]}")
+    walls = [np.ascontiguousarray(each, np.float64).reshape(-1, 4) for each in segments]
+    radii = (need.radii + wider) * (1.0 - _ROUNDING)
     every = np.concatenate(walls)
     layers = np.repeat(np.arange(len(walls)), [len(each) for each in walls])
     swap = (every[:, 0] > every[:, 2]) | ((every[:, 0] == every[:, 2]) & (every[:, 1] > every[:, 3]))
