@@ -86,7 +86,7 @@ def solve_field(ground: Ground, goal: BaseGeometry | ArrayLike, crowding: Crowdi
     solve(ground, crowding, points, inside, field, state)
     count = ask(ground, points, field, state, field.asks, field.slots)
     heads = np.full((count, PARTS * PARTS), UNKNOWN, np.int32)
-    field = field._replace(heads=heads, costs=np.empty((count, PARTS * PARTS), np.float32))
+    field = field._replace(heads=heads, costs=np.full((count, PARTS * PARTS), np.inf, np.float32))
     return field
 
 

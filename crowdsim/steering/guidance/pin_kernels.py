@@ -19,13 +19,16 @@ from crowdsim.steering.guidance.ground_kernels import (
 _ROUNDS = 12
 """Of the pattern search for a pin, each with steps two thirds as long as the one before."""
 
+GRID = 0.04
+"""What a behavior may lack at the best of the places tried in a box, if it fits between them [m]."""
+
 _TRIED = 3
 """Pins tried on each side of the center of a box, in both directions, to mend a way."""
 
 
 @helper
 def _better_pin(ground, box, behavior, x, y, low_x, low_y):
-    """The place of a box where a behavior has most room, looked for from (x, y) by a pattern search; and the room."""
+    """The place of a box where a behavior has room, looked for from (x, y) by a pattern search; and the room."""
     best = margin_at(ground, box, x, y, behavior)
     step = 0.06
     inner = 0.49 * BOX
@@ -62,7 +65,7 @@ def set_pins(ground, first_row, last_row, first_column, last_column):
             # Nothing fits anywhere in the box if a wall is nearer than that to its center.
             if (ground.far[row, column] + 1) * FAR_UNIT + CORNER < ground.least:
                 continue
-            best = -1
+            best = -2
             best_margin = -math.inf
             best_off = math.inf
             bx = cx
@@ -71,20 +74,19 @@ def set_pins(ground, first_row, last_row, first_column, last_column):
                 for i in range(-2, 3):
                     x = cx + 0.2 * BOX * i
                     y = cy + 0.2 * BOX * j
-                    label = max(widest_at(ground, box, x, y), 0)
-                    margin = margin_at(ground, box, x, y, label)
+                    label = widest_at(ground, box, x, y)
+                    # A wider behavior; or more room for the next one, or as much and nearer to the center.
+                    margin = margin_at(ground, box, x, y, min(label + 1, top))
                     off = float(i * i + j * j)
-                    if margin < 0.0 and best >= 0 and best_margin >= 0.0:
-                        continue
-                    # A wider behavior, more room for it, or as much nearer to the center.
-                    first = best < 0 or (margin >= 0.0 and best_margin < 0.0) or label > best
-                    if not first and label < best:
-                        continue
-                    if first or margin > best_margin + 1e-9 or (margin > best_margin - 1e-9 and off < best_off):
+                    more = margin > best_margin + 1e-9 or (margin > best_margin - 1e-9 and off < best_off)
+                    if label > best or (label == best and more):
                         best, best_margin, best_off, bx, by = label, margin, off, x, y
-            if best_margin < SPARE:
-                best_margin, bx, by = _better_pin(ground, box, best, bx, by, cx, cy)
-            if best_margin >= 0.0:
+            # Between these places there may be one where the next behavior fits.
+            if best < top and best_margin > -GRID:
+                margin, x, y = _better_pin(ground, box, best + 1, bx, by, cx, cy)
+                if margin >= 0.0:
+                    best, bx, by = best + 1, x, y
+            if best >= 0:
                 ground.pins[box, 0] = math.floor((bx - cx) / PIN_UNIT + 0.5)
                 ground.pins[box, 1] = math.floor((by - cy) / PIN_UNIT + 0.5)
                 bx, by = pin_of(ground, box)

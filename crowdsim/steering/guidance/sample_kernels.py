@@ -17,12 +17,15 @@ from crowdsim.steering.guidance.ground_kernels import (
 )
 
 LOOK = 0.6
-"""Length of the way ahead that is tested [m]."""
+"""Length of the way ahead on which agents may stand where nothing fits [m]."""
+
+REACHED = 0.15
+"""Who is this near to a pin goes on from there: passing it exactly is more than anybody can do [m]."""
 
 STRIDE = 0.15
 """Step of the test [m]."""
 
-TOO_NARROW = 10.0
+TOO_NARROW = 2.0
 """How many times as dear as the widest behavior a meter counts on which none fits: agents pushed there leave."""
 
 LIKE = 0.002
@@ -72,14 +75,19 @@ def near_length(ground, px, py, qx, qy):
 
 
 @helper
-def cost_to(ground, nobody, px, py, qx, qy, meter):
+def cost_to(ground, nobody, px, py, qx, qy, meter, reached):
     """Cost of the line from p to q if each meter costs ``meter``, infinite if it is blocked somewhere.
 
-    It costs as much as beside it, from a pin: who is a little off the middle of a gap need not go back to it.
+    It costs as much as beside it, from a pin: who is a little off the middle of a gap need not go back to it. If the
+    pin is ``reached``, only the first meters are tested, and it does not matter what fits there.
     """
     near, tested = near_length(ground, px, py, qx, qy)
     length = math.sqrt((qx - px) * (qx - px) + (qy - py) * (qy - py))
-    if near == math.inf or length <= tested:
+    if near == math.inf:
+        return near
+    if reached:
+        return length * meter
+    if length <= tested:
         return near * meter
     share = tested / length
     fits = line_cost(ground, nobody, px + share * (qx - px), py + share * (qy - py), qx, qy, math.inf) < math.inf
@@ -111,6 +119,7 @@ def look_around(ground, nobody, field, box, x, y):
         if not field.asks[other] >= 0:
             continue
         px, py = pin_of(ground, other)
+        reached = (px - x) * (px - x) + (py - y) * (py - y) < REACHED * REACHED
         # Its anchor, along a line on which a meter costs as much as from the pin.
         anchor = field.anchor[other]
         if anchor != other and anchor != head:
@@ -119,7 +128,7 @@ def look_around(ground, nobody, field, box, x, y):
             beside = math.sqrt((sx - px) * (sx - px) + (sy - py) * (sy - py))
             meter = (float(field.cost[other]) - paid) / beside if beside > 0.0 else top
             if paid + meter * math.sqrt((sx - x) * (sx - x) + (sy - y) * (sy - y)) < best - LIKE:
-                value = paid + cost_to(ground, nobody, x, y, sx, sy, meter)
+                value = paid + cost_to(ground, nobody, x, y, sx, sy, meter, reached)
                 if value < best - LIKE:
                     best = value
                     head = anchor
@@ -127,7 +136,7 @@ def look_around(ground, nobody, field, box, x, y):
         paid = float(field.cost[other])
         meter = ground.costs[ground.widest[other]]
         if paid + meter * math.sqrt((px - x) * (px - x) + (py - y) * (py - y)) < best - LIKE:
-            value = paid + cost_to(ground, nobody, x, y, px, py, meter)
+            value = paid + cost_to(ground, nobody, x, y, px, py, meter, False)
             if value < best - LIKE:
                 best = value
                 head = other
