@@ -22,16 +22,16 @@ LOOK = 0.6
 REACHED = 0.15
 """Who is this near to a pin goes on from there: passing it exactly is more than anybody can do [m]."""
 
-STRIDE = 0.15
+STRIDE = 0.1
 """Step of the test [m]."""
 
-TOO_NARROW = 2.0
+TOO_NARROW = 3.0
 """How many times as dear as the widest behavior a meter counts on which none fits: agents pushed there leave."""
 
 LIKE = 0.002
 """Costs that differ by less than this are alike: the first one found stays."""
 
-TOUCHING = 0.05
+TOUCHING = 0.11
 """A line that comes nearer than this to a wall leads through it [m]."""
 
 LOST = 1e9
@@ -95,11 +95,12 @@ def cost_to(ground, nobody, px, py, qx, qy, meter, reached):
 
 
 @helper
-def look_around(ground, nobody, field, box, x, y):
+def cheapest_around(ground, nobody, field, box, x, y, onwards):
     """What to head for from (x, y) in ``box``: an anchor or the pin of a box, and its cost; else -1, infinite.
 
     Of the anchors of the boxes around, and of their pins, take the cheapest one: what is still to pay there, and the
-    cost of the line, which is tested all along, so that nobody heads for what it cannot see.
+    cost of the line, which is tested all along, so that nobody heads for what it cannot see. With ``onwards``, pins
+    that are reached do not count, but their anchors.
     """
     boxes = len(ground.widest)
     top = ground.costs[-1]
@@ -119,28 +120,42 @@ def look_around(ground, nobody, field, box, x, y):
         if not field.asks[other] >= 0:
             continue
         px, py = pin_of(ground, other)
-        reached = (px - x) * (px - x) + (py - y) * (py - y) < REACHED * REACHED
+        apart = math.sqrt((px - x) * (px - x) + (py - y) * (py - y))
         # Its anchor, along a line on which a meter costs as much as from the pin.
         anchor = field.anchor[other]
-        if anchor != other and anchor != head:
-            sx, sy = anchor_place(ground, field.points, anchor)
+        sx, sy = anchor_place(ground, field.points, anchor)
+        length = math.sqrt((sx - x) * (sx - x) + (sy - y) * (sy - y))
+        ends = anchor >= boxes or field.anchor[anchor] == anchor
+        counts = ends or length > REACHED or not onwards
+        if counts and anchor != other and anchor != head:
             paid = anchor_cost(field, boxes, anchor)
             beside = math.sqrt((sx - px) * (sx - px) + (sy - py) * (sy - py))
             meter = (float(field.cost[other]) - paid) / beside if beside > 0.0 else top
-            if paid + meter * math.sqrt((sx - x) * (sx - x) + (sy - y) * (sy - y)) < best - LIKE:
-                value = paid + cost_to(ground, nobody, x, y, sx, sy, meter, reached)
+            if paid + meter * length < best - LIKE:
+                value = paid + cost_to(ground, nobody, x, y, sx, sy, meter, apart < REACHED)
                 if value < best - LIKE:
                     best = value
                     head = anchor
         # The pin itself.
+        if apart < REACHED and onwards and anchor != other:
+            continue
         paid = float(field.cost[other])
         meter = ground.costs[ground.widest[other]]
-        if paid + meter * math.sqrt((px - x) * (px - x) + (py - y) * (py - y)) < best - LIKE:
+        if paid + meter * apart < best - LIKE:
             value = paid + cost_to(ground, nobody, x, y, px, py, meter, False)
             if value < best - LIKE:
                 best = value
                 head = other
     return head, best
+
+
+@helper
+def look_around(ground, nobody, field, box, x, y):
+    """What to head for from (x, y) in ``box``, and its cost: pins that are reached only if nothing else is free."""
+    head, cost = cheapest_around(ground, nobody, field, box, x, y, True)
+    if head < 0:
+        head, cost = cheapest_around(ground, nobody, field, box, x, y, False)
+    return head, cost
 
 
 @helper
