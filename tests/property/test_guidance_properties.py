@@ -22,15 +22,12 @@ SPEED = settings(max_examples=25, deadline=None, suppress_health_check=list(Heal
 
 def areas_of(tall, low):
     """Free areas of both layers among turned boxes."""
-    boxes = [
-        [
-            shapely.affinity.rotate(shapely.box(x - w / 2, y - h / 2, x + w / 2, y + h / 2), turn)
-            for x, y, w, h, turn in each
-        ]
-        for each in (tall, low)
-    ]
-    above = ROOM.difference(shapely.union_all(boxes[0]))
-    return [above.difference(shapely.union_all(boxes[1])), above]
+    taken = []
+    for things in (tall, low):
+        boxes = [(shapely.box(x - w / 2, y - h / 2, x + w / 2, y + h / 2), turn) for x, y, w, h, turn in things]
+        taken.append(shapely.union_all([shapely.affinity.rotate(box, turn) for box, turn in boxes]))
+    above = ROOM.difference(taken[0])
+    return [above.difference(taken[1]), above]
 
 
 @SPEED
