@@ -27,6 +27,13 @@ FEW = 16
 """Pins in a goal below which points of its outline are goals too."""
 
 
+BOX_ROW = np.dtype(
+    [("cost", np.float32), ("length", np.float32), ("anchor", np.int32), ("slots", np.int32), ("asks", np.int8)],
+    align=True,
+)
+"""What a field knows of a box lies side by side: an agent reads all of it."""
+
+
 class Field(NamedTuple):
     """The way of every box of a :class:`~crowdsim.steering.guidance.ground.Ground`, as kernels take it."""
 
@@ -72,12 +79,15 @@ def solve_field(ground: Ground, goal: BaseGeometry | ArrayLike, crowding: Crowdi
     """
     points, inside = _goal_of(ground, goal)
     boxes = ground.columns * ground.rows
+    of_box = np.empty(boxes, BOX_ROW)
+    of_box["cost"] = of_box["length"] = np.inf
+    of_box["anchor"] = -1
     field = Field(
-        np.full(boxes, np.inf, np.float32),
-        np.full(boxes, np.inf, np.float32),
-        np.full(boxes, -1, np.int32),
-        np.empty(boxes, np.int8),
-        np.empty(boxes, np.int32),
+        of_box["cost"],
+        of_box["length"],
+        of_box["anchor"],
+        of_box["asks"],
+        of_box["slots"],
         np.empty((0, PARTS * PARTS), np.int32),
         np.empty((0, PARTS * PARTS), np.float32),
         points,
