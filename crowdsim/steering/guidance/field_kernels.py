@@ -13,7 +13,16 @@ import numpy as np
 
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.mesh.heap_kernels import HEAP_ROW, pop, push
-from crowdsim.steering.guidance.ground_kernels import BOX, STEPS, box_at, line_cost, load_at, pin_of, widest_at
+from crowdsim.steering.guidance.ground_kernels import (
+    BOX,
+    FAR_UNIT,
+    STEPS,
+    box_at,
+    line_cost,
+    load_at,
+    pin_of,
+    widest_at,
+)
 
 NEW, GUESSED, KNOWN, KNOWN_PURE, CLOSED, CLOSED_PURE = range(6)
 """States of a box: its cost is not known, guessed, tested, tested with the widest behavior all along to its anchor; the
@@ -34,8 +43,7 @@ SEEDS = 2
 BEFORE = 0.7
 """Way before a narrow stretch on which the body is already as the stretch asks [m]."""
 
-_ASIDE = (0.0, 0.15, -0.15, 0.3, -0.3)
-ASIDE = np.array(_ASIDE)
+ASIDE = np.array([0.0, 0.15, -0.15, 0.3, -0.3])
 """Places across the way that may be wider: whoever walks along a wall need not turn [m]."""
 
 
@@ -330,7 +338,7 @@ def ask(ground, points, field, state, asks, slots):
             slots[box] = -1
         # Walk ahead along the way, from anchor to anchor.
         asks[box] = top
-        if ground.far[row, column] > 0 and ground.far[row, column] * 0.02 > ground.reach + BEFORE + BOX:
+        if ground.far[row, column] * FAR_UNIT > ground.reach + BEFORE + BOX:
             continue
         pace = BEFORE / (paces - 1)
         for n in range(paces):

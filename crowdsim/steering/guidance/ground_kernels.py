@@ -31,8 +31,7 @@ PIN_UNIT = 0.001
 PACE = 0.06
 """Step along a line near walls [m]."""
 
-EAST = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
-STEPS = np.array(EAST, np.int64)
+STEPS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)], np.int64)
 """Columns and rows to the eight boxes around a box, counter-clockwise."""
 
 
