@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -152,3 +154,19 @@ def test_arguments():
         build_ground([np.empty((0, 4))], NEED, bounds=(0.0, 0.0, 1.0, 1.0))
     with pytest.raises(GeometryError, match="finite"):
         build_ground([[[0.0, 0.0, np.nan, 1.0]], []], NEED)
+
+
+def test_three_layers_are_all_asked():
+    room = shapely.box(0.0, 0.0, 8.0, 6.0)
+    bench = shapely.box(1.0, 1.0, 3.0, 2.0)
+    shelf = shapely.box(4.0, 1.0, 5.0, 4.0)
+    lamp = shapely.box(6.0, 3.0, 7.0, 4.0)
+    areas = [room.difference(shapely.union_all([bench, shelf, lamp])), room.difference(shelf), room.difference(lamp)]
+    radii = np.array([[0.23, 0.2, 0.15], [0.23, 0.3, 0.15], [0.23, 0.35, 0.4]])
+    need = replace(NEED, radii=radii, bodies=radii - 0.05)
+    ground = build_ground([outline_segments(area) for area in areas], need)
+    places = np.random.default_rng(3).uniform([0.0, 0.0], [8.0, 6.0], (2000, 2))
+    found = np.empty(len(places), np.int64)
+    labels_at(ground, places, found)
+    assert (found >= guidance_reference.widest(areas, radii + 1e-5, places)).all()
+    assert (found <= guidance_reference.widest(areas, radii - 1e-5, places)).all()
