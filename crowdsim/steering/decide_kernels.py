@@ -244,7 +244,7 @@ def limit_change(mine, rules, want):
         ay *= most / change
     want.vx = mine.vx + ax
     want.vy = mine.vy + ay
-    asked = mine.held if mine.held >= 0.0 else mine.rest
+    asked = min(mine.held, mine.rest) if mine.held >= 0.0 else mine.rest
     want.half = min(max(asked, mine.half - 0.03), mine.half + 0.02)
 
 

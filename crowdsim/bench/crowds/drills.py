@@ -1,0 +1,194 @@
+"""Places in which crowds must not lock, as evacuation tests and studies of pedestrians use them.
+
+Counterflow (IMO MSC.1/Circ.1533, test 8), doors, crossings, bottlenecks (Seyfried 2009), the circle whose agents all
+change sides, and corridors without ends, in which speed is measured against density (RiMEA 3.0, test 4).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely import Polygon, box, union_all
+from shapely.geometry.base import BaseGeometry
+
+from crowdsim.behaviors.behavior import list_behaviors
+from crowdsim.behaviors.library import load_behavior_set
+from crowdsim.library import library_folder
+from crowdsim.planning.query.requirements import Requirements
+from crowdsim.steering.guidance.field import asked_of
+from crowdsim.steering.guidance.ground import build_ground
+from crowdsim.steering.guidance.guidance import NEWEST, Guidance
+from crowdsim.steering.guidance.place_walls import outline_segments
+from crowdsim.steering.row_kernels import ROW
+from crowdsim.steering.steering import Steering
+from crowdsim.steering.walls import build_walls
+
+LEG_RADIUS = 0.125
+
+State = NDArray[Any]
+
+
+@cache
+def _needs() -> tuple[Requirements, NDArray[np.float64]]:
+    """What the behaviors of the library need of a place with one layer, and what they ask of a body."""
+    behaviors = load_behavior_set(list_behaviors(library_folder("behaviors")), [(0.0, 2.0)]).behaviors
+    return Requirements.of(behaviors, 1, 0.0), asked_of(behaviors)
+
+
+@dataclass(frozen=True)
+class Group:
+    """Agents that start in a rectangle (x0, y0, x1, y1) and go to a region [m]."""
+
+    count: int
+    start: tuple[float, float, float, float]
+    goal: BaseGeometry
+
+
+@dataclass(frozen=True)
+class Drill:
+    """A place and who walks through it, until all have arrived or ``seconds`` have passed."""
+
+    name: str
+    area: Polygon
+    groups: tuple[Group, ...]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class DrillResult:
+    """When each agent arrived [s], nan for those who did not, and 95 % of the accelerations [m/s2]."""
+
+    arrived: NDArray[np.float64]
+    acceleration: float
+
+    @property
+    def last(self) -> float:
+        """When the last one arrived [s]; nan if somebody did not."""
+        return float(self.arrived.max())
+
+    def flow(self) -> float:
+        """Arrivals a second between the first and the last tenth of them [1/s]."""
+        times = np.sort(self.arrived[np.isfinite(self.arrived)])
+        few = len(times) // 10
+        if len(times) < 20:
+            return 0.0
+        return float((len(times) - 2 * few) / (times[-few - 1] - times[few]))
+
+
+def counterflow(against: int) -> Drill:
+    """100 people through a corridor of 2 m by 10 m, against so many others (IMO test 8)."""
+    area = union_all([box(0, 0, 10, 10), box(10, 4, 20, 6), box(20, 0, 30, 10)])
+    groups = [Group(100, (0.4, 0.4, 9.0, 9.6), box(22, 0.3, 29.7, 9.7))]
+    if against:
+        groups.append(Group(against, (21.0, 0.4, 29.6, 9.6), box(0.3, 0.3, 8, 9.7)))
+    return Drill(f"counterflow 100 against {against}", area, tuple(groups), 200.0)
+
+
+def door(each: int, width: float) -> Drill:
+    """So many from either side through a door."""
+    low, high = 4.0 - width / 2, 4.0 + width / 2
+    area = union_all([box(0, 0, 7.9, 8), box(7.9, low, 8.1, high), box(8.1, 0, 16, 8)])
+    groups = (
+        Group(each, (2.5, 1.5, 6.5, 6.5), box(11, 0.3, 15.7, 7.7)),
+        Group(each, (9.5, 1.5, 13.5, 6.5), box(0.3, 0.3, 5, 7.7)),
+    )
+    return Drill(f"door of {width:g} m, {each} + {each}", area, groups, 90.0)
+
+
+def bottleneck(width: float) -> Drill:
+    """150 people through an opening 5 m long."""
+    area = union_all([box(-13, -4, 0, 4), box(0, -width / 2, 5, width / 2), box(5, -4, 12, 4)])
+    group = Group(150, (-11.5, -3.5, -1.5, 3.5), box(6, -3.7, 11.7, 3.7))
+    return Drill(f"bottleneck of {width:g} m", area, (group,), 200.0)
+
+
+def crossing(each: int) -> Drill:
+    """Two corridors of 4 m that cross, walked in all four directions."""
+    area = union_all([box(-14, -2, 14, 2), box(-2, -14, 2, 14)])
+    east, west = box(12, -1.7, 13.7, 1.7), box(-13.7, -1.7, -12, 1.7)
+    north, south = box(-1.7, 12, 1.7, 13.7), box(-1.7, -13.7, 1.7, -12)
+    groups = (
+        Group(each, (-13, -1.6, -4, 1.6), east),
+        Group(each, (4, -1.6, 13, 1.6), west),
+        Group(each, (-1.6, -13, 1.6, -4), north),
+        Group(each, (-1.6, 4, 1.6, 13), south),
+    )
+    return Drill(f"crossing of 4 x {each}", area, groups, 120.0)
+
+
+def run_drill(drill: Drill, seed: int, *, threads: int = 1) -> DrillResult:
+    """Walk through a drill; the seed draws places, breadths and speeds."""
+    need, asked = _needs()
+    segments = outline_segments(drill.area)
+    walls = build_walls(segments)
+    guidance = Guidance(build_ground([segments], need), [group.goal for group in drill.groups], asked)
+    state = draw_agents(drill, seed)
+    following = np.full(len(state), NEWEST, np.int32)
+    arrived = np.full(len(state), np.nan)
+    changes = []
+    with Steering(walls, walls, leg_radius=LEG_RADIUS, threads=threads) as steering:
+        dt = steering.rules.step
+        for step in range(round(drill.seconds / dt)):
+            guidance.write(state, following)
+            before = state[["vx", "vy"]].copy()
+            steering.step(state)
+            changes.append(np.hypot(state["vx"] - before["vx"], state["vy"] - before["vy"]) / dt)
+            there = state["togo"] == 0.0
+            arrived[state["id"][there]] = (step + 1) * dt
+            state, following = state[~there], following[~there]
+            if not len(state):
+                break
+    return DrillResult(arrived, float(np.quantile(np.concatenate(changes), 0.95)))
+
+
+def draw_agents(drill: Drill, seed: int) -> State:
+    """Agents at random places of their groups' rectangles, none nearer to another than 0.52 m.
+
+    Breadths are N(0.46, 0.03) m within [0.38, 0.55], speeds N(1.34, 0.26) m/s within [0.5, 2.2] (Weidmann 1993).
+    """
+    rng = np.random.default_rng(seed)
+    places = np.concatenate([_scatter(rng, group.count, group.start) for group in drill.groups])
+    goals = np.repeat(np.arange(len(drill.groups)), [group.count for group in drill.groups])
+    middles = np.array([[group.goal.centroid.x, group.goal.centroid.y] for group in drill.groups])[goals]
+    return make_agents(rng, places, goals, middles - places)
+
+
+def make_agents(
+    rng: np.random.Generator, places: NDArray[np.float64], goals: NDArray[np.int64], facing: NDArray[np.float64]
+) -> State:
+    """Agents of usual breadth and speed at ``places``, float64[n, 2] [m], who face along ``facing``, float64[n, 2]."""
+    count = len(places)
+    state = np.zeros(count, ROW)
+    state["x"], state["y"] = places.T
+    state["heading"] = np.arctan2(facing[:, 1], facing[:, 0])
+    state["hx"], state["hy"] = np.cos(state["heading"]), np.sin(state["heading"])
+    state["radius"] = LEG_RADIUS
+    state["half"] = state["rest"] = np.clip(rng.normal(0.46, 0.03, count), 0.38, 0.55) / 2.0 - LEG_RADIUS
+    state["speed"] = np.clip(rng.normal(1.34, 0.26, count), 0.5, 2.2)
+    state["share"] = rng.random(count)
+    state["goal"] = goals
+    state["id"] = np.arange(count)
+    state["turn"] = state["held"] = -1.0
+    return state
+
+
+def _scatter(
+    rng: np.random.Generator, count: int, within: tuple[float, float, float, float], apart: float = 0.52
+) -> NDArray[np.float64]:
+    cells: dict[tuple[int, int], list[NDArray[np.float64]]] = {}
+    found: list[NDArray[np.float64]] = []
+    for _ in range(2000 * count):
+        place = rng.uniform(within[:2], within[2:])
+        column, row = math.floor(place[0]), math.floor(place[1])
+        near = [each for i in (-1, 0, 1) for j in (-1, 0, 1) for each in cells.get((column + i, row + j), ())]
+        if all(np.hypot(*(place - each)) > apart for each in near):
+            cells.setdefault((column, row), []).append(place)
+            found.append(place)
+            if len(found) == count:
+                return np.array(found)
+    raise ValueError(f"{count} agents find no room in {within}")
