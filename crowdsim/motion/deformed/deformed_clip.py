@@ -32,6 +32,8 @@ _STAND_HALF_WIDTH = 0.07
 _NARROWEST = 0.03
 _STRAIGHT = 0.03
 """Radians of pitch below which a foot on the floor is flat."""
+_SOLE_DOWN = 0.125
+"""Phase after landing at which the whole sole is on the floor."""
 _HEEL_UNTIL, _BALL_FROM = 0.2, 0.25
 """Phase after landing until which a foot may stand on its heel, and from which it may on its ball."""
 _Z = np.array([0.0, 0.0, 1.0])
@@ -242,6 +244,8 @@ def _settled(pitch: Floats) -> Floats:
     flat[rows] = np.minimum.accumulate(flat[rows])
     rows = np.flatnonzero(phase <= _HEEL_UNTIL)
     flat[rows] = np.minimum.accumulate(flat[rows])
+    # The whole sole is down when the body is over the heel, to the last fraction of a degree.
+    flat *= np.where(early, np.clip((_SOLE_DOWN - phase) / (0.5 * _SOLE_DOWN), 0.0, 1.0), 1.0)
     flat[-1] = flat[0]
     return flat
 

@@ -53,6 +53,8 @@ _PASSING = 0.095
 _MOST_ASIDE = 0.2
 _DEEPEST = 0.16
 """Meters that the pelvis is lowered at most."""
+_SOLE_DOWN = 0.125
+"""Phase after landing at which the whole sole is on the floor, and from which a heel rises if its leg needs it."""
 _HEEL_FROM, _HEEL_BY = 0.2, 0.3
 """Phase after landing from which a heel may rise to spare the pelvis, and over which it may more and more."""
 _HEEL_MOST = 0.95
@@ -191,7 +193,7 @@ def stand_ankle(model, foot, print_row, u, track, place, turn, spare):
     pitch = planned_pitch(model, foot, u, track[AHEAD])
     if spare >= 0.0:
         pitch = min(pitch, -spare) if spare > 0.0 else pitch
-    elif u > _HEEL_FROM:
+    elif u > _SOLE_DOWN:
         hip = hip_of(model, foot, place, turn)
         pitch = reaching_pitch(model.bones, foot, pitch, hip, print_row, c, s)
     ahead, up = ankle_over(model.bones, foot, pitch)
