@@ -1,8 +1,9 @@
-"""The cycle of a clip that is deformed: from one landing of the left foot to the next, with the right foot's between."""
+"""The cycle of a clip that is deformed: from one landing of the left foot to the next, the right foot's between."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,10 +86,10 @@ def _cycles(clip: Clip) -> list[tuple[int, int, int, int, int]]:
     """Frames (left lands, right lands, left lands again, left lifts, right lifts) of all cycles of a clip."""
     positions, world = clip.posed
     feet = feet_of(clip.skeleton, positions, world)
-    planted = planted_steps(feet, CAPTURE_RATE).any(axis=2)
+    planted = np.asarray(planted_steps(feet, CAPTURE_RATE).any(axis=2))
     left, right = (_stances(planted[:, foot], _pitch(clip, side)) for foot, side in enumerate(("left", "right")))
     cycles = []
-    for (begin, lift), (end, _) in zip(left, left[1:], strict=False):
+    for (begin, lift), (end, _) in pairwise(left):
         between = [(land, up) for land, up in right if begin < land < end]
         before = [up for land, up in right if land < begin < up]
         seconds = (end - begin) / CAPTURE_RATE

@@ -22,9 +22,6 @@ from crowdsim.motion.deformed.leg_frames import foot_shape, leg_turns, mean_rota
 WAVES = 4
 """Harmonics of a cycle that the pelvis keeps: the fifth would be faster than 5 Hz."""
 
-HEEL_BACK = 0.055
-"""Meters from the ankle joint back to the end of the heel, which no joint marks."""
-
 _STAND_REACH = 0.993
 """Share of its length that a leg has at rest; the knee is then bent by 13 degrees."""
 _STAND_HALF_WIDTH = 0.07
@@ -53,6 +50,7 @@ class ClipModel(NamedTuple):
     pitch: (2, S + 1) float64 radians, toes up, from each foot's landing on. lift: (2, S + 1) float64 meters, ankle over
     a smooth way from where it lifts to where it lands, in the swing.
     prints: (2, 3) float64 ball from the track while the body is over it: ahead, left [m], and its heading.
+    spine: how many of ``upper``, the first ones, lead from the root to the chest.
     stride: meters of the cycle. stand: height of the root at rest [m]. width: half of the step width at rest [m].
     """
 
@@ -71,6 +69,7 @@ class ClipModel(NamedTuple):
     stride: float
     stand: float
     width: float
+    spine: int
 
 
 @dataclass(frozen=True)
@@ -109,13 +108,16 @@ def deform_clip(clip: Clip, speed: float | None = None) -> DeformedClip:
     shapes = [foot_shape(clip.skeleton, legs[foot], *_from_landing(foot, positions, world)) for foot in (0, 1)]
     chain = [_hip_in_root(clip.skeleton, mean, int(joint)) for joint in legs[:, 0]]
     turns = [
-        np.concatenate([chain[foot][1][None], leg_turns(legs[foot], clip.skeleton, positions, world), shapes[foot].turns])
+        np.concatenate(
+            [chain[foot][1][None], leg_turns(legs[foot], clip.skeleton, positions, world), shapes[foot].turns]
+        )
         for foot in (0, 1)
     ]
     bones = np.array([_bones(clip.skeleton, legs[foot], shapes[foot].sizes) for foot in (0, 1)])
     over = [_print(cycle, positions[:, max(int(legs[f, 3]), int(legs[f, 2]))], shapes[f].yaw, f) for f in (0, 1)]
-    outside = ~np.isin(np.arange(clip.skeleton.joint_count), [*legs.ravel(), 0])
-    upper = np.flatnonzero(outside).astype(np.int32)
+    spine = _spine(clip.skeleton)
+    others = [j for j in range(1, clip.skeleton.joint_count) if j not in legs and j not in spine]
+    upper = np.array([*spine, *others], np.int32)
     hips = np.array([place for place, _ in chain])
     model = ClipModel(
         mean=mean,
@@ -133,6 +135,7 @@ def deform_clip(clip: Clip, speed: float | None = None) -> DeformedClip:
         stride=max(cycle.stride, 0.3),
         stand=_standing_height(mean[0], hips, bones),
         width=_STAND_HALF_WIDTH,
+        spine=len(spine),
     )
     return DeformedClip(clip.name, clip.skeleton, model)
 
@@ -202,6 +205,15 @@ def _hip_in_root(skeleton: Skeleton, mean: Floats, hip: int) -> tuple[Floats, Fl
     return place + rotate(turn, skeleton.offsets[hip]), turn
 
 
+def _spine(skeleton: Skeleton) -> list[int]:
+    """Joints from the root, without it, to the chest, which carries the arms; none if the skeleton has no chest."""
+    joint, spine = skeleton.roles.get("chest", 0), []
+    while joint > 0:
+        spine.append(joint)
+        joint = int(skeleton.parents[joint])
+    return spine[::-1]
+
+
 def _bones(skeleton: Skeleton, leg: NDArray[np.int32], foot: Floats) -> Floats:
     """Lengths of thigh and shank before the sizes of the foot [m]."""
     lengths = np.linalg.norm(skeleton.offsets[leg[1:3]], axis=1)
@@ -268,10 +280,11 @@ def _lift(height: Floats) -> Floats:
 def _waves(samples: Floats) -> Floats:
     """(D, 2 * WAVES) cosines and sines of closed samples (S + 1, D)."""
     angle = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
-    waves = []
-    for harmonic in range(1, WAVES + 1):
-        for wave in (cos(harmonic * angle), sin(harmonic * angle)):
-            waves.append(2.0 * np.mean(samples[:-1] * wave[:, None], axis=0))
+    waves = [
+        2.0 * np.mean(samples[:-1] * wave(harmonic * angle)[:, None], axis=0)
+        for harmonic in range(1, WAVES + 1)
+        for wave in (cos, sin)
+    ]
     return np.ascontiguousarray(np.stack(waves, axis=1))
 
 

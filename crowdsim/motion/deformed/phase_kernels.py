@@ -1,12 +1,12 @@
 """The phase of the gait, advanced with each step of the simulation.
 
-The phase counts cycles: the left foot lands at whole numbers, the right one half a cycle later. Cadence follows the walk
-ratio of human gait, step length by cadence, which hardly changes with speed: 0.0065 m by steps a minute.
+The phase counts cycles: the left foot lands at whole numbers, the right one half a cycle later. Cadence follows the
+walk ratio of human gait, step length by cadence, which hardly changes with speed: 0.0065 m by steps a minute.
 """
 
 import math
 
-from crowdsim.geometry.elementary_kernels import cos_sin
+from crowdsim.geometry.elementary_kernels import atan2, cos_sin
 from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.jit import helper, kernel
 
@@ -25,12 +25,14 @@ _BACKWARD = 1.35
 """Cadence walking backwards, as a multiple."""
 _SIDE_BEGIN, _SIDE_SLOPE, _SIDE_MOST = 0.5, 1.1, 1.4
 """Cycles a second stepping sideways: at rest, for each m/s, and at most."""
-_DIAGONAL = 0.25
-"""Share of the speed ahead that a body drifts sideways without stepping sideways."""
 _TURN_BEGIN, _TURN_SLOPE, _TURN_MOST = 0.35, 0.4, 1.5
 """Cycles a second turning on the spot: at rest, for each rad/s, and at most."""
 _LONGEST_STRIDE = 1.6
 """Meters of a cycle beyond which cadence grows with speed."""
+_TWISTED, _SIDEWAYS = 0.7, 1.4
+"""Radians between where a body faces and goes up to which its hips follow, and from which it steps sideways."""
+_WALKING = 0.4
+"""Meters a second below which hips follow less."""
 _SLOW = 0.45
 """Cycles a second below which nobody walks steadily."""
 _FINISH, _CLOSE = 0.6, 0.75
@@ -39,6 +41,21 @@ _CREEPING = 0.1
 """Meters a second from which a body creeps on."""
 _AWAY, _TURNED = 0.03, 0.15
 """Meters and radians from where the rear foot belongs, below which it may stay."""
+
+
+@helper
+def hip_turn(ahead, side):
+    """Radians that the hips are turned from the chest, towards where the body goes, at speeds ahead and sideways [m/s].
+
+    People who go at an angle to where their shoulders face walk ahead on their legs and twist their trunks, up to a
+    point; beyond, they step sideways.
+    """
+    angle = abs(atan2(side, ahead))
+    if angle >= _SIDEWAYS:
+        return 0.0
+    turn = min(angle, _TWISTED * (_SIDEWAYS - angle) / (_SIDEWAYS - _TWISTED))
+    walking = min(math.sqrt(ahead * ahead + side * side) / _WALKING, 1.0)
+    return math.copysign(turn * walking * walking, side)
 
 
 @helper
@@ -51,8 +68,7 @@ def phase_rate(ahead, side, turn):
     rate = math.sqrt(_WALK_RATIO * along) / (2.0 * _WALK_RATIO)
     if ahead < 0.0:
         rate *= _BACKWARD
-    beside = max(0.0, across - _DIAGONAL * along)
-    rate = max(rate, min(_SIDE_BEGIN * min(1.0, beside / 0.1) + _SIDE_SLOPE * beside, _SIDE_MOST))
+    rate = max(rate, min(_SIDE_BEGIN * min(1.0, across / 0.1) + _SIDE_SLOPE * across, _SIDE_MOST))
     on_spot = _TURN_BEGIN * min(1.0, turning / 0.2) + _TURN_SLOPE * turning
     rate = max(rate, min(on_spot, _TURN_MOST))
     return max(rate, speed / _LONGEST_STRIDE)
@@ -94,7 +110,9 @@ def advance_phases(places, velocities, turns, dt, phases, anchors):
         ahead = c * velocities[body, 0] + s * velocities[body, 1]
         side = c * velocities[body, 1] - s * velocities[body, 0]
         speed = math.sqrt(ahead * ahead + side * side)
-        rate = phase_rate(ahead, side, turns[body])
+        # The legs see it from the hips.
+        c, s = cos_sin(hip_turn(ahead, side))
+        rate = phase_rate(c * ahead + s * side, c * side - s * ahead, turns[body])
         # Ask how far the body has left its rear foot.
         x = places[body, 0] - anchors[body, 0]
         y = places[body, 1] - anchors[body, 1]

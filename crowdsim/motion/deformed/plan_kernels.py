@@ -13,12 +13,11 @@ from crowdsim.motion.deformed.body_kernels import (
     DROP,
     HEADING,
     PHASE,
-    REACH,
     SHARE,
+    TWIST,
     X,
     Y,
     ankle_over,
-    ease,
     hip_of,
     lacking,
     pelvis_of,
@@ -27,7 +26,7 @@ from crowdsim.motion.deformed.body_kernels import (
     standing_yaw,
     track_at,
 )
-from crowdsim.motion.deformed.phase_kernels import REFERENCE, STANCE
+from crowdsim.motion.deformed.phase_kernels import REFERENCE, STANCE, hip_turn
 from crowdsim.motion.deformed.spline_kernels import time_of_value
 
 # Columns of a step: the print, then the ankle as the foot lifts and as it lands.
@@ -50,8 +49,10 @@ _APART = 1.8
 """Distance between feet side by side, as a multiple of the half width of steps."""
 _PASSING = 0.095
 """Meters across between a foot that swings and the one that it passes, at least."""
+_LONG, _LONG_BY = 0.32, 0.12
+"""Meters ahead from which feet may be in line, and over which they may more and more."""
 _MOST_ASIDE = 0.2
-_DEEPEST = 0.16
+_DEEPEST = 0.2
 """Meters that the pelvis is lowered at most."""
 _SOLE_DOWN = 0.125
 """Phase after landing at which the whole sole is on the floor, and from which a heel rises if its leg needs it."""
@@ -72,6 +73,20 @@ def _smooth(values, column, first, last, scratch):
         scratch[row] = total / 2.5
     for row in range(first, last):
         values[row, column] = scratch[row]
+
+
+@helper
+def _speeds(samples, row, first, last, step):
+    """Speeds at a row by central differences: x, y [m/s], turn [rad/s], phase [cycles/s]."""
+    before = max(row - 1, first)
+    after = min(row + 1, last - 1)
+    seconds = (after - before) * step
+    return (
+        (samples[after, X] - samples[before, X]) / seconds,
+        (samples[after, Y] - samples[before, Y]) / seconds,
+        (samples[after, HEADING] - samples[before, HEADING]) / seconds,
+        (samples[after, PHASE] - samples[before, PHASE]) / seconds,
+    )
 
 
 @kernel
@@ -97,15 +112,18 @@ def fill_samples(model, tracks, starts, step, firsts, samples, scratch):
                 elif beyond > 0 and count > 1:
                     rate = tracks[source, column] - tracks[source - 1, column]
                 samples[first + row, column] = tracks[source, column] + beyond * rate
+        # Turn the hips to where the body goes; what the chest keeps is the twist.
+        for row in range(first, first + total):
+            x, y, _, _ = _speeds(samples, row, first, first + total, step)
+            c, s = cos_sin(samples[row, HEADING])
+            samples[row, TWIST] = hip_turn(c * x + s * y, c * y - s * x)
+        _smooth(samples, TWIST, first, first + total, scratch)
+        for row in range(first, first + total):
+            samples[row, HEADING] += samples[row, TWIST]
         # Share of the clip's stride, of all movement and of that ahead.
         for row in range(first, first + total):
-            before = max(row - 1, first)
-            after = min(row + 1, first + total - 1)
-            seconds = (after - before) * step
-            x = (samples[after, X] - samples[before, X]) / seconds
-            y = (samples[after, Y] - samples[before, Y]) / seconds
-            turn = (samples[after, HEADING] - samples[before, HEADING]) / seconds
-            rate = max((samples[after, PHASE] - samples[before, PHASE]) / seconds, _SLOWEST)
+            x, y, turn, rate = _speeds(samples, row, first, first + total, step)
+            rate = max(rate, _SLOWEST)
             c, s = cos_sin(samples[row, HEADING])
             turning = _TURN_STRIDE * turn
             stride = math.sqrt(x * x + y * y + turning * turning) / rate
@@ -117,18 +135,50 @@ def fill_samples(model, tracks, starts, step, firsts, samples, scratch):
 
 
 @helper
-def _across(steps, row, x, y):
-    """Meters from the print of a row to a point, to the left of its heading."""
-    c, s = cos_sin(steps[row, PRINT + 2])
-    return c * (y - steps[row, PRINT + 1]) - s * (x - steps[row, PRINT])
+def _lack(x, y, heading, side, apart):
+    """Meters by which a point is too near to the ``side`` (1 left, -1 right) of a foot at the origin.
+
+    apart: meters wanted. What is well ahead or behind may be as near as it likes.
+    """
+    c, s = cos_sin(heading)
+    along = abs(c * x + s * y)
+    beside = min(max((_LONG - along) / _LONG_BY, 0.0), 1.0)
+    return beside * min(max(apart - side * (c * y - s * x), 0.0), 2.0 * _MOST_ASIDE)
+
+
+@helper
+def _push_apart(steps, first, last, half, bodies, most):
+    """Move prints of rows ``first`` to before ``last`` outwards, each by half of what it and its neighbours lack.
+
+    half: half cycle of the first row. bodies: (H, 3) heading of the body over each print, half step width, scratch.
+    most: meters that each is moved at most.
+    """
+    for row in range(first + 1, last):
+        side = 1.0 - 2.0 * ((half + row - first) & 1)
+        x = steps[row, PRINT] - steps[row - 1, PRINT]
+        y = steps[row, PRINT + 1] - steps[row - 1, PRINT + 1]
+        apart = _APART * min(bodies[row - 1, 1], bodies[row, 1])
+        # Seen from either foot, and from the body between, along which feet that are apart must not cross.
+        lack = max(_lack(x, y, bodies[row - 1, 0], side, apart), _lack(x, y, bodies[row, 0], side, apart))
+        c, s = cos_sin(0.5 * (bodies[row - 1, 0] + bodies[row, 0]))
+        lack = max(lack, apart - side * (c * y - s * x))
+        bodies[row, 2] = min(0.5 * lack, most)
+    for row in range(first, last):
+        side = 1.0 - 2.0 * ((half + row - first) & 1)
+        push = bodies[row, 2] if row > first else 0.0
+        if row + 1 < last:
+            push = max(push, bodies[row + 1, 2])
+        c, s = cos_sin(bodies[row, 0])
+        steps[row, PRINT] -= side * push * s
+        steps[row, PRINT + 1] += side * push * c
 
 
 @kernel
-def plan_prints(model, samples, firsts, counts, step, halves, rows, steps, pushes):
+def plan_prints(model, samples, firsts, counts, step, halves, rows, steps, bodies):
     """Where each foot stands: beside the track where the body passes over it, never nearer the other than it may.
 
     halves: (A,) int64 half cycle of each track's first row. rows: (A + 1,) int64 where these begin in ``steps``
-    (H, STEP_COLUMNS). pushes: (H, 2) float64 scratch.
+    (H, STEP_COLUMNS). bodies: (H, 3) float64 scratch.
     """
     for body in range(len(firsts)):
         first = firsts[body]
@@ -149,30 +199,26 @@ def plan_prints(model, samples, firsts, counts, step, halves, rows, steps, pushe
             steps[row, PRINT] = track[X] + c * place - side * s * width
             steps[row, PRINT + 1] = track[Y] + s * place + side * c * width
             steps[row, PRINT + 2] = track[HEADING] + model.prints[foot, 2]
-            pushes[row, 0] = track[HEADING]
-            pushes[row, 1] = width
-        # Ask how much each pair of steps is too near across the body, then give both feet half of it.
-        for row in range(rows[body] + 1, rows[body + 1]):
-            side = 1.0 - 2.0 * ((halves[body] + row - rows[body]) & 1)
-            c, s = cos_sin(0.5 * (pushes[row - 1, 0] + pushes[row, 0]))
-            x = steps[row, PRINT] - steps[row - 1, PRINT]
-            y = steps[row, PRINT + 1] - steps[row - 1, PRINT + 1]
-            lacks = _APART * min(pushes[row - 1, 1], pushes[row, 1]) - side * (c * y - s * x)
-            steps[row, ASIDE] = min(max(0.5 * lacks, 0.0), _MOST_ASIDE)
-        for row in range(rows[body], rows[body + 1]):
-            side = 1.0 - 2.0 * ((halves[body] + row - rows[body]) & 1)
-            push = steps[row, ASIDE] if row > rows[body] else 0.0
-            if row + 1 < rows[body + 1]:
-                push = max(push, steps[row + 1, ASIDE])
-            c, s = cos_sin(pushes[row, 0])
-            steps[row, PRINT] -= side * push * s
-            steps[row, PRINT + 1] += side * push * c
+            bodies[row, 0] = track[HEADING]
+            bodies[row, 1] = width
+        # Twice, as a foot that is moved may come near the one before it.
+        _push_apart(steps, rows[body], rows[body + 1], halves[body], bodies, _MOST_ASIDE)
+        _push_apart(steps, rows[body], rows[body + 1], halves[body], bodies, 0.3 * _MOST_ASIDE)
         # Swing out where the straight way to the next print would touch the other foot.
         for row in range(rows[body] + 1, rows[body + 1] - 1):
             side = 1.0 - 2.0 * ((halves[body] + row + 1 - rows[body]) & 1)
-            x = 0.5 * (steps[row - 1, PRINT] + steps[row + 1, PRINT])
-            y = 0.5 * (steps[row - 1, PRINT + 1] + steps[row + 1, PRINT + 1])
-            steps[row - 1, ASIDE] = min(max(_PASSING - side * _across(steps, row, x, y), 0.0), _MOST_ASIDE)
+            aside = 0.0
+            for k in range(3):
+                share = 0.25 + 0.25 * k
+                x = (1.0 - share) * steps[row - 1, PRINT] + share * steps[row + 1, PRINT] - steps[row, PRINT]
+                y = (
+                    (1.0 - share) * steps[row - 1, PRINT + 1]
+                    + share * steps[row + 1, PRINT + 1]
+                    - steps[row, PRINT + 1]
+                )
+                lack = _lack(x, y, steps[row, PRINT + 2], side, _PASSING)
+                aside = max(aside, lack / (16.0 * share * share * (1.0 - share) * (1.0 - share)))
+            steps[row - 1, ASIDE] = min(aside, _MOST_ASIDE)
 
 
 @helper
@@ -206,7 +252,7 @@ def plan_drops(model, samples, firsts, counts, step, halves, rows, steps, scratc
 
     A leg asks as its foot lands and before it lifts, when the heel may help. Fills the column DROP of ``samples``.
     """
-    asked = (0.0, 0.06, 0.4, 0.5, 0.55, 0.6)
+    asked = (0.0, 0.06, 0.15, 0.3, 0.4, 0.5, 0.55, 0.6)
     for body in range(len(firsts)):
         first = firsts[body]
         count = counts[body]
@@ -216,14 +262,14 @@ def plan_drops(model, samples, firsts, counts, step, halves, rows, steps, scratc
             foot = half & 1
             prints = (steps[row, PRINT], steps[row, PRINT + 1], steps[row, PRINT + 2])
             near = span
-            for k in range(6):
+            for k in range(len(asked)):
                 u = asked[k]
                 time, near = time_of_value(samples, PHASE, 0.5 * half + u, step, first, count, near)
                 if k == 0:
                     span = near
                 track = track_at(samples, first, count, step, time)
                 # What is asked stands in the column itself, but not for this.
-                track = (track[0], track[1], track[2], track[3], track[4], track[5], 0.0)
+                track = (track[0], track[1], track[2], track[3], track[4], track[5], 0.0, track[7])
                 place, turn = pelvis_of(model, track)
                 spare = _HEEL_MOST * min(max((u - _HEEL_FROM) / _HEEL_BY, 0.0), 1.0)
                 ankle, _, _ = stand_ankle(model, foot, prints, u, track, place, turn, spare)

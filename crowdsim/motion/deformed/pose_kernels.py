@@ -6,11 +6,11 @@ from crowdsim.geometry.elementary_kernels import cos_sin
 from crowdsim.jit import helper, kernel
 from crowdsim.motion.deformed.body_kernels import (
     AHEAD,
-    HEADING,
     HEEL_BACK,
     PHASE,
     REACH,
     SHARE,
+    TWIST,
     conjugate,
     ease,
     hip_of,
@@ -171,14 +171,18 @@ def _pose_leg(model, foot, hip, turn, target, forward, out, body):
 
 
 @helper
-def _pose_upper(model, phase, share, out, body):
-    """Rotations of the joints above the legs: from their means towards the clip by the share of its stride."""
+def _pose_upper(model, phase, share, twist, out, body):
+    """Rotations of the joints above the legs: from their means towards the clip by the share of its stride.
+
+    twist: radians that the hips are turned from the chest; the joints of the spine turn back by it.
+    """
     samples = model.swings.shape[0] - 1
     at = (phase - math.floor(phase)) * samples
     k = min(int(at), samples - 1)
     late = share * (at - k)
     early = share - late
     swings = model.swings
+    back, aside = cos_sin(0.5 * twist / max(model.spine, 1))
     for u in range(len(model.upper)):
         swing = turned_by(
             early * swings[k, u, 0] + late * swings[k + 1, u, 0],
@@ -186,7 +190,10 @@ def _pose_upper(model, phase, share, out, body):
             early * swings[k, u, 2] + late * swings[k + 1, u, 2],
         )
         joint = model.upper[u]
-        _put(out, body, joint, multiply(quaternion(model.mean, joint), swing))
+        turn = multiply(quaternion(model.mean, joint), swing)
+        if u < model.spine:
+            turn = multiply((back, 0.0, 0.0, -aside), turn)
+        _put(out, body, joint, turn)
 
 
 @kernel
@@ -232,4 +239,4 @@ def pose_bodies(model, plan, bodies, times, roots, rotations):
             x, y = c + front[0] * across, s + front[1] * across
             n = 1.0 / math.sqrt(max(x * x + y * y, 1e-12))
             _pose_leg(model, foot, hip_of(model, foot, place, turn), turn, target, (x * n, y * n), rotations, pose)
-        _pose_upper(model, phase, track[SHARE], rotations, pose)
+        _pose_upper(model, phase, track[SHARE], track[TWIST], rotations, pose)

@@ -111,7 +111,7 @@ def plan_steps(clip: DeformedClip, tracks: Sequence[Floats], step: float = STEP)
     ends = np.floor(2.0 * samples[firsts + counts - 1, PHASE]).astype(np.int64) + _BEYOND + 1
     rows = np.concatenate([[0], np.cumsum(ends - begins)]).astype(np.int64)
     steps = np.zeros((int(rows[-1]), STEP_COLUMNS))
-    plan_prints(clip.model, samples, firsts, counts, step, begins, rows, steps, np.zeros((len(steps), 2)))
+    plan_prints(clip.model, samples, firsts, counts, step, begins, rows, steps, np.zeros((len(steps), 3)))
     plan_drops(clip.model, samples, firsts, counts, step, begins, rows, steps, scratch)
     plan_swings(clip.model, samples, firsts, counts, step, begins, rows, steps)
     return StepPlan(samples, firsts, counts, steps, rows, begins, step)
@@ -128,7 +128,7 @@ def pose_at(clip: DeformedClip, plan: StepPlan, bodies: NDArray[np.int64], times
         Unit quaternions, each joint in its parent, as in :class:`~crowdsim.motion.clips.clip.Clip`.
     """
     bodies, times = np.ascontiguousarray(bodies, np.int64), np.ascontiguousarray(times, np.float64)
-    if len(bodies) and not (0 <= bodies.min() and bodies.max() < len(plan.firsts)):
+    if len(bodies) and not (bodies.min() >= 0 and bodies.max() < len(plan.firsts)):
         raise MotionError(f"the plan has {len(plan.firsts)} tracks, numbered from 0; there is no track {bodies.max()}")
     if not np.isfinite(times).all():
         raise MotionError("a time to pose a body at is not finite")
