@@ -36,7 +36,7 @@ class FootShape:
 
 def mean_rotation(q: Floats) -> Floats:
     """Mean (4,) of unit quaternions (n, 4) that lie within a half turn."""
-    mean = q[0]
+    mean: Floats = q[0]
     for _ in range(3):
         signs = np.where(np.sum(q * mean, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
         mean = np.mean(signs * q, axis=0)
@@ -57,7 +57,8 @@ def frame_rotation(x: Floats, y: Floats, z: Floats) -> Floats:
     elif best == 3:
         w, i, j, k = k, z[0] + x[2], z[1] + y[2], 1.0 + 2.0 * z[2] - trace
     q = np.array([w, i, j, k])
-    return q / np.sqrt(np.sum(q * q))
+    unit: Floats = q / np.sqrt(np.sum(q * q))
+    return unit
 
 
 def leg_turns(leg: NDArray[np.int32], skeleton: Skeleton, positions: Floats, world: Floats) -> Floats:

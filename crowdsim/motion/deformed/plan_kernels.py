@@ -252,7 +252,7 @@ def plan_drops(model, samples, firsts, counts, step, halves, rows, steps, scratc
 
     A leg asks as its foot lands and before it lifts, when the heel may help. Fills the column DROP of ``samples``.
     """
-    asked = (0.0, 0.06, 0.15, 0.3, 0.4, 0.5, 0.55, 0.6)
+    asked = (0.0, 0.05, 0.15, 0.3, 0.4, 0.5, 0.55, 0.6)
     for body in range(len(firsts)):
         first = firsts[body]
         count = counts[body]
