@@ -33,6 +33,13 @@ _SOLE_DOWN = 0.125
 """Phase after landing at which the whole sole is on the floor."""
 _HEEL_UNTIL, _BALL_FROM = 0.2, 0.25
 """Phase after landing until which a foot may stand on its heel, and from which it may on its ball."""
+_QUICKEST = 1.3
+"""Cycles a second at which the pelvis must still move gently."""
+_GENTLE = 6.0
+"""Meters a second squared that its place may then have in one axis, and _TILTED half of the radians of its turns."""
+_TILTED = 0.12
+_HIGHEST = 0.12
+"""Meters of lift that are kept of a clip: kicks are no steps."""
 _Z = np.array([0.0, 0.0, 1.0])
 
 
@@ -123,14 +130,14 @@ def deform_clip(clip: Clip, speed: float | None = None) -> DeformedClip:
         mean=mean,
         upper=upper,
         swings=np.ascontiguousarray(swings[:, upper]),
-        waves=_waves(np.concatenate([placed, swings[:, 0]], axis=1)),
+        waves=_gentle(_waves(np.concatenate([placed, swings[:, 0]], axis=1))),
         root=placed[:-1].mean(axis=0),
         legs=legs,
         hips=hips,
         turns=np.array(turns),
         bones=bones,
-        pitch=np.array([_settled(shape.pitch) for shape in shapes]),
-        lift=np.array([_lift(shape.height) for shape in shapes]),
+        pitch=_alike([_settled(shape.pitch) for shape in shapes]),
+        lift=_alike([_lift(shape.height) for shape in shapes]),
         prints=_even_prints(cycle, np.array(over)),
         stride=max(cycle.stride, 0.3),
         stand=_standing_height(mean[0], hips, bones),
@@ -262,6 +269,11 @@ def _settled(pitch: Floats) -> Floats:
     return flat
 
 
+def _alike(feet: list[Floats]) -> Floats:
+    """(2, S + 1) the mean of both feet for each of them: bodies on tracks step alike with both."""
+    return np.stack([0.5 * (feet[0] + feet[1])] * 2)
+
+
 def _lift(height: Floats) -> Floats:
     """(S + 1,) meters that an ankle of height (S + 1,) is over a cubic from where it lifts to where it lands."""
     first = round(0.6 * SAMPLES)
@@ -273,7 +285,7 @@ def _lift(height: Floats) -> Floats:
     cubic = (1.0 + 2.0 * u) * rest * rest * swing[0] + u * u * (3.0 - 2.0 * u) * swing[-1]
     cubic += u * rest * rest * up - u * u * rest * down
     lift = np.zeros(SAMPLES + 1)
-    lift[first:] = swing - cubic
+    lift[first:] = np.clip(swing - cubic, -_HIGHEST, _HIGHEST)
     return lift
 
 
@@ -286,6 +298,28 @@ def _waves(samples: Floats) -> Floats:
         for wave in (cos, sin)
     ]
     return np.ascontiguousarray(np.stack(waves, axis=1))
+
+
+def _gentle(waves: Floats) -> Floats:
+    """The same waves, without those that would shake a body that takes quicker steps than the clip.
+
+    The quickest harmonics go first; what is then left is made smaller if it is still too much.
+    """
+    angle = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
+    gentle = waves.copy()
+    for row, wave in enumerate(gentle):
+        for kept in range(WAVES, 0, -1):
+            wave[2 * kept :] = 0.0
+            most = 0.0
+            for harmonic in range(1, kept + 1):
+                part = wave[2 * harmonic - 2] * cos(harmonic * angle) + wave[2 * harmonic - 1] * sin(harmonic * angle)
+                speed = 2.0 * np.pi * harmonic * _QUICKEST if row < 3 else 1.0
+                most = most + speed * speed * part
+            share = (_GENTLE if row < 3 else _TILTED) / max(float(np.max(np.abs(most))), 1e-9)
+            if share >= 1.0:
+                break
+        wave *= min(1.0, share)
+    return gentle
 
 
 def _standing_height(turn: Floats, hips: Floats, bones: Floats) -> float:

@@ -87,7 +87,8 @@ def test_phases_equal_the_twin() -> None:
     velocities = rng.normal(size=(400, 2)) * rng.choice([0.0, 0.05, 0.2, 1.0], (400, 1))
     turns = rng.normal(size=400) * rng.choice([0.0, 0.05, 1.0], 400)
     expected = [
-        advance(*each) for each in zip(places, velocities, turns, [0.1] * 400, phases.copy(), anchors.copy(), strict=True)
+        advance(*each)
+        for each in zip(places, velocities, turns, [0.1] * 400, phases.copy(), anchors.copy(), strict=True)
     ]
     advance_phases(places, velocities, turns, 0.1, phases, anchors)
     assert np.allclose(phases, [phase for phase, _ in expected], atol=1e-12)
