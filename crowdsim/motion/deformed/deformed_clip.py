@@ -24,9 +24,15 @@ WAVES = 4
 
 _STAND_REACH = 0.993
 """Share of its length that a leg has at rest; the knee is then bent by 13 degrees."""
+_RISE = 0.06
+"""Meters that a body at rest stands taller than it walks, at most: who walks ducked waits ducked."""
 _STAND_HALF_WIDTH = 0.07
 """Meters from the middle to each foot of a body that stands or steps sideways."""
+_FOOT_LENGTH = 0.18
+"""Meters from heel to ball."""
 _NARROWEST = 0.03
+_MOST_IN, _MOST_OUT = 0.1, 0.3
+"""Radians that feet point inwards and outwards at most."""
 _STRAIGHT = 0.03
 """Radians of pitch below which a foot on the floor is flat."""
 _SOLE_DOWN = 0.125
@@ -36,8 +42,9 @@ _HEEL_UNTIL, _BALL_FROM = 0.2, 0.25
 _QUICKEST = 1.3
 """Cycles a second at which the pelvis must still move gently."""
 _GENTLE = 6.0
-"""Meters a second squared that its place may then have in one axis, and _TILTED half of the radians of its turns."""
+"""Acceleration that its place may then have in one axis [m/s2]."""
 _TILTED = 0.12
+"""Half of the angle that it turns about one axis at most [rad]."""
 _HIGHEST = 0.12
 """Meters of lift that are kept of a clip: kicks are no steps."""
 _Z = np.array([0.0, 0.0, 1.0])
@@ -121,10 +128,11 @@ def deform_clip(clip: Clip, speed: float | None = None) -> DeformedClip:
         for foot in (0, 1)
     ]
     bones = np.array([_bones(clip.skeleton, legs[foot], shapes[foot].sizes) for foot in (0, 1)])
-    over = [_print(cycle, positions[:, max(int(legs[f, 3]), int(legs[f, 2]))], shapes[f].yaw, f) for f in (0, 1)]
+    prints = [_print(cycle, positions[:, max(int(legs[f, 3]), int(legs[f, 2]))], shapes[f].yaw, f) for f in (0, 1)]
     spine = _spine(clip.skeleton)
     others = [j for j in range(1, clip.skeleton.joint_count) if j not in legs and j not in spine]
     upper = np.array([*spine, *others], np.int32)
+    even = _even_prints(cycle, np.array(prints))
     hips = np.array([place for place, _ in chain])
     model = ClipModel(
         mean=mean,
@@ -138,10 +146,10 @@ def deform_clip(clip: Clip, speed: float | None = None) -> DeformedClip:
         bones=bones,
         pitch=_alike([_settled(shape.pitch) for shape in shapes]),
         lift=_alike([_lift(shape.height) for shape in shapes]),
-        prints=_even_prints(cycle, np.array(over)),
+        prints=even,
         stride=max(cycle.stride, 0.3),
-        stand=_standing_height(mean[0], hips, bones),
-        width=_STAND_HALF_WIDTH,
+        stand=min(_standing_height(mean[0], hips, bones), float(placed[:-1, 2].mean()) + _RISE),
+        width=_half_width(float(even[0, 2])),
         spine=len(spine),
     )
     return DeformedClip(clip.name, clip.skeleton, model)
@@ -236,15 +244,20 @@ def _print(cycle: Cycle, ball: Floats, yaw: Floats, foot: int) -> Floats:
     return np.array([seen[:, 0].mean(), seen[:, 1].mean(), turn.mean()])
 
 
+def _half_width(out: float) -> float:
+    """Meters from the middle to the ball of each foot at rest, so that heels have room if the toes point ``out``."""
+    return _STAND_HALF_WIDTH + 0.5 * _FOOT_LENGTH * max(out, 0.0)
+
+
 def _even_prints(cycle: Cycle, prints: Floats) -> Floats:
     """The same prints (2, 3) with both feet alike; those of a cycle that goes sideways stand under the body."""
     heading = cycle.track[:, 2].mean()
     way = cycle.track[-1, :2] - cycle.track[0, :2]
     ahead = float(cos(heading) * way[0] + sin(heading) * way[1])
     half = max(0.5 * float(prints[0, 1] - prints[1, 1]), _NARROWEST)
+    out = min(max(0.5 * float(prints[0, 2] - prints[1, 2]), -_MOST_IN), _MOST_OUT)
     if ahead < 0.7 * cycle.stride:
-        half = _STAND_HALF_WIDTH
-    out = 0.5 * float(prints[0, 2] - prints[1, 2])
+        half = _half_width(out)
     place = float(prints[:, 0].mean())
     return np.array([[place, half, out], [place, -half, -out]])
 

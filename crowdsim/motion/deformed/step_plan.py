@@ -54,7 +54,7 @@ class StepPlan(NamedTuple):
     step: float
 
 
-def smooth_tracks(tracks: Sequence[Floats], seconds: float = 0.5, step: float = STEP) -> list[Floats]:
+def smooth_tracks(tracks: Sequence[Floats], seconds: float = 0.7, step: float = STEP) -> list[Floats]:
     """Tracks (N, 4) as they are shown: x, y and heading smoothed by a Hann window, the phase as it is.
 
     At its ends the window shrinks, so that a track keeps where it begins and ends.

@@ -10,6 +10,7 @@ from crowdsim.errors import MotionError
 from crowdsim.library import library_folder
 from crowdsim.motion.captures.reader import read_clip
 from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.clips.kinematics import rotate
 from crowdsim.motion.clips.tracks import track_of
 from crowdsim.motion.deformed.deformed_clip import DeformedClip, deform_clip
 from crowdsim.motion.deformed.step_plan import plan_steps, pose_at, posed_clip, smooth_tracks
@@ -223,3 +224,16 @@ def test_nobody_to_pose_is_fine() -> None:
 def test_a_clip_without_a_cycle_is_refused() -> None:
     with pytest.raises(MotionError, match="no whole cycle"):
         deform_clip(built_in("frontal", "stand"))
+
+
+@pytest.mark.parametrize("name", ["turn", "tight", "curve"])
+def test_no_leg_is_twisted_by_a_turn(name: str) -> None:
+    track, clip = TRACKS[name], walker()
+    times = np.arange(0.0, (len(track) - 1) * STEP, 0.05)
+    posed = posed_clip(clip, plan_steps(clip, [track]), 0, times, name)
+    places = posed.joint_positions
+    hips = places[:, clip.model.legs[0, 0]] - places[:, clip.model.legs[1, 0]]
+    for foot in (0, 1):
+        left = rotate(posed.posed[1][:, clip.model.legs[foot, 2]], np.array([0.0, 1.0, 0.0]))
+        twist = np.arctan2(-left[:, 0], left[:, 1]) - np.arctan2(-hips[:, 0], hips[:, 1])
+        assert np.abs(np.degrees(np.angle(np.exp(1j * twist)))).max() < 50.0
