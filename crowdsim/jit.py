@@ -10,25 +10,20 @@ from __future__ import annotations
 import hashlib
 import os
 import tempfile
-import weakref
+import warnings
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numba
 from numba import njit, types
-from numba.core import cgutils, ir
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
-from numba.core.compiler_machinery import PassManager, register_pass
-from numba.core.lowering import Lower
-from numba.core.typed_passes import NativeLowering
 from numba.extending import intrinsic
-from numba.np.arrayobj import populate_array
 
-__all__ = ["array_at", "cache_folder", "helper", "is_cold", "kernel", "unowned"]
+__all__ = ["array_at", "cache_folder", "helper", "is_cold", "kernel"]
 
 _OPTIONS = {
+    "nogil": True,
     "fastmath": False,
     "error_model": "numpy",
     "boundscheck": False,
@@ -41,31 +36,52 @@ numba.config.OPT = type(numba.config.OPT)(1)
 numba.config.LOOP_VECTORIZE = 0
 
 
-def _sources_key() -> str:
-    digest = hashlib.sha256(f"{numba.__version__} {sorted(_OPTIONS.items())}".encode())
+def _sources_key(kind: str) -> str:
+    digest = hashlib.sha256(f"{numba.__version__} {sorted(_OPTIONS.items())} {kind}".encode())
     package = Path(__file__).parent
-    for path in sorted(package.rglob("*_kernels.py")) + [Path(__file__)]:
+    for path in [*sorted(package.rglob("*_kernels.py")), Path(__file__), package / "numba_internals.py"]:
         digest.update(str(path.relative_to(package)).encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
 
-def _choose_cache_folder() -> Path:
+def _choose_cache_folder(kind: str) -> Path:
     asked = os.environ.get("CROWDSIM_CACHE")
     base = Path(asked) if asked else Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")).expanduser() / "crowdsim"
-    folder = base / "kernels" / _sources_key()
+    folder = base / "kernels" / _sources_key(kind)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / f".probe-{os.getpid()}"
         probe.touch()
         probe.unlink()
     except OSError:
-        folder = Path(tempfile.gettempdir()) / f"crowdsim-{os.getuid()}" / "kernels" / _sources_key()
+        folder = Path(tempfile.gettempdir()) / f"crowdsim-{os.getuid()}" / "kernels" / folder.name
         folder.mkdir(parents=True, exist_ok=True)
     return folder
 
 
-_FOLDER = _choose_cache_folder()
+def _choose_internals() -> tuple[ModuleType | None, Path]:
+    """numba's private parts, or None if it is to be taken as it comes, and the folder of kernels that are compiled so.
+
+    They are tried out once for each folder. If numba is built otherwise, a warning says so.
+    """
+    if not os.environ.get("CROWDSIM_PLAIN_NUMBA"):
+        folder = _choose_cache_folder("internals")
+        try:
+            from crowdsim import numba_internals
+
+            if not (folder / "tried").exists():
+                numba_internals.try_out(**_OPTIONS)
+                (folder / "tried").touch()
+        except Exception as error:
+            message = f"kernels are slower with numba {numba.__version__}, which is not built as expected: {error!r}"
+            warnings.warn(message, RuntimeWarning, stacklevel=2)
+        else:
+            return numba_internals, folder
+    return None, _choose_cache_folder("plain")
+
+
+_INTERNALS, _FOLDER = _choose_internals()
 numba.config.CACHE_DIR = str(_FOLDER)
 
 
@@ -79,157 +95,33 @@ def is_cold() -> bool:
     return not any(_FOLDER.rglob("*.nbi"))
 
 
-class _BorrowingLower(Lower):
-    """Arguments without a count of who refers to them, as far as they keep their names: callers hold them meanwhile.
-
-    numba counts every array of every argument up at the start of a function and down at its end, atomically.
-    """
-
-    def pre_lower(self) -> None:
-        super().pre_lower()
-        assigned = [each for block in self.func_ir.blocks.values() for each in block.find_insts(ir.Assign)]
-        names = [each.target.name for each in assigned]
-        self._borrowed = {
-            each.target.name
-            for each in assigned
-            if isinstance(each.value, ir.Arg)
-            and names.count(each.target.name) == 1
-            and self.typeof("arg." + each.value.name) == self.typeof(each.target.name)
-        }
-
-    def lower_assign(self, ty: Any, inst: Any) -> Any:
-        if inst.target.name in self._borrowed:
-            return self.fnargs[inst.value.index]
-        return super().lower_assign(ty, inst)
-
-    def delvar(self, name: str) -> None:
-        if name not in self._borrowed:
-            super().delvar(name)
-
-
-@register_pass(mutates_CFG=True, analysis_only=False)
-class _BorrowingLowering(NativeLowering):
-    _name = "borrowing_lowering"
-
-    @property
-    def lowering_class(self) -> type[Lower]:
-        return _BorrowingLower
-
-
-class _KernelCompiler(CompilerBase):
-    def define_pipelines(self) -> list[Any]:
-        usual = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        passes = PassManager("crowdsim")
-        passes.passes = [(_BorrowingLowering if each is NativeLowering else each, why) for each, why in usual.passes]
-        passes.finalize()
-        return [passes]
-
-
-kernel = njit(nogil=True, cache=True, pipeline_class=_KernelCompiler, **_OPTIONS)
+kernel = (njit if _INTERNALS is None else _INTERNALS.borrowing_kernel)(cache=True, **_OPTIONS)
 """Decorator of a serial kernel: releases the GIL, callable from worker threads."""
 
 
-class _LinkedCodegen:
-    """numba's code generator, for functions that have no machine code of their own."""
-
-    def __init__(self, codegen: Any) -> None:
-        self._codegen = codegen
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._codegen, name)
-
-    def set_env(self, *_: object) -> None:
-        """Nothing: an environment holds Python objects for code that calls Python, which helpers do not."""
-
-
-class _LinkedLibrary(JITCodeLibrary):
-    """The code of a helper, only ever linked into kernels, which optimize it and make machine code of it there.
-
-    Doing either for every helper once more took a fifth of the time of a first run.
-    """
-
-    @property
-    def codegen(self) -> _LinkedCodegen:
-        return _LinkedCodegen(self._codegen)
-
-    def get_pointer_to_function(self, name: str) -> int:
-        return 0
-
-    def _optimize_final_module(self) -> None:
-        pass
-
-    def _finalize_final_module(self) -> None:
-        self._finalize_dynamic_globals()
-        self._verify_declare_only_symbols()
-        self._final_module.__library = weakref.proxy(self)
-        self._finalized = True
-
-
-class _HelperCompiler(_KernelCompiler):
-    def define_pipelines(self) -> list[Any]:
-        self.state.library = _LinkedLibrary(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
-        return super().define_pipelines()
-
-
 def helper(function: Callable[..., Any]) -> Any:
-    """Decorator of a function that kernels alone call.
+    """Decorator of a function that kernels alone call: it is kept in the cache as a part of its kernels only.
 
-    It has no entry from Python, which for arguments of many arrays takes longer to compile than the function itself,
-    and is kept in the cache as a part of its kernels only. TypeError where Python calls it all the same.
+    TypeError if Python calls it all the same, unless numba is taken as it comes.
     """
-
-    def refuse(*_: object, **__: object) -> None:
-        raise TypeError(f"{function.__name__} is a helper of kernels; to call it from Python, make it a kernel")
-
-    dispatcher = njit(nogil=True, no_cpython_wrapper=True, pipeline_class=_HelperCompiler, **_OPTIONS)(function)
-    # What is compiled for a kernel is not entered for Python: numba would jump to the entry that is not there.
-    dispatcher._insert = lambda *_: None
-    dispatcher._compile_for_args = refuse
-    return dispatcher
+    if _INTERNALS is None:
+        return njit(**_OPTIONS)(function)
+    return _INTERNALS.linked_helper(function, **_OPTIONS)
 
 
-@intrinsic
-def array_at(_: Any, address: Any, shape: Any, dtype: Any) -> Any:
-    """In kernels: the C-contiguous array at an integer ``address``, which somebody else keeps alive.
+if _INTERNALS is None:
 
-    As numba's `carray` from a pointer, but in a tenth of the time to compile.
-    """
-    kind = types.Array(dtype.dtype, len(shape), "C")
+    @intrinsic
+    def _pointer(_: Any, address: Any) -> Any:
+        def generate(context: Any, builder: Any, _: Any, values: Any) -> Any:
+            return builder.inttoptr(values[0], context.get_value_type(types.voidptr))
 
-    def generate(context: Any, builder: Any, _: Any, values: Any) -> Any:
-        array = context.make_array(kind)(context, builder)
-        itemsize = context.get_abi_sizeof(context.get_data_type(kind.dtype))
-        lengths = cgutils.unpack_tuple(builder, values[1])
-        strides = [context.get_constant(types.intp, itemsize)]
-        for length in lengths[:0:-1]:
-            strides.insert(0, builder.mul(strides[0], length))
-        data = builder.inttoptr(values[0], array.data.type)
-        size = context.get_constant(types.intp, itemsize)
-        populate_array(array, data=data, shape=lengths, strides=strides, itemsize=size, meminfo=None)
-        return array._getvalue()
+        return types.voidptr(address), generate
 
-    return kind(address, shape, dtype), generate
+    @helper
+    def array_at(address: Any, shape: Any, dtype: Any) -> Any:
+        """In kernels: the C-contiguous array at an integer ``address``, which somebody else keeps alive."""
+        return numba.carray(_pointer(address), shape, dtype)
 
-
-@intrinsic
-def unowned(_: Any, value: Any) -> Any:
-    """In kernels: the same arrays, or tuples of them, without a count of who refers to them.
-
-    Every helper that is handed arrays counts up and down, atomically: two fifths of the time of a search. A kernel's
-    caller keeps its arguments alive, so they need no counting; what comes out must not be returned to Python.
-    """
-
-    def stripped(context: Any, builder: Any, kind: Any, content: Any) -> Any:
-        if isinstance(kind, types.Array):
-            array = context.make_array(kind)(context, builder, value=content)
-            array.meminfo = cgutils.get_null_value(array.meminfo.type)
-            return array._getvalue()
-        if isinstance(kind, types.BaseTuple):
-            parts = [stripped(context, builder, part, builder.extract_value(content, i)) for i, part in enumerate(kind)]
-            return context.make_tuple(builder, kind, parts)
-        return content
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return stripped(context, builder, signature.args[0], values[0])
-
-    return value(value), generate
+else:
+    array_at = _INTERNALS.array_at

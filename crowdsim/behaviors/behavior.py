@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import difflib
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
-from ruamel.yaml import YAML
-from ruamel.yaml.comments import CommentedMap, CommentedSeq
-from ruamel.yaml.error import YAMLError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from crowdsim.errors import BehaviorError
+from crowdsim.errors import BehaviorError, Problem
 from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.graph.features import DETECTORS
+from crowdsim.yamlfile.document import Complaint, read_document, read_text
+from crowdsim.yamlfile.messages import nearest, schema_problems
 
 FILE_NAME = "behavior.yaml"
-
-_MAX_BYTES = 100_000
 
 
 @dataclass(frozen=True)
@@ -82,19 +79,31 @@ class TransitionEntry(_Model):
     to: str
 
 
+def _checked_name(name: str) -> str:
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+        raise ValueError(f"expected small letters, digits and _, such as side_steps, got '{name}'")
+    return name
+
+
+def _checked_color(color: str) -> str:
+    if not re.fullmatch(r"#[0-9a-fA-F]{6}", color):
+        raise ValueError(f"expected a color such as \"#1f77b4\", in quotes, got '{color}'")
+    return color
+
+
 class BehaviorFile(_Model):
     """What a ``behavior.yaml`` says; angles in degrees."""
 
-    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+    name: Annotated[str, AfterValidator(_checked_name)]
     description: str
-    facing: Annotated[list[Annotated[float, Field(gt=-180.0, le=180.0)]], Field(min_length=1)]
-    detectors: Annotated[list[str], Field(min_length=1)]
+    facing: Annotated[tuple[Annotated[float, Field(gt=-180.0, le=180.0)], ...], Field(strict=False, min_length=1)]
+    detectors: Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
     cost_per_meter: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
     speed: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-    color: Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$")]
-    clips: Annotated[list[ClipEntry], Field(min_length=1)]
-    transitions: list[TransitionEntry] = []
-    idle: list[ClipEntry] = []
+    color: Annotated[str, AfterValidator(_checked_color)]
+    clips: Annotated[tuple[ClipEntry, ...], Field(strict=False, min_length=1)]
+    transitions: Annotated[tuple[TransitionEntry, ...], Field(strict=False)] = ()
+    idle: Annotated[tuple[ClipEntry, ...], Field(strict=False)] = ()
 
     def behavior(
         self, radii: NDArray[np.float64], folder: Path, turning: NDArray[np.float64] | None = None
@@ -104,7 +113,7 @@ class BehaviorFile(_Model):
             name=self.name,
             description=self.description,
             facings=tuple(float(np.radians(angle)) for angle in self.facing),
-            detectors=tuple(self.detectors),
+            detectors=self.detectors,
             cost_per_meter=self.cost_per_meter,
             speed=self.speed,
             color=self.color,
@@ -127,54 +136,33 @@ def read_behavior(name: str, library: Path) -> BehaviorFile:
     path = library / name / FILE_NAME
     if not path.is_file():
         known = list_behaviors(library)
-        raise BehaviorError(f"no behavior '{name}' in {library}{_nearest(name, known)}; there are: {', '.join(known)}")
-    if path.stat().st_size > _MAX_BYTES:
-        raise BehaviorError(f"{path}: larger than {_MAX_BYTES} bytes, which is no behavior file")
+        raise BehaviorError(f"no behavior '{name}' in {library}; {nearest(name, known, 'there are')}")
+    text, problems = read_text(path, str(path))
+    document, more = read_document(text, str(path))
+    if problems := [*problems, *more]:
+        _refuse(problems)
     try:
-        document = YAML(typ="rt", pure=True).load(path.read_text(encoding="utf-8"))
-    except (YAMLError, ValueError) as error:
-        raise BehaviorError(f"{path}: not valid YAML: {error}") from None
-    try:
-        entry = BehaviorFile.model_validate(document)
+        entry = BehaviorFile.model_validate(document.value)
     except ValidationError as error:
-        problems = [_explain(document, problem) for problem in error.errors()]
-        raise BehaviorError("\n".join(f"{path}{problem}" for problem in problems)) from None
-    unknown = [detector for detector in entry.detectors if detector not in DETECTORS]
-    if unknown:
-        raise BehaviorError(
-            f"{path}: detectors: no feature detector is called '{unknown[0]}'{_nearest(unknown[0], DETECTORS)};"
-            f" there are: {', '.join(sorted(DETECTORS))}"
-        )
+        _refuse(schema_problems(error, document, BehaviorFile))
+    complaints: list[Complaint] = []
+    for number, detector in enumerate(entry.detectors):
+        if detector not in DETECTORS:
+            message = f"no feature detector '{detector}'; {nearest(detector, sorted(DETECTORS), 'there are')}"
+            complaints.append((("detectors", number), message))
     if entry.name != name:
-        raise BehaviorError(f"{path}: name: '{entry.name}' is not the name of its folder, '{name}'")
-    for file in [listed.file for listed in [*entry.clips, *entry.idle]] + [listed.file for listed in entry.transitions]:
-        if not (path.parent / file).is_file():
-            raise BehaviorError(f"{path}: file: '{file}' is missing in {path.parent}")
-    for transition in entry.transitions:
+        complaints.append((("name",), f"'{entry.name}' is not the name of its folder, '{name}'"))
+    for key in ("clips", "idle", "transitions"):
+        for number, listed in enumerate(getattr(entry, key)):
+            if not (path.parent / listed.file).is_file():
+                complaints.append(((key, number, "file"), f"'{listed.file}' is missing in {path.parent}"))
+    for number, transition in enumerate(entry.transitions):
         if name not in (transition.from_, transition.to):
-            raise BehaviorError(f"{path}: transitions: '{transition.file}' neither begins nor ends with '{name}'")
+            complaints.append((("transitions", number), f"'{transition.file}' neither begins nor ends with '{name}'"))
+    if complaints:
+        _refuse(document.problem(*complaint) for complaint in complaints)
     return entry
 
 
-def _explain(document: Any, problem: Any) -> str:
-    """':line: key: what is wrong' for one finding of pydantic."""
-    models: dict[Any, type[BaseModel]] = {"clips": ClipEntry, "idle": ClipEntry, "transitions": TransitionEntry}
-    node, line = document, 1
-    model: type[BaseModel] = BehaviorFile
-    for key in problem["loc"]:
-        model = models.get(key, model)
-        if isinstance(node, CommentedMap) and key in node:
-            line, node = node.lc.key(key)[0] + 1, node[key]
-        elif isinstance(node, CommentedSeq) and isinstance(key, int):
-            line, node = node.lc.item(key)[0] + 1, node[key]
-    key = ".".join(str(part) for part in problem["loc"]) or "document"
-    hint = ""
-    if problem["type"] == "extra_forbidden":
-        names = [field.alias or name for name, field in model.model_fields.items()]
-        hint = _nearest(str(problem["loc"][-1]), names)
-    return f":{line}: {key}: {problem['msg']}{hint}"
-
-
-def _nearest(word: str, words: Iterable[str]) -> str:
-    near = difflib.get_close_matches(word, list(words), n=1)
-    return f"; did you mean '{near[0]}'?" if near else ""
+def _refuse(problems: Iterable[Problem]) -> NoReturn:
+    raise BehaviorError("\n".join(map(str, problems)))

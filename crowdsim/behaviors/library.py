@@ -99,7 +99,8 @@ def _radii(file: BehaviorFile, clips: Sequence[Clip], bands: Sequence[Band]) -> 
     """(bands,) largest reach of any clip of the behavior, to whichever side it may face."""
     measured = _measured(bands)
     reaches = [measure_clearances(clip, measured, float(np.radians(side))) for clip in clips for side in file.facing]
-    return np.max(reaches, axis=0)
+    farthest: NDArray[np.float64] = np.max(reaches, axis=0)
+    return farthest
 
 
 def _measured(bands: Sequence[Band]) -> list[Band]:

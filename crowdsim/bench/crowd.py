@@ -21,10 +21,12 @@ from crowdsim.crowd.search.motion_search import MotionSearch
 from crowdsim.crowd.search.scheduler import Ongoing, Searches
 from crowdsim.crowd.search.worker_pool import WorkerPool
 from crowdsim.crowd.simulation import Simulation
-from crowdsim.crowd.state.assets import Setting, prepare
-from crowdsim.crowd.state.environment import Place
+from crowdsim.crowd.state.assets import Assets, prepare
+from crowdsim.crowd.state.environment import EnvironmentState
 from crowdsim.crowd.state.motion_plan import MotionPlan, Request
 from crowdsim.crowd.state.reservation_kernels import append_stop
+from crowdsim.crowd.state.timelines import Chain
+from crowdsim.crowd.systems.animate import Playing
 from crowdsim.crowd.systems.animate_kernels import advance
 from crowdsim.errors import PathNotFound
 from crowdsim.motion.graph.pose_kernels import pose_joints
@@ -76,8 +78,8 @@ class Players:
     stops: how often a search was not far enough when its nodes were played.
     """
 
-    setting: Setting
-    place: Place
+    assets: Assets
+    environment: EnvironmentState
     cast: Placement
     searches: Searches
     step: int = 0
@@ -88,38 +90,35 @@ class Players:
         count = len(self.cast.starts)
         self.plans: list[MotionPlan | None] = [None] * count
         self.reached = np.zeros(count, np.int64)
-        idle = int(self.setting.idle_nodes[-1])
+        idle = int(self.assets.idle_nodes[-1])
         self.node = np.full(count, idle, np.int32)
         self.previous = np.full(count, NONE, np.int32)
         # Not all in step with each other.
-        self.frame = (7 * np.arange(count) % int(self.setting.graph.node_frames[idle])).astype(np.int32)
+        self.frame = (7 * np.arange(count) % int(self.assets.graph.node_frames[idle])).astype(np.int32)
         self.origin = np.column_stack([self.cast.starts, np.zeros(count)])
-        self.seam = np.zeros((count, 3))
+        self.blend_offset = np.zeros((count, 3))
         self.next_node = np.full(count, NONE, np.int32)
-        self.next_origin, self.next_seam = np.zeros((count, 3)), np.zeros((count, 3))
+        self.next_origin, self.next_blend_offset = np.zeros((count, 3)), np.zeros((count, 3))
         self.next_cursor, self.cursor = np.full(count, NONE, np.int32), np.full(count, NONE, np.int32)
         self.behavior, self.pose = np.zeros(count, np.int32), np.zeros((count, 3))
-        joints = len(self.setting.motion.poses.parents)
+        joints = len(self.assets.motion.poses.parents)
         self.joints = np.empty((count, joints, 3), np.float32)
         self.turns = np.empty((count, joints, 4), np.float32)
-        self._chain = np.zeros(16, np.int32), np.zeros((16, 3)), np.zeros((16, 3))
+        self._chain = Chain.room(16)
         for agent in range(count):
             self._ask(agent)
 
     def frame_on(self) -> None:
         """All that happens between two frames that are shown."""
-        graph = self.setting.graph
+        graph = self.assets.graph
         for agent, search, found in self.searches.collect(self.step):
             self._hand_out(agent, search, found)
-        frames = self.setting.frames_per_step
+        frames = self.assets.frames_per_step
         for agent in np.flatnonzero(self.frame + frames >= graph.node_frames[self.node]).tolist():
             self._choose(agent)
-        advance(
-            graph, frames, self.node, self.previous, self.frame, self.origin, self.seam, self.next_node,
-            self.next_origin, self.next_seam, self.next_cursor, self.cursor, self.behavior, self.pose,
-        )  # fmt: skip
+        advance(graph, frames, Playing(*(getattr(self, name) for name in Playing._fields)))
         self.searches.submit(self.step, 0, self._played)
-        pose_joints(self.setting.motion.poses, self.node, self.previous, self.frame, self.pose, self.joints, self.turns)
+        pose_joints(self.assets.motion.poses, self.node, self.previous, self.frame, self.pose, self.joints, self.turns)
         self.step += 1
 
     @property
@@ -134,10 +133,10 @@ class Players:
 
     def _ask(self, agent: int) -> None:
         node, origin = int(self.node[agent]), self.origin[agent].copy()
-        position = np.array(node_end(self.setting.graph, node, *origin)[:2])
+        position = np.array(node_end(self.assets.graph, node, *origin)[:2])
         goal = self.cast.goal(agent, int(self.reached[agent]))
         self.searches.begin(
-            agent, MotionSearch(self.setting, self.place, Request(position, goal, True, departure=(node, origin)))
+            agent, MotionSearch(self.assets, self.environment, Request(position, goal, True, departure=(node, origin)))
         )
 
     def _hand_out(self, agent: int, search: Ongoing, found: MotionPlan | PathNotFound) -> None:
@@ -155,10 +154,12 @@ class Players:
 
     def _choose(self, agent: int) -> None:
         """The next node of a plan, of a stop, or of waiting."""
-        graph, plan = self.setting.graph, self.plans[agent]
+        graph, plan = self.assets.graph, self.plans[agent]
         following = int(self.cursor[agent]) + 1
         if plan is not None and following < plan.count:
-            self._enter(agent, int(plan.nodes[following]), plan.origins[following], plan.seams[following], following)
+            self._enter(
+                agent, int(plan.nodes[following]), plan.origins[following], plan.blend_offsets[following], following
+            )
             return
         if plan is not None:
             self.stops += not plan.arrives
@@ -166,14 +167,14 @@ class Players:
             self.plans[agent] = None
         node = int(self.node[agent])
         if graph.stop_edge[node] != NONE:
-            nodes, origins, seams = self._chain
-            nodes[0], origins[0], seams[0] = node, self.origin[agent], self.seam[agent]
-            append_stop(graph, nodes, origins, seams, 1)
-            self._enter(agent, int(nodes[1]), origins[1], seams[1])
+            nodes, origins, blend_offsets = self._chain
+            nodes[0], origins[0], blend_offsets[0] = node, self.origin[agent], self.blend_offset[agent]
+            append_stop(graph, self._chain, 1)
+            self._enter(agent, int(nodes[1]), origins[1], blend_offsets[1])
             return
         if not graph.node_idle[node]:
             end = np.array(node_end(graph, node, *self.origin[agent]))
-            self._enter(agent, self.setting.idle_after(node), end, np.zeros(3))
+            self._enter(agent, self.assets.idle_after(node), end, np.zeros(3))
         else:
             self._enter(agent, node, self.origin[agent], np.zeros(3))
             if not self.searches.is_under_way(agent):
@@ -184,11 +185,11 @@ class Players:
         agent: int,
         node: int,
         origin: NDArray[np.float64],
-        seam: NDArray[np.float64],
+        blend_offset: NDArray[np.float64],
         cursor: int = NONE,
     ) -> None:
         self.next_node[agent], self.next_cursor[agent] = node, cursor
-        self.next_origin[agent], self.next_seam[agent] = origin, seam
+        self.next_origin[agent], self.next_blend_offset[agent] = origin, blend_offset
 
 
 def measure(
@@ -200,13 +201,13 @@ def measure(
     """
     frames = round(seconds / FRAME_SECONDS)
     scenario = parse_scenario(scenario_text(characters, interval=0.0))
-    setting = prepare(scenario)
-    cast = place_agents(scenario, setting.personal_radius + TRACKING_MARGIN)
-    place = Place(setting, scenario.changes())
-    _warm_up(setting, place, cast)
+    assets = prepare(scenario)
+    cast = place_agents(scenario, assets.personal_radius + TRACKING_MARGIN)
+    environment = EnvironmentState(assets)
+    _warm_up(assets, environment, cast)
     rows = []
     with WorkerPool[tuple[Ongoing, MotionPlan | PathNotFound]](workers, latency=1) as pool:
-        players = Players(setting, place, cast, Searches(pool))
+        players = Players(assets, environment, cast, Searches(pool))
         times = _paced(players.frame_on, BURST_FRAMES)
         rows.append(_row("playing, after all asked at once", characters, times, players.searches, players.arrivals))
         players.searches.waits.clear()
@@ -218,7 +219,7 @@ def measure(
         for _ in range(30):
             simulation.step()
         steps = _paced(simulation.step, round(run_seconds / FRAME_SECONDS))
-        reached = int(simulation.errands.reached.sum())
+        reached = int(simulation.itineraries.reached.sum())
         rows.append(_row("run", simulation.world.count, steps, simulation.searches, reached))
     figures = {
         f"{name}_{key}": float(row[key])
@@ -227,7 +228,7 @@ def measure(
         if row[key] is not None
     }
     figures |= {"playing_stops": float(players.stops), "playing_walking_at_the_end": float(walking)}
-    first = _first_movements(setting, place, cast, requests)
+    first = _first_movements(assets, environment, cast, requests)
     figures |= {
         "first_movement_ms_median": float(np.median(first)),
         "first_movement_ms_p95": float(np.quantile(first, 0.95)),
@@ -235,13 +236,15 @@ def measure(
     return Measurement(rows, figures)
 
 
-_FIGURES = (
-    "frame_ms_median", "frame_ms_p95", "frame_ms_p99", "frame_ms_most", "late_percent", "cpu_ms_mean",
-    "first_movement_ms_median", "first_movement_ms_p95", "first_movement_ms_most", "sliced", "backtracked", "recovered",
-)  # fmt: skip
+_FIGURES = tuple(
+    (
+        "frame_ms_median frame_ms_p95 frame_ms_p99 frame_ms_most late_percent cpu_ms_mean "
+        "first_movement_ms_median first_movement_ms_p95 first_movement_ms_most sliced backtracked recovered"
+    ).split()
+)
 
 
-def _first_movements(setting: Setting, place: Place, cast: Placement, count: int) -> list[float]:
+def _first_movements(assets: Assets, environment: EnvironmentState, cast: Placement, count: int) -> list[float]:
     """Milliseconds from a request to the first nodes to walk, path and all, while nothing else goes on; best of three.
 
     The ways are 10 to 18 m long as the crow flies, the length of the paths of :mod:`crowdsim.bench.motions.map_trials`.
@@ -258,16 +261,16 @@ def _first_movements(setting: Setting, place: Place, cast: Placement, count: int
         tries = []
         for _ in range(3):
             begin = time.perf_counter()
-            MotionSearch(setting, place, Request(start, goal, stays=True)).advance()
+            MotionSearch(assets, environment, Request(start, goal, stays=True)).advance()
             tries.append(time.perf_counter() - begin)
         times.append(min(tries) * 1e3)
     return times
 
 
-def _warm_up(setting: Setting, place: Place, cast: Placement) -> None:
+def _warm_up(assets: Assets, environment: EnvironmentState, cast: Placement) -> None:
     """Load all kernels, and make what is made once for the place."""
     with WorkerPool[tuple[Ongoing, MotionPlan | PathNotFound]](1, latency=1) as pool:
-        few = Players(setting, place, cast, Searches(pool))
+        few = Players(assets, environment, cast, Searches(pool))
         for _ in range(40):
             few.frame_on()
 

@@ -6,10 +6,11 @@ import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
 
-PACKAGES = (
-    "numpy", "numba", "shapely", "triangle", "trimesh", "pyvista", "scipy", "pydantic", "ruamel.yaml", "typer", "rich",
-    "h5py", "pybvh", "av", "matplotlib",
-)  # fmt: skip
+PACKAGES = tuple(
+    (
+        "numpy numba shapely triangle trimesh pyvista scipy pydantic ruamel.yaml typer rich h5py pybvh av matplotlib"
+    ).split()
+)
 """The packages crowdsim depends on."""
 
 

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from crowdsim.cli.options import Debug, Json, Overrides, Scenario, read_point
+
+if TYPE_CHECKING:
+    from crowdsim.behaviors.behavior import Behavior
+    from crowdsim.planning.labels.annotated_path import AnnotatedPath
 
 
 def plan(
     scenario: Scenario,
     start: Annotated[str, typer.Option("--from", metavar="X,Y", help="Start, in meters.")],
     goal: Annotated[str, typer.Option("--to", metavar="X,Y", help="Goal, in meters.")],
-    planner: Annotated[
-        str | None, typer.Option(metavar="NAME", help="layered, greedy, greedy_literal or collision3d.")
-    ] = None,
+    planner: Annotated[str | None, typer.Option(metavar="NAME", help="layered, greedy_literal or collision3d.")] = None,
     picture: Annotated[
         Path | None, typer.Option(metavar="OUT.png", help="Draw the path in the colors of its behaviors.")
     ] = None,
@@ -31,61 +34,56 @@ def plan(
 
     from crowdsim.cli.tables import print_rows
     from crowdsim.crowd.state.assets import prepare
-    from crowdsim.crowd.state.environment import Place
+    from crowdsim.crowd.state.environment import EnvironmentState
     from crowdsim.scenario.loader import load_scenario
 
     changes = [*(overrides or [])]
     if planner is not None:
         changes.append(f"planner={planner}")
     loaded = load_scenario(scenario, changes)
-    setting = prepare(loaded)
-    place = Place(setting, loaded.changes())
-    path = place.route(*ends)
-    gap = path.gap
+    assets = prepare(loaded)
+    environment = EnvironmentState(assets)
+    path = environment.route(*ends)
     # Again, for the first plan in a place makes what later ones share.
     begin = time.perf_counter()
-    place.route(*ends)
+    environment.route(*ends)
     milliseconds = 1e3 * (time.perf_counter() - begin)
     if picture is not None:
         from crowdsim.figures import write_figure
         from crowdsim.scenario.picture import draw_plan
 
-        write_figure(draw_plan(loaded, setting.behaviors, path), picture)
-    sections: list[dict[str, Any]] = [
-        {
-            "behavior": setting.behaviors[section.behavior].name,
-            "start": section.start,
-            "end": section.end,
-            "length": section.end - section.start,
-            "cost": (section.end - section.start) * setting.behaviors[section.behavior].cost_per_meter,
-        }
-        for section in path.sections
-    ]
+        write_figure(draw_plan(loaded, assets.behaviors, path), picture)
+    sections = _sections(path, assets.behaviors)
     if as_json:
         found = {
-            "planner": setting.planner,
+            "planner": assets.planner,
             "length": path.length,
             "cost": path.cost,
-            "gap": gap,
+            "gap": path.gap,
             "milliseconds": milliseconds,
             "sections": sections,
             "points": path.points.tolist(),
         }
         typer.echo(json.dumps(found))
         return
-    print_rows(
-        [
-            {
-                "behavior": section["behavior"],
-                "from m": f"{section['start']:.2f}",
-                "to m": f"{section['end']:.2f}",
-                "length m": f"{section['length']:.2f}",
-                "cost": f"{section['cost']:.2f}",
-            }
-            for section in sections
-        ]
-    )
+    labels = {"start": "from m", "end": "to m", "length": "length m", "cost": "cost"}
+    rows = [{label: f"{section[key]:.2f}" for key, label in labels.items()} for section in sections]
+    print_rows([{"behavior": section["behavior"], **row} for section, row in zip(sections, rows, strict=True)])
     typer.echo(
-        f"\n{path.length:.2f} m, cost {path.cost:.2f}, changes of behavior included; no more than {gap:.1%} above the"
-        f" cheapest there is; {milliseconds:.1f} ms"
+        f"\n{path.length:.2f} m, cost {path.cost:.2f}, changes of behavior included; no more than {path.gap:.1%} above"
+        f" the cheapest there is; {milliseconds:.1f} ms"
     )
+
+
+def _sections(path: AnnotatedPath, behaviors: Sequence[Behavior]) -> list[dict[str, Any]]:
+    """The sections of a path, by the name of their behavior, with what each costs."""
+    return [
+        {
+            "behavior": behaviors[section.behavior].name,
+            "start": section.start,
+            "end": section.end,
+            "length": section.end - section.start,
+            "cost": (section.end - section.start) * behaviors[section.behavior].cost_per_meter,
+        }
+        for section in path.sections
+    ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import TYPE_CHECKING, Any, Self
 
 import typer
@@ -55,16 +55,8 @@ class RunProgress:
         self._is_terminal = self._bar.console.is_terminal
         self._task: TaskID = self._bar.add_task(f"{self._title}: preparing", total=None)
 
-        on_start, on_end = self._compiling, self._compiling_ended
-
-        class Watcher(event.Listener):
-            def on_start(self, event: Any) -> None:
-                on_start(event.data["dispatcher"])
-
-            def on_end(self, event: Any) -> None:
-                on_end()
-
-        self._watcher = Watcher()
+        calls = {"on_start": self._compiling, "on_end": self._compiling_ended}
+        self._watcher = type("Watcher", (event.Listener,), {name: staticmethod(call) for name, call in calls.items()})()
         event.register("numba:compile", self._watcher)
         self._bar.start()
         self._heeds_interrupts = signal.getsignal(signal.SIGINT) is signal.default_int_handler
@@ -72,9 +64,7 @@ class RunProgress:
             signal.signal(signal.SIGINT, self._interrupt)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         from numba.core import event
 
         if self._heeds_interrupts:
@@ -105,13 +95,13 @@ class RunProgress:
             raise KeyboardInterrupt
         self._interrupted = True
 
-    def _compiling(self, dispatcher: Any) -> None:
+    def _compiling(self, event: Any) -> None:
         """numba calls this when the cache does not hold a kernel, and not once it does."""
         self._compiled += 1
         if self._compiled == 1 and not self._is_terminal:
             typer.echo("compiling kernels, once for this machine; it takes about a minute", err=True)
-        name = dispatcher.py_func.__name__
+        name = event.data["dispatcher"].py_func.__name__
         self._bar.update(self._task, description=f"{self._title}: compiling, once for this machine: {name}")
 
-    def _compiling_ended(self) -> None:
+    def _compiling_ended(self, event: Any) -> None:
         self._bar.update(self._task, description=self._title if self.steps_done else f"{self._title}: preparing")

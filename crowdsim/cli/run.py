@@ -99,7 +99,7 @@ def check(
         problems = [asdict(problem) for problem in getattr(error, "problems", ())] or [{"message": str(error)}]
         typer.echo(json.dumps({"ok": False, "errors": problems, "warnings": [], "notes": []}))
         raise typer.Exit(error.exit_code) from None
-    warnings, notes = check_scenario(loaded), loaded.site().report
+    warnings, notes = check_scenario(loaded), loaded.environment.report
     if picture is not None:
         _draw(loaded, picture)
     if as_json:

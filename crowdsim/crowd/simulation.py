@@ -19,17 +19,16 @@ from crowdsim.crowd.search.scheduler import Searches
 from crowdsim.crowd.search.worker_pool import WorkerPool
 from crowdsim.crowd.state.assets import prepare
 from crowdsim.crowd.state.components import COLUMNS
-from crowdsim.crowd.state.environment import Place
-from crowdsim.crowd.state.itineraries import Errands
+from crowdsim.crowd.state.environment import EnvironmentState
+from crowdsim.crowd.state.itineraries import Itineraries
 from crowdsim.crowd.state.motion_plan import Request
 from crowdsim.crowd.state.state_hash import state_hash
-from crowdsim.crowd.systems.animate import Advancing
-from crowdsim.crowd.systems.apply_events import Changing
+from crowdsim.crowd.systems.animate import animate
+from crowdsim.crowd.systems.apply_events import Events
 from crowdsim.crowd.systems.choose_motion import Choosing
-from crowdsim.crowd.systems.despawn import Arriving
-from crowdsim.crowd.systems.replan import AT_GOAL, Replanning, Searching
-from crowdsim.crowd.systems.spawn import Entering
-from crowdsim.ecs.schedule import Schedule, System
+from crowdsim.crowd.systems.despawn import Despawning
+from crowdsim.crowd.systems.replan import AT_GOAL, Replanning, search_on
+from crowdsim.crowd.systems.spawn import Spawning
 from crowdsim.ecs.world import World
 from crowdsim.errors import CrowdSimError
 from crowdsim.geometry.elementary import distance
@@ -37,12 +36,12 @@ from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.recording.header import AgentState, RecordedFrame
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.writer import RecordingWriter
-from crowdsim.scenario.changes import Placing, placed
 from crowdsim.scenario.placement import place_agents
 from crowdsim.scenario.scenario import Scenario
+from crowdsim.scenario.timetable import Placing, placed
 
 LEAD_SECONDS = 0.2
-"""How long before it is needed a plan is asked for, where that can be told."""
+"""Time ahead of its need at which a plan is requested, if that can be told [s]."""
 
 Progress = Callable[[int, int, "Simulation"], None]
 
@@ -61,19 +60,19 @@ class Simulation:
     ) -> None:
         self._closed = False
         self.scenario = scenario
-        self.setting = prepare(scenario, workers, preparing)
-        self.place = Place(self.setting, scenario.changes())
+        self.assets = prepare(scenario, workers, preparing)
+        self.environment = EnvironmentState(self.assets)
         rate = scenario.steps_per_second
         self.step_limit = round(scenario.duration * rate)
-        self.cast = place_agents(scenario, self.setting.personal_radius + TRACKING_MARGIN)
+        self.cast = place_agents(scenario, self.assets.personal_radius + TRACKING_MARGIN)
         self.world = World(COLUMNS, capacity=len(self.cast.starts))
         self.searches = Searches(WorkerPool(workers, latency=1))
         self._new_routes: list[tuple[int, AnnotatedPath]] = []
-        self.errands = Errands(self.cast)
+        self.itineraries = Itineraries(self.cast)
         self.plans = Plans(
-            self.setting,
-            self.place,
-            self.errands,
+            self.assets,
+            self.environment,
+            self.itineraries,
             self.searches,
             lambda agent, route: self._new_routes.append((agent, route)),
             lead=max(1, round(LEAD_SECONDS * rate)),
@@ -81,33 +80,19 @@ class Simulation:
         self.hash = 0
         self._make_ready()
 
-        changing = Changing(self.plans, self.place)
-        entering = Entering(self.world, self.setting, self.cast, self.plans)
-        replanning = Replanning(self.plans)
-        self._searching = Searching(self.plans)
-        choosing = Choosing(self.plans)
-        advancing = Advancing(self.setting)
-        arriving = Arriving(self.world, self.plans, len(self.cast.starts))
-        self._changing, self._entering, self._arriving = changing, entering, arriving
-        self.schedule = Schedule(
-            self.world,
-            [
-                System("change", changing.run, changing.READS, changing.WRITES),
-                System("plans", replanning.run, replanning.READS, replanning.WRITES),
-                System("enter", entering.run, entering.READS),
-                System("choose", choosing.run, choosing.READS, choosing.WRITES),
-                System("advance", advancing.run, writes=advancing.WRITES),
-                System("arrive", arriving.run, arriving.READS),
-            ],
-        )
+        self._events = Events(self.plans)
+        self._replanning = Replanning(self.plans)
+        self._spawning = Spawning(self.world, self.plans)
+        self._choosing = Choosing(self.plans)
+        self._despawning = Despawning(self.world, self.plans, len(self.cast.starts))
 
     def _make_ready(self) -> None:
-        """Search a way and throw it away: what is made once for a place, or loads, is not waited for in a step."""
+        """Warm up: run one search so that roadmap, regions and kernels are ready before the first step."""
         strictest = int(np.argmin(self.cast.stand_within))
         start, within = self.cast.starts[strictest], float(self.cast.stand_within[strictest])
         for goal in self.cast.goals[strictest]:
             if distance(goal, start) > AT_GOAL:
-                MotionSearch(self.setting, self.place, Request(start, goal, stays=True, within=within)).advance()
+                MotionSearch(self.assets, self.environment, Request(start, goal, stays=True, within=within)).advance()
                 return
 
     @property
@@ -118,13 +103,13 @@ class Simulation:
     @property
     def arrived(self) -> int:
         """Characters that reached their goal so far."""
-        return int((self._arriving.arrived >= 0).sum())
+        return int((self._despawning.arrived >= 0).sum())
 
     @property
     def finished(self) -> bool:
         """Whether everyone who can arrive has, or the scenario's time is up."""
         # Nobody is out of reach for good while doors may open.
-        lost = len(self.plans.unreachable) if self._changing.over else 0
+        lost = len(self.plans.unreachable) if self._events.over else 0
         return self.step_count >= self.step_limit or self.arrived + lost >= len(self.cast.starts)
 
     def close(self) -> None:
@@ -145,12 +130,24 @@ class Simulation:
         self._end_step()
 
     def _advance(self) -> None:
-        self.schedule.run()
-        self.hash = state_hash(self.world, self.place.state(), self.step_count, self.hash)
+        """All stages of a step but its searches, in order; characters come and go only where changes are applied."""
+        world = self.world
+        view = world.view()
+        self._events.apply(view)
+        # What searches came to is handed out one step after they began, so that the number of workers never shows.
+        self._replanning.replan(view)
+        self._spawning.spawn(view)
+        world.apply_changes()
+        view = world.view()
+        self._choosing.choose(view)
+        animate(self.assets, view)
+        self._despawning.despawn(view)
+        world.apply_changes()
+        self.hash = state_hash(world, self.environment.state(), self.step_count, self.hash)
 
     def _end_step(self) -> None:
         """Begin the slices that the next step waits for: after all else, which threads that search slow down."""
-        self._searching.run(self.world.view(self._searching.READS))
+        search_on(self.plans, self.world.view())
         self.plans.step += 1
 
     def run(self, output: str | os.PathLike[str], progress: Progress | None = None) -> Recording:
@@ -166,17 +163,17 @@ class Simulation:
                 f"{self.scenario.name}: the simulation has taken {self.step_count} steps, which the recording would "
                 "lack; make a new Simulation and run that"
             )
-        statistics = Statistics(self.setting, self.place, {area.name: area.shape() for area in self.scenario.areas})
-        header = record_header(self.scenario, self.setting, self.cast)
+        statistics = Statistics(self.assets, self.environment, self.scenario.area_polygons())
+        header = record_header(self.scenario, self.assets, self.cast)
         with self, RecordingWriter(output, header) as writer:
-            before: list[Placing | None] = [None] * len(self.place.changes.movables)
+            before: list[Placing | None] = [None] * len(self.assets.timetable.movables)
             started = time.perf_counter()
             while not self.finished:
                 self._advance()
                 for agent, route in self._new_routes:
                     writer.add_path(agent, *labeled_points(route))
                 self._new_routes.clear()
-                self._record_place(writer, before)
+                self._record_movables(writer, before)
                 frame = self.frame()
                 writer.append(frame, self.hash)
                 statistics.add(frame)
@@ -205,11 +202,11 @@ class Simulation:
         state[agent] = self.world.column("state")
         return RecordedFrame(x=pose[:, 0], y=pose[:, 1], heading=pose[:, 2], state=state, **columns)
 
-    def _record_place(self, writer: RecordingWriter, before: list[Placing | None]) -> None:
+    def _record_movables(self, writer: RecordingWriter, before: list[Placing | None]) -> None:
         """Record what stands elsewhere than ``before`` says, and update that."""
         first = 0
-        for number, movable in enumerate(self.place.changes.movables):
-            now = self.place.placing(number)
+        for number, movable in enumerate(self.assets.timetable.movables):
+            now = self.environment.placing(number)
             if now != before[number]:
                 before[number] = now
                 for row, solid in enumerate(movable.solids, start=first):
@@ -217,17 +214,17 @@ class Simulation:
             first += len(movable.solids)
 
     def _summary(self, statistics: Statistics, seconds: float) -> dict[str, Any]:
-        rate = self.setting.steps_per_second
-        done = self._arriving.arrived >= 0
-        times = (self._arriving.arrived - self._entering.entered)[done] / rate
+        rate = self.assets.steps_per_second
+        done = self._despawning.arrived >= 0
+        times = (self._despawning.arrived - self._spawning.spawned)[done] / rate
         return {
             "characters": len(self.cast.starts),
             "arrived": int(done.sum()),
             "waiting": int((self.world.column("state") == AgentState.WAITING).sum()),
             "unreachable": {str(agent): reason for agent, reason in sorted(self.plans.unreachable.items())},
-            "laps": self.errands.laps(),
-            "stands": self.errands.stands_summary(),
-            "events": self._changing.report(),
+            "laps": self.itineraries.laps(),
+            "stands": self.itineraries.stands_summary(),
+            "events": self._events.report(),
             "replans": self.plans.replans,
             "searches": self.searches.summary(),
             "steps": self.step_count,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,13 +23,13 @@ class Column:
 
 
 class View:
-    """The columns a system declared, as attributes; those it did not declare for writing are read-only."""
+    """The live rows of all columns as attributes, until entities come or go."""
 
     def __init__(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         self.__dict__.update(arrays)
 
     def __getattr__(self, name: str) -> NDArray[Any]:
-        raise AttributeError(f"the system did not declare the column '{name}'")
+        raise AttributeError(f"there is no column '{name}'")
 
 
 class World:
@@ -38,7 +38,7 @@ class World:
     Slots follow spawn order: removing entities closes the gaps without reordering the rest, so whatever is
     computed slot by slot does not depend on who left before. An entity is named by its id, which
     counts up and is never reused; its slot changes when earlier entities leave. Spawning and removing
-    wait for :meth:`apply_changes`, so that no system sees rows come or go under its feet.
+    wait for :meth:`apply_changes`, so that no stage of a step sees rows come or go under its feet.
     """
 
     def __init__(self, columns: Sequence[Column], capacity: int = 64) -> None:
@@ -61,22 +61,9 @@ class World:
         """Writable view of the live rows of one column."""
         return self._arrays[name][: self.count]
 
-    def view(self, reads: Iterable[str] = (), writes: Iterable[str] = ()) -> View:
-        """Views of the live rows of the named columns."""
-        arrays = {}
-        for name in reads:
-            array = self.column(name)
-            array.flags.writeable = False
-            arrays[name] = array
-        for name in writes:
-            arrays[name] = self.column(name)
-        return View(arrays)
-
-    def slot(self, entity: int) -> int:
-        """Row of the entity with this id, or -1 where it is no longer, or not yet, in the world."""
-        ids = self.column("id")
-        row = int(np.searchsorted(ids, entity))
-        return row if row < self.count and ids[row] == entity else NONE
+    def view(self) -> View:
+        """Views of the live rows of all columns."""
+        return View({name: array[: self.count] for name, array in self._arrays.items()})
 
     def spawn(self, **values: Any) -> int:
         """Ask for a new entity; returns its id. Its row appears with :meth:`apply_changes`."""

@@ -158,4 +158,4 @@ def _points(curve: Any, meters: float) -> np.ndarray[Any, np.dtype[np.float64]]:
     points = np.round(points, 6)
     if not np.isfinite(points).all():
         raise GeometryError("a coordinate is not a finite number")
-    return points[np.concatenate([[True], (points[1:] != points[:-1]).any(axis=1)])]
+    return np.asarray(points[np.concatenate([[True], (points[1:] != points[:-1]).any(axis=1)])])

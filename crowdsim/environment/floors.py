@@ -68,7 +68,7 @@ class DerivedFloor:
 
 
 @dataclass(frozen=True)
-class Place:
+class SolidsOnFloor:
     """A floor at height 0 and what stands on it: the given solids of the indices ``kept``, moved with the floor."""
 
     solids: tuple[AnySolid, ...]
@@ -79,7 +79,7 @@ class Place:
 
 def place_on_floor(
     solids: Sequence[AnySolid], floor: Polygon | MultiPolygon | None = None, height: float | None = None
-) -> Place:
+) -> SolidsOnFloor:
     """Solids moved so that the floor is at height 0, without those that are no obstacles.
 
     Parameters
@@ -114,7 +114,7 @@ def place_on_floor(
     report += [f"dropped {_ROLES[role]}: {_names(parts)}" for role, parts in dropped.items() if parts]
     kept = [number for number, solid in enumerate(solids) if _role(solid, base) is None]
     moved = [solids[number].lifted(-base) if base else solids[number] for number in kept]
-    return Place(tuple(moved), tuple(kept), polygon, tuple(report))
+    return SolidsOnFloor(tuple(moved), tuple(kept), polygon, tuple(report))
 
 
 _ROLES = {

@@ -55,7 +55,8 @@ def _crossing(first: Floats, second: Floats, height: float) -> Floats:
     lower, upper = np.where(swap, second, first), np.where(swap, first, second)
     rise = upper[:, 2] - lower[:, 2]
     share = (height - lower[:, 2]) / rise
-    return np.round(lower[:, :2] + share[:, None] * (upper[:, :2] - lower[:, :2]), DIGITS)
+    points: Floats = np.round(lower[:, :2] + share[:, None] * (upper[:, :2] - lower[:, :2]), DIGITS)
+    return points
 
 
 def snapped_union(shapes: ArrayLike, grid: float) -> BaseGeometry:

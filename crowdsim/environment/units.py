@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from crowdsim.errors import GeometryError
 
-METERS = {
-    "m": 1.0, "meters": 1.0, "dm": 0.1, "decimeters": 0.1, "cm": 0.01, "centimeters": 0.01,
-    "mm": 0.001, "millimeters": 0.001, "km": 1000.0, "kilometers": 1000.0,
-    "in": 0.0254, "inches": 0.0254, "ft": 0.3048, "feet": 0.3048, "yd": 0.9144, "yards": 0.9144,
-}  # fmt: skip
+_SHORT = ("m", "dm", "cm", "mm", "km", "in", "ft", "yd")
+_LONG = ("meters", "decimeters", "centimeters", "millimeters", "kilometers", "inches", "feet", "yards")
+_LENGTHS = (1.0, 0.1, 0.01, 0.001, 1000.0, 0.0254, 0.3048, 0.9144)
+
+METERS = {name: meters for *names, meters in zip(_SHORT, _LONG, _LENGTHS, strict=True) for name in names}
 """Meters a unit, by its short and long name."""
 
 _COMMON = ("mm", "cm", "in", "ft", "m")

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from crowdsim.constants import NONE
 from crowdsim.errors import MotionError
 from crowdsim.following.follower.body_reach import body_reach
-from crowdsim.following.follower.path_follower import FollowOptions, FollowStatus, follow_path
+from crowdsim.following.follower.path_follower import Character, FollowOptions, FollowStatus, follow_path
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.geometry.elementary import cos, sin
 from crowdsim.motion.graph.motion_graph import MotionGraph
@@ -92,8 +92,9 @@ def measure_coverage(
     def share(place: tuple[float, float]) -> float:
         bend, clearance = place
         kept = reach._replace(room=np.full(len(facings), clearance), least=clearance)
+        character = Character(graph, maps, discs, facings, kept)
         found = [
-            follow_path(graph, maps, path, (ground,), discs, facings, path.pose[0].copy(), start_node, options, kept)
+            follow_path(character, path, (ground,), path.pose[0].copy(), start_node, options)
             for path in _paths(bend, behavior)
         ]
         return sum(one.status == FollowStatus.FOUND for one in found) / len(found)

@@ -225,7 +225,8 @@ class NavMesh:
             raise GeometryError("points: a polyline has at least one point")
         radius = as_radius(radius)
         find = violation_kernels.violations if array.shape[1] == 2 else arc_violation_kernels.arc_violations
-        return find(self.arrays, array, max(radius - self.tolerance(radius), 0.0))
+        found: Floats = find(self.arrays, array, max(radius - self.tolerance(radius), 0.0))
+        return found
 
     def first_violation(self, points: ArrayLike, radius: float) -> float:
         """Arc length of the first point of a way with less clearance than ``radius``; inf if none.

@@ -7,7 +7,6 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from crowdsim.geometry.elementary import hypot
 from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays
 from crowdsim.navmesh.paths import path_kernels
+from crowdsim.navmesh.paths.batch import Batch
 from crowdsim.navmesh.paths.paths import Floats, Paths
 from crowdsim.navmesh.paths.region_kernels import REGION, find_regions
 from crowdsim.navmesh.paths.workspace import Workspaces
@@ -41,41 +41,6 @@ def _in_parts(work: Callable[[int, int], Floats], count: int, workers: int | Non
     ends: list[int] = np.linspace(0, count, workers + 1).astype(np.int64).tolist()
     with ThreadPoolExecutor(workers) as pool:
         return np.concatenate(list(pool.map(work, ends[:-1], ends[1:])))
-
-
-@dataclass(frozen=True)
-class _Batch:
-    """Searches and where their answers go, all C-contiguous: see :class:`crowdsim.navmesh.paths.paths.Paths`."""
-
-    starts: Floats
-    goals: Floats
-    radii: Floats
-    least: Floats
-    """(n,) clearance that counts as enough."""
-    status: NDArray[np.int8]
-    lengths: Floats
-    counts: NDArray[np.int64]
-    """(n,) points of each path."""
-
-    def part(self, first: int, last: int) -> _Batch:
-        """Rows ``first`` up to ``last``, whose answers are those of this batch."""
-        if last - first == len(self.starts):
-            return self
-        return _Batch(*(getattr(self, field.name)[first:last] for field in fields(self)))
-
-    def copy(self, rows: NDArray[np.int64]) -> _Batch:
-        """The searches of some rows, to be answered on their own."""
-        return _Batch(*(getattr(self, field.name)[rows] for field in fields(self)))
-
-    def take(self, pieces: list[Floats], rows: NDArray[np.int64], other: _Batch, points: Floats) -> None:
-        """Take the answers for ``rows`` from those of ``other``, and their ``points`` apart into ``pieces``."""
-        self.status[rows], self.lengths[rows], self.counts[rows] = other.status, other.lengths, other.counts
-        for row, piece in zip(rows.tolist(), other.pieces(points), strict=True):
-            pieces[row] = piece
-
-    def pieces(self, points: Floats) -> list[Floats]:
-        """The points of all paths, path by path."""
-        return np.split(points, np.cumsum(self.counts)[:-1])
 
 
 class PathSearch:
@@ -133,22 +98,20 @@ class PathSearch:
         count = len(starts)
         status, lengths = np.empty(count, np.int8), np.empty(count)
         offsets = np.zeros(count + 1, np.int64)
-        batch = _Batch(starts, goals, radii, least, status, lengths, offsets[1:])
+        batch = Batch(starts, goals, radii, least, status, lengths, offsets[1:])
         find = self._find_best if optimality == "best" else self._find_fast
         points = find(batch, workers)
         np.cumsum(offsets, out=offsets)
         return Paths(status, lengths, offsets, points, starts, goals, radii, clearance)
 
-    def _find_fast(self, batch: _Batch, workers: int | None) -> Floats:
+    def _find_fast(self, batch: Batch, workers: int | None) -> Floats:
         regions = self.regions()
 
         def work(first: int, last: int) -> Floats:
             part = batch.part(first, last)
             with self._workspaces.lent(self._triangles) as scratch:
-                return path_kernels.plan_paths(
-                    self._mesh, regions, scratch, part.starts, part.goals, part.radii, part.least,
-                    part.status, part.lengths, part.counts,
-                )  # fmt: skip
+                points: Floats = path_kernels.plan_paths(self._mesh, regions, scratch, part)
+            return points
 
         points = _in_parts(work, len(batch.starts), workers)
         tangled = np.flatnonzero(batch.status == path_kernels.TANGLED)
@@ -161,7 +124,7 @@ class PathSearch:
             batch.lengths[row] = hypot(*np.diff(pieces[row], axis=0).T).sum()
         return np.concatenate(pieces)
 
-    def _find_best(self, batch: _Batch, workers: int | None) -> Floats:
+    def _find_best(self, batch: Batch, workers: int | None) -> Floats:
         distinct = np.unique(batch.radii)
         if len(distinct) == 0:
             return np.empty((0, 2))
@@ -177,9 +140,9 @@ class PathSearch:
         def work(first: int, last: int) -> Floats:
             part = batch.part(first, last)
             with graph.scratch() as scratch:
-                return shortest_kernels.shortest_paths(
-                    self._mesh, graph.arrays, scratch, part.starts, part.goals, graph.asked, graph.radius,
-                    graph.least, graph.slack, part.status, part.lengths, part.counts,
-                )  # fmt: skip
+                points: Floats = shortest_kernels.shortest_paths(
+                    self._mesh, graph.arrays, scratch, part, graph.asked, graph.disc
+                )
+            return points
 
         return _in_parts(work, len(batch.starts), workers)

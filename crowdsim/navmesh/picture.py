@@ -36,7 +36,7 @@ class _Shapes:
 
     def __init__(self, mesh: MeshArrays) -> None:
         triangles = int(mesh.frame["triangles"][0])
-        free = mesh.wind[:triangles] == 0
+        free = mesh.cover[:triangles] == 0
         sides = mesh.sides[: 3 * triangles].reshape(-1, 3)
         org: NDArray[np.int64] = sides["org"]
         place = np.column_stack([mesh.vertices["x"], mesh.vertices["y"]])
@@ -44,10 +44,10 @@ class _Shapes:
         """(nf, 3, 2) corners of the free triangles."""
         ends = np.stack([place[org], place[np.roll(org, -1, axis=1)]], axis=2)
         """(nt, 3, 2, 2) both ends of each side."""
-        closed = sides["cst"] != 0
+        closed = sides["constraints"] != 0
         self.walls = ends[closed & (free[:, None] | free[np.maximum(sides["twin"], 0) // 3])]
         self.sides = ends[free][~closed[free]]
-        self.widths = sides["clr"][free].astype(np.float64)
+        self.widths = sides["corner_clearance"][free].astype(np.float64)
         """(nf, 3) width of each corner of the free triangles, meters."""
         used = np.unique(org[free])
         used = used[used >= BOX_CORNERS]

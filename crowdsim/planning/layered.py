@@ -11,17 +11,17 @@ from numpy.typing import NDArray
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.clearance.sweep_kernels import are_free
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, Section, arc_lengths
-from crowdsim.planning.margins.slack import joined
+from crowdsim.planning.margins.clearance_margin import joined
 from crowdsim.planning.query.clear_ends import nearby_place
 from crowdsim.planning.query.query import Query
 from crowdsim.planning.roadmap.roadmap import Roadmap
 from crowdsim.planning.single_behavior import cheapest_uniform
 
 LONG = 0.5
-"""Cost of narrow sections, beyond that of their least length, above which wide ones are searched again in rooms."""
+"""Cost of narrow sections, beyond their least lengths, above which wide ones are searched again in their areas."""
 
 SURPRISE = 0.01
-"""Share of the estimate by which the best path may cost more before the shortest paths of all rooms are tried too."""
+"""Share of the estimate by which the best path may cost more before the shortest paths of all areas are tried."""
 
 WIDE = 1.0
 """What a path costs beyond its length, below which they are tried too."""
@@ -37,8 +37,8 @@ that they did not decide, they were the cheapest path of 25, at most 1.31 times 
 def plan_layered(query: Query, roadmap: Roadmap) -> AnnotatedPath | None:
     """Cheapest path found, or None where no behavior has one.
 
-    Near by, the shortest paths of the rooms are looked for first, and nothing else where none can be cheaper; then a
-    path over the roadmap. Where that has no way, its string tangles or is dearer than expected, all rooms are tried.
+    Near by, the shortest paths in behavior areas are looked for first, and nothing else if none can be cheaper; then a
+    path over the roadmap. Where that has no way, its taut path tangles or is dearer than expected, all areas are tried.
     """
     arc = arc_lengths(query.ends)
     length = float(arc[-1])
@@ -77,21 +77,21 @@ def _over_roadmap(query: Query, roadmap: Roadmap) -> tuple[AnnotatedPath | None,
     road, estimate = roadmap.find(query.ends)
     if not len(road):
         return None, estimate
-    string = roadmap.polish(road, query.ends)
-    best = None if string is None else roadmap.shifted(string)
+    taut = roadmap.polish(road, query.ends)
+    best = None if taut is None else roadmap.shifted(taut)
     # Pins are where sides of triangles are narrow only, and sections that are none may be longer than they have to be.
-    if string is None or string.cost > estimate or max(roadmap.excess(string), default=0.0) > LONG:
-        points = _by_rooms(query, roadmap, road)
+    if taut is None or taut.cost > estimate or max(roadmap.excess(taut), default=0.0) > LONG:
+        points = _by_areas(query, roadmap, road)
         path = query.annotated(points) if len(points) else None
         if path is not None and path.sections and (best is None or path.cost < best.cost):
             best = roadmap.shifted(path)
     return best, estimate
 
 
-def _by_rooms(query: Query, roadmap: Roadmap, road: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Shortest paths in the room of the widest behavior wherever the road takes it, joined by those of the legs."""
+def _by_areas(query: Query, roadmap: Roadmap, road: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Shortest paths in the area of the widest behavior wherever the road takes it, joined by those of the legs."""
     top = query.need.count - 1
-    wide, legs = query.rooms[0], query.rooms[-1]
+    wide, legs = query.areas[0], query.areas[-1]
     places = np.stack([roadmap.points["x"][road[:, 0]], roadmap.points["y"][road[:, 0]]], axis=1)
     places = np.concatenate([query.ends[:1], places, query.ends[1:]])
     labels = np.concatenate([road[:1, 1], road[:, 1], road[-1:, 1]])

@@ -19,9 +19,9 @@ from crowdsim.planning.baselines.greedy import MeshCopies, plan_greedy
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.planning.labels.labelling_kernels import TERMS
 from crowdsim.planning.layered import plan_layered
-from crowdsim.planning.margins.slack import with_slack
+from crowdsim.planning.margins.clearance_margin import with_clearance_margin
 from crowdsim.planning.margins.turns import with_turn_room
-from crowdsim.planning.query.behavior_areas import make_rooms
+from crowdsim.planning.query.behavior_areas import make_areas
 from crowdsim.planning.query.clear_ends import clear_ends, joined_to
 from crowdsim.planning.query.diagnosis import why_not
 from crowdsim.planning.query.lower_bound import lower_bound
@@ -32,7 +32,7 @@ from crowdsim.planning.roadmap.roadmap import Roadmap
 if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
 
-PLANNERS = ("layered", "greedy", "greedy_literal", "collision3d")
+PLANNERS = ("layered", "greedy_literal", "collision3d")
 
 
 class Planner:
@@ -42,11 +42,11 @@ class Planner:
     ----------
     meshes: one for each layer, the legs' first, whose obstacles contain those of the layers above.
     behaviors: least preferred and narrowest first; ``radii`` has one entry for each mesh.
-    rooms: meshes of :func:`~crowdsim.planning.query.behavior_areas.room_polygons`, with which a path gets slack close
-        to low obstacles where high ones ask for it; without them it does as in the lowest mesh with the largest
-        clearance of any layer.
-    planner: "layered"; or the published "greedy_literal", or "greedy", which combines detours; or "collision3d", which
-        tests ``bodies`` in 3D where the others ask the layers.
+    areas: meshes of :func:`~crowdsim.planning.query.behavior_areas.area_polygons`, with which paths stay as
+        close to low obstacles as they can; without them each behavior keeps from all obstacles of the lowest mesh the
+        largest clearance that it asks of any layer.
+    planner: "layered"; or the published "greedy_literal"; or "collision3d", which tests ``bodies`` in 3D where the
+        others ask the layers.
     margin: meters added to every body radius. Start and goal alone may be that much nearer to obstacles.
     terms: (4,) what changes of behavior take, as :data:`~crowdsim.planning.labels.labelling_kernels.TERMS`.
 
@@ -62,7 +62,7 @@ class Planner:
         meshes: Sequence[NavMesh],
         behaviors: Sequence[Behavior],
         *,
-        rooms: Sequence[NavMesh | None] | None = None,
+        areas: Sequence[NavMesh | None] | None = None,
         planner: str = "layered",
         bodies: Bodies | None = None,
         margin: float = TRACKING_MARGIN,
@@ -75,7 +75,7 @@ class Planner:
         self.name = planner
         self.meshes = tuple(meshes)
         self.need = Requirements.of(behaviors, len(meshes), margin)
-        self.rooms = make_rooms(meshes, self.need, rooms)
+        self.areas = make_areas(meshes, self.need, areas)
         self.terms = terms
         self._bodies = bodies
         self._copies = MeshCopies(self.meshes[0])
@@ -89,7 +89,7 @@ class Planner:
         Parameters
         ----------
         start, goal: x, y in meters.
-        slack: whether the path moves off obstacles where that costs next to nothing, as motions follow paths only
+        slack: whether the path takes a clearance margin where that costs next to nothing, as motions follow paths only
             nearly.
 
         Raises
@@ -101,7 +101,7 @@ class Planner:
         if best is None:
             raise PathNotFound(why_not(query))
         if slack:
-            best = with_slack(query, best)
+            best = with_clearance_margin(query, best)
         if self.name != "collision3d":  # which knows what bodies reach
             best = with_turn_room(query, best)
         given = np.array([start, goal], dtype=np.float64)
@@ -110,16 +110,16 @@ class Planner:
     def query(self, start: ArrayLike, goal: ArrayLike) -> Query:
         """Prepare a query from start to goal (x, y); move ends too close to obstacles to free places nearby."""
         ends = clear_ends(self.meshes, self.need, np.array([start, goal], dtype=np.float64))
-        return Query(self.meshes, self.need, self.rooms, ends, self.terms)
+        return Query(self.meshes, self.need, self.areas, ends, self.terms)
 
     def cheapest(self, query: Query) -> AnnotatedPath | None:
-        """The path found by the search that the planner is named by, without slack; None where there is none."""
+        """The path that the named search finds, without a clearance margin; None if there is none."""
         if self.name == "layered":
             return plan_layered(query, self.roadmap())
         if self.name == "collision3d":
             assert self._bodies is not None
             return plan_collision3d(query, self._bodies)
-        return plan_greedy(query, self._copies, keep_blockers=self.name == "greedy")
+        return plan_greedy(query, self._copies)
 
     def roadmap(self) -> Roadmap:
         """The roadmap of the meshes as they are, made at the first call and after every edit."""

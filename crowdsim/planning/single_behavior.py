@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from crowdsim.errors import PathNotFound
 from crowdsim.navmesh.paths.path_kernels import TANGLED
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
-from crowdsim.planning.labels.fitting_kernels import annotate
-from crowdsim.planning.query.behavior_areas import Room
+from crowdsim.planning.labels.fitting_kernels import Fitting, annotate
+from crowdsim.planning.query.behavior_areas import BehaviorArea
 from crowdsim.planning.query.lower_bound import least_extra, way_out
 from crowdsim.planning.query.query import Query, with_sections
 from crowdsim.planning.single_behavior_kernels import labelled_path
@@ -26,7 +26,7 @@ _ROUNDING = 1e-6
 class Uniform(NamedTuple):
     """The cheapest of the shortest paths for single behaviors, None where none is cheaper than what was known.
 
-    is_cheapest: whether no path can be cheaper, neither than this nor than what was known. That is no proof: rooms are
+    is_cheapest: whether no path can be cheaper, neither than this nor than what was known. That is no proof: areas are
     a little too narrow, and fast searches find paths that are as a rule 0.2 % too long, seldom 2 %.
     """
 
@@ -35,7 +35,7 @@ class Uniform(NamedTuple):
 
 
 def cheapest_uniform(query: Query, below: float = math.inf, farthest: float = math.inf) -> Uniform:
-    """The cheapest of the shortest paths of all rooms, with the sections it has, that costs less than ``below``.
+    """The cheapest of the shortest paths of all areas, with the sections it has, that costs less than ``below``.
 
     Find those for the legs and for the widest behavior first; if one of them is the cheapest of all paths, search no
     others. The test is that of :func:`crowdsim.planning.query.lower_bound.lower_bound`: a path with another worst
@@ -46,7 +46,7 @@ def cheapest_uniform(query: Query, below: float = math.inf, farthest: float = ma
     count = query.need.count
     preferred = float(query.need.costs[-1])
     fitting = query.fitting()
-    legs, wide = query.rooms[-1], query.rooms[0]
+    legs, wide = query.areas[-1], query.areas[0]
     most = below
     points, length, sections, cost = _labelled(query, legs, below, fitting)
     if min(length, below) == math.inf:
@@ -58,19 +58,19 @@ def cheapest_uniform(query: Query, below: float = math.inf, farthest: float = ma
     ways_out = [0.0] * count
     dearest = farthest * length * preferred if length > 0.0 else math.inf
     is_cheapest = _is_cheapest(query, below, lengths, ways_out)
-    for room in query.rooms[:-1]:
+    for area in query.areas[:-1]:
         if is_cheapest:
             break
-        k = room.behavior
+        k = area.behavior
         extra = 0.0 if k is None else least_extra(query, k, lengths[k], ways_out[k])
         most = min(below - extra, dearest)
-        points, length, sections, cost = _labelled(query, room, most, fitting)
+        points, length, sections, cost = _labelled(query, area, most, fitting)
         if cost < below:
             best, below = (points, sections, cost), cost
         if k is not None:
             lengths[k] = max(lengths[k], min(length, most / preferred))
         is_cheapest = _is_cheapest(query, below, lengths, ways_out)
-        if room is wide and not is_cheapest:
+        if area is wide and not is_cheapest:
             ways_out = [way_out(query, k) for k in range(count)]
             is_cheapest = _is_cheapest(query, below, lengths, ways_out)
     return Uniform(None if best is None else with_sections(*best), is_cheapest)
@@ -85,21 +85,21 @@ def _is_cheapest(query: Query, cost: float, lengths: list[float], ways_out: list
     return True
 
 
-def _labelled(query: Query, room: Room, most: float, fitting: tuple[Any, ...]) -> tuple[Floats, float, Floats, float]:
-    """Points (n, 2), length, sections (k, 3) and cost of the shortest path of ``room``; infinite where there is none.
+def _labelled(query: Query, area: BehaviorArea, most: float, fitting: Fitting) -> tuple[Floats, float, Floats, float]:
+    """Points (n, 2), length, sections (k, 3) and cost of the shortest path of ``area``; infinite where there is none.
 
     No sections and infinite cost where it fits nothing, or costs at least ``most`` by its length alone.
     """
-    mesh = room.mesh
-    least = room.radius - mesh.tolerance(room.radius)
-    with mesh.workspaces.lent(len(mesh.arrays.wind)) as work:
+    mesh = area.mesh
+    least = area.radius - mesh.tolerance(area.radius)
+    with mesh.workspaces.lent(len(mesh.arrays.cover)) as work:
         status, points, length, sections, cost = labelled_path(
-            mesh.arrays, mesh.search.regions(), work, query.ends, room.radius, least, most, *fitting
+            mesh.arrays, mesh.search.regions(), work, query.ends, area.radius, least, most, fitting
         )
     if status == TANGLED:
         try:
-            points = room.find_path(query.ends)
+            points = area.find_path(query.ends)
         except PathNotFound:
             return points, math.inf, sections, math.inf
-        sections, cost, length = annotate(*fitting, points)
+        sections, cost, length = annotate(fitting, points)
     return points, float(length), sections, float(cost)

@@ -14,21 +14,21 @@ _SPARE = 1.001
 
 
 @kernel
-def labelled_path(m, regions, work, ends, radius, least, most, layers, radii, costs, turned, terms):
+def labelled_path(m, regions, work, ends, radius, least, most, fitting):
     """(status, points (n, 2), length, sections (k, 3), cost) of the path from ends[0] to ends[1], as of `plan_path`.
 
-    m, regions, work, radius, least: as there. layers and the following: as of `annotate`. No sections and infinite cost
+    m, regions, work, radius, least: as there. No sections and infinite cost
     where it fits no behavior, or costs ``most`` or more by its length alone.
     """
     nothing = np.empty((0, 3))
-    status, points = plan_path(
-        m, regions, work, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1], radius, least, None, None,
-        _SPARE * most / costs[costs.size - 1],
-    )  # fmt: skip
+    preferred = fitting.costs[fitting.costs.size - 1]
+    sx, sy, gx, gy = ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1]
+    longest = _SPARE * most / preferred
+    status, points = plan_path(m, regions, work, sx, sy, gx, gy, radius, least, None, longest)
     if status != OK:
         return status, points, math.inf, nothing, math.inf
     length = polyline_length(points)
-    if length * costs[costs.size - 1] >= most:
+    if length * preferred >= most:
         return status, points, length, nothing, math.inf
-    sections, cost, _ = annotate(layers, radii, costs, turned, terms, points)
+    sections, cost, _ = annotate(fitting, points)
     return status, points, length, sections, cost

@@ -103,7 +103,8 @@ class _Sculptor:
         self.weights: list[Floats] = []
 
     def at(self, role: str) -> Floats:
-        return self.rest[self.skeleton.joint(role)]
+        place: Floats = self.rest[self.skeleton.joint(role)]
+        return place
 
     def end_of(self, role: str) -> Floats | None:
         """Rest place of the end site that hangs on the joint of ``role``, if any."""

@@ -32,7 +32,8 @@ def distinct_colors(count: int) -> Colors:
     """(count, 3) RGB whose hues follow the golden angle: neighbors in the list differ most."""
     hue = np.mod(np.arange(count) * 0.61803398875 + 0.58, 1.0)[:, None]
     channel = np.clip(np.abs(np.mod(hue * 6.0 + np.array([0.0, 4.0, 2.0]), 6.0) - 3.0) - 1.0, 0.0, 1.0)
-    return (255.0 * (0.28 + 0.54 * channel)).astype(np.uint8)
+    colors: NDArray[np.uint8] = (255.0 * (0.28 + 0.54 * channel)).astype(np.uint8)
+    return colors
 
 
 class CrowdMesh:

@@ -116,7 +116,8 @@ class Scene:
         if k == 1:
             return pixels
         width, height = self.size
-        return np.rint(pixels.reshape(height, k, width, k, 3).mean(axis=(1, 3))).astype(np.uint8)
+        mean: NDArray[np.uint8] = np.rint(pixels.reshape(height, k, width, k, 3).mean(axis=(1, 3))).astype(np.uint8)
+        return mean
 
     def _light(self) -> None:
         """A soft sky from above, and a lamp beside the eye that keeps every side that is seen from going black."""
@@ -167,9 +168,15 @@ class Scene:
         self._bodies.point_data["normals"] = crowd.normals.reshape(-1, 3)
         self._bodies.GetPointData().SetActiveNormals("normals")
         actor = self.plotter.add_mesh(
-            self._bodies, scalars="colors", rgb=True, ambient=0.30, diffuse=0.80, specular=0.08, specular_power=12,
+            self._bodies,
+            scalars="colors",
+            rgb=True,
+            ambient=0.30,
+            diffuse=0.80,
+            specular=0.08,
+            specular_power=12,
             show_scalar_bar=False,
-        )  # fmt: skip
+        )
         actor.prop.interpolation = "Phong"
 
     def _draw_paths(self, paths: tuple[PlannedPath, ...]) -> None:

@@ -184,7 +184,8 @@ def _sharp_edges(corners: Floats) -> Floats:
     np.minimum.at(flattest, edge, along)
     sharp = (count == 1) | (flattest < np.cos(np.radians(25.0)))
     points = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2, 3)
-    return points[first[sharp]].reshape(-1, 3)
+    edges: Floats = points[first[sharp]].reshape(-1, 3)
+    return edges
 
 
 def _merge(parts: Sequence[tuple[Floats, NDArray[np.int64]]], lines: Sequence[Floats]) -> FlatMesh:

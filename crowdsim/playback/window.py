@@ -59,9 +59,15 @@ def _play(scene: Scene, player: Player, view: str, agent: int | None) -> None:
     scene.show_time(0.0)
     scene.look(view, 0.0, agent)
     slider = plotter.add_slider_widget(
-        player.seek, (0.0, max(player.duration, 1e-3)), value=0.0, title="seconds",
-        pointa=(0.3, 0.06), pointb=(0.97, 0.06), style="modern", interaction_event="always",
-    )  # fmt: skip
+        player.seek,
+        (0.0, max(player.duration, 1e-3)),
+        value=0.0,
+        title="seconds",
+        pointa=(0.3, 0.06),
+        pointb=(0.97, 0.06),
+        style="modern",
+        interaction_event="always",
+    )
     shown, before = -1.0, clock.perf_counter()
 
     def tick(_step: int) -> None:

@@ -106,7 +106,7 @@ class RecordingHeader:
     """Everything but the steps; ``floor`` is the walkable outline as WKT.
 
     solids, meshes: what stands all the time. movables: what comes, moves or goes, as it is drawn in the scenario;
-    where it is when, :class:`PlaceChange` says.
+    where it is when, :class:`MovableChange` says.
     """
 
     scenario_name: str
@@ -167,7 +167,7 @@ class PlannedPath:
 
 
 @dataclass(frozen=True)
-class PlaceChange:
+class MovableChange:
     """From ``step`` on a movable (index in the header) has the outline ``footprint`` (WKT), or is not there (None)."""
 
     movable: int

@@ -22,6 +22,12 @@ from crowdsim.recording.header import (
 from crowdsim.version import __version__
 
 _STRINGS = h5py.string_dtype("utf-8")
+_AGENT_ARRAYS = ("start_times", "starts", "goals", "radii")
+_SKELETON_ARRAYS = {"parents": "int32", "offsets": "float64", "end_parents": "int32", "end_offsets": "float64"}
+_MOTION_ARRAYS = {
+    **dict.fromkeys(("node_behavior", "node_first", "node_frames"), "int32"),
+    **dict.fromkeys(("pool_root", "pool_rotations"), "float32"),
+}
 
 
 def _write_strings(group: h5py.Group, name: str, values: Sequence[str]) -> None:
@@ -67,24 +73,24 @@ def write_header(file: h5py.File, header: RecordingHeader) -> None:
     radii = np.array([behavior.radii for behavior in header.behaviors], np.float64)
     _write_array(behaviors, "radii", radii.reshape(len(header.behaviors), len(header.layers)), "float64")
 
-    place = file.create_group("place")
-    place.create_dataset("floor", data=header.floor, dtype=_STRINGS)
+    environment = file.create_group("place")
+    environment.create_dataset("floor", data=header.floor, dtype=_STRINGS)
     for kind, solids in (("solid", header.solids), ("movable", header.movables)):
-        _write_strings(place, f"{kind}_names", [solid.name for solid in solids])
-        _write_strings(place, f"{kind}_footprints", [solid.footprint for solid in solids])
-        _write_array(place, f"{kind}_bottoms", [solid.bottom for solid in solids], "float64")
-        _write_array(place, f"{kind}_tops", [solid.top for solid in solids], "float64")
+        _write_strings(environment, f"{kind}_names", [solid.name for solid in solids])
+        _write_strings(environment, f"{kind}_footprints", [solid.footprint for solid in solids])
+        _write_array(environment, f"{kind}_bottoms", [solid.bottom for solid in solids], "float64")
+        _write_array(environment, f"{kind}_tops", [solid.top for solid in solids], "float64")
 
-    _write_strings(place, "mesh_names", [mesh.name for mesh in header.meshes])
-    _write_array(place, "mesh_counts", [(len(m.points), len(m.triangles)) for m in header.meshes], "int64")
+    _write_strings(environment, "mesh_names", [mesh.name for mesh in header.meshes])
+    _write_array(environment, "mesh_counts", [(len(m.points), len(m.triangles)) for m in header.meshes], "int64")
     points = [np.empty((0, 3), np.float32), *(mesh.points for mesh in header.meshes)]
     triangles = [np.empty((0, 3), np.int32), *(mesh.triangles for mesh in header.meshes)]
-    _write_array(place, "mesh_points", np.concatenate(points), "float32")
-    _write_array(place, "mesh_triangles", np.concatenate(triangles), "int32")
+    _write_array(environment, "mesh_points", np.concatenate(points), "float32")
+    _write_array(environment, "mesh_triangles", np.concatenate(triangles), "int32")
 
     agents = file.create_group("agents")
     _write_strings(agents, "groups", header.agents.groups)
-    for name in ("start_times", "starts", "goals", "radii"):
+    for name in _AGENT_ARRAYS:
         _write_array(agents, name, getattr(header.agents, name), "float64")
 
     _write_motion(file.create_group("motion"), header.motion)
@@ -93,17 +99,13 @@ def write_header(file: h5py.File, header: RecordingHeader) -> None:
 def _write_motion(group: h5py.Group, motion: MotionRecord) -> None:
     skeleton = motion.skeleton
     _write_strings(group, "joint_names", skeleton.names)
-    _write_array(group, "parents", skeleton.parents, "int32")
-    _write_array(group, "offsets", skeleton.offsets, "float64")
-    _write_array(group, "end_parents", skeleton.end_parents, "int32")
-    _write_array(group, "end_offsets", skeleton.end_offsets, "float64")
+    for name, dtype in _SKELETON_ARRAYS.items():
+        _write_array(group, name, getattr(skeleton, name), dtype)
     _write_strings(group, "role_names", list(skeleton.roles))
     _write_array(group, "role_joints", list(skeleton.roles.values()), "int32")
     _write_strings(group, "node_names", motion.node_names)
-    for name in ("node_behavior", "node_first", "node_frames"):
-        _write_array(group, name, getattr(motion, name), "int32")
-    for name in ("pool_root", "pool_rotations"):
-        _write_array(group, name, getattr(motion, name), "float32")
+    for name, dtype in _MOTION_ARRAYS.items():
+        _write_array(group, name, getattr(motion, name), dtype)
 
 
 def read_versions(file: h5py.File) -> dict[str, str]:
@@ -113,7 +115,7 @@ def read_versions(file: h5py.File) -> dict[str, str]:
 
 def read_header(file: h5py.File) -> RecordingHeader:
     """The header of ``file``; KeyError where a part of it is missing."""
-    scenario, layers, behaviors, place = file["scenario"], file["layers"], file["behaviors"], file["place"]
+    scenario, layers, behaviors, environment = file["scenario"], file["layers"], file["behaviors"], file["place"]
     layer_rows = zip(_read_strings(layers, "names"), layers["low"][:], layers["high"][:], strict=True)
     behavior_rows = zip(
         _read_strings(behaviors, "names"), _read_strings(behaviors, "colors"), behaviors["radii"][:], strict=True
@@ -126,56 +128,45 @@ def read_header(file: h5py.File) -> RecordingHeader:
         steps_per_second=int(scenario.attrs["steps_per_second"]),
         behaviors=tuple(BehaviorRecord(name, color, tuple(map(float, radii))) for name, color, radii in behavior_rows),
         layers=tuple(LayerRecord(name, float(low), float(high)) for name, low, high in layer_rows),
-        floor=place["floor"].asstr()[()],
-        solids=_read_solids(place, "solid"),
+        floor=environment["floor"].asstr()[()],
+        solids=_read_solids(environment, "solid"),
         # Recordings of before things could move, or be meshes, have none.
-        movables=_read_solids(place, "movable") if "movable_names" in place else (),
-        meshes=_read_meshes(place) if "mesh_names" in place else (),
+        movables=_read_solids(environment, "movable") if "movable_names" in environment else (),
+        meshes=_read_meshes(environment) if "mesh_names" in environment else (),
         agents=AgentsRecord(
-            groups=tuple(_read_strings(agents, "groups")),
-            start_times=agents["start_times"][:],
-            starts=agents["starts"][:],
-            goals=agents["goals"][:],
-            radii=agents["radii"][:],
+            groups=tuple(_read_strings(agents, "groups")), **{name: agents[name][:] for name in _AGENT_ARRAYS}
         ),
         motion=_read_motion(file["motion"]),
     )
 
 
-def _read_solids(place: h5py.Group, kind: str) -> tuple[SolidRecord, ...]:
+def _read_solids(environment: h5py.Group, kind: str) -> tuple[SolidRecord, ...]:
     rows = zip(
-        _read_strings(place, f"{kind}_names"),
-        _read_strings(place, f"{kind}_footprints"),
-        place[f"{kind}_bottoms"][:],
-        place[f"{kind}_tops"][:],
+        _read_strings(environment, f"{kind}_names"),
+        _read_strings(environment, f"{kind}_footprints"),
+        environment[f"{kind}_bottoms"][:],
+        environment[f"{kind}_tops"][:],
         strict=True,
     )
     return tuple(SolidRecord(name, wkt, float(low), float(top)) for name, wkt, low, top in rows)
 
 
-def _read_meshes(place: h5py.Group) -> tuple[MeshRecord, ...]:
-    points, triangles = place["mesh_points"][:], place["mesh_triangles"][:]
-    ends = np.cumsum(place["mesh_counts"][:].reshape(-1, 2), axis=0)
+def _read_meshes(environment: h5py.Group) -> tuple[MeshRecord, ...]:
+    points, triangles = environment["mesh_points"][:], environment["mesh_triangles"][:]
+    ends = np.cumsum(environment["mesh_counts"][:].reshape(-1, 2), axis=0)
     cut_points, cut_triangles = np.split(points, ends[:, 0]), np.split(triangles, ends[:, 1])
-    names = _read_strings(place, "mesh_names")
+    names = _read_strings(environment, "mesh_names")
     return tuple(MeshRecord(*row) for row in zip(names, cut_points, cut_triangles, strict=False))
 
 
 def _read_motion(group: h5py.Group) -> MotionRecord:
     skeleton = Skeleton(
         names=tuple(_read_strings(group, "joint_names")),
-        parents=group["parents"][:],
-        offsets=group["offsets"][:],
-        end_parents=group["end_parents"][:],
-        end_offsets=group["end_offsets"][:],
+        **{name: group[name][:] for name in _SKELETON_ARRAYS},
         roles=dict(zip(_read_strings(group, "role_names"), map(int, group["role_joints"][:]), strict=True)),
     )
     return MotionRecord(
         skeleton=skeleton,
         node_names=tuple(_read_strings(group, "node_names")),
-        node_behavior=group["node_behavior"][:],
-        node_first=group["node_first"][:],
-        node_frames=group["node_frames"][:],
-        pool_root=group["pool_root"][:],
-        pool_rotations=group["pool_rotations"][:],
+        **{name: group[name][:] for name in _MOTION_ARRAYS},
     )

@@ -7,7 +7,6 @@ import os
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 import h5py
@@ -22,7 +21,7 @@ from crowdsim.recording.header import (
     FORMAT_NAME,
     FORMAT_VERSION,
     AgentState,
-    PlaceChange,
+    MovableChange,
     PlannedPath,
     RecordedFrame,
     RecordingHeader,
@@ -103,9 +102,7 @@ class Recording:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     @property
@@ -145,13 +142,13 @@ class Recording:
         return tuple(latest[agent] for agent in sorted(latest))
 
     @cached_property
-    def changes(self) -> tuple[PlaceChange, ...]:
+    def changes(self) -> tuple[MovableChange, ...]:
         """Where movables stand from when on, in order of time."""
         if "changes" not in self._file:
             return ()
         group = self._file["changes"]
         rows = zip(group["movable"][:], group["step"][:], group["footprint"].asstr()[:], strict=True)
-        return tuple(PlaceChange(int(movable), int(step), footprint or None) for movable, step, footprint in rows)
+        return tuple(MovableChange(int(movable), int(step), footprint or None) for movable, step, footprint in rows)
 
     def movables_at(self, time: float) -> tuple[SolidRecord, ...]:
         """The movables that are there at ``time`` seconds, where they stand then, in the order of the header."""

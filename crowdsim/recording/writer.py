@@ -7,7 +7,6 @@ import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import h5py
@@ -81,9 +80,7 @@ class RecordingWriter:
             raise
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if self._file is None:
             return
         self._discard()
@@ -215,29 +212,21 @@ def _check_header(header: RecordingHeader) -> None:
     count = header.agents.count
     if count == 0:
         raise RecordingError("a recording needs at least one agent")
-    wanted = {"start_times": (count,), "starts": (count, 3), "goals": (count, 2), "radii": (count,)}
-    for name, shape in wanted.items():
-        found = np.shape(getattr(header.agents, name))
-        if found != shape:
-            raise RecordingError(f"agents.{name} has shape {found}, not {shape}")
+    motion = header.motion
+    joints, nodes, rows = motion.skeleton.joint_count, len(motion.node_names), len(motion.pool_root)
+    agents = {"start_times": (count,), "starts": (count, 3), "goals": (count, 2), "radii": (count,)}
+    per_node = dict.fromkeys(("node_behavior", "node_first", "node_frames"), (nodes,))
+    pool = {"pool_root": (rows, 3), "pool_rotations": (rows, joints, 4)}
+    for part, shapes in (("agents", agents), ("motion", {**per_node, **pool})):
+        for name, shape in shapes.items():
+            found = np.shape(getattr(getattr(header, part), name))
+            if found != shape:
+                raise RecordingError(f"{part}.{name} has shape {found}, not {shape}")
     for behavior in header.behaviors:
         if len(behavior.radii) != len(header.layers):
             raise RecordingError(
                 f"behavior '{behavior.name}' gives {len(behavior.radii)} radii for {len(header.layers)} layers"
             )
-    motion = header.motion
-    joints, nodes, rows = motion.skeleton.joint_count, len(motion.node_names), len(motion.pool_root)
-    shapes = {
-        "node_behavior": (nodes,),
-        "node_first": (nodes,),
-        "node_frames": (nodes,),
-        "pool_root": (rows, 3),
-        "pool_rotations": (rows, joints, 4),
-    }
-    for name, shape in shapes.items():
-        found = np.shape(getattr(motion, name))
-        if found != shape:
-            raise RecordingError(f"motion.{name} has shape {found}, not {shape}")
     first, frames = np.asarray(motion.node_first, np.int64), np.asarray(motion.node_frames, np.int64)
     wrong = np.flatnonzero((first < 0) | (frames < 0) | (first + frames >= rows))
     if wrong.size:

@@ -6,29 +6,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.geometry.elementary import log
-from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.schema.agents import MAX_COUNT
+from crowdsim.scenario.schema.schema import ScenarioFields
 
 _ARRIVAL_STREAM = 2
 _BATCH = 256
 
 
-def start_times(scenario: Scenario, number: int) -> NDArray[np.float64]:
+def start_times(keys: ScenarioFields, number: int) -> NDArray[np.float64]:
     """Seconds (n,) at which the characters of group ``number`` start, ascending.
 
     Those of a source are drawn from a stream of the scenario's seed that is the group's own. More than
     :data:`~crowdsim.scenario.schema.agents.MAX_COUNT` of them are cut off just behind that number.
     """
-    group = scenario.agents[number]
+    group = keys.agents[number]
     if group.rate is None:
         return group.start_time + np.arange(group.count or 0, dtype=np.float64) * group.interval
     most = MAX_COUNT + 1 if group.count is None else group.count
-    until = scenario.duration if group.until is None else group.until
+    until = keys.duration if group.until is None else group.until
     if group.arrivals == "regular":
         expected = int(min((until - group.start_time) * group.rate, most)) + 1
         times = group.start_time + np.arange(expected, dtype=np.float64) / group.rate
         return times[times < until][:most]
-    generator = np.random.default_rng(np.random.SeedSequence(scenario.seed, spawn_key=(number, _ARRIVAL_STREAM)))
+    generator = np.random.default_rng(np.random.SeedSequence(keys.seed, spawn_key=(number, _ARRIVAL_STREAM)))
     times = np.empty(0)
     last = group.start_time
     while last < until and len(times) < most:

@@ -12,8 +12,7 @@ from crowdsim.yamlfile.document import Path as KeyPath
 
 def check_scenario(scenario: Scenario) -> list[str]:
     """Warnings, one a line, each beginning with the place in the file; empty if nothing stands out."""
-    floor = scenario.floor_polygon()
-    site = scenario.site()
+    floor = scenario.environment.floor
     warnings = []
 
     def warn(path: tuple[str | int, ...], message: str) -> None:
@@ -24,7 +23,7 @@ def check_scenario(scenario: Scenario) -> list[str]:
         warn(("floor",), f"the floor is {max(xmax - xmin, ymax - ymin):g} m long; is it drawn in meters?")
     bands = [layer.band() for layer in scenario.bands]
     things: list[tuple[KeyPath, str, Sequence[AnySolid]]] = [
-        (("obstacles", number), obstacle.name, site.by_entry["obstacles", number])
+        (("obstacles", number), obstacle.name, scenario.environment.solids["obstacles", number])
         for number, obstacle in enumerate(scenario.obstacles)
     ]
     things += [(("doors", number), door.name, door.solids()) for number, door in enumerate(scenario.doors)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NoReturn
@@ -11,11 +10,13 @@ from pydantic import ValidationError
 
 from crowdsim.errors import Problem, ScenarioError
 from crowdsim.library import library_folder
+from crowdsim.scenario.environment import build_environment
+from crowdsim.scenario.placement import NOMINAL_RADIUS, try_placement
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.schema.schema import ScenarioFields
-from crowdsim.scenario.semantics import semantic_problems
-from crowdsim.yamlfile.document import MAX_BYTES, read_document
-from crowdsim.yamlfile.messages import schema_problems
+from crowdsim.scenario.semantics import key_complaints
+from crowdsim.yamlfile.document import read_document, read_text
+from crowdsim.yamlfile.messages import nearest, schema_problems
 from crowdsim.yamlfile.overrides import apply_overrides
 
 
@@ -35,20 +36,9 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario
         With every problem of the file and the overrides.
     """
     path = _find(source)
-    try:
-        # No more than shows that the file is too large.
-        with path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise ScenarioError([Problem(str(source), None, None, "", f"cannot be read: {error.strerror}")]) from None
-    try:
-        text = data.decode("utf-8")
-    except UnicodeDecodeError as error:
-        before = data[: error.start]
-        line, column = before.count(b"\n") + 1, error.start - before.rfind(b"\n")
-        if len(data) <= MAX_BYTES:
-            raise ScenarioError([Problem(str(path), line, column, "", "this is not UTF-8 text")]) from None
-        text = data.decode("utf-8", "replace")
+    text, problems = read_text(path, str(source))
+    if problems:
+        raise ScenarioError(problems)
     return parse_scenario(text, path, overrides)
 
 
@@ -61,12 +51,19 @@ def parse_scenario(text: str, path: Path | None = None, overrides: Sequence[str]
         _refuse([*problems, document.problem((), "the file is empty")])
     problems += apply_overrides(document, overrides)
     try:
-        scenario = Scenario.from_document(document, text, path)
+        keys = ScenarioFields.model_validate(document.value)
     except ValidationError as error:
         _refuse([*problems, *schema_problems(error, document, ScenarioFields)])
-    if problems or (problems := semantic_problems(scenario)):
+    if problems:
         _refuse(problems)
-    return scenario
+    folder = (path or Path()).parent
+    environment, complaints = build_environment(keys, folder)
+    complaints = [*key_complaints(keys, folder), *complaints]
+    if environment is not None:
+        complaints += try_placement(keys, environment, NOMINAL_RADIUS)[1]
+    if complaints or environment is None:
+        _refuse(document.problem(*complaint) for complaint in complaints)
+    return Scenario.of(keys, document, text, path, environment)
 
 
 def builtin_scenarios() -> dict[str, Path]:
@@ -85,8 +82,7 @@ def _find(source: str | Path) -> Path:
     if path.is_dir():
         message = "this is a folder; give a scenario file in it"
     else:
-        near = difflib.get_close_matches(path.stem[:80], built_in, n=1)
-        hint = f"did you mean '{near[0]}'?" if near else f"the built-in scenarios are: {', '.join(built_in) or 'none'}"
+        hint = nearest(path.stem, built_in, "the built-in scenarios are")
         message = f"there is no such file, nor a built-in scenario of the name; {hint}"
     raise ScenarioError([Problem(str(source), None, None, "", message)])
 

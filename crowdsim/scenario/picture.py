@@ -35,8 +35,8 @@ def reachable_areas(scenario: Scenario, behaviors: Sequence[Behavior]) -> tuple[
     starts = shapely.union_all([group.start.shape() for group in scenario.agents])
     areas = []
     for behavior in behaviors:
-        room = scenario.floor_polygon()
-        for layer, radius in zip(scenario.layers(), behavior.radii, strict=True):
+        room = scenario.environment.floor
+        for layer, radius in zip(scenario.environment.layers, behavior.radii, strict=True):
             room = room.intersection(layer.free.buffer(-float(radius) - TRACKING_MARGIN))
         parts = polygons_only(room).geoms
         areas.append(MultiPolygon([part for part in parts if part.intersects(starts)]))
@@ -47,7 +47,7 @@ def draw_scenario(scenario: Scenario, behaviors: Sequence[Behavior]) -> Figure:
     """One panel a layer, with starts, goals, and the reachable area of each behavior in the behavior's color."""
     figure, panels = _panels(scenario)
     areas = reachable_areas(scenario, behaviors)
-    for layer, axes in zip(scenario.layers(), panels, strict=False):
+    for layer, axes in zip(scenario.environment.layers, panels, strict=False):
         _draw_layer(axes, scenario, layer)
         for behavior, area, wider in zip(behaviors, areas, (*areas[1:], Polygon()), strict=True):
             label = f"within reach, {behavior.name.replace('_', ' ')}: {area.area:.1f} m\u00b2"
@@ -61,7 +61,7 @@ def draw_scenario(scenario: Scenario, behaviors: Sequence[Behavior]) -> Figure:
 def draw_plan(scenario: Scenario, behaviors: Sequence[Behavior], path: AnnotatedPath) -> Figure:
     """One panel a layer with a path, each section of it in the color of its behavior (2018 paper, figure 3)."""
     figure, panels = _panels(scenario)
-    for layer, axes in zip(scenario.layers(), panels, strict=False):
+    for layer, axes in zip(scenario.environment.layers, panels, strict=False):
         _draw_layer(axes, scenario, layer)
         for section in path.sections:
             behavior = behaviors[section.behavior]
@@ -79,10 +79,10 @@ def _panels(scenario: Scenario) -> tuple[Figure, list[Axes]]:
     """A figure with a panel for each layer, beside each other unless they are wide."""
     from matplotlib.figure import Figure
 
-    low_x, low_y, high_x, high_y = scenario.floor_polygon().bounds
+    low_x, low_y, high_x, high_y = scenario.environment.floor.bounds
     width, height = high_x - low_x, high_y - low_y
     scale = _PANEL / max(width, height)
-    layers = scenario.layers()
+    layers = scenario.environment.layers
     rows = len(layers) if width > height else 1
     columns = math.ceil(len(layers) / rows)
     size = (columns * max(width * scale, 3.0) + 1.0, rows * (max(height * scale, 2.0) + 0.6) + 1.0)
@@ -101,8 +101,8 @@ def _finish(figure: Figure, title: str) -> None:
 
 
 def _draw_layer(axes: Axes, scenario: Scenario, layer: ClearanceLayer) -> None:
-    fill(axes, scenario.floor_polygon(), facecolor=_FLOOR, edgecolor=_BLOCKED, linewidth=0.8)
-    fill(axes, layer.obstacles.intersection(scenario.floor_polygon()), facecolor=_BLOCKED, edgecolor="none")
+    fill(axes, scenario.environment.floor, facecolor=_FLOOR, edgecolor=_BLOCKED, linewidth=0.8)
+    fill(axes, layer.obstacles.intersection(scenario.environment.floor), facecolor=_BLOCKED, edgecolor="none")
     heights = f"{layer.low:g} to {layer.high:g} m" if layer.high > layer.low else f"at {layer.low:g} m"
     axes.set_title(f"{layer.name}, {heights}", fontsize="medium")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,25 +12,20 @@ from numpy.typing import NDArray
 from shapely import MultiPolygon, Point, Polygon
 
 from crowdsim.environment.layers import dropped_solids, polygons_only
-from crowdsim.errors import Problem, ScenarioError
-from crowdsim.geometry.elementary import cos
-from crowdsim.geometry.polygons import buffered
+from crowdsim.environment.spots import Spots, draw_spots, meets, room_in
+from crowdsim.errors import ScenarioError
 from crowdsim.scenario.arrivals import start_times
+from crowdsim.scenario.environment import Environment
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.schema.agents import MAX_COUNT, Goal
+from crowdsim.scenario.schema.schema import ScenarioFields
+from crowdsim.yamlfile.document import Complaint
 
 NOMINAL_RADIUS = 0.30
 """Meters around a character for which a scenario is checked before the motion, and with it the body, is known."""
 
 STAND_ROOM = 0.4
 """Meters between two who stay, beyond the radius given for each: to turn on the spot, and to stand a little off it."""
-
-_TRIES = 1000
-"""Spots drawn in vain for one character before its region counts as full."""
-
-_BATCH = 64
-
-_PIECE_CORNERS = 2000
 
 _START_STREAM, _GOAL_STREAM = 0, 1
 
@@ -65,7 +59,7 @@ class Placement(NamedTuple):
     def goal(self, agent: int, reached: int) -> NDArray[np.float64]:
         """The place (2,) that an agent goes to when it has been to ``reached`` places."""
         goals = self.goals[agent]
-        return goals[reached % len(goals)]
+        return np.asarray(goals[reached % len(goals)])
 
     def heading(self, agent: int, reached: int) -> float | None:
         """Radians that an agent is to face at that place, None where any will do."""
@@ -75,7 +69,7 @@ class Placement(NamedTuple):
 
     def is_last(self, agent: int, reached: int) -> bool:
         """Whether it goes nowhere after that place."""
-        return reached + 1 == self.rounds[agent] * len(self.goals[agent])
+        return bool(reached + 1 == self.rounds[agent] * len(self.goals[agent]))
 
     def stands(self, agent: int, reached: int) -> bool:
         """Whether it stands at that place, for a while or for good."""
@@ -94,28 +88,28 @@ def place_agents(scenario: Scenario, radius: float) -> Placement:
     ScenarioError
         With every region that is off the floor, blocked, or too full.
     """
-    placement, problems = try_placement(scenario, radius)
-    if problems:
-        raise ScenarioError(problems)
+    placement, complaints = try_placement(scenario, scenario.environment, radius)
+    if complaints:
+        raise ScenarioError(scenario.problem(*complaint) for complaint in complaints)
     return placement
 
 
-def try_placement(scenario: Scenario, radius: float) -> tuple[Placement, list[Problem]]:
-    """:func:`place_agents` with its problems returned; the arrays lack the characters that found no place."""
-    rooms = _rooms(scenario, radius)
-    starts_by_step: defaultdict[int, _Spots] = defaultdict(lambda: _Spots(2.0 * radius))
-    stay_spots = _Spots(2.0 * radius + STAND_ROOM)
+def try_placement(keys: ScenarioFields, environment: Environment, radius: float) -> tuple[Placement, list[Complaint]]:
+    """:func:`place_agents` with its complaints returned; the arrays lack the characters that found no place."""
+    rooms = _rooms(keys, environment, radius)
+    starts_by_step: defaultdict[int, Spots] = defaultdict(lambda: Spots(2.0 * radius))
+    stay_spots = Spots(2.0 * radius + STAND_ROOM)
     starts: list[tuple[float, float]] = []
     goals: list[NDArray[np.float64]] = []
     steps: list[int] = []
     counts: list[int] = []
-    problems = []
-    for number, group in enumerate(scenario.agents):
-        group_steps = [round(time * scenario.steps_per_second) for time in start_times(scenario, number).tolist()]
+    complaints: list[Complaint] = []
+    for number, group in enumerate(keys.agents):
+        group_steps = [round(time * keys.steps_per_second) for time in start_times(keys, number).tolist()]
         count = len(group_steps)
         if not 1 <= count <= MAX_COUNT:
             how_many = "no character comes" if count == 0 else f"more than {MAX_COUNT} characters come"
-            problems.append(scenario.problem(("agents", number, "rate"), f"{how_many} at this rate"))
+            complaints.append((("agents", number, "rate"), f"{how_many} at this rate"))
             continue
         regions = group.regions()
         places = np.full((count, len(regions), 2), np.nan)
@@ -127,23 +121,23 @@ def try_placement(scenario: Scenario, radius: float) -> tuple[Placement, list[Pr
             # The first has the stream that an only goal has.
             wanted.append((key, region.shape(), (_GOAL_STREAM, k) if k else (_GOAL_STREAM,), [last] * count))
         for k, (key, shape, stream, crowds) in enumerate(wanted):
-            generator = np.random.default_rng(np.random.SeedSequence(scenario.seed, spawn_key=(number, *stream)))
-            room = next((room for room in rooms if _meets(shape, room)), None)
+            generator = np.random.default_rng(np.random.SeedSequence(keys.seed, spawn_key=(number, *stream)))
+            room = next((room for room in rooms if meets(shape, room)), None)
             if room is None:
-                complaint: str | None = _unusable(scenario, shape, radius)
+                complaint: str | None = _unusable(environment, shape, radius)
             else:
-                placed = _draw(_Sampler(shape, room, generator), crowds)
+                placed = draw_spots(shape, room, crowds, generator)
                 complaint = None if len(placed) == count else _too_full(key, shape, len(placed), count, radius)
                 if k == 0:
                     starts += placed
                 else:
                     places[: len(placed), k - 1] = np.array(placed).reshape(-1, 2)
             if complaint is not None:
-                problems.append(scenario.problem(("agents", number, *key), complaint))
+                complaints.append((("agents", number, *key), complaint))
         goals += list(places)
         steps += group_steps
         counts.append(count)
-    groups = [group for group, count in zip(scenario.agents, counts, strict=False) for _ in range(count)]
+    groups = [group for group, count in zip(keys.agents, counts, strict=False) for _ in range(count)]
     placement = Placement(
         starts=np.array(starts, np.float64).reshape(-1, 2),
         goals=tuple(goals),
@@ -155,10 +149,10 @@ def try_placement(scenario: Scenario, radius: float) -> tuple[Placement, list[Pr
         stand_within=np.array([group.stand_within for group in groups], np.float64),
         groups=tuple(group.name for group in groups),
     )
-    return placement, problems
+    return placement, complaints
 
 
-_Wanted = tuple[tuple[str | int, ...], "Polygon | Point", tuple[int, ...], "list[_Spots | None]"]
+_Wanted = tuple[tuple[str | int, ...], "Polygon | Point", tuple[int, ...], "list[Spots | None]"]
 """What spots are drawn for: key in the group, region, random stream, and for each spot those it keeps away from."""
 
 
@@ -166,52 +160,35 @@ def _heading(goal: Goal) -> float:
     return math.nan if goal.heading is None else goal.heading
 
 
-def _rooms(scenario: Scenario, radius: float) -> list[MultiPolygon]:
+def _rooms(keys: ScenarioFields, environment: Environment, radius: float) -> list[MultiPolygon]:
     """Floor of the ground layer with ``radius`` around it that is always free; then, if more, what is so at some time.
 
     Only regions without room of the first kind use the second.
     """
-    changes = scenario.changes()
-    bands = [layer.band() for layer in scenario.bands]
+    timetable = environment.timetable
+    bands = [layer.band() for layer in keys.bands]
     taken = [
         movable.footprint(placing)
         for movable, placing in [
-            *((movable, movable.placing) for movable in changes.movables),
-            *((changes.movables[change.movable], change.placing) for change in changes.changes),
+            *((movable, movable.placing) for movable in timetable.movables),
+            *((timetable.movables[event.movable], event.placing) for event in timetable.events),
         ]
         if placing is not None and len(dropped_solids(movable.solids, bands)) < len(movable.solids)
     ]
-    free = scenario.layers_of(changes.fixed)[0].free if taken else scenario.layers()[0].free
-    rooms = [_room(free, radius)]
-    if taken:
-        rooms.insert(0, _room(polygons_only(free.difference(shapely.union_all(taken))), radius))
-    return rooms
+    if not taken:
+        return [room_in(environment.layers[0].free, radius)]
+    free = environment.fixed_layers[0].free
+    return [room_in(polygons_only(free.difference(shapely.union_all(taken))), radius), room_in(free, radius)]
 
 
-def _room(free: MultiPolygon, radius: float) -> MultiPolygon:
-    """The part of an area at least ``radius`` from everything else."""
-    quarter = 16
-    # The arcs of a buffer are polygons inside the true arcs; the larger radius makes up for that.
-    outer = radius / cos(math.pi / (4 * quarter))
-    return polygons_only(buffered(free, -outer, quad_segs=quarter))
-
-
-def _unusable(scenario: Scenario, region: Polygon | Point, radius: float) -> str:
+def _unusable(environment: Environment, region: Polygon | Point, radius: float) -> str:
     """Why no character at all can ever stand in ``region``."""
-    if not _meets(region, scenario.floor_polygon()):
+    if not meets(region, environment.floor):
         return "lies off the floor"
-    fixed = scenario.changes().fixed
-    if not _meets(region, scenario.layers_of(fixed)[0].free):
-        inside = [solid.name for solid in fixed if solid.footprint.intersects(region)]
+    if not meets(region, environment.fixed_layers[0].free):
+        inside = [solid.name for solid in environment.timetable.fixed if solid.footprint.intersects(region)]
         return f"lies inside {', '.join(repr(name) for name in inside[:3])}; nobody can stand there"
     return f"no spot with {radius:.2f} m of free floor around it; move it away from walls and obstacles"
-
-
-def _meets(region: Polygon | Point, area: Polygon | MultiPolygon) -> bool:
-    """Whether the point, or some of the extent of the region, lies in ``area``."""
-    if isinstance(region, Point):
-        return bool(area.intersects(region))
-    return not polygons_only(region.intersection(area)).is_empty
 
 
 def _too_full(key: tuple[str | int, ...], region: Polygon | Point, placed: int, count: int, radius: float) -> str:
@@ -224,80 +201,3 @@ def _too_full(key: tuple[str | int, ...], region: Polygon | Point, placed: int, 
         f"only {placed} of {count} characters found a place to {together} with {radius:.2f} m around each{between}; "
         f"give a larger region, a smaller 'count', or {remedy}"
     )
-
-
-class _Sampler:
-    """Uniform draws from the part of a region where there is room."""
-
-    def __init__(self, region: Polygon | Point, room: MultiPolygon, generator: np.random.Generator) -> None:
-        self.generator = generator
-        self.point = (region.x, region.y) if isinstance(region, Point) else None
-        if self.point is None:
-            pieces = _pieces(polygons_only(region & room))
-            triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(pieces))
-            self.corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
-            self.shares = np.cumsum(shapely.area(triangles))
-
-    def draws(self) -> Iterator[tuple[float, float]]:
-        """Endless draws; the same spot again and again if the region is one."""
-        while self.point is not None:
-            yield self.point
-        while True:
-            which, along, across = self.generator.random((3, _BATCH))
-            chosen = np.searchsorted(self.shares, which * self.shares[-1], side="right")
-            a, b, c = np.moveaxis(self.corners[np.minimum(chosen, len(self.shares) - 1)], 1, 0)
-            root = np.sqrt(along)[:, None]
-            points = a * (1.0 - root) + root * ((1.0 - across[:, None]) * b + across[:, None] * c)
-            yield from ((float(x), float(y)) for x, y in points)
-
-
-def _pieces(area: MultiPolygon) -> list[MultiPolygon]:
-    """The area cut across its longer side until a piece triangulates fast, which takes the square of its corners."""
-    if shapely.get_num_coordinates(area) <= _PIECE_CORNERS:
-        return [area]
-    xmin, ymin, xmax, ymax = area.bounds
-    if xmax - xmin > ymax - ymin:
-        middle = 0.5 * (xmin + xmax)
-        halves = [(xmin, ymin, middle, ymax), (middle, ymin, xmax, ymax)]
-    else:
-        middle = 0.5 * (ymin + ymax)
-        halves = [(xmin, ymin, xmax, middle), (xmin, middle, xmax, ymax)]
-    cut = [polygons_only(area.intersection(shapely.box(*half))) for half in halves]
-    if max(shapely.get_num_coordinates(cut)) >= shapely.get_num_coordinates(area):
-        return [area]
-    return [piece for half in cut if not half.is_empty for piece in _pieces(half)]
-
-
-def _draw(sampler: _Sampler, crowds: Sequence[_Spots | None]) -> list[tuple[float, float]]:
-    """One spot for each entry of ``crowds``, away from the spots in it; stops where a crowd leaves no room."""
-    placed: list[tuple[float, float]] = []
-    draws = sampler.draws()
-    for crowd in crowds:
-        for _ in range(_TRIES):
-            x, y = next(draws)
-            if crowd is None or crowd.take(x, y):
-                placed.append((x, y))
-                break
-        else:
-            break
-    return placed
-
-
-class _Spots:
-    """Spots taken so far, in square cells as wide as the distance they keep."""
-
-    def __init__(self, distance: float) -> None:
-        self.distance = distance
-        self.cells: defaultdict[tuple[int, int], list[tuple[float, float]]] = defaultdict(list)
-
-    def take(self, x: float, y: float) -> bool:
-        """Take the spot if it keeps the distance from all others."""
-        column, row = math.floor(x / self.distance), math.floor(y / self.distance)
-        for i in (column - 1, column, column + 1):
-            for j in (row - 1, row, row + 1):
-                for other_x, other_y in self.cells.get((i, j), ()):
-                    dx, dy = x - other_x, y - other_y
-                    if dx * dx + dy * dy < self.distance * self.distance:
-                        return False
-        self.cells[(column, row)].append((x, y))
-        return True

@@ -1,12 +1,12 @@
-"""The place that a scenario describes: its floor and everything that stands on it."""
+"""The floor of a scenario and the solids of everything that stands on it, drawn in the file or read from others."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -19,13 +19,12 @@ from crowdsim.environment.layers import AnySolid, dropped_solids
 from crowdsim.environment.mesh_files import read_mesh_file
 from crowdsim.environment.mesh_solid import MeshSolid
 from crowdsim.environment.solids import polygon_from_points
-from crowdsim.errors import GeometryError, PlaceError, Problem
+from crowdsim.errors import GeometryError, PlaceError
 from crowdsim.geometry.polygons import buffered
-from crowdsim.scenario.schema.place import Mesh, Obstacle, Plan
+from crowdsim.scenario.schema.environment import Mesh, Obstacle
+from crowdsim.scenario.schema.schema import ScenarioFields
+from crowdsim.yamlfile.document import Complaint
 from crowdsim.yamlfile.document import Path as KeyPath
-
-if TYPE_CHECKING:
-    from crowdsim.scenario.scenario import Scenario
 
 CLUTTER_RADIUS = 0.25
 """Meters of clearance that the way between start and goal keeps from clutter: enough for the narrowest behavior."""
@@ -41,98 +40,83 @@ _NO_FLOOR = shapely.box(0.0, 0.0, 1.0, 1.0)
 class Site(NamedTuple):
     """Floor and solids of a scenario.
 
-    by_entry: solids by the entry of the file they come from, as ("obstacles", 2). report: what was assumed and left
-    out, a line each. problems: what could not be read; floor and solids lack that.
+    solids: by the entry of the file they come from, as ("obstacles", 2), in its order. report: what was assumed and
+    left out, a line each. complaints: what could not be read; floor and solids lack that.
     """
 
     floor: Polygon | MultiPolygon
-    by_entry: Mapping[KeyPath, tuple[AnySolid, ...]]
-    report: tuple[str, ...]
-    problems: tuple[Problem, ...]
-
-    @property
-    def solids(self) -> tuple[AnySolid, ...]:
-        """All of them, in the order of the file."""
-        return tuple(solid for solids in self.by_entry.values() for solid in solids)
+    solids: dict[KeyPath, tuple[AnySolid, ...]]
+    report: list[str]
+    complaints: list[Complaint]
 
 
 def doubts_in(report: Iterable[str]) -> list[str]:
-    """Those of its lines that may be why the place is not what was meant."""
+    """Those of its lines that may be why the environment is not what was meant."""
     return [line for line in report if "warning: " in line]
 
 
-def read_site(scenario: Scenario) -> Site:
-    """Make the solids of all obstacles, read what files hold, and draw the clutter among them."""
-    return _Reader(scenario).site()
+def read_site(keys: ScenarioFields, folder: Path) -> Site:
+    """Make the solids of all obstacles, read what files beside ``folder`` hold, and draw the clutter among them."""
+    return _Reader(keys, folder).site()
 
 
 class _Reader:
-    """Gathers solids by the entry they come from, reports and problems."""
+    """Gathers solids by the entry they come from, reports and complaints."""
 
-    def __init__(self, scenario: Scenario) -> None:
-        self.scenario = scenario
+    def __init__(self, keys: ScenarioFields, folder: Path) -> None:
+        self.keys, self.folder = keys, folder
         self.solids: dict[KeyPath, tuple[AnySolid, ...]] = {}
         self.report: list[str] = []
-        self.problems: list[Problem] = []
+        self.complaints: list[Complaint] = []
 
     def site(self) -> Site:
-        for number, obstacle in enumerate(self.scenario.obstacles):
+        for number, obstacle in enumerate(self.keys.obstacles):
             path = ("obstacles", number)
-            if obstacle.mesh is not None:
-                self.solids[path] = self._mesh((*path, "mesh"), obstacle.name, obstacle.mesh)
-            elif obstacle.plan is not None:
-                self.solids[path] = self._plan((*path, "plan"), obstacle, obstacle.plan)
-            else:
-                self.solids[path] = obstacle.solids()
+            try:
+                self.solids[path] = self._solids(obstacle)
+            except (PlaceError, GeometryError) as error:
+                self.solids[path] = ()
+                self.complaints.append(((*path, "plan" if obstacle.mesh is None else "mesh"), str(error)))
         # What could not be read may be what the floor would be found in.
-        floor = _NO_FLOOR if self.problems else self._on_floor()
-        if self.scenario.clutter is not None and not self.problems:
+        floor = _NO_FLOOR if self.complaints else self._on_floor()
+        if self.keys.clutter is not None and not self.complaints:
             self._draw_clutter(floor)
-        return Site(floor, self.solids, tuple(self.report), tuple(self.problems))
+        return Site(floor, self.solids, self.report, self.complaints)
 
-    def _complain(self, path: KeyPath, error: Exception) -> None:
-        self.problems.append(self.scenario.problem(path, str(error)))
+    def _solids(self, obstacle: Obstacle) -> tuple[AnySolid, ...]:
+        """The solids of an obstacle; parts of a file are named after it."""
+        if obstacle.mesh is None and obstacle.plan is None:
+            return obstacle.solids()
+        found = self._mesh(obstacle.mesh) if obstacle.mesh is not None else self._plan(obstacle)
+        return tuple(replace(solid, name=f"{obstacle.name}: {solid.name}") for solid in found)
 
-    def _mesh(self, path: KeyPath, name: str, mesh: Mesh) -> tuple[AnySolid, ...]:
-        """Parts of a file, named after the obstacle."""
-        try:
-            scene = read_mesh_file(
-                self.scenario.beside(mesh.file),
-                up=mesh.up,
-                units=mesh.units,
-                scale=mesh.scale,
-                rotation=mesh.rotation,
-                position=mesh.position,
-            )
-        except (PlaceError, GeometryError) as error:
-            self._complain(path, error)
-            return ()
+    def _mesh(self, mesh: Mesh) -> Sequence[AnySolid]:
+        """Parts of a file of triangles."""
+        scene = read_mesh_file(self.folder / mesh.file, **mesh.model_dump(exclude={"file"}))
         self.report += scene.report
-        return tuple(replace(solid, name=f"{name}: {solid.name}") for solid in scene.solids)
+        return scene.solids
 
-    def _plan(self, path: KeyPath, obstacle: Obstacle, plan: Plan) -> tuple[AnySolid, ...]:
-        """Walls and outlines of a drawing, named after the obstacle."""
+    def _plan(self, obstacle: Obstacle) -> Sequence[AnySolid]:
+        """Walls and outlines of a drawing."""
+        plan = obstacle.plan
+        assert plan is not None
         assert obstacle.top is not None
-        try:
-            found = read_floor_plan(
-                self.scenario.beside(plan.file),
-                layers=plan.drawing_layers,
-                units=plan.units,
-                thickness=plan.thickness,
-                bottom=obstacle.bottom,
-                top=obstacle.top,
-            )
-            if not found.solids:
-                raise PlaceError(f"{plan.file}: draws no walls or obstacles; name it as the floor's 'file' instead")
-        except (PlaceError, GeometryError) as error:
-            self._complain(path, error)
-            return ()
+        found = read_floor_plan(
+            self.folder / plan.file,
+            layers=plan.drawing_layers,
+            units=plan.units,
+            thickness=plan.thickness,
+            bottom=obstacle.bottom,
+            top=obstacle.top,
+        )
+        if not found.solids:
+            raise PlaceError(f"{plan.file}: draws no walls or obstacles; name it as the floor's 'file' instead")
         self.report += found.report
-        return tuple(replace(solid, name=f"{obstacle.name}: {solid.name}") for solid in found.solids)
+        return found.solids
 
     def _on_floor(self) -> Polygon | MultiPolygon:
         """The floor; of the parts of files, those that are floors or ceilings or lie flat on the floor go."""
-        given = self.scenario.floor
+        given = self.keys.floor
         try:
             floor = self._given_floor()
             # What the scenario itself puts on a floor it draws stands where it says.
@@ -145,46 +129,44 @@ class _Reader:
             if floor is not None and not placed:
                 return floor
             height = given.height if floor is None else given.height or 0.0
-            place = place_on_floor([solid for _, solid in placed], floor, height)
+            placed_solids = place_on_floor([solid for _, solid in placed], floor, height)
         except (PlaceError, GeometryError) as error:
-            self._complain(("floor",), error)
+            self.complaints.append((("floor",), str(error)))
             return _NO_FLOOR
-        self.report += place.report
+        self.report += placed_solids.report
         for path in {path for path, _ in placed}:
             self.solids[path] = ()
-        for number, solid in zip(place.kept, place.solids, strict=True):
+        for number, solid in zip(placed_solids.kept, placed_solids.solids, strict=True):
             path = placed[number][0]
             self.solids[path] = (*self.solids[path], solid)
         if floor is not None:
             self._require_effect({path for path, _ in placed}, floor)
-        return place.floor
+        return placed_solids.floor
 
     def _require_effect(self, paths: set[KeyPath], floor: Polygon | MultiPolygon) -> None:
         """Refuse files of which nothing is in a layer over the floor: nobody means an empty place."""
-        bands = [layer.band() for layer in self.scenario.bands]
+        bands = [layer.band() for layer in self.keys.bands]
         solids = [solid for path in paths for solid in self.solids[path] if not dropped_solids([solid], bands)]
         if not any(solid.footprint.intersects(floor) for solid in solids):
             for path in sorted(paths, key=lambda path: int(path[1])):
-                mesh = self.scenario.obstacles[int(path[1])].mesh
+                mesh = self.keys.obstacles[int(path[1])].mesh
                 assert mesh is not None
                 message = (
                     f"{mesh.file}: nothing of it is in a layer over the given floor; check 'units', "
                     "'up' and 'position', and the floor's 'height'"
                 )
                 doubts = [line for line in doubts_in(self.report) if line.startswith(f"{Path(mesh.file).name}: ")]
-                self.problems.append(self.scenario.problem((*path, "mesh"), "; ".join([message, *doubts])))
+                self.complaints.append(((*path, "mesh"), "; ".join([message, *doubts])))
 
     def _given_floor(self) -> Polygon | MultiPolygon | None:
         """The floor that the scenario draws or names; None if it is to be found."""
-        floor = self.scenario.floor
+        floor = self.keys.floor
         if floor.rectangle is not None:
             return shapely.box(*floor.rectangle)
         if floor.polygon is not None:
             return polygon_from_points(floor.polygon, "floor")
         if floor.file is not None:
-            found = read_floor_plan(
-                self.scenario.beside(floor.file), floor_layer=floor.drawing_layer, units=floor.units
-            )
+            found = read_floor_plan(self.folder / floor.file, floor_layer=floor.drawing_layer, units=floor.units)
             if found.floor is None:
                 raise PlaceError(f"{floor.file}: draws no floor; name its layer as 'drawing_layer', or give 'derive'")
             self.report += found.report
@@ -192,20 +174,20 @@ class _Reader:
         return None
 
     def _draw_clutter(self, floor: Polygon | MultiPolygon) -> None:
-        clutter = self.scenario.clutter
+        clutter = self.keys.clutter
         assert clutter is not None
-        regions = [[group.start.shape(), *(r.shape() for _, r in group.regions())] for group in self.scenario.agents]
+        regions = [[group.start.shape(), *(r.shape() for _, r in group.regions())] for group in self.keys.agents]
         ends = shapely.union_all([buffered(region, _KEPT_CLEAR) for group in regions for region in group])
         standing = [solid.footprint for solids in self.solids.values() for solid in solids]
         free = floor.difference(shapely.union_all(standing))
         region = free if clutter.region is None else free.intersection(clutter.region.shape())
-        generator = np.random.default_rng(np.random.SeedSequence(self.scenario.seed, spawn_key=(_CLUTTER_STREAM,)))
+        generator = np.random.default_rng(np.random.SeedSequence(self.keys.seed, spawn_key=(_CLUTTER_STREAM,)))
         region = region.difference(ends)
         try:
             drawn = draw_clutter("clutter", region, clutter.density, clutter.sizes, generator)
             kept = open_ways(drawn, free, regions, CLUTTER_RADIUS)
         except GeometryError as error:
-            self._complain(("clutter",), error)
+            self.complaints.append((("clutter",), str(error)))
             return
         self.solids[("clutter",)] = kept
         share = math.fsum(solid.footprint.area for solid in kept) / region.area

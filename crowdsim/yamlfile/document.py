@@ -7,6 +7,7 @@ recurse, expand an alias or construct an object.
 
 from __future__ import annotations
 
+import pathlib
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -33,6 +34,9 @@ MAX_DEPTH = 32
 
 Path = tuple[str | int, ...]
 
+Complaint = tuple[Path, str]
+"""The path of an entry, and what is wrong with it."""
+
 # YAML 1.2.2, section 10.3.2. Under these "no" is text, "0123" is 123, and "1:30" is text.
 _NULL = re.compile(r"~|null|Null|NULL|")
 _TRUE = re.compile(r"true|True|TRUE")
@@ -46,7 +50,7 @@ _MAX_DIGITS = 400
 
 
 @dataclass(frozen=True)
-class Place:
+class Position:
     """A spot of a text, line and column from 1; both None where ``file`` is no text."""
 
     file: str
@@ -64,23 +68,23 @@ class Document:
 
     file: str
     value: Any = None
-    values: dict[Path, Place] = field(default_factory=dict)
-    keys: dict[Path, Place] = field(default_factory=dict)
+    values: dict[Path, Position] = field(default_factory=dict)
+    keys: dict[Path, Position] = field(default_factory=dict)
     broken: set[Path] = field(default_factory=set)
     complete: bool = False
 
-    def place(self, path: Path, of_key: bool = False) -> Place:
+    def position(self, path: Path, of_key: bool = False) -> Position:
         """Place of the value (or key) at ``path``, or of the closest entry around it that exists."""
         if of_key and path in self.keys:
             return self.keys[path]
         while path and path not in self.values:
             path = path[:-1]
-        return self.values.get(path, Place(self.file, 1, 1))
+        return self.values.get(path, Position(self.file, 1, 1))
 
     def problem(self, path: Path, message: str, of_key: bool = False) -> Problem:
         """What is wrong at ``path``, with its place."""
-        place = self.place(path, of_key)
-        return Problem(place.file, place.line, place.column, dotted(path), message)
+        position = self.position(path, of_key)
+        return Problem(position.file, position.line, position.column, dotted(path), message)
 
 
 def dotted(path: Path) -> str:
@@ -95,10 +99,30 @@ def shorten(text: str, limit: int = 60) -> str:
     return line if len(line) <= limit else line[: limit - 3] + "..."
 
 
+def read_text(path: pathlib.Path, name: str) -> tuple[str, list[Problem]]:
+    """The text of a file, which messages call ``name``; empty beside the problem if it cannot be read.
+
+    Of a file that is too large for :func:`read_document` no more is read than shows that.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        return "", [Problem(name, None, None, "", f"cannot be read: {error.strerror}")]
+    try:
+        return data.decode("utf-8"), []
+    except UnicodeDecodeError as error:
+        if len(data) > MAX_BYTES:
+            return data.decode("utf-8", "replace"), []
+        before = data[: error.start]
+        line, column = before.count(b"\n") + 1, error.start - before.rfind(b"\n")
+        return "", [Problem(str(path), line, column, "", "this is not UTF-8 text")]
+
+
 def read_document(text: str, file: str) -> tuple[Document, list[Problem]]:
     """Read one YAML document; what is wrong with it comes back beside whatever could be read."""
     if len(text.encode("utf-8", "surrogatepass")) > MAX_BYTES:
-        message = f"the file is larger than {MAX_BYTES // 1_000_000} MB; is it a scenario?"
+        message = f"the file is larger than {MAX_BYTES // 1_000_000} MB; is it the right one?"
         return Document(file), [Problem(file, 1, 1, "", message)]
     reader = _Reader(_events(text), file)
     try:
@@ -164,14 +188,14 @@ class _Reader:
             if isinstance(event, DocumentStartEvent):
                 documents += 1
                 if documents > 1:
-                    raise _Stop(*_spot(event), "a second document begins here; a scenario is one document")
+                    raise _Stop(*_spot(event), "a second document begins here; a file holds one")
                 if event.version is not None and tuple(event.version) != (1, 2):
-                    raise _Stop(*_spot(event), "scenarios are YAML 1.2; remove the %YAML directive")
+                    raise _Stop(*_spot(event), "files are YAML 1.2; remove the %YAML directive")
                 self.document.value = self._value(next(self.events), ())
         self.document.complete = True
 
     def _value(self, event: Event, path: Path) -> Any:
-        self.document.values[path] = Place(self.document.file, *_spot(event))
+        self.document.values[path] = Position(self.document.file, *_spot(event))
         value: Any = None
         complaint = _complaint(event)
         if isinstance(event, ScalarEvent):
@@ -197,7 +221,7 @@ class _Reader:
     def _mapping(self, path: Path) -> dict[str, Any]:
         values: dict[str, Any] = {}
         while not isinstance(event := next(self.events), MappingEndEvent):
-            place = Place(self.document.file, *_spot(event))
+            position = Position(self.document.file, *_spot(event))
             key = event.value if isinstance(event, ScalarEvent) else None
             complaint = _complaint(event)
             if key is None:
@@ -207,15 +231,15 @@ class _Reader:
                 complaint = f"key given twice; it stands at line {self.document.keys[(*path, key)].line} already"
             if complaint:
                 where = dotted(path if key is None else (*path, key))
-                self.problems.append(Problem(place.file, place.line, place.column, where, complaint))
+                self.problems.append(Problem(position.file, position.line, position.column, where, complaint))
             if key is None or key in values:
                 self._discard(next(self.events))
             else:
-                self.document.keys[(*path, key)] = place
+                self.document.keys[(*path, key)] = position
                 inner = next(self.events)
                 values[key] = self._value(inner, (*path, key))
                 if isinstance(inner, ScalarEvent) and inner.start_mark.index == inner.end_mark.index:
-                    self.document.values[(*path, key)] = place  # nothing is written there; its mark is the next line
+                    self.document.values[(*path, key)] = position  # nothing is written there; its mark is the next line
         return values
 
     def _discard(self, event: Event) -> None:
@@ -234,7 +258,7 @@ def _spot(event: Event) -> tuple[int, int]:
 
 
 def _complaint(event: Event) -> str | None:
-    """What a node may not carry in a scenario: aliases, anchors, tags, and characters that cannot be written."""
+    """What a node may not carry: aliases, anchors, tags, and characters that cannot be written."""
     if isinstance(event, AliasEvent):
         return f"aliases are not allowed ('*{shorten(event.anchor)}'); write the value out"
     if not isinstance(event, NodeEvent):

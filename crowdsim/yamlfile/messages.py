@@ -47,7 +47,7 @@ def nearest(word: str, names: Iterable[str], otherwise: str) -> str:
 def _follows_from_another(detail: ErrorDetails) -> bool:
     """Whether the complaint only says again that a list has bad items, or names a second missing item of a list."""
     if detail["type"] == "too_short":
-        return len(detail["input"]) >= detail["ctx"]["min_length"]
+        return bool(len(detail["input"]) >= detail["ctx"]["min_length"])
     last = detail["loc"][-1] if detail["loc"] else None
     return detail["type"] == "missing" and isinstance(last, int) and last > len(detail["input"])
 

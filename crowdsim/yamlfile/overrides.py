@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from crowdsim.errors import Problem
-from crowdsim.yamlfile.document import Document, Path, Place, read_document
+from crowdsim.yamlfile.document import Document, Path, Position, read_document
 
 
 def apply_overrides(document: Document, overrides: Sequence[str]) -> list[Problem]:
@@ -29,13 +29,13 @@ def apply_overrides(document: Document, overrides: Sequence[str]) -> list[Proble
         if wrong:
             problems += [Problem(label, None, None, "", problem.message) for problem in wrong]
             continue
-        complaint = _write(document, parts, value, Place(label))
+        complaint = _write(document, parts, value, Position(label))
         if complaint:
             problems.append(Problem(label, None, None, "", complaint))
     return problems
 
 
-def _write(document: Document, parts: list[str], value: Document, place: Place) -> str | None:
+def _write(document: Document, parts: list[str], value: Document, position: Position) -> str | None:
     if document.value is None:
         document.value = {}
     container: Any = document.value
@@ -54,12 +54,12 @@ def _write(document: Document, parts: list[str], value: Document, place: Place) 
         if last:
             _forget(document, path)
             container[key] = value.value
-            document.values.update({path + inner: place for inner in ((), *value.values)})
-            document.keys.update({path + inner: place for inner in ((), *value.keys)})
+            document.values.update({path + inner: position for inner in ((), *value.values)})
+            document.keys.update({path + inner: position for inner in ((), *value.keys)})
             return None
         if isinstance(container, dict) and key not in container:
             container[key] = {}
-            document.values[path] = document.keys[path] = place
+            document.values[path] = document.keys[path] = position
         container = container[key]
     return None
 

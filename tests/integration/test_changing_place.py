@@ -140,7 +140,7 @@ def test_the_number_of_workers_does_not_change_the_run(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_only_those_concerned_plan_anew(seed: int, request: pytest.FixtureRequest) -> None:
+def test_only_affected_agents_plan_anew(seed: int, request: pytest.FixtureRequest) -> None:
     """At 1.5 s nobody is near the door, which closes in time, and none of those behind it is at its goal."""
     far = """\
 name: far, count: 3, interval: 0.5, start: {rectangle: [6, 0.5, 7, 5.5]},
@@ -149,7 +149,7 @@ name: far, count: 3, interval: 0.5, start: {rectangle: [6, 0.5, 7, 5.5]},
     text = two_rooms(walkers, far, events=("at: 1.5, close: door_a",), seed=seed)
     simulation = Simulation(parse_scenario(text))
     request.addfinalizer(simulation.close)
-    while not simulation.place.revision:
+    while not simulation.environment.revision:
         plans, routes = dict(simulation.plans.motions), dict(simulation.plans.routes)
         agents = simulation.world.column("agent").tolist()
         digests = dict(zip(agents, simulation.world.column("plan_digest").tolist(), strict=True))

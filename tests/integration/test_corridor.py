@@ -69,7 +69,7 @@ def test_narrow_stretches_are_passed_in_the_behavior_that_fits(recording, column
 def test_no_body_reaches_into_an_obstacle_of_its_layer(scenario, recording, columns) -> None:
     there = columns["state"] != AgentState.ABSENT
     places = shapely.points(columns["x"][there], columns["y"][there])
-    for layer, (polygons, record) in enumerate(zip(scenario.layers(), recording.header.layers, strict=True)):
+    for layer, (polygons, record) in enumerate(zip(scenario.environment.layers, recording.header.layers, strict=True)):
         radii = np.array([behavior.radii[layer] for behavior in recording.header.behaviors])
         shapely.prepare(polygons.free)
         assert shapely.contains(polygons.free, places).all()

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crowdsim.crowd.state.assets import Setting, prepare
-from crowdsim.crowd.state.environment import Place
+from crowdsim.crowd.state.assets import Assets, prepare
+from crowdsim.crowd.state.environment import EnvironmentState
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.scenario.loader import builtin_scenarios, parse_scenario
 
@@ -27,35 +27,35 @@ agents:
 """A gap of 0.52 m between shelves straight ahead, and free floor south of ``low``."""
 
 
-def used(path: AnnotatedPath, setting: Setting) -> list[str]:
-    return [setting.behaviors[section.behavior].name for section in path.sections]
+def used(path: AnnotatedPath, assets: Assets) -> list[str]:
+    return [assets.behaviors[section.behavior].name for section in path.sections]
 
 
-def shelves(low: float, north: float = 4.02) -> Place:
+def shelves(low: float, north: float = 4.02) -> EnvironmentState:
     scenario = parse_scenario(SHELVES.format(low=low, north=north))
-    return Place(prepare(scenario), scenario.changes())
+    return EnvironmentState(prepare(scenario))
 
 
-def across(place: Place) -> AnnotatedPath:
-    return place.route((2.0, 3.76), (8.0, 3.76))
+def across(environment: EnvironmentState) -> AnnotatedPath:
+    return environment.route((2.0, 3.76), (8.0, 3.76))
 
 
 def test_a_gap_between_shelves_is_passed_until_a_cheaper_way_appears() -> None:
     far, near = shelves(low=0.0), shelves(low=2.2)
-    assert used(across(far), far.setting) == ["frontal", "lateral", "frontal"]
-    assert used(across(near), near.setting) == ["frontal"]
+    assert used(across(far), far.assets) == ["frontal", "lateral", "frontal"]
+    assert used(across(near), near.assets) == ["frontal"]
     assert across(near).cost < across(far).cost
     assert across(near).length > across(far).length
 
 
 def test_a_gap_between_shelves_is_passed_until_it_costs_more() -> None:
-    place = shelves(low=0.8)
-    setting = place.setting
-    assert "lateral" in used(across(place), setting)
-    dear = tuple(replace(b, cost_per_meter=12.0) if b.name == "lateral" else b for b in setting.behaviors)
-    place = Place(replace(setting, behaviors=dear), place.changes)
-    assert used(across(place), setting) == ["frontal"]
-    assert across(place).length > 7.0
+    environment = shelves(low=0.8)
+    assets = environment.assets
+    assert "lateral" in used(across(environment), assets)
+    dear = tuple(replace(b, cost_per_meter=12.0) if b.name == "lateral" else b for b in assets.behaviors)
+    environment = EnvironmentState(replace(assets, behaviors=dear))
+    assert used(across(environment), assets) == ["frontal"]
+    assert across(environment).length > 7.0
 
 
 STUDY_DOOR = "- {at: 1.4, width: 0.9}   # study\n"
@@ -71,11 +71,11 @@ def apartment() -> str:
 
 def to_the_study(text: str, goal: tuple[float, float], lateral: float = 3.0) -> tuple[list[str], AnnotatedPath]:
     scenario = parse_scenario(text)
-    setting = prepare(scenario)
-    narrowest, *others = setting.behaviors
-    setting = replace(setting, behaviors=(replace(narrowest, cost_per_meter=lateral), *others))
-    path = Place(setting, scenario.changes()).route((5.8, 1.2), goal)
-    return used(path, setting), path
+    assets = prepare(scenario)
+    narrowest, *others = assets.behaviors
+    assets = replace(assets, behaviors=(replace(narrowest, cost_per_meter=lateral), *others))
+    path = EnvironmentState(assets).route((5.8, 1.2), goal)
+    return used(path, assets), path
 
 
 def test_the_study_is_entered_by_a_second_door_where_that_is_cheaper(apartment: str) -> None:

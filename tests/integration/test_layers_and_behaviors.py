@@ -10,7 +10,7 @@ import pytest
 import crowdsim
 from crowdsim.behaviors import library as behavior_library
 from crowdsim.crowd.state.assets import prepare
-from crowdsim.crowd.state.environment import Place
+from crowdsim.crowd.state.environment import EnvironmentState
 from crowdsim.library import library_folder
 from crowdsim.recording.reader import Recording
 from crowdsim.scenario import semantics
@@ -60,10 +60,10 @@ def test_a_room_is_crossed_whatever_the_number_of_layers(tmp_path: Path, layers:
 def test_with_one_layer_no_plan_asks_for_a_narrower_behavior() -> None:
     """All behaviors need the same room there; a follower may still take a step with the arms held in."""
     scenario = parse_scenario(ROOM.format(more=ONE, gap=0.5))
-    place = Place(prepare(scenario), scenario.changes())
+    environment = EnvironmentState(prepare(scenario))
     for y in (-0.5, 0.0, 0.5):
-        sections = place.route((1.0, y), (7.2, -y)).sections
-        assert [section.behavior for section in sections] == [len(place.setting.behaviors) - 1]
+        sections = environment.route((1.0, y), (7.2, -y)).sections
+        assert [section.behavior for section in sections] == [len(environment.assets.behaviors) - 1]
 
 
 @pytest.mark.parametrize("names", [["frontal"], ["frontal", "arm_constrained"]])

@@ -7,7 +7,7 @@ import shapely
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.planner import Planner
-from crowdsim.planning.query.behavior_areas import room_polygons
+from crowdsim.planning.query.behavior_areas import area_polygons
 from crowdsim.planning.query.requirements import Requirements
 from tests.support.small_scenes import SIZE, scene
 from tests.unit.planning.conftest import make_behavior
@@ -27,14 +27,14 @@ def excess(seed):
     """By what shares plans to one goal cost more than the reference, and than they are proven to at most (n, 2)."""
     polygons = scene(seed)
     meshes = [NavMesh(polygon) for polygon in polygons]
-    rooms = [None if room.is_empty else NavMesh(room) for room in room_polygons(polygons, BEHAVIORS)]
+    rooms = [None if room.is_empty else NavMesh(room) for room in area_polygons(polygons, BEHAVIORS)]
     need = Requirements.of(BEHAVIORS, 2, TRACKING_MARGIN)
     points = np.random.default_rng(seed).uniform(0.3, SIZE - 0.3, (500, 2))
     fits = np.all([mesh.clearances(points, 1.0) > r for mesh, r in zip(meshes, need.radii[2], strict=True)], axis=0)
     goal, *starts = points[fits]
     rate, first = weighted_region.rates(polygons, need.radii, need.costs)
     cost = weighted_region.costs_to(rate, first, goal)
-    planner = Planner(meshes, BEHAVIORS, rooms=rooms, terms=np.zeros(4))
+    planner = Planner(meshes, BEHAVIORS, areas=rooms, terms=np.zeros(4))
     found = []
     for start in starts:
         least = weighted_region.cost_at(cost, first, start)

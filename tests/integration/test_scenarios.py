@@ -54,7 +54,7 @@ def require_safe(summary: dict[str, Any]) -> None:
 
 
 def scenario_floor(name: str) -> shapely.Polygon:
-    return crowdsim.load_scenario(name).floor_polygon()
+    return crowdsim.load_scenario(name).environment.floor
 
 
 @pytest.mark.parametrize("name", sorted(set(builtin_scenarios()) - {"corridor"}))
@@ -93,7 +93,7 @@ def test_the_apartment_is_furnished(run: Run) -> None:
     furniture = [obstacle for obstacle in scenario.obstacles if obstacle.wall is None]
     assert len(furniture) >= 40
     assert len({obstacle.top for obstacle in furniture}) > 15
-    legs, torso = scenario.layers()
+    legs, torso = scenario.environment.layers
     assert torso.obstacles.difference(legs.obstacles).area <= 1e-6
     assert legs.obstacles.area > torso.obstacles.area + 5.0
 

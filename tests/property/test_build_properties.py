@@ -24,7 +24,7 @@ def _as_snapped(mesh):
     """The free area on the grid: the union of the free triangles."""
     triangles = int(mesh.frame["triangles"][0])
     place = np.column_stack([mesh.vertices["x"], mesh.vertices["y"]])
-    corners = place[mesh.sides["org"][: 3 * triangles].reshape(-1, 3)[mesh.wind[:triangles] == 0]]
+    corners = place[mesh.sides["org"][: 3 * triangles].reshape(-1, 3)[mesh.cover[:triangles] == 0]]
     return shapely.union_all(shapely.polygons(corners))
 
 

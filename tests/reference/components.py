@@ -8,15 +8,15 @@ from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays
 def side_components(mesh: MeshArrays, width: float) -> list[frozenset[tuple[int, int]]]:
     """Sides, as pairs of vertices, that a disc of diameter ``width`` can go between."""
     triangles = int(mesh.frame["triangles"][0])
-    org, cst = mesh.sides["org"].tolist(), mesh.sides["cst"].tolist()
+    org, constraints = mesh.sides["org"].tolist(), mesh.sides["constraints"].tolist()
     place = [(float(vertex["x"]), float(vertex["y"])) for vertex in mesh.vertices]
     turns: dict[tuple[int, int], list[tuple[int, int]]] = {}
     for t in range(triangles):
-        if mesh.wind[t] != 0:
+        if mesh.cover[t] != 0:
             continue
         corners = org[3 * t : 3 * t + 3]
         pairs = [(min(a, b), max(a, b)) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
-        opened = [not c for c in cst[3 * t : 3 * t + 3]]
+        opened = [not c for c in constraints[3 * t : 3 * t + 3]]
         for side, is_open in zip(pairs, opened, strict=True):
             if is_open:
                 turns.setdefault(side, [])

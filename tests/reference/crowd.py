@@ -50,28 +50,30 @@ def walking_graph() -> GraphArrays:
 
 
 def chain_of(graph: GraphArrays, nodes: list[int], start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Origins and seams (n, 3) of nodes joined by their first matching edges, without extra rotation."""
-    origins, seams = [start], [np.zeros(3)]
+    """Origins and blend offsets (n, 3) of nodes joined by their first matching edges, without extra rotation."""
+    origins, blend_offsets = [start], [np.zeros(3)]
     for before, node in pairwise(nodes):
         row = range(graph.edge_start[before], graph.edge_start[before + 1])
         edge = next(e for e in row if graph.edge_target[e] == node)
         end = compose(origins[-1], graph.node_motion[before])
         origins.append(compose(end, graph.edge_transform[edge]))
-        seam = end - origins[-1]
-        seam[2] = wrap_angle(seam[2])
-        seams.append(seam)
-    return np.array(origins), np.array(seams)
+        blend_offset = end - origins[-1]
+        blend_offset[2] = wrap_angle(blend_offset[2])
+        blend_offsets.append(blend_offset)
+    return np.array(origins), np.array(blend_offsets)
 
 
-def pose_at(graph: GraphArrays, nodes: list[int], origins: np.ndarray, seams: np.ndarray, frame: int) -> np.ndarray:
+def pose_at(
+    graph: GraphArrays, nodes: list[int], origins: np.ndarray, blend_offsets: np.ndarray, frame: int
+) -> np.ndarray:
     """Track pose ``frame`` frames after the start of a chain; its end is held."""
-    for node, origin, seam in zip(nodes, origins, seams, strict=True):
+    for node, origin, blend_offset in zip(nodes, origins, blend_offsets, strict=True):
         length = int(graph.node_frames[node])
         if frame < length or node is nodes[-1]:
             at = min(frame, length)
             pose = compose(origin, graph.tracks[graph.node_track[node] + at])
             u = min(at / BLEND_FRAMES, 1.0)
-            return pose + (1.0 - u * u * (3.0 - 2.0 * u)) * seam
+            return pose + (1.0 - u * u * (3.0 - 2.0 * u)) * blend_offset
         frame -= length
     raise AssertionError("a chain has at least one node")
 

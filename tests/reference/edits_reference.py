@@ -38,7 +38,7 @@ def feet_missing(mesh: MeshArrays) -> int:
     """How many feet the refinement of the whole mesh adds to it."""
     copy = resized(mesh, 2 * len(mesh.vertices))
     work = workshop(len(copy.vertices))
-    copy.sides["clr"] = -1.0  # all triangles are to be looked at
+    copy.sides["corner_clearance"] = -1.0  # all triangles are to be looked at
     corners = np.flatnonzero(copy.vertices["vhe"][: int(copy.frame["vertices"][0])] >= 0)
     # From each side and, as a twin, from each vertex.
     work.to_do["waiting"][: len(corners)] = work.to_do["touched"][: len(corners)] = corners
@@ -56,7 +56,7 @@ def wrong_widths(mesh: MeshArrays) -> int:
     place = np.stack([at["x"], at["y"]], axis=2)
     length = np.hypot(*np.moveaxis(np.roll(place, -1, axis=1) - place, 2, 0))
     double = np.abs(np.linalg.det(place[:, 1:] - place[:, :1]))
-    closed = sides["cst"] != 0
+    closed = sides["constraints"] != 0
     wrong = 0
     for i in range(3):
         base, last = (i + 1) % 3, (i + 2) % 3
@@ -65,12 +65,12 @@ def wrong_widths(mesh: MeshArrays) -> int:
         width = np.where(
             closed[:, base], np.minimum(width, height), width
         )  # feet outside of a base: a side is as short
-        width = np.where(closed[:, i] | closed[:, last] | (mesh.wind[: count // 3] != 0), 0.0, width)
+        width = np.where(closed[:, i] | closed[:, last] | (mesh.cover[: count // 3] != 0), 0.0, width)
         # The nearest place of a base can be its end, then the side to it is longer than the height.
         along = ((place[:, last] - place[:, base]) * (place[:, i] - place[:, base])).sum(axis=1)
         inside = (along >= 0.0) & (along <= length[:, base] ** 2)
         compared = inside | ~closed[:, base]
-        wrong += int((np.abs(sides["clr"][:, i] - width) > 1e-5 * (1.0 + width))[compared].sum())
+        wrong += int((np.abs(sides["corner_clearance"][:, i] - width) > 1e-5 * (1.0 + width))[compared].sum())
     return wrong
 
 

@@ -33,7 +33,7 @@ def free_area(mesh: MeshArrays) -> float:
     corners = np.stack([corners["x"], corners["y"]], axis=1).reshape(-1, 3, 2)
     ab, ac = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     area = 0.5 * (ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0])
-    return float(area[mesh.wind[:triangles] == 0].sum())
+    return float(area[mesh.cover[:triangles] == 0].sum())
 
 
 def mesh_faults(mesh: MeshArrays) -> list[str]:
@@ -41,8 +41,10 @@ def mesh_faults(mesh: MeshArrays) -> list[str]:
     faults = []
     vertices, triangles = int(mesh.frame["vertices"][0]), int(mesh.frame["triangles"][0])
     point = [(float(vertex["x"]), float(vertex["y"])) for vertex in mesh.vertices[:vertices]]
-    org, twin, cst, win = (mesh.sides[name][: 3 * triangles].tolist() for name in ("org", "twin", "cst", "win"))
-    wind = mesh.wind.tolist()
+    org, twin, constraints, winding = (
+        mesh.sides[name][: 3 * triangles].tolist() for name in ("org", "twin", "constraints", "winding")
+    )
+    cover = mesh.cover.tolist()
 
     def after(h: int) -> int:
         return h - 2 if h % 3 == 2 else h + 1
@@ -71,11 +73,11 @@ def mesh_faults(mesh: MeshArrays) -> list[str]:
             continue
         if twin[g] != h or org[g] != org[after(h)] or org[h] != org[after(g)]:
             faults.append(f"twins {h} and {g} do not match")
-        if cst[h] != cst[g] or win[h] != -win[g] or abs(win[h]) > cst[h]:
+        if constraints[h] != constraints[g] or winding[h] != -winding[g] or abs(winding[h]) > constraints[h]:
             faults.append(f"constraints of {h} and {g} do not match")
-        if wind[g // 3] != wind[h // 3] - win[h]:
+        if cover[g // 3] != cover[h // 3] - winding[h]:
             faults.append(f"winding jumps across {h}")
-        if h < g and cst[h] == 0:
+        if h < g and constraints[h] == 0:
             corners = [point[org[k]] for k in (h, after(h), before(h))]
             if incircle_sign(*corners, point[org[before(g)]]) > 0:
                 faults.append(f"side {h} is not Delaunay")
@@ -111,7 +113,7 @@ def narrow_places_missed(mesh: MeshArrays, area) -> list[tuple[int, int]]:
     triangles, cell = int(mesh.frame["triangles"][0]), float(mesh.frame["cell"][0])
     place = np.column_stack([mesh.vertices["x"], mesh.vertices["y"]])
     sides = mesh.sides[: 3 * triangles]
-    closed = np.flatnonzero((sides["cst"] != 0) & (np.repeat(mesh.wind[:triangles], 3) == 0))
+    closed = np.flatnonzero((sides["constraints"] != 0) & (np.repeat(mesh.cover[:triangles], 3) == 0))
     after, before = (np.where(closed % 3 == k, closed + s, closed + t) for k, s, t in ((2, -2, 1), (0, 2, -1)))
     start, end = place[sides["org"][closed]], place[sides["org"][after]]
     along = end - start
@@ -155,9 +157,9 @@ def region_tops(mesh: MeshArrays) -> tuple[np.ndarray, np.ndarray]:
     Triangles are of one region if no single side parts them: each side is taken away in turn.
     """
     triangles = int(mesh.frame["triangles"][0])
-    free = mesh.wind[:triangles] == 0
-    twin, cst = mesh.sides["twin"].tolist(), mesh.sides["cst"].tolist()
-    open_sides = [h for h in range(3 * triangles) if free[h // 3] and cst[h] == 0]
+    free = mesh.cover[:triangles] == 0
+    twin, constraints = mesh.sides["twin"].tolist(), mesh.sides["constraints"].tolist()
+    open_sides = [h for h in range(3 * triangles) if free[h // 3] and constraints[h] == 0]
 
     def flood(start: int, closed: set[int], name: int, names: np.ndarray) -> None:
         stack = [start]
@@ -165,7 +167,7 @@ def region_tops(mesh: MeshArrays) -> tuple[np.ndarray, np.ndarray]:
         while stack:
             t = stack.pop()
             for h in range(3 * t, 3 * t + 3):
-                if cst[h] == 0 and h not in closed and names[twin[h] // 3] != name:
+                if constraints[h] == 0 and h not in closed and names[twin[h] // 3] != name:
                     names[twin[h] // 3] = name
                     stack.append(twin[h] // 3)
 

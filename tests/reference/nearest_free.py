@@ -12,12 +12,12 @@ class NearestFree:
 
     def __init__(self, mesh) -> None:
         triangles = int(mesh.frame["triangles"][0])
-        free = np.flatnonzero(mesh.wind[:triangles] == 0)
+        free = np.flatnonzero(mesh.cover[:triangles] == 0)
         sides = (3 * free[:, None] + np.arange(3)).ravel()
         following = (3 * free[:, None] + np.array([1, 2, 0])).ravel()
         place = np.column_stack([mesh.vertices["x"], mesh.vertices["y"]])
         org = mesh.sides["org"]
-        closed = mesh.sides["cst"][sides] != 0
+        closed = mesh.sides["constraints"][sides] != 0
         self.corners = np.unique(place[org[sides]], axis=0)
         self.walls = np.stack([place[org[sides]], place[org[following]]], axis=1)[closed]
         self.triangles = shapely.STRtree(shapely.polygons(place[org[sides]].reshape(-1, 3, 2)))

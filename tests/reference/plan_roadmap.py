@@ -7,7 +7,7 @@ import heapq
 import numpy as np
 
 from crowdsim.planning.labels.labelling import label_path
-from crowdsim.planning.query.requirements import TOUCH
+from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 
 
 def costs_from(points, ways, costs, turned, change, source):
@@ -35,7 +35,8 @@ def annotate(meshes, need, points, terms):
     """Sections and cost of a polyline, by the violations of every behavior on every layer but the first."""
     blocked = [
         np.concatenate(
-            [np.empty((0, 2))] + [m.violations(points, r - TOUCH) for m, r in zip(meshes[1:], row[1:], strict=True)]
+            [np.empty((0, 2))]
+            + [m.violations(points, r - CONTACT_TOLERANCE) for m, r in zip(meshes[1:], row[1:], strict=True)]
         )
         for row in need.radii
     ]

@@ -1,27 +1,24 @@
-"""Which foot a body stands on and how fast it slides, one clip at a time."""
+"""How fast the feet slide that a body stands on, one frame at a time."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE
-from crowdsim.crowd.report.foot_statistics import NEAR_FLOOR, STANCE_SPEED, foot_joints
 from crowdsim.motion.clips.kinematics import Floats
-from crowdsim.motion.clips.skeleton import Skeleton
+from crowdsim.motion.graph.foot_contacts import Feet, planted_steps
 
 
-def planted_speed(skeleton: Skeleton, positions: Floats | NDArray[np.float32], rate: float = CAPTURE_RATE) -> Floats:
-    """(F,) m/s, horizontal speed of the joint the body stands on in each frame; NaN where no foot is planted.
+def planted_speed(shown: Feet, own: Feet, rate: float = CAPTURE_RATE) -> Floats:
+    """(F - 1, 2) m/s, horizontal speed of each foot of F frames as ``shown``; NaN where it is not planted.
 
-    ``positions`` (F, J, 3) world joints, ``rate`` frames a second.
+    A foot is planted where it is in ``own``, the same frames as they are in the clip, and stands on its slowest point.
     """
-    feet = np.asarray(positions, np.float64)[:, foot_joints(skeleton)]
-    if len(feet) < 2:
-        return np.full(len(feet), np.nan)
-    velocity = np.gradient(feet, axis=0) * rate
-    speed = np.linalg.norm(velocity[..., :2], axis=-1)
-    low = feet[..., 2] < feet[..., 2].min(axis=0) + NEAR_FLOOR
-    planted = low & (np.linalg.norm(velocity, axis=-1) < STANCE_SPEED)
-    slowest = np.min(np.where(planted, speed, np.inf), axis=1)
-    return np.where(planted.any(axis=1), slowest, np.nan)
+    planted = planted_steps(own)
+    speed = np.full(planted.shape[:2], np.nan)
+    for step in range(len(planted)):
+        for foot in (0, 1):
+            for point in np.flatnonzero(planted[step, foot]):
+                way = shown.points[step + 1, foot, point, :2] - shown.points[step, foot, point, :2]
+                speed[step, foot] = np.fmin(speed[step, foot], float(np.linalg.norm(way)) * rate)
+    return speed

@@ -9,7 +9,7 @@ from crowdsim.planning.labels.annotated_path import AnnotatedPath, Section, arc_
 from crowdsim.planning.labels.labelling_kernels import TURN_ROOM
 from crowdsim.planning.margins.turn_kernels import CHORD, INNER, PROBE, RAMP, SPARED, STATION, WORTH
 from crowdsim.planning.query.query import Query
-from crowdsim.planning.query.requirements import TOUCH
+from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 
 WINDOW = STATION * np.array([-INNER - RAMP, *range(-INNER, INNER + 1), INNER + RAMP], dtype=np.float64)
 """Arc lengths of the places about the middle of a turn; the first and the last stay on the path."""
@@ -75,7 +75,7 @@ def _roomier(query, path, arc, reach, behavior):
         return None
     layers = tuple([mesh.arrays for mesh in query.meshes])
     pieces = np.concatenate([places[:-1], places[1:]], axis=1)
-    return (places, more) if are_free(layers, query.need.radii[behavior] - TOUCH, pieces) else None
+    return (places, more) if are_free(layers, query.need.radii[behavior] - CONTACT_TOLERANCE, pieces) else None
 
 
 def _lacking(query, places, reach):

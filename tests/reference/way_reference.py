@@ -42,7 +42,7 @@ def _places_reached(mesh: MeshArrays, start, triangle, radius: float, width: flo
         yield spent, h, k, place
         g = int(sides[h].twin)
         for e, around in ((after(g), after(g)), (after(after(g)), g)):
-            if sides[e].cst == 0 and sides[around].clr >= width:
+            if sides[e].constraints == 0 and sides[around].corner_clearance >= width:
                 reach(e, spent, place)
 
 

@@ -59,10 +59,8 @@ def measure_arrivals(
         return follow_trial(motions, maps, ground, trial, wanted)
 
     def bent(trial: Trial, wanted: FollowOptions) -> FollowResult:
-        return follow_exactly(
-            motions.graph, maps, trial.samples, ground.arrays, motions.radii, motions.facings,
-            trial.start, motions.waiting, replace(wanted, budget=4_000), ARRIVAL, motions.reach,
-        )[0]  # fmt: skip
+        where = motions.character(maps), trial.samples, ground.arrays, trial.start, motions.waiting
+        return follow_exactly(*where, replace(wanted, budget=4_000), ARRIVAL)[0]
 
     rows: list[dict[str, Any]] = []
     figures: dict[str, float] = {}

@@ -6,8 +6,9 @@ Paths are 10 to 18 m long, have a clearance of 0.5 m and are walked from standin
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,12 +16,12 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from crowdsim.behaviors.library import load_behavior_set
+from crowdsim.behaviors.library import BehaviorSet, load_behavior_set
 from crowdsim.bench.places.random_ground import GroundKind, random_ground
 from crowdsim.constants import NONE
 from crowdsim.environment.layers import LEGS, TORSO
 from crowdsim.following.follower.body_reach import BodyReach, body_reach
-from crowdsim.following.follower.path_follower import FollowOptions, FollowResult, FollowStatus, follow_path
+from crowdsim.following.follower.path_follower import Character, FollowOptions, FollowResult, FollowStatus, follow_path
 from crowdsim.following.graph_search.graph_search import SearchResult
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.geometry.planar import compose, wrap_angle
@@ -84,6 +85,9 @@ class MotionSet:
     def graph(self) -> GraphArrays:
         return self.motion.arrays
 
+    def character(self, maps: MotionMaps) -> Character:
+        return Character(self.graph, maps, self.radii, self.facings, self.reach)
+
 
 @dataclass(frozen=True)
 class Ground:
@@ -97,22 +101,30 @@ class Ground:
         return self.meshes[0].arrays, self.meshes[1].arrays
 
 
-def load_set(name: str, captures: Path | None) -> MotionSet:
+def load_behaviors(captures: Path | None, patterns: Sequence[str] = CAPTURED) -> BehaviorSet:
     """The built-in behaviors, or frontal walking made of the walks in ``captures``."""
     bands = [(LEGS.low, LEGS.high), (TORSO.low, TORSO.high)]
     if captures is None:
-        loaded = load_behavior_set(["lateral", "arm_constrained", "frontal"], bands)
-    else:
-        loaded = load_behavior_set(["frontal"], bands, captures=captures, capture_patterns=CAPTURED)
+        return load_behavior_set(["lateral", "arm_constrained", "frontal"], bands)
+    return load_behavior_set(["frontal"], bands, captures=captures, capture_patterns=patterns)
+
+
+def waiting_node(graph: GraphArrays) -> int:
+    """The node in which a body of the preferred behavior waits for a search to begin; NONE if there is none."""
+    waits = np.flatnonzero(graph.node_idle & (graph.node_behavior == graph.node_behavior.max()))
+    return int(waits[0]) if len(waits) else NONE
+
+
+def load_set(name: str, captures: Path | None) -> MotionSet:
+    """The behaviors of :func:`load_behaviors` with what follows paths with them."""
+    loaded = load_behaviors(captures)
     facings = np.full((len(loaded.behaviors), max(len(b.facings) for b in loaded.behaviors)), np.nan)
     for row, behavior in zip(facings, loaded.behaviors, strict=True):
         row[: len(behavior.facings)] = behavior.facings
     graph = loaded.graph.arrays
-    # The last behavior is the preferred one; a body waits in it for the search to begin.
-    waits = np.flatnonzero(graph.node_idle & (graph.node_behavior == graph.node_behavior.max()))
     radii = np.array([behavior.radii for behavior in loaded.behaviors])
     reach = body_reach(graph, loaded.graph.poses, np.full(len(radii), CLEARANCE))
-    return MotionSet(name, loaded.graph, radii, facings, int(waits[0]) if len(waits) else NONE, reach)
+    return MotionSet(name, loaded.graph, radii, facings, waiting_node(graph), reach)
 
 
 def load_standard(name: str, captures: Path | None, features: MotionSet) -> MotionSet:
@@ -142,22 +154,21 @@ def as_trial(points: Floats, behavior: int) -> Trial:
 def follow_trial(
     motions: MotionSet, maps: MotionMaps, ground: Ground, trial: Trial, options: FollowOptions
 ) -> FollowResult:
-    return follow_path(
-        motions.graph, maps, trial.samples, ground.arrays, motions.radii, motions.facings,
-        trial.start, motions.waiting, options, motions.reach,
-    )  # fmt: skip
+    character = motions.character(maps)
+    return follow_path(character, trial.samples, ground.arrays, trial.start, motions.waiting, options)
 
 
 def follow_all(motions: MotionSet, maps: MotionMaps, ground: Ground) -> list[tuple[FollowResult, float]]:
     """What the follower finds in each trial, and milliseconds."""
     options = FollowOptions(goal_tolerance=TOLERANCE, budget=2_000)
     follow_trial(motions, maps, ground, ground.trials[0], options)
-    return [best_of(lambda t=trial: follow_trial(motions, maps, ground, t, options)) for trial in ground.trials]  # type: ignore[misc]
+    return [best_of(partial(follow_trial, motions, maps, ground, trial, options)) for trial in ground.trials]
 
 
-def best_of(search: Callable[[], Any]) -> tuple[Any, float]:
+def best_of(search: Callable[[], Any], passes: int = PASSES) -> tuple[Any, float]:
+    """What ``search`` gives, and the least milliseconds it takes."""
     seconds = []
-    for _ in range(PASSES):
+    for _ in range(passes):
         begin = time.perf_counter()
         result = search()
         seconds.append(time.perf_counter() - begin)

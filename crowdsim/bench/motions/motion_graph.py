@@ -40,8 +40,14 @@ REPEATS = 3
 
 _Build = Callable[[Sequence[MotionSource]], MotionGraph]
 _GRAPHS: dict[str, Callable[..., MotionGraph]] = {"standard": build_standard_graph, "features": build_motion_graph}
-_PAPER_SECONDS = {693: (208.1, 1.5), 1185: (650.0, 4.0), 1660: (1297.7, 6.3), 2329: (2577.5, 6.5),
-                  3347: (4853.5, 6.6), 6887: (22272.5, 27.0)}  # fmt: skip
+_PAPER_SECONDS = {
+    693: (208.1, 1.5),
+    1185: (650.0, 4.0),
+    1660: (1297.7, 6.3),
+    2329: (2577.5, 6.5),
+    3347: (4853.5, 6.6),
+    6887: (22272.5, 27.0),
+}
 
 
 def measure(captures: Path | None = None, sizes: Sequence[int] = FRAMES) -> Measurement:

@@ -10,6 +10,7 @@ import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -53,10 +54,12 @@ STANDARD_ENTRIES = (PAPER_ENTRIES, 1_000_000, 10_000_000)
 ASTAR_BUDGET = 20_000
 """Nodes that A* may expand."""
 
-_COLUMNS = (
-    "table", "set", "search", "depth", "entries", "cells", "mb", "build_s", "load_ms", "trials", "success_percent",
-    "median_ms", "mean_ms", "length_m", "path_m", "length_ratio", "held_percent", "off_m", "off_degrees", "excess_m",
-)  # fmt: skip
+_COLUMNS = tuple(
+    (
+        "table set search depth entries cells mb build_s load_ms trials success_percent "
+        "median_ms mean_ms length_m path_m length_ratio held_percent off_m off_degrees excess_m"
+    ).split()
+)
 
 
 def measure(
@@ -201,21 +204,28 @@ def _built(
     return maps, row
 
 
-def _summary(motions: MotionSet, ground: Ground, found: Sequence[tuple[FollowResult, float]]) -> dict[str, Any]:
-    """Success, times, and the length of motions beside that of their paths."""
+def _summary(
+    motions: MotionSet, ground: Ground, found: Sequence[tuple[Any, float]], compared: Sequence[int] | None = None
+) -> dict[str, Any]:
+    """Success over all trials, times, and the length of motions beside that of their paths.
+
+    Times are those of the trials ``compared`` and lengths too, by default of all and of all that were found.
+    """
     good = [i for i, (result, _) in enumerate(found) if result.status == FOUND]
-    paths = np.array([ground.trials[i].samples.arc[-1] for i in good])
-    lengths = np.array([walked(motions.graph, found[i][0], ground.trials[i].points[-1]) for i in good])
-    ms = np.array([ms for _, ms in found])
-    return {
+    timed, gone = (range(len(found)), good) if compared is None else (compared, compared)
+    row: dict[str, Any] = {
         "trials": len(found),
-        "success_percent": round(100.0 * len(good) / len(found), 2),
-        "median_ms": round(float(np.median(ms)), 3),
-        "mean_ms": round(float(ms.mean()), 3),
-        "length_m": round(float(lengths.mean()), 3) if good else None,
-        "path_m": round(float(paths.mean()), 3) if good else None,
-        "length_ratio": round(float((lengths / paths).mean()), 4) if good else None,
+        "success_percent": round(100.0 * len(good) / max(len(found), 1), 2),
     }
+    if len(timed):
+        ms = np.array([found[i][1] for i in timed])
+        row |= {"median_ms": round(float(np.median(ms)), 3), "mean_ms": round(float(ms.mean()), 3)}
+    if len(gone):
+        paths = np.array([ground.trials[i].samples.arc[-1] for i in gone])
+        lengths = np.array([walked(motions.graph, found[i][0], ground.trials[i].points[-1]) for i in gone])
+        row |= {"length_m": round(float(lengths.mean()), 3), "path_m": round(float(paths.mean()), 3)}
+        row["length_ratio"] = round(float((lengths / paths).mean()), 4)
+    return row
 
 
 def _of_bodies(
@@ -243,7 +253,7 @@ def _first_movement(motions: MotionSet, maps: MotionMaps, ground: Ground) -> flo
         path = ground.meshes[0].find_path(trial.points[0], trial.points[-1], CLEARANCE)
         return follow_trial(motions, maps, ground, as_trial(np.array(path.points), behavior), options)
 
-    return float(np.median([best_of(lambda t=trial: answer(t))[1] for trial in ground.trials[:200]]))  # type: ignore[misc]
+    return float(np.median([best_of(partial(answer, trial))[1] for trial in ground.trials[:200]]))
 
 
 def _beside_astar(
@@ -269,7 +279,10 @@ def _beside_astar(
     rows, figures = [], {}
     for name, key in (("A*", "astar"), ("A*-Ch", "channel")):
         both = [i for i in chosen if searches[name][i][0].status == searches["maps"][i][0].status == FOUND]
-        rows += [_compared(motions, ground, f"beside {name}", s, searches[s], both) for s in (name, "maps")]
+        rows += [
+            {"table": f"beside {name}", "set": motions.name, "search": s} | _summary(motions, ground, searches[s], both)
+            for s in (name, "maps")
+        ]
         figures[f"solved_by_{key}_and_maps_{motions.name}"] = float(len(both))
         # What it does not solve within its budget would take longer still, so with these the ratio is a lower bound.
         # Where it finds that there is nothing left to search there is nothing to compare.
@@ -281,20 +294,3 @@ def _beside_astar(
                 figures[f"{ratio}_{motions.name}"] = float(ms[name].mean() / ms["maps"].mean())
                 figures[f"{ratio}_median_{motions.name}"] = float(np.median(ms[name] / ms["maps"]))
     return rows, figures
-
-
-def _compared(
-    motions: MotionSet, ground: Ground, table: str, name: str, results: list[tuple[Any, float]], both: list[int]
-) -> dict[str, Any]:
-    """Success over all trials; times and lengths over those that both searches solved."""
-    row: dict[str, Any] = {"table": table, "set": motions.name, "search": name, "trials": len(results)}
-    good = sum(result.status == FOUND for result, _ in results)
-    row["success_percent"] = round(100.0 * good / max(len(results), 1), 2)
-    if both:
-        ms = np.array([results[i][1] for i in both])
-        lengths = np.array([walked(motions.graph, results[i][0], ground.trials[i].points[-1]) for i in both])
-        paths = np.array([ground.trials[i].samples.arc[-1] for i in both])
-        row |= {"median_ms": round(float(np.median(ms)), 3), "mean_ms": round(float(ms.mean()), 3)}
-        row |= {"length_m": round(float(lengths.mean()), 3), "path_m": round(float(paths.mean()), 3)}
-        row["length_ratio"] = round(float((lengths / paths).mean()), 4)
-    return row

@@ -8,21 +8,19 @@ solved with and without bending.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.behaviors.library import load_behavior_set
+from crowdsim.bench.motions.map_trials import CAPTURED, FOUND, PASSES, best_of, load_behaviors, waiting_node
 from crowdsim.bench.motions.thinned_graph import thinned
 from crowdsim.bench.places.random_ground import GroundKind, random_ground
 from crowdsim.bench.registry import Measurement
-from crowdsim.environment.layers import LEGS, TORSO
-from crowdsim.following.follower.path_follower import FollowStatus
 from crowdsim.following.graph_search.channel import Channel, make_channel
 from crowdsim.following.graph_search.graph_search import SearchOptions, SearchResult, search_graph
 from crowdsim.following.graph_search.probes import Probes, body_probes
@@ -30,8 +28,6 @@ from crowdsim.motion.analysis.capture_sets import as_sources, read_clips
 from crowdsim.motion.analysis.standard_graph import build_standard_graph
 from crowdsim.motion.captures.reader import capture_paths
 from crowdsim.motion.graph.arrays import GraphArrays
-
-FOUND = FollowStatus.FOUND
 
 ROOMS = GroundKind(side=20.0, sizes=(0.4, 1.2), clearance=0.6, lengths=(5.0, 14.0))
 """What the environments are; the clearance of their paths is the radius of the channels."""
@@ -42,13 +38,8 @@ DENSITIES = (0.02, 0.04, 0.08, 0.12)
 FEW_EDGES = 3
 """Edges out of a node of the sparse graph, which gives about the paper's branching factor (1.66)."""
 
-PASSES = 3
-
 STANDARD_BUDGET = 40
 """How many times as many nodes a search of the standard graph may expand: its segments last a frame or two."""
-
-_CAPTURED = ("16_1*.bvh", "16_31*", "16_33*", "16_47*", "16_58*")
-"""Captured walks, straight ones and turns of one person."""
 
 _SEARCHES = ("collision tests", "collision tests, bent", "channel", "channel, bent", "channel, to 1 cm")
 _COMPARED = _SEARCHES[:4]
@@ -128,15 +119,11 @@ def _standard(
 
 def _graphs(captures: Path | None) -> tuple[NDArray[np.float64], dict[str, GraphArrays]]:
     """Radii of the behaviors (B, layers), and the graphs to compare: of captures the standard one, too."""
-    bands = [(LEGS.low, LEGS.high), (TORSO.low, TORSO.high)]
-    if captures is None:
-        loaded = load_behavior_set(["lateral", "arm_constrained", "frontal"], bands)
-        standard = {}
-    else:
-        names = _capture_names(captures)
-        loaded = load_behavior_set(["frontal"], bands, captures=captures, capture_patterns=names)
+    names = () if captures is None else _capture_names(captures)
+    loaded, standard = load_behaviors(captures, names), {}
+    if captures is not None:
         sources = as_sources(read_clips([captures / name for name in names]))
-        standard = {"standard": build_standard_graph(sources).arrays}
+        standard["standard"] = build_standard_graph(sources).arrays
     graph = loaded.graph.arrays
     radii = np.array([behavior.radii for behavior in loaded.behaviors])
     return radii, {"all": graph, "few": thinned(graph, FEW_EDGES)} | standard
@@ -144,7 +131,7 @@ def _graphs(captures: Path | None) -> tuple[NDArray[np.float64], dict[str, Graph
 
 def _capture_names(captures: Path) -> list[str]:
     """The walks of one person among the curated captures, and all files of any other folder."""
-    walks = [path for pattern in _CAPTURED for path in captures.glob(pattern)]
+    walks = [path for pattern in CAPTURED for path in captures.glob(pattern)]
     return sorted(path.name for path in walks or capture_paths(captures, ["*.bvh"]))
 
 
@@ -166,20 +153,14 @@ def _search_all(
     options = SearchOptions(branch_kinematics="bent" in name, budget=budget)
     if "1 cm" in name:
         options = replace(options, goal_tolerance=0.01)
-    # The last behavior is the preferred one; a body waits in it for the search to begin.
-    waits = np.flatnonzero(graph.node_idle & (graph.node_behavior == graph.node_behavior.max()))
-    waiting = int(waits[0]) if len(waits) else -1
+    waiting = waiting_node(graph)
     results = []
     for points, channel in place.queries:
         ahead = points[1] - points[0]
         start = np.array([*points[0], np.arctan2(ahead[1], ahead[0])])
         where: dict[str, Any] = {"channel": channel} if "channel" in name else {"meshes": place.meshes}
-        seconds = []
-        for _ in range(passes):
-            begin = time.perf_counter()
-            result = search_graph(graph, probes, start, waiting, points[-1], options=options, **where)
-            seconds.append(time.perf_counter() - begin)
-        results.append((result, min(seconds) * 1e3))
+        search = partial(search_graph, graph, probes, start, waiting, points[-1], options=options, **where)
+        results.append(best_of(search, passes))
     return results
 
 

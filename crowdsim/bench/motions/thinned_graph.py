@@ -8,9 +8,7 @@ from scipy.sparse.csgraph import connected_components
 
 from crowdsim.motion.graph.arrays import GraphArrays
 
-_OF_NODES = (
-    "node_frames", "node_track", "node_motion", "node_length", "node_behavior", "node_ends_standing", "node_idle",
-)  # fmt: skip
+_OF_NODES = tuple(("node_frames node_track node_motion node_length node_behavior node_ends_standing node_idle").split())
 _OF_EDGES = ("edge_transform", "edge_pivot", "edge_low", "edge_high")
 
 

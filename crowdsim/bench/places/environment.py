@@ -23,7 +23,7 @@ from shapely.geometry.base import BaseGeometry
 from crowdsim.bench.places.laser_map import LaserMap, read_laser_map
 from crowdsim.bench.registry import Measurement
 from crowdsim.environment.floor_plans import read_floor_plan
-from crowdsim.environment.floors import Place, place_on_floor
+from crowdsim.environment.floors import SolidsOnFloor, place_on_floor
 from crowdsim.environment.layers import LEGS, TORSO, Band, ClearanceLayer, clearance_layers, polygons_only
 from crowdsim.environment.mesh_files import read_mesh_file
 from crowdsim.errors import CrowdSimError
@@ -66,7 +66,7 @@ print(int(status[status.index("VmHWM:") + 1]) / 1024.0)
 class Prepared(NamedTuple):
     """A world on its floor."""
 
-    place: Place
+    place: SolidsOnFloor
     layers: tuple[ClearanceLayer, ...]
     meshes: tuple[NavMesh, ...]
 

@@ -177,7 +177,8 @@ def measure_edits(table: _Table, where: BenchMap, mesh: NavMesh) -> None:
 
 def best_of(calls: Sequence[Callable[[], Any]]) -> Floats:
     """Least seconds (n,) of each of ``calls`` over :data:`PASSES` passes through all of them."""
-    return np.min([_seconds(calls) for _ in range(PASSES)], axis=0)
+    least: NDArray[np.float64] = np.min([_seconds(calls) for _ in range(PASSES)], axis=0)
+    return least
 
 
 def _seconds(calls: Iterable[Callable[[], Any]]) -> Floats:

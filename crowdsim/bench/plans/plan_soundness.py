@@ -20,7 +20,7 @@ from crowdsim.planning.query.requirements import Requirements
 
 Floats = NDArray[np.float64]
 
-PLANNERS = ("layered", "greedy", "greedy_literal")
+PLANNERS = ("layered", "greedy_literal")
 
 SECTIONS = 10_000
 

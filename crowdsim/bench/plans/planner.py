@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from crowdsim.bench.plans import planner_comparison
 from crowdsim.bench.registry import Measurement
 from crowdsim.crowd.state.assets import prepare
-from crowdsim.crowd.state.environment import Place
+from crowdsim.crowd.state.environment import EnvironmentState
 from crowdsim.errors import PathNotFound
 from crowdsim.figures import write_figure
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
@@ -37,7 +37,7 @@ DENSITIES = ("normal", "dense")
 GOALS = 100
 PASSES = 3
 
-PLANNERS = ("layered", "greedy", "greedy_literal", "collision3d")
+PLANNERS = ("layered", "greedy_literal", "collision3d")
 
 _EVERY = 5
 """Of so many goals, one is also planned to in 3D."""
@@ -90,17 +90,17 @@ def measure(
     return Measurement(rows, figures)
 
 
-def cluttered_place(density: str) -> Place:
+def cluttered_place(density: str) -> EnvironmentState:
     """The place of the scenario ``clutter`` with obstacles as dense, ready for all planners."""
     scenario = load_scenario("clutter", [f"clutter.density={density}", "planner=collision3d"])
-    return Place(prepare(scenario), scenario.changes())
+    return EnvironmentState(prepare(scenario))
 
 
-def place_queries(place: Place, count: int, distance: float, seed: int) -> list[Floats]:
+def place_queries(place: EnvironmentState, count: int, distance: float, seed: int) -> list[Floats]:
     """Pairs (2, 2) of places where the widest behavior fits, ``distance`` meters apart."""
-    need = place.setting.need
+    need = place.assets.need
     rng = np.random.default_rng(seed)
-    x0, y0, x1, y1 = place.setting.layers[0].free.bounds
+    x0, y0, x1, y1 = place.assets.layers[0].free.bounds
     found: list[Floats] = []
     while len(found) < count:
         start = rng.uniform((x0, y0), (x1, y1))
@@ -115,11 +115,11 @@ def place_queries(place: Place, count: int, distance: float, seed: int) -> list[
 
 
 def run(
-    place: Place, planner: str, queries: Sequence[Floats], passes: int = PASSES
+    place: EnvironmentState, planner: str, queries: Sequence[Floats], passes: int = PASSES
 ) -> tuple[Floats, Floats, list[AnnotatedPath | None]]:
     """Seconds (n,), costs (n,), infinite where nothing is found, and paths."""
-    setting = place.setting
-    prepared = Planner(place.meshes, setting.behaviors, rooms=place.rooms, planner=planner, bodies=setting.bodies)
+    assets = place.assets
+    prepared = Planner(place.meshes, assets.behaviors, areas=place.areas, planner=planner, bodies=assets.bodies)
     paths: list[AnnotatedPath | None] = []
     seconds = np.full(len(queries), np.inf)
     for k, ends in enumerate(queries):

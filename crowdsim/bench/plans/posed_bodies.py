@@ -260,7 +260,8 @@ def prism_distances(footprints: Floats, rims: Floats, points: Floats, above: Flo
     rim = shapely.distance(rims, points)
     beside = np.where(shapely.contains(footprints, points), -rim, rim)
     outside = np.hypot(np.maximum(beside, 0.0), np.maximum(above, 0.0))
-    return np.where((beside < 0.0) & (above < 0.0), np.maximum(beside, above), outside)
+    distance: Floats = np.where((beside < 0.0) & (above < 0.0), np.maximum(beside, above), outside)
+    return distance
 
 
 def _prisms(solid: AnySolid) -> list[shapely.Geometry]:

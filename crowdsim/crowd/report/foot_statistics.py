@@ -5,39 +5,34 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.motion.clips.skeleton import Skeleton
+from crowdsim.geometry.elementary import hypot
+from crowdsim.motion.graph.foot_contacts import Feet, feet_of, planted_steps, standing_moves
 from crowdsim.motion.graph.motion_graph import MotionGraph
 from crowdsim.motion.graph.pose_kernels import pose_joints
 from crowdsim.recording.header import RecordedFrame
-
-NEAR_FLOOR = 0.03
-"""Meters above its lowest height up to which a foot joint may be planted."""
-
-STANCE_SPEED = 0.5
-"""Speed (m/s) below which it then is."""
 
 
 class FootStatistics:
     """Speed of planted feet and the lowest foot point, step by step.
 
-    A foot joint is planted while it is near its lowest height in the motion set and slow; the body stands on the
-    slowest of its planted joints (2011 paper: a foot that is planted should not move).
+    The clips that are played tell when a point of a foot is planted (`planted_steps`): in the crowd, a foot that slides
+    counts as sliding, however fast. Both feet count, each by its planted point that moves least.
     """
 
     def __init__(self, motion: MotionGraph, steps_per_second: int) -> None:
-        self._table = motion.poses
-        self._feet = foot_joints(motion.skeleton)
+        self._motion = motion
         self._rate = steps_per_second
-        self._joints = motion.skeleton.joint_count
-        self._rest = self._rest_heights()
-        self._before: tuple[NDArray[np.int64], NDArray[np.float64]] | None = None
+        self._like: Feet | None = None
+        self._like = self._clip_feet()
+        self._lifted = self._count_lifted(self._like)
+        self._before: tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]] | None = None
         self._speed_sum = 0.0
         self._speed_count = 0
         self.lowest = np.inf
 
     @property
     def stance_speed(self) -> float | None:
-        """Mean horizontal speed (m/s) of the planted foot; None where none was ever planted."""
+        """Mean horizontal speed (m/s) of planted feet; None if none was ever planted."""
         return self._speed_sum / self._speed_count if self._speed_count else None
 
     def add(self, frame: RecordedFrame, present: NDArray[np.int64]) -> None:
@@ -46,37 +41,55 @@ class FootStatistics:
         node, previous, at = (np.asarray(c, np.int32)[present] for c in (frame.node, frame.previous, frame.frame))
         feet = self._posed_feet(node, previous, at, pose)
         if len(present):
-            self.lowest = min(self.lowest, float((feet[..., 2] - self._rest).min()))
+            self.lowest = min(self.lowest, float((feet.points[..., 2] - feet.lowest).min()))
         if self._before is not None:
-            agents, old = self._before
+            agents, old_node, old_at, old_points = self._before
             _, now, then = np.intersect1d(present, agents, assume_unique=True, return_indices=True)
-            velocity = (feet[now] - old[then]) * self._rate
-            low = 0.5 * (feet[now] + old[then])[..., 2] < self._rest + NEAR_FLOOR
-            planted = low & (np.linalg.norm(velocity, axis=-1) < STANCE_SPEED)
-            speed = np.where(planted, np.linalg.norm(velocity[..., :2], axis=-1), np.inf).min(axis=1, initial=np.inf)
-            standing = np.isfinite(speed)
-            self._speed_sum += float(speed[standing].sum())
-            self._speed_count += int(standing.sum())
-        self._before = (present, feet)
+            planted = self._stayed_planted(old_node[then], old_at[then], node[now], at[now])
+            moves = standing_moves((feet.points[now] - old_points[then])[..., :2], planted)
+            speed = hypot(moves[..., 0], moves[..., 1])[planted.any(axis=-1)] * self._rate
+            self._speed_sum += float(speed.sum())
+            self._speed_count += len(speed)
+        self._before = (present, node, at, feet.points)
 
-    def _posed_feet(self, node: NDArray[np.int32], previous: NDArray[np.int32], at: NDArray[np.int32],
-                    pose: NDArray[np.float64]) -> NDArray[np.float64]:  # fmt: skip
-        positions = np.empty((len(node), self._joints, 3), np.float32)
-        rotations = np.empty((len(node), self._joints, 4), np.float32)
-        pose_joints(self._table, node, previous, at, pose, positions, rotations)
-        return positions[:, self._feet].astype(np.float64)
+    def _posed_feet(
+        self,
+        node: NDArray[np.int32],
+        previous: NDArray[np.int32],
+        at: NDArray[np.int32],
+        pose: NDArray[np.float64],
+    ) -> Feet:
+        skeleton = self._motion.skeleton
+        positions = np.empty((len(node), skeleton.joint_count, 3), np.float32)
+        rotations = np.empty((len(node), skeleton.joint_count, 4), np.float32)
+        pose_joints(self._motion.poses, node, previous, at, pose, positions, rotations)
+        return feet_of(skeleton, positions.astype(np.float64), rotations.astype(np.float64), self._like)
 
-    def _rest_heights(self) -> NDArray[np.float64]:
-        """(feet,) lowest height of each foot joint over all frames of the standing nodes' pool."""
-        table = self._table
+    def _clip_feet(self) -> Feet:
+        """Feet of all nodes, one after the other, each as in its clip."""
+        table = self._motion.poses
         lengths = table.node_frames + 1
         node = np.repeat(np.arange(len(lengths), dtype=np.int32), lengths)
         at = np.concatenate([np.arange(length, dtype=np.int32) for length in lengths])
-        heights = self._posed_feet(node, np.full(len(node), -1, np.int32), at, np.zeros((len(node), 3)))[..., 2]
-        return heights.min(axis=0)
+        return self._posed_feet(node, np.full(len(node), -1, np.int32), at, self._motion.arrays.tracks)
 
+    def _count_lifted(self, feet: Feet) -> NDArray[np.int32]:
+        """(rows, 2, P) how many of the steps between frames before each row of the pool lift or move each point."""
+        table = self._motion.poses
+        lifted = np.zeros((*feet.points.shape[:3],), np.int32)
+        for first, last in zip(table.node_first, table.node_first + table.node_frames, strict=True):
+            own = Feet(feet.points[first : last + 1], feet.lowest, feet.ankles)
+            lifted[first + 1 : last + 1] = ~planted_steps(own)
+        return np.cumsum(lifted, axis=0, dtype=np.int32)
 
-def foot_joints(skeleton: Skeleton) -> list[int]:
-    """Ankles and, where the skeleton has them, toes: left, then right."""
-    roles = [f"{side}_{part}" for side in ("left", "right") for part in ("ankle", "toe")]
-    return [skeleton.joint(role) for role in roles if role.endswith("ankle") or role in skeleton.roles]
+    def _stayed_planted(
+        self, old_node: NDArray[np.int32], old_at: NDArray[np.int32], node: NDArray[np.int32], at: NDArray[np.int32]
+    ) -> NDArray[np.bool_]:
+        """(n, 2, P) whether each point stays planted in the clips, from one frame to another of it or the next node."""
+        table = self._motion.poses
+        begin, end = table.node_first[old_node] + old_at, table.node_first[node] + at
+        goes_on = ((node == old_node) & (at > old_at))[:, None, None]
+        last, first = table.node_first[old_node] + table.node_frames[old_node], table.node_first[node]
+        across = self._lifted[last] - self._lifted[begin] + self._lifted[end] - self._lifted[first]
+        stayed: NDArray[np.bool_] = np.where(goes_on, self._lifted[end] - self._lifted[begin], across) == 0
+        return stayed

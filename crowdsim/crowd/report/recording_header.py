@@ -1,11 +1,11 @@
-"""What a recording says once, gathered from the scenario and the setting of a run."""
+"""What a recording says once, gathered from the scenario and the assets of a run."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.crowd.state.assets import Setting
+from crowdsim.crowd.state.assets import Assets
 from crowdsim.environment.layers import AnySolid
 from crowdsim.environment.mesh_solid import MeshSolid
 from crowdsim.environment.solids import Solid
@@ -24,36 +24,36 @@ from crowdsim.scenario.placement import Placement
 from crowdsim.scenario.scenario import Scenario
 
 
-def record_header(scenario: Scenario, setting: Setting, cast: Placement) -> RecordingHeader:
+def record_header(scenario: Scenario, assets: Assets, cast: Placement) -> RecordingHeader:
     """The header of the recording of one run."""
-    rate = setting.steps_per_second
-    changes = scenario.changes()
+    rate = assets.steps_per_second
+    timetable = scenario.environment.timetable
     goals = np.array([goals[0] for goals in cast.goals])
     toward = goals - cast.starts
     starts = np.column_stack([cast.starts, atan2(toward[:, 1], toward[:, 0])])
-    poses = setting.motion.poses
+    poses = assets.motion.poses
     return RecordingHeader(
         scenario_name=scenario.name,
         scenario_text=scenario.text,
         seed=scenario.seed,
         steps_per_second=rate,
-        behaviors=[BehaviorRecord(b.name, b.color, tuple(map(float, b.radii))) for b in setting.behaviors],
-        layers=[LayerRecord(layer.name, layer.low, layer.high) for layer in setting.layers],
-        floor=scenario.floor_polygon().wkt,
-        solids=[_record(solid) for solid in changes.fixed if isinstance(solid, Solid)],
-        meshes=[_mesh_record(solid) for solid in changes.fixed if isinstance(solid, MeshSolid)],
-        movables=[_record(solid) for movable in changes.movables for solid in movable.solids],
+        behaviors=[BehaviorRecord(b.name, b.color, tuple(map(float, b.radii))) for b in assets.behaviors],
+        layers=[LayerRecord(layer.name, layer.low, layer.high) for layer in assets.layers],
+        floor=scenario.environment.floor.wkt,
+        solids=[_record(solid) for solid in timetable.fixed if isinstance(solid, Solid)],
+        meshes=[_mesh_record(solid) for solid in timetable.fixed if isinstance(solid, MeshSolid)],
+        movables=[_record(solid) for movable in timetable.movables for solid in movable.solids],
         agents=AgentsRecord(
             groups=cast.groups,
             start_times=cast.start_steps / rate,
             starts=starts,
             goals=goals,
-            radii=np.full(len(cast.starts), setting.personal_radius),
+            radii=np.full(len(cast.starts), assets.personal_radius),
         ),
         motion=MotionRecord(
-            skeleton=setting.motion.skeleton,
-            node_names=setting.motion.node_names,
-            node_behavior=setting.graph.node_behavior,
+            skeleton=assets.motion.skeleton,
+            node_names=assets.motion.node_names,
+            node_behavior=assets.graph.node_behavior,
             node_first=poses.node_first,
             node_frames=poses.node_frames,
             pool_root=poses.pool_root,

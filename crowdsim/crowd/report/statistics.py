@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from crowdsim.crowd.report.foot_statistics import FootStatistics
 from crowdsim.crowd.report.measure_kernels import closest_pair, obstacle_margin
-from crowdsim.crowd.state.assets import Setting
-from crowdsim.crowd.state.environment import Place
+from crowdsim.crowd.state.assets import Assets
+from crowdsim.crowd.state.environment import EnvironmentState
 from crowdsim.geometry.elementary import hypot
 from crowdsim.recording.header import AgentState, RecordedFrame
 
@@ -29,8 +29,8 @@ class Statistics:
     two tracks. margin: (layers,) smallest distance of a body disc of the behavior in use to an obstacle.
     """
 
-    setting: Setting
-    place: Place
+    assets: Assets
+    environment: EnvironmentState
     areas: Mapping[str, shapely.Polygon]
     way: NDArray[np.float64] = field(init=False)
     closest: float = np.inf
@@ -39,19 +39,19 @@ class Statistics:
     _before: RecordedFrame | None = None
 
     def __post_init__(self) -> None:
-        self.way = np.zeros((len(self.areas) + 1, len(self.setting.behaviors)))
-        self.margin = np.full(len(self.place.meshes), MARGIN_LIMIT)
-        self.feet = FootStatistics(self.setting.motion, self.setting.steps_per_second)
+        self.way = np.zeros((len(self.areas) + 1, len(self.assets.behaviors)))
+        self.margin = np.full(len(self.environment.meshes), MARGIN_LIMIT)
+        self.feet = FootStatistics(self.assets.motion, self.assets.steps_per_second)
 
     def add(self, frame: RecordedFrame) -> None:
-        """Take in one step of all agents, in the place as it is now."""
+        """Take in one step of all agents, in the environment as it is now."""
         state = np.asarray(frame.state)
         present = np.flatnonzero(state != AgentState.ABSENT)
         pose = np.column_stack([frame.x, frame.y, frame.heading])[present]
         behavior = np.asarray(frame.behavior, np.int32)[present]
         self.closest = min(self.closest, closest_pair(pose))
-        for layer, mesh in enumerate(self.place.meshes):
-            radii = np.ascontiguousarray(self.setting.body_radii[:, layer])
+        for layer, mesh in enumerate(self.environment.meshes):
+            radii = np.ascontiguousarray(self.assets.body_radii[:, layer])
             self.margin[layer] = min(
                 self.margin[layer], obstacle_margin(pose, behavior, mesh.arrays, radii, MARGIN_LIMIT)
             )
@@ -71,12 +71,12 @@ class Statistics:
     def shares(self, row: int) -> dict[str, float]:
         """Share of the way by behavior, most preferred first; all zero where no one went."""
         total = self.way[row].sum()
-        names = [behavior.name for behavior in self.setting.behaviors]
+        names = [behavior.name for behavior in self.assets.behaviors]
         return {name: float(way / total) if total else 0.0 for name, way in zip(names, self.way[row], strict=True)}
 
     def summary(self) -> dict[str, Any]:
         """The figures under the names that ``crowdsim run --json`` prints."""
-        layers = [layer.name for layer in self.setting.layers]
+        layers = [layer.name for layer in self.assets.layers]
         return {
             "behavior_share": self.shares(0),
             "behavior_share_by_area": {name: self.shares(row) for row, name in enumerate(self.areas, start=1)},

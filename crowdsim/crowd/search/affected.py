@@ -1,4 +1,4 @@
-"""Whom a change of the place concerns: whose way it is in, and whose way it could shorten."""
+"""Agents that an edit of the environment affects: routes it blocks, routes it could shorten."""
 
 from __future__ import annotations
 
@@ -7,37 +7,38 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from crowdsim.crowd.state.assets import Setting
+from crowdsim.crowd.state.assets import Assets
 from crowdsim.crowd.state.environment import Edit, Footprints
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import sample_chain
+from crowdsim.crowd.state.timelines import Chain
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, points_at
-from crowdsim.planning.query.requirements import TOUCH
+from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 
 WORTH = 0.5
-"""Meters by which the straight way through a place that became free must beat the way that somebody has."""
+"""Length by which the straight way through a freed outline must beat the rest of the route to plan anew [m]."""
 
 _STRIDE = 4
 """Frames between two places of a motion that are joined by a straight piece: at most a decimeter, so that the body's
 way differs from the pieces by less than a millimeter."""
 
 
-def first_taken(setting: Setting, plan: MotionPlan, first: int, taken: Footprints) -> int:
+def first_taken(assets: Assets, plan: MotionPlan, first: int, taken: Footprints) -> int:
     """First node of a plan from ``first`` on whose body comes to what was ``taken``; the plan's count if none does."""
     ground = taken[0]
     if ground is None or first >= plan.count:
         return plan.count
-    graph = setting.graph
+    graph = assets.graph
     nodes, origins = plan.nodes[first:], plan.origins[first:]
-    reach = setting.personal_radius + float(graph.node_length[nodes].max()) + 1.0
+    reach = assets.personal_radius + float(graph.node_length[nodes].max()) + 1.0
     if float(shapely.distance(shapely.points(origins[:, :2]), ground).min()) > reach:
         return plan.count
     frames = graph.node_frames[nodes].astype(np.int64)
     out = np.empty((int(frames.sum()) // _STRIDE + 2, 2))
-    sample_chain(graph, nodes, origins, plan.seams[first:], len(nodes), 0, 0, _STRIDE, out)
+    sample_chain(graph, Chain(nodes, origins, plan.blend_offsets[first:]), len(nodes), 0, 0, _STRIDE, out)
     owner = np.minimum(np.searchsorted(np.cumsum(frames), _STRIDE * np.arange(len(out)), side="right"), len(nodes) - 1)
     pieces = shapely.linestrings(np.stack([out[:-1], out[1:]], axis=1))
-    radii = setting.body_radii[graph.node_behavior[nodes]]
+    radii = assets.body_radii[graph.node_behavior[nodes]]
     radii = np.maximum(radii[owner[:-1]], radii[owner[1:]])
     hit = np.zeros(len(pieces), np.bool_)
     for layer, shape in enumerate(taken):
@@ -46,13 +47,13 @@ def first_taken(setting: Setting, plan: MotionPlan, first: int, taken: Footprint
     return first + int(owner[np.argmax(hit)]) if hit.any() else plan.count
 
 
-def route_taken(setting: Setting, route: AnnotatedPath, position: NDArray[np.float64], taken: Footprints) -> bool:
+def route_taken(assets: Assets, route: AnnotatedPath, position: NDArray[np.float64], taken: Footprints) -> bool:
     """Whether what was ``taken`` is nearer to the rest of a route than the planned clearance."""
     arc = _arc_near(route, position)
     ground = taken[0]
     if ground is None or arc >= route.length:
         return False
-    need = setting.need.radii
+    need = assets.need.radii
     if _piece(route, arc, route.length).distance(ground) >= float(need.max()):
         return False
     for section in route.sections:
@@ -60,7 +61,7 @@ def route_taken(setting: Setting, route: AnnotatedPath, position: NDArray[np.flo
             continue
         piece = _piece(route, max(section.start, arc), section.end)
         for layer, shape in enumerate(taken):
-            if shape is not None and piece.distance(shape) < need[section.behavior, layer] - TOUCH:
+            if shape is not None and piece.distance(shape) < need[section.behavior, layer] - CONTACT_TOLERANCE:
                 return True
     return False
 
@@ -76,15 +77,15 @@ def could_shorten(route: AnnotatedPath, position: NDArray[np.float64], freed: Ba
     return bool(straight < way_left(route, position) - WORTH)
 
 
-def outdated(setting: Setting, plan: MotionPlan | None, position: NDArray[np.float64], edits: list[Edit]) -> bool:
+def outdated(assets: Assets, plan: MotionPlan | None, position: NDArray[np.float64], edits: list[Edit]) -> bool:
     """Whether what was found (None: no path) before ``edits`` does not hold after them."""
     if plan is None:
         return any(edit.freed is not None for edit in edits)
     return any(
         edit.taken is not None
         and (
-            first_taken(setting, plan, 0, edit.taken) < plan.count
-            or route_taken(setting, plan.route, position, edit.taken)
+            first_taken(assets, plan, 0, edit.taken) < plan.count
+            or route_taken(assets, plan.route, position, edit.taken)
         )
         for edit in edits
     )

@@ -14,51 +14,51 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.crowd.search.standing import attempts, nearest_end
-from crowdsim.crowd.state.assets import Setting
-from crowdsim.crowd.state.environment import Place
+from crowdsim.crowd.state.assets import Assets
+from crowdsim.crowd.state.environment import EnvironmentState
 from crowdsim.crowd.state.motion_plan import MotionPlan, Request
 from crowdsim.errors import PathNotFound
-from crowdsim.following.follower.path_follower import FollowResult, FollowStatus, PathSearch
+from crowdsim.following.follower.path_follower import FollowResult, FollowStatus, PathFollower
 from crowdsim.geometry.elementary import atan2, cos, distance, hypot, sin
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, PathSamples
-from crowdsim.planning.margins.slack import with_slack
+from crowdsim.planning.margins.clearance_margin import with_clearance_margin
 from crowdsim.planning.planner import Planner
 from crowdsim.planning.query.clear_ends import joined_to
 from crowdsim.planning.single_behavior import cheapest_uniform
 
 WORTHWHILE = 2.0
-"""Meters that a motion must lead along the route to be begun though it does not reach the goal: who shuffles on the
-spot towards a place it cannot leave had better wait."""
+"""Length along the route from which on a motion that does not reach the goal is begun all the same [m]; an agent that
+could only shuffle on the spot waits instead."""
 
 SEARCH_BUDGET = 2000
-"""Map queries until a search for motion gives up: several times what any that succeeds has been seen to need."""
+"""Map queries after which a search for motion gives up: several times what any search that succeeded needed."""
 
 PASSING_BUDGET = 200
-"""The same for a way around others or by a place beside, which is a try among several."""
+"""The same for a way around others or a side step, each one try among several."""
 
-SLICE_LOOKS = 1200
-"""Branches that the first slice of a search lays at most: a millisecond or two. Most searches are over with it."""
+SLICE_BRANCHES = 1200
+"""Candidate branches that the first slice of a search lays at most: 1 to 2 ms; most searches end with it."""
 
 MOTION_WORK = 24
-"""Branches that a motion takes for each meter of the way: those of one map query."""
+"""Candidate branches that a motion takes per meter of its route: those of one map query."""
 
 ROUTE_WORK = (600, 40)
-"""What planning a route takes: so many branches could be laid meanwhile, and so many more for each meter."""
+"""Estimated work of planning a route, in branch evaluations: constant, and per meter."""
 
 PASSING_WORK = 1500
-"""What a way around others takes beyond its route and its motion: a mesh with those who stand there."""
+"""Work of a way around others beyond its route and motion, in branch evaluations: a mesh with those who stand there."""
 
 RECOVERIES = 3
-"""How often a search begins anew from where its character will be that has walked past where it should have turned."""
+"""How often a search begins anew after its agent has walked past the node where it should have turned."""
 
 SIDE_STEP = 0.5
-"""Meters that somebody steps aside who cannot set out from where it stands."""
+"""Length of the side step tried when a standing agent has no feasible first node [m]."""
 
 PASSING_ROOM = 0.02
-"""Meters beyond both bodies kept from those who are passed."""
+"""Clearance kept from those who are passed, beyond both bodies [m]."""
 
 _RING = 12  # points that stand for someone: closer together than any body is wide
 _OFF_WALLS = 0.02  # meters
@@ -79,16 +79,15 @@ class _Outcome(NamedTuple):
 class MotionSearch:
     """A search for the motion of one character, of one thread at a time.
 
-    First of all a way around those who stand in it is looked for, where there are any; then the old route is followed;
-    then a new one. Where all that is left would change what is played already, or the place has changed, the search
-    begins anew from there.
+    Look for a way around those who stand in the way first, if there are any; then follow the old route; then a new one.
+    If all that is left would change what is played already, or the environment has changed, begin anew from there.
 
     over: whether it has come to an end. slices: how many it took. backtracks: how often it would have had to change
     what was played. recoveries: how many of these searches found a motion from there.
     """
 
-    setting: Setting
-    place: Place
+    assets: Assets
+    environment: EnvironmentState
     request: Request
     over: bool = False
     slices: int = 0
@@ -96,19 +95,19 @@ class MotionSearch:
     recoveries: int = 0
     _steps: Generator[MotionPlan, None, MotionPlan | PathNotFound] = field(init=False)
     _kept: int = 0
-    _looks: int = 0
+    _branches: int = 0
 
     def __post_init__(self) -> None:
         self._steps = self._search()
 
-    def advance(self, kept: int = 0, looks: int = SLICE_LOOKS) -> MotionPlan | PathNotFound:
+    def advance(self, kept: int = 0, branches: int = SLICE_BRANCHES) -> MotionPlan | PathNotFound:
         """Search for one slice more, laying about so many branches at most.
 
         ``kept`` nodes of the plan returned last are played, or will be in any case. A plan without nodes says that no
         motion was found, or none yet. PathNotFound is returned, not raised: it is a result that the run carries on
-        with. The place must not change meanwhile; between slices it may.
+        with. The environment must not change meanwhile; between slices it may.
         """
-        self._kept, self._looks = kept, looks
+        self._kept, self._branches = kept, branches
         self.slices += 1
         try:
             return next(self._steps)
@@ -127,55 +126,57 @@ class MotionSearch:
         """What the first slice takes, about, as so many branches that could be laid meanwhile."""
         request = self.request
         meters = distance(request.goal, request.position)
-        work = min(MOTION_WORK * meters, SLICE_LOOKS) + PASSING_WORK * self.is_way_around
+        work = min(MOTION_WORK * meters, SLICE_BRANCHES) + PASSING_WORK * self.is_way_around
         if request.route is None or self.is_way_around:
             work += ROUTE_WORK[0] + ROUTE_WORK[1] * meters
         return int(work)
 
     def _search(self) -> Generator[MotionPlan, None, MotionPlan | PathNotFound]:
-        place, request = self.place, self.request
+        environment, request = self.environment, self.request
         if self.is_way_around:
             passing = yield from self._passing()
             if passing is not None:
                 return passing
-        revision = place.revision
+        revision = environment.revision
         if request.route is not None:
-            plan, kept = yield from self._follow(request, request.route, place.meshes)
+            plan, kept = yield from self._follow(request, request.route, environment.meshes)
             if plan.arrives:
                 return plan
             if kept:
                 return (yield from self._recover(plan, kept))
         try:
-            route = place.route(request.position, request.goal)
+            route = environment.route(request.position, request.goal)
         except PathNotFound as error:
             return error
-        plan, kept = yield from self._follow(request, route, place.meshes)
+        plan, kept = yield from self._follow(request, route, environment.meshes)
         if plan.arrives:
             return plan
         if kept:
             return (yield from self._recover(plan, kept))
-        if place.revision != revision:
+        if environment.revision != revision:
             return (yield from self._search())
-        if plan.count == 0 and request.departure is not None and self.setting.graph.node_idle[request.departure[0]]:
+        if plan.count == 0 and request.departure is not None and self.assets.graph.node_idle[request.departure[0]]:
             return (yield from self._step_aside(route)) or plan
         return plan
 
     def _recover(self, plan: MotionPlan, kept: int) -> Generator[MotionPlan, None, MotionPlan]:
         """Search again from the end of what is played, on a new route; what is played where nothing is found."""
-        graph = self.setting.graph
+        graph = self.assets.graph
         for time in range(RECOVERIES):
             played = plan.until(kept - 1)
             node, origin = int(played.nodes[-1]), played.origins[-1]
             position = np.array(node_end(graph, node, *origin)[:2])
             request = replace(self.request, position=position, departure=(node, origin), route=None)
             try:
-                route = self.place.route(position, request.goal)
+                route = self.environment.route(position, request.goal)
             except PathNotFound:
                 return played
-            revision = self.place.revision
-            plan, kept = yield from self._follow(request, route, self.place.meshes, played=played, strictly=time == 0)
+            revision = self.environment.revision
+            plan, kept = yield from self._follow(
+                request, route, self.environment.meshes, played=played, strictly=time == 0
+            )
             self.recoveries += plan.count > played.count
-            if plan.arrives or (kept == played.count and self.place.revision == revision):
+            if plan.arrives or (kept == played.count and self.environment.revision == revision):
                 return plan
         return plan.until(kept - 1)
 
@@ -194,36 +195,27 @@ class MotionSearch:
         ``shown`` says whether parts of the motion may be walked; ``played`` comes before it. ``strictly``: whether to
         try and end as is asked for before coming near is enough.
         """
-        setting, revision = self.setting, self.place.revision
+        assets, revision = self.assets, self.environment.revision
         samples = _rest_of(route.sample(), request.position)
-        node, origin = _departure(setting, request, route, samples)
+        node, origin = _departure(assets, request, route, samples)
         before = 0 if played is None else played.count
+        arrays = tuple(mesh.arrays for mesh in meshes)
         best: FollowResult | None = None
         plan, kept, least = None, 0, np.inf
         for options, exactly in attempts(request, budget, strictly):
             if least < np.inf and not exactly:
                 break
-            search = PathSearch(
-                setting.graph,
-                setting.maps,
-                samples,
-                tuple(mesh.arrays for mesh in meshes),
-                setting.body_radii,
-                setting.facings,
-                start_pose=origin,
-                start_node=node,
-                options=options,
-            )
-            while (found := search.advance(max(self._looks // options.looks, 1), kept + 1)) is None:
-                plan = _as_plan(setting, route, search.present, played, kept if shown else _HIDDEN)
+            search = PathFollower(assets.character, samples, arrays, origin, node, options)
+            while (found := search.advance(max(self._branches // options.branches, 1), kept + 1)) is None:
+                plan = _as_plan(assets, route, search.present, played, kept if shown else _HIDDEN)
                 yield plan
                 kept = self._kept - before
-                if self.place.revision != revision:
+                if self.environment.revision != revision:
                     return _Outcome(plan, before + kept)
             if found.status == FollowStatus.FOUND:
                 off = 0.0
                 if exactly:
-                    found, off = nearest_end(setting.graph, search, found, request, samples.pose[-1, :2], kept + 1)
+                    found, off = nearest_end(assets.graph, search, found, request, samples.pose[-1, :2], kept + 1)
                 if off < least:
                     best, least = found, off
                 if off <= request.within or kept:
@@ -235,7 +227,7 @@ class MotionSearch:
                 self.backtracks += found.status == FollowStatus.PAST_KEPT
                 return _Outcome(plan, before + kept)
         assert best is not None
-        return _Outcome(_as_plan(setting, route, best, played, kept), before + kept)
+        return _Outcome(_as_plan(assets, route, best, played, kept), before + kept)
 
     def _whole(
         self, request: Request, route: AnnotatedPath, meshes: Sequence[NavMesh]
@@ -245,11 +237,11 @@ class MotionSearch:
         return plan
 
     def _step_aside(self, route: AnnotatedPath) -> Generator[MotionPlan, None, MotionPlan | None]:
-        """A motion to the goal by way of a place beside, for somebody who stands too near to something to set out.
+        """A motion to the goal by way of a place beside, for an agent that stands too near to something to set out.
 
         Those in the direction of ``route`` come first.
         """
-        request, place = self.request, self.place
+        request, environment = self.request, self.environment
         ahead = route.at(np.array([SIDE_STEP]))[0] - request.position
         direction = atan2(ahead[1], ahead[0])
         ends = np.array([request.position, request.goal])
@@ -257,65 +249,58 @@ class MotionSearch:
             angle = direction + turn * np.pi
             beside = request.position + SIDE_STEP * np.array([cos(angle), sin(angle)])
             try:
-                way = place.route(beside, request.goal)
+                way = environment.route(beside, request.goal)
             except PathNotFound:
                 continue
-            plan = yield from self._whole(request, joined_to(way, ends, self.setting.need.costs), place.meshes)
+            plan = yield from self._whole(request, joined_to(way, ends, self.assets.need.costs), environment.meshes)
             if plan.arrives:
                 return plan
         return None
 
     def _passing(self) -> Generator[MotionPlan, None, MotionPlan | None]:
         """A motion to the goal that keeps clear of the places ``request.around``, or None."""
-        setting, place, request = self.setting, self.place, self.request
-        legs = place.meshes[0]
-        radius = 2.0 * setting.personal_radius + PASSING_ROOM - float(setting.body_radii[:, 0].max())
+        assets, environment, request = self.assets, self.environment, self.request
+        legs = environment.meshes[0]
+        radius = 2.0 * assets.personal_radius + PASSING_ROOM - float(assets.body_radii[:, 0].max())
         turn = np.arange(_RING) * 2.0 * np.pi / _RING
         ring = radius * np.stack([cos(turn), sin(turn)], axis=1)
         points = (request.around[:, None] + ring).reshape(-1, 2)
         points = points[legs.clearances(points, 1.0) > _OFF_WALLS]
         if not len(points):
             return None
-        meshes = (legs.with_points(points), *place.meshes[1:])
+        meshes = (legs.with_points(points), *environment.meshes[1:])
         # Not over a roadmap, which would be made for this one plan.
-        query = Planner(meshes, setting.behaviors).query(request.position, request.goal)
+        query = Planner(meshes, assets.behaviors).query(request.position, request.goal)
         route = cheapest_uniform(query).path
         if route is None:
             return None
-        route = joined_to(with_slack(query, route), np.array([request.position, request.goal]), setting.need.costs)
+        route = joined_to(
+            with_clearance_margin(query, route), np.array([request.position, request.goal]), assets.need.costs
+        )
         plan = yield from self._whole(request, route, meshes)
         return plan if plan.arrives else None
 
 
-def search_motion(setting: Setting, place: Place, request: Request) -> MotionPlan | PathNotFound:
-    """All slices of a search, one after the other, before anything is walked."""
-    search = MotionSearch(setting, place, request)
-    plan = search.advance()
-    while not search.over:
-        plan = search.advance()
-    return plan
-
-
 def _departure(
-    setting: Setting, request: Request, route: AnnotatedPath, samples: PathSamples
+    assets: Assets, request: Request, route: AnnotatedPath, samples: PathSamples
 ) -> tuple[int, NDArray[np.float64]]:
     """The node that a motion begins behind, and where that started: standing, where there is none yet."""
     if request.departure is not None:
         return request.departure
     behavior = route.sections[0].behavior
-    heading = wrap_angle(samples.pose[0, 2] + setting.facings[behavior, 0])
-    return int(setting.idle_nodes[behavior]), np.array([*request.position, heading])
+    heading = wrap_angle(samples.pose[0, 2] + assets.facings[behavior, 0])
+    return int(assets.idle_nodes[behavior]), np.array([*request.position, heading])
 
 
 def _as_plan(
-    setting: Setting, route: AnnotatedPath, found: FollowResult, played: MotionPlan | None, kept: int
+    assets: Assets, route: AnnotatedPath, found: FollowResult, played: MotionPlan | None, kept: int
 ) -> MotionPlan:
     """What was found behind what is ``played``; ``kept`` nodes of it stay even where it is not worthwhile."""
-    graph = setting.graph
+    graph = assets.graph
     ends = compose(found.origins[:-1], graph.node_motion[found.nodes[:-1]])
     origins = found.origins[1:]
-    seams = ends - origins
-    seams[:, 2] = wrap_angle(seams[:, 2])
+    blend_offsets = ends - origins
+    blend_offsets[:, 2] = wrap_angle(blend_offsets[:, 2])
     arrives = found.status == FollowStatus.FOUND
     worthwhile = arrives or (kept != _HIDDEN and found.reached >= WORTHWHILE)
     count = len(origins) if worthwhile else max(kept, 0)
@@ -325,14 +310,14 @@ def _as_plan(
         departure=found.origins[0],
         nodes=found.nodes[1 : count + 1],
         origins=origins[:count],
-        seams=seams[:count],
+        blend_offsets=blend_offsets[:count],
         arrives=arrives,
     )
     return plan if played is None else played.joined(0, played.count - 1, plan, reaches=False)
 
 
 def _rest_of(samples: PathSamples, position: NDArray[np.float64]) -> PathSamples:
-    """The samples from the one nearest to ``position`` on; of one point, where somebody is there, a millimeter."""
+    """The samples from the one nearest to ``position`` on; a millimeter if the agent is there already."""
     if not samples.arc[-1] > 0.0:
         pose = samples.pose.copy()
         pose[0, :2] -= _LEAST * np.array([cos(pose[0, 2]), sin(pose[0, 2])])

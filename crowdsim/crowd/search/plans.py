@@ -12,9 +12,9 @@ from crowdsim.constants import NONE
 from crowdsim.crowd.search.affected import outdated
 from crowdsim.crowd.search.motion_search import MotionSearch
 from crowdsim.crowd.search.scheduler import Ongoing, Searches
-from crowdsim.crowd.state.assets import Setting
-from crowdsim.crowd.state.environment import Place
-from crowdsim.crowd.state.itineraries import Errands
+from crowdsim.crowd.state.assets import Assets
+from crowdsim.crowd.state.environment import EnvironmentState
+from crowdsim.crowd.state.itineraries import Itineraries
 from crowdsim.crowd.state.motion_plan import MotionPlan, Request
 from crowdsim.errors import PathNotFound
 from crowdsim.motion.graph.track_kernels import node_end
@@ -34,7 +34,7 @@ class Join(NamedTuple):
     shorter_than: float = np.inf
 
     def fits(self, plan: MotionPlan | None, cursor: int) -> bool:
-        """Whether it still goes on from there, of somebody in node ``cursor`` of ``plan``."""
+        """Whether it still goes on from there, for an agent in node ``cursor`` of ``plan``."""
         return plan is not None and plan.nodes is self.plan.nodes and NONE < cursor <= self.after
 
 
@@ -43,7 +43,7 @@ class Found(NamedTuple):
 
     plan: as far as it goes, None where there is none. join: where it joins. first: node from which on it takes the
     place of the plan that its agent follows, None where it is the first that was found. over: whether the search is.
-    outdated: whether it was overtaken by a change of the place.
+    outdated: whether it was overtaken by an edit of the environment.
     """
 
     agent: int
@@ -58,14 +58,14 @@ class Found(NamedTuple):
 class Plans:
     """The motion plan of every character that has one, its route, and the searches under way.
 
-    on_route is told (agent, route) of every route that is newly taken; unreachable holds the reason for
-    agents to whose goal no path was found when they last asked; replans counts how often a change of the place made
-    somebody plan anew. lead: steps ahead of its need at which a plan is asked for, where that can be told.
+    on_route is called with (agent, route) for every route that is newly taken; unreachable holds the reason for agents
+    to whose goal no path was found when they last asked; replans counts how often an edit made an agent plan anew.
+    lead: steps ahead of its need at which a plan is requested, if that can be told.
     """
 
-    setting: Setting
-    place: Place
-    errands: Errands
+    assets: Assets
+    environment: EnvironmentState
+    itineraries: Itineraries
     searches: Searches
     on_route: Callable[[int, AnnotatedPath], None]
     lead: int
@@ -79,13 +79,13 @@ class Plans:
     def request(self, agent: int, request: Request, join: Join | None = None) -> None:
         """Ask for a search for one agent, instead of the one that is under way; a slice of it begins with this step."""
         self._joins[agent] = join
-        self.searches.begin(agent, MotionSearch(self.setting, self.place, request), walks=join is not None)
+        self.searches.begin(agent, MotionSearch(self.assets, self.environment, request), walks=join is not None)
 
     def request_on(self, agent: int, join: Join, ahead: int) -> None:
         """Ask for the way on from ``join`` to the place that comes ``ahead`` after the present goal."""
         node, origin = int(join.plan.nodes[join.after]), join.plan.origins[join.after]
-        position = np.array(node_end(self.setting.graph, node, *origin)[:2])
-        self.request(agent, self.errands.request(agent, position, ahead, (node, origin)), join)
+        position = np.array(node_end(self.assets.graph, node, *origin)[:2])
+        self.request(agent, self.itineraries.request(agent, position, ahead, (node, origin)), join)
 
     def search_on(self, played: Callable[[int], int]) -> None:
         """Begin the slices of this step; ``played(agent)`` nodes of a plan will be played whatever is found."""
@@ -98,7 +98,7 @@ class Plans:
                 return None  # it has come to a stand, or plans otherwise
             return max(played(agent) - search.first, 0)
 
-        self.searches.submit(self.step, self.place.revision, kept)
+        self.searches.submit(self.step, self.environment.revision, kept)
 
     def collect(self) -> list[Found]:
         """What all slices that were begun in the step before came to."""
@@ -106,7 +106,7 @@ class Plans:
         for agent, search, found in self.searches.collect(self.step):
             plan = None if isinstance(found, PathNotFound) else found
             request, join, over = search.search.request, self._joins[agent], search.search.over
-            late = outdated(self.setting, plan, request.position, self.place.edits[search.revision :])
+            late = outdated(self.assets, plan, request.position, self.environment.edits[search.revision :])
             goes_on = search.handed is not None
             followed = self.motions.get(agent)
             if goes_on and (late or followed is None or followed.nodes is not search.handed):

@@ -11,22 +11,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.crowd.search.motion_search import SLICE_LOOKS, MotionSearch
+from crowdsim.crowd.search.motion_search import SLICE_BRANCHES, MotionSearch
 from crowdsim.crowd.search.worker_pool import WorkerPool
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.errors import PathNotFound
 
-LOOKS_PER_STEP = 8 * SLICE_LOOKS
-"""Branches that all slices of a step lay together, about: a step stays short however many searches there are. What the
-last slice lays beyond that is taken from the next step."""
+BRANCHES_PER_STEP = 8 * SLICE_BRANCHES
+"""Candidate branches that all slices of a step lay together, about, so that a step stays short however many searches
+there are. What the last slice lays beyond that is taken from the next step."""
 
 PATIENT_SHARE = 0.25
-"""How much of a step is for ways around others, after all else: who looks for one stands and has been waiting anyway,
-and where many are in each other's way most will not find any."""
+"""Share of a step that ways around others get, after all else: whoever asks for one stands and has waited anyway, and
+in a throng most of these searches fail."""
 
-LONGEST_SLICE = 6 * SLICE_LOOKS
-"""Branches that a slice lays at most. Every slice of a search is twice as long as the one before: few searches need a
-second, and of those that do most need many."""
+LONGEST_SLICE = 6 * SLICE_BRANCHES
+"""Candidate branches that a slice lays at most. Each slice of a search is twice as long as the one before: few searches
+need a second, and most of those that do need many."""
 
 Played = Callable[[int, "Ongoing"], int | None]
 
@@ -34,12 +34,12 @@ Played = Callable[[int, "Ongoing"], int | None]
 @dataclass
 class Ongoing:
     """A search with what became of it. handed: nodes of the plan that its agent follows since, of which those from
-    ``first`` on are what it found. walks: whether it was asked for on the way; patient: whether by somebody who waits
+    ``first`` on are what it found. walks: whether it was asked for on the way; patient: whether by an agent that waits
     for others. asked: seconds on the clock; ready: seconds until there was a motion to begin."""
 
     search: MotionSearch
     asked: float
-    looks: int
+    branches: int
     walks: bool
     patient: bool
     handed: NDArray[np.int32] | None = None
@@ -57,10 +57,10 @@ class Ongoing:
     @property
     def work(self) -> int:
         """What the next slice takes, as so many branches."""
-        return self.looks if self.search.slices else self.search.beginning
+        return self.branches if self.search.slices else self.search.beginning
 
     def advance(self, kept: int) -> tuple[Ongoing, MotionPlan | PathNotFound]:
-        found = self.search.advance(kept, self.looks)
+        found = self.search.advance(kept, self.branches)
         if self.ready is None and not isinstance(found, PathNotFound) and found.count:
             self.ready = time.perf_counter() - self.asked
         return self, found
@@ -74,15 +74,15 @@ class Searches:
     who stand. Who waits for others comes last. Each step does the same counted work at most, whatever time that takes.
 
     first_slice, longest_slice: branches that the first slice of a search and any slice of it lay at most. each_step:
-    branches that all slices of a step lay together; see :data:`LOOKS_PER_STEP`. waits: seconds from asking to the
+    branches that all slices of a step lay together; see :data:`BRANCHES_PER_STEP`. waits: seconds from asking to the
     first nodes to walk, of every search that found some. counts: searches that were asked for, that took more than one
     slice, that would have had to change what was played, that found a way from there.
     """
 
     pool: WorkerPool[tuple[Ongoing, MotionPlan | PathNotFound]]
-    first_slice: int = SLICE_LOOKS
+    first_slice: int = SLICE_BRANCHES
     longest_slice: int = LONGEST_SLICE
-    each_step: int = LOOKS_PER_STEP
+    each_step: int = BRANCHES_PER_STEP
     waits: list[float] = field(default_factory=list)
     counts: dict[str, int] = field(
         default_factory=lambda: dict.fromkeys(("asked", "sliced", "backtracked", "recovered"), 0)
@@ -149,7 +149,7 @@ class Searches:
         for agent, (search, found) in self.pool.collect(step):
             if self._ongoing.get(agent) is not search:
                 continue
-            search.looks = min(2 * search.looks, self.longest_slice)
+            search.branches = min(2 * search.branches, self.longest_slice)
             if search.search.over:
                 self.drop(agent)
             results.append((agent, search, found))

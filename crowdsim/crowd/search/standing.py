@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.crowd.state.motion_plan import Request
-from crowdsim.following.follower.exact_following import FEW_LOOKS, meters_off
+from crowdsim.following.follower.exact_following import FEW_BRANCHES, meters_off
 from crowdsim.following.follower.path_follower import (
-    THOROUGH_LOOKS,
+    THOROUGH_BRANCHES,
     FollowOptions,
     FollowResult,
     FollowStatus,
-    PathSearch,
+    PathFollower,
 )
 from crowdsim.motion.graph.arrays import GraphArrays
 from crowdsim.scenario.schema.agents import STAND_WITHIN
@@ -38,23 +38,32 @@ def attempts(request: Request, budget: int, strictly: bool) -> Iterator[tuple[Fo
     """
     quick, nearest = max(budget // 4, 1), request.within < STAND_WITHIN
     if strictly and request.stays:
-        looks = (FollowOptions.looks, FEW_LOOKS, THOROUGH_LOOKS) if nearest else (FollowOptions.looks, THOROUGH_LOOKS)
-        for breadth in looks:
+        breadths = (
+            (FollowOptions.branches, FEW_BRANCHES, THOROUGH_BRANCHES)
+            if nearest
+            else (FollowOptions.branches, THOROUGH_BRANCHES)
+        )
+        for breadth in breadths:
             for share in (1.0, 0.5) if nearest else (1.0,):
                 options = FollowOptions(
                     end_standing=True,
                     goal_tolerance=share * max(request.within, STAND_WITHIN),
                     goal_heading=request.heading,
-                    looks=breadth,
+                    branches=breadth,
                     budget=min(STRICT_BUDGET, budget),
                 )
                 yield options, nearest
-    for breadth, share in ((FollowOptions.looks, quick), (THOROUGH_LOOKS, budget - quick)):
-        yield FollowOptions(end_standing=request.stays, looks=breadth, budget=max(share, 1)), False
+    for breadth, share in ((FollowOptions.branches, quick), (THOROUGH_BRANCHES, budget - quick)):
+        yield FollowOptions(end_standing=request.stays, branches=breadth, budget=max(share, 1)), False
 
 
 def nearest_end(
-    graph: GraphArrays, search: PathSearch, found: FollowResult, request: Request, goal: NDArray[np.float64], kept: int
+    graph: GraphArrays,
+    search: PathFollower,
+    found: FollowResult,
+    request: Request,
+    goal: NDArray[np.float64],
+    kept: int,
 ) -> tuple[FollowResult, float]:
     """Of the solutions of a search from ``found`` on, bent where that is needed, the first that is near enough.
 

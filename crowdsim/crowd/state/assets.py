@@ -1,4 +1,4 @@
-"""Everything that a run reads and never changes: what of the place stands still, the bodies, the motions."""
+"""Everything that a run reads and never changes: what of the environment stands still, the bodies, the motions."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from crowdsim.behaviors.library import BehaviorSet, load_behavior_set
 from crowdsim.constants import CAPTURE_RATE, NONE, TRACKING_MARGIN
 from crowdsim.environment.layers import ClearanceLayer
 from crowdsim.errors import MotionError, ScenarioError
+from crowdsim.following.follower.path_follower import Character
 from crowdsim.following.maps.map_file import maps_in_file
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.jit import cache_folder
@@ -23,20 +24,22 @@ from crowdsim.planning.baselines.collision3d import Bodies, make_bodies
 from crowdsim.planning.baselines.collision_scene import CollisionScene
 from crowdsim.planning.query.requirements import Requirements
 from crowdsim.scenario.scenario import Scenario
+from crowdsim.scenario.timetable import Timetable
 
 
 @dataclass(frozen=True)
-class Setting:
+class Assets:
     """Layers without what moves (legs first), behaviors (least preferred first), the motion graph and its maps.
 
-    What moves, and the meshes, are in :class:`crowdsim.crowd.state.environment.Place`. planner: what finds routes;
-    bodies: what it moves through the place in 3D, if it does.
+    Meshes, and where movables stand, are in :class:`crowdsim.crowd.state.environment.EnvironmentState`. planner: what
+    finds routes; bodies: what it moves through the environment in 3D, if it does.
     """
 
     layers: tuple[ClearanceLayer, ...]
     behaviors: tuple[Behavior, ...]
     motion: MotionGraph
     maps: MotionMaps
+    timetable: Timetable
     steps_per_second: int
     planner: str = "layered"
     bodies: Bodies | None = None
@@ -66,6 +69,11 @@ class Setting:
         rows = [[*behavior.facings, *[np.nan] * (widest - len(behavior.facings))] for behavior in self.behaviors]
         return np.array(rows, np.float64)
 
+    @cached_property
+    def character(self) -> Character:
+        """What every character follows paths with."""
+        return Character(self.graph, self.maps, self.body_radii, self.facings)
+
     @property
     def personal_radius(self) -> float:
         """Radius of the disc that encloses a body whatever it does: that of the widest behavior."""
@@ -93,15 +101,15 @@ def load_behaviors(scenario: Scenario) -> BehaviorSet:
 
     Raises BehaviorError or MotionError where something cannot be used.
     """
-    bands = [(layer.low, layer.high) for layer in scenario.layers()]
-    captures = scenario.captures()
+    bands = [(layer.low, layer.high) for layer in scenario.environment.layers]
+    captures = scenario.captures_folder()
     if captures is None:
         # A scenario names a set or captures, never both.
         return load_behavior_set(scenario.behaviors, bands, motion_set=str(scenario.motion.set))
-    return load_behavior_set(scenario.behaviors, bands, captures=captures.folder, capture_patterns=captures.patterns)
+    return load_behavior_set(scenario.behaviors, bands, captures=captures, capture_patterns=scenario.motion.clips)
 
 
-def prepare(scenario: Scenario, workers: int = 1, progress: Callable[[int, int], None] | None = None) -> Setting:
+def prepare(scenario: Scenario, workers: int = 1, progress: Callable[[int, int], None] | None = None) -> Assets:
     """Build layers, motion graph and motion maps for a scenario.
 
     Maps that were built before are mapped from a file. Else so many ``workers`` build them, and ``progress`` is called
@@ -109,8 +117,6 @@ def prepare(scenario: Scenario, workers: int = 1, progress: Callable[[int, int],
 
     Raises ScenarioError, GeometryError, BehaviorError or MotionError where something cannot be used.
     """
-    changes = scenario.changes()
-    layers = scenario.layers_of(changes.fixed) if changes.movables else scenario.layers()
     behavior_set = load_behaviors(scenario)
     if not behavior_set.graph.arrays.node_ends_standing.any():
         raise MotionError("no clip of the motion set ends standing, so no character could ever wait; add one that does")
@@ -123,12 +129,13 @@ def prepare(scenario: Scenario, workers: int = 1, progress: Callable[[int, int],
         raise ScenarioError([scenario.problem(("steps_per_second",), message)])
     bodies = None
     if scenario.planner == "collision3d":
-        bodies = make_bodies(CollisionScene(changes.fixed), behavior_set.behaviors)
-    return Setting(
-        layers=layers,
+        bodies = make_bodies(CollisionScene(scenario.environment.timetable.fixed), behavior_set.behaviors)
+    return Assets(
+        layers=scenario.environment.fixed_layers,
         behaviors=behavior_set.behaviors,
         motion=behavior_set.graph,
         maps=maps_in_file(cache_folder() / "maps", behavior_set.graph.arrays, progress=progress, workers=workers),
+        timetable=scenario.environment.timetable,
         steps_per_second=scenario.steps_per_second,
         planner=scenario.planner,
         bodies=bodies,

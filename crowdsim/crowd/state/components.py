@@ -17,21 +17,24 @@ TIMELINE_SLOTS = 48
 DIGESTED = ("timeline", "timeline_circle")
 """Columns of which the state hash takes a digest in another column: they are long and seldom change, or follow."""
 
+HASHED_AS = {"blend_offset": "seam", "next_blend_offset": "next_seam"}
+"""Earlier names of columns, which the state hash takes, so that hashes of earlier runs stay."""
+
 COLUMNS = (
     Column("agent", np.int32, (), NONE),  # index of the character in the run, also its row in the recording
     Column("state", np.int32, (), int(AgentState.WAITING)),
     Column("pose", np.float64, (3,)),  # world track pose: x, y, heading
     Column("behavior", np.int32, (), NONE),
-    # The node being played: frame of it, the world pose it starts at, and the seam that fades behind it.
+    # The node being played: frame of it, the world pose it starts at, and the blend offset that fades behind it.
     Column("node", np.int32, (), NONE),
     Column("previous", np.int32, (), NONE),
     Column("frame", np.int32),
     Column("origin", np.float64, (3,)),
-    Column("seam", np.float64, (3,)),
+    Column("blend_offset", np.float64, (3,)),
     # The node that follows; NONE until it is chosen at the end of the present one.
     Column("next_node", np.int32, (), NONE),
     Column("next_origin", np.float64, (3,)),
-    Column("next_seam", np.float64, (3,)),
+    Column("next_blend_offset", np.float64, (3,)),
     Column("next_cursor", np.int32, (), NONE),
     # Place in the motion plan: index of the present node, and of the last node that is reserved.
     Column("cursor", np.int32, (), NONE),

@@ -1,4 +1,4 @@
-"""The place as it is now: meshes that are edited as doors open and close and things come, move and go."""
+"""The environment as it is now: meshes that are edited as doors open and close and things come, move and go."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from crowdsim.crowd.state.assets import Setting
+from crowdsim.crowd.state.assets import Assets
 from crowdsim.environment.layers import taken_between
 from crowdsim.navmesh.editing.obstacles import Handle
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.planning.planner import Planner
-from crowdsim.planning.query.behavior_areas import grown, room_growths, room_polygons
-from crowdsim.scenario.changes import Changes, Placing, placed
+from crowdsim.planning.query.behavior_areas import area_growths, area_polygons, grown
+from crowdsim.scenario.timetable import Placing, placed
 
 Footprints = tuple[BaseGeometry | None, ...]
 """What a thing takes of each layer, None where it takes nothing."""
@@ -31,34 +31,33 @@ class Edit:
 
 
 @dataclass
-class Place:
-    """Meshes of the layers, legs first, and of the rooms (None where a behavior has none).
+class EnvironmentState:
+    """Meshes of the layers, legs first, and of the behavior areas (None where a behavior has none).
 
     Only :meth:`put` changes it, which the crowd calls between two steps while no search runs; everyone else reads, and
     nobody keeps ``mesh.arrays`` from one step to the next. edits: all that changed so far; revision: how many they are.
     waited_for: outlines of things that are to come as soon as nobody is there, and that nobody may enter meanwhile.
     """
 
-    setting: Setting
-    changes: Changes
+    assets: Assets
     meshes: tuple[NavMesh, ...] = field(init=False)
-    rooms: tuple[NavMesh | None, ...] = field(init=False)
+    areas: tuple[NavMesh | None, ...] = field(init=False)
     edits: list[Edit] = field(default_factory=list)
     last_edit_step: int = -1
     waited_for: list[BaseGeometry] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        setting = self.setting
-        free = [layer.free for layer in setting.layers]
+        assets = self.assets
+        free = [layer.free for layer in assets.layers]
         self.meshes = tuple(NavMesh(area) for area in free)
-        self.rooms = tuple(None if room.is_empty else NavMesh(room) for room in room_polygons(free, setting.behaviors))
+        self.areas = tuple(None if area.is_empty else NavMesh(area) for area in area_polygons(free, assets.behaviors))
         self._planner = Planner(
-            self.meshes, setting.behaviors, rooms=self.rooms, planner=setting.planner, bodies=setting.bodies
+            self.meshes, assets.behaviors, areas=self.areas, planner=assets.planner, bodies=assets.bodies
         )
-        self._growths = room_growths(setting.behaviors, len(free))
-        self._handles: list[list[tuple[NavMesh, Handle]]] = [[] for _ in self.changes.movables]
-        self._placings: list[Placing | None] = [None] * len(self.changes.movables)
-        for number, movable in enumerate(self.changes.movables):
+        self._growths = area_growths(assets.behaviors, len(free))
+        self._handles: list[list[tuple[NavMesh, Handle]]] = [[] for _ in self.assets.timetable.movables]
+        self._placings: list[Placing | None] = [None] * len(self.assets.timetable.movables)
+        for number, movable in enumerate(self.assets.timetable.movables):
             if movable.placing is not None:
                 self._put(number, movable.placing)
 
@@ -77,10 +76,10 @@ class Place:
 
     def footprints(self, movable: int, placing: Placing) -> Footprints:
         """What a movable takes of each layer where it stands so; the lowest holds what any of them does."""
-        solids = self.changes.movables[movable].solids
+        solids = self.assets.timetable.movables[movable].solids
         shapes = [
             placed(shapely.union_all([taken_between(solid, layer.low, layer.high) for solid in solids]), placing)
-            for layer in self.setting.layers
+            for layer in self.assets.layers
         ]
         shapes[0] = shapely.union_all(shapes)
         return tuple(None if shape.is_empty else shape for shape in shapes)
@@ -110,11 +109,11 @@ class Place:
             return
         taken = self.footprints(movable, placing)
         pairs = list(zip(self.meshes, taken, strict=True))
-        for room, growths in zip(self.rooms, self._growths, strict=True):
-            if room is not None:
+        for area, growths in zip(self.areas, self._growths, strict=True):
+            if area is not None:
                 # What grows covers what does not.
                 widest = max(
                     (g for g, t in zip(growths.tolist(), taken[1:], strict=True) if t is not None), default=0.0
                 )
-                pairs.append((room, taken[0] and grown(taken[0], widest)))
+                pairs.append((area, taken[0] and grown(taken[0], widest)))
         self._handles[movable] = [(mesh, mesh.insert_obstacle(shape)) for mesh, shape in pairs if shape is not None]

@@ -15,11 +15,11 @@ from crowdsim.geometry.planar import wrap_angle
 from crowdsim.scenario.placement import Placement
 
 TRIES = 2
-"""How often somebody who came to stand otherwise than asked for searches again from there."""
+"""How often an agent that came to stand otherwise than asked for searches again from there."""
 
 
 @dataclass
-class Errands:
+class Itineraries:
     """How many places each character has been to, and what that means for where it goes next.
 
     stood: meters off the place, and radians off the heading asked for (or nan), of each who came to stand at one.

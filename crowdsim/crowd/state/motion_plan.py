@@ -40,7 +40,7 @@ class Request:
 class MotionPlan:
     """A chain of P nodes.
 
-    nodes: (P,) int32. origins: (P, 3) world poses where they start. seams: (P, 3), end of the node before minus
+    nodes: (P,) int32. origins: (P, 3) world poses where they start. blend_offsets: (P, 3), end of the node before minus
     origin. departure: the node before the first, and the pose (3,) it starts from. arrives: whether the chain reaches
     the goal of ``route``. passes: nodes at whose end earlier goals are reached, on the way.
     """
@@ -50,7 +50,7 @@ class MotionPlan:
     departure: NDArray[np.float64]
     nodes: NDArray[np.int32]
     origins: NDArray[np.float64]
-    seams: NDArray[np.float64]
+    blend_offsets: NDArray[np.float64]
     arrives: bool
     passes: tuple[int, ...] = ()
 
@@ -72,7 +72,7 @@ class MotionPlan:
             self,
             nodes=self.nodes[:end],
             origins=self.origins[:end],
-            seams=self.seams[:end],
+            blend_offsets=self.blend_offsets[:end],
             arrives=False,
             passes=tuple(p for p in self.passes if p <= last),
         )
@@ -87,6 +87,6 @@ class MotionPlan:
             departure=self.departure,
             nodes=np.concatenate([self.nodes[kept], more.nodes]),
             origins=np.concatenate([self.origins[kept], more.origins]),
-            seams=np.concatenate([self.seams[kept], more.seams]),
+            blend_offsets=np.concatenate([self.blend_offsets[kept], more.blend_offsets]),
             passes=(*passes, *([last - first] if reaches else [])),
         )

@@ -70,11 +70,12 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, distance, pre
 
 
 @kernel
-def meets_anyone(me, timeline, start, gone, first_slot, radius, timelines, starts, gones, radii, circles):
-    """Whether a candidate timeline meets that of any other row; ``me`` is its own row, -1 for who is yet to enter.
+def meets_anyone(me, timeline, start, gone, first_slot, radius, others):
+    """Whether a candidate timeline meets that of any other row.
 
-    circles (N, 3): x, y and radius of a circle that holds all of each row's timeline, so that most are soon dismissed.
+    ``others`` are :class:`crowdsim.crowd.state.timelines.Timelines`; ``me`` is its own row, -1 for who is yet to enter.
     """
+    starts, gones, circles = others.timeline_start, others.gone_slot, others.timeline_circle
     reach = 0.0
     for k in range(len(timeline)):
         dx = timeline[k, 0] - timeline[0, 0]
@@ -84,20 +85,18 @@ def meets_anyone(me, timeline, start, gone, first_slot, radius, timelines, start
     for other in range(len(starts)):
         if other == me or gones[other] <= first_slot:
             continue
-        distance = radius + radii[other]
+        distance = radius + others.body_radius[other]
         dx = circles[other, 0] - timeline[0, 0]
         dy = circles[other, 1] - timeline[0, 1]
         far = circles[other, 2] + reach + distance + ELBOW_ROOM
         if dx * dx + dy * dy > far * far:
             continue
-        here = min(max(first_slot - starts[other], 0), timelines.shape[1] - 1)
-        end = timelines.shape[1] - 1
-        if not _within_reach(timeline[0], timelines[other], here, end, reach + distance + ELBOW_ROOM):
+        here = min(max(first_slot - starts[other], 0), others.timeline.shape[1] - 1)
+        end = others.timeline.shape[1] - 1
+        its = others.timeline[other]
+        if not _within_reach(timeline[0], its, here, end, reach + distance + ELBOW_ROOM):
             continue
-        other_gone = gones[other]
-        if pair_meets(
-            timeline, start, gone, timelines[other], starts[other], other_gone, first_slot, distance, me >= 0
-        ):
+        if pair_meets(timeline, start, gone, its, starts[other], gones[other], first_slot, distance, me >= 0):
             return True
     return False
 
@@ -113,17 +112,17 @@ def _within_reach(center, other, first, last, reach):
 
 
 @helper
-def _node_is_free(graph, node, origin, seam, layers, radii, hints):
+def _node_is_free(graph, node, origin, blend_offset, obstacles, hints):
     """Whether the body disc of a node's behavior keeps clear of all layers along the whole node."""
     behavior = graph.node_behavior[node]
     frames = graph.node_frames[node]
+    dx, dy, dh = blend_offset[0], blend_offset[1], blend_offset[2]
     frame = 0
     while True:
-        x, y, _ = track_pose(
-            graph, np.int64(node), np.int64(frame), origin[0], origin[1], origin[2], seam[0], seam[1], seam[2]
-        )
-        for k, mesh in enumerate(layers):
-            need = radii[behavior, k]
+        at = np.int64(frame)
+        x, y, _ = track_pose(graph, np.int64(node), at, origin[0], origin[1], origin[2], dx, dy, dh)
+        for k, mesh in enumerate(obstacles.layers):
+            need = obstacles.radii[behavior, k]
             distance, hints[k] = disc_clearance(mesh, x, y, need, hints[k])
             if distance < need:
                 return False
@@ -133,8 +132,9 @@ def _node_is_free(graph, node, origin, seam, layers, radii, hints):
 
 
 @kernel
-def append_stop(graph, nodes, origins, seams, count):
+def append_stop(graph, chain, count):
     """Append to a chain of ``count`` nodes those that bring it to a stand; returns the new count, or -1 if too long."""
+    nodes, origins, blend_offsets = chain.nodes, chain.origins, chain.blend_offsets
     node = nodes[count - 1]
     while graph.stop_edge[node] >= 0:
         if count == len(nodes):
@@ -148,20 +148,21 @@ def append_stop(graph, nodes, origins, seams, count):
         origins[count, 0] = x
         origins[count, 1] = y
         origins[count, 2] = h
-        seams[count, 0] = ex - x
-        seams[count, 1] = ey - y
-        seams[count, 2] = wrap_angle(eh - h)
+        blend_offsets[count, 0] = ex - x
+        blend_offsets[count, 1] = ey - y
+        blend_offsets[count, 2] = wrap_angle(eh - h)
         count += 1
     return count
 
 
 @kernel
-def sample_chain(graph, nodes, origins, seams, count, frame, clock, slot_frames, out):
+def sample_chain(graph, chain, count, frame, clock, slot_frames, out):
     """Track positions of a chain, whose first node is ``frame`` frames old at the frame ``clock``, at the slots.
 
     Fills ``out`` (K, 2) from slot ``clock // slot_frames`` on; past the end of the chain it stays there. Returns
     the first slot at or after the end of the chain, or -1 if the chain is longer than ``out``.
     """
+    nodes, origins, blend_offsets = chain.nodes, chain.origins, chain.blend_offsets
     k = 0
     begin = clock - frame  # global frame at which the current node of the chain started
     slot = clock // slot_frames
@@ -171,7 +172,7 @@ def sample_chain(graph, nodes, origins, seams, count, frame, clock, slot_frames,
         while k < len(out) and slot * slot_frames < begin + frames:
             at = max(slot * slot_frames, clock) - begin
             o = origins[c]
-            s = seams[c]
+            s = blend_offsets[c]
             x, y, _ = track_pose(graph, np.int64(node), np.int64(at), o[0], o[1], o[2], s[0], s[1], s[2])
             out[k, 0] = x
             out[k, 1] = y
@@ -203,52 +204,50 @@ def comes_near(timeline, segments, distance):
     return False
 
 
+@helper
+def _copy_chain(chain, to):
+    """Copy a chain one by one, as the shape checks of whole arrays compile for three seconds."""
+    for k in range(len(chain.nodes)):
+        to.nodes[k] = chain.nodes[k]
+        for axis in range(3):
+            to.origins[k, axis] = chain.origins[k, axis]
+            to.blend_offsets[k, axis] = chain.blend_offsets[k, axis]
+
+
 @kernel
 def reserve(
-    graph, layers, body, row, frame, clock, slot_frames, chain, origins, seams, first, available, ends_plan,
-    timelines, starts, gones, body_radii, circles, kept_free, distance, timeline,
-):  # fmt: skip
+    graph, obstacles, everyone, row, frame, clock, slot_frames, chain, draft, first, available, ends_plan, timeline
+):
     """Find the shortest continuation that ends standing, touches nothing and meets no one.
 
-    chain, origins, seams: buffers (C,), (C, 3), (C, 3); entry 0 is the present node, entries 1 to
-    ``available`` the next nodes of the plan; at least ``first`` of them must be taken. ``ends_plan`` says that
-    the last of them leaves the world. ``timelines`` to ``circles`` are of all rows, as of :func:`meets_anyone`.
-    ``layers`` is a tuple of meshes, ``body`` (B, layers) the body radii per behavior and layer. ``kept_free`` (M, 4)
-    are segments that the track stays ``distance`` away from.
+    Entry 0 of ``chain`` is the present node, entries 1 to ``available`` the next nodes of the plan; at least ``first``
+    of them must be taken. ``draft`` is a chain of as much room to work in. ``ends_plan`` says that the last of them
+    leaves the world. ``obstacles`` and ``everyone`` (all rows) are as in :mod:`crowdsim.crowd.state.timelines`.
     Returns (nodes taken, gone slot), no nodes where there is none, and leaves the timeline in ``timeline`` (K, 2).
     """
-    nodes = chain.copy()
-    spots = origins.copy()
-    jumps = seams.copy()
-    hints = np.full(len(layers), np.int64(-1))
+    hints = np.full(len(obstacles.layers), np.int64(-1))
     forever = np.int64(FOREVER)
     start = clock // slot_frames
     for taken in range(first, available + 1):
-        # One by one, as the shape checks of whole arrays compile for three seconds.
-        for k in range(len(chain)):
-            nodes[k] = chain[k]
-            for axis in range(3):
-                spots[k, axis] = origins[k, axis]
-                jumps[k, axis] = seams[k, axis]
+        _copy_chain(chain, draft)
         leaves = ends_plan and taken == available
         count = taken + 1
         if not leaves:
-            count = append_stop(graph, nodes, spots, jumps, taken + 1)
+            # The stop behind the nodes taken, which nobody tested yet.
+            count = append_stop(graph, draft, taken + 1)
             for c in range(taken + 1, count):
-                if not _node_is_free(graph, nodes[c], spots[c], jumps[c], layers, body, hints):
+                if not _node_is_free(graph, draft.nodes[c], draft.origins[c], draft.blend_offsets[c], obstacles, hints):
                     count = -1
                     break
             if count < 0:
                 continue  # it cannot stand down after this node; perhaps it can after the next
-        ended = sample_chain(graph, nodes, spots, jumps, count, frame, clock, slot_frames, timeline)
+        ended = sample_chain(graph, draft, count, frame, clock, slot_frames, timeline)
         if ended < 0:
             break
-        if len(kept_free) and comes_near(timeline, kept_free, distance):
+        if len(obstacles.kept_free) and comes_near(timeline, obstacles.kept_free, obstacles.distance):
             continue
         gone = ended if leaves else forever
-        if not meets_anyone(
-            row, timeline, start, gone, start, body_radii[row], timelines, starts, gones, body_radii, circles
-        ):
+        if not meets_anyone(row, timeline, start, gone, start, everyone.body_radius[row], everyone):
             return taken, gone
         # There may be no place to stand here, but one beyond whoever is in the way.
     return 0, forever

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import hashlib
 
-from crowdsim.crowd.state.components import DIGESTED
+from crowdsim.crowd.state.components import DIGESTED, HASHED_AS
 from crowdsim.ecs.world import World
 
 
-def state_hash(world: World, place: bytes, step: int, before: int) -> int:
-    """64 bits over every column of every entity, the place, the step, and the hash of the step before (0 at first)."""
-    parts = [before.to_bytes(8, "little") + step.to_bytes(8, "little"), place]
+def state_hash(world: World, environment: bytes, step: int, before: int) -> int:
+    """64 bits over every column of every entity, the environment, the step, and the hash before it (0 at first)."""
+    parts = [before.to_bytes(8, "little") + step.to_bytes(8, "little"), environment]
     for name in world.column_names:
         if name not in DIGESTED:
-            parts += [name.encode(), world.column(name).tobytes()]
+            parts += [HASHED_AS.get(name, name).encode(), world.column(name).tobytes()]
     # As one, as it lets other threads run meanwhile, and would wait for them after each.
     return digest_of(b"".join(parts))
 

@@ -1,28 +1,34 @@
-"""The system that plays everyone's node on by one step."""
+"""Everyone's node is played on by one step."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
-from crowdsim.crowd.state.assets import Setting
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.crowd.state.assets import Assets
 from crowdsim.crowd.systems.animate_kernels import advance
 from crowdsim.ecs.world import View
 
 
-@dataclass
-class Advancing:
-    """Frames, seams, poses: one kernel over all rows."""
+class Playing(NamedTuple):
+    """The columns that playing a node changes, as of :mod:`crowdsim.crowd.state.components`."""
 
-    setting: Setting
+    node: NDArray[np.int32]
+    previous: NDArray[np.int32]
+    frame: NDArray[np.int32]
+    origin: NDArray[np.float64]
+    blend_offset: NDArray[np.float64]
+    next_node: NDArray[np.int32]
+    next_origin: NDArray[np.float64]
+    next_blend_offset: NDArray[np.float64]
+    next_cursor: NDArray[np.int32]
+    cursor: NDArray[np.int32]
+    behavior: NDArray[np.int32]
+    pose: NDArray[np.float64]
 
-    WRITES = (
-        "node", "previous", "frame", "origin", "seam", "next_node", "next_origin", "next_seam", "next_cursor",
-        "cursor", "behavior", "pose",
-    )  # fmt: skip
 
-    def run(self, view: View) -> None:
-        advance(
-            self.setting.graph, self.setting.frames_per_step, view.node, view.previous, view.frame, view.origin,
-            view.seam, view.next_node, view.next_origin, view.next_seam, view.next_cursor,
-            view.cursor, view.behavior, view.pose,
-        )  # fmt: skip
+def animate(assets: Assets, view: View) -> None:
+    """Advance frames, blend offsets and poses of all rows."""
+    advance(assets.graph, assets.frames_per_step, Playing(*(getattr(view, name) for name in Playing._fields)))

@@ -7,43 +7,32 @@ from crowdsim.motion.graph.track_kernels import track_pose
 
 
 @kernel
-def advance(
-    graph, frames, node, previous, frame, origin, seam, next_node, next_origin, next_seam, next_cursor,
-    cursor, behavior, pose,
-):  # fmt: skip
+def advance(graph, frames, rows):
     """Advance every row by ``frames`` frames, into its next node where the present one ends.
 
-    A row without a next node stays on the last frame of its node. ``next_node`` is -1 again after it was entered.
+    ``rows`` are a :class:`crowdsim.crowd.systems.animate.Playing`. One without a next node stays on the last frame of
+    its node. ``next_node`` is -1 again after it was entered.
     """
+    node, frame, origin, blend_offset, next_node = rows.node, rows.frame, rows.origin, rows.blend_offset, rows.next_node
     for i in range(len(node)):
         at = frame[i] + frames
         length = graph.node_frames[node[i]]
         if at >= length:
             if next_node[i] >= 0:
                 at -= length
-                previous[i] = node[i]
+                rows.previous[i] = node[i]
                 node[i] = next_node[i]
                 # Not as rows, whose shape checks compile for two seconds.
                 for k in range(3):
-                    origin[i, k] = next_origin[i, k]
-                    seam[i, k] = next_seam[i, k]
+                    origin[i, k] = rows.next_origin[i, k]
+                    blend_offset[i, k] = rows.next_blend_offset[i, k]
                 next_node[i] = -1
-                behavior[i] = graph.node_behavior[node[i]]
-                cursor[i] = next_cursor[i]
+                rows.behavior[i] = graph.node_behavior[node[i]]
+                rows.cursor[i] = rows.next_cursor[i]
             else:
                 at = length
         frame[i] = at
-        x, y, h = track_pose(
-            graph,
-            np.int64(node[i]),
-            np.int64(at),
-            origin[i, 0],
-            origin[i, 1],
-            origin[i, 2],
-            seam[i, 0],
-            seam[i, 1],
-            seam[i, 2],
-        )
-        pose[i, 0] = x
-        pose[i, 1] = y
-        pose[i, 2] = h
+        x, y, h = origin[i, 0], origin[i, 1], origin[i, 2]
+        dx, dy, dh = blend_offset[i, 0], blend_offset[i, 1], blend_offset[i, 2]
+        x, y, h = track_pose(graph, np.int64(node[i]), np.int64(at), x, y, h, dx, dy, dh)
+        rows.pose[i, 0], rows.pose[i, 1], rows.pose[i, 2] = x, y, h

@@ -1,4 +1,4 @@
-"""Events happen: doors open and close, things come, move and go, and those concerned plan anew."""
+"""Events happen: doors open and close, things come, move and go, and those affected plan anew."""
 
 from __future__ import annotations
 
@@ -14,83 +14,73 @@ from crowdsim.constants import NONE, TRACKING_MARGIN
 from crowdsim.crowd.search.affected import could_shorten, first_taken, route_taken, way_left
 from crowdsim.crowd.search.plans import Join, Plans
 from crowdsim.crowd.state.components import SLOT_FRAMES
-from crowdsim.crowd.state.environment import Edit, Footprints, Place
+from crowdsim.crowd.state.environment import Edit, Footprints
 from crowdsim.ecs.world import View
-from crowdsim.scenario.changes import Change
 
 KEPT_OFF = TRACKING_MARGIN
-"""Meters beyond its body that a character keeps from where something is about to be."""
+"""Clearance that an agent keeps from the outline of what is about to come, beyond its body [m]."""
 
 
 @dataclass
-class Changing:
-    """The system that edits the place when events are due.
+class Events:
+    """Edits the environment when events are due.
 
-    Nothing comes to where somebody is, or has reserved to go: it waits, and meanwhile nobody else may go there. A
-    later change of the same thing takes the place of one that still waits. happened: seconds at which each change that
-    was due came about, None for one that did not, by its index.
+    Nothing comes to where an agent is, or has reserved to go: it waits, and meanwhile nobody else may go there. A
+    later event of the same thing takes the place of one that still waits. happened: seconds at which each event that
+    was due happened, None for one that did not, by its index.
     """
 
     plans: Plans
-    place: Place
     happened: dict[int, float | None] = field(default_factory=dict)
     _next: int = 0
     _waiting: list[int] = field(default_factory=list)
 
-    READS = ("agent", "pose", "frame", "cursor", "timeline", "timeline_start", "body_radius")
-    WRITES = ("reserved", "awaiting_plan", "retry_step", "blocked_since")
-
     @property
     def over(self) -> bool:
         """Whether nothing changes any more."""
-        return self._next == len(self.place.changes.changes) and not self._waiting
+        return self._next == len(self.plans.assets.timetable.events) and not self._waiting
 
-    def run(self, view: View) -> None:
-        changes, rate = self.place.changes.changes, self.plans.setting.steps_per_second
-        while self._next < len(changes) and round(changes[self._next].at * rate) <= self.plans.step:
+    def apply(self, view: View) -> None:
+        """Let what is due happen, where nobody is in the way."""
+        plans, environment = self.plans, self.plans.environment
+        events, rate = plans.assets.timetable.events, plans.assets.steps_per_second
+        while self._next < len(events) and round(events[self._next].at * rate) <= plans.step:
             self.happened[self._next] = None
-            movable = changes[self._next].movable
-            self._waiting = [number for number in self._waiting if changes[number].movable != movable]
+            movable = events[self._next].movable
+            self._waiting = [number for number in self._waiting if events[number].movable != movable]
             self._waiting.append(self._next)
             self._next += 1
         if not self._waiting:
             return
-        lines = reserved_lines(view, self.plans.step * self.plans.setting.frames_per_step // SLOT_FRAMES)
-        still = []
+        lines = reserved_lines(view, plans.step * plans.assets.frames_per_step // SLOT_FRAMES)
+        waiting, outlines = [], []
         for number in self._waiting:
-            change = changes[number]
-            if self._outline(change) is not None and self._is_taken(view, lines, change):
-                still.append(number)
+            event = events[number]
+            outline = None if event.placing is None else environment.footprints(event.movable, event.placing)[0]
+            # Nothing comes to where an agent is, or will be.
+            if outline is not None and (shapely.distance(lines, outline) < view.body_radius + KEPT_OFF).any():
+                waiting.append(number)
+                outlines.append(outline)
                 continue
-            self.happened[number] = self.plans.step / rate
-            if change.placing != self.place.placing(change.movable):
-                self.plans.searches.pool.settle()
-                edit = self.place.put(change.movable, change.placing, self.plans.step)
-                _Concerned(self.plans, view).plan_anew(edit)
-        self._waiting = still
-        self.place.waited_for = [shape for number in still if (shape := self._outline(changes[number])) is not None]
+            self.happened[number] = plans.step / rate
+            if event.placing != environment.placing(event.movable):
+                plans.searches.pool.settle()
+                edit = environment.put(event.movable, event.placing, plans.step)
+                _AffectedAgents(plans, view).plan_anew(edit)
+        self._waiting, environment.waited_for = waiting, outlines
 
     def report(self) -> list[dict[str, Any]]:
-        """Every change that was due: what, when, what became of it, and how many seconds late, None if never.
+        """Every event that was due: what, when, what became of it, and how many seconds late, None if never.
 
-        It ``happened``, is ``waiting`` still, or was ``overtaken`` by the next change of the same thing.
+        It ``happened``, is ``waiting`` still, or was ``overtaken`` by the next event of the same thing.
         """
-        changes = self.place.changes.changes
         rows = []
         for number, time in self.happened.items():
+            event = self.plans.assets.timetable.events[number]
             outcome = "happened" if time is not None else "waiting" if number in self._waiting else "overtaken"
-            late = None if time is None else max(round(time - changes[number].at, 6), 0.0)
-            rows.append({"event": changes[number].title, "at": changes[number].at, "outcome": outcome, "late": late})
+            late = None if time is None else max(round(time - event.at, 6), 0.0)
+            rows.append({"event": event.title, "at": event.at, "outcome": outcome, "late": late})
         return rows
-
-    def _outline(self, change: Change) -> BaseGeometry | None:
-        """What a change takes of the lowest layer."""
-        return None if change.placing is None else self.place.footprints(change.movable, change.placing)[0]
-
-    def _is_taken(self, view: View, lines: NDArray[Any], change: Change) -> bool:
-        """Whether somebody is, or will be, where a thing is to come."""
-        near = shapely.distance(lines, self._outline(change)) < view.body_radius + KEPT_OFF
-        return bool(near.any())
 
 
 def reserved_lines(view: View, slot: int) -> NDArray[Any]:
@@ -98,14 +88,15 @@ def reserved_lines(view: View, slot: int) -> NDArray[Any]:
     last = view.timeline.shape[1] - 1
     first = np.clip(slot - view.timeline_start, 0, last)
     ahead = np.minimum(first[:, None] + np.arange(last + 1), last)
-    return shapely.linestrings(np.take_along_axis(view.timeline, ahead[:, :, None], axis=1))
+    lines: NDArray[Any] = shapely.linestrings(np.take_along_axis(view.timeline, ahead[:, :, None], axis=1))
+    return lines
 
 
-class _Concerned:
-    """Finds those whom an edit concerns and lets them plan anew; everyone else keeps plan and route."""
+class _AffectedAgents:
+    """Finds the agents that an edit affects and lets them plan anew; everyone else keeps plan and route."""
 
     def __init__(self, plans: Plans, view: View) -> None:
-        self.plans, self.view, self.setting = plans, view, plans.setting
+        self.plans, self.view, self.assets = plans, view, plans.assets
 
     def plan_anew(self, edit: Edit) -> None:
         present = set()
@@ -121,8 +112,8 @@ class _Concerned:
             if (
                 edit.taken is not None
                 and (
-                    first_taken(self.setting, plan, 0, edit.taken) < plan.count
-                    or route_taken(self.setting, plan.route, position, edit.taken)
+                    first_taken(self.assets, plan, 0, edit.taken) < plan.count
+                    or route_taken(self.assets, plan.route, position, edit.taken)
                 )
             ) or (edit.freed is not None and could_shorten(plan.route, position, edit.freed)):
                 del self.plans.motions[agent]  # entering asks again
@@ -136,8 +127,8 @@ class _Concerned:
         route = plans.routes.get(agent) if plan is None else plan.route
         if route is None:
             return
-        clear = NONE if plan is None else first_taken(self.setting, plan, max(cursor, 0), taken)
-        if (plan is None or clear == plan.count) and not route_taken(self.setting, route, position, taken):
+        clear = NONE if plan is None else first_taken(self.assets, plan, max(cursor, 0), taken)
+        if (plan is None or clear == plan.count) and not route_taken(self.assets, route, position, taken):
             return
         plans.routes.pop(agent, None)
         if plan is None:
@@ -180,7 +171,7 @@ class _Concerned:
         self._ask(row, agent, Join(plan, after, shorter_than=way_left(plan.route, end)))
 
     def _drop(self, row: int, agent: int) -> None:
-        """Let somebody who stands forget its plan; it asks for another at once."""
+        """Let a standing agent forget its plan; it asks for another at once."""
         self.plans.motions.pop(agent, None)
         self.view.reserved[row] = self.view.blocked_since[row] = NONE
 
@@ -188,12 +179,12 @@ class _Concerned:
         """The node up to which a character keeps its plan: reserved, or played until a search from there is done."""
         plans, view = self.plans, self.view
         plan = plans.motions[int(view.agent[row])]
-        lengths = self.setting.graph.node_frames[plan.nodes]
+        lengths = self.assets.graph.node_frames[plan.nodes]
         after = int(view.cursor[row])
         end = max(min(clear, plan.count), int(view.reserved[row]) + 1)
         left = int(lengths[after]) - int(view.frame[row])
         while after + 1 < end and (
-            after < view.reserved[row] or left <= (plans.lead + 1) * self.setting.frames_per_step
+            after < view.reserved[row] or left <= (plans.lead + 1) * self.assets.frames_per_step
         ):
             after += 1
             left += int(lengths[after])

@@ -14,6 +14,7 @@ from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ROUNDING, append_stop, reserve
 from crowdsim.crowd.state.state_hash import digest_of
+from crowdsim.crowd.state.timelines import Chain, Obstacles, Timelines
 from crowdsim.crowd.systems.apply_events import KEPT_OFF, reserved_lines
 from crowdsim.crowd.systems.replan import reach_goal
 from crowdsim.ecs.world import View
@@ -36,7 +37,7 @@ _NOTHING = np.empty((0, 4))
 
 
 class Choosing:
-    """The system that picks the next node of everyone whose node ends in this step.
+    """Picks the next node of everyone whose node ends in this step.
 
     Every character owns a reserved timeline that ends with it standing, or gone, and that no other
     reserved timeline meets. A node of the plan is entered only after the timeline through that node and
@@ -44,29 +45,21 @@ class Choosing:
     it has, and no one ever walks into another, whatever happens.
     """
 
-    READS = ("agent", "frame", "pose", "body_radius", "node", "origin", "seam", "stays")
-    WRITES = (
-        "state", "next_node", "next_origin", "next_seam", "next_cursor", "cursor", "reserved", "blocked_since",
-        "timeline", "timeline_circle", "timeline_digest", "timeline_start", "gone_slot", "goal",
-        "awaiting_plan", "retry_step",
-    )  # fmt: skip
-
     def __init__(self, plans: Plans) -> None:
         self.plans = plans
         self._looked_ahead: dict[int, NDArray[np.int32]] = {}
-        self._chain = np.zeros(_CHAIN, np.int32)
-        self._origins = np.zeros((_CHAIN, 3))
-        self._seams = np.zeros((_CHAIN, 3))
+        self._chain, self._draft = Chain.room(_CHAIN), Chain.room(_CHAIN)
         self._timeline = np.zeros((TIMELINE_SLOTS, 2))
 
-    def run(self, view: View) -> None:
-        setting = self.plans.setting
-        ending = view.frame + setting.frames_per_step >= setting.graph.node_frames[view.node]
+    def choose(self, view: View) -> None:
+        """Choose for all rows, in order."""
+        assets = self.plans.assets
+        ending = view.frame + assets.frames_per_step >= assets.graph.node_frames[view.node]
         for row in np.flatnonzero(ending & (view.next_node == NONE)):
             self._choose(view, int(row))
 
     def _choose(self, view: View, row: int) -> None:
-        graph = self.plans.setting.graph
+        graph = self.plans.assets.graph
         agent, node, cursor = int(view.agent[row]), int(view.node[row]), int(view.cursor[row])
         plan = self.plans.motions.get(agent)
         if plan is not None:
@@ -80,7 +73,7 @@ class Choosing:
                     view.state[row] = AgentState.MOVING
                     view.blocked_since[row] = NONE
                     node = int(plan.nodes[following])
-                    _take(view, row, node, plan.origins[following], plan.seams[following], following)
+                    _take(view, row, node, plan.origins[following], plan.blend_offsets[following], following)
                     self._look_ahead(view, row, plan, following)
                     return
                 if self._walks_through(plan, agent) and _distance(view, row) < NEAR_GOAL:
@@ -88,10 +81,10 @@ class Choosing:
                     self._abandon(view, row, agent)
                 elif view.blocked_since[row] == NONE:
                     view.blocked_since[row] = self.plans.step
-            elif plan.arrives and not self.plans.errands.accepts(agent, self._end(view, row)):
+            elif plan.arrives and not self.plans.itineraries.accepts(agent, self._end(view, row)):
                 self._abandon(view, row, agent)
             elif plan.arrives:
-                if not self.plans.errands.is_last(agent):
+                if not self.plans.itineraries.is_last(agent):
                     reach_goal(self.plans, view, row)
                     self._abandon(view, row, agent)
                 elif not view.stays[row]:
@@ -109,23 +102,24 @@ class Choosing:
 
     def _extend(self, view: View, row: int, plan: MotionPlan, following: int) -> bool:
         """Reserve the node ``following`` of the plan, and as many after it as it takes to be able to stop."""
-        setting, layers = self.plans.setting, tuple(mesh.arrays for mesh in self.plans.place.meshes)
+        assets = self.plans.assets
         available = min(plan.count - following, LOOKAHEAD)
-        chain, origins, seams = self._chain, self._origins, self._seams
-        chain[0], origins[0], seams[0] = view.node[row], view.origin[row], view.seam[row]
-        ahead = slice(following, following + available)
-        chain[1 : available + 1] = plan.nodes[ahead]
-        origins[1 : available + 1] = plan.origins[ahead]
-        seams[1 : available + 1] = plan.seams[ahead]
-        last = self.plans.errands.is_last(int(view.agent[row]), len(plan.passes))
+        chain = self._begin_chain(view, row)
+        ahead, until = slice(following, following + available), available + 1
+        chain.nodes[1:until] = plan.nodes[ahead]
+        chain.origins[1:until] = plan.origins[ahead]
+        chain.blend_offsets[1:until] = plan.blend_offsets[ahead]
+        last = self.plans.itineraries.is_last(int(view.agent[row]), len(plan.passes))
         leaves = plan.arrives and last and not view.stays[row] and following + available == plan.count
-        clock = self.plans.step * setting.frames_per_step
+        clock = self.plans.step * assets.frames_per_step
+        layers = tuple(mesh.arrays for mesh in self.plans.environment.meshes)
+        kept_off = float(view.body_radius[row]) + KEPT_OFF
+        obstacles = Obstacles(layers, assets.body_radii, self._kept_free(view, row), kept_off)
+        everyone = Timelines.of(view)
+        now = row, int(view.frame[row]), clock, SLOT_FRAMES
         taken, gone = reserve(
-            setting.graph, layers, setting.body_radii,
-            row, int(view.frame[row]), clock, SLOT_FRAMES, chain, origins, seams, 1, available, leaves,
-            view.timeline, view.timeline_start, view.gone_slot, view.body_radius, view.timeline_circle,
-            self._kept_free(view, row), float(view.body_radius[row]) + KEPT_OFF, self._timeline,
-        )  # fmt: skip
+            assets.graph, obstacles, everyone, *now, chain, self._draft, 1, available, leaves, self._timeline
+        )
         if not taken:
             return False
         view.timeline[row] = self._timeline
@@ -138,12 +132,22 @@ class Choosing:
         view.reserved[row] = following + taken - 1
         return True
 
+    def _begin_chain(self, view: View, row: int) -> Chain:
+        """The chain of the present node alone."""
+        chain = self._chain
+        chain.nodes[0], chain.origins[0], chain.blend_offsets[0] = (
+            view.node[row],
+            view.origin[row],
+            view.blend_offset[row],
+        )
+        return chain
+
     def _kept_free(self, view: View, row: int) -> NDArray[np.float64]:
         """Outlines (M, 4) of what is about to come and that a character must not enter: it is not there already."""
-        waited_for = self.plans.place.waited_for
+        waited_for = self.plans.environment.waited_for
         if not waited_for:
             return _NOTHING
-        slot = self.plans.step * self.plans.setting.frames_per_step // SLOT_FRAMES
+        slot = self.plans.step * self.plans.assets.frames_per_step // SLOT_FRAMES
         line = reserved_lines(view, slot)[row]
         distance = float(view.body_radius[row]) + KEPT_OFF
         segments = [_NOTHING]
@@ -155,8 +159,8 @@ class Choosing:
 
     def _walks_through(self, plan: MotionPlan, agent: int) -> bool:
         """Whether a plan ends at a goal that its character leaves at once for the next."""
-        errands, ahead = self.plans.errands, len(plan.passes)
-        return plan.arrives and not errands.is_last(agent, ahead) and not errands.stands(agent, ahead)
+        itineraries, ahead = self.plans.itineraries, len(plan.passes)
+        return plan.arrives and not itineraries.is_last(agent, ahead) and not itineraries.stands(agent, ahead)
 
     def _look_ahead(self, view: View, row: int, plan: MotionPlan, following: int) -> None:
         """Ask for the way on from the goal of a plan before it is reached, where nobody stops there."""
@@ -174,13 +178,13 @@ class Choosing:
 
     def _stop(self, view: View, row: int) -> None:
         """Enter the first node of the stop that was reserved with the present node."""
-        self._chain[0], self._origins[0], self._seams[0] = view.node[row], view.origin[row], view.seam[row]
-        append_stop(self.plans.setting.graph, self._chain, self._origins, self._seams, 1)
-        _take(view, row, int(self._chain[1]), self._origins[1], self._seams[1])
+        chain = self._begin_chain(view, row)
+        append_stop(self.plans.assets.graph, chain, 1)
+        _take(view, row, int(chain.nodes[1]), chain.origins[1], chain.blend_offsets[1])
 
     def _stand(self, view: View, row: int, agent: int) -> None:
         """Wait where the node ends: in an idle node if one may follow, else on the node's last frame."""
-        idle = self.plans.setting.idle_after(int(view.node[row]))
+        idle = self.plans.assets.idle_after(int(view.node[row]))
         if idle == NONE:
             view.state[row] = max(view.state[row], AgentState.WAITING)
             return
@@ -190,7 +194,7 @@ class Choosing:
 
     def _end(self, view: View, row: int) -> NDArray[np.float64]:
         """Where the present node ends (3,)."""
-        return np.array(node_end(self.plans.setting.graph, int(view.node[row]), *view.origin[row]))
+        return np.array(node_end(self.plans.assets.graph, int(view.node[row]), *view.origin[row]))
 
 
 def _distance(view: View, row: int) -> float:
@@ -199,9 +203,9 @@ def _distance(view: View, row: int) -> float:
 
 
 def _take(
-    view: View, row: int, node: int, origin: NDArray[np.float64], seam: NDArray[np.float64], cursor: int = NONE
+    view: View, row: int, node: int, origin: NDArray[np.float64], blend_offset: NDArray[np.float64], cursor: int = NONE
 ) -> None:
     view.next_node[row] = node
     view.next_origin[row] = origin
-    view.next_seam[row] = seam
+    view.next_blend_offset[row] = blend_offset
     view.next_cursor[row] = cursor

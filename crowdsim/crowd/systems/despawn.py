@@ -14,21 +14,20 @@ from crowdsim.recording.header import AgentState
 
 
 @dataclass
-class Arriving:
-    """The system that notes when each character arrived (step, -1 before) and removes those that leave."""
+class Despawning:
+    """Notes when each character arrived (step, -1 before) and removes those that leave."""
 
     world: World
     plans: Plans
     count: int
     arrived: NDArray[np.int64] = field(init=False)
 
-    READS = ("id", "agent", "cursor", "frame", "node", "next_node", "state", "stays")
-
     def __post_init__(self) -> None:
         self.arrived = np.full(self.count, NONE, np.int64)
 
-    def run(self, view: View) -> None:
-        graph = self.plans.setting.graph
+    def despawn(self, view: View) -> None:
+        """Note who has arrived and ask the world to remove those who leave."""
+        graph = self.plans.assets.graph
         at_end = (view.frame == graph.node_frames[view.node]) & (view.next_node == NONE) & (view.cursor >= 0)
         for row in np.flatnonzero(at_end & ~view.stays):
             agent = int(view.agent[row])
@@ -42,4 +41,4 @@ class Arriving:
 
     def _note(self, agent: int) -> None:
         self.arrived[agent] = self.plans.step
-        self.plans.errands.reach(agent)
+        self.plans.itineraries.reach(agent)

@@ -1,4 +1,4 @@
-"""The system that hands out plans and asks for new ones."""
+"""Plans are handed out, and new ones asked for."""
 
 from __future__ import annotations
 
@@ -14,45 +14,37 @@ from crowdsim.geometry.elementary import distance, hypot
 from crowdsim.recording.header import AgentState
 
 RETRY_SECONDS = 2.0
-"""How long a character whose search failed stands before it searches again."""
+"""Time that an agent stands after a failed search before it searches again [s]."""
 
 PATIENCE_SECONDS = 8.0
-"""How long a character waits for others before it looks for a way around those who stand near."""
+"""Time that an agent waits for others before it looks for a way around those who stand near [s]."""
 
 NEARBY = 2.5
-"""Meters within which others count as near."""
+"""Distance within which others count as near [m]."""
 
 AT_GOAL = 0.25
-"""Meters from a goal at which somebody who stands is there, if it goes on from there."""
+"""Distance from a goal below which a standing agent that goes on from there has reached it [m]."""
 
 
-@dataclass
-class Searching:
-    """The system that lets searches go on for another slice, while what they found so far is walked."""
+def search_on(plans: Plans, view: View) -> None:
+    """Let searches go on for another slice, while what they found so far is walked."""
 
-    plans: Plans
+    def played(agent: int) -> int:
+        rows = np.flatnonzero(view.agent == agent)  # few ask
+        return int(np.maximum(view.cursor, view.reserved)[rows].max(initial=NONE)) + 1
 
-    READS = ("agent", "cursor", "reserved")
-
-    def run(self, view: View) -> None:
-        def played(agent: int) -> int:
-            rows = np.flatnonzero(view.agent == agent)  # few ask
-            return int(np.maximum(view.cursor, view.reserved)[rows].max(initial=NONE)) + 1
-
-        self.plans.search_on(played)
+    plans.search_on(played)
 
 
 @dataclass
 class Replanning:
-    """The system that gives characters their plans and asks for new ones for those who stand without."""
+    """Gives characters their plans and asks for new ones for those who stand without."""
 
     plans: Plans
 
-    READS = ("agent", "state", "node", "pose", "origin", "stays")
-    WRITES = ("goal", "awaiting_plan", "retry_step", "blocked_since", "cursor", "reserved", "plan_digest")
-
-    def run(self, view: View) -> None:
-        plans, setting = self.plans, self.plans.setting
+    def replan(self, view: View) -> None:
+        """Hand out what searches found, then ask for those who wait."""
+        plans, assets = self.plans, self.plans.assets
         for found in plans.collect():
             row = int(np.argmax(view.agent == found.agent)) if len(view.agent) else 0
             if row == len(view.agent) or view.agent[row] != found.agent:
@@ -64,9 +56,9 @@ class Replanning:
             else:
                 self._hand_out(view, row, found)
 
-        waiting = (view.state == AgentState.WAITING) & setting.graph.node_idle[view.node]
+        waiting = (view.state == AgentState.WAITING) & assets.graph.node_idle[view.node]
         blocked = plans.step - view.blocked_since
-        patient = (view.blocked_since < 0) | (blocked < PATIENCE_SECONDS * setting.steps_per_second)
+        patient = (view.blocked_since < 0) | (blocked < PATIENCE_SECONDS * assets.steps_per_second)
         rows = np.flatnonzero(waiting & ~view.awaiting_plan & (view.retry_step <= plans.step))
         for row, agent, waits in zip(rows.tolist(), view.agent[rows].tolist(), patient[rows].tolist(), strict=True):
             around = np.empty((0, 2))
@@ -81,14 +73,14 @@ class Replanning:
                 continue
             view.awaiting_plan[row] = True
             departure = int(view.node[row]), view.origin[row].copy()
-            request = plans.errands.request(agent, view.pose[row, :2].copy(), departure=departure)
+            request = plans.itineraries.request(agent, view.pose[row, :2].copy(), departure=departure)
             route = plans.routes.get(agent)
             if route is not None and (route.points[-1] != request.goal).any():
                 route = None
             plans.request(agent, replace(request, route=route, around=around))
 
     def _hand_out(self, view: View, row: int, found: Found) -> None:
-        """Give a plan to somebody who stands or has begun it, or let it stand a while where there is none."""
+        """Give a plan to an agent that stands or has begun it; if there is none, let it stand a while."""
         plans, plan = self.plans, found.plan
         view.awaiting_plan[row] = plan is None and not found.over
         if found.first is None or plan is None:
@@ -97,10 +89,10 @@ class Replanning:
         plans.hand_out(found.agent, plan)
         if plan is None and found.over:
             pause = 0.0 if found.outdated else RETRY_SECONDS
-            view.retry_step[row] = plans.step + int(pause * plans.setting.steps_per_second)
+            view.retry_step[row] = plans.step + int(pause * plans.assets.steps_per_second)
 
     def _join(self, view: View, row: int, found: Found, join: Join) -> None:
-        """Let somebody who walks go on as was found, unless it has come to a stand or elsewhere meanwhile."""
+        """Let a walking agent go on as was found, unless it has stopped or left its plan meanwhile."""
         plans, agent, cursor = self.plans, found.agent, int(view.cursor[row])
         plan = plans.motions.get(agent)
         fits = plan is not None and join.fits(plan, cursor)
@@ -118,7 +110,7 @@ class Replanning:
         view.plan_digest[row] = joined.digest
 
     def _go_on(self, view: View, row: int, found: Found, first: int) -> None:
-        """Let somebody who walks what was found of its way go on as was found since."""
+        """Append what its search found since to the plan of a walking agent."""
         plan = self.plans.motions[found.agent]
         plan = plan.until(first - 1) if found.plan is None else plan.joined(0, first - 1, found.plan, reaches=False)
         self.plans.hand_out(found.agent, plan, first)
@@ -126,22 +118,22 @@ class Replanning:
         view.plan_digest[row] = plan.digest
 
     def _is_there(self, view: View, row: int, agent: int) -> bool:
-        """Whether somebody stands at a goal from where it goes on."""
+        """Whether an agent stands at a goal from where it goes on."""
         near = distance(view.pose[row, :2], view.goal[row]) < AT_GOAL
-        errands = self.plans.errands
-        return near and not errands.is_last(agent) and errands.accepts(agent, view.pose[row])
+        itineraries = self.plans.itineraries
+        return near and not itineraries.is_last(agent) and itineraries.accepts(agent, view.pose[row])
 
 
 def reach_goal(plans: Plans, view: View, row: int) -> None:
     """Count the goal of a character as reached, from where it goes on, and give it the next."""
     agent = int(view.agent[row])
-    seconds = plans.errands.reach(agent)
-    view.goal[row] = plans.errands.goal(agent)
-    view.retry_step[row] = plans.step + round(seconds * plans.setting.steps_per_second)
+    seconds = plans.itineraries.reach(agent)
+    view.goal[row] = plans.itineraries.goal(agent)
+    view.retry_step[row] = plans.step + round(seconds * plans.assets.steps_per_second)
 
 
 def _standing_near(view: View, row: int) -> NDArray[np.float64]:
     """(k, 2) places of the others who stand within NEARBY meters."""
     others = (view.state != AgentState.MOVING) & (np.arange(len(view.agent)) != row)
-    places = view.pose[others, :2]
-    return places[hypot(*(places - view.pose[row, :2]).T) < NEARBY]
+    positions = view.pose[others, :2]
+    return np.asarray(positions[hypot(*(positions - view.pose[row, :2]).T) < NEARBY])

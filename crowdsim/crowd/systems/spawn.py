@@ -10,77 +10,75 @@ from numpy.typing import NDArray
 from shapely import Point
 
 from crowdsim.crowd.search.plans import Plans
-from crowdsim.crowd.state.assets import Setting
 from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM, FOREVER, meets_anyone
+from crowdsim.crowd.state.timelines import Timelines
 from crowdsim.crowd.systems.apply_events import KEPT_OFF
 from crowdsim.crowd.systems.replan import AT_GOAL
 from crowdsim.ecs.world import View, World
 from crowdsim.geometry.elementary import distance
-from crowdsim.scenario.placement import Placement
 
 NO_MOTION = "there is a path, but no motion of the set follows it; add clips that turn, start or step as it asks"
 
 
 @dataclass
-class Entering:
-    """The system that plans ahead for those about to come and lets them in one by one, in order."""
+class Spawning:
+    """Plans ahead for those about to come and lets them in one by one, in order.
+
+    spawned: step in which each character came into the world, -1 before.
+    """
 
     world: World
-    setting: Setting
-    cast: Placement
     plans: Plans
     # Steps in which agents asked for their way, and in which they last found their place taken.
     requested: dict[int, int] = field(default_factory=dict)
     refused: dict[int, int] = field(default_factory=dict)
-    entered: NDArray[np.int64] = field(init=False)
-
-    READS = ("timeline", "timeline_start", "gone_slot", "body_radius", "timeline_circle")
+    spawned: NDArray[np.int64] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.entered = np.full(len(self.cast.starts), -1, np.int64)
+        self.assets, self.cast = self.plans.assets, self.plans.itineraries.cast
+        self.spawned = np.full(len(self.cast.starts), -1, np.int64)
         self._parked = np.empty((TIMELINE_SLOTS, 2))
         # Timelines have no finer steps.
-        self._pause = max(SLOT_FRAMES // self.setting.frames_per_step, 1)
+        self._pause = max(SLOT_FRAMES // self.assets.frames_per_step, 1)
 
-    def run(self, _: View) -> None:
+    def spawn(self, view: View) -> None:
+        """Ask the world for those whose time has come, and plan for those whose time is near."""
         step = self.plans.step
-        slot = step * self.setting.frames_per_step // SLOT_FRAMES
-        entered: list[NDArray[np.float64]] = []
-        for agent in np.flatnonzero((self.entered < 0) & (self.cast.start_steps - self.plans.lead <= step)).tolist():
+        slot = step * self.assets.frames_per_step // SLOT_FRAMES
+        taken: list[NDArray[np.float64]] = []
+        for agent in np.flatnonzero((self.spawned < 0) & (self.cast.start_steps - self.plans.lead <= step)).tolist():
             plan = self.plans.motions.get(agent)
             if plan is None:
                 self._ask(agent)
             elif max(self.cast.start_steps[agent], self.refused.get(agent, -self._pause) + self._pause) <= step:
                 position = plan.departure[:2]
-                if self._is_free(position, entered, slot):
+                if self._is_free(view, position, taken, slot):
                     self._spawn(agent, plan, slot)
-                    self.entered[agent] = step
-                    entered.append(position)
+                    self.spawned[agent] = step
+                    taken.append(position)
                 else:
                     self.refused[agent] = step
 
-    def _is_free(self, position: NDArray[np.float64], entered: list[NDArray[np.float64]], slot: int) -> bool:
-        """Whether nobody is or will be at a place, of those in the world and those who enter in this step."""
-        radius = self.setting.personal_radius
-        waited_for = self.plans.place.waited_for
+    def _is_free(self, view: View, position: NDArray[np.float64], taken: list[NDArray[np.float64]], slot: int) -> bool:
+        """Whether nobody is or will be at a position, of those in the world and those who spawn in this step."""
+        radius = self.assets.personal_radius
+        waited_for = self.plans.environment.waited_for
         if waited_for and shapely.distance(Point(position), waited_for).min() < radius + KEPT_OFF:
             return False
-        if any(distance(position, other) < 2.0 * radius + ELBOW_ROOM for other in entered):
+        if any(distance(position, other) < 2.0 * radius + ELBOW_ROOM for other in taken):
             return False
         self._parked[:] = position
-        # Not from the view: for arrays that must not be written the kernel would be compiled anew.
-        timelines, starts, gones, radii, circles = (self.world.column(name) for name in self.READS)
-        return not meets_anyone(-1, self._parked, slot, FOREVER, slot, radius, timelines, starts, gones, radii, circles)
+        return not meets_anyone(-1, self._parked, slot, FOREVER, slot, radius, Timelines.of(view))
 
     def _ask(self, agent: int) -> None:
-        """Ask for the way of somebody who has none, unless it is looked for or was in vain."""
+        """Request the way of an agent that has none, unless a search is under way or failed."""
         plans = self.plans
         if agent in self.requested:
             if plans.searches.is_under_way(agent):
                 return
-            if self.requested[agent] >= plans.place.last_edit_step:
+            if self.requested[agent] >= plans.environment.last_edit_step:
                 plans.unreachable.setdefault(agent, NO_MOTION)
                 return
             plans.unreachable.pop(agent, None)
@@ -88,26 +86,26 @@ class Entering:
 
     def _request(self, agent: int) -> None:
         self.requested[agent] = self.plans.step
-        errands = self.plans.errands
+        itineraries = self.plans.itineraries
         for _ in self.cast.goals[agent]:
-            if errands.is_last(agent) or distance(errands.goal(agent), self.cast.starts[agent]) >= AT_GOAL:
+            if itineraries.is_last(agent) or distance(itineraries.goal(agent), self.cast.starts[agent]) >= AT_GOAL:
                 break
-            errands.reach(agent)  # it starts there
-        self.plans.request(agent, errands.request(agent, self.cast.starts[agent]))
+            itineraries.reach(agent)  # it starts there
+        self.plans.request(agent, itineraries.request(agent, self.cast.starts[agent]))
 
     def _spawn(self, agent: int, plan: MotionPlan, slot: int) -> None:
         node = plan.departure_node
         self.world.spawn(
             agent=agent,
             pose=plan.departure,
-            behavior=self.setting.graph.node_behavior[node],
+            behavior=self.assets.graph.node_behavior[node],
             node=node,
             origin=plan.departure,
             plan_digest=plan.digest,
             timeline=np.tile(plan.departure[:2], (TIMELINE_SLOTS, 1)),
             timeline_circle=np.array([*plan.departure[:2], 0.0]),
             timeline_start=slot,
-            body_radius=self.setting.personal_radius,
-            goal=self.plans.errands.goal(agent),
+            body_radius=self.assets.personal_radius,
+            goal=self.plans.itineraries.goal(agent),
             stays=self.cast.stays[agent],
         )

@@ -13,7 +13,7 @@ from crowdsim.following.follower.path_kernels import project, sample_before, sam
 from crowdsim.following.follower.reach_kernels import branch_keeps_in
 from crowdsim.following.kinematics.chain_kernels import bend_chain
 from crowdsim.geometry.planar_kernels import compose, wrap_angle
-from crowdsim.jit import helper, kernel, unowned
+from crowdsim.jit import helper, kernel
 from crowdsim.motion.graph.track_kernels import next_origin, node_end
 
 MOST_BENT = 16
@@ -114,8 +114,6 @@ def arrive(graph, guide, rules, layers, reach, search, laid, chain, count, withi
     Returns how many nodes at the end were laid anew, rows of ``laid`` from 0 on, and the arc length that their end is
     beside; 0 where no bent motion arrives and is free.
     """
-    graph, guide, rules = unowned(graph), unowned(guide), unowned(rules)
-    layers, search, laid = unowned(layers), unowned(search), unowned(laid)
     hints = np.full(len(layers), np.int64(NONE))
     last = guide.pose.shape[0] - 1
     goal = np.empty(3)
@@ -136,8 +134,7 @@ def arrive(graph, guide, rules, layers, reach, search, laid, chain, count, withi
         for k, mesh in enumerate(layers):
             free = free and branch_is_free(graph, rules, mesh, np.int64(k), search, laid, bent, stage_end, True, hints)
         if reach is not None:
-            kept = unowned(reach)
-            free = free and branch_keeps_in(graph, guide, rules, kept, search, laid, bent, stage_end, arc, True)
+            free = free and branch_keeps_in(graph, guide, rules, reach, search, laid, bent, stage_end, arc, True)
         if free:
             return bent, laid.arc[bent - 1]
     return 0, 0.0

@@ -111,6 +111,126 @@ def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
 
 
 @helper
+def _place_entry(graph, maps, guide, rules, laid, root, entry, x, y, heading, arc):
+    """Lay an entry down after the pose (x, y, heading) at ``arc``, with the twist that steers it to the path.
+
+    Its node, edge, twist, origin and end go to ``laid``. False if its behavior may not be used here.
+    """
+    node = entry
+    edge = np.int64(NONE)
+    twist = 0.0
+    ox, oy, oh = x, y, heading
+    if root >= 0:
+        node = np.int64(maps.node[maps.first[root] + entry])
+        edge = np.int64(maps.edge[maps.first[root] + entry])
+    if not guide.allowed[graph.node_behavior[node], sample_index(guide, arc)]:
+        return False
+    if root >= 0:
+        twist = _steer(graph, maps, guide, rules, edge, x, y, heading, arc)
+        ox, oy, oh = next_origin(graph, np.int64(edge), twist, x, y, heading)
+    x, y, heading = node_end(graph, node, ox, oy, oh)
+    laid.node[entry] = node
+    laid.edge[entry] = edge
+    laid.twist[entry] = twist
+    laid.origin[entry, 0], laid.origin[entry, 1], laid.origin[entry, 2] = ox, oy, oh
+    laid.end[entry, 0], laid.end[entry, 1], laid.end[entry, 2] = x, y, heading
+    return True
+
+
+@helper
+def _stray(graph, maps, guide, laid, entry, arc, arc_after, area):
+    """Walk the outline of an entry beside the path from ``arc`` to ``arc_after``.
+
+    Enters whether it is wider than planned anywhere and how far it strays into ``laid``, and returns ``area`` with what
+    lies between the two added, and the square of how near it comes to the goal.
+    """
+    node = laid.node[entry]
+    behavior = graph.node_behavior[node]
+    travel = graph.node_length[node]
+    ox, oy = laid.origin[entry, 0], laid.origin[entry, 1]
+    c, s = cos_sin(laid.origin[entry, 2])
+    goal_x, goal_y = path_point(guide, guide.length)
+    nearest = math.inf
+    # Where a node begins its body is there already, which the outline leaves out.
+    wide = behavior > guide.behavior[sample_before(guide, arc)]
+    begin, end = maps.outline_first[node], maps.outline_first[node + 1]
+    step = travel / (end - begin)
+    pace = (arc_after - arc) / max(travel, 1e-9)
+    qx, qy = path_point(guide, arc)
+    strayed = math.sqrt((ox - qx) * (ox - qx) + (oy - qy) * (oy - qy))
+    for row in range(begin, end):
+        u, v = maps.outline[row, 0], maps.outline[row, 1]
+        px, py = ox + c * u - s * v, oy + s * u + c * v
+        along = min(arc + pace * maps.outline[row, 2], guide.length)
+        qx, qy = path_point(guide, along)
+        gap = math.sqrt((px - qx) * (px - qx) + (py - qy) * (py - qy))
+        area += step * gap
+        strayed = max(strayed, gap)
+        misfit = behavior - guide.behavior[sample_index(guide, along)]
+        area += step * MISFIT_COST * abs(misfit)
+        wide = wide or misfit > 0
+        nearest = min(nearest, (px - goal_x) * (px - goal_x) + (py - goal_y) * (py - goal_y))
+    laid.wide[entry] = wide
+    laid.strayed[entry] = strayed
+    return area, nearest
+
+
+@helper
+def _reaches(graph, guide, rules, laid, entry, nearest):
+    """Whether an entry is at the goal: ends there as the rules ask, or comes by (``nearest``, squared meters)."""
+    if not rules.end_standing and math.isnan(rules.goal_heading):
+        return nearest <= rules.goal_tolerance * rules.goal_tolerance
+    goal_x, goal_y = path_point(guide, guide.length)
+    stands = graph.node_ends_standing[laid.node[entry]] or not rules.end_standing
+    reached = hypot(laid.end[entry, 0] - goal_x, laid.end[entry, 1] - goal_y) <= rules.goal_tolerance and stands
+    if not math.isnan(rules.goal_heading):
+        turned = abs(wrap_angle(rules.goal_heading - laid.end[entry, 2]))
+        reached = reached and turned <= rules.goal_heading_tolerance
+    return reached
+
+
+@helper
+def _judge_entry(graph, maps, guide, rules, laid, entry, arc, area):
+    """Judge an entry that was placed after ``arc``: fit or not, at the goal or not, what it adds to ``area``."""
+    node = laid.node[entry]
+    x, y, heading = laid.end[entry, 0], laid.end[entry, 1], laid.end[entry, 2]
+    moved = hypot(graph.node_motion[node, 0], graph.node_motion[node, 1])
+    arc_after, end_gap = project(guide, x, y, arc - 0.2, arc + graph.node_length[node] + 0.3)
+    backward = arc - arc_after
+    arc_after = max(arc_after, arc)
+    error = abs(_fit_heading(maps, guide, rules, node, heading, arc_after, _HEADING_WINDOW))
+    here = sample_index(guide, arc_after)
+    fit = (
+        end_gap <= rules.deviation
+        and backward <= _MOST_BACKWARD
+        and (moved < IN_PLACE or error <= rules.heading_tolerance)
+        and guide.allowed[graph.node_behavior[node], here]
+    )
+    nearest = math.inf
+    laid.wide[entry] = False
+    laid.strayed[entry] = math.inf
+    if fit:
+        area, nearest = _stray(graph, maps, guide, laid, entry, arc, arc_after, area)
+        area += NODE_COST + _TIME_COST * graph.node_frames[node] / CAPTURE_RATE
+        if maps.leads_to[node] != guide.behavior[here]:
+            area += _SWITCH_COST
+    reached = _reaches(graph, guide, rules, laid, entry, nearest)
+    # Near the end the heading that is asked for counts, not that of the path.
+    if not math.isnan(rules.goal_heading) and arc_after > guide.length - _HEADING_WINDOW:
+        error = abs(wrap_angle(rules.goal_heading - heading))
+    # Who stands past the end, out of reach of the goal, could only shuffle: there are no steps back.
+    stuck = rules.end_standing and graph.node_ends_standing[node]
+    last = guide.length if stuck else guide.length + rules.goal_tolerance
+    laid.fit[entry] = fit and (reached or arc_after <= last)
+    laid.reached[entry] = reached
+    for k in range(laid.free.shape[1]):
+        laid.free[entry, k] = False
+    laid.arc[entry] = arc_after
+    laid.area[entry] = area
+    laid.off[entry] = 0.0 if reached else _END_COST * (end_gap + 0.5 * error)
+
+
+@helper
 def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, stage_arc, serial):
     """Lay the first ``depth`` entries of ``search.branch`` after the end pose of a stage; how many are to be taken.
 
@@ -120,102 +240,17 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
     equation 5 of the 2012 paper, at equal shares of the node's length) and in the same unit a little for each node,
     its time, and behaviors other than the planned.
     """
-    total = guide.length
-    goal_x, goal_y = path_point(guide, total)
     x, y, heading = stage_end[0], stage_end[1], stage_end[2]
     arc = stage_arc
     area = 0.0
     for d in range(depth):
         entry = search.branch[d]
+        # Branches share their first entries: one that this stage laid before is not laid again.
         if laid.serial[entry] != serial:
-            node = entry
-            edge = np.int64(NONE)
-            twist = 0.0
-            ox, oy, oh = x, y, heading
-            if root >= 0:
-                node = np.int64(maps.node[maps.first[root] + entry])
-                edge = np.int64(maps.edge[maps.first[root] + entry])
-            if not guide.allowed[graph.node_behavior[node], sample_index(guide, arc)]:
-                laid.serial[entry] = serial
-                laid.fit[entry] = False
-                return 0
-            if root >= 0:
-                twist = _steer(graph, maps, guide, rules, edge, x, y, heading, arc)
-                ox, oy, oh = next_origin(graph, np.int64(edge), twist, x, y, heading)
-            c, s = cos_sin(oh)
-            u, v = graph.node_motion[node, 0], graph.node_motion[node, 1]
-            x, y, heading = ox + c * u - s * v, oy + s * u + c * v, wrap_angle(oh + graph.node_motion[node, 2])
-            behavior = graph.node_behavior[node]
-            travel = graph.node_length[node]
-            moved = hypot(graph.node_motion[node, 0], graph.node_motion[node, 1])
-            arc_after, end_gap = project(guide, x, y, arc - 0.2, arc + travel + 0.3)
-            backward = arc - arc_after
-            arc_after = max(arc_after, arc)
-            error = abs(_fit_heading(maps, guide, rules, node, heading, arc_after, _HEADING_WINDOW))
-            here = sample_index(guide, arc_after)
-            fit = (
-                end_gap <= rules.deviation
-                and backward <= _MOST_BACKWARD
-                and (moved < IN_PLACE or error <= rules.heading_tolerance)
-                and guide.allowed[behavior, here]
-            )
-            nearest = math.inf
-            wide = False
-            strayed = math.inf
-            if fit:
-                # Where a node begins its body is there already, which the outline leaves out.
-                wide = behavior > guide.behavior[sample_before(guide, arc)]
-                begin, end = maps.outline_first[node], maps.outline_first[node + 1]
-                step = travel / (end - begin)
-                pace = (arc_after - arc) / max(travel, 1e-9)
-                qx, qy = path_point(guide, arc)
-                strayed = math.sqrt((ox - qx) * (ox - qx) + (oy - qy) * (oy - qy))
-                for row in range(begin, end):
-                    u, v = maps.outline[row, 0], maps.outline[row, 1]
-                    px, py = ox + c * u - s * v, oy + s * u + c * v
-                    along = min(arc + pace * maps.outline[row, 2], total)
-                    qx, qy = path_point(guide, along)
-                    gap = math.sqrt((px - qx) * (px - qx) + (py - qy) * (py - qy))
-                    area += step * gap
-                    strayed = max(strayed, gap)
-                    misfit = behavior - guide.behavior[sample_index(guide, along)]
-                    area += step * MISFIT_COST * abs(misfit)
-                    wide = wide or misfit > 0
-                    nearest = min(nearest, (px - goal_x) * (px - goal_x) + (py - goal_y) * (py - goal_y))
-                area += NODE_COST + _TIME_COST * graph.node_frames[node] / CAPTURE_RATE
-                if maps.leads_to[node] != guide.behavior[here]:
-                    area += _SWITCH_COST
-            asked = not math.isnan(rules.goal_heading)
-            if rules.end_standing or asked:
-                goal_gap = hypot(x - goal_x, y - goal_y)
-                reached = goal_gap <= rules.goal_tolerance and (
-                    graph.node_ends_standing[node] or not rules.end_standing
-                )
-                if asked:
-                    turned = abs(wrap_angle(rules.goal_heading - heading))
-                    reached = reached and turned <= rules.goal_heading_tolerance
-                    if arc_after > total - _HEADING_WINDOW:
-                        error = turned
-            else:
-                reached = nearest <= rules.goal_tolerance * rules.goal_tolerance
             laid.serial[entry] = serial
-            # Who stands past the end, out of reach of the goal, could only shuffle: there are no steps back.
-            stuck = rules.end_standing and graph.node_ends_standing[node]
-            last = total if stuck else total + rules.goal_tolerance
-            laid.fit[entry] = fit and (reached or arc_after <= last)
-            laid.wide[entry] = wide
-            laid.strayed[entry] = strayed
-            laid.reached[entry] = reached
-            for k in range(laid.free.shape[1]):
-                laid.free[entry, k] = False
-            laid.node[entry] = node
-            laid.edge[entry] = edge
-            laid.twist[entry] = twist
-            laid.origin[entry, 0], laid.origin[entry, 1], laid.origin[entry, 2] = ox, oy, oh
-            laid.end[entry, 0], laid.end[entry, 1], laid.end[entry, 2] = x, y, heading
-            laid.arc[entry] = arc_after
-            laid.area[entry] = area
-            laid.off[entry] = 0.0 if reached else _END_COST * (end_gap + 0.5 * error)
+            laid.fit[entry] = False
+            if _place_entry(graph, maps, guide, rules, laid, root, entry, x, y, heading, arc):
+                _judge_entry(graph, maps, guide, rules, laid, entry, arc, area)
         if not laid.fit[entry]:
             return 0
         if laid.reached[entry]:

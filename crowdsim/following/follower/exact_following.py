@@ -10,16 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.following.follower.body_reach import BodyReach
 from crowdsim.following.follower.follow_workspace import Samples
 from crowdsim.following.follower.path_follower import (
-    THOROUGH_LOOKS,
+    THOROUGH_BRANCHES,
+    Character,
     FollowOptions,
     FollowResult,
     FollowStatus,
-    PathSearch,
+    PathFollower,
 )
-from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.geometry.elementary import distance
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.motion.graph.arrays import GraphArrays
@@ -31,22 +30,18 @@ _TRIES = 200
 """Solutions looked at in a quick search and in one with the whole budget: what is found after the first ends elsewhere,
 and costs little."""
 
-FEW_LOOKS = 8
+FEW_BRANCHES = 8
 """Branches laid at each stage of searches that shall come to other motions than broader ones, sooner."""
 
 
 def follow_exactly(
-    graph: GraphArrays,
-    maps: MotionMaps,
+    character: Character,
     samples: Samples,
     meshes: tuple[Any, ...],
-    radii: Floats,
-    facings: Floats,
     start_pose: Floats,
     start_node: int = -1,
     options: FollowOptions | None = None,
     arrival: float = 0.01,
-    reach: BodyReach | None = None,
 ) -> tuple[FollowResult, float]:
     """Follow a path to a stand, with the last transitions turned so that it is within ``arrival`` meters of the end.
 
@@ -55,11 +50,12 @@ def follow_exactly(
     distances, a wider range of headings, of more branches. Returns the motion and the meters it ends off: that of least
     where none arrives, the one that came farthest where none is found.
     """
+    graph = character.graph
     options = replace(options or FollowOptions(goal_tolerance=0.1), end_standing=True)
     goal = np.asarray(samples.pose[-1, :2], np.float64)
     best: tuple[FollowResult, float] | None = None
     for sought, tries in _searches(options):
-        search = PathSearch(graph, maps, samples, meshes, radii, facings, start_pose, start_node, sought, reach)
+        search = PathFollower(character, samples, meshes, start_pose, start_node, sought)
         for _ in range(tries):
             found = search.next()
             off = meters_off(graph, found, goal)
@@ -87,18 +83,18 @@ def _searches(options: FollowOptions) -> Iterator[tuple[FollowOptions, int]]:
     """
     spreads = (1.0,) if options.goal_heading is None else (1.0, 2.0)
     rounds = (
-        (options.looks, max(options.budget // 4, 1), _QUICK_TRIES),
-        (FEW_LOOKS, options.budget, _TRIES),
-        (THOROUGH_LOOKS, options.budget, _TRIES),
+        (options.branches, max(options.budget // 4, 1), _QUICK_TRIES),
+        (FEW_BRANCHES, options.budget, _TRIES),
+        (THOROUGH_BRANCHES, options.budget, _TRIES),
     )
-    for looks, budget, tries in rounds:
+    for branches, budget, tries in rounds:
         for share in (1.0, 0.5):
             for spread in spreads:
                 sought = replace(
                     options,
                     goal_tolerance=share * options.goal_tolerance,
                     goal_heading_tolerance=min(spread * options.goal_heading_tolerance, math.pi),
-                    looks=looks,
+                    branches=branches,
                     budget=budget,
                 )
                 yield sought, tries

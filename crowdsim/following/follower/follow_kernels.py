@@ -16,7 +16,7 @@ from crowdsim.following.follower.reach_kernels import branch_keeps_in
 from crowdsim.following.maps.map_kernels import BEHAVIOR, BIN, CELL, END_X, END_Y, LEVEL, WALKED, pack_cell
 from crowdsim.geometry.elementary_kernels import cos_sin
 from crowdsim.geometry.planar_kernels import to_local
-from crowdsim.jit import helper, kernel, unowned
+from crowdsim.jit import helper, kernel
 from crowdsim.motion.graph.track_kernels import node_end
 
 GOAL_FIRST = 1e6
@@ -127,17 +127,17 @@ def _facing_bins(rules, along):
 
 
 @helper
-def _look_along_path(maps, guide, rules, search, root, origin, arc, serial):
+def _list_along_path(maps, guide, rules, search, root, origin, arc, serial):
     """List the entries of the map to be laid: in and around the cells that the path crosses from ``arc`` on.
 
-    Query points lie two cells apart up to the map's average length. Of more than ``search.look`` has room for those
+    Query points lie two cells apart up to the map's average length. Of more than ``search.listed`` has room for those
     that promise most are listed: what they would about score as the map has them, without extra rotations, with the
     area between branch and path taken for a triangle over what its end is off. Returns their number.
     """
     base, stop = maps.first[root], maps.first[root + 1]
     points = int(maps.average[root] / _QUERY_STEP) + 1
     count = np.int64(0)
-    room = search.look.shape[0]
+    room = search.listed.shape[0]
     ahead, marked = maps.ahead, search.marked
     c, s = cos_sin(origin[2])
     for q in range(points + 1):
@@ -170,26 +170,29 @@ def _look_along_path(maps, guide, rules, search, root, origin, arc, serial):
                 gain = max(walked, 0.1)
                 cost = gap * (0.5 * gain + 0.25) + NODE_COST * level + MISFIT_COST * misfit * gain
                 score = cost / (gain * gain)
-                if count < room or score <= search.look_score[count - 1]:
+                if count < room or score <= search.listed_score[count - 1]:
                     entry = np.int64(maps.order[row])
-                    count = _keep(search.look_score, search.look, np.int64(0), count, room, score, entry)
+                    count = _keep(search.listed_score, search.listed, np.int64(0), count, room, score, entry)
     for i in range(count):
-        marked[ENTRY, search.look[i]] = serial
+        marked[ENTRY, search.listed[i]] = serial
     return count
 
 
 @helper
-def _collect(graph, maps, guide, rules, search, laid, root, origin, end, arc, begin, serial, along, singles):
-    """Score the candidates of a stage into its list, which starts at ``begin``; returns their number.
+def _collect(graph, maps, guide, rules, search, laid, top, along, singles):
+    """Score the candidates of stage ``top`` into its list; returns their number.
 
     These are the best branches found ``along`` the path and the ``singles``, all other single successors, which keep a
     stage going where the path leaves the cells of the map. Without a root every node may be the first. The score is
     equation 5 of the 2012 paper, with the last node's own track: where it begins, all children of a node look alike.
     """
-    looks = np.int64(0)
+    root, serial = search.stage[top, NODE], search.stage[top, SERIAL]
+    origin, end, arc = search.stage_origin[top], search.stage_end[top], search.stage_arc[top]
+    begin = top * (search.candidate.shape[0] // search.stage.shape[0])
+    listed = np.int64(0)
     first, stop = np.int64(0), np.int64(0)
     if along and root >= 0:
-        looks = _look_along_path(maps, guide, rules, search, root, origin, arc, serial)
+        listed = _list_along_path(maps, guide, rules, search, root, origin, arc, serial)
     if singles and root >= 0:
         base = maps.first[root]
         first, stop = np.int64(1), np.int64(1)
@@ -198,9 +201,9 @@ def _collect(graph, maps, guide, rules, search, laid, root, origin, end, arc, be
     elif singles:
         stop = np.int64(graph.node_frames.shape[0])
     count = np.int64(0)
-    for i in range(looks + stop - first):
-        entry = search.look[i] if i < looks else first + i - looks
-        if i >= looks and (search.marked[ENTRY, entry] == serial or (root < 0 and graph.node_idle[entry])):
+    for i in range(listed + stop - first):
+        entry = search.listed[i] if i < listed else first + i - listed
+        if i >= listed and (search.marked[ENTRY, entry] == serial or (root < 0 and graph.node_idle[entry])):
             continue
         depth = _load_branch(maps, search, root, entry)
         taken = lay_branch(graph, maps, guide, rules, search, laid, root, depth, end, arc, serial)
@@ -301,8 +304,6 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
     them in their section, or is None. A search that has found a solution goes on to the next when called again, one out
     of budget goes on with a greater one, and one that would have to change a kept node is PAST_KEPT.
     """
-    graph, maps, guide, rules = unowned(graph), unowned(maps), unowned(guide), unowned(rules)
-    layers, search, laid = unowned(layers), unowned(search), unowned(laid)
     hints = np.full(len(layers), np.int64(NONE))
     room = search.candidate.shape[0] // search.stage.shape[0]
     state = search.state
@@ -336,10 +337,7 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
             singles = not along or arc > guide.length - _LAST
             search.stage[top, SINGLES] = np.int64(singles)
             search.stage[top, NEXT] = 0
-            search.stage[top, SIZE] = _collect(
-                graph, maps, guide, rules, search, laid, root, search.stage_origin[top], end, arc, begin,
-                search.stage[top, SERIAL], along, singles,
-            )  # fmt: skip
+            search.stage[top, SIZE] = _collect(graph, maps, guide, rules, search, laid, top, along, singles)
             continue
         entry = search.candidate[begin + search.stage[top, NEXT]]
         search.stage[top, NEXT] += 1
@@ -349,8 +347,7 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
         for k, mesh in enumerate(layers):
             free = free and branch_is_free(graph, rules, mesh, np.int64(k), search, laid, depth, end, root >= 0, hints)
         if reach is not None:
-            kept = unowned(reach)
-            free = free and branch_keeps_in(graph, guide, rules, kept, search, laid, depth, end, arc, root >= 0)
+            free = free and branch_keeps_in(graph, guide, rules, reach, search, laid, depth, end, arc, root >= 0)
         if not free:
             continue
         count = search.stage[top, COUNT]

@@ -97,8 +97,8 @@ class Search(NamedTuple):
     stage_arc: Floats
     candidate: NDArray[np.int64]
     score: Floats
-    look: NDArray[np.int64]
-    look_score: Floats
+    listed: NDArray[np.int64]
+    listed_score: Floats
     marked: NDArray[np.int64]
     branch: NDArray[np.int64]
     memory: NDArray[np.int64]
@@ -146,7 +146,7 @@ def _allowed(samples: Samples, facings: Floats, reach: float) -> NDArray[np.bool
 
 
 def make_workspace(
-    graph: GraphArrays, maps: MotionMaps, length: float, rules: Rules, looks: int
+    graph: GraphArrays, maps: MotionMaps, length: float, rules: Rules, branches: int
 ) -> tuple[Search, Laid]:
     """Room for one search; a solution has some nodes for each meter of path."""
     depth = maps.depth
@@ -169,8 +169,8 @@ def make_workspace(
         stage_arc=np.empty(stages),
         candidate=ints(pool),
         score=np.empty(pool),
-        look=ints(looks),
-        look_score=np.empty(looks),
+        listed=ints(branches),
+        listed_score=np.empty(branches),
         marked=np.zeros((2, entries), np.int64),
         branch=ints(depth),
         memory=np.zeros(memory, np.int64),

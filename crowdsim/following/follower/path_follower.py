@@ -51,7 +51,7 @@ class FollowStatus(IntEnum):
     PAST_KEPT = PAST_KEPT
 
 
-THOROUGH_LOOKS = 200
+THOROUGH_BRANCHES = 200
 """Branches laid at each stage of the second search, where a quick one found nothing."""
 
 
@@ -69,8 +69,8 @@ class FollowOptions:
     deviation: meters that the end of a node may lie off the path.
     slack: meters kept free beyond the body's radius, for what passes between two samples of the test.
     candidates: branches kept at each stage beside the single successors.
-    looks: branches laid on the path at each stage beside the single successors: of more, those that promise most.
-        A search that finds nothing with them is made again with THOROUGH_LOOKS.
+    branches: branches laid on the path at each stage beside the single successors: of more, those that promise most.
+        A search that finds nothing with them is made again with THOROUGH_BRANCHES.
     budget: map queries until the search gives up.
     """
 
@@ -84,7 +84,7 @@ class FollowOptions:
     deviation: float = 0.6
     slack: float = 0.005
     candidates: int = 48
-    looks: int = 24
+    branches: int = 24
     budget: int = 4_000
 
 
@@ -106,7 +106,23 @@ class FollowResult:
     expansions: int
 
 
-class PathSearch:
+@dataclass(frozen=True)
+class Character:
+    """Who follows paths: its motions, its body, and which way it may face.
+
+    radii: (B, layers) meters, the radius of the body in each behavior on each layer. facings: (B, F) radians off the
+    direction of motion that the body may face in each behavior, padded with NaN. reach: where the body's joints are, to
+    keep every one of them in its section; without it the discs alone count.
+    """
+
+    graph: GraphArrays
+    maps: MotionMaps
+    radii: Floats
+    facings: Floats
+    reach: BodyReach | None = None
+
+
+class PathFollower:
     """One search for motion along a path, that can be asked for more than the first solution.
 
     Arguments as of :func:`follow_path`. Of one thread at a time.
@@ -114,23 +130,20 @@ class PathSearch:
 
     def __init__(
         self,
-        graph: GraphArrays,
-        maps: MotionMaps,
+        character: Character,
         samples: Samples,
         meshes: tuple[Any, ...],
-        radii: Floats,
-        facings: Floats,
         start_pose: Floats,
         start_node: int = -1,
         options: FollowOptions | None = None,
-        reach: BodyReach | None = None,
     ) -> None:
         options = options or FollowOptions()
-        _check(graph, samples, meshes, radii, facings, options, reach)
-        guide = make_guide(samples, facings, options.transition_reach)
+        _check(character, samples, meshes, options)
+        graph, maps, reach = character.graph, character.maps, character.reach
+        guide = make_guide(samples, character.facings, options.transition_reach)
         rules = Rules(
-            radii=np.ascontiguousarray(radii, np.float64),
-            facings=np.ascontiguousarray(facings, np.float64),
+            radii=np.ascontiguousarray(character.radii, np.float64),
+            facings=np.ascontiguousarray(character.facings, np.float64),
             goal_tolerance=float(options.goal_tolerance),
             end_standing=bool(options.end_standing),
             margin=float(options.margin),
@@ -142,7 +155,7 @@ class PathSearch:
             goal_heading=float("nan") if options.goal_heading is None else float(options.goal_heading),
             goal_heading_tolerance=float(options.goal_heading_tolerance),
         )
-        self._search, laid = make_workspace(graph, maps, guide.length, rules, options.looks)
+        self._search, laid = make_workspace(graph, maps, guide.length, rules, options.branches)
         start = np.array(start_pose, np.float64)
         self._arguments = graph, maps.arrays, guide, rules, meshes, reach, start, int(start_node), self._search, laid
 
@@ -213,51 +226,40 @@ def _result(status: int, steps: NDArray[np.int64], places: Floats, reached: floa
 
 
 def follow_path(
-    graph: GraphArrays,
-    maps: MotionMaps,
+    character: Character,
     samples: Samples,
     meshes: tuple[Any, ...],
-    radii: Floats,
-    facings: Floats,
     start_pose: Floats,
     start_node: int = -1,
     options: FollowOptions | None = None,
-    reach: BodyReach | None = None,
 ) -> FollowResult:
     """Find nodes that walk along a path with every body disc free on all layers (2012 paper, section 5).
 
-    meshes: kernel arrays of each layer's mesh. radii: (B, layers) body radius of each behavior on them.
-    facings: (B, F) allowed headings of the body relative to its direction of motion, padded with NaN.
-    start_pose: (3,) where the first node starts. start_node: the first node, taken as being played already and not
-    tested; -1 to choose one. reach: where the body's joints are, to keep every one of them in its section; without it
-    the discs alone count. Safe to call from several threads at once. MotionError where shapes do not fit.
+    meshes: kernel arrays of each layer's mesh. start_pose: (3,) where the first node starts. start_node: the first
+    node, taken as being played already and not tested; -1 to choose one. Safe to call from several threads at once.
+    MotionError where shapes do not fit.
 
     A quarter of the budget goes into a quick search. Where that finds nothing, a thorough one looks at more branches.
     """
     options = options or FollowOptions()
     quick = replace(options, budget=max(options.budget // 4, 1))
-    arguments = graph, maps, samples, meshes, radii, facings, start_pose, start_node
-    found = PathSearch(*arguments, quick, reach).next()
+    arguments = character, samples, meshes, start_pose, start_node
+    found = PathFollower(*arguments, quick).next()
     if found.status == FollowStatus.FOUND or options.budget <= quick.budget:
         return found
-    thorough = replace(options, budget=options.budget - found.expansions, looks=max(options.looks, THOROUGH_LOOKS))
-    again = PathSearch(*arguments, thorough, reach).next()
+    thorough = replace(
+        options, budget=options.budget - found.expansions, branches=max(options.branches, THOROUGH_BRANCHES)
+    )
+    again = PathFollower(*arguments, thorough).next()
     expansions = found.expansions + again.expansions
     farther = again.status == FollowStatus.FOUND or again.reached >= found.reached
     return replace(again if farther else found, status=again.status, expansions=expansions)
 
 
-def _check(
-    graph: GraphArrays,
-    samples: Samples,
-    meshes: tuple[Any, ...],
-    radii: Floats,
-    facings: Floats,
-    options: FollowOptions,
-    reach: BodyReach | None,
-) -> None:
+def _check(character: Character, samples: Samples, meshes: tuple[Any, ...], options: FollowOptions) -> None:
     """MotionError where shapes or numbers do not fit."""
-    behaviors = int(graph.node_behavior.max(initial=0)) + 1
+    radii, facings, reach = character.radii, character.facings, character.reach
+    behaviors = int(character.graph.node_behavior.max(initial=0)) + 1
     if len(samples.arc) < 2 or not samples.arc[-1] > 0.0:
         raise MotionError("a path to follow needs two samples and a length; there is nothing to walk")
     if len(radii) < behaviors or len(facings) != len(radii) or radii.shape[1] != len(meshes):
@@ -265,9 +267,10 @@ def _check(
             f"radii {radii.shape} and facings {facings.shape} must have a row for each of the {behaviors} behaviors,"
             f" radii a column for each of the {len(meshes)} layers"
         )
-    if options.looks < 1 or options.candidates < 1:
+    if options.branches < 1 or options.candidates < 1:
         raise MotionError(
-            f"a search keeps one candidate and looks at one branch or more, not {options.candidates}, {options.looks}"
+            "a search keeps one candidate and looks at one branch or more, "
+            f"not {options.candidates}, {options.branches}"
         )
     if reach is not None and len(reach.room) <= int(np.max(samples.behavior)):
         raise MotionError(f"the body has room for {len(reach.room)} behaviors; the path is planned for more")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -24,6 +24,7 @@ from crowdsim.geometry.elementary import distance, hypot
 from crowdsim.geometry.planar import compose
 from crowdsim.motion.graph.arrays import GraphArrays
 from crowdsim.navmesh.mesh.heap_kernels import HEAP_ROW
+from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays
 from crowdsim.navmesh.navmesh import NavMesh
 
 Floats = NDArray[np.float64]
@@ -101,14 +102,25 @@ class _Rules(NamedTuple):
     budget: int
 
 
-class _Queue(NamedTuple):
+class _Space(NamedTuple):
+    """What a body is tested in, with its probes, what is counted, and a hint of each mesh, (2,) int64."""
+
+    probes: Probes
+    channel: Channel
+    legs: MeshArrays
+    torso: MeshArrays
+    counters: NDArray[np.int64]
+    hints: NDArray[np.int64]
+
+
+class _Tree(NamedTuple):
+    """Nodes that wait in a queue, in the order of ``heap``; rows of those that were laid; the closed set of these."""
+
     heap: NDArray[np.void]
-    link: NDArray[np.int32]
-
-
-class _Grown(NamedTuple):
+    waiting: NDArray[np.int32]
     link: NDArray[np.int32]
     place: Floats
+    closed: NDArray[np.int64]
 
 
 class _Chain(NamedTuple):
@@ -131,7 +143,7 @@ def search_graph(
     goal: ArrayLike,
     *,
     channel: Channel | None = None,
-    meshes: tuple[Any, Any] | None = None,
+    meshes: tuple[MeshArrays, MeshArrays] | None = None,
     options: SearchOptions | None = None,
 ) -> SearchResult:
     """Find a short motion from a pose to a place by A* over the graph unrolled.
@@ -167,19 +179,11 @@ def search_graph(
     if options.budget < 1 or not (options.place_grain >= 0.001 and options.heading_grain >= 0.02):
         raise MotionError("a search needs a budget of one node, and grains of a millimeter and 0.02 radians, or more")
     rules = _rules(options, channel, meshes)
-    # Room for the most that can happen; what is never touched takes no memory.
-    budget = rules.budget
-    room = nodes + budget * int(np.diff(graph.edge_start).max(initial=0))
-    queue = _Queue(np.empty(room, HEAP_ROW), np.empty((room, 2), np.int32))
-    grown = _Grown(np.empty((budget, 3), np.int32), np.empty((budget, columns.PLACE_COLUMNS)))
-    closed = np.zeros(1 << (4 * budget).bit_length(), np.int64)
-    out = _Out(np.empty((budget + 1, 2), np.int32), np.empty((budget + 1, 4)))
-    counters = np.zeros(columns.COUNTERS, np.int64)
-    nowhere = _nowhere()
+    space = _space(probes, channel, meshes)
+    out = _Out(np.empty((rules.budget + 1, 2), np.int32), np.empty((rules.budget + 1, 4)))
     status, count, expanded = columns.search(
-        graph, probes, channel or nowhere[0], *(meshes or nowhere[1]), rules, start, int(start_node), target,
-        queue, grown, closed, _chain(), out, counters,
-    )  # fmt: skip
+        graph, space, rules, start, int(start_node), target, _tree(graph, rules.budget), _chain(), out
+    )
     found = out.step[:count]
     origins = out.place[:count, :3].copy()
     end = compose(origins[-1], graph.node_motion[found[-1, 0]]) if count else start
@@ -191,11 +195,11 @@ def search_graph(
         origins=origins,
         length=_length(graph, found[:, 0], origins),
         gap=distance(end[:2], target[:2]),
-        bent=status == FOUND and bool(counters[columns.BENT]),
+        bent=status == FOUND and bool(space.counters[columns.BENT]),
         expansions=int(expanded),
-        collision_tests=int(counters[columns.COLLISION_TESTS]),
-        channel_tests=int(counters[columns.CHANNEL_TESTS]),
-        bends=int(counters[columns.BENDS]),
+        collision_tests=int(space.counters[columns.COLLISION_TESTS]),
+        channel_tests=int(space.counters[columns.CHANNEL_TESTS]),
+        bends=int(space.counters[columns.BENDS]),
     )
 
 
@@ -213,7 +217,7 @@ def _as_goal(goal: ArrayLike) -> Floats:
     return given if len(given) == 3 else np.append(given, np.nan)
 
 
-def _rules(options: SearchOptions, channel: Channel | None, meshes: tuple[Any, Any] | None) -> _Rules:
+def _rules(options: SearchOptions, channel: Channel | None, meshes: tuple[MeshArrays, MeshArrays] | None) -> _Rules:
     return _Rules(
         in_channel=channel is not None,
         in_meshes=meshes is not None,
@@ -231,13 +235,31 @@ def _rules(options: SearchOptions, channel: Channel | None, meshes: tuple[Any, A
     )
 
 
+def _tree(graph: GraphArrays, budget: int) -> _Tree:
+    """Room for the most that can happen; what is never touched takes no memory."""
+    room = len(graph.node_frames) + budget * int(np.diff(graph.edge_start).max(initial=0))
+    return _Tree(
+        np.empty(room, HEAP_ROW),
+        np.empty((room, 2), np.int32),
+        np.empty((budget, 3), np.int32),
+        np.empty((budget, columns.PLACE_COLUMNS)),
+        np.zeros(1 << (4 * budget).bit_length(), np.int64),
+    )
+
+
+def _space(probes: Probes, channel: Channel | None, meshes: tuple[MeshArrays, MeshArrays] | None) -> _Space:
+    nowhere = _nowhere()
+    counters, hints = np.zeros(columns.COUNTERS, np.int64), np.full(2, NONE, np.int64)
+    return _Space(probes, channel or nowhere[0], *(meshes or nowhere[1]), counters, hints)
+
+
 def _chain() -> _Chain:
     most = columns.MOST_BENT
     return _Chain(np.empty((most, 2)), np.empty((most, 2)), np.empty(most), np.empty(3))
 
 
 @cache
-def _nowhere() -> tuple[Channel, tuple[Any, Any]]:
+def _nowhere() -> tuple[Channel, tuple[MeshArrays, MeshArrays]]:
     """What stands in for a channel or meshes that are not given, and is never looked at."""
     arrays = NavMesh(shapely.box(0.0, 0.0, 1.0, 1.0)).arrays
     return make_channel([(0.0, 0.0), (1.0, 0.0)], 0.1), (arrays, arrays)

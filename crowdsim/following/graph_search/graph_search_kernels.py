@@ -26,12 +26,12 @@ PROBE_COLUMNS = 7
 that is left, and the radius to be free on each layer (nothing is tested where it is 0)."""
 
 PARENT, EDGE, NODE = range(3)
-"""Columns of ``grown.link``."""
+"""Columns of ``tree.link``, the first two those of ``tree.waiting``, too."""
 
 END = 3
 WALKED = 6
 PLACE_COLUMNS = 7
-"""Columns of ``grown.place``: the origin from 0 on, the end from END on, meters walked to it."""
+"""Columns of ``tree.place``: the origin from 0 on, the end from END on, meters walked to it."""
 
 COLLISION_TESTS, CHANNEL_TESTS, BENDS, BENT = range(4)
 COUNTERS = 4
@@ -57,11 +57,12 @@ _BEYOND = 1e-6
 
 
 @helper
-def _node_is_free(probes, channel, legs, torso, rules, node, x, y, heading, dx, dy, dh, goal, counters, hints):
+def _node_is_free(space, rules, node, x, y, heading, dx, dy, dh, goal):
     """Whether ``node`` with its origin at (x, y, heading) is free, and how near its track comes to the goal.
 
     (dx, dy, dh) is the seam: the end of the node before less this origin.
     """
+    probes, counters, hints = space.probes, space.counters, space.hints
     c, s = cos_sin(heading)
     nearest = math.inf
     for row in range(probes.first[node], probes.first[node + 1]):
@@ -75,16 +76,16 @@ def _node_is_free(probes, channel, legs, torso, rules, node, x, y, heading, dx, 
         low, high = probes.row[row, LEGS], probes.row[row, TORSO]
         if rules.in_channel:
             counters[CHANNEL_TESTS] += 1
-            if channel_gap(channel, px, py) > channel.radius - max(low, high):
+            if channel_gap(space.channel, px, py) > space.channel.radius - max(low, high):
                 return False, nearest
         if rules.in_meshes and low > 0.0:
             counters[COLLISION_TESTS] += 1
-            gap, hints[0] = disc_clearance(legs, px, py, low + _BEYOND, hints[0])
+            gap, hints[0] = disc_clearance(space.legs, px, py, low + _BEYOND, hints[0])
             if gap < low:
                 return False, nearest
         if rules.in_meshes and high > 0.0:
             counters[COLLISION_TESTS] += 1
-            gap, hints[1] = disc_clearance(torso, px, py, high + _BEYOND, hints[1])
+            gap, hints[1] = disc_clearance(space.torso, px, py, high + _BEYOND, hints[1])
             if gap < high:
                 return False, nearest
     return True, nearest
@@ -111,48 +112,45 @@ def _slot(closed, key):
 
 
 @helper
-def _put(queue, count, made, parent, edge, cost):
+def _put(tree, count, made, parent, edge, cost):
     """Put a node into the queue: the edge taken after row ``parent``, or the first node's number where that is NONE."""
-    queue.link[made, PARENT] = parent
-    queue.link[made, EDGE] = edge
-    return place(queue.heap, count, cost, made)
+    tree.waiting[made, PARENT] = parent
+    tree.waiting[made, EDGE] = edge
+    return place(tree.heap, count, cost, made)
 
 
 @helper
-def _list_branch(grown, out, row):
+def _list_branch(tree, out, row):
     """Write the nodes from the first to ``row`` of the search to ``out``; returns how many."""
     count = np.int64(0)
     at = row
     while at >= 0:
-        at = np.int64(grown.link[at, PARENT])
+        at = np.int64(tree.link[at, PARENT])
         count += 1
     at = row
     for i in range(count - 1, -1, -1):
-        out.step[i, 0] = grown.link[at, NODE]
-        out.step[i, 1] = grown.link[at, EDGE] if i > 0 else NONE
+        out.step[i, 0] = tree.link[at, NODE]
+        out.step[i, 1] = tree.link[at, EDGE] if i > 0 else NONE
         for k in range(3):
-            out.place[i, k] = grown.place[at, k]
+            out.place[i, k] = tree.place[at, k]
         out.place[i, 3] = 0.0
-        at = np.int64(grown.link[at, PARENT])
+        at = np.int64(tree.link[at, PARENT])
     return count
 
 
 @helper
-def _link(graph, grown, chain, j, row, edge):
+def _link(graph, tree, chain, j, row, edge):
     """Make ``edge`` behind ``row`` of the search joint ``j``: it turns about the planted foot."""
-    chain.joint[j, 0], chain.joint[j, 1], _ = compose(
-        grown.place[row, END], grown.place[row, END + 1], grown.place[row, END + 2],
-        graph.edge_pivot[edge, 0], graph.edge_pivot[edge, 1], 0.0,
-    )  # fmt: skip
+    x, y, heading = tree.place[row, END], tree.place[row, END + 1], tree.place[row, END + 2]
+    px, py = graph.edge_pivot[edge, 0], graph.edge_pivot[edge, 1]
+    chain.joint[j, 0], chain.joint[j, 1], _ = compose(x, y, heading, px, py, 0.0)
     chain.limit[j, 0] = graph.edge_low[edge]
     chain.limit[j, 1] = graph.edge_high[edge]
     chain.turn[j] = 0.0
 
 
 @helper
-def _bend_branch(
-    graph, probes, channel, legs, torso, rules, goal, row, edge, x, y, heading, grown, chain, out, counters, hints
-):
+def _bend_branch(graph, space, rules, goal, row, edge, x, y, heading, tree, chain, out):
     """Bend the branch through ``row`` and ``edge``, which ends at (x, y, heading), to the goal.
 
     Returns how many nodes the bent branch has, left in ``out``, or 0 where none arrives that is free. The last joints
@@ -162,27 +160,26 @@ def _bend_branch(
     joints = np.int64(0)
     at = row
     while at >= 0 and joints < MOST_BENT:
-        at = np.int64(grown.link[at, PARENT])
+        at = np.int64(tree.link[at, PARENT])
         joints += 1
     bent = np.int64(1)
     while bent < joints:
         bent = min(2 * bent, joints)
         at = row
-        _link(graph, grown, chain, bent - 1, at, edge)
+        _link(graph, tree, chain, bent - 1, at, edge)
         for j in range(bent - 2, -1, -1):
-            before = np.int64(grown.link[at, PARENT])
-            _link(graph, grown, chain, j, before, np.int64(grown.link[at, EDGE]))
+            before = np.int64(tree.link[at, PARENT])
+            _link(graph, tree, chain, j, before, np.int64(tree.link[at, EDGE]))
             at = before
         chain.end[0], chain.end[1], chain.end[2] = x, y, heading
         if not _within_reach(chain, bent, goal):
             continue
-        counters[BENDS] += 1
+        space.counters[BENDS] += 1
         miss = bend_chain(chain.joint, chain.limit, chain.turn, bent, chain.end, goal, rules.heading_lever, EXACT)
         if miss <= rules.arrival:
-            count = _lay_bent(
-                graph, probes, channel, legs, torso, rules, goal, row, edge, bent, grown, chain, out, counters, hints
-            )
+            count = _lay_bent(graph, space, rules, goal, row, edge, bent, tree, chain, out)
             if count > 0:
+                space.counters[BENT] = 1
                 return count
     return 0
 
@@ -214,27 +211,20 @@ def _within_reach(chain, count, goal):
 
 
 @helper
-def _lay_bent(graph, probes, channel, legs, torso, rules, goal, row, edge, bent, grown, chain, out, counters, hints):
+def _lay_bent(graph, space, rules, goal, row, edge, bent, tree, chain, out):
     """Lay the branch to ``out``, its last joints as the chain is turned; its nodes, 0 if what moves is not free."""
-    count = _list_branch(grown, out, row) + 1
+    count = _list_branch(tree, out, row) + 1
     out.step[count - 1, 0] = graph.edge_target[edge]
     out.step[count - 1, 1] = edge
     first = count - bent
-    x, y, heading = node_end(
-        graph,
-        np.int64(out.step[first - 1, 0]),
-        out.place[first - 1, 0],
-        out.place[first - 1, 1],
-        out.place[first - 1, 2],
-    )
+    before = out.place[first - 1]
+    x, y, heading = node_end(graph, np.int64(out.step[first - 1, 0]), before[0], before[1], before[2])
     for i in range(first, count):
         node = np.int64(out.step[i, 0])
         turn = chain.turn[i - first]
         ox, oy, oh = next_origin(graph, np.int64(out.step[i, 1]), turn, x, y, heading)
-        free, _ = _node_is_free(
-            probes, channel, legs, torso, rules, node, ox, oy, oh,
-            x - ox, y - oy, wrap_angle(heading - oh), goal, counters, hints,
-        )  # fmt: skip
+        dx, dy, dh = x - ox, y - oy, wrap_angle(heading - oh)
+        free, _ = _node_is_free(space, rules, node, ox, oy, oh, dx, dy, dh, goal)
         if not free:
             return 0
         out.place[i, 0], out.place[i, 1], out.place[i, 2] = ox, oy, oh
@@ -243,107 +233,117 @@ def _lay_bent(graph, probes, channel, legs, torso, rules, goal, row, edge, bent,
     return count
 
 
+@helper
+def _put_first(graph, rules, start, start_node, goal, tree):
+    """Put the nodes that may begin at ``start`` into the queue; how many they are."""
+    count = np.int64(0)
+    for node in range(graph.node_frames.shape[0]):
+        if node == start_node or (start_node < 0 and not graph.node_idle[node]):
+            x, y, _ = node_end(graph, np.int64(node), start[0], start[1], start[2])
+            cost = graph.node_length[node] + rules.weight * hypot(goal[0] - x, goal[1] - y)
+            count = _put(tree, count, count, np.int64(NONE), np.int64(node), cost)
+    return count
+
+
+@helper
+def _lay(graph, space, rules, start, start_node, goal, tree, item, row):
+    """Lay the node that ``item`` of the queue stands for in ``row`` of the tree.
+
+    Returns whether it is laid, which it is not if it is closed or not free, and how near its track comes to the goal.
+    """
+    parent = np.int64(tree.waiting[item, PARENT])
+    edge = np.int64(tree.waiting[item, EDGE])
+    node, walked = edge, 0.0
+    ox, oy, oh = start[0], start[1], start[2]
+    dx, dy, dh = 0.0, 0.0, 0.0
+    if parent >= 0:
+        node = np.int64(graph.edge_target[edge])
+        x, y, heading = tree.place[parent, END], tree.place[parent, END + 1], tree.place[parent, END + 2]
+        ox, oy, oh = next_origin(graph, edge, 0.0, x, y, heading)
+        dx, dy, dh = x - ox, y - oy, wrap_angle(heading - oh)
+        walked = tree.place[parent, WALKED]
+    x, y, heading = node_end(graph, node, ox, oy, oh)
+    key = _key(rules, node, x, y, heading)
+    slot = _slot(tree.closed, key)
+    if tree.closed[slot] == key:
+        return False, math.inf
+    nearest = math.inf
+    if parent >= 0 or start_node < 0:
+        free, nearest = _node_is_free(space, rules, node, ox, oy, oh, dx, dy, dh, goal)
+        if not free:
+            return False, nearest
+    tree.closed[slot] = key
+    tree.link[row, PARENT] = parent
+    tree.link[row, EDGE] = edge
+    tree.link[row, NODE] = node
+    tree.place[row, 0], tree.place[row, 1], tree.place[row, 2] = ox, oy, oh
+    tree.place[row, END], tree.place[row, END + 1], tree.place[row, END + 2] = x, y, heading
+    tree.place[row, WALKED] = walked + (graph.node_length[node] + hypot(dx, dy))
+    return True, nearest
+
+
+@helper
+def _is_goal(rules, goal, heading, gap):
+    """Whether a node that may end a motion is at the goal, ``gap`` meters off it with this heading."""
+    off = 0.0 if math.isnan(goal[2]) else abs(wrap_angle(goal[2] - heading))
+    return gap <= rules.goal_tolerance and off <= rules.heading_tolerance
+
+
 @kernel
-def search(
-    graph, probes, channel, legs, torso, rules, start, start_node, goal, queue, grown, closed, chain, out, counters
-):
+def search(graph, space, rules, start, start_node, goal, tree, chain, out):
     """Search the shortest motion to the goal. Returns (status, nodes of the solution, nodes expanded).
 
     The solution is left in ``out``: complete where the status is FOUND, else the one whose end is nearest to the goal.
     ``start_node`` is played already and not tested; -1 where any node may begin at ``start``. ``rules`` says the rest.
     """
-    hints = np.zeros(2, np.int64)
-    hints[0] = hints[1] = NONE
-    count = np.int64(0)
-    made = np.int64(0)
-    for node in range(graph.node_frames.shape[0]):
-        if node == start_node or (start_node < 0 and not graph.node_idle[node]):
-            x, y, _ = node_end(graph, np.int64(node), start[0], start[1], start[2])
-            cost = graph.node_length[node] + rules.weight * hypot(goal[0] - x, goal[1] - y)
-            count = _put(queue, count, made, np.int64(NONE), np.int64(node), cost)
-            made += 1
+    count = _put_first(graph, rules, start, start_node, goal, tree)
+    made = count
     expanded = np.int64(0)
     best = np.int64(NONE)
     best_gap = math.inf
     while count > 0 and expanded < rules.budget:
-        pop(queue.heap, count)
+        # Take the most promising node out and lay it down.
+        pop(tree.heap, count)
         count -= 1
-        item = queue.heap[count].item
-        promised = queue.heap[count].key
-        parent = np.int64(queue.link[item, PARENT])
-        edge = np.int64(queue.link[item, EDGE])
-        if parent < 0:
-            node = edge
-            ox, oy, oh = start[0], start[1], start[2]
-            dx, dy, dh = 0.0, 0.0, 0.0
-            walked = 0.0
-        else:
-            node = np.int64(graph.edge_target[edge])
-            x, y, heading = grown.place[parent, END], grown.place[parent, END + 1], grown.place[parent, END + 2]
-            ox, oy, oh = next_origin(graph, edge, 0.0, x, y, heading)
-            dx, dy, dh = x - ox, y - oy, wrap_angle(heading - oh)
-            walked = grown.place[parent, WALKED]
-        x, y, heading = node_end(graph, node, ox, oy, oh)
-        key = _key(rules, node, x, y, heading)
-        slot = _slot(closed, key)
-        if closed[slot] == key:
-            continue
-        nearest = math.inf
-        if parent >= 0 or start_node < 0:
-            free, nearest = _node_is_free(
-                probes, channel, legs, torso, rules, node, ox, oy, oh, dx, dy, dh, goal, counters, hints
-            )
-            if not free:
-                continue
-        closed[slot] = key
+        promised = tree.heap[count].key
         row = expanded
+        laid, nearest = _lay(graph, space, rules, start, start_node, goal, tree, tree.heap[count].item, row)
+        if not laid:
+            continue
         expanded += 1
-        walked += graph.node_length[node] + hypot(dx, dy)
-        grown.link[row, PARENT] = parent
-        grown.link[row, EDGE] = edge
-        grown.link[row, NODE] = node
-        grown.place[row, 0], grown.place[row, 1], grown.place[row, 2] = ox, oy, oh
-        grown.place[row, END], grown.place[row, END + 1], grown.place[row, END + 2] = x, y, heading
-        grown.place[row, WALKED] = walked
+        node, parent = np.int64(tree.link[row, NODE]), np.int64(tree.link[row, PARENT])
+        x, y, heading = tree.place[row, END], tree.place[row, END + 1], tree.place[row, END + 2]
         gap = hypot(goal[0] - x, goal[1] - y)
         if gap < best_gap:
             best = row
             best_gap = gap
+        # It may be the last: bend the branch to the goal, or take it as it is.
         if graph.node_ends_standing[node] or not rules.end_standing:
             if parent >= 0 and gap < rules.bend_reach:
-                length = _bend_branch(
-                    graph, probes, channel, legs, torso, rules, goal, parent, edge, x, y, heading,
-                    grown, chain, out, counters, hints,
-                )  # fmt: skip
+                edge = np.int64(tree.link[row, EDGE])
+                length = _bend_branch(graph, space, rules, goal, parent, edge, x, y, heading, tree, chain, out)
                 if length > 0:
-                    counters[BENT] = 1
                     return FOUND, length, expanded
-            off = 0.0 if math.isnan(goal[2]) else abs(wrap_angle(goal[2] - heading))
-            if rules.on_the_way:
-                gap = min(gap, nearest)
-            if gap <= rules.goal_tolerance and off <= rules.heading_tolerance:
-                return FOUND, _list_branch(grown, out, row), expanded
+            if _is_goal(rules, goal, heading, min(gap, nearest) if rules.on_the_way else gap):
+                return FOUND, _list_branch(tree, out, row), expanded
+        # Put what may follow into the queue; a branch that promises as much is bent to the goal at once.
         for e in range(np.int64(graph.edge_start[node]), np.int64(graph.edge_start[node + 1])):
             target = np.int64(graph.edge_target[e])
             if graph.node_idle[target]:
                 continue
             px, py, ph = next_origin(graph, e, 0.0, x, y, heading)
-            cost = walked + graph.node_length[target] + hypot(x - px, y - py)
+            cost = tree.place[row, WALKED] + graph.node_length[target] + hypot(x - px, y - py)
             px, py, ph = node_end(graph, target, px, py, ph)
             child = _key(rules, target, px, py, ph)
-            if closed[_slot(closed, child)] == child:
+            if tree.closed[_slot(tree.closed, child)] == child:
                 continue
             gap = hypot(goal[0] - px, goal[1] - py)
             ends = graph.node_ends_standing[target] or not rules.end_standing
             if ends and gap < rules.bend_reach and cost <= promised + HASTE:
-                length = _bend_branch(
-                    graph, probes, channel, legs, torso, rules, goal, row, np.int64(e), px, py, ph,
-                    grown, chain, out, counters, hints,
-                )  # fmt: skip
+                length = _bend_branch(graph, space, rules, goal, row, np.int64(e), px, py, ph, tree, chain, out)
                 if length > 0:
-                    counters[BENT] = 1
                     return FOUND, length, expanded
-            count = _put(queue, count, made, row, np.int64(e), cost + rules.weight * gap)
+            count = _put(tree, count, made, row, np.int64(e), cost + rules.weight * gap)
             made += 1
-    length = _list_branch(grown, out, best)
+    length = _list_branch(tree, out, best)
     return (BLOCKED if count == 0 else OUT_OF_BUDGET), length, expanded

@@ -43,10 +43,12 @@ def summarize_all(paths: Iterable[Path]) -> list[dict[str, Any]]:
     return [summarize(path) for path in paths]
 
 
-_COLUMNS = (
-    "file", "stretches", "frames", "rate_hz", "unit", "leg_m", "up", "facing", "tpose", "glitches", "assumed",
-    "length_m", "speed_m_s", "turn_deg", "crossings", "rests", "drift_cm", "problem",
-)  # fmt: skip
+_COLUMNS = tuple(
+    (
+        "file stretches frames rate_hz unit leg_m up facing tpose glitches assumed "
+        "length_m speed_m_s turn_deg crossings rests drift_cm problem"
+    ).split()
+)
 
 
 def _assumed(capture: Capture) -> dict[str, Any]:

@@ -168,7 +168,8 @@ def _products(a: Floats, b: Floats) -> Floats:
 
 def _window_sums(values: Floats) -> Floats:
     """(n - 2 reach,) sums of ``values`` (n,) over each whole window."""
-    return np.lib.stride_tricks.sliding_window_view(values, WINDOW).sum(axis=1)
+    sums: Floats = np.lib.stride_tricks.sliding_window_view(values, WINDOW).sum(axis=1)
+    return sums
 
 
 def _diagonal_sums(products: Floats) -> Floats:

@@ -39,9 +39,12 @@ def _draw_image(axes: Axes, image: ErrorImage, sources: Sequence[MotionSource], 
     count = int(image.clip_first[-1])
     step = max(1, count // _PIXELS)
     shown = axes.imshow(
-        image.distance[::step, ::step], cmap="jet", vmin=0.0, extent=(0, count, count, 0),
+        image.distance[::step, ::step],
+        cmap="jet",
+        vmin=0.0,
+        extent=(0, count, count, 0),
         interpolation="nearest",
-    )  # fmt: skip
+    )
     axes.figure.colorbar(shown, ax=axes, label="distance, m", fraction=0.04, pad=0.02)
     first = {s.clip.name: int(row) for s, row in zip(sources, image.clip_first, strict=False)}
     size = max(2.0, 900.0 / np.sqrt(count))
@@ -56,9 +59,14 @@ def _draw_image(axes: Axes, image: ErrorImage, sources: Sequence[MotionSource], 
     )
     axes.scatter(starts[joins], ends[joins], s=3.0 * size, c="white", marker="x", linewidths=2.4)
     axes.scatter(
-        starts[joins], ends[joins], s=2.4 * size, c="black", marker="x", linewidths=1.1,
+        starts[joins],
+        ends[joins],
+        s=2.4 * size,
+        c="black",
+        marker="x",
+        linewidths=1.1,
         label=f"{int(joins.sum()):,} transitions between cuts (feature-based graph)",
-    )  # fmt: skip
+    )
     cuts = np.array(_cut_frames(sources, image))
     bar = 0.012 * count
     axes.vlines(cuts, -2.0 * bar, -0.5 * bar, color="black", lw=0.7, clip_on=False)
@@ -119,9 +127,15 @@ def _draw_graph(axes: Axes, sources: Sequence[MotionSource], graph: MotionGraph)
         turn = np.degrees(angle[i])
         flip = 90.0 < turn < 270.0
         axes.text(
-            1.05 * place[i, 0], 1.05 * place[i, 1], _label(graph.node_names[i]), fontsize=6.5,
-            rotation=turn + 180.0 * flip, rotation_mode="anchor", ha="right" if flip else "left", va="center",
-        )  # fmt: skip
+            1.05 * place[i, 0],
+            1.05 * place[i, 1],
+            _label(graph.node_names[i]),
+            fontsize=6.5,
+            rotation=turn + 180.0 * flip,
+            rotation_mode="anchor",
+            ha="right" if flip else "left",
+            va="center",
+        )
     report = graph.report
     axes.set_title(
         f"Feature-based graph: {report.nodes} segments, {report.transitions:,} transitions, "

@@ -55,11 +55,16 @@ def parse_amc(path: Path) -> RawMotion:
     offsets = [np.zeros(3) if parent <= 0 else bones[names[parent]].offset for parent in parents]
     ends = [index for index in range(1, len(names)) if index not in parents]
     raw = RawMotion(
-        tuple(names), np.array(parents, np.int32), np.array(offsets), np.array(ends, np.int32),
+        tuple(names),
+        np.array(parents, np.int32),
+        np.array(offsets),
+        np.array(ends, np.int32),
         np.array([bones[names[index]].offset for index in ends]).reshape(-1, 3),
-        root[:, :3], without_flips(np.stack(rotations, axis=1)), ASSUMED_RATE,
+        root[:, :3],
+        without_flips(np.stack(rotations, axis=1)),
+        ASSUMED_RATE,
         (f"{ASSUMED_RATE:g} frames a second", f"the skeleton is {skeleton.name}"),
-    )  # fmt: skip
+    )
     try:
         raw.require_sound()
     except MotionError as error:

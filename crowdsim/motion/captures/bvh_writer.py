@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ from crowdsim.constants import CAPTURE_RATE
 from crowdsim.errors import MotionError
 from crowdsim.geometry.elementary import asin, atan2
 from crowdsim.motion.clips.clip import Clip
+from crowdsim.whole_files import whole_file
 
 Floats = NDArray[np.float64]
 
@@ -29,7 +29,8 @@ def euler_zxy(q: Floats) -> Floats:
     about_x = asin(np.clip(2.0 * (y * z + w * x), -1.0, 1.0))
     about_z = atan2(-2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z))
     about_y = atan2(-2.0 * (x * z - w * y), 1.0 - 2.0 * (x * x + y * y))
-    return np.degrees(np.stack([about_z, about_x, about_y], axis=-1))
+    angles: Floats = np.degrees(np.stack([about_z, about_x, about_y], axis=-1))
+    return angles
 
 
 def _number(value: float, decimals: int) -> str:
@@ -82,6 +83,5 @@ def bvh_text(clip: Clip) -> str:
 
 def write_bvh(clip: Clip, path: Path) -> None:
     """Write ``clip`` to ``path``; the file bears its name only once it is whole."""
-    partial = path.with_name(path.name + ".part")
-    partial.write_bytes(bvh_text(clip).encode("ascii"))
-    os.replace(partial, path)
+    with whole_file(path, (".bvh",), "clips") as file:
+        file.write_bytes(bvh_text(clip).encode("ascii"))

@@ -111,10 +111,19 @@ def read_capture(path: str | Path, meters_per_unit: float | None = None) -> Capt
         window = slice(first, last + 1)
         clips.append(Clip(name, skeleton, *resample(root[window], rotations[window], raw.rate, CAPTURE_RATE)))
     report = CaptureReport(
-        path, unit, scale, leg, _axis_name(up), _axis_name(basis[0]), raw.rate, len(root), dropped_first,
+        path,
+        unit,
+        scale,
+        leg,
+        _axis_name(up),
+        _axis_name(basis[0]),
+        raw.rate,
+        len(root),
+        dropped_first,
         tuple((frame, raw.names[joint]) for frame, joint in jumps),
-        sum(last - first + 1 for first, last in stretches), raw.assumed,
-    )  # fmt: skip
+        sum(last - first + 1 for first, last in stretches),
+        raw.assumed,
+    )
     return Capture(tuple(clips), report)
 
 

@@ -9,14 +9,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowdsim.errors import MotionError
 from crowdsim.geometry.products import dot
 from crowdsim.motion.clips.clip import Clip
-from crowdsim.motion.clips.kinematics import conjugate, forward_kinematics, multiply, slerp
+from crowdsim.motion.clips.kinematics import Floats, conjugate, forward_kinematics, multiply, slerp, unit
 
-Floats = NDArray[np.float64]
 Direction = tuple[float, float, float]
 """Ahead, left and up in the frame of the shoulders; need not be a unit vector."""
 
@@ -55,9 +53,9 @@ def edit_arms(clip: Clip, weight: Floats) -> Clip:
 def _shoulder_frame(clip: Clip) -> Floats:
     """(F, 3, 3) axes ahead, left and up of the shoulders, as columns; up leans no more than the neck does."""
     skeleton, joints = clip.skeleton, clip.joint_positions
-    left = _unit(joints[:, skeleton.joint("left_shoulder")] - joints[:, skeleton.joint("right_shoulder")])
-    spine = _unit(joints[:, skeleton.joint("neck")] - joints[:, skeleton.joint("hips")])
-    ahead = _unit(np.cross(left, spine))
+    left = unit(joints[:, skeleton.joint("left_shoulder")] - joints[:, skeleton.joint("right_shoulder")])
+    spine = unit(joints[:, skeleton.joint("neck")] - joints[:, skeleton.joint("hips")])
+    ahead = unit(np.cross(left, spine))
     return np.stack([ahead, left, np.cross(ahead, left)], axis=-1)
 
 
@@ -69,10 +67,10 @@ def _pointed(clip: Clip, rotations: Floats, joint: int, tip: int, hanging: Direc
     """
     positions, world = forward_kinematics(clip.skeleton, clip.root_positions, rotations)
     frame = _shoulder_frame(clip)
-    own = _unit(clip.joint_positions[:, tip] - clip.joint_positions[:, joint])
-    swing = dot(np.swapaxes(frame, 1, 2), own[:, None]) - _unit(np.array(hanging))
-    wanted = dot(frame, _unit(_unit(np.array(held)) + _SWING_LEFT * swing)[:, None])
-    now = _unit(positions[:, tip] - positions[:, joint])
+    own = unit(clip.joint_positions[:, tip] - clip.joint_positions[:, joint])
+    swing = dot(np.swapaxes(frame, 1, 2), own[:, None]) - unit(np.array(hanging))
+    wanted = dot(frame, unit(unit(np.array(held)) + _SWING_LEFT * swing)[:, None])
+    now = unit(positions[:, tip] - positions[:, joint])
     turned = multiply(_between(now, wanted), world[:, joint])
     parent = clip.skeleton.parents[joint]
     return multiply(conjugate(world[:, parent]), turned) if parent >= 0 else turned
@@ -81,8 +79,4 @@ def _pointed(clip: Clip, rotations: Floats, joint: int, tip: int, hanging: Direc
 def _between(a: Floats, b: Floats) -> Floats:
     """Shortest rotations (F, 4) from unit vectors a to unit vectors b (F, 3)."""
     q = np.concatenate([1.0 + dot(a, b)[:, None], np.cross(a, b)], axis=-1)
-    return q / np.maximum(np.linalg.norm(q, axis=-1, keepdims=True), 1e-12)
-
-
-def _unit(v: Floats) -> Floats:
-    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12)
+    return unit(q)

@@ -41,11 +41,20 @@ _FLESH_BY_ROLE: Mapping[str, float] = {
     "chest": 0.12,
     "neck": 0.06,
     "head": 0.09,
-    **{f"{side}_{part}": flesh for side in ("left", "right") for part, flesh in (
-        ("shoulder", 0.06), ("elbow", 0.05), ("wrist", 0.045),
-        ("hip", 0.08), ("knee", 0.06), ("ankle", 0.045), ("toe", 0.045),
-    )},
-}  # fmt: skip
+    **{
+        f"{side}_{part}": flesh
+        for side in ("left", "right")
+        for part, flesh in (
+            ("shoulder", 0.06),
+            ("elbow", 0.05),
+            ("wrist", 0.045),
+            ("hip", 0.08),
+            ("knee", 0.06),
+            ("ankle", 0.045),
+            ("toe", 0.045),
+        )
+    },
+}
 """Meters of flesh about the joint that plays the role; a bone tapers from joint to joint."""
 
 

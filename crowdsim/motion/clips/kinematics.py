@@ -26,9 +26,16 @@ def multiply(a: Floats, b: Floats) -> Floats:
     )
 
 
+def unit(vectors: Floats) -> Floats:
+    """``vectors`` (..., n) at length one; zero stays zero."""
+    scaled: Floats = vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
+    return scaled
+
+
 def conjugate(q: Floats) -> Floats:
     """Inverse of unit quaternions (..., 4)."""
-    return q * np.array([1.0, -1.0, -1.0, -1.0])
+    inverse: Floats = q * np.array([1.0, -1.0, -1.0, -1.0])
+    return inverse
 
 
 def rotate(q: Floats, v: Floats) -> Floats:
@@ -58,7 +65,7 @@ def slerp(a: Floats, b: Floats, weight: Floats | float) -> Floats:
     wa = np.where(near, 1.0 - weight, sin((1.0 - weight) * angle) / safe)
     wb = np.where(near, weight, sin(weight * angle) / safe)
     mixed = wa * a + wb * b
-    return mixed / np.linalg.norm(mixed, axis=-1, keepdims=True)
+    return unit(mixed)
 
 
 def forward_kinematics(skeleton: Skeleton, root_positions: Floats, rotations: Floats) -> tuple[Floats, Floats]:

@@ -10,12 +10,17 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import MotionError
 
-ROLES = (
-    "hips", "chest", "neck", "head",
-    "left_shoulder", "left_elbow", "left_wrist", "right_shoulder", "right_elbow", "right_wrist",
-    "left_hip", "left_knee", "left_ankle", "left_toe", "right_hip", "right_knee", "right_ankle", "right_toe",
-)  # fmt: skip
+ROLES = tuple(
+    (
+        "hips chest neck head "
+        "left_shoulder left_elbow left_wrist right_shoulder right_elbow right_wrist "
+        "left_hip left_knee left_ankle left_toe right_hip right_knee right_ankle right_toe"
+    ).split()
+)
 """Joints that detectors, arm editing and clearances ask for, whatever a file calls them."""
+
+HEEL_BACK = 0.055
+"""Meters from the ankle joint back to where the heel touches the floor, which no joint marks."""
 
 
 @dataclass(frozen=True)

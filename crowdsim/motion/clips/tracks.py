@@ -7,7 +7,7 @@ import numpy as np
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.geometry.elementary import atan2, exp
 from crowdsim.motion.clips.clip import Clip
-from crowdsim.motion.clips.kinematics import Floats
+from crowdsim.motion.clips.kinematics import Floats, unit
 
 _WIDEST = 0.45
 """Width (s) of the smoothing of a walking body: leaves 5 mm of a sway of 3 cm and 1.1 s."""
@@ -37,9 +37,9 @@ def _hips_and_heading(clip: Clip) -> tuple[Floats, Floats]:
     """Ground projection (F, 2) of the middle of the hip joints, and the unsmoothed facing (F,), unwrapped."""
     joints, skeleton = clip.joint_positions, clip.skeleton
     left, right = joints[:, skeleton.joint("left_hip"), :2], joints[:, skeleton.joint("right_hip"), :2]
-    across = _unit(left - right)
+    across = unit(left - right)
     if {"left_shoulder", "right_shoulder"} <= skeleton.roles.keys():
-        across = across + _unit(
+        across = across + unit(
             joints[:, skeleton.joint("left_shoulder"), :2] - joints[:, skeleton.joint("right_shoulder"), :2]
         )
     return (left + right) / 2.0, np.unwrap(atan2(-across[:, 0], across[:, 1]))
@@ -58,12 +58,8 @@ def _seconds_from_standing(hips: Floats) -> Floats:
     after = np.searchsorted(rests, frames)
     to_next = np.abs(rests[np.minimum(after, len(rests) - 1)] - frames)
     to_last = np.abs(rests[np.maximum(after - 1, 0)] - frames)
-    return np.minimum(to_next, to_last) / CAPTURE_RATE
-
-
-def _unit(vectors: Floats) -> Floats:
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return vectors / np.maximum(length, 1e-9)
+    seconds: Floats = np.minimum(to_next, to_last) / CAPTURE_RATE
+    return seconds
 
 
 def _smooth(values: Floats, span: Floats) -> Floats:

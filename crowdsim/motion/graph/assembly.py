@@ -67,7 +67,8 @@ def largest_component(count: int, source: Indices, target: Indices) -> NDArray[n
     _, label = connected_components(joined, directed=True, connection="strong")
     sizes = np.bincount(label)
     best = next(int(component) for component in label if sizes[component] == sizes.max())
-    return label == best
+    inside: NDArray[np.bool_] = label == best
+    return inside
 
 
 def clip_frames(name: str) -> tuple[str, int, int]:
@@ -121,9 +122,7 @@ def assemble(
     arrays = arrays._replace(stop_edge=choose_stop_edges(arrays))
     transitions = sum(not follows(nodes[i], nodes[j]) for i, j in zip(source, target, strict=True))
     n, e = len(nodes), len(target)
-    report = GraphReport(
-        n, e, transitions, branching_factor(n, transitions), e / n, float(threshold), tuple(dropped)
-    )  # fmt: skip
+    report = GraphReport(n, e, transitions, branching_factor(n, transitions), e / n, float(threshold), tuple(dropped))
     names = tuple(node.name for node in nodes)
     return MotionGraph(arrays, names, make_pose_table(prepared, nodes), prepared[0].clip.skeleton, report)
 

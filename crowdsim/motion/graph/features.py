@@ -129,7 +129,8 @@ def joint_speeds(clip: Clip, joint: int) -> Floats:
     """Speed (F,) of a joint in m/s, by central differences."""
     if clip.frame_count < 2:
         return np.zeros(clip.frame_count)
-    return np.linalg.norm(np.gradient(clip.joint_positions[:, joint], axis=0), axis=1) * CAPTURE_RATE
+    speeds: Floats = np.linalg.norm(np.gradient(clip.joint_positions[:, joint], axis=0), axis=1) * CAPTURE_RATE
+    return speeds
 
 
 WALKING_DETECTORS = ("crossing", "standing")

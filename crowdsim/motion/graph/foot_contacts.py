@@ -15,7 +15,7 @@ from crowdsim.constants import CAPTURE_RATE
 from crowdsim.geometry.elementary import hypot
 from crowdsim.geometry.products import dot
 from crowdsim.motion.clips.kinematics import Floats, rotate
-from crowdsim.motion.clips.skeleton import Skeleton
+from crowdsim.motion.clips.skeleton import HEEL_BACK, Skeleton
 
 NEAR_FLOOR = 0.05
 """Meters above its lowest height up to which a point of the foot may be planted. In captures the ball of a planted foot
@@ -25,9 +25,6 @@ STANCE_SPEED = 0.25
 RISING_SPEED = 0.1
 """Speeds (m/s) along and off the floor below which it then is. A foot that is faster, lands or lifts; so does one in
 the first and the last frame of a stance."""
-
-HEEL_BACK = 0.055
-"""Meters from the ankle joint back to the end of the heel, which no joint marks."""
 
 SHORTEST_STANCE = 0.1
 """Seconds below which a foot is not planted but passes near the floor."""
@@ -95,7 +92,7 @@ def planted_steps(feet: Feet, rate: float = CAPTURE_RATE) -> NDArray[np.bool_]:
     low = feet.points[..., 2] < feet.lowest + NEAR_FLOOR
     along = np.linalg.norm(steps[..., :2], axis=-1)
     slow = (along * rate < STANCE_SPEED) & (np.abs(steps[..., 2]) * rate < RISING_SPEED)
-    planted = low[1:] & low[:-1] & slow
+    planted: NDArray[np.bool_] = low[1:] & low[:-1] & slow
     lasting = np.zeros(planted.shape[:2], bool)
     for foot in (0, 1):
         for begin, end in runs(np.any(planted[:, foot], axis=1)):

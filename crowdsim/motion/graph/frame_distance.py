@@ -77,7 +77,8 @@ class PairAlignments:
         cross = self.cross + self.points * (u[:, 1] * v[:, 0] - u[:, 0] * v[:, 1])
         fixed = self.fixed + self.points * (np.sum(u * u, axis=1) + np.sum(v * v, axis=1))
         squared = fixed - 2.0 * (cos(rotation) * dot + sin(rotation) * cross)
-        return np.sqrt(np.maximum(squared, 0.0) / self.points)
+        distance: Floats = np.sqrt(np.maximum(squared, 0.0) / self.points)
+        return distance
 
     def rotation_range(self, pivot_a: Floats, pivot_b: Floats, threshold: float) -> tuple[Floats, Floats]:
         """Extra rotation about the pivot, low <= 0 <= high (n,), that keeps the distance within ``threshold``.
@@ -117,9 +118,15 @@ class Alignments:
     def pairs(self, a: NDArray[np.int64], b: NDArray[np.int64]) -> PairAlignments:
         """The pairs (a, b) (n,) of all of them."""
         return PairAlignments(
-            self.distance[a, b], self.rotation[a, b], self._dot[a, b], self._cross[a, b], self._fixed[a, b],
-            self._mean_a[a], self._mean_b[b], self._points,
-        )  # fmt: skip
+            self.distance[a, b],
+            self.rotation[a, b],
+            self._dot[a, b],
+            self._cross[a, b],
+            self._fixed[a, b],
+            self._mean_a[a],
+            self._mean_b[b],
+            self._points,
+        )
 
 
 def align_all(clouds_a: Floats, clouds_b: Floats) -> Alignments:
@@ -152,9 +159,15 @@ def join_pairs(parts: Sequence[PairAlignments]) -> PairAlignments:
         return np.concatenate([getattr(part, name) for part in parts])
 
     return PairAlignments(
-        joined("distance"), joined("rotation"), joined("dot"), joined("cross"), joined("fixed"),
-        joined("mean_a"), joined("mean_b"), parts[0].points,
-    )  # fmt: skip
+        joined("distance"),
+        joined("rotation"),
+        joined("dot"),
+        joined("cross"),
+        joined("fixed"),
+        joined("mean_a"),
+        joined("mean_b"),
+        parts[0].points,
+    )
 
 
 def _centered(clouds: Floats) -> tuple[Floats, Floats, Floats, Floats]:

@@ -97,9 +97,14 @@ def _joined(candidates: _Candidates, threshold: float) -> tuple[MotionGraph, NDA
     dropped += [(nodes[i].name, "not strongly connected with the rest") for i in np.flatnonzero(~keep)]
     place = np.cumsum(keep) - 1
     graph = assemble(
-        candidates.prepared, [nodes[i] for i in np.flatnonzero(keep)], place[source], place[target],
-        alignments.pairs(source, target), threshold, dropped,
-    )  # fmt: skip
+        candidates.prepared,
+        [nodes[i] for i in np.flatnonzero(keep)],
+        place[source],
+        place[target],
+        alignments.pairs(source, target),
+        threshold,
+        dropped,
+    )
     return graph, keep
 
 

@@ -20,8 +20,6 @@ HIP_AHEAD = 0.0625
 """Meters the hips stand ahead of the ankles: over the middle between heels and toes. At rest the knees bend for it."""
 ANKLE_HEIGHT = 0.085
 """Meters from the sole of a flat foot to its ankle joint."""
-HEEL_BACK = 0.055
-"""Meters from the ankle back to where the heel touches the floor."""
 BALL_AHEAD = 0.125
 BALL_HEIGHT = 0.02
 """The toe joint, which is the ball of the foot: meters ahead of the ankle, and over the sole."""

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.geometry.elementary import cos, hypot, power, sin
 from crowdsim.geometry.planar import wrap_angle
-from crowdsim.motion.synthesis.body import ANKLE_HEIGHT, BALL_AHEAD, BALL_HEIGHT, HEEL_BACK
+from crowdsim.motion.clips.skeleton import HEEL_BACK
+from crowdsim.motion.synthesis.body import ANKLE_HEIGHT, BALL_AHEAD, BALL_HEIGHT
 from crowdsim.motion.synthesis.curves import ease, hermite, quintic
 from crowdsim.motion.synthesis.footstep_plan import LEFT, RIGHT, STANDING_HALF_WIDTH, Plan, Step, footprint
 
@@ -93,16 +94,21 @@ class _Plant:
         else:
             down = self.arrive * np.square(1.0 - rolled) * (1.0 + 0.6 * rolled)
         if self.strides_off:
-            return down - self.leave * power(np.maximum((t - self.lift) / self._push_frames() + 1.0, 0.0), _PUSH_POWER)
-        return down - self.leave * _ramped(t - self.lift + self.soft, self.soft, self.slowing)
+            up = power(np.maximum((t - self.lift) / self._push_frames() + 1.0, 0.0), _PUSH_POWER)
+        else:
+            up = _ramped(t - self.lift + self.soft, self.soft, self.slowing)
+        pitch: Floats = down - self.leave * up
+        return pitch
 
     def _push_frames(self) -> float:
         if not self.strides_off:
             return self.soft
-        return min(_PUSH_FRAMES * self.leave / _PUSH_PITCH, self.lift - self.land - _ROLL_FRAMES)
+        return min(float(_PUSH_FRAMES * self.leave / _PUSH_PITCH), self.lift - self.land - _ROLL_FRAMES)
 
     def yaw(self, t: Floats) -> Floats:
-        return self.place[2] + self.twist * np.square(np.maximum((t - self.lift) / self._push_frames() + 1.0, 0.0))
+        turned = self.twist * np.square(np.maximum((t - self.lift) / self._push_frames() + 1.0, 0.0))
+        yaw: Floats = self.place[2] + turned
+        return yaw
 
     def ankle(self, t: Floats) -> Floats:
         """(T, 3) ankle positions at times t (T,)."""
@@ -214,9 +220,12 @@ def foot_curves(plan: Plan, side: int) -> FootCurves:
             early,
             hermite(u / turning, -old.leave, turn0 * duration * turning, level, 0.8 * rise),
             hermite(
-                (u - turning) / (1.0 - turning), level, 0.8 * rise * (1.0 - turning) / turning,
-                new.arrive, turn1 * duration * (1.0 - turning),
+                (u - turning) / (1.0 - turning),
+                level,
+                0.8 * rise * (1.0 - turning) / turning,
+                new.arrive,
+                turn1 * duration * (1.0 - turning),
             ),
-        )  # fmt: skip
+        )
         toe[rows] = old.leave * (1.0 - ease(u / 0.45)) + max(0.0, -new.arrive) * ease((u - 0.55) / 0.45)
     return FootCurves(ankle, yaw, pitch, toe)

@@ -107,9 +107,15 @@ def _turn_in_place(name: str, degrees: float, manner: Manner) -> Plan:
 def _side_steps(name: str, manner: Manner) -> Plan:
     """Three full steps to the left."""
     builder = PlanBuilder(name, SIDE_STEPPING, manner)
-    return builder.side_step(LEFT, 0.44, 17.0).pause().side_step(LEFT, 0.44, 17.0).pause().side_step(
-        LEFT, 0.44, 17.0
-    ).stand().finish()  # fmt: skip
+    return (
+        builder.side_step(LEFT, 0.44, 17.0)
+        .pause()
+        .side_step(LEFT, 0.44, 17.0)
+        .pause()
+        .side_step(LEFT, 0.44, 17.0)
+        .stand()
+        .finish()
+    )
 
 
 def _short_side_step(name: str, manner: Manner) -> Plan:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from crowdsim.geometry.elementary import acos, asin, cos, sin
 from crowdsim.motion.clips.clip import Clip
-from crowdsim.motion.clips.kinematics import about_axis, conjugate, multiply, rotate
+from crowdsim.motion.clips.kinematics import about_axis, conjugate, multiply, rotate, unit
 from crowdsim.motion.synthesis.body import HIP_AHEAD, SHANK, THIGH, default_skeleton
 from crowdsim.motion.synthesis.trunk import SCALARS, Controls
 
@@ -42,11 +42,7 @@ def _quaternion_of(x: Floats, y: Floats, z: Floats) -> Floats:
     k = np.stack([a[4] - a[5], a[2] + a[3], a[1] + a[0], 1 + 2 * m[:, 2, 2] - trace], axis=-1)
     q = np.stack([w, i, j, k], axis=1)[np.arange(len(m)), best]
     q *= np.where(q[:, :1] < 0.0, -1.0, 1.0)
-    return q / np.linalg.norm(q, axis=-1, keepdims=True)
-
-
-def _unit(v: Floats) -> Floats:
-    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+    return unit(q)
 
 
 def pelvis_rotation(controls: Controls) -> Floats:
@@ -73,15 +69,15 @@ def _leg(controls: Controls, side: str) -> tuple[Floats, Floats, Floats, Floats]
     """World rotations (F, 4) of thigh, shank, foot and toes."""
     way = ankle_targets(controls, side) - hip_positions(controls, side)
     distance = np.minimum(np.linalg.norm(way, axis=-1), STRAIGHTEST)
-    down = _unit(way)
+    down = unit(way)
     first = 3 if side == "left" else 6
     foot_yaw = controls.placed[:, first + 2]
     ahead = 0.5 * (foot_yaw + controls.placed[:, 2] + _column(controls, "pelvis_yaw"))
     forward = np.stack([cos(ahead), sin(ahead), np.zeros_like(ahead)], axis=-1)
-    lateral = _unit(np.cross(forward, down))
+    lateral = unit(np.cross(forward, down))
     bend = acos((THIGH * THIGH + np.square(distance) - SHANK * SHANK) / (2.0 * THIGH * distance))
     thigh_down = cos(bend)[:, None] * down + sin(bend)[:, None] * np.cross(down, lateral)
-    shank_down = _unit(down * distance[:, None] - THIGH * thigh_down)
+    shank_down = unit(down * distance[:, None] - THIGH * thigh_down)
     thigh = _quaternion_of(np.cross(lateral, -thigh_down), lateral, -thigh_down)
     shank = _quaternion_of(np.cross(lateral, -shank_down), lateral, -shank_down)
     shank = multiply(shank, _turns(_Y, np.full(len(shank), -asin(HIP_AHEAD / SHANK))))

@@ -98,9 +98,21 @@ HAPPY = Manner(
     Gait("normal", 1.38, 60, 23.0, 0.048),
     Gait("slow", 1.18, 68, 25.5, 0.050),
     Gait("brisk", 1.56, 56, 22.0, 0.045),
-    lift=0.03, bounce=1.6, sway=1.25, pelvis_yaw=0.15, pelvis_roll=0.10, trunk_yaw=0.22, trunk_roll=0.045, lean=-0.01,
-    arm_swing=0.85, elbow=0.45, elbow_swing=0.45, arm_out=float(np.radians(14.0)), head_pitch=-0.10, head_roll=0.04,
-)  # fmt: skip
+    lift=0.03,
+    bounce=1.6,
+    sway=1.25,
+    pelvis_yaw=0.15,
+    pelvis_roll=0.10,
+    trunk_yaw=0.22,
+    trunk_roll=0.045,
+    lean=-0.01,
+    arm_swing=0.85,
+    elbow=0.45,
+    elbow_swing=0.45,
+    arm_out=float(np.radians(14.0)),
+    head_pitch=-0.10,
+    head_roll=0.04,
+)
 """Quick and springy: more up and down, higher knees, wide arm swing, chest open and head up."""
 
 DANCING = Manner(
@@ -108,10 +120,23 @@ DANCING = Manner(
     Gait("normal", 1.00, 68, 26.0, 0.065),
     Gait("slow", 0.84, 76, 28.0, 0.070),
     Gait("brisk", 1.14, 62, 24.0, 0.060),
-    lift=0.03, bounce=1.6, sway=1.5, pelvis_yaw=0.20, pelvis_roll=0.13, trunk_yaw=0.30, trunk_roll=0.13,
-    lean=0.0, arm_swing=0.25, elbow=1.35, elbow_swing=0.3, arm_out=float(np.radians(52.0)), arm_twist=-1.4, wave=0.38,
-    head_pitch=-0.04, head_roll=-0.08,
-)  # fmt: skip
+    lift=0.03,
+    bounce=1.6,
+    sway=1.5,
+    pelvis_yaw=0.20,
+    pelvis_roll=0.13,
+    trunk_yaw=0.30,
+    trunk_roll=0.13,
+    lean=0.0,
+    arm_swing=0.25,
+    elbow=1.35,
+    elbow_swing=0.3,
+    arm_out=float(np.radians(52.0)),
+    arm_twist=-1.4,
+    wave=0.38,
+    head_pitch=-0.04,
+    head_roll=-0.08,
+)
 """Short swaying steps with raised arms that wave from side to side."""
 
 MANNERS = {manner.name: manner for manner in (PLAIN, HAPPY, DANCING)}

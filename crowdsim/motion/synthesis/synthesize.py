@@ -127,9 +127,13 @@ def synthesize_idle(name: str, frames: int, manner: Manner = PLAIN) -> Clip:
     placed[:, 1] += 0.006 * sway
     placed[:, 0] += 0.003 * breath
     for column, amount in (
-        ("trunk_pitch", -0.012 * breath), ("trunk_roll", -0.006 * sway), ("head_yaw", 0.05 * sway),
-        ("left_arm", 0.02 * breath), ("right_arm", 0.02 * breath), ("pelvis_roll", 0.006 * sway),
+        ("trunk_pitch", -0.012 * breath),
+        ("trunk_roll", -0.006 * sway),
+        ("head_yaw", 0.05 * sway),
+        ("left_arm", 0.02 * breath),
+        ("right_arm", 0.02 * breath),
+        ("pelvis_roll", 0.006 * sway),
         ("height", -0.002 * envelope),
-    ):  # fmt: skip
+    ):
         scalars[:, SCALARS.index(column)] += amount
     return pose_clip(name, _lowered(Controls(placed, scalars)))

@@ -27,12 +27,14 @@ _LONG_SUPPORT = 12.0
 _OVER_FOOT = 0.055
 """Meters ahead of the ankle at which a foot carries the body."""
 
-SCALARS = (
-    "height", "pelvis_yaw", "pelvis_roll", "pelvis_pitch", "trunk_yaw", "trunk_roll", "trunk_pitch", "head_yaw",
-    "left_arm", "left_elbow", "right_arm", "right_elbow",
-    "left_out", "right_out", "arm_twist", "head_pitch", "head_roll",
-    "left_ankle_height", "left_pitch", "left_toe", "right_ankle_height", "right_pitch", "right_toe",
-)  # fmt: skip
+SCALARS = tuple(
+    (
+        "height pelvis_yaw pelvis_roll pelvis_pitch trunk_yaw trunk_roll trunk_pitch head_yaw "
+        "left_arm left_elbow right_arm right_elbow "
+        "left_out right_out arm_twist head_pitch head_roll "
+        "left_ankle_height left_pitch left_toe right_ankle_height right_pitch right_toe"
+    ).split()
+)
 """Columns of :attr:`Controls.scalars`; the last six belong to the feet."""
 FOOT_SCALARS = slice(17, 23)
 
@@ -121,7 +123,8 @@ def controls_of(plan: Plan) -> Controls:
     pelvis = np.stack([body[:, 0] - s * across, body[:, 1] + c * across, heading], axis=-1)
 
     def ahead(foot: FootCurves) -> Floats:
-        return c * (foot.ankle[:, 0] - body[:, 0]) + s * (foot.ankle[:, 1] - body[:, 1])
+        way: Floats = c * (foot.ankle[:, 0] - body[:, 0]) + s * (foot.ankle[:, 1] - body[:, 1])
+        return way
 
     spread = smoothed(ahead(feet[RIGHT]) - ahead(feet[LEFT]), 2.5)
     swing = smoothed(spread, 3.0)

@@ -43,13 +43,13 @@ def _arc_piece(m, arc, u0, u1, radius, start, spans, count, marks, mark, near, r
             a = vertices[sides[max(h, 3 * t)].org]
             b = a
             if whole:
-                if m.wind[t] == 0:
+                if m.cover[t] == 0:
                     continue
                 found = triangle_roots(m, t, arc, u0, u1, roots)
             else:
                 if sides[h].org < BOX_CORNERS:
                     continue
-                if sides[h].cst != 0:
+                if sides[h].constraints != 0:
                     b = vertices[sides[nxt(h)].org]
                 found = side_roots(arc, a.x, a.y, b.x, b.y, radius, u0, u1, roots)
             lo = u0

@@ -28,7 +28,7 @@ def disc_clearance(m, x, y, limit, hint):
     sx = snapped(cell, x)
     sy = snapped(cell, y)
     root = locate(m, sx, sy, hint)
-    if root < 0 or m.wind[root] != 0:
+    if root < 0 or m.cover[root] != 0:
         return -1.0, root
     best = limit * limit
     for h in range(3 * root, 3 * root + 3):
@@ -62,7 +62,7 @@ def disc_clearance(m, x, y, limit, hint):
             offset = ux * (y - ay) - uy * (x - ax)
             distance2 = offset * offset / (ux * ux + uy * uy)
             if distance2 < best:
-                if sides[h].cst != 0:
+                if sides[h].constraints != 0:
                     best = distance2
                 else:
                     h = sides[h].twin
@@ -117,7 +117,7 @@ def capsule_nearest(m, x0, y0, x1, y1, limit, hint):
     sides = m.sides
     vertices = m.vertices
     root = triangle_of(m, x0, y0, hint)
-    if root < 0 or m.wind[root] != 0:
+    if root < 0 or m.cover[root] != 0:
         return -1.0, root, -1, -1
     best = limit * limit
     vertex = NONE
@@ -140,13 +140,13 @@ def capsule_nearest(m, x0, y0, x1, y1, limit, hint):
         distance2 = _inner_distance2(x0, y0, x1, y1, vertices[sides[h].org], vertices[sides[nxt(h)].org])
         if distance2 >= best:
             continue
-        if sides[h].cst != 0:
+        if sides[h].constraints != 0:
             best = distance2
             edge = h
             vertex = -1
             continue
         crossed += 1
-        if crossed > m.wind.size:  # a tree has no more; whatever rounding did, the answer is on the safe side
+        if crossed > m.cover.size:  # a tree has no more; whatever rounding did, the answer is on the safe side
             return -1.0, root, -1, -1
         g = sides[h].twin
         v = sides[prv(g)].org

@@ -135,11 +135,11 @@ def _outlines_near(m, root, radius, near, outlines, stack, triangle_marks, verte
                 outlines[count].length = 0.0
                 count += 1
             g = sides[h].twin
-            if sides[h].cst == 0 and triangle_marks[g // 3] == root + 1:
+            if sides[h].constraints == 0 and triangle_marks[g // 3] == root + 1:
                 continue
             if _side_to_triangle2(m, h, root) > near * near:
                 continue
-            if sides[h].cst == 0:
+            if sides[h].constraints == 0:
                 triangle_marks[g // 3] = root + 1
                 stack[top] = g // 3
                 top += 1
@@ -230,7 +230,7 @@ def nearest_free(m, px, py, radius, slack, limit):
             if g >= 0 and seen[g // 3] == 0:
                 seen[g // 3] = 1
                 heap, waiting = push(heap, waiting, _distance_to_triangle(m, g // 3, px, py), g // 3)
-        if m.wind[t] != 0 or not _roomy(m, t, radius - slack):
+        if m.cover[t] != 0 or not _roomy(m, t, radius - slack):
             continue
         outlines, count, stack = _outlines_near(
             m, t, radius, radius + slack, outlines, stack, triangle_marks, vertex_marks

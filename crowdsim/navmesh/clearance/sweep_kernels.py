@@ -110,7 +110,7 @@ def sweep(sides, vertices, stack, root, x0, y0, x1, y1, least):
         bx = row.bx
         by = row.by
         steps -= 1
-        if sides[h].cst != 0 or steps < 0 or top + 2 > stack.size:
+        if sides[h].constraints != 0 or steps < 0 or top + 2 > stack.size:
             return False, root
         g = sides[h].twin
         if ay <= 0.0 and by > 0.0:  # the line of the segment leaves the triangle here
@@ -190,7 +190,7 @@ def are_free(layers, radii, pieces):
             x = pieces[i, 0]
             y = pieces[i, 1]
             t = triangle_of(m, x, y, NONE)
-            if t < 0 or m.wind[t] != 0:
+            if t < 0 or m.cover[t] != 0:
                 return False
             free, _ = sweep(m.sides, m.vertices, stack, t, x, y, pieces[i, 2], pieces[i, 3], radii[k])
             if not free:

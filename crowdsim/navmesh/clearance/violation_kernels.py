@@ -209,7 +209,7 @@ def violations(m, points, radius):
         )
         for k in range(found):
             t = near[k]
-            if m.wind[t] != 0:
+            if m.cover[t] != 0:
                 lo, hi = _triangle_span(m, t, px, py, ux, uy)
                 lo = max(lo, enter)
                 hi = min(hi, leave)
@@ -221,7 +221,7 @@ def violations(m, points, radius):
                 ax = vertices[sides[h].org].x
                 ay = vertices[sides[h].org].y
                 span = _disc_span(px, py, ux, uy, radius, ax, ay)
-                if sides[h].cst != 0:
+                if sides[h].constraints != 0:
                     bx = vertices[sides[nxt(h)].org].x
                     by = vertices[sides[nxt(h)].org].y
                     lo, hi = _disc_span(px, py, ux, uy, radius, bx, by)

@@ -1,20 +1,25 @@
 """Paths between two places while obstacles come and go, guided by how far it is without them."""
 
+from __future__ import annotations
+
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
+from crowdsim.navmesh.editing.address_kernels import mesh_at, workshop_at
 from crowdsim.navmesh.editing.point_kernels import INSERT, edit_point, has_room
-from crowdsim.navmesh.editing.undo_kernels import copy_edited
+from crowdsim.navmesh.editing.undo_kernels import copy_back
 from crowdsim.navmesh.mesh.half_edge_kernels import triangle_of
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
-from crowdsim.navmesh.paths.checked_kernels import add_dot, drop_dot
 from crowdsim.navmesh.paths.component_kernels import are_joined
 from crowdsim.navmesh.paths.guide_kernels import GUIDE, add_sides, clear_guide, fill_guide
 from crowdsim.navmesh.paths.interval_kernels import find_way
-from crowdsim.navmesh.paths.path_kernels import OK, TANGLED, append_path, plan_path
+from crowdsim.navmesh.paths.path_kernels import OK, TANGLED, plan_path
+from crowdsim.navmesh.paths.workspace import Workspace
 
 _INSERT = np.int64(INSERT)
 """As it comes from Python: for a bare number the whole edit would compile once more."""
@@ -29,6 +34,19 @@ LOST = 2
 """The mesh is useless, as more changed around one point than anybody has seen; make it anew."""
 NOT_TRACED = 3
 """There is a way, but repair found no path along it; a search without a guide may."""
+
+
+class DetourSearch(NamedTuple):
+    """A mesh that one thread may edit, and two places in it between which detours are looked for."""
+
+    places: NDArray[np.int64]
+    """Those of the mesh and its workshop (see address_kernels)."""
+    before: NDArray[np.int64]
+    """Places of a copy of the mesh, with as much room, from which edits are undone."""
+    work: Workspace
+    ends: tuple[float, float, float, float, float, float]
+    """x, y of start and goal, radius and least clearance."""
+    guide: NDArray[Any]
 
 
 @kernel
@@ -58,30 +76,26 @@ def aim_guide(m, labels, work, sx, sy, gx, gy, radius, least, farther, guide):
 
 
 @helper
-def find_detour(places, before, m, w, work, checked, sx, sy, gx, gy, radius, least, guide, x, y, points, filled):
-    """The path of `crowdsim.navmesh.paths.path_kernels.plan_path`, found with ``guide``, around (x, y) as well.
+def find_detour(search, x, y):
+    """(DONE, or why not, points (n, 2)) of the path between the ends of ``search`` around (x, y) as well.
 
-    A point obstacle is put there into the mesh at ``places`` (see address_kernels) and taken back: at ``before`` is a
-    copy of the mesh, with as much room. The path is written behind the first ``filled`` of ``points``, which grow as
-    they are needed.
-
-    Returns (DONE, or why not, points, up to where they are filled, length: infinite where there is no path).
+    A point obstacle is put there into the mesh and taken back by copying. No points where there is no path.
     """
-    if not has_room(m, w, _ROOM) or not add_dot(checked, x, y):
-        return NO_ROOM, points, filled, math.inf
+    places = search.places
+    m = mesh_at(places)
+    sx, sy, gx, gy, radius, least = search.ends
+    nothing = np.empty((0, 2))
+    if not has_room(m, workshop_at(places), _ROOM):
+        return NO_ROOM, nothing
     v = edit_point(places, _INSERT, x, y, NONE)
     if v < NONE:
-        return LOST, points, filled, math.inf
-    found, path = plan_path(m, None, work, sx, sy, gx, gy, radius, least, guide, checked)
-    drop_dot(checked)
-    if v >= 0 and not copy_edited(places, before, places):
-        return LOST, points, filled, math.inf
+        return LOST, nothing
+    found, path = plan_path(m, None, search.work, sx, sy, gx, gy, radius, least, search.guide)
+    if v >= 0 and not copy_back(places, search.before):
+        return LOST, nothing
     if found == TANGLED:
-        return NOT_TRACED, points, filled, math.inf
-    if found != OK:
-        return DONE, points, filled, math.inf
-    points, length = append_path(points, filled, path)
-    return DONE, points, filled + path.shape[0], length
+        return NOT_TRACED, nothing
+    return DONE, path if found == OK else nothing
 
 
 @kernel

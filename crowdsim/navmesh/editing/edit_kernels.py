@@ -37,7 +37,7 @@ def _collect(m, owner, ids, w):
         first = vertices[v].vhe
         h = first
         while True:
-            if sides[h].cst != 0:
+            if sides[h].constraints != 0:
                 mine = count_use(w.uses, sides[h].use, owner) > 0
                 if mine:
                     w.pairs[count, 0] = h
@@ -105,10 +105,10 @@ def _take_out(m, w, winding, slot, ids):
         back = sides[forth.twin]
         times = count_use(w.uses, forth.use, owner)
         forth.use = without(w, forth.use, owner)
-        forth.cst -= times
-        back.cst -= times
-        forth.win -= times * winding
-        back.win += times * winding
+        forth.constraints -= times
+        back.constraints -= times
+        forth.winding -= times * winding
+        back.winding += times * winding
         soil(sides, h // 3)
         soil(sides, forth.twin // 3)
     if w.progress[0].full != 0:

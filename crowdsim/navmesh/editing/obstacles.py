@@ -25,7 +25,7 @@ from crowdsim.navmesh.editing.shapes import (
     rings_of,
     shape_of,
 )
-from crowdsim.navmesh.mesh.mesh_arrays import USE, MeshArrays, Workshop, overwrite, resized, trimmed, workshop
+from crowdsim.navmesh.mesh.mesh_arrays import USE, MeshArrays, Workshop, resized, workshop
 from crowdsim.navmesh.paths.paths import as_numbers
 from crowdsim.navmesh.triangulation.use_kernels import keep_used
 
@@ -49,18 +49,6 @@ class _Slot:
     """What of it lies in the box, on the grid; nothing for points, which the kernel moves there itself."""
     ids: Integers | list[int] | None = None
     """Vertices of the corners of ``snapped``, or of points, -1 for those outside; None where it is not in the mesh."""
-
-
-class Snapshot(NamedTuple):
-    """A mesh with its obstacles as it was at some time; of no use after its arrays were replaced by larger ones."""
-
-    places: Integers
-    """Addresses of the arrays at that time, the very array."""
-    mesh: MeshArrays
-    """Copies of what was filled."""
-    uses: int
-    slots: list[_Slot]
-    free: list[int]
 
 
 class Obstacles:
@@ -90,26 +78,6 @@ class Obstacles:
     def places(self) -> Integers:
         """Addresses (12, 2) of the arrays as they are now, for kernels that put points in and take them out again."""
         return self._places
-
-    def snapshot(self) -> Snapshot:
-        """What :meth:`restore` takes to undo all edits from now on."""
-        arrays = MeshArrays(*(array.copy() for array in trimmed(self.mesh)))
-        uses = int(self._work.progress["uses"][0])
-        return Snapshot(self._places, arrays, uses, [replace(slot) for slot in self._slots], list(self._free))
-
-    def restore(self, snapshot: Snapshot) -> bool:
-        """Make everything as it was, to the numbers of vertices and triangles; False where that cannot be done."""
-        if snapshot.places is not self._places:
-            return False
-        overwrite(self.mesh, snapshot.mesh)
-        self._work.progress["uses"] = snapshot.uses
-        self._slots = [replace(slot) for slot in snapshot.slots]
-        self._free = list(snapshot.free)
-        return True
-
-    def make_room(self) -> None:
-        """Room for more vertices than one point makes."""
-        self._grow(len(self.mesh.vertices) // 4 + 256)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)

@@ -3,6 +3,7 @@
 from crowdsim.geometry.predicates_kernels import incircle
 from crowdsim.jit import helper
 from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv, side, soil
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.triangulation.triangulation_kernels import flip, link, restore_delaunay, take
 from crowdsim.navmesh.triangulation.use_kernels import same_uses
 from crowdsim.navmesh.triangulation.work_kernels import CHANGED, LOOKING, note_changed, touch
@@ -35,12 +36,12 @@ def _free_triangle(m, w, t):
     frame.triangles = last
     if t == last:
         return
-    m.wind[t] = m.wind[last]
+    m.cover[t] = m.cover[last]
     for i in range(3):
         h = 3 * t + i
         source = 3 * last + i
         sides[h].org = sides[source].org
-        sides[h].clr = sides[source].clr
+        sides[h].corner_clearance = sides[source].corner_clearance
         take(sides, h, source)
         m.vertices[sides[h].org].vhe = h
     cell = hint_cell(m, t)
@@ -67,13 +68,11 @@ def _push(w, a, b):
 
 
 @helper
-def remove_vertex(m, w, v):
-    """Take out vertex v, which has no constrained spoke or two of the same load, which become one side.
+def _flip_spokes(m, w, v):
+    """Flip spokes of vertex v away until four or three are left; (a spoke, how many there are, how many constrained).
 
-    False where the latter would sweep over another vertex: then v stays. Sides around that may not be Delaunay are
-    stacked in ``pairs``. Exact: a spoke is flipped where both new triangles have an area, until four or three are left
-    (among five spokes there always is one: those that span half a turn or more, and the corners that bend inward, are
-    too few to block all).
+    Exact: a spoke is flipped where both new triangles have an area. Among five spokes there always is one: those that
+    span half a turn or more, and the corners that bend inward, are too few to block all.
     """
     sides = m.sides
     vertices = m.vertices
@@ -83,12 +82,11 @@ def remove_vertex(m, w, v):
     h = first
     while True:
         degree += 1
-        if sides[h].cst != 0:
+        if sides[h].constraints != 0:
             fixed += 1
         h = sides[prv(h)].twin
         if h == first:
             break
-    h = first
     idle = 0
     while degree > 4 and idle < degree:
         g = sides[h].twin
@@ -97,11 +95,11 @@ def remove_vertex(m, w, v):
         a = sides[prv(g)].org
         b = sides[g].org
         c = sides[prv(h)].org
-        between = sides[before].cst != 0 and sides[after].cst != 0
+        between = sides[before].constraints != 0 and sides[after].constraints != 0
         ax = vertices[a].x
         ay = vertices[a].y
         if (
-            sides[h].cst == 0
+            sides[h].constraints == 0
             and not between
             and side(vertices, b, c, ax, ay) > 0.0
             and side(vertices, v, a, vertices[c].x, vertices[c].y) > 0.0
@@ -116,32 +114,109 @@ def remove_vertex(m, w, v):
         else:
             idle += 1
             h = after
-    # The spokes h0 to a, then counter-clockwise to b, c and d; a and c get joined.
-    h0 = h
-    if degree == 4:
-        h1 = sides[prv(h0)].twin
+    return h, degree, fixed
+
+
+@helper
+def _spoke_to_join(m, h, fixed):
+    """The first of four spokes from h on of which it and the third can become one side, -1 if none.
+
+    They can where both triangles that come to be have an area, and the constrained spokes are these two or none.
+    """
+    sides = m.sides
+    vertices = m.vertices
+    for _ in range(2):
+        h1 = sides[prv(h)].twin
         h2 = sides[prv(h1)].twin
         h3 = sides[prv(h2)].twin
-        for turn in range(2):
-            a = sides[nxt(h0)].org
-            b = sides[nxt(h1)].org
-            c = sides[nxt(h2)].org
-            d = sides[nxt(h3)].org
-            joins = side(vertices, a, b, vertices[c].x, vertices[c].y) > 0.0
-            joins = joins and side(vertices, a, c, vertices[d].x, vertices[d].y) > 0.0
-            if joins and (fixed == 0 or (sides[h0].cst != 0 and sides[h2].cst != 0)):
-                break
-            if turn == 1:
-                degree = 0
-            h0, h1, h2, h3 = h1, h2, h3, h0
-    elif degree == 3 and fixed == 0:
-        h1 = sides[prv(h0)].twin
-        h2 = sides[prv(h1)].twin
-    else:
-        degree = 0
-    if degree == 0:
+        a = sides[nxt(h)].org
+        b = sides[nxt(h1)].org
+        c = sides[nxt(h2)].org
+        d = sides[nxt(h3)].org
+        joins = side(vertices, a, b, vertices[c].x, vertices[c].y) > 0.0
+        joins = joins and side(vertices, a, c, vertices[d].x, vertices[d].y) > 0.0
+        if joins and (fixed == 0 or (sides[h].constraints != 0 and sides[h2].constraints != 0)):
+            return h
+        h = h1
+    return NONE
+
+
+@helper
+def _join_four(m, w, h0):
+    """Make two triangles of the four around a vertex, whose spokes h0 and the second after it become one side.
+
+    The spokes lead to a, b, c and d; a and c get joined. Returns the two triangles that are free then.
+    """
+    sides = m.sides
+    vertices = m.vertices
+    h1 = sides[prv(h0)].twin
+    h2 = sides[prv(h1)].twin
+    h3 = sides[prv(h2)].twin
+    a = sides[nxt(h0)].org
+    b = sides[nxt(h1)].org
+    c = sides[nxt(h2)].org
+    d = sides[nxt(h3)].org
+    for h, source, start, middle, end in ((h0, nxt(h1), a, b, c), (h2, nxt(h3), c, d, a)):
+        k = nxt(h)
+        take(sides, nxt(k), source)
+        sides[h].org = end
+        soil(sides, k // 3)
+        vertices[start].vhe = k
+        vertices[middle].vhe = nxt(k)
+        _push(w, start, middle)
+        _push(w, middle, end)
+    link(sides, h0, h2)
+    _push(w, a, c)
+    touch(w, a)
+    touch(w, c)
+    return h1 // 3, h3 // 3
+
+
+@helper
+def _join_three(m, w, h0):
+    """Make one triangle a, b, c of the three around a vertex, whose spokes from h0 on lead to these.
+
+    Returns the two triangles that are free then.
+    """
+    sides = m.sides
+    vertices = m.vertices
+    h1 = sides[prv(h0)].twin
+    h2 = sides[prv(h1)].twin
+    k0 = nxt(h0)
+    a = sides[k0].org
+    b = sides[nxt(h1)].org
+    c = sides[nxt(h2)].org
+    take(sides, nxt(k0), nxt(h1))
+    take(sides, h0, nxt(h2))
+    sides[h0].org = c
+    soil(sides, k0 // 3)
+    vertices[a].vhe = k0
+    vertices[b].vhe = nxt(k0)
+    vertices[c].vhe = h0
+    _push(w, a, b)
+    _push(w, b, c)
+    _push(w, c, a)
+    touch(w, a)
+    touch(w, c)
+    return h1 // 3, h2 // 3
+
+
+@helper
+def remove_vertex(m, w, v):
+    """Take out vertex v, which has no constrained spoke or two of the same load, which become one side.
+
+    False where the latter would sweep over another vertex: then v stays. Sides around that may not be Delaunay are
+    stacked in ``pairs``.
+    """
+    sides = m.sides
+    h, degree, fixed = _flip_spokes(m, w, v)
+    if degree == 4:
+        h = _spoke_to_join(m, h, fixed)
+    elif degree != 3 or fixed != 0:
+        h = NONE
+    if h < 0:
         # Whatever was flipped is to be Delaunay again.
-        h = vertices[v].vhe
+        h = m.vertices[v].vhe
         first = h
         while True:
             _push(w, v, sides[nxt(h)].org)
@@ -150,43 +225,7 @@ def remove_vertex(m, w, v):
             if h == first:
                 break
         return False
-    k0 = nxt(h0)
-    k1 = nxt(h1)
-    a = sides[k0].org
-    b = sides[k1].org
-    if degree == 4:
-        k2 = nxt(h2)
-        k3 = nxt(h3)
-        c = sides[k2].org
-        d = sides[k3].org
-        for k, h, source, start, middle, end in ((k0, h0, k1, a, b, c), (k2, h2, k3, c, d, a)):
-            take(sides, nxt(k), source)
-            sides[h].org = end
-            soil(sides, k // 3)
-            vertices[start].vhe = k
-            vertices[middle].vhe = nxt(k)
-            _push(w, start, middle)
-            _push(w, middle, end)
-        link(sides, h0, h2)
-        _push(w, a, c)
-        one = h1 // 3
-        other = h3 // 3
-    else:
-        c = sides[nxt(h2)].org
-        take(sides, nxt(k0), k1)
-        take(sides, h0, nxt(h2))
-        sides[h0].org = c
-        soil(sides, k0 // 3)
-        vertices[a].vhe = k0
-        vertices[b].vhe = nxt(k0)
-        vertices[c].vhe = h0
-        _push(w, a, b)
-        _push(w, b, c)
-        _push(w, c, a)
-        one = h1 // 3
-        other = h2 // 3
-    touch(w, a)
-    touch(w, c)
+    one, other = _join_four(m, w, h) if degree == 4 else _join_three(m, w, h)
     _free_triangle(m, w, max(one, other))
     _free_triangle(m, w, min(one, other))
     _free_vertex(m, v)
@@ -232,7 +271,7 @@ def removable(m, w, v):
     fixed = 0
     h = first
     while True:
-        if sides[h].cst != 0:
+        if sides[h].constraints != 0:
             other = one
             one = h
             fixed += 1
@@ -247,7 +286,7 @@ def removable(m, w, v):
     to_other = sides[other]
     from_one = sides[to_one.twin]
     from_other = sides[to_other.twin]
-    if from_one.cst != to_other.cst or from_one.win != to_other.win:
+    if from_one.constraints != to_other.constraints or from_one.winding != to_other.winding:
         return False
     if not same_uses(w.uses, from_one.use, to_other.use) or not same_uses(w.uses, to_one.use, from_other.use):
         return False
@@ -260,7 +299,7 @@ def removable(m, w, v):
     slack = 4.0 * m.frame[0].cell * (abs(ux) + abs(uy))
     h = first
     while True:
-        if sides[h].cst == 0 and m.wind[h // 3] == 0:
+        if sides[h].constraints == 0 and m.cover[h // 3] == 0:
             far = vertices[sides[nxt(h)].org]
             is_foot = far.vref > 0 and abs((far.x - x) * ux + (far.y - y) * uy) <= slack
             if is_foot and not _takes_over(m, v, sides[nxt(h)].org, from_one.org, from_other.org):
@@ -280,7 +319,7 @@ def is_free_point(m, v):
     h = first
     fixed = False
     while True:
-        fixed = fixed or sides[h].cst != 0
+        fixed = fixed or sides[h].constraints != 0
         h = sides[prv(h)].twin
         if h == first:
             return not fixed

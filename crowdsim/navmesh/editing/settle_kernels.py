@@ -54,7 +54,7 @@ def _look_out(m, w, h):
         touch(w, z)
         w.to_do[z].mark |= LOOKING
         for e in (nxt(g), prv(g)):
-            if sides[e].cst == 0 and top < stack.size:
+            if sides[e].constraints == 0 and top < stack.size:
                 stack[top] = e
                 top += 1
 
@@ -149,8 +149,8 @@ def settle(m, w):
         h = first
         while True:
             # Each side once: from its origin.
-            if is_dirty(sides, h // 3) and m.wind[h // 3] == 0:
-                if sides[h].cst != 0:
+            if is_dirty(sides, h // 3) and m.cover[h // 3] == 0:
+                if sides[h].constraints != 0:
                     enqueue(w, v)
                 elif removal and not is_dirty(sides, sides[h].twin // 3):
                     _look_out(m, w, h)

@@ -23,17 +23,16 @@ def _number(w, k, first):
 
 
 @kernel
-def copy_edited(edited, source, target):
-    """Copy what an edit of the mesh at ``edited`` changed, from the mesh at ``source`` to ``target``.
+def copy_back(places, before):
+    """Undo INSERT of `edit_point`, which returned a vertex, in the mesh at ``places``, if nothing was edited since.
 
-    That is INSERT of `edit_point`, which returned a vertex, and nothing was edited since. All are places of
-    address_kernels; one of the two is that mesh itself, the other as it was before, and has as much room. What changed
-    is the triangles that are listed or new or no longer there, what they point to, and what points to them, before or
+    At ``before`` is the mesh as it was, with as much room (all places are those of address_kernels). What changed is
+    the triangles that are listed or new or no longer there, what they point to, and what points to them, before or
     after. False where there was no room for the list: then nothing is copied.
     """
-    w = workshop_at(edited)
-    s = mesh_at(source)
-    t = mesh_at(target)
+    w = workshop_at(places)
+    s = mesh_at(before)
+    t = mesh_at(places)
     if w.progress[0].changed > w.to_do.size:
         return False
     filled = s.frame[0].triangles
@@ -51,7 +50,7 @@ def copy_edited(edited, source, target):
         i = _number(w, k, first)
         if i < filled:
             _copy_around(s, s, t, i)
-            t.wind[i] = s.wind[i]
+            t.cover[i] = s.cover[i]
             for h in range(3 * i, 3 * i + 3):
                 t.sides[h] = s.sides[h]
     v = w.progress[0].vertex

@@ -22,13 +22,13 @@ def prv(h):
 @helper
 def is_dirty(sides, t):
     """Whether triangle t changed since it was measured."""
-    return sides[3 * t].clr < 0.0
+    return sides[3 * t].corner_clearance < 0.0
 
 
 @helper
 def soil(sides, t):
     """Note that triangle t changed since it was measured."""
-    sides[3 * t].clr = -1.0
+    sides[3 * t].corner_clearance = -1.0
 
 
 @helper

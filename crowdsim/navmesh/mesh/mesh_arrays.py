@@ -23,20 +23,21 @@ SIDE = np.dtype(
     [
         ("org", np.int64),
         ("twin", np.int64),
-        ("cst", np.int32),
-        ("win", np.int32),
-        ("clr", np.float32),
+        ("constraints", np.int32),
+        ("winding", np.int32),
+        ("corner_clearance", np.float32),
         ("use", np.int32),
     ],
     align=True,
 )
 """A half-edge.
 
-org: origin vertex. twin: opposite half-edge, -1 on the hull. cst: how many obstacle edges run along it, the same on
-both halves. win: signed count of obstacle boundaries along it with the obstacle on their left. clr: width (a diameter,
-meters) that a turn around the corner at ``org`` leaves; 0 where a side of the corner is closed; less on the first
-side of a triangle that changed since it was measured. use: which inserted obstacles run along it in this direction, the
-head of a list of :data:`USE`, -1 for none; obstacles that the mesh was built with are counted in cst and win alone.
+org: origin vertex. twin: opposite half-edge, -1 on the hull. constraints: how many obstacle edges run along it, the
+same on both halves. winding: signed count of obstacle boundaries along it with the obstacle on their left.
+corner_clearance: width (a diameter, meters) that a turn around the corner at ``org`` leaves; 0 where a side of the
+corner is closed; less on the first side of a triangle that changed since it was measured. use: which inserted obstacles
+run along it in this direction, the head of a list of :data:`USE`, -1 for none; obstacles that the mesh was built with
+are counted in constraints and winding alone.
 """
 
 VERTEX = np.dtype([("x", np.float64), ("y", np.float64), ("vhe", np.int64), ("vref", np.int64)], align=True)
@@ -71,13 +72,10 @@ them; those at the end that are no longer there, or new, may be missing.
 """
 
 PROGRESS = np.dtype(
-    [
-        (name, np.int64)
-        for name in
-        ("head", "waiting", "touched", "changed", "uses", "pairs", "full", "rerouted", "removal", "gone", "vertex")
-    ],
+    [(name, np.int64) for name in ("head", "waiting", "touched", "changed", "uses", "pairs")]
+    + [(name, np.int64) for name in ("full", "rerouted", "removal", "gone", "vertex")],
     align=True,
-)  # fmt: skip
+)
 """Ring buffer ``waiting``: its first item and its length. Lengths of the lists ``touched`` and ``changed``, of the pool
 of uses (full: 1 where it was too short), of the stack ``pairs`` and of ``gone``. Whether a crossing made other
 obstacles take another way, whether the edit is a removal, and the vertex of a point that was edited."""
@@ -111,7 +109,7 @@ class MeshArrays(NamedTuple):
     """(3 nt,) records :data:`SIDE`."""
     vertices: NDArray[Any]
     """(nv,) records :data:`VERTEX`."""
-    wind: NDArray[np.int64]
+    cover: NDArray[np.int64]
     """(nt,) how many obstacles cover the triangle; it is free where this is 0."""
     hints: NDArray[np.int64]
     """(nx * ny,) a triangle near the center of each cell of a coarse grid, row by row; any number of an older mesh."""
@@ -158,15 +156,15 @@ def empty_mesh(vertices: int, frame: NDArray[Any]) -> MeshArrays:
     """Arrays with room for ``vertices`` vertices in the box of ``frame`` (1,), which is copied, and empty hints."""
     # Kernels write every field of what they fill, and memory that nobody touches costs nothing.
     hints = np.full(int(frame["nx"][0]) * int(frame["ny"][0]), NONE)
-    wind = np.zeros(2 * vertices, np.int64)
-    return MeshArrays(np.zeros(6 * vertices, SIDE), np.zeros(vertices, VERTEX), wind, hints, frame.copy())
+    cover = np.zeros(2 * vertices, np.int64)
+    return MeshArrays(np.zeros(6 * vertices, SIDE), np.zeros(vertices, VERTEX), cover, hints, frame.copy())
 
 
 def trimmed(mesh: MeshArrays) -> MeshArrays:
     """The same mesh without room for more: views of what is filled."""
     vertices, triangles = int(mesh.frame["vertices"][0]), int(mesh.frame["triangles"][0])
     return mesh._replace(
-        sides=mesh.sides[: 3 * triangles], vertices=mesh.vertices[:vertices], wind=mesh.wind[:triangles]
+        sides=mesh.sides[: 3 * triangles], vertices=mesh.vertices[:vertices], cover=mesh.cover[:triangles]
     )
 
 
@@ -176,12 +174,6 @@ def resized(mesh: MeshArrays, vertices: int) -> MeshArrays:
     copy = empty_mesh(vertices, mesh.frame)
     copy.vertices[:filled] = mesh.vertices[:filled]
     copy.sides[: 3 * triangles] = mesh.sides[: 3 * triangles]
-    copy.wind[:triangles] = mesh.wind[:triangles]
+    copy.cover[:triangles] = mesh.cover[:triangles]
     copy.hints[:] = mesh.hints
     return copy
-
-
-def overwrite(mesh: MeshArrays, other: MeshArrays) -> None:
-    """Make ``mesh``, which has at least as much room, the same as ``other``."""
-    for array, filled in zip(mesh, other, strict=True):
-        array.view(np.uint8)[: filled.nbytes] = filled.view(np.uint8)  # records would be copied field by field

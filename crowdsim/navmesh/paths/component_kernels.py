@@ -31,13 +31,13 @@ def label_sides(m, width, labels):
     Components count from 0; sides of blocked triangles and constrained sides have -1.
     """
     sides = m.sides
-    wind = m.wind
+    cover = m.cover
     n = 3 * m.frame[0].triangles
     for h in range(n):
         g = sides[h].twin
         labels[h] = g if g >= 0 and g < h else h
     for h in range(n):
-        if wind[h // 3] == 0 and sides[h].clr >= width:
+        if cover[h // 3] == 0 and sides[h].corner_clearance >= width:
             a = _root(labels, h)
             b = _root(labels, prv(h))
             labels[max(a, b)] = min(a, b)
@@ -45,7 +45,7 @@ def label_sides(m, width, labels):
     # until all are known, to be told from half-edges.
     count = 0
     for h in range(n):
-        if wind[h // 3] != 0 or sides[h].cst != 0:
+        if cover[h // 3] != 0 or sides[h].constraints != 0:
             labels[h] = -1
         elif labels[h] == h:
             labels[h] = -2 - count

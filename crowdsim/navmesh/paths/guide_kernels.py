@@ -79,7 +79,7 @@ def add_sides(m, guide):
     """Put all sides that can be crossed into ``guide``, which has none."""
     sides = m.sides
     for h in range(3 * m.frame[0].triangles):
-        if sides[h].cst == 0 and m.wind[h // 3] == 0:
+        if sides[h].constraints == 0 and m.cover[h // 3] == 0:
             origin = sides[h].org
             end = sides[nxt(h)].org
             guide[_row(guide, origin, end)].side = ((origin + 1) << 32) + end

@@ -71,6 +71,18 @@ def _estimate(label, x, y):
 
 
 @helper
+def _key(m, regions, waypoints, guide, label, gx, gy, radius):
+    """What a label is in the heap by: about how long a way over it is."""
+    key = 0.0
+    if guide is not None:
+        key = guided_estimate(m.sides, m.vertices, guide, label, radius, _estimate(label, gx, gy))
+    if regions is not None:
+        aim = waypoints[regions[m.sides[label.h].twin // 3].top]
+        key = GREED * aim.rest + _estimate(label, aim.x, aim.y)
+    return key
+
+
+@helper
 def _leave_start(m, regions, work, start, sx, sy, gx, gy, radius, width, guide):
     """Put labels of the sides that lead out of triangle ``start`` towards the goal into the heap; their number."""
     labels = work.labels
@@ -93,14 +105,89 @@ def _leave_start(m, regions, work, start, sx, sy, gx, gy, radius, width, guide):
         ux *= k
         uy *= k
         _set_label(labels[count], sx, sy, 0.0, b.x - ux, b.y - uy, a.x + ux, a.y + uy, h, NONE, NONE, np.int64(3))
-        key = 0.0
-        if guide is not None:
-            key = guided_estimate(sides, vertices, guide, labels[count], radius, _estimate(labels[count], gx, gy))
-        if regions is not None:
-            aim = waypoints[regions[sides[h].twin // 3].top]
-            key = GREED * aim.rest + _estimate(labels[count], aim.x, aim.y)
-        count = place(heap, count, key, count)
+        count = place(heap, count, _key(m, regions, waypoints, guide, labels[count], gx, gy, radius), count)
     return count
+
+
+@helper
+def _spent_at(label, x, y, before, stamp):
+    """Meters up to the end (x, y) of a label's interval, as a root; infinite if it was one at less ``before``."""
+    dx = x - label.rx
+    dy = y - label.ry
+    spent = label.spent + math.sqrt(dx * dx + dy * dy)
+    if before.stamp == stamp and before.spent < spent - _SAME:
+        return math.inf
+    return spent
+
+
+@helper
+def _add_labels(labels, used, i, reached, stamp, spent_left, spent_right, e, turn, v, o, radius):
+    """Add the labels of ways from label i on over side e, whose ends are v and o; how many labels there are then.
+
+    Straight from the root over what it sees of the side, and around the left and the right end of the label's interval
+    over the rest, where the way is ``spent_left`` and ``spent_right`` long up to these; infinite where it may not bend.
+    The side is cut by the radius at both ends; v is its left end if ``turn`` is 0.
+    """
+    ux = v.x - o.x
+    uy = v.y - o.y
+    k = min(radius / math.sqrt(ux * ux + uy * uy), 0.5)
+    ux *= k
+    uy *= k
+    # The ends of the cut side e, left and right.
+    elx = v.x - ux if turn == 0 else o.x + ux
+    ely = v.y - uy if turn == 0 else o.y + uy
+    erx = o.x + ux if turn == 0 else v.x - ux
+    ery = o.y + uy if turn == 0 else v.y - uy
+    label = labels[i]
+    h = np.int64(label.h)
+    rx = label.rx
+    ry = label.ry
+    dlx = label.lx - rx
+    dly = label.ly - ry
+    dpx = label.px - rx
+    dpy = label.py - ry
+    # From a root at the end of the side, everything on that end's side is seen.
+    sees_left = dlx == 0.0 and dly == 0.0
+    sees_right = dpx == 0.0 and dpy == 0.0
+    # How far the ends are left of the rays from the root over the ends of the interval.
+    ll = -1.0 if sees_left else dlx * (ely - ry) - dly * (elx - rx)
+    lr = -1.0 if sees_left else dlx * (ery - ry) - dly * (erx - rx)
+    rl = 1.0 if sees_right else dpx * (ely - ry) - dpy * (elx - rx)
+    rr = 1.0 if sees_right else dpx * (ery - ry) - dpy * (erx - rx)
+    # The ends of what the root sees of e.
+    slx = elx
+    sly = ely
+    if ll > 0.0:
+        at = ll / (ll - lr) if lr < 0.0 else 1.0
+        slx += at * (erx - elx)
+        sly += at * (ery - ely)
+    srx = erx
+    sry = ery
+    if rr < 0.0:
+        at = rr / (rr - rl) if rl > 0.0 else 1.0
+        srx += at * (elx - erx)
+        sry += at * (ely - ery)
+    # Straight on.
+    if not (ll > 0.0 and lr >= 0.0) and not (rr < 0.0 and rl <= 0.0):
+        ends = np.int64(ll <= 0.0) + 2 * np.int64(rr >= 0.0)
+        before = np.int64(label.before)
+        corner = np.int64(label.corner)
+        _set_label(labels[used], rx, ry, label.spent, slx, sly, srx, sry, e, before, corner, ends)
+        used += 1
+    # Around the left end, to what lies left of what is seen; then around the right end.
+    if ll > 0.0 and spent_left < math.inf:
+        ends = 1 + 2 * np.int64(lr >= 0.0)
+        _set_label(labels[used], label.lx, label.ly, spent_left, elx, ely, slx, sly, e, i, 2 * h, ends)
+        used += 1
+        reached[2 * h].spent = spent_left
+        reached[2 * h].stamp = stamp
+    if rr < 0.0 and spent_right < math.inf:
+        ends = 2 + np.int64(rl <= 0.0)
+        _set_label(labels[used], label.px, label.py, spent_right, srx, sry, erx, ery, e, i, 2 * h + 1, ends)
+        used += 1
+        reached[2 * h + 1].spent = spent_right
+        reached[2 * h + 1].stamp = stamp
+    return used
 
 
 @helper
@@ -146,117 +233,50 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
             i = heap[count].item
         following = NONE
         label = labels[i]
-        rx = label.rx
-        ry = label.ry
         spent = label.spent
-        # Not by the key, which guesses what is behind bridges.
+        # Too long even straight from here; not by the key, which guesses what is behind bridges.
         if longest is not None and spent + (_estimate(label, gx, gy) - spent) / GREED > longest:
             continue
         corner = np.int64(label.corner)
         if corner >= 0 and reached[corner].spent < spent - _SAME:
             continue
+        # In the triangle of the goal the search is over, or knows a limit if it is to follow longer ways as well.
         h = np.int64(label.h)
         g = sides[h].twin
         if g // 3 == goal and can_leave(sides, vertices, g, gx, gy, width):
             if farther is None:
                 return i, used, limit
             limit = min(limit, farther[0] * _estimate(label, gx, gy) + farther[1])
-        before = np.int64(label.before)
-        ends = np.int64(label.ends)
-        lx = label.lx
-        ly = label.ly
-        px = label.px
-        py = label.py
-        dlx = lx - rx
-        dly = ly - ry
-        dpx = px - rx
-        dpy = py - ry
-        # From a root at the end of the side, everything on that end's side is seen.
-        sees_left = dlx == 0.0 and dly == 0.0
-        sees_right = dpx == 0.0 and dpy == 0.0
+        # Where the way may bend: at the ends of the interval that are those of the passable side, unless the root is.
         spent_left = math.inf
-        if ends & 1 and not sees_left:
-            spent_left = spent + math.sqrt(dlx * dlx + dly * dly)
-            other = reached[2 * h]
-            if other.stamp == stamp and other.spent < spent_left - _SAME:
-                spent_left = math.inf
+        if label.ends & 1 and not (label.lx == label.rx and label.ly == label.ry):
+            spent_left = _spent_at(label, label.lx, label.ly, reached[2 * h], stamp)
         spent_right = math.inf
-        if ends & 2 and not sees_right:
-            spent_right = spent + math.sqrt(dpx * dpx + dpy * dpy)
-            other = reached[2 * h + 1]
-            if other.stamp == stamp and other.spent < spent_right - _SAME:
-                spent_right = math.inf
+        if label.ends & 2 and not (label.px == label.rx and label.py == label.ry):
+            spent_right = _spent_at(label, label.px, label.py, reached[2 * h + 1], stamp)
+        # The two other sides of the triangle beyond, where the corner between is wide enough to turn.
         first = used
         v = vertices[sides[prv(g)].org]
-        vx = v.x
-        vy = v.y
         for turn in range(2):
             e = nxt(g) if turn == 0 else prv(g)
             around = e if turn == 0 else g  # the corner that h and e share is at the origin of this
-            if sides[around].clr < width:
+            if sides[around].corner_clearance < width:
                 continue
             f = sides[e].twin
             t = f // 3
             if regions is not None and waypoints[regions[t].top].stamp != stamp:
                 continue
-            if sides[f].clr < width and sides[nxt(f)].clr < width and t != goal:
+            if sides[f].corner_clearance < width and sides[nxt(f)].corner_clearance < width and t != goal:
                 continue
             o = vertices[sides[around].org]
-            ux = vx - o.x
-            uy = vy - o.y
-            k = min(radius / math.sqrt(ux * ux + uy * uy), 0.5)
-            ux *= k
-            uy *= k
-            # The ends of the cut side e, left and right.
-            elx = vx - ux if turn == 0 else o.x + ux
-            ely = vy - uy if turn == 0 else o.y + uy
-            erx = o.x + ux if turn == 0 else vx - ux
-            ery = o.y + uy if turn == 0 else vy - uy
-            # How far the ends are left of the rays from the root over the ends of the interval.
-            ll = -1.0 if sees_left else dlx * (ely - ry) - dly * (elx - rx)
-            lr = -1.0 if sees_left else dlx * (ery - ry) - dly * (erx - rx)
-            rl = 1.0 if sees_right else dpx * (ely - ry) - dpy * (elx - rx)
-            rr = 1.0 if sees_right else dpx * (ery - ry) - dpy * (erx - rx)
-            # The ends of what the root sees of e.
-            slx = elx
-            sly = ely
-            if ll > 0.0:
-                at = ll / (ll - lr) if lr < 0.0 else 1.0
-                slx += at * (erx - elx)
-                sly += at * (ery - ely)
-            srx = erx
-            sry = ery
-            if rr < 0.0:
-                at = rr / (rr - rl) if rl > 0.0 else 1.0
-                srx += at * (elx - erx)
-                sry += at * (ely - ery)
-            if not (ll > 0.0 and lr >= 0.0) and not (rr < 0.0 and rl <= 0.0):
-                ends = np.int64(ll <= 0.0) + 2 * np.int64(rr >= 0.0)
-                _set_label(labels[used], rx, ry, spent, slx, sly, srx, sry, e, before, corner, ends)
-                used += 1
-            if ll > 0.0 and spent_left < math.inf:
-                ends = 1 + 2 * np.int64(lr >= 0.0)
-                _set_label(labels[used], lx, ly, spent_left, elx, ely, slx, sly, e, i, 2 * h, ends)
-                used += 1
-                reached[2 * h].spent = spent_left
-                reached[2 * h].stamp = stamp
-            if rr < 0.0 and spent_right < math.inf:
-                ends = 2 + np.int64(rl <= 0.0)
-                _set_label(labels[used], px, py, spent_right, srx, sry, erx, ery, e, i, 2 * h + 1, ends)
-                used += 1
-                reached[2 * h + 1].spent = spent_right
-                reached[2 * h + 1].stamp = stamp
+            used = _add_labels(labels, used, i, reached, stamp, spent_left, spent_right, e, turn, v, o, radius)
         if used == first + 1:  # nothing to choose from
             following = first
             continue
+        # The best of the new labels follows at once, unless there is a better one in the heap; the others go there.
         best = math.inf
         for k in range(first, used):
-            key = 0.0
-            if guide is not None:
-                key = guided_estimate(sides, vertices, guide, labels[k], radius, _estimate(labels[k], gx, gy))
-            if regions is not None:
-                aim = waypoints[regions[sides[labels[k].h].twin // 3].top]
-                key = GREED * aim.rest + _estimate(labels[k], aim.x, aim.y)
+            key = _key(m, regions, waypoints, guide, labels[k], gx, gy, radius)
             if key < best:
                 if following >= 0:
                     count = place(heap, count, best, following)

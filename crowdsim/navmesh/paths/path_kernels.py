@@ -11,12 +11,12 @@ from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, sweep
 from crowdsim.navmesh.mesh.growing_kernels import longer_rows
-from crowdsim.navmesh.mesh.half_edge_kernels import nxt, triangle_of
+from crowdsim.navmesh.mesh.half_edge_kernels import triangle_of
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.interval_kernels import find_way, string_along
 from crowdsim.navmesh.paths.search_kernels import find_channel
 from crowdsim.navmesh.paths.string_kernels import pull
-from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE, set_node, tangent
+from crowdsim.navmesh.paths.tangent_kernels import funnel
 
 OK = 0
 START_BLOCKED = 1
@@ -27,82 +27,10 @@ TANGLED = 4
 
 
 @helper
-def _funnel(m, channel, sx, sy, gx, gy, radius):
-    """Nodes of the taut string through the channel, with room for more, and their number."""
-    # The funnel is a deque: left chain (outwards to lower places), apex, right chain (outwards to higher places).
-    sides = m.sides
-    vertices = m.vertices
-    room = 2 * channel.size + 4
-    chain = np.empty(2 * room + 2, STRING_NODE)
-    heading = np.empty((2 * room + 1, 2))  # of the tangent from the node nearer to the apex
-    nodes = np.empty(room + 64, STRING_NODE)
-    apex = room
-    low = room
-    high = room
-    set_node(chain[apex], sx, sy, 0.0, NONE)
-    nodes[0] = chain[apex]
-    count = 1
-    before_left = NONE
-    before_right = NONE
-    target = chain[2 * room + 1]
-    for k in range(2 * channel.size + 1):
-        sign = 1 if k % 2 == 0 else -1
-        if k == 2 * channel.size:
-            set_node(target, gx, gy, 0.0, NONE)
-        else:
-            h = channel[k // 2]
-            v = sides[nxt(h) if sign > 0 else h].org
-            if v == (before_left if sign > 0 else before_right):
-                continue
-            if sign > 0:
-                before_left = v
-            else:
-                before_right = v
-            set_node(target, vertices[v].x, vertices[v].y, sign * radius, v)
-        while True:  # each round takes a node off the deque
-            end = low if sign > 0 else high
-            _, dx, dy = tangent(chain[end], target)
-            if end != apex:
-                at = end
-            elif low != high:  # the other chain has a first node
-                at = apex + sign
-            else:
-                break
-            if sign * (heading[at, 0] * dy - heading[at, 1] * dx) >= 0.0:
-                break
-            if end != apex:
-                if sign > 0:
-                    low += 1
-                else:
-                    high -= 1
-            else:
-                apex += sign
-                nodes[count] = chain[apex]
-                count += 1
-                if sign > 0:
-                    low = apex
-                else:
-                    high = apex
-        if sign > 0:
-            low -= 1
-            end = low
-        else:
-            high += 1
-            end = high
-        chain[end] = target
-        heading[end, 0] = dx
-        heading[end, 1] = dy
-    for i in range(apex - 1, low - 1, -1):
-        nodes[count] = chain[i]
-        count += 1
-    return nodes, count
-
-
-@helper
 def _stand(m, stack, x, y, least):
     """The triangle of (x, y), or -1 where a disc of radius ``least`` is not free there."""
     t = triangle_of(m, x, y, NONE)
-    if t < 0 or m.wind[t] != 0:
+    if t < 0 or m.cover[t] != 0:
         return NONE
     free, _ = sweep(m.sides, m.vertices, stack, t, x, y, x, y, least)
     if not free:
@@ -124,14 +52,13 @@ def straight_path(sx, sy, gx, gy):
 
 
 @helper
-def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, checked=None, longest=None):
+def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, longest=None):
     """(status, points (n, 2)) of a short path of a disc of ``radius`` that comes nowhere closer than ``least``.
 
     Found whenever one exists, but for the few that end TANGLED. ``regions`` (nt,) are those of
     :func:`crowdsim.navmesh.paths.region_kernels.find_regions`, ``work`` is a
     :class:`crowdsim.navmesh.paths.workspace.Workspace`. ``guide`` is None, or one of
-    :func:`crowdsim.navmesh.paths.guide_kernels.fill_guide` for the goal, with which ``regions`` is None;
-    ``checked`` is None, or a :class:`crowdsim.navmesh.paths.checked_kernels.Checked` for this radius.
+    :func:`crowdsim.navmesh.paths.guide_kernels.fill_guide` for the goal, with which ``regions`` is None.
     ``longest`` is None, or meters up to which ways are looked for, where finite without the complete search at last, so
     that a few in passages of just the diameter are not found.
     """
@@ -148,14 +75,14 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, checked=No
         return OK, straight_path(sx, sy, gx, gy)
     channel = np.empty(0, np.int64)
     if start == goal:  # within one triangle the string may need no side
-        nodes, count = _funnel(m, channel, sx, sy, gx, gy, radius)
-        done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False), checked)
+        nodes, count = funnel(m, channel, channel.size, np.empty(0), sx, sy, gx, gy)
+        done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False))
         if done:
             return OK, points
     last, _, _ = find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, 2.0 * least, guide, None, longest)
     if last >= 0:
         nodes, count = string_along(m, work.labels, last, sx, sy, gx, gy, radius)
-        done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False), checked)
+        done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False))
         if done:
             return OK, points
     if longest is not None and longest < math.inf:
@@ -164,8 +91,8 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, checked=No
     channel = find_channel(m, start, sx, sy, goal, gx, gy, radius, 2.0 * least)
     if channel.size == 0:
         return NO_PASSAGE, points
-    nodes, count = _funnel(m, channel, sx, sy, gx, gy, radius)
-    done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False), checked)
+    nodes, count = funnel(m, channel, channel.size, np.full(m.vertices.size, radius), sx, sy, gx, gy)
+    done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False))
     if done:
         return OK, points
     return TANGLED, points
@@ -189,17 +116,18 @@ def append_path(points, filled, path):
 
 
 @kernel
-def plan_paths(m, regions, work, starts, goals, radii, least, status, lengths, counts):
-    """The points (k, 2) of the paths of :func:`plan_path` for rows of ``starts`` and ``goals`` (n, 2), one by one.
+def plan_paths(m, regions, work, batch):
+    """The points (k, 2) of the paths of :func:`plan_path`, one by one, for a `crowdsim.navmesh.paths.batch.Batch`.
 
-    Fills ``status`` (n,), ``lengths`` (n,), nan where there is no path, and ``counts`` (n,) of points of each path.
+    Fills its ``status``, its ``lengths``, nan where there is no path, and its ``counts`` of points of each path.
     """
+    starts, goals, radii, least = batch.starts, batch.goals, batch.radii, batch.least
+    status, lengths, counts = batch.status, batch.lengths, batch.counts
     points = np.empty((16 * status.size, 2))
     filled = np.int64(0)
     for i in range(status.size):
-        found, path = plan_path(
-            m, regions, work, starts[i, 0], starts[i, 1], goals[i, 0], goals[i, 1], radii[i], least[i], None
-        )
+        sx, sy, gx, gy = starts[i, 0], starts[i, 1], goals[i, 0], goals[i, 1]
+        found, path = plan_path(m, regions, work, sx, sy, gx, gy, radii[i], least[i], None)
         status[i] = found
         counts[i] = 0
         lengths[i] = math.nan

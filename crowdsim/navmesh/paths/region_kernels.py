@@ -41,7 +41,7 @@ def find_regions(m, regions):
         regions[t].top = -1
     found = 0
     for root in range(triangles):
-        if m.wind[root] != 0 or regions[root].root >= 0:
+        if m.cover[root] != 0 or regions[root].root >= 0:
             continue
         first = found
         t = np.int64(root)
@@ -55,7 +55,7 @@ def find_regions(m, regions):
             region.root = root
             region.depth = found
             for h in range(3 * t, 3 * t + 3):
-                if sides[h].cst == 0 and h != up:
+                if sides[h].constraints == 0 and h != up:
                     g = sides[h].twin
                     other = regions[g // 3]
                     if other.root < 0:

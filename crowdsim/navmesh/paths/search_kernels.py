@@ -23,7 +23,7 @@ _STATE = np.dtype([("cost", np.float64), ("x", np.float64), ("y", np.float64)], 
 @helper
 def can_leave(sides, vertices, h, x, y, width):
     """Whether a disc of diameter ``width`` that stands free at (x, y) in the triangle of side h fits out through h."""
-    if sides[h].cst != 0:
+    if sides[h].constraints != 0:
         return False
     a = vertices[sides[h].org]
     b = vertices[sides[nxt(h)].org]
@@ -31,7 +31,7 @@ def can_leave(sides, vertices, h, x, y, width):
         return False
     # A closed base with the corner opposite of it may leave too little between the disc and h.
     for base in (nxt(h), prv(h)):
-        if sides[base].cst == 0:
+        if sides[base].constraints == 0:
             continue
         a = vertices[sides[base].org]
         b = vertices[sides[nxt(base)].org]
@@ -100,7 +100,7 @@ def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
                 g = sides[h].twin
                 e = nxt(g) if i == 0 else prv(g)
                 corner = e if i == 0 else g  # the turn is around the vertex that e and g share
-                if sides[e].cst != 0 or sides[corner].clr < width:
+                if sides[e].constraints != 0 or sides[corner].corner_clearance < width:
                     continue
             x, y = _crossing_point(sides, vertices, e, radius, px, py, gx, gy)
             cost = spent + hypot(x - px, y - py)

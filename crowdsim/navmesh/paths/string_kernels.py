@@ -11,10 +11,12 @@ from crowdsim.navmesh.clearance.sweep_kernels import sweep, walk
 from crowdsim.navmesh.mesh.growing_kernels import longer_rows
 from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv, triangle_of
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
-from crowdsim.navmesh.paths.checked_kernels import NEAR, recall, remember
 from crowdsim.navmesh.paths.tangent_kernels import COARSE, FINE, arc_corners, set_node, tangent
 
 _REPAIRS = 60
+
+_NEAR = 1.01
+"""How far around a piece its check looks, in shares of the least distance."""
 
 _MARK = np.dtype([("points", np.int64), ("triangle", np.int64)], align=True)
 """Where the polyline is before it bends around a node: how many points it has, and the triangle of the last."""
@@ -82,7 +84,7 @@ def arc_is_open(sides, vertices, v, ax, ay, bx, by, room):
                 return False, h // 3
             if lx * by - ly * bx < 0.0 and rx * by - ry * bx >= 0.0:
                 return True, h // 3
-            if sides[back].cst != 0:
+            if sides[back].constraints != 0:
                 return False, h // 3
         h = sides[back].twin
         rx = lx
@@ -94,7 +96,7 @@ def arc_is_open(sides, vertices, v, ax, ay, bx, by, room):
 
 
 @helper
-def _trace(m, stack, nodes, count, least, marks, points, first, checked):
+def _trace(m, stack, nodes, count, least, marks, points, first):
     """Polyline around the nodes from ``first`` on and its first piece closer than ``least`` to an obstacle.
 
     What was traced before stands in ``marks`` and ``points``; these are filled.
@@ -140,29 +142,15 @@ def _trace(m, stack, nodes, count, least, marks, points, first, checked):
                 if is_open:
                     triangle = fan
             if not is_open:
-                known = False
-                if checked is not None:
-                    known, distance, vertex = recall(checked, vertices, px, py, x, y, least)
+                if triangle < 0:
+                    triangle = triangle_of(m, px, py, NONE)
+                free, end = sweep(sides, vertices, stack, triangle, px, py, x, y, least)
+                if not free:
+                    distance, _, vertex, edge = capsule_nearest(m, px, py, x, y, _NEAR * least, triangle)
                     if distance < least:
-                        return points, n, i if k > 0 else i - 1, k > 0, vertex, NONE, distance, px, py, x, y
-                    triangle = NONE if known else triangle
-                if not known:
-                    if triangle < 0:
-                        triangle = triangle_of(m, px, py, NONE)
-                    free, end = sweep(sides, vertices, stack, triangle, px, py, x, y, least)
-                    distance = math.inf
-                    vertex = NONE
-                    edge = NONE
-                    if not free:
-                        distance, _, vertex, edge = capsule_nearest(m, px, py, x, y, NEAR * least, triangle)
-                        end = triangle_of(m, x, y, triangle) if distance >= least else NONE
-                    if distance < least:
-                        if checked is not None and vertex >= 0 and distance >= 0.0:
-                            remember(checked, vertices, px, py, x, y, least, distance, vertex)
                         return points, n, i if k > 0 else i - 1, k > 0, vertex, edge, distance, px, py, x, y
-                    if checked is not None:
-                        remember(checked, vertices, px, py, x, y, least, math.inf, NONE)
-                    triangle = end
+                    end = triangle_of(m, x, y, triangle)
+                triangle = end
             points[n, 0] = x
             points[n, 1] = y
             px = x
@@ -186,11 +174,10 @@ def _turns_right(nodes, count, i):
 
 
 @helper
-def pull(m, stack, nodes, count, radius, least, start, taut, checked=None):
+def pull(m, stack, nodes, count, radius, least, start, taut):
     """Check and repair until nothing is too close; (repaired, points).
 
     A string that is ``taut`` already is not repaired, as there may be no other; its polyline gets finer at most.
-    ``checked`` is None, or what is remembered of checks, which gets more.
     """
     sides = m.sides
     vertices = m.vertices
@@ -208,7 +195,7 @@ def pull(m, stack, nodes, count, radius, least, start, taut, checked=None):
         if count < 0:
             break
         points, n, i, inside, vertex, edge, distance, px, py, x, y = _trace(
-            m, stack, nodes, count, least, marks, points, first, checked
+            m, stack, nodes, count, least, marks, points, first
         )
         if i < 0:
             return True, points[:n]

@@ -1,11 +1,13 @@
-"""Taut strings around discs: their nodes, tangents and arcs."""
+"""Taut strings around discs: their nodes, tangents and arcs, and the funnel that pulls them through a channel."""
 
 import math
 
 import numpy as np
 
-from crowdsim.geometry.elementary_kernels import cos_sin
+from crowdsim.geometry.elementary_kernels import cos_sin, hypot
 from crowdsim.jit import helper
+from crowdsim.navmesh.mesh.half_edge_kernels import nxt
+from crowdsim.navmesh.mesh.mesh_arrays import NONE
 
 STRING_NODE = np.dtype([(n, np.float64) for n in ("x", "y", "q", "bulge")] + [("vertex", np.int64)], align=True)
 """What a string bends around.
@@ -69,3 +71,97 @@ def arc_corners(q, dx, dy, angle, bulge):
     x = q * dy / c
     y = -q * dx / c
     return steps, c * x - s * y, s * x + c * y, c * c - s * s, 2.0 * s * c
+
+
+@helper
+def _swallowed(one, other):
+    """Whether the circle of node ``other``, on the same side, is inside that of ``one``."""
+    return (
+        one.vertex >= 0
+        and one.q * other.q > 0.0
+        and abs(one.q) - abs(other.q) >= hypot(one.x - other.x, one.y - other.y)
+    )
+
+
+@helper
+def funnel(m, channel, count, reach, sx, sy, gx, gy):
+    """Nodes of the taut string through the first ``count`` sides of the channel, with room for more, and their number.
+
+    It keeps reach[v] meters off each vertex v (Lee and Preparata 1984, with circles for points).
+    """
+    # The funnel is a deque: left chain (outwards to lower places), apex, right chain (outwards to higher places).
+    sides = m.sides
+    vertices = m.vertices
+    room = 2 * count + 4
+    chain = np.empty(2 * room + 2, STRING_NODE)
+    heading = np.empty((2 * room + 1, 2))  # of the tangent from the node nearer to the apex
+    nodes = np.empty(room + 64, STRING_NODE)
+    apex = room
+    low = room
+    high = room
+    set_node(chain[apex], sx, sy, 0.0, NONE)
+    nodes[0] = chain[apex]
+    filled = 1
+    before_left = NONE
+    before_right = NONE
+    target = chain[2 * room + 1]
+    for k in range(2 * count + 1):
+        # The ends of all sides in turn, left (sign 1) and right (-1), each vertex once, and the goal last.
+        sign = 1 if k % 2 == 0 else -1
+        if k == 2 * count:
+            set_node(target, gx, gy, 0.0, NONE)
+        else:
+            h = channel[k // 2]
+            v = sides[nxt(h) if sign > 0 else h].org
+            if v == (before_left if sign > 0 else before_right):
+                continue
+            if sign > 0:
+                before_left = v
+            else:
+                before_right = v
+            set_node(target, vertices[v].x, vertices[v].y, sign * reach[v], v)
+            if _swallowed(chain[low if sign > 0 else high], target):
+                continue
+        while True:  # each round takes a node off the deque
+            end = low if sign > 0 else high
+            _, dx, dy = tangent(chain[end], target)
+            if end != apex:
+                if _swallowed(target, chain[end]):
+                    if sign > 0:
+                        low += 1
+                    else:
+                        high -= 1
+                    continue
+                at = end
+            elif low != high:  # the other chain has a first node
+                at = apex + sign
+            else:
+                break
+            if sign * (heading[at, 0] * dy - heading[at, 1] * dx) >= 0.0:
+                break
+            if end != apex:
+                if sign > 0:
+                    low += 1
+                else:
+                    high -= 1
+            else:
+                apex += sign
+                nodes[filled] = chain[apex]
+                filled += 1
+                if sign > 0:
+                    low = apex
+                else:
+                    high = apex
+        if sign > 0:
+            low -= 1
+            end = low
+        else:
+            high += 1
+            end = high
+        chain[end] = target
+        heading[end, 0] = dx
+        heading[end, 1] = dy
+    for i in range(apex - 1, low - 1, -1):
+        nodes[filled] = chain[i]
+        filled += 1
+    return nodes, filled

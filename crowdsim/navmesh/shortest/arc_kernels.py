@@ -12,6 +12,7 @@ from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv
 from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, NONE
 from crowdsim.navmesh.shortest.tangent_graph_arrays import ARC
 from crowdsim.navmesh.shortest.view_arrays import SIGHT
+from crowdsim.navmesh.triangulation.refine_kernels import set_sight
 
 _TURN = 2.0 * math.pi
 
@@ -31,18 +32,15 @@ def _look_around(m, px, py, h, reach2, sights, found, count):
     """
     sides = m.sides
     vertices = m.vertices
-    sight = sights[0]
-    sight.side = h
-    sight.rx = vertices[sides[h].org].x - px
-    sight.ry = vertices[sides[h].org].y - py
-    sight.lx = vertices[sides[nxt(h)].org].x - px
-    sight.ly = vertices[sides[nxt(h)].org].y - py
+    right = vertices[sides[h].org]
+    left = vertices[sides[nxt(h)].org]
+    set_sight(sights[0], h, right.x - px, right.y - py, left.x - px, left.y - py)
     top = 1
     while top > 0:
         top -= 1
         sight = sights[top]
         h = sight.side
-        if sides[h].cst != 0:
+        if sides[h].constraints != 0:
             found[count] = -1 - h
             count += 1
             continue
@@ -64,21 +62,12 @@ def _look_around(m, px, py, h, reach2, sights, found, count):
             found[count] = w
             count += 1
         if left_of_right:
-            sight = sights[top]
-            sight.side = nxt(g)
-            sight.rx = rx
-            sight.ry = ry
-            sight.lx = zx if right_of_left else lx
-            sight.ly = zy if right_of_left else ly
+            set_sight(sight, nxt(g), rx, ry, zx if right_of_left else lx, zy if right_of_left else ly)
             if sight.rx * sight.ly - sight.ry * sight.lx > 0.0:
                 top += 1
         if right_of_left:
             sight = sights[top]
-            sight.side = prv(g)
-            sight.rx = zx if left_of_right else rx
-            sight.ry = zy if left_of_right else ry
-            sight.lx = lx
-            sight.ly = ly
+            set_sight(sight, prv(g), zx if left_of_right else rx, zy if left_of_right else ry, lx, ly)
             if sight.rx * sight.ly - sight.ry * sight.lx > 0.0:
                 top += 1
     return count
@@ -140,7 +129,7 @@ def _wedge_end(sides, first):
     h = first
     while True:
         h = sides[prv(h)].twin
-        if sides[h].cst != 0:
+        if sides[h].constraints != 0:
             return h
 
 
@@ -274,15 +263,15 @@ def find_arcs(m, radius, least):
         walls = 0
         h = vertices[v].vhe
         while True:
-            if sides[h].cst != 0:
+            if sides[h].constraints != 0:
                 walls += 1
-                if m.wind[h // 3] == 0:
+                if m.cover[h // 3] == 0:
                     last = _wedge_end(sides, h)
                     arcs, count = _free_arcs(m, v, h, last, radius, least, arcs, count, sights, found, spans)
             h = sides[prv(h)].twin
             if h == vertices[v].vhe:
                 break
-        if walls == 0 and m.wind[h // 3] == 0:
+        if walls == 0 and m.cover[h // 3] == 0:
             arcs, count = _free_arcs(m, v, NONE, NONE, radius, least, arcs, count, sights, found, spans)
     begin[vertices.size] = count
     return arcs[:count].copy(), begin

@@ -3,15 +3,17 @@
 import numpy as np
 
 from crowdsim.jit import helper
-from crowdsim.navmesh.clearance.sweep_kernels import is_free_way
 from crowdsim.navmesh.mesh.growing_kernels import longer
 from crowdsim.navmesh.mesh.heap_kernels import pop, push
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
-from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE, set_node
-from crowdsim.navmesh.shortest.end_kernels import find_ends
 from crowdsim.navmesh.shortest.shortest_scratch import ARRIVAL
-from crowdsim.navmesh.shortest.tangent_search_kernels import SAME, distance, end_margin
-from crowdsim.navmesh.shortest.visibility_kernels import set_ellipse
+from crowdsim.navmesh.shortest.tangent_search_kernels import (
+    SAME,
+    begin_search,
+    distance,
+    is_free_end,
+    string_through,
+)
 
 
 @helper
@@ -51,37 +53,27 @@ def _arrive(arrivals, count, first, n, cost, turned, before, radius):
 
 
 @helper
-def search_all(
-    m, graph, scratch, start, start_others, sx, sy, goal, goal_others, gx, gy, radius, least, slack, longest
-):
+def search_all(m, graph, scratch, start, goal, disc, longest):
     """(arrivals, last arrival, length) of the shortest path of at most ``longest`` meters; -1 if there is none."""
-    links = graph.links
     nodes = graph.nodes
     goals = scratch.goals
-    ends = scratch.ends
-    scratch.stamp[0] += 1
+    radius = disc.radius
+    count = begin_search(m, graph, scratch, start, goal, disc, longest)
     stamp = scratch.stamp[0]
-    set_ellipse(scratch.outlook.ellipse[0], sx, sy, gx, gy, longest + 2.0 * radius)
-    margin = end_margin(radius, least)
-    count = find_ends(m, graph, scratch, gx, gy, goal, goal_others, radius, slack, margin, np.bool_(True))
-    for i in range(count):
-        goals[ends[i].node] = ends[i]
-        goals[ends[i].node].stamp = stamp
-    count = find_ends(m, graph, scratch, sx, sy, start, start_others, radius, slack, margin, np.bool_(False))
     arrivals = np.empty(256, ARRIVAL)
     first = np.full(nodes.size, NONE)
     filled = np.int64(0)
     heap = scratch.heap
     size = np.int64(0)
     for i in range(count):
-        end = ends[i]
-        if least <= 0.0 or is_free_way(m, scratch.stack, start, sx, sy, end.x, end.y, least):
+        end = scratch.ends[i]
+        if is_free_end(m, scratch.stack, start, disc, end):
             k = filled
             cost = end.length - radius * end.turned
             arrivals, filled = _arrive(arrivals, filled, first, end.node, cost, end.turned, NONE, radius)
             if filled > k:
                 node = nodes[end.node]
-                heap, size = push(heap, size, cost + distance(gx - node.x, gy - node.y), 2 * k)
+                heap, size = push(heap, size, cost + distance(goal.x - node.x, goal.y - node.y), 2 * k)
     while size > 0:
         pop(heap, size)
         size -= 1
@@ -93,23 +85,24 @@ def search_all(
         if heap[size].item & 1:  # a tangent to the goal
             end = goals[n]
             if end.stamp == stamp:
-                if least <= 0.0 or is_free_way(m, scratch.stack, goal, gx, gy, end.x, end.y, least):
+                if is_free_end(m, scratch.stack, goal, disc, end):
                     return arrivals, k, key
                 end.stamp = -1
             continue
         if _is_beaten(arrivals, k, first[n], radius):
             continue
+        # On to the goal and over all links that leave the arc later than it is met.
         cost = arrivals[k].cost
         turned = arrivals[k].turned - SAME
         if goals[n].stamp == stamp and goals[n].turned >= turned:
             heap, size = push(heap, size, cost + radius * goals[n].turned + goals[n].length, 2 * k + 1)
         for i in range(nodes[n].begin, nodes[n + 1].begin):
-            link = links[i]
+            link = graph.links[i]
             if link.leave < turned:
                 continue
             through = cost + link.cost
             node = nodes[link.to]
-            estimate = through + distance(gx - node.x, gy - node.y)
+            estimate = through + distance(goal.x - node.x, goal.y - node.y)
             if estimate > longest:
                 continue
             new = filled
@@ -120,20 +113,16 @@ def search_all(
 
 
 @helper
-def string_of_label(graph, arrivals, last, sx, sy, gx, gy, radius):
+def string_of_arrival(graph, arrivals, last, start, goal, radius):
     """Nodes of the string from the start to the goal whose last arc is that of arrival ``last``."""
-    count = 2
+    count = 0
     k = last
     while k >= 0:
         count += 1
         k = arrivals[k].before
-    string = np.empty(count, STRING_NODE)
-    set_node(string[0], sx, sy, 0.0, NONE)
-    set_node(string[count - 1], gx, gy, 0.0, NONE)
+    ways = np.empty(count, np.int64)
     k = last
-    for i in range(count - 2, 0, -1):
-        n = arrivals[k].node
-        arc = graph.arcs[n >> 1]
-        set_node(string[i], arc.x, arc.y, -radius if n & 1 else radius, arc.vertex)
+    for i in range(count):
+        ways[i] = arrivals[k].node
         k = arrivals[k].before
-    return string
+    return string_through(graph, ways, count, start, goal, radius)

@@ -10,12 +10,14 @@ from crowdsim.jit import helper
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv, side, triangle_of
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
+from crowdsim.navmesh.shortest.shortest_scratch import Stand
 from crowdsim.navmesh.shortest.tangent_graph_kernels import nearest_end, touches, turned_to
-from crowdsim.navmesh.shortest.visibility_kernels import see_corners
+from crowdsim.navmesh.shortest.view_arrays import Viewpoint
+from crowdsim.navmesh.shortest.visibility_kernels import SLACK, see_corners
 
 
 @helper
-def free_triangle(m, x, y, least):
+def _free_triangle(m, x, y, least):
     """A free triangle whose closure holds (x, y), and whether there are others; (-1, False) where the disc is not free.
 
     There are others where (x, y) is on a side or a corner, or beyond a side within rounding to the grid.
@@ -42,16 +44,23 @@ def free_triangle(m, x, y, least):
             v = vertices[sides[h].org]
             if on == 2 and v.x == x and v.y == y:
                 first = h
-                while m.wind[h // 3] != 0:
+                while m.cover[h // 3] != 0:
                     h = sides[prv(h)].twin
                     if h == first:
                         break
                 t = h // 3
                 break
-            if on == 1 and m.wind[t] != 0 and side(vertices, sides[h].org, sides[nxt(h)].org, x, y) == 0.0:
+            if on == 1 and m.cover[t] != 0 and side(vertices, sides[h].org, sides[nxt(h)].org, x, y) == 0.0:
                 t = sides[h].twin // 3
                 break
-    return (t, on > 0) if m.wind[t] == 0 else (NONE, False)
+    return (t, on > 0) if m.cover[t] == 0 else (NONE, False)
+
+
+@helper
+def stand_at(m, x, y, least):
+    """The :class:`crowdsim.navmesh.shortest.shortest_scratch.Stand` at (x, y)."""
+    triangle, others = _free_triangle(m, x, y, least)
+    return Stand(x, y, triangle, others)
 
 
 @helper
@@ -63,7 +72,7 @@ def sees(m, t, x0, y0, x1, y1):
     sides = m.sides
     vertices = m.vertices
     came = NONE
-    for _ in range(m.wind.size):
+    for _ in range(m.cover.size):
         out = NONE
         inside = True
         for h in range(3 * t, 3 * t + 3):
@@ -77,7 +86,7 @@ def sees(m, t, x0, y0, x1, y1):
                     out = h
         if inside:
             return True
-        if out < 0 or sides[out].cst != 0:
+        if out < 0 or sides[out].constraints != 0:
             return False
         came = sides[out].twin
         t = came // 3
@@ -94,7 +103,7 @@ def see_each_other(m, t, x0, y0, x1, y1):
         if v.x == x0 and v.y == y0:
             g = h
             while True:
-                if m.wind[g // 3] == 0 and sees(m, g // 3, x0, y0, x1, y1):
+                if m.cover[g // 3] == 0 and sees(m, g // 3, x0, y0, x1, y1):
                     return True
                 g = sides[prv(g)].twin
                 if g == h:
@@ -102,52 +111,58 @@ def see_each_other(m, t, x0, y0, x1, y1):
     for h in range(3 * t, 3 * t + 3):
         g = sides[h].twin
         on = side(vertices, sides[h].org, sides[nxt(h)].org, x0, y0) == 0.0
-        if on and m.wind[g // 3] == 0 and sees(m, g // 3, x0, y0, x1, y1):
+        if on and m.cover[g // 3] == 0 and sees(m, g // 3, x0, y0, x1, y1):
             return True
     return sees(m, t, x0, y0, x1, y1)
 
 
 @helper
-def _look(m, graph, scratch, x, y, t, radius, slack, margin, found):
-    """Add what (x, y) in the closure of triangle t sees across its other sides to the outlook; the new count."""
+def _look(m, graph, scratch, eye, t, found):
+    """Add what ``eye`` in the closure of triangle t sees across its other sides to the outlook; the new count."""
     for h in range(3 * t, 3 * t + 3):
-        if side(m.vertices, m.sides[h].org, m.sides[nxt(h)].org, x, y) > 0.0:
-            found = see_corners(
-                m, graph.arc_begin, x, y, 0.0, radius, h, slack, margin, 0.0, 0.0, 0.0, 0.0,
-                scratch.outlook, found,
-            )  # fmt: skip
+        if side(m.vertices, m.sides[h].org, m.sides[nxt(h)].org, eye.x, eye.y) > 0.0:
+            found = see_corners(m, graph.arc_begin, eye, h, scratch.outlook, found)
     return found
 
 
 @helper
-def find_ends(m, graph, scratch, x, y, triangle, others, radius, slack, margin, to_goal):
-    """Tangents from the point (x, y) to arcs it sees, or from those to it; not checked for what cuts them; the count.
+def find_ends(m, graph, scratch, stand, disc, to_goal):
+    """Tangents from a stand to arcs it sees, or from those to it; not checked for what cuts them; the count.
 
-    A disc that touches an obstacle may stand closer to it than ``radius`` by the tolerance. Its tangents may then miss
-    the begin or the end of an arc by an angle of ``margin``, and lead to that place instead.
-
-    ``others``: the point is on a side or a corner of the triangle, and sees through what else touches it as well.
+    A disc that touches an obstacle may stand closer to it than its radius by the tolerance. Its tangents may then miss
+    the begin or the end of an arc by an angle, and lead to that place instead: a tangent dips into a circle by what
+    ``radius`` is more than ``least`` where it is off by this angle.
     """
     sides = m.sides
     vertices = m.vertices
     seen = scratch.outlook.seen
     ends = scratch.ends
-    found = _look(m, graph, scratch, x, y, triangle, radius, slack, margin, np.int64(0))
-    if others:
+    x = stand.x
+    y = stand.y
+    triangle = stand.triangle
+    radius = disc.radius
+    margin = SLACK
+    if disc.least > 0.0:
+        margin += math.sqrt(2.0 * max(radius - disc.least, 0.0) / radius)
+    eye = Viewpoint(x, y, 0.0, radius, disc.slack, margin, 0.0, 0.0, 0.0, 0.0)
+    found = _look(m, graph, scratch, eye, triangle, np.int64(0))
+    # A stand on a side or a corner sees through what else touches it as well.
+    if stand.others:
         for h in range(3 * triangle, 3 * triangle + 3):
             v = vertices[sides[h].org]
             if v.x == x and v.y == y:
                 g = sides[prv(h)].twin
                 while g != h:
-                    if m.wind[g // 3] == 0:
-                        found = _look(m, graph, scratch, x, y, g // 3, radius, slack, margin, found)
+                    if m.cover[g // 3] == 0:
+                        found = _look(m, graph, scratch, eye, g // 3, found)
                     g = sides[prv(g)].twin
                 break
             w = sides[nxt(h)].org
             beyond = sides[h].twin // 3
             corner = vertices[w].x == x and vertices[w].y == y
-            if not corner and side(vertices, sides[h].org, w, x, y) <= 0.0 and m.wind[beyond] == 0:
-                found = _look(m, graph, scratch, x, y, beyond, radius, slack, margin, found)
+            if not corner and side(vertices, sides[h].org, w, x, y) <= 0.0 and m.cover[beyond] == 0:
+                found = _look(m, graph, scratch, eye, beyond, found)
+    # The arcs of each corner seen, where a tangent touches them or nearly.
     count = 0
     for i in range(found):
         tangent = seen[i]

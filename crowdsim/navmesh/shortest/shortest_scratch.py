@@ -39,6 +39,23 @@ END = np.dtype(
 ``turned`` (radians) is turned of it; ``stamp`` as above."""
 
 
+class Disc(NamedTuple):
+    """What is moved: radius, the clearance that counts as enough for it, and what walls may hide; meters."""
+
+    radius: float
+    least: float
+    slack: float
+
+
+class Stand(NamedTuple):
+    """A place, a free triangle whose closure holds it (-1 where the disc is not free), and whether there are others."""
+
+    x: float
+    y: float
+    triangle: int
+    others: bool
+
+
 class ShortestScratch(NamedTuple):
     """C-contiguous arrays; only the stamp outlives a query."""
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays
 from crowdsim.navmesh.shortest import arc_kernels, tangent_graph_kernels
-from crowdsim.navmesh.shortest.shortest_scratch import ShortestScratch, shortest_scratch
+from crowdsim.navmesh.shortest.shortest_scratch import Disc, ShortestScratch, shortest_scratch
 from crowdsim.navmesh.shortest.tangent_graph_arrays import TangentGraph
 from crowdsim.navmesh.shortest.view_arrays import empty_view
 
@@ -43,20 +43,18 @@ class RadiusGraph:
 
     def __init__(self, mesh: MeshArrays, radius: float, least: float, workers: int) -> None:
         cell = float(mesh.frame["cell"][0])
-        self.asked, self.least = radius, least
-        self.radius, self.slack = least + _ROUNDING_CELLS * cell, _SLACK_CELLS * cell
+        self.asked, self.disc = radius, Disc(least + _ROUNDING_CELLS * cell, least, _SLACK_CELLS * cell)
         if least <= 0.0:
-            self.asked = self.radius = self.least = self.slack = 0.0
+            self.asked, self.disc = 0.0, Disc(0.0, 0.0, 0.0)
         self._vertices, self._triangles = len(mesh.vertices), int(mesh.frame["triangles"][0])
         self._idle: list[ShortestScratch] = []
         self._lock = threading.Lock()
-        arcs, begin = arc_kernels.find_arcs(mesh, self.radius, self.least)
+        arcs, begin = arc_kernels.find_arcs(mesh, self.disc.radius, self.disc.least)
 
         def tangents(first: int, last: int) -> np.ndarray:
             view = empty_view(self._vertices, self._triangles)
-            return tangent_graph_kernels.find_tangents(
-                mesh, arcs, begin, self.radius, self.least, self.slack, view, first, last
-            )
+            part: np.ndarray = tangent_graph_kernels.find_tangents(mesh, arcs, begin, *self.disc, view, first, last)
+            return part
 
         ends = np.linspace(0, 2 * len(arcs), max(workers, 1) + 1).astype(np.int64).tolist()
         if workers <= 1:
@@ -64,7 +62,7 @@ class RadiusGraph:
         else:
             with ThreadPoolExecutor(workers) as pool:
                 found = np.concatenate(list(pool.map(tangents, ends[:-1], ends[1:])))
-        nodes, links = tangent_graph_kernels.link_arcs(arcs, found, self.radius)
+        nodes, links = tangent_graph_kernels.link_arcs(arcs, found, self.disc.radius)
         self.arrays = TangentGraph(arcs, begin, nodes, links)
 
     @contextmanager

@@ -10,6 +10,7 @@ from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, is_free_way
 from crowdsim.navmesh.mesh.growing_kernels import longer
 from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv, triangle_of
 from crowdsim.navmesh.shortest.tangent_graph_arrays import LINK, NODE
+from crowdsim.navmesh.shortest.view_arrays import Viewpoint
 from crowdsim.navmesh.shortest.visibility_kernels import SLACK, see_corners
 
 _TANGENT = np.dtype(
@@ -109,14 +110,12 @@ def find_tangents(m, arcs, begin, radius, least, slack, view, first_node, last_n
             c, s = cos_sin(angle)
             bx = -q * (arc.ny * c + arc.nx * s)
             by = q * (arc.nx * c - arc.ny * s)
+            eye = Viewpoint(arc.x, arc.y, q * radius, radius, slack, SLACK, ax, ay, bx, by)
             h = m.vertices[arc.vertex].vhe
             first = h
             while True:
-                if m.wind[h // 3] == 0:
-                    found = see_corners(
-                        m, begin, arc.x, arc.y, q * radius, radius, nxt(h), slack, SLACK, ax, ay, bx, by,
-                        view, np.int64(0),
-                    )  # fmt: skip
+                if m.cover[h // 3] == 0:
+                    found = see_corners(m, begin, eye, nxt(h), view, np.int64(0))
                     for k in range(found):
                         end = seen[k]
                         w = end.vertex

@@ -19,7 +19,7 @@ from crowdsim.navmesh.mesh.heap_kernels import pop, push
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE, set_node
 from crowdsim.navmesh.shortest.end_kernels import find_ends
-from crowdsim.navmesh.shortest.visibility_kernels import SLACK, set_ellipse
+from crowdsim.navmesh.shortest.visibility_kernels import set_ellipse
 
 SAME = 1e-9
 """Meters and radians within which lengths and angles are equal."""
@@ -45,8 +45,9 @@ def _is_shorter(back, radius, one, other):
 
 
 @helper
-def _least_lost(graph, goals, stamp, gx, gy, n, cost, turned, kept_cost, kept_turned, kept_straight, radius):
+def _least_lost(graph, goals, stamp, goal, disc, n, cost, turned, kept_cost, kept_turned, kept_straight):
     """A bound on the lengths of strings that one arrival at node n leads to and a cheaper one that is kept does not."""
+    radius = disc.radius
     until = kept_turned - (cost - kept_cost) / (2.0 * radius) if radius > 0.0 else turned
     lost = np.inf
     if until <= turned + SAME:
@@ -58,53 +59,76 @@ def _least_lost(graph, goals, stamp, gx, gy, n, cost, turned, kept_cost, kept_tu
             straight = link.cost - radius * (link.leave - link.arrive)
             if not _is_shorter(kept_turned - link.leave, radius, kept_straight, straight):
                 node = nodes[link.to]
-                lost = min(lost, cost + link.cost + distance(gx - node.x, gy - node.y))
-    goal = goals[n]
-    seen = goal.stamp == stamp and goal.turned >= turned - SAME and goal.turned < until
-    if seen and not _is_shorter(kept_turned - goal.turned, radius, kept_straight, goal.length):
-        lost = min(lost, cost + radius * goal.turned + goal.length)
+                lost = min(lost, cost + link.cost + distance(goal.x - node.x, goal.y - node.y))
+    end = goals[n]
+    seen = end.stamp == stamp and end.turned >= turned - SAME and end.turned < until
+    if seen and not _is_shorter(kept_turned - end.turned, radius, kept_straight, end.length):
+        lost = min(lost, cost + radius * end.turned + end.length)
     return lost
 
 
 @helper
-def end_margin(radius, least):
-    """Radians by which tangents of start and goal may miss an arc.
-
-    A tangent dips into a circle by what ``radius`` is more than ``least`` where it is off by this angle.
-    """
-    return SLACK + (math.sqrt(2.0 * max(radius - least, 0.0) / radius) if least > 0.0 else 0.0)
+def _lost_beside(graph, goals, stamp, goal, disc, n, cost, turned, label):
+    """What the strings of an arrival at node n are at least long that is not better than the node's label."""
+    kept = label.straight
+    return _least_lost(graph, goals, stamp, goal, disc, n, cost, turned, label.cost, label.turned, kept)
 
 
 @helper
-def search_tangents(
-    m, graph, scratch, start, start_others, sx, sy, goal, goal_others, gx, gy, radius, least, slack, longest
-):
+def _settle(graph, goals, stamp, goal, disc, n, label, cost, turned, straight, before):
+    """Make a better arrival the label of node n; what the strings of the one it replaces are at least long."""
+    lost = np.inf
+    if label.stamp == stamp:
+        lost = _least_lost(graph, goals, stamp, goal, disc, n, label.cost, label.turned, cost, turned, straight)
+    label.stamp = stamp
+    label.cost = cost
+    label.turned = turned
+    label.straight = straight
+    label.before = before
+    return lost
+
+
+@helper
+def begin_search(m, graph, scratch, start, goal, disc, longest):
+    """Mark the arcs that the goal sees, and find the tangents from the start; how many these are."""
+    scratch.stamp[0] += 1
+    set_ellipse(scratch.outlook.ellipse[0], start.x, start.y, goal.x, goal.y, longest + 2.0 * disc.radius)
+    ends = scratch.ends
+    for i in range(find_ends(m, graph, scratch, goal, disc, np.bool_(True))):
+        end = scratch.goals[ends[i].node]
+        scratch.goals[ends[i].node] = ends[i]
+        end.stamp = scratch.stamp[0]
+    return find_ends(m, graph, scratch, start, disc, np.bool_(False))
+
+
+@helper
+def is_free_end(m, stack, stand, disc, end):
+    """Whether the tangent between a stand and the place where ``end`` meets its arc is free; for a point it is."""
+    return disc.least <= 0.0 or is_free_way(m, stack, stand.triangle, stand.x, stand.y, end.x, end.y, disc.least)
+
+
+@helper
+def search_tangents(m, graph, scratch, start, goal, disc, longest):
     """(last node, length, lost) of the shortest path of at most ``longest`` meters; the labels lead back from its node.
 
     The node is -1 where there is none, with an infinite length. A path that is shorter yet is at least ``lost`` long.
     """
-    links = graph.links
     nodes = graph.nodes
     labels = scratch.labels
     goals = scratch.goals
     ends = scratch.ends
-    scratch.stamp[0] += 1
-    stamp = scratch.stamp[0]
-    set_ellipse(scratch.outlook.ellipse[0], sx, sy, gx, gy, longest + 2.0 * radius)
-    margin = end_margin(radius, least)
-    count = find_ends(m, graph, scratch, gx, gy, goal, goal_others, radius, slack, margin, np.bool_(True))
-    for i in range(count):
-        goals[ends[i].node] = ends[i]
-        goals[ends[i].node].stamp = stamp
+    radius = disc.radius
     lost = np.inf
     heap = scratch.heap
     size = np.int64(0)
+    # Items of the heap: nodes, tangents from nodes to the goal, then tangents from the start.
     total = nodes.size
-    count = find_ends(m, graph, scratch, sx, sy, start, start_others, radius, slack, margin, np.bool_(False))
+    count = begin_search(m, graph, scratch, start, goal, disc, longest)
+    stamp = scratch.stamp[0]
     for k in range(count):
         node = nodes[ends[k].node]
         cost = ends[k].length - radius * ends[k].turned
-        heap, size = push(heap, size, cost + distance(gx - node.x, gy - node.y), 2 * total + k)
+        heap, size = push(heap, size, cost + distance(goal.x - node.x, goal.y - node.y), 2 * total + k)
     while size > 0:
         pop(heap, size)
         size -= 1
@@ -118,111 +142,70 @@ def search_tangents(
             label = labels[n]
             cost = end.length - radius * end.turned
             if label.stamp == stamp and not _is_better(cost, end.turned, label):
-                lost = min(
-                    lost,
-                    _least_lost(
-                        graph,
-                        goals,
-                        stamp,
-                        gx,
-                        gy,
-                        n,
-                        cost,
-                        end.turned,
-                        label.cost,
-                        label.turned,
-                        label.straight,
-                        radius,
-                    ),
-                )
+                lost = min(lost, _lost_beside(graph, goals, stamp, goal, disc, n, cost, end.turned, label))
                 continue
-            if least > 0.0 and not is_free_way(m, scratch.stack, start, sx, sy, end.x, end.y, least):
+            if not is_free_end(m, scratch.stack, start, disc, end):
                 continue
-            if label.stamp == stamp:
-                lost = min(
-                    lost,
-                    _least_lost(
-                        graph, goals, stamp, gx, gy, n, label.cost, label.turned, cost, end.turned, end.length, radius
-                    ),
-                )
-            label.stamp = stamp
-            label.cost = cost
-            label.turned = end.turned
-            label.straight = end.length
-            label.before = -1
+            other = _settle(graph, goals, stamp, goal, disc, n, label, cost, end.turned, end.length, NONE)
+            lost = min(lost, other)
         elif item >= total:  # a tangent to the goal
             n = item - total
             end = goals[n]
-            if least <= 0.0 or is_free_way(m, scratch.stack, goal, gx, gy, end.x, end.y, least):
+            if is_free_end(m, scratch.stack, goal, disc, end):
                 return n, key, lost
             end.stamp = -1
             continue
         else:
             n = item
             label = labels[n]
-            if key > label.cost + distance(gx - nodes[n].x, gy - nodes[n].y) + SAME:
+            if key > label.cost + distance(goal.x - nodes[n].x, goal.y - nodes[n].y) + SAME:
                 continue
+        # On to the goal and over all links that leave the arc later than it is met.
         cost = label.cost
         turned = label.turned - SAME
         if goals[n].stamp == stamp and goals[n].turned >= turned:
             heap, size = push(heap, size, cost + radius * goals[n].turned + goals[n].length, total + n)
         for k in range(nodes[n].begin, nodes[n + 1].begin):
-            link = links[k]
+            link = graph.links[k]
             if link.leave < turned:
                 continue
             through = cost + link.cost
             straight = link.cost - radius * (link.leave - link.arrive)
             to = labels[link.to]
             node = nodes[link.to]
-            if to.stamp == stamp:
-                if not _is_better(through, link.arrive, to):
-                    lost = min(
-                        lost,
-                        _least_lost(
-                            graph,
-                            goals,
-                            stamp,
-                            gx,
-                            gy,
-                            link.to,
-                            through,
-                            link.arrive,
-                            to.cost,
-                            to.turned,
-                            to.straight,
-                            radius,
-                        ),
-                    )
-                    continue
-                lost = min(
-                    lost,
-                    _least_lost(
-                        graph, goals, stamp, gx, gy, link.to, to.cost, to.turned, through, link.arrive, straight, radius
-                    ),
-                )
-            to.stamp = stamp
-            to.cost = through
-            to.turned = link.arrive
-            to.straight = straight
-            to.before = n
-            heap, size = push(heap, size, through + distance(gx - node.x, gy - node.y), link.to)
+            if to.stamp == stamp and not _is_better(through, link.arrive, to):
+                lost = min(lost, _lost_beside(graph, goals, stamp, goal, disc, link.to, through, link.arrive, to))
+                continue
+            other = _settle(graph, goals, stamp, goal, disc, link.to, to, through, link.arrive, straight, n)
+            lost = min(lost, other)
+            heap, size = push(heap, size, through + distance(goal.x - node.x, goal.y - node.y), link.to)
     return NONE, np.inf, lost
 
 
 @helper
-def string_of(graph, labels, last, sx, sy, gx, gy, radius):
+def string_through(graph, ways, count, start, goal, radius):
+    """Nodes of the string from the start to the goal through ``count`` nodes of the graph, backwards in ``ways``."""
+    string = np.empty(count + 2, STRING_NODE)
+    set_node(string[0], start.x, start.y, 0.0, NONE)
+    set_node(string[count + 1], goal.x, goal.y, 0.0, NONE)
+    for i in range(count):
+        n = ways[i]
+        arc = graph.arcs[n >> 1]
+        set_node(string[count - i], arc.x, arc.y, -radius if n & 1 else radius, arc.vertex)
+    return string
+
+
+@helper
+def string_of(graph, labels, last, start, goal, radius):
     """Nodes of the string from the start to the goal whose last arc is that of node ``last``."""
-    count = 2
+    count = 0
     n = last
     while n >= 0:
         count += 1
         n = labels[n].before
-    string = np.empty(count, STRING_NODE)
-    set_node(string[0], sx, sy, 0.0, NONE)
-    set_node(string[count - 1], gx, gy, 0.0, NONE)
+    ways = np.empty(count, np.int64)
     n = last
-    for i in range(count - 2, 0, -1):
-        arc = graph.arcs[n >> 1]
-        set_node(string[i], arc.x, arc.y, -radius if n & 1 else radius, arc.vertex)
+    for i in range(count):
+        ways[i] = n
         n = labels[n].before
-    return string
+    return string_through(graph, ways, count, start, goal, radius)

@@ -41,6 +41,28 @@ AIM = np.dtype(
 """A vertex seen: distance, direction; sine and cosine of the turn and heading of tangents left and right of it."""
 
 
+class Viewpoint(NamedTuple):
+    """Where a look around starts, and what of it counts.
+
+    A point (q = 0), or the circle of ``radius`` around it with the center on the left (q = radius) or right (-radius).
+    """
+
+    x: float
+    y: float
+    q: float
+    radius: float
+    slack: float
+    """Meters: one sees past vertices that hide less."""
+    margin: float
+    """Radians that headings may be off what other vertices leave, at least that of `visibility_kernels`."""
+    ax: float
+    ay: float
+    """Unit vector, the first of the headings, counter-clockwise; zero for a point where all headings count."""
+    bx: float
+    by: float
+    """The last one, less than half a turn on."""
+
+
 class View(NamedTuple):
     """C-contiguous arrays, none of which has to be cleared."""
 

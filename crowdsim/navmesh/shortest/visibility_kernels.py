@@ -117,42 +117,46 @@ def _meets(ellipse, a, b):
 
 
 @helper
-def _leads_on(sight, a, b, px, py, ellipse, margin):
-    """Whether a tangent may lead across the side from vertex a to vertex b; headings may be off by ``margin``.
+def _leads_on(sight, h, vertices, sides, eye, ellipse):
+    """Whether a tangent may lead across side h, if that is free, at the headings of a view.
 
     Only outwards: a view that sees past vertices by a little would otherwise go round those that line up for ever.
     """
+    if sides[h].constraints != 0:
+        return False
+    a = vertices[sides[h].org]
+    b = vertices[sides[nxt(h)].org]
     if sight.rx * sight.ly - sight.ry * sight.lx <= 0.0:
         return False
-    if (a.x - px) * (b.y - py) - (a.y - py) * (b.x - px) <= 0.0:
+    if (a.x - eye.x) * (b.y - eye.y) - (a.y - eye.y) * (b.x - eye.x) <= 0.0:
         return False
     if ellipse.per_major > 0.0 and not _meets(ellipse, a, b):
         return False
-    if sight.ax * sight.by - sight.ay * sight.bx >= -margin:
+    if sight.ax * sight.by - sight.ay * sight.bx >= -eye.margin:
         return True
     far = max(sight.a_from, sight.b_from)
-    return point_segment_distance2(px, py, a.x, a.y, b.x, b.y) < far * far
+    return point_segment_distance2(eye.x, eye.y, a.x, a.y, b.x, b.y) < far * far
 
 
 @helper
-def _first_sight(sight, h, v, w, px, py, radius, ax, ay, bx, by):
-    """Set the view from (px, py) across side h from vertex v to w; False for a point at one of the two.
+def _first_sight(sight, h, v, w, eye):
+    """Set the view across side h from vertex v to w; False for a point at one of the two.
 
-    Headings from a to b as in :func:`see_corners`; for a point without them, from v to w.
+    Without headings to keep to, these are from v to w.
     """
     sight.side = h
-    sight.rx = v.x - px
-    sight.ry = v.y - py
-    sight.lx = w.x - px
-    sight.ly = w.y - py
+    sight.rx = v.x - eye.x
+    sight.ry = v.y - eye.y
+    sight.lx = w.x - eye.x
+    sight.ly = w.y - eye.y
     sight.clipped = 0
     sight.a_from = 0.0
     sight.b_from = 0.0
-    sight.ax = ax
-    sight.ay = ay
-    sight.bx = bx
-    sight.by = by
-    if ax != 0.0 or ay != 0.0:
+    sight.ax = eye.ax
+    sight.ay = eye.ay
+    sight.bx = eye.bx
+    sight.by = eye.by
+    if eye.ax != 0.0 or eye.ay != 0.0:
         return True
     right = math.sqrt(sight.rx * sight.rx + sight.ry * sight.ry)
     left = math.sqrt(sight.lx * sight.lx + sight.ly * sight.ly)
@@ -163,21 +167,73 @@ def _first_sight(sight, h, v, w, px, py, radius, ax, ay, bx, by):
     sight.ay = sight.ry / right
     sight.bx = sight.lx / left
     sight.by = sight.ly / left
-    sight.a_from = right + radius
-    sight.b_from = left + radius
+    sight.a_from = right + eye.radius
+    sight.b_from = left + eye.radius
     return True
 
 
 @helper
-def see_corners(m, arc_begin, px, py, q0, radius, h, slack, margin, ax, ay, bx, by, view, count):
-    """Add the tangents to corners that are seen across side ``h`` of a triangle at (px, py) to the view; the new count.
+def _clip(sight, eye):
+    """Clip a view to the headings, less and more by 30 degrees; whether anything of it is left.
 
-    They leave from the point (q0 = 0) or from the circle of ``radius`` around it, with the center on their left (q0 =
-    radius) or right (-radius), at headings from the unit vector a counter-clockwise to b, less than half a turn; for a
-    point a and b may be zero, and all headings count. ``slack`` (meters) lets one see past vertices that hide less, and
-    ``margin`` (radians, at least :data:`SLACK`) is how far headings may be off what other vertices leave.
-    Vertex v has the arcs arc_begin[v]:arc_begin[v + 1]; those without are no corners. No free tangent is left out, but
-    some are added that other obstacles cut, and some twice. Places outside of the view's ellipse do not matter.
+    These hold the directions of corners that are farther than four radii. The view may be wider than half a turn only
+    if it does not reach far.
+    """
+    sight.clipped = 1
+    c = math.sqrt(0.75)
+    ax = c * eye.ax + 0.5 * eye.ay
+    ay = c * eye.ay - 0.5 * eye.ax
+    bx = c * eye.bx - 0.5 * eye.by
+    by = c * eye.by + 0.5 * eye.bx
+    if sight.rx * ay - sight.ry * ax > 0.0:
+        if ax * sight.ly - ay * sight.lx < 0.0:
+            return False
+        sight.rx = ax
+        sight.ry = ay
+    if bx * sight.ly - by * sight.lx > 0.0:
+        if sight.rx * by - sight.ry * bx < 0.0:
+            return False
+        sight.lx = bx
+        sight.ly = by
+    return True
+
+
+@helper
+def _split(sight, other, zx, zy, aim, slack, reach):
+    """Split a view at the vertex seen at z from the eye: ``sight`` keeps its right part, ``other`` takes the left one.
+
+    Both see past the vertex by ``slack``, and what their headings leave beside it is bounded from ``reach`` beyond on.
+    """
+    other.clipped = sight.clipped
+    other.lx = sight.lx
+    other.ly = sight.ly
+    other.ax = sight.ax
+    other.ay = sight.ay
+    other.bx = sight.bx
+    other.by = sight.by
+    other.a_from = sight.a_from
+    other.b_from = sight.b_from
+    other.rx = zx + slack * aim.dy
+    other.ry = zy - slack * aim.dx
+    if sight.rx * other.ry - sight.ry * other.rx < 0.0:
+        other.rx = sight.rx
+        other.ry = sight.ry
+    zx -= slack * aim.dy
+    zy += slack * aim.dx
+    if zx * sight.ly - zy * sight.lx > 0.0:
+        sight.lx = zx
+        sight.ly = zy
+    _tighten_left(sight, aim, reach)
+    _tighten_right(other, aim, reach)
+
+
+@helper
+def see_corners(m, arc_begin, eye, h, view, count):
+    """Add the tangents to corners that are seen across side ``h`` of a triangle at ``eye`` to the view; the new count.
+
+    ``eye`` is a :class:`crowdsim.navmesh.shortest.view_arrays.Viewpoint`. Vertex v has the arcs
+    arc_begin[v]:arc_begin[v + 1]; those without are no corners. No free tangent is left out, but some are added that
+    other obstacles cut, and some twice. Places outside of the view's ellipse do not matter.
 
     A free tangent and the line between the centers of its ends have no vertex between them. So who looks from center to
     center sees all corners there are tangents to; a tangent to a corner beyond a vertex by more than the radii keeps
@@ -186,101 +242,64 @@ def see_corners(m, arc_begin, px, py, q0, radius, h, slack, margin, ax, ay, bx, 
     sides = m.sides
     vertices = m.vertices
     sights = view.sights
-    seen = view.seen
     ellipse = view.ellipse[0]
     aim = view.aim[0]
+    radius = eye.radius
+    # The ends of the first side.
     v = sides[h].org
     w = sides[nxt(h)].org
     sight = sights[0]
-    if not _first_sight(sight, h, vertices[v], vertices[w], px, py, radius, ax, ay, bx, by):
+    if not _first_sight(sight, h, vertices[v], vertices[w], eye):
         return count
-    reach = radius + abs(q0)
-    _aim(aim, vertices[w].x - px, vertices[w].y - py, q0, radius)
+    reach = radius + abs(eye.q)
+    _aim(aim, vertices[w].x - eye.x, vertices[w].y - eye.y, eye.q, radius)
     if arc_begin[w] != arc_begin[w + 1] and aim.distance > 0.0:
-        count = _report(seen, count, w, radius, aim, sight, margin)
+        count = _report(view.seen, count, w, radius, aim, sight, eye.margin)
     _tighten_left(sight, aim, reach)
-    _aim(aim, vertices[v].x - px, vertices[v].y - py, q0, radius)
+    _aim(aim, vertices[v].x - eye.x, vertices[v].y - eye.y, eye.q, radius)
     if arc_begin[v] != arc_begin[v + 1] and aim.distance > 0.0:
-        count = _report(seen, count, v, radius, aim, sight, margin)
+        count = _report(view.seen, count, v, radius, aim, sight, eye.margin)
     _tighten_right(sight, aim, reach)
-    top = 1 if sides[h].cst == 0 and _leads_on(sight, vertices[v], vertices[w], px, py, ellipse, margin) else 0
-    near = 4.0 * radius
-    # The headings, less and more by 30 degrees, hold the directions of corners that are farther than ``near``.
-    c = math.sqrt(0.75)
-    wide_ax = c * ax + 0.5 * ay
-    wide_ay = c * ay - 0.5 * ax
-    wide_bx = c * bx - 0.5 * by
-    wide_by = c * by + 0.5 * bx
+    top = 1 if _leads_on(sight, h, vertices, sides, eye, ellipse) else 0
+    near2 = (4.0 * radius) * (4.0 * radius)
     while top > 0:
+        # Across one side after the other.
         top -= 1
         sight = sights[top]
         h = sight.side
         g = sides[h].twin
         a = vertices[sides[h].org]
         b = vertices[sides[g].org]
-        if sight.clipped == 0 and point_segment_distance2(px, py, a.x, a.y, b.x, b.y) >= near * near:
-            sight.clipped = 1
-            # The view may be wider than half a turn only if it does not reach far.
-            if sight.rx * wide_ay - sight.ry * wide_ax > 0.0:
-                if wide_ax * sight.ly - wide_ay * sight.lx < 0.0:
-                    continue
-                sight.rx = wide_ax
-                sight.ry = wide_ay
-            if wide_bx * sight.ly - wide_by * sight.lx > 0.0:
-                if sight.rx * wide_by - sight.ry * wide_bx < 0.0:
-                    continue
-                sight.lx = wide_bx
-                sight.ly = wide_by
+        is_far = sight.clipped == 0 and point_segment_distance2(eye.x, eye.y, a.x, a.y, b.x, b.y) >= near2
+        if is_far and not _clip(sight, eye):
+            continue
+        # The vertex opposite: is it in view?
         w = sides[prv(g)].org
-        z = vertices[w]
-        zx = z.x - px
-        zy = z.y - py
-        _aim(aim, zx, zy, q0, radius)
-        dx = aim.dx
-        dy = aim.dy
-        left_of_right = sight.rx * (zy + slack * dx) - sight.ry * (zx - slack * dy) >= 0.0
-        right_of_left = (zx + slack * dy) * sight.ly - (zy - slack * dx) * sight.lx >= 0.0
+        zx = vertices[w].x - eye.x
+        zy = vertices[w].y - eye.y
+        _aim(aim, zx, zy, eye.q, radius)
+        dx = eye.slack * aim.dx
+        dy = eye.slack * aim.dy
+        left_of_right = sight.rx * (zy + dx) - sight.ry * (zx - dy) >= 0.0
+        right_of_left = (zx + dy) * sight.ly - (zy - dx) * sight.lx >= 0.0
         visible = left_of_right and right_of_left
         if visible and arc_begin[w] != arc_begin[w + 1]:
-            count = _report(seen, count, w, radius, aim, sight, margin)
+            count = _report(view.seen, count, w, radius, aim, sight, eye.margin)
+        # The view goes on over the two other sides, or over the one that it is on.
         if visible:
             other = sights[top + 1]
             other.side = prv(g)
-            other.clipped = sight.clipped
-            other.lx = sight.lx
-            other.ly = sight.ly
-            other.ax = sight.ax
-            other.ay = sight.ay
-            other.bx = sight.bx
-            other.by = sight.by
-            other.a_from = sight.a_from
-            other.b_from = sight.b_from
-            other.rx = zx + slack * dy
-            other.ry = zy - slack * dx
-            if sight.rx * other.ry - sight.ry * other.rx < 0.0:
-                other.rx = sight.rx
-                other.ry = sight.ry
-            zx -= slack * dy
-            zy += slack * dx
-            if zx * sight.ly - zy * sight.lx > 0.0:
-                sight.lx = zx
-                sight.ly = zy
-            _tighten_left(sight, aim, reach)
-            _tighten_right(other, aim, reach)
+            _split(sight, other, zx, zy, aim, eye.slack, reach)
             sight.side = nxt(g)
-            first = sides[nxt(g)].cst == 0 and _leads_on(sight, a, z, px, py, ellipse, margin)
-            second = sides[prv(g)].cst == 0 and _leads_on(other, z, b, px, py, ellipse, margin)
+            first = _leads_on(sight, nxt(g), vertices, sides, eye, ellipse)
+            second = _leads_on(other, prv(g), vertices, sides, eye, ellipse)
             if first:
                 top += 2 if second else 1
             elif second:
                 sights[top] = sights[top + 1]
                 top += 1
-        elif left_of_right:
-            sight.side = nxt(g)
-            if sides[nxt(g)].cst == 0 and _leads_on(sight, a, z, px, py, ellipse, margin):
-                top += 1
-        elif right_of_left:
-            sight.side = prv(g)
-            if sides[prv(g)].cst == 0 and _leads_on(sight, z, b, px, py, ellipse, margin):
+        elif left_of_right or right_of_left:
+            sight.side = nxt(g) if left_of_right else prv(g)
+            if _leads_on(sight, sight.side, vertices, sides, eye, ellipse):
                 top += 1
     return count

@@ -37,6 +37,53 @@ def _nearer(lo, hi, ax, ay, bx, by, wx, wy):
 
 
 @helper
+def set_sight(sight, side, rx, ry, lx, ly):
+    """Set the view across a side, between the rays r on the right and l on the left."""
+    sight.side = side
+    sight.rx = rx
+    sight.ry = ry
+    sight.lx = lx
+    sight.ly = ly
+
+
+@helper
+def _reaches_beyond(xx, xy, yx, yy, qx, qy, least):
+    """Whether a foot seen from vertex v between x and y may be as far along q as ``least`` asks; all are relative to v.
+
+    The foot is in the hull of v, x, y and what is opposite of v on their circle.
+    """
+    x2 = xx * xx + xy * xy
+    y2 = yx * yx + yy * yy
+    return (
+        xx * qx + xy * qy >= least
+        or yx * qx + yy * qy >= least
+        or qx * (yy * x2 - xy * y2) + qy * (xx * y2 - yx * x2) >= least * (xx * yy - xy * yx)
+    )
+
+
+@helper
+def _foot_at(m, s, part, x, y, near):
+    """(whether there is a bottleneck, foot x, y) between (x, y) and the place at ``part`` of the constrained side s.
+
+    That is one if the disc around the middle of the two, as wide as they are apart, touches nothing else; ``near`` is a
+    triangle near by. Next to an end of the side, the edge to that end measures the passage as well.
+    """
+    cell = m.frame[0].cell
+    a = m.vertices[m.sides[s].org]
+    b = m.vertices[m.sides[nxt(s)].org]
+    ex = b.x - a.x
+    ey = b.y - a.y
+    fx = np.rint((a.x + part * ex) / cell) * cell
+    fy = np.rint((a.y + part * ey) / cell) * cell
+    width = hypot(fx - x, fy - y)
+    aside = min(part, 1.0 - part) * math.sqrt(ex * ex + ey * ey)
+    if aside < 8.0 * cell or aside * aside < 1e-7 * width * width:
+        return False, fx, fy
+    middle, _ = disc_clearance(m, 0.5 * (x + fx), 0.5 * (y + fy), width, near)
+    return middle >= 0.5 * width - cell and split_is_robust(m.sides, m.vertices, s, fx, fy), fx, fy
+
+
+@helper
 def find_bottleneck(m, v, qx, qy, sights):
     """A constrained side seen from vertex v across other sides, where the passage between v and its foot is narrowest.
 
@@ -47,8 +94,7 @@ def find_bottleneck(m, v, qx, qy, sights):
     """
     sides = m.sides
     vertices = m.vertices
-    wind = m.wind
-    cell = m.frame[0].cell
+    cover = m.cover
     px = vertices[v].x
     py = vertices[v].y
     qx -= px
@@ -64,23 +110,11 @@ def find_bottleneck(m, v, qx, qy, sights):
         xy = x.y - py
         yx = y.x - px
         yy = y.y - py
+        # The triangle between two spokes, unless its base is a wall or it cannot lead to a foot.
         top = 0
-        if wind[corner // 3] == 0 and sides[base].cst == 0:
-            # The foot is in the hull of v, x, y and what is opposite of v on their circle.
-            x2 = xx * xx + xy * xy
-            y2 = yx * yx + yy * yy
-            if (
-                xx * qx + xy * qy >= least
-                or yx * qx + yy * qy >= least
-                or qx * (yy * x2 - xy * y2) + qy * (xx * y2 - yx * x2) >= least * (xx * yy - xy * yx)
-            ):
-                sight = sights[0]
-                sight.side = base
-                sight.rx = xx
-                sight.ry = xy
-                sight.lx = yx
-                sight.ly = yy
-                top = 1
+        if cover[corner // 3] == 0 and sides[base].constraints == 0 and _reaches_beyond(xx, xy, yx, yy, qx, qy, least):
+            set_sight(sights[0], base, xx, xy, yx, yy)
+            top = 1
         while top > 0:
             top -= 1
             sight = sights[top]
@@ -113,6 +147,7 @@ def find_bottleneck(m, v, qx, qy, sights):
                 ay = a.y - py
                 bx = b.x - px
                 by = b.y - py
+                # The part of the side where a foot may be: far enough along q, no farther along what is seen, in view.
                 lo, hi = _cut(0.0, 1.0, least - ax * qx - ay * qy, least - bx * qx - by * qy)
                 lo, hi = _nearer(lo, hi, ax, ay, bx, by, xx, xy)
                 lo, hi = _nearer(lo, hi, ax, ay, bx, by, yx, yy)
@@ -124,14 +159,9 @@ def find_bottleneck(m, v, qx, qy, sights):
                 lo, hi = _cut(lo, hi, l0 * ay - l1 * ax, l0 * by - l1 * bx)
                 if lo > hi + _SLACK:
                     continue
-                if sides[h].cst == 0:
+                if sides[h].constraints == 0:
                     if top < sights.size:
-                        sight = sights[top]
-                        sight.side = h
-                        sight.rx = r0
-                        sight.ry = r1
-                        sight.lx = l0
-                        sight.ly = l1
+                        set_sight(sights[top], h, r0, r1, l0, l1)
                         top += 1
                     continue
                 ex = bx - ax
@@ -140,15 +170,8 @@ def find_bottleneck(m, v, qx, qy, sights):
                 part = -(ax * ex + ay * ey) / length2
                 if part < lo - _SLACK or part > hi + _SLACK:
                     continue
-                fx = np.rint((px + ax + part * ex) / cell) * cell
-                fy = np.rint((py + ay + part * ey) / cell) * cell
-                width = hypot(fx - px, fy - py)
-                # Next to an end of the side, the edge to that end measures the passage as well.
-                aside = min(part, 1.0 - part) * math.sqrt(length2)
-                if aside < 8.0 * cell or aside * aside < 1e-7 * width * width:
-                    continue
-                middle, _ = disc_clearance(m, 0.5 * (px + fx), 0.5 * (py + fy), width, corner // 3)
-                if middle >= 0.5 * width - cell and split_is_robust(sides, vertices, h, fx, fy):
+                found, fx, fy = _foot_at(m, h, part, px, py, corner // 3)
+                if found:
                     return h, fx, fy
         corner = sides[prv(corner)].twin
         if corner == first:
@@ -199,7 +222,6 @@ def _find_foot(m, s, sights):
     """
     sides = m.sides
     vertices = m.vertices
-    cell = m.frame[0].cell
     a = vertices[sides[s].org]
     b = vertices[sides[nxt(s)].org]
     ax = a.x
@@ -211,7 +233,7 @@ def _find_foot(m, s, sights):
     length2 = ex * ex + ey * ey
     top = 0
     for e in (nxt(s), prv(s)):
-        if sides[e].cst == 0:
+        if sides[e].constraints == 0:
             sight = sights[top]
             sight.side = e
             sight.lo = 0.0
@@ -230,17 +252,11 @@ def _find_foot(m, s, sights):
         zy = z.y
         part = ((zx - ax) * ex + (zy - ay) * ey) / length2
         if z.vref > 0 and part >= lo - _SLACK and part <= hi + _SLACK:
-            fx = np.rint((ax + part * ex) / cell) * cell
-            fy = np.rint((ay + part * ey) / cell) * cell
-            width = hypot(fx - zx, fy - zy)
-            # Next to an end of the side, the edge to that end measures the passage as well.
-            aside = min(part, 1.0 - part) * math.sqrt(length2)
-            if aside >= 8.0 * cell and aside * aside >= 1e-7 * width * width:
-                middle, _ = disc_clearance(m, 0.5 * (zx + fx), 0.5 * (zy + fy), width, g // 3)
-                if middle >= 0.5 * width - cell and split_is_robust(sides, vertices, s, fx, fy):
-                    return True, fx, fy
+            found, fx, fy = _foot_at(m, s, part, zx, zy, g // 3)
+            if found:
+                return True, fx, fy
         for f in (nxt(g), prv(g)):
-            if sides[f].cst == 0 and top < sights.size:
+            if sides[f].constraints == 0 and top < sights.size:
                 sight = sights[top]
                 sight.side = f
                 sight.lo = lo
@@ -285,7 +301,7 @@ def refine(m, w):
         first = m.vertices[v].vhe
         h = first
         while True:
-            if sides[h].cst != 0 and m.wind[h // 3] == 0 and is_dirty(sides, h // 3):
+            if sides[h].constraints != 0 and m.cover[h // 3] == 0 and is_dirty(sides, h // 3):
                 found, x, y = _find_foot(m, h, w.sights)
                 if found:
                     enqueue(w, v)
@@ -300,14 +316,17 @@ def refine(m, w):
 
 @helper
 def measure_triangle(m, t):
-    """Fill ``clr`` of triangle t: what a turn around a corner leaves, the shorter side or the height over a wall."""
+    """Fill ``corner_clearance`` of triangle t: what a turn around a corner leaves.
+
+    That is the shorter side, or the height over a wall.
+    """
     sides = m.sides
     vertices = m.vertices
     for h in range(3 * t, 3 * t + 3):
         base = nxt(h)
         last = prv(h)
-        sides[h].clr = 0.0
-        if m.wind[t] != 0 or sides[h].cst != 0 or sides[last].cst != 0:
+        sides[h].corner_clearance = 0.0
+        if m.cover[t] != 0 or sides[h].constraints != 0 or sides[last].constraints != 0:
             continue
         v = vertices[sides[h].org]
         a = vertices[sides[base].org]
@@ -317,6 +336,6 @@ def measure_triangle(m, t):
         bx = b.x - v.x
         by = b.y - v.y
         width2 = min(ax * ax + ay * ay, bx * bx + by * by)
-        if sides[base].cst != 0:
+        if sides[base].constraints != 0:
             width2 = min(width2, point_segment_distance2(v.x, v.y, a.x, a.y, b.x, b.y))
-        sides[h].clr = math.sqrt(width2)
+        sides[h].corner_clearance = math.sqrt(width2)

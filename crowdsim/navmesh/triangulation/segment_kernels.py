@@ -31,17 +31,19 @@ _NEAR = 0.75
 do not cross again and again. A segment always gets nearer to its end by that, as vertices are a cell apart."""
 
 _WAY = np.dtype(
-    [("start", np.int64), ("goal", np.int64)] + [(name, np.int64) for name in ("cst", "win", "use", "back")], align=True
+    [("start", np.int64), ("goal", np.int64)]
+    + [(name, np.int64) for name in ("constraints", "winding", "use", "back")],
+    align=True,
 )
 """Vertices still to join, and the load of the join: what its sides get added (``back``: the use of their twins)."""
 
 
 @helper
-def _set_way(way, start, goal, cst, win, use, back):
+def _set_way(way, start, goal, constraints, winding, use, back):
     way.start = start
     way.goal = goal
-    way.cst = cst
-    way.win = win
+    way.constraints = constraints
+    way.winding = winding
     way.use = use
     way.back = back
 
@@ -59,8 +61,8 @@ def _cross(m, e, ways, top, w):
     way = ways[top - 1]
     a = way.start
     b = way.goal
-    cst = way.cst
-    win = way.win
+    constraints = way.constraints
+    winding = way.winding
     use = way.use
     back = way.back
     u = sides[e].org
@@ -90,10 +92,18 @@ def _cross(m, e, ways, top, w):
                 p = c
         forth = sides[e]
         way = ways[top]
-        _set_way(way, u, NONE, np.int64(forth.cst), np.int64(forth.win), np.int64(forth.use), np.int64(sides[f].use))
+        _set_way(
+            way,
+            u,
+            NONE,
+            np.int64(forth.constraints),
+            np.int64(forth.winding),
+            np.int64(forth.use),
+            np.int64(sides[f].use),
+        )
         for h in (e, f):
-            sides[h].cst = 0
-            sides[h].win = 0
+            sides[h].constraints = 0
+            sides[h].winding = 0
             sides[h].use = -1
             soil(sides, h // 3)
         touch(w, u)
@@ -108,11 +118,11 @@ def _cross(m, e, ways, top, w):
             if p < 0:
                 return p
         way.goal = p
-        _set_way(ways[top + 1], p, v, way.cst, way.win, way.use, way.back)
+        _set_way(ways[top + 1], p, v, way.constraints, way.winding, way.use, way.back)
         top += 2
     touch(w, p)
     rest.start = p
-    _set_way(ways[top], a, p, cst, win, use, back)
+    _set_way(ways[top], a, p, constraints, winding, use, back)
     return top + 1
 
 
@@ -167,8 +177,8 @@ def _clear_way(m, w, a, b, crossed):
     h = find_half_edge(sides, vertices, a, b)
     if h < 0:
         return STUCK
-    sides[h].cst += 1  # holds the join still meanwhile
-    sides[sides[h].twin].cst += 1
+    sides[h].constraints += 1  # holds the join still meanwhile
+    sides[sides[h].twin].constraints += 1
     for i in range(made):
         pairs[i, 0] = fresh[i, 0]
         pairs[i, 1] = fresh[i, 1]
@@ -176,8 +186,65 @@ def _clear_way(m, w, a, b, crossed):
     if status < 0:
         return status
     h = find_half_edge(sides, vertices, a, b)
-    sides[h].cst -= 1
-    sides[sides[h].twin].cst -= 1
+    sides[h].constraints -= 1
+    sides[sides[h].twin].constraints -= 1
+    return 0
+
+
+@helper
+def _look_ahead(m, cur, goal, near):
+    """In the star of vertex cur: (the half-edge along the way to ``goal``, the side across which it lies), -1 for none.
+
+    Along the way is a neighbor within ``near`` of it, as twice the area with both ends.
+    """
+    sides = m.sides
+    vertices = m.vertices
+    cx = vertices[cur].x
+    cy = vertices[cur].y
+    gx = vertices[goal].x - cx
+    gy = vertices[goal].y - cy
+    length2 = gx * gx + gy * gy
+    first = vertices[cur].vhe
+    h = first
+    while True:
+        x = vertices[sides[nxt(h)].org]
+        sx = side(vertices, cur, goal, x.x, x.y)
+        if abs(sx) <= near:
+            ahead = (x.x - cx) * gx + (x.y - cy) * gy
+            if ahead > 0.0 and (sx == 0.0 or ahead < length2):
+                return h, NONE
+        if sx < 0.0:
+            y = vertices[sides[prv(h)].org]
+            sy = side(vertices, cur, goal, y.x, y.y)
+            if sy > 0.0:
+                ahead = (y.x - cx) * gx + (y.y - cy) * gy
+                if sy <= near and ahead > 0.0 and ahead < length2:
+                    return sides[prv(h)].twin, NONE
+                return NONE, nxt(h)
+        h = sides[prv(h)].twin
+        if h == first:
+            return NONE, NONE
+
+
+@helper
+def _load(m, w, along, way):
+    """Add the load of a way to half-edge ``along`` and its twin, and go on from its end; 0 or FULL."""
+    sides = m.sides
+    forth = sides[along]
+    back = sides[forth.twin]
+    forth.constraints += way.constraints
+    back.constraints += way.constraints
+    forth.winding += way.winding
+    back.winding -= way.winding
+    soil(sides, along // 3)
+    soil(sides, forth.twin // 3)
+    if way.use >= 0 or way.back >= 0:
+        forth.use = joined(w, forth.use, way.use)
+        back.use = joined(w, back.use, way.back)
+        if w.progress[0].full != 0:
+            return FULL
+    touch(w, way.start)
+    way.start = back.org
     return 0
 
 
@@ -209,35 +276,13 @@ def insert_segment(m, a, b, winding, use, w):
         gy = vertices[goal].y - cy
         length2 = gx * gx + gy * gy
         near = _NEAR * m.frame[0].cell * math.sqrt(length2)
-        # The star of cur: a neighbor in the direction of the goal, or the side across which the goal lies.
-        along = NONE
-        crossing = NONE
-        first = vertices[cur].vhe
-        h = first
-        while True:
-            x = vertices[sides[nxt(h)].org]
-            sx = side(vertices, cur, goal, x.x, x.y)
-            if abs(sx) <= near:
-                ahead = (x.x - cx) * gx + (x.y - cy) * gy
-                if ahead > 0.0 and (sx == 0.0 or ahead < length2):
-                    along = h
-                    break
-            if sx < 0.0:
-                y = vertices[sides[prv(h)].org]
-                sy = side(vertices, cur, goal, y.x, y.y)
-                if sy > 0.0:
-                    crossing = nxt(h)
-                    ahead = (y.x - cx) * gx + (y.y - cy) * gy
-                    if sy <= near and ahead > 0.0 and ahead < length2:
-                        along = sides[prv(h)].twin
-                    break
-            h = sides[prv(h)].twin
-            if h == first:
-                return STUCK
+        along, e = _look_ahead(m, cur, goal, near)
+        if along < 0 and e < 0:
+            return STUCK
+        # Across one side after the other, until a vertex is on the way or a constrained side is met.
         crossed = 0
-        e = crossing
         while along < 0:
-            if sides[e].cst != 0:
+            if sides[e].constraints != 0:
                 if count + 3 > ways.size:
                     ways = longer(ways)
                 count = _cross(m, e, ways, count, w)
@@ -261,30 +306,17 @@ def insert_segment(m, a, b, winding, use, w):
             if abs(sz) <= near:
                 ahead = (vertices[z].x - cx) * gx + (vertices[z].y - cy) * gy
                 if ahead > 0.0 and ahead < length2:
+                    # First to the vertex that is about on the way, then on from there.
                     if count + 1 > ways.size:
                         ways = longer(ways)
                     way = ways[count - 1]
-                    _set_way(ways[count], cur, z, way.cst, way.win, way.use, way.back)
+                    _set_way(ways[count], cur, z, way.constraints, way.winding, way.use, way.back)
                     way.start = z
                     count += 1
                     break
             e = nxt(f) if sz > 0.0 else prv(f)
-        if along < 0:
-            continue
-        way = ways[count - 1]
-        forth = sides[along]
-        back = sides[forth.twin]
-        forth.cst += way.cst
-        back.cst += way.cst
-        forth.win += way.win
-        back.win -= way.win
-        soil(sides, along // 3)
-        soil(sides, forth.twin // 3)
-        if way.use >= 0 or way.back >= 0:
-            forth.use = joined(w, forth.use, way.use)
-            back.use = joined(w, back.use, way.back)
-            if w.progress[0].full != 0:
-                return FULL
-        touch(w, cur)
-        way.start = back.org
+        if along >= 0:
+            status = _load(m, w, along, ways[count - 1])
+            if status < 0:
+                return status
     return 0

@@ -47,7 +47,8 @@ def _package() -> ModuleType:
             "builder: 'triangle' needs the package of that name (pip install triangle; not for commercial "
             "distribution); builder='own' gives the same mesh without it"
         ) from error
-    return triangle
+    package: ModuleType = triangle
+    return package
 
 
 def _distinct(points: Floats, order: Ints, frame: NDArray[Any]) -> tuple[Floats, Ints]:
@@ -93,7 +94,8 @@ def _through(rings: Rings, order: Ints, places: Floats, cell: float) -> tuple[Ri
 def _turns(a: Floats, b: Floats, c: Floats) -> Floats:
     """-1, 0 or 1 (n,): whether points c (n, 2) are right of, on or left of the lines from a to b, exactly."""
     (ux, uy), (vx, vy) = (b - a).T, (c - a).T
-    return np.sign(ux * vy - uy * vx)
+    turns: Floats = np.sign(ux * vy - uy * vx)
+    return turns
 
 
 def crossings(rings: Rings) -> Floats:
@@ -105,7 +107,8 @@ def crossings(rings: Rings) -> Floats:
     one, other = one[one < other], other[one < other]
     cross = _turns(a[one], b[one], a[other]) * _turns(a[one], b[one], b[other]) < 0.0
     cross &= _turns(a[other], b[other], a[one]) * _turns(a[other], b[other], b[one]) < 0.0
-    return shapely.get_coordinates(shapely.intersection(sides[one[cross]], sides[other[cross]]))
+    points: Floats = shapely.get_coordinates(shapely.intersection(sides[one[cross]], sides[other[cross]]))
+    return points
 
 
 def triangulation(rings: Rings, order: Ints, frame: NDArray[Any]) -> Triangulation:
@@ -150,6 +153,6 @@ def fill(mesh: MeshArrays, found: Triangulation) -> None:
     vertices["x"], vertices["y"] = found.vertices.T
     vertices["vref"] = np.bincount(found.ids, minlength=count)
     sides["org"], sides["twin"] = triangles.ravel(), twins.ravel()
-    sides["use"] = sides["clr"] = -1
+    sides["use"] = sides["corner_clearance"] = -1
     vertices["vhe"][triangles.ravel()] = np.arange(triangles.size)
     mesh.frame["vertices"], mesh.frame["triangles"] = count, len(triangles)

@@ -23,8 +23,8 @@ def link(sides, h, g):
 def take(sides, h, source):
     """Half-edge h takes over twin and constraint of ``source``."""
     target = sides[h]
-    target.cst = sides[source].cst
-    target.win = sides[source].win
+    target.constraints = sides[source].constraints
+    target.winding = sides[source].winding
     target.use = sides[source].use
     link(sides, h, sides[source].twin)
 
@@ -51,8 +51,8 @@ def flip(sides, vertices, e):
     take(sides, e, fn)
     take(sides, f, en)
     for h in (en, fn):
-        sides[h].cst = 0
-        sides[h].win = 0
+        sides[h].constraints = 0
+        sides[h].winding = 0
         sides[h].use = -1
         soil(sides, h // 3)
     link(sides, en, fn)
@@ -62,7 +62,7 @@ def flip(sides, vertices, e):
 def not_delaunay(sides, vertices, h, cell):
     """Whether the far corner beyond the unconstrained side h is strictly inside the circle of its triangle."""
     g = sides[h].twin
-    if g < 0 or sides[h].cst != 0:
+    if g < 0 or sides[h].constraints != 0:
         return False
     a = vertices[sides[h].org]
     b = vertices[sides[nxt(h)].org]
@@ -79,8 +79,8 @@ def _fill(sides, vertices, t, u, v, w):
         sides[h].org = corner
         vertices[corner].vhe = h
         if h > 3 * t:
-            sides[h].cst = 0
-            sides[h].win = 0
+            sides[h].constraints = 0
+            sides[h].winding = 0
             sides[h].use = -1
         h += 1
     soil(sides, t)
@@ -138,7 +138,7 @@ def _new_vertex(m, x, y):
     """A vertex at (x, y) that no triangle has yet, and two triangles without corners; the vertex, or FULL."""
     frame = m.frame[0]
     p = frame.spare
-    if (p == 0 and frame.vertices == m.vertices.size) or frame.triangles + 2 > m.wind.size:
+    if (p == 0 and frame.vertices == m.vertices.size) or frame.triangles + 2 > m.cover.size:
         return FULL
     if p == 0:
         p = frame.vertices
@@ -158,7 +158,7 @@ def split_edge(m, h, x, y, w):
     """Put a new vertex at (x, y) on side h and split both of its triangles; the vertex, or FULL."""
     sides = m.sides
     vertices = m.vertices
-    wind = m.wind
+    cover = m.cover
     p = _new_vertex(m, x, y)
     if p < 0:
         return p
@@ -171,8 +171,8 @@ def split_edge(m, h, x, y, w):
     b = sides[f].org
     c = sides[prv(h)].org
     d = sides[prv(f)].org
-    count = sides[h].cst
-    winding = sides[h].win
+    count = sides[h].constraints
+    winding = sides[h].winding
     along = sides[h].use
     against = sides[f].use
     take(sides, 3 * t1, nxt(h))
@@ -183,15 +183,15 @@ def split_edge(m, h, x, y, w):
     _fill(sides, vertices, t1, b, c, p)
     _fill(sides, vertices, t2, d, b, p)
     _fill(sides, vertices, t3, a, d, p)
-    wind[t1] = wind[t0]
-    wind[t3] = wind[t2]
+    cover[t1] = cover[t0]
+    cover[t3] = cover[t2]
     for i, (t, after) in enumerate(((t0, t1), (t1, t2), (t2, t3), (t3, t0))):
         # The third side of each new triangle is the second one of the next around the new vertex.
         link(sides, 3 * t + 2, 3 * after + 1)
         w.stack[i] = 3 * t
     for e, sign in ((3 * t0 + 1, 1), (3 * t3 + 2, -1), (3 * t1 + 2, 1), (3 * t2 + 1, -1)):
-        sides[e].cst = count
-        sides[e].win = sign * winding
+        sides[e].constraints = count
+        sides[e].winding = sign * winding
         sides[e].use = along if sign > 0 else against
     _legalize(sides, vertices, m.frame[0].cell, w.stack, np.int64(4))
     if count != 0:
@@ -234,8 +234,8 @@ def insert_point(m, x, y, hint, w):
     _fill(sides, vertices, t, a, b, p)
     _fill(sides, vertices, t1, b, c, p)
     _fill(sides, vertices, t2, c, a, p)
-    m.wind[t1] = m.wind[t]
-    m.wind[t2] = m.wind[t]
+    m.cover[t1] = m.cover[t]
+    m.cover[t2] = m.cover[t]
     link(sides, h + 1, 3 * t1 + 2)
     link(sides, 3 * t1 + 1, 3 * t2 + 2)
     link(sides, 3 * t2 + 1, h + 2)

@@ -13,12 +13,12 @@ _UNKNOWN = -(1 << 30)
 def flood(m, stack):
     """Winding numbers of all triangles: 1 outside of the walkable area, 0 where nothing covers it."""
     sides = m.sides
-    wind = m.wind
+    cover = m.cover
     frame = m.frame[0]
     for t in range(frame.triangles):
-        wind[t] = _UNKNOWN
+        cover[t] = _UNKNOWN
     outside = locate(m, frame.x0, frame.y0, np.int64(0))
-    wind[outside] = 1
+    cover[outside] = 1
     stack[0] = outside
     top = 1
     while top > 0:
@@ -26,8 +26,8 @@ def flood(m, stack):
         t = stack[top]
         for h in range(3 * t, 3 * t + 3):
             g = sides[h].twin
-            if g >= 0 and wind[g // 3] == _UNKNOWN:
-                wind[g // 3] = wind[t] - sides[h].win
+            if g >= 0 and cover[g // 3] == _UNKNOWN:
+                cover[g // 3] = cover[t] - sides[h].winding
                 stack[top] = g // 3
                 top += 1
 
@@ -40,27 +40,27 @@ def follow(m, w, count, begin):
     half-edges contradict each other (an outline that snapping folded over), the answer is False and windings are wrong.
     """
     sides = m.sides
-    wind = m.wind
+    cover = m.cover
     stack = w.stack
     budget = 2 * m.frame[0].triangles
     for i in range(count):
         h = w.pairs[i, 0]
-        value = wind[sides[h].twin // 3] + sides[h].win
-        if wind[h // 3] == value:
+        value = cover[sides[h].twin // 3] + sides[h].winding
+        if cover[h // 3] == value:
             continue
         top = begin
         t = h // 3
         while True:
-            if wind[t] != value:
+            if cover[t] != value:
                 budget -= 1
                 if budget < 0:
                     return False
-                wind[t] = value
+                cover[t] = value
                 soil(sides, t)
                 touch_triangle(sides, w, t)
                 for e in range(3 * t, 3 * t + 3):
                     g = sides[e].twin
-                    if g >= 0 and wind[g // 3] != value - sides[e].win:
+                    if g >= 0 and cover[g // 3] != value - sides[e].winding:
                         if top == stack.size:
                             return False
                         stack[top] = e
@@ -70,10 +70,10 @@ def follow(m, w, count, begin):
             top -= 1
             e = stack[top]
             t = sides[e].twin // 3
-            value = wind[e // 3] - sides[e].win
+            value = cover[e // 3] - sides[e].winding
     for i in range(count):
         h = w.pairs[i, 0]
-        if wind[h // 3] != wind[sides[h].twin // 3] + sides[h].win:
+        if cover[h // 3] != cover[sides[h].twin // 3] + sides[h].winding:
             return False
     return True
 

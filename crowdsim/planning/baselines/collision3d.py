@@ -54,9 +54,8 @@ def make_bodies(scene: CollisionScene, behaviors: Sequence[Behavior]) -> Bodies:
 
 
 def plan_collision3d(query: Query, bodies: Bodies) -> AnnotatedPath | None:
-    """The published planner (blockers that paid off kept) with tests in 3D; None where no path fits any behavior."""
-    best = plan_step_by_step(query, True, lambda points: annotated_in_3d(query, bodies, points), one_by_one=False)
-    return best if best.sections else None
+    """The published planner with tests in 3D; None where no path fits any behavior."""
+    return plan_step_by_step(query, lambda points: annotated_in_3d(query, bodies, points))
 
 
 def annotated_in_3d(query: Query, bodies: Bodies, points: Floats) -> AnnotatedPath:

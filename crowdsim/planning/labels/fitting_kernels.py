@@ -1,8 +1,12 @@
 """Which behavior fits where along a path: exact intervals of all behaviors in one pass, and the cheapest sections."""
 
+from __future__ import annotations
+
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper, kernel
@@ -10,7 +14,7 @@ from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, is_close, is_met, sw
 from crowdsim.navmesh.clearance.violation_kernels import SPAN, merged
 from crowdsim.navmesh.mesh.growing_kernels import longer
 from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv, triangle_near
-from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, NONE
+from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, NONE, MeshArrays
 from crowdsim.planning.labels.labelling_kernels import label_stretches
 
 OWN_SPAN = np.dtype([("lo", np.float64), ("hi", np.float64), ("owner", np.int64)], align=True)
@@ -18,6 +22,35 @@ OWN_SPAN = np.dtype([("lo", np.float64), ("hi", np.float64), ("owner", np.int64)
 
 _GRAZE = 1e-9
 """Meters within which a piece that touches an obstacle's side may as well cross it."""
+
+
+class Fitting(NamedTuple):
+    """What tells which behaviors fit where along a path, and what sections of them cost."""
+
+    layers: tuple[MeshArrays, ...]
+    """The meshes tested: all but the legs', if there are others, as every path is found with the legs' clearance."""
+    radii: NDArray[np.float64]
+    """(b, m) clearance of each behavior on each of them [m]."""
+    costs: NDArray[np.float64]
+    """(b,) cost a meter."""
+    turned: NDArray[np.bool_]
+    """(b,) whether the body moves turned off its way."""
+    terms: NDArray[np.float64]
+    """(4,) as :data:`crowdsim.planning.labels.labelling_kernels.TERMS`."""
+
+
+class Piece(NamedTuple):
+    """A straight piece of a path, in whose frame obstacles are measured: x along it from its start, y to its left."""
+
+    x: float
+    y: float
+    """Its start."""
+    ux: float
+    uy: float
+    """Its direction, of length 1."""
+    start: float
+    """Arc length of its start along the path [m]."""
+    length: float
 
 
 @helper
@@ -35,15 +68,18 @@ def _crosses(ax, ay, bx, by, length):
 
 
 @helper
-def _inside(sides, vertices, t, px, py, ux, uy):
-    """Interval (lo, hi) of s where p + s u is inside triangle t; lo > hi if none."""
+def _inside(m, t, piece):
+    """Interval (lo, hi) of meters along the line of the piece that is inside triangle t; lo > hi if none."""
+    sides = m.sides
+    vertices = m.vertices
     lo = -math.inf
     hi = math.inf
     for h in range(3 * t, 3 * t + 3):
         a = vertices[sides[h].org]
         b = vertices[sides[nxt(h)].org]
-        at = (b.x - a.x) * (py - a.y) - (b.y - a.y) * (px - a.x)
-        rate = (b.x - a.x) * uy - (b.y - a.y) * ux
+        # To the left of the side, which is inside: at + rate * s > 0.
+        at = (b.x - a.x) * (piece.y - a.y) - (b.y - a.y) * (piece.x - a.x)
+        rate = (b.x - a.x) * piece.uy - (b.y - a.y) * piece.ux
         if rate > 0.0:
             lo = max(lo, -at / rate)
         elif rate < 0.0:
@@ -75,7 +111,7 @@ def _add_span(spans, lasts, count, owner, lo, hi):
 
 
 @helper
-def _add_corner(spans, lasts, count, radii, k, x, y, start, length):
+def _add_corner(spans, lasts, count, radii, k, x, y, piece):
     """Record for each behavior where the piece is too near to the corner at (x, y) of its frame; the new count."""
     for b in range(radii.shape[0] - 1, -1, -1):
         half2 = radii[b, k] * radii[b, k] - y * y
@@ -83,15 +119,15 @@ def _add_corner(spans, lasts, count, radii, k, x, y, start, length):
             break
         half = math.sqrt(half2)
         lo = max(x - half, 0.0)
-        hi = min(x + half, length)
+        hi = min(x + half, piece.length)
         if lo >= hi:  # what is clear enough for this one is for all that are narrower
             break
-        count = _add_span(spans, lasts, count, b, lo + start, hi + start)
+        count = _add_span(spans, lasts, count, b, lo + piece.start, hi + piece.start)
     return count
 
 
 @helper
-def _add_side(spans, lasts, count, radii, k, ax, ay, bx, by, start, length):
+def _add_side(spans, lasts, count, radii, k, ax, ay, bx, by, piece):
     """Record for each behavior where the piece is beside the side ab of its frame and too near; the new count."""
     ex = bx - ax
     ey = by - ay
@@ -101,7 +137,7 @@ def _add_side(spans, lasts, count, radii, k, ax, ay, bx, by, start, length):
     # Beside the side: 0 < e.(x - a) < size.
     from_a = -ex * ax - ey * ay
     least = 0.0
-    most = length
+    most = piece.length
     if ex == 0.0:
         if from_a <= 0.0 or from_a >= size:
             return count
@@ -109,7 +145,7 @@ def _add_side(spans, lasts, count, radii, k, ax, ay, bx, by, start, length):
         s0 = -from_a / ex
         s1 = (size - from_a) / ex
         least = max(min(s0, s1), 0.0)
-        most = min(max(s0, s1), length)
+        most = min(max(s0, s1), piece.length)
     off = ey * ax - ex * ay
     for b in range(radii.shape[0] - 1, -1, -1):
         # Too near: |n.(x - a)| < radius.
@@ -126,52 +162,54 @@ def _add_side(spans, lasts, count, radii, k, ax, ay, bx, by, start, length):
             hi = min(hi, max(s0, s1))
         if lo >= hi:
             break
-        count = _add_span(spans, lasts, count, b, lo + start, hi + start)
+        count = _add_span(spans, lasts, count, b, lo + piece.start, hi + piece.start)
     return count
 
 
 @helper
-def _add_inside(sides, vertices, t, px, py, ux, uy, start, length, behaviors, spans, lasts, count):
+def _add_inside(m, t, piece, behaviors, spans, lasts, count):
     """Record for all behaviors where the piece is in the blocked triangle t; the new count."""
-    lo, hi = _inside(sides, vertices, t, px, py, ux, uy)
+    lo, hi = _inside(m, t, piece)
     lo = max(lo, 0.0)
-    hi = min(hi, length)
+    hi = min(hi, piece.length)
     if lo < hi:
         for b in range(behaviors):
-            count = _add_span(spans, lasts, count, b, lo + start, hi + start)
+            count = _add_span(spans, lasts, count, b, lo + piece.start, hi + piece.start)
     return count
 
 
 @helper
-def add_misfits(m, stack, marks, mark, root, px, py, ux, uy, start, length, radii, k, spans, lasts, count):
-    """Record where p + s u, s from 0 to ``length``, is too near to obstacles for each behavior; (spans, count, stack).
+def add_misfits(m, stack, marks, mark, root, piece, radii, k, spans, lasts, count):
+    """Record where the piece is too near to obstacles of layer k for each behavior; (spans, count, stack).
 
-    Triangles are walked from ``root``, that of p, as far as the widest behavior reaches. Sides of obstacles are passed
-    only where the piece itself does: from any free place of it, what lies behind one is farther off than that one.
+    Triangles are walked from ``root``, that of its start, as far as the widest behavior reaches. Sides of obstacles
+    are passed only where the piece itself does: from any free place of it, what lies behind one is farther off than it.
     """
     sides = m.sides
     vertices = m.vertices
-    wind = m.wind
+    cover = m.cover
+    length = piece.length
     behaviors = radii.shape[0]
     reach = radii[behaviors - 1, k]
     if count + 4 * behaviors > spans.size:  # for the corners and the inside of the first triangle
         spans = longer(spans)
+    # The first triangle: its corners, its inside if it is blocked, and its sides on the stack, in the piece's frame.
     for i in range(3):
         row = stack[i]
         row.h = 3 * root + i
         v = vertices[sides[row.h].org]
-        row.ax = (v.x - px) * ux + (v.y - py) * uy
-        row.ay = (v.y - py) * ux - (v.x - px) * uy
+        row.ax = (v.x - piece.x) * piece.ux + (v.y - piece.y) * piece.uy
+        row.ay = (v.y - piece.y) * piece.ux - (v.x - piece.x) * piece.uy
         if is_close(row.ax, row.ay, length, reach) and sides[row.h].org >= BOX_CORNERS:
-            count = _add_corner(spans, lasts, count, radii, k, row.ax, row.ay, start, length)
+            count = _add_corner(spans, lasts, count, radii, k, row.ax, row.ay, piece)
     for i in range(3):
         row = stack[i]
         after = stack[i + 1 if i < 2 else 0]
         row.bx = after.ax
         row.by = after.ay
     marks[root] = mark
-    if wind[root] != 0:
-        count = _add_inside(sides, vertices, root, px, py, ux, uy, start, length, behaviors, spans, lasts, count)
+    if cover[root] != 0:
+        count = _add_inside(m, root, piece, behaviors, spans, lasts, count)
     top = 3
     while top > 0:
         top -= 1
@@ -187,26 +225,28 @@ def add_misfits(m, stack, marks, mark, root, px, py, ux, uy, start, length, radi
             spans = longer(spans)
         h = row.h
         side = sides[h]
-        if side.cst != 0:
-            count = _add_side(spans, lasts, count, radii, k, ax, ay, bx, by, start, length)
+        # A side of an obstacle hides what is behind it, unless the piece itself passes through.
+        if side.constraints != 0:
+            count = _add_side(spans, lasts, count, radii, k, ax, ay, bx, by, piece)
             if not _crosses(ax, ay, bx, by, length):
                 continue
         g = side.twin
         t = g // 3
         if g < 0 or marks[t] == mark:
             continue
+        # The triangle behind: its inside, the corner across, and its two other sides on the stack.
         marks[t] = mark
-        if wind[t] != 0:
-            count = _add_inside(sides, vertices, t, px, py, ux, uy, start, length, behaviors, spans, lasts, count)
+        if cover[t] != 0:
+            count = _add_inside(m, t, piece, behaviors, spans, lasts, count)
         p = prv(g)
         origin = sides[p].org
         v = vertices[origin]
-        x = v.x - px
-        y = v.y - py
-        cx = x * ux + y * uy
-        cy = y * ux - x * uy
+        x = v.x - piece.x
+        y = v.y - piece.y
+        cx = x * piece.ux + y * piece.uy
+        cy = y * piece.ux - x * piece.uy
         if is_close(cx, cy, length, reach) and origin >= BOX_CORNERS:
-            count = _add_corner(spans, lasts, count, radii, k, cx, cy, start, length)
+            count = _add_corner(spans, lasts, count, radii, k, cx, cy, piece)
         if top + 2 > stack.size:
             stack = longer(stack)
         row = stack[top]
@@ -251,11 +291,9 @@ def label_spans(spans, total, costs, turned, terms, length):
 
 
 @kernel
-def annotate(layers, radii, costs, turned, terms, points):
-    """Cheapest sections (k, 3) of the polyline (n, 2), as of `label_stretches`, their cost and the polyline's length.
-
-    layers: tuple of the meshes tested, without the legs'. radii: (b, m) float64, clearance of each behavior on each.
-    """
+def annotate(fitting, points):
+    """Cheapest sections (k, 3) of the polyline (n, 2), as of `label_stretches`; their cost; the polyline's length."""
+    layers, radii, costs, turned, terms = fitting
     count = costs.size
     pieces = points.shape[0] - 1
     stack = np.empty(64, SWEPT)
@@ -263,7 +301,7 @@ def annotate(layers, radii, costs, turned, terms, points):
     spans = np.empty(64, OWN_SPAN)
     most = 0
     for m in layers:
-        most = max(most, m.wind.size)
+        most = max(most, m.cover.size)
     marks = np.zeros(most, np.int32)
     mark = 0
     total = np.int64(0)
@@ -275,23 +313,19 @@ def annotate(layers, radii, costs, turned, terms, points):
         for i in range(pieces):
             px = points[i, 0]
             py = points[i, 1]
-            ux = points[i + 1, 0] - px
-            uy = points[i + 1, 1] - py
-            size = hypot(ux, uy)
+            qx = points[i + 1, 0]
+            qy = points[i + 1, 1]
+            size = hypot(qx - px, qy - py)
+            # Where a disc of the widest behavior moves freely, all fit.
             free = False
             end = triangle
-            if m.wind[triangle] == 0:
-                free, end = sweep(
-                    m.sides, m.vertices, stack, triangle,
-                    px, py, points[i + 1, 0], points[i + 1, 1], radii[count - 1, k],
-                )  # fmt: skip
+            if m.cover[triangle] == 0:
+                free, end = sweep(m.sides, m.vertices, stack, triangle, px, py, qx, qy, radii[count - 1, k])
             if size > 0.0 and not free:
                 mark += 1
-                spans, total, stack = add_misfits(
-                    m, stack, marks, mark, triangle, px, py, ux / size, uy / size, start, size, radii, k,
-                    spans, lasts, total,
-                )  # fmt: skip
-            triangle = end if free else triangle_near(m, points[i + 1, 0], points[i + 1, 1], triangle)
+                piece = Piece(px, py, (qx - px) / size, (qy - py) / size, start, size)
+                spans, total, stack = add_misfits(m, stack, marks, mark, triangle, piece, radii, k, spans, lasts, total)
+            triangle = end if free else triangle_near(m, qx, qy, triangle)
             start += size
         length = start
     sections, cost = label_spans(spans, total, costs, turned, terms, length)

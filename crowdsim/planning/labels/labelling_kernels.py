@@ -67,6 +67,7 @@ def label_cells(cuts, widest, costs, turned, terms, best, chosen_start, chosen_b
     """
     n = len(costs)
     cells = len(widest)
+    # best[end, label, after] = min over start, before of best[start, before, label] + change + length * cost.
     best[:] = math.inf
     for end in range(1, cells + 1):
         for label in range(n):
@@ -90,6 +91,7 @@ def label_cells(cuts, widest, costs, turned, terms, best, chosen_start, chosen_b
                             best[end, label, after] = paid
                             chosen_start[end, label, after] = start
                             chosen_before[end, label, after] = before
+    # The cheapest last section, the widest of those that cost the same; then back from section to section.
     total = math.inf
     label = -1
     for i in range(n - 1, -1, -1):
@@ -166,6 +168,7 @@ def label_stretches(blocked, ends, costs, turned, terms, length):
     filled = np.int64(2)
     inside = np.empty((n, most))
     counts = np.zeros(n, np.int64)
+    # Where each behavior must not be: where it or a narrower one does not fit, lengthened to a section's least length.
     for i in range(1, n):
         count = np.int64(0)
         for k in range(grown.shape[0]):
@@ -181,6 +184,7 @@ def label_stretches(blocked, ends, costs, turned, terms, length):
                 inside[i, 2 * k + side] = grown[k, side]
                 cuts[filled] = grown[k, side]
                 filled += 1
+    # Cells between all ends of these stretches, and the widest behavior that is allowed in each.
     cells = max(_sort_distinct(cuts, filled), 2) - 1
     widest = np.zeros(cells, np.int32)
     for cell in range(cells):

@@ -1,1 +1,1 @@
-"""Shifts of a path for slack and for turns."""
+"""Shifts of a path for more clearance and for turns."""

@@ -3,12 +3,12 @@
 import numpy as np
 
 from crowdsim.geometry.elementary_kernels import hypot
-from crowdsim.jit import helper, kernel, unowned
+from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.clearance.sweep_kernels import are_free
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.planning.labels.labelling_kernels import TURN_ROOM
-from crowdsim.planning.query.requirements import TOUCH
+from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 
 STATION = 0.06
 """Meters between the places of a turn that are looked at."""
@@ -101,7 +101,6 @@ def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turne
     No points where nothing bends. layers: tuple of all meshes. points, arc, sections, cost: the path as it is. Others:
     as of :class:`crowdsim.planning.query.requirements.Requirements`.
     """
-    layers = unowned(layers)
     count = sections.shape[0]
     least = np.empty(len(layers))
     pieces = np.empty((_PLACES - 1, 4))
@@ -119,10 +118,12 @@ def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turne
         other = int(sections[k + 1, 0])
         if turned[one] == turned[other]:
             continue
+        # Off the way into a turned section (back = 0), or back from one: the turn is walked in the section that is not.
         back = 1 if turned[one] else 0
         label = one if back == 1 else other
         whole = k + back
         walking = int(sections[whole, 0])
+        # Nothing to do where the turn reaches no farther than what is planned, or has no room within its section.
         reaches = False
         for i in range(len(layers)):
             reaches = reaches or turning[label, back, i] - SPARED > radii[walking, i]
@@ -134,15 +135,17 @@ def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turne
         _place_stations(points, arc, middle, places)
         if not _lead_aside(layers, radii, turning, label, back, places):
             continue
+        # The bent part must be free and cost little more.
         more = first - last
         for i in range(_PLACES - 1):
             more += hypot(places[i + 1, 0] - places[i, 0], places[i + 1, 1] - places[i, 1])
             for c in range(4):
                 pieces[i, c] = places[i + c // 2, c % 2]
         for i in range(len(layers)):
-            least[i] = radii[walking, i] - TOUCH
+            least[i] = radii[walking, i] - CONTACT_TOLERANCE
         if more * costs[walking] > WORTH * cost or not are_free(layers, least, pieces):
             continue
+        # The path up to the turn as it is, then the bent part, whose length moves all that comes after.
         while kept < arc.size and arc[kept] <= first:
             line[filled, 0] = points[kept, 0]
             line[filled, 1] = points[kept, 1]

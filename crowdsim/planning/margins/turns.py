@@ -22,9 +22,10 @@ def with_turn_room(query: Query, path: AnnotatedPath) -> AnnotatedPath:
     turned = need.turned.tolist()
     if len({turned[section.behavior] for section in path.sections}) < 2:
         return path
-    sections = np.fromiter(chain.from_iterable(path.sections), np.float64)
+    layers = tuple([mesh.arrays for mesh in query.meshes])
+    given = np.fromiter(chain.from_iterable(path.sections), np.float64).reshape(-1, 3)
+    radii, turning, costs = need.radii, need.turning, need.costs
     points, arc, sections, cost = bend_turns(
-        tuple([mesh.arrays for mesh in query.meshes]), path.points, path.arc, sections.reshape(-1, 3), path.cost,
-        need.radii, need.turning, need.costs, need.turned,
-    )  # fmt: skip
+        layers, path.points, path.arc, given, path.cost, radii, turning, costs, need.turned
+    )
     return replace(path, points=points, arc=arc, sections=as_sections(sections), cost=cost) if len(points) else path

@@ -1,7 +1,7 @@
 """Where each behavior may go: the meshes that are searched for paths.
 
 The lowest layer alone cannot tell a bench from a wall: a body with swinging arms passes closer to the one than to the
-other. So each behavior has a room, the walkable area in which a disc of the legs' clearance moves just where the
+other. So each behavior has an area, in which a disc of the legs' clearance moves just where the
 behavior fits on all layers.
 """
 
@@ -27,10 +27,10 @@ _ARC_STEPS = 4
 """Chords of a quarter circle around a corner; they stay outside of the circle."""
 
 
-class Room(NamedTuple):
+class BehaviorArea(NamedTuple):
     """Where to search for paths that fit a behavior.
 
-    radius: clearance with which a path on ``mesh`` does. behavior: the one whose polygon of :func:`room_polygons` the
+    radius: clearance with which a path on ``mesh`` does. behavior: the one whose polygon of :func:`area_polygons` the
     mesh is of, None where it is a layer.
     """
 
@@ -38,59 +38,62 @@ class Room(NamedTuple):
     radius: float
     behavior: int | None = None
 
-    def find_path(self, ends: NDArray[np.float64], slack: float = 0.0) -> NDArray[np.float64]:
-        """Points of the shortest path that keeps ``slack`` more than needed; PathNotFound where there is none."""
-        return self.mesh.find_path(ends[0], ends[1], self.radius + slack).points
+    def find_path(self, ends: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points of the shortest path; PathNotFound if there is none."""
+        return self.mesh.find_path(ends[0], ends[1], self.radius).points
 
 
-def room_polygons(
+def area_polygons(
     layers: Sequence[shapely.Geometry], behaviors: Sequence[Behavior], margin: float = TRACKING_MARGIN
 ) -> tuple[shapely.Geometry, ...]:
-    """Walkable area of each behavior's room, from those of the layers, the legs' first.
+    """The area of each behavior, from the walkable areas of the layers, the legs' first.
 
-    The obstacles of the upper layers grow by what the behavior needs there beyond the legs' clearance. A room may fall
+    The obstacles of the upper layers grow by what the behavior needs there beyond the legs' clearance. An area may fall
     apart or be empty.
     """
-    rooms = []
-    for growths in room_growths(behaviors, len(layers), margin):
-        room = layers[0]
+    areas = []
+    for growths in area_growths(behaviors, len(layers), margin):
+        area = layers[0]
         for layer, growth in zip(layers[1:], growths.tolist(), strict=True):
             if growth > 0.0:
-                room = room.intersection(buffered(layer, -growth, quad_segs=_ARC_STEPS))
-        rooms.append(room)
-    return tuple(rooms)
+                area = area.intersection(buffered(layer, -growth, quad_segs=_ARC_STEPS))
+        areas.append(area)
+    return tuple(areas)
 
 
-def room_growths(behaviors: Sequence[Behavior], layers: int, margin: float = TRACKING_MARGIN) -> NDArray[np.float64]:
-    """(B, layers - 1) meters by which the obstacles of the upper layers grow in each behavior's room, 0 for not."""
+def area_growths(behaviors: Sequence[Behavior], layers: int, margin: float = TRACKING_MARGIN) -> NDArray[np.float64]:
+    """(B, layers - 1) meters by which the obstacles of the upper layers grow in each behavior's area, 0 if not."""
     need = Requirements.of(behaviors, layers, margin)
-    return np.maximum(need.radii[:, 1:] - need.search_radius, 0.0) / cos(np.pi / 4.0 / _ARC_STEPS)
+    widened: NDArray[np.float64] = np.maximum(need.radii[:, 1:] - need.search_radius, 0.0) / cos(
+        np.pi / 4.0 / _ARC_STEPS
+    )
+    return widened
 
 
 def grown(obstacle: shapely.Geometry, growth: float) -> shapely.Geometry:
-    """An obstacle of an upper layer as a room holds it."""
+    """An obstacle of an upper layer as a behavior area holds it."""
     return buffered(obstacle, growth, quad_segs=_ARC_STEPS) if growth > 0.0 else obstacle
 
 
-def room_excess(growth: float) -> float:
-    """Meters by which obstacles in a room are at most too large that should have grown by ``growth``."""
+def area_excess(growth: float) -> float:
+    """Meters by which obstacles in an area are at most too large that should have grown by ``growth``."""
     return max(growth, 0.0) * (1.0 / float(cos(np.pi / 4.0 / _ARC_STEPS)) - 1.0)
 
 
-def make_rooms(
+def make_areas(
     meshes: Sequence[NavMesh], need: Requirements, given: Sequence[NavMesh | None] | None
-) -> tuple[Room, ...]:
-    """Rooms from the widest behavior to the narrowest.
+) -> tuple[BehaviorArea, ...]:
+    """Behavior areas from the widest behavior to the narrowest.
 
-    ``given`` holds a mesh of each of :func:`room_polygons`, None for one that is empty. Without, a room is the lowest
-    layer with the largest clearance that the behavior asks of any. The last room has the legs' clearance, whether a
+    ``given`` holds a mesh of each of :func:`area_polygons`, None for one that is empty. Without, an area is the lowest
+    layer with the largest clearance that the behavior asks of any. The last area has the legs' clearance, whether a
     behavior fits there or not.
     """
     if given is not None:
         least = need.search_radius
-        rooms = [Room(mesh, least, k) for k, mesh in enumerate(given) if mesh is not None]
+        areas = [BehaviorArea(mesh, least, k) for k, mesh in enumerate(given) if mesh is not None]
         if given[0] is None or need.radii[0].max() > least:
-            rooms.insert(0, Room(meshes[0], least))
-        return tuple(rooms[::-1])
+            areas.insert(0, BehaviorArea(meshes[0], least))
+        return tuple(areas[::-1])
     reach = np.unique(np.append(need.radii.max(axis=1), need.search_radius))[::-1]
-    return tuple([Room(meshes[0], radius) for radius in reach.tolist()])
+    return tuple([BehaviorArea(meshes[0], radius) for radius in reach.tolist()])

@@ -53,7 +53,8 @@ def _clear_end(meshes: Sequence[NavMesh], need: Requirements, point: NDArray[np.
         room = (clear - radii[:, None]).min(axis=0)
         if (clear[:, 0] >= body).all() and (room >= 0.0).any():
             nearest = ring[int(np.argmax(room >= 0.0))]
-            return places[int(np.argmax(np.where(ring == nearest, room, -np.inf)))]
+            roomiest: NDArray[np.float64] = places[int(np.argmax(np.where(ring == nearest, room, -np.inf)))]
+            return roomiest
     return point
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from crowdsim.errors import PathNotFound
 from crowdsim.planning.labels.annotated_path import arc_lengths, points_at
 from crowdsim.planning.query.query import Query
-from crowdsim.planning.query.requirements import TOUCH
+from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 
 if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
@@ -28,7 +28,7 @@ def why_not(query: Query) -> str:
         return _too_narrow_below(query, failure)
     for layer in range(1, len(query.meshes)):
         radius = float(query.need.radii[0, layer])
-        if len(query.meshes[layer].violations(path.points, radius - TOUCH)):
+        if len(query.meshes[layer].violations(path.points, radius - CONTACT_TOLERANCE)):
             return _narrowest_place(f"layer {layer}", query.meshes[layer], path.points, radius)
     raise AssertionError("a path that keeps every clearance of some behavior has sections")
 
@@ -36,7 +36,7 @@ def why_not(query: Query) -> str:
 def _too_narrow_below(query: Query, failure: PathNotFound) -> str:
     """Why the lowest layer has no path: an end that is not free, or where its widest way is narrowest."""
     mesh, radius = query.meshes[0], query.need.search_radius
-    if (mesh.clearances(query.ends, radius) < radius - TOUCH).any():
+    if (mesh.clearances(query.ends, radius) < radius - CONTACT_TOLERANCE).any():
         return f"{failure}; choose a place with more room"
     low, high = LEAST_WAY, radius
     widest = None

@@ -6,9 +6,9 @@ import math
 
 from crowdsim.errors import PathNotFound
 from crowdsim.geometry.elementary import distance
-from crowdsim.planning.query.behavior_areas import room_excess
+from crowdsim.planning.query.behavior_areas import area_excess
 from crowdsim.planning.query.query import Query
-from crowdsim.planning.query.requirements import TOUCH
+from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 
 
 def lower_bound(query: Query) -> float:
@@ -35,7 +35,8 @@ def least_extra(query: Query, k: int, shortest: float, out: float) -> float:
     All of such a path is of k, or a section within it, or one at an end: then at least ``out`` meters, of `way_out`.
     How long sections have to be is as of :func:`crowdsim.planning.labels.labelling_kernels.required_length`.
     """
-    need, terms = query.need, query.terms.tolist()
+    need = query.need
+    terms: list[float] = query.terms.tolist()
     preferred = float(need.costs[-1])
     if k == need.count - 1:
         return 0.0
@@ -52,7 +53,8 @@ def way_out(query: Query, k: int) -> float:
     At least so many, and no more than tell anything about costs. A section of k at an end of a path is that long: any
     neighbor that fits all along it would take its place, and the preferred one is the first to fit no longer.
     """
-    need, terms = query.need, query.terms.tolist()
+    need = query.need
+    terms: list[float] = query.terms.tolist()
     if k == need.count - 1:
         return 0.0
     more = float(need.costs[k] - need.costs[-1])
@@ -66,16 +68,16 @@ def way_out(query: Query, k: int) -> float:
 def _shortest(query: Query, behavior: int) -> float:
     """Lower bound of the length of paths that fit ``behavior`` everywhere; infinite where there are none.
 
-    Each layer alone gives one, and so does the behavior's room, which is a little too narrow, made that much wider.
+    Each layer alone gives one, and so does the behavior's area, which is a little too narrow, made that much wider.
     """
     radii = query.need.radii[behavior].tolist()
     where = list(zip(query.meshes, radii, strict=True))
-    excess = room_excess(max(radii) - query.need.search_radius)
-    where += [(room.mesh, room.radius - excess) for room in query.rooms if room.behavior == behavior]
+    excess = area_excess(max(radii) - query.need.search_radius)
+    where += [(area.mesh, area.radius - excess) for area in query.areas if area.behavior == behavior]
     longest = 0.0
     for mesh, radius in where:
         try:
-            path = mesh.find_path(query.ends[0], query.ends[1], radius - 2.0 * TOUCH, optimality="best")
+            path = mesh.find_path(query.ends[0], query.ends[1], radius - 2.0 * CONTACT_TOLERANCE, optimality="best")
         except PathNotFound:
             return math.inf
         longest = max(longest, path.length)

@@ -2,44 +2,37 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, Section, arc_lengths
-from crowdsim.planning.labels.fitting_kernels import annotate
-from crowdsim.planning.query.behavior_areas import Room
-from crowdsim.planning.query.requirements import TOUCH, Requirements
+from crowdsim.planning.labels.fitting_kernels import Fitting, annotate
+from crowdsim.planning.query.behavior_areas import BehaviorArea
+from crowdsim.planning.query.requirements import Requirements
 
 if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
 
 
 class Query(NamedTuple):
-    """Layers, what the behaviors need, rooms from wide to narrow, start and goal (2, 2), terms of changes."""
+    """Layers, what the behaviors need, their areas from wide to narrow, start and goal (2, 2), terms of changes."""
 
     meshes: tuple[NavMesh, ...]
     need: Requirements
-    rooms: tuple[Room, ...]
+    areas: tuple[BehaviorArea, ...]
     ends: NDArray[np.float64]
     terms: NDArray[np.float64]
 
     def annotated(self, points: NDArray[np.float64]) -> AnnotatedPath:
         """Algorithm 2: the polyline (n, 2) with its cheapest sections; none and infinite cost where nothing fits."""
-        found, cost, _ = annotate(*self.fitting(), points)
+        found, cost, _ = annotate(self.fitting(), points)
         return with_sections(points, found, cost)
 
-    def fitting(self) -> tuple[Any, ...]:
-        """What kernels of sections are given: layers, radii, costs, which are turned, and terms of changes.
-
-        The layer of the legs is not tested again where there are others: every path is found with their clearance.
-        """
-        need = self.need
-        first = need.first_labelled
-        upper = tuple(mesh.arrays for mesh in self.meshes[first:])
-        radii = np.ascontiguousarray(need.radii[:, first:] - TOUCH)
-        return upper, radii, need.costs, need.turned, self.terms
+    def fitting(self) -> Fitting:
+        """What kernels of sections are given."""
+        return self.need.fitting(tuple([mesh.arrays for mesh in self.meshes]), self.terms)
 
 
 def with_sections(points: NDArray[np.float64], found: NDArray[np.float64], cost: float) -> AnnotatedPath:

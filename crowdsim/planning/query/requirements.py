@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from crowdsim.behaviors.behavior import Behavior
 from crowdsim.errors import BehaviorError
+from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays
+from crowdsim.planning.labels.fitting_kernels import Fitting
 
-TOUCH = 8e-6
+CONTACT_TOLERANCE = 8e-6
 """Meters a path may come closer than planned: it touches corners at exactly its clearance."""
 
 
@@ -62,14 +64,15 @@ class Requirements:
             ),
         )
 
+    def fitting(self, layers: tuple[MeshArrays, ...], terms: NDArray[np.float64]) -> Fitting:
+        """What kernels of sections are given."""
+        first = min(1, len(layers) - 1)  # the legs' layer asks all behaviors for the same
+        radii = np.ascontiguousarray(self.radii[:, first:] - CONTACT_TOLERANCE)
+        return Fitting(layers[first:], radii, self.costs, self.turned, terms)
+
     @property
     def count(self) -> int:
         return len(self.costs)
-
-    @property
-    def first_labelled(self) -> int:
-        """The lowest layer that tells which behavior fits: the legs' asks all behaviors for the same."""
-        return min(1, self.radii.shape[1] - 1)
 
     @cached_property
     def narrowest_upright(self) -> NDArray[np.float64] | None:

@@ -10,14 +10,15 @@ import math
 
 import numpy as np
 
-from crowdsim.geometry.elementary_kernels import acos, atan2, hypot
+from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
-from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, sweep
+from crowdsim.navmesh.clearance.sweep_kernels import SWEPT
 from crowdsim.navmesh.mesh.growing_kernels import longer
 from crowdsim.navmesh.mesh.half_edge_kernels import nxt
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
+from crowdsim.planning.roadmap.measuring_kernels import SOFT, length_around, level_at, room_at, tight_share, way_level
 
 ROAD_POINT = np.dtype(
     [("x", np.float64), ("y", np.float64), ("level", np.int64), ("begin", np.int64), ("side", np.int64)], align=True
@@ -47,134 +48,10 @@ _STEP = 0.08
 
 _MOST_STEPS = 96
 
-_TIGHT_STEP = 0.06
-"""Meters between places of a way that are looked at to tell how much of it is tight."""
-
 _BETWEEN = 0.4
 """Meters at most between points of a short stretch; a long one has :data:`_MOST_BETWEEN` of them."""
 
 _MOST_BETWEEN = 6
-
-_REACH = 0.5
-"""Meters beyond what is needed up to which clearance is measured."""
-
-_SOFT = 0.005
-"""Meters by which a way may be too close: it is bent when a path is made of it."""
-
-
-@helper
-def room_at(layers, hints, radii, level, x, y):
-    """Least clearance at (x, y) of all layers beyond what behavior ``level`` needs there, at most ``_REACH``.
-
-    ``hints`` (m,) are triangles near the place in each layer, and hold those of the place afterwards.
-    """
-    least = _REACH
-    for k, m in enumerate(layers):
-        need = radii[level, k]
-        distance, triangle = disc_clearance(m, x, y, need + _REACH, hints[k])
-        if triangle >= 0:
-            hints[k] = triangle
-        least = min(least, distance - need)
-    return least
-
-
-@helper
-def level_at(layers, hints, radii, x, y):
-    """The widest behavior that fits at (x, y), -1 for none, and the room that the narrowest has there."""
-    n = radii.shape[0]
-    level = n - 1
-    least = _REACH
-    for k, m in enumerate(layers):
-        distance, triangle = disc_clearance(m, x, y, radii[n - 1, k] + _REACH, hints[k])
-        if triangle >= 0:
-            hints[k] = triangle
-        while level >= 0 and distance < radii[level, k]:
-            level -= 1
-        least = min(least, distance - radii[0, k])
-    return level, least
-
-
-@helper
-def _around(px, py, qx, qy, cx, cy, radius):
-    """Length of the shortest way from p to q that keeps ``radius`` from c, which both do."""
-    ax = px - cx
-    ay = py - cy
-    bx = qx - cx
-    by = qy - cy
-    straight = hypot(qx - px, qy - py)
-    da = hypot(ax, ay)
-    db = hypot(bx, by)
-    if straight == 0.0 or da <= radius or db <= radius:
-        return straight
-    angle = abs(atan2(ax * by - ay * bx, ax * bx + ay * by))
-    arc = angle - acos(radius / da) - acos(radius / db)
-    if arc <= 0.0:
-        return straight
-    return math.sqrt(da * da - radius * radius) + math.sqrt(db * db - radius * radius) + radius * arc
-
-
-@helper
-def _is_open(layers, roots, stack, radii, level, px, py, qx, qy):
-    """Whether a disc of behavior ``level`` moves straight from p, in triangles ``roots`` (m,), to q in all layers."""
-    for k, m in enumerate(layers):
-        if roots[k] < 0 or m.wind[roots[k]] != 0:
-            return False
-        free, _ = sweep(m.sides, m.vertices, stack, roots[k], px, py, qx, qy, radii[level, k])
-        if not free:
-            return False
-    return True
-
-
-@helper
-def way_level(layers, roots, hints, stack, radii, px, py, qx, qy, top, cx, cy, around):
-    """The widest behavior, at most ``top``, that fits on the way from p to q, -1 for none.
-
-    Where the way is closer to the corner c than ``around`` (n,) of the behavior, it is taken to wind around it.
-    roots: (m,) triangles of p in each layer. stack: scratch for `sweep`.
-    """
-    length = hypot(qx - px, qy - py)
-    for level in range(top, -1, -1):
-        if _is_open(layers, roots, stack, radii, level, px, py, qx, qy):
-            return level
-        at = 0.0
-        free = True
-        while at < length and free:
-            k = at / length
-            x = px + k * (qx - px)
-            y = py + k * (qy - py)
-            dx = x - cx
-            dy = y - cy
-            off = hypot(dx, dy)
-            if off < around[level] and off > 0.0:
-                x = cx + dx * around[level] / off
-                y = cy + dy * around[level] / off
-            room = room_at(layers, hints, radii, level, x, y)
-            free = room >= -_SOFT
-            at += max(room, 0.1)
-        if free:
-            return level
-    return -1
-
-
-@helper
-def tight_share(layers, hints, radii, px, py, qx, qy, cx, cy, around):
-    """Share of the way from p to q where the widest behavior does not fit; see `way_level`."""
-    top = radii.shape[0] - 1
-    steps = max(2, math.ceil(hypot(qx - px, qy - py) / _TIGHT_STEP))
-    tight = 0
-    for i in range(steps):
-        k = (i + 0.5) / steps
-        x = px + k * (qx - px)
-        y = py + k * (qy - py)
-        dx = x - cx
-        dy = y - cy
-        off = hypot(dx, dy)
-        if off < around[top] and off > 0.0:
-            x = cx + dx * around[top] / off
-            y = cy + dy * around[top] / off
-        if room_at(layers, hints, radii, top, x, y) < -_SOFT:
-            tight += 1
-    return tight / steps
 
 
 @helper
@@ -213,7 +90,7 @@ def place_points(layers, radii):
     vertices = m.vertices
     n = radii.shape[0]
     count = np.int64(0)
-    points = np.empty(m.wind.size * 3 + 16, ROAD_POINT)
+    points = np.empty(m.cover.size * 3 + 16, ROAD_POINT)
     spans = np.zeros(3 * m.frame[0].triangles, SPAN_OF)
     hints = np.full(len(layers), NONE)
     levels = np.empty(_MOST_STEPS + 1, np.int64)
@@ -221,7 +98,7 @@ def place_points(layers, radii):
     least = 2.0 * radii[0, 0]
     for h in range(3 * m.frame[0].triangles):
         g = sides[h].twin
-        if g < h or sides[h].cst != 0 or m.wind[h // 3] != 0:
+        if g < h or sides[h].constraints != 0 or m.cover[h // 3] != 0:
             continue
         a = vertices[sides[h].org]
         b = vertices[sides[nxt(h)].org]
@@ -230,7 +107,7 @@ def place_points(layers, radii):
         ux = b.x - ax
         uy = b.y - ay
         length = hypot(ux, uy)
-        if length < least - 2.0 * _SOFT:
+        if length < least - 2.0 * SOFT:
             continue
         ux /= length
         uy /= length
@@ -240,6 +117,7 @@ def place_points(layers, radii):
             s = length * k / steps
             levels[k], rooms[k] = level_at(layers, hints, radii, ax + s * ux, ay + s * uy)
         first = count
+        # Stretches of places in a row that are clear enough for a level, but nowhere for the next one.
         for level in range(n):
             k = 0
             while k <= steps:
@@ -256,10 +134,12 @@ def place_points(layers, radii):
                     k += 1
                 if widest > level:
                     continue
+                # For a narrower behavior, the widest place alone.
                 if level < n - 1:
                     s = length * best / steps
                     points, count = _add_point(points, count, ax + s * ux, ay + s * uy, level, h)
                     continue
+                # For the widest one, both ends, found by halving, and points between them.
                 low = length * begin / steps
                 high = length * (k - 1) / steps
                 if begin > 0:
@@ -316,7 +196,7 @@ def join_points(layers, radii, around, points, spans):
     for k in range(1, len(layers)):
         legs_suffice = legs_suffice and radii[0, k] <= radii[0, 0]
     for t in range(m.frame[0].triangles):
-        if m.wind[t] != 0:
+        if m.cover[t] != 0:
             continue
         for h in range(3 * t, 3 * t + 3):
             # Side h and the one before it share the corner at the origin of h.
@@ -336,7 +216,7 @@ def join_points(layers, radii, around, points, spans):
                     level = way_level(layers, roots, hints, stack, radii, p.x, p.y, q.x, q.y, top, cx, cy, around[v])
                     if level < 0:
                         # What the mesh knows to be wide enough for the legs may be a bend too tight for straight ways.
-                        if sides[h].clr < width or not legs_suffice:
+                        if sides[h].corner_clearance < width or not legs_suffice:
                             continue
                         level = 0
                     if count == pairs.size:
@@ -345,11 +225,12 @@ def join_points(layers, radii, around, points, spans):
                     pair.a = i
                     pair.b = j
                     pair.level = level
-                    pair.length = _around(p.x, p.y, q.x, q.y, cx, cy, around[v, level])
+                    pair.length = length_around(p.x, p.y, q.x, q.y, cx, cy, around[v, level])
                     pair.tight = pair.length
                     if level < radii.shape[0] - 1:
                         pair.tight *= tight_share(layers, hints, radii, p.x, p.y, q.x, q.y, cx, cy, around[v])
                     count += 1
+    # Both directions of each pair, sorted by where they begin (a counting sort).
     begins = np.zeros(points.size + 1, np.int64)
     for k in range(count):
         begins[pairs[k].a + 1] += 1
@@ -405,7 +286,7 @@ def see_points(layers, hints, radii, around, points, spans, x, y, seen):
                 seen = longer(seen)
             seen[count].to = k
             seen[count].level = found
-            seen[count].length = _around(x, y, point.x, point.y, cx, cy, around[corner, found])
+            seen[count].length = length_around(x, y, point.x, point.y, cx, cy, around[corner, found])
             seen[count].tight = seen[count].length
             if found < radii.shape[0] - 1:
                 seen[count].tight *= tight_share(layers, hints, radii, x, y, point.x, point.y, cx, cy, around[corner])

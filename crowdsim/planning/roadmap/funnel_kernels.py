@@ -7,7 +7,7 @@ from crowdsim.jit import helper
 from crowdsim.navmesh.mesh.half_edge_kernels import nxt
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.string_kernels import tighten
-from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE, set_node, tangent
+from crowdsim.navmesh.paths.tangent_kernels import set_node, tangent
 
 CORNER = np.dtype(
     [("x", np.float64), ("y", np.float64), ("side", np.float64), ("most", np.float64)]
@@ -75,95 +75,6 @@ def road_channel(m, points, road, start, goal, cap, channel, levels):
 
 
 @helper
-def _swallowed(one, other):
-    """Whether the circle of node ``other``, on the same side, is inside that of ``one``."""
-    return (
-        one.vertex >= 0
-        and one.q * other.q > 0.0
-        and abs(one.q) - abs(other.q) >= hypot(one.x - other.x, one.y - other.y)
-    )
-
-
-@helper
-def taut_string(m, channel, count, reach, sx, sy, gx, gy):
-    """Nodes of the taut string through the channel around vertices v as wide as reach[v], and their number."""
-    sides = m.sides
-    vertices = m.vertices
-    room = 2 * count + 4
-    chain = np.empty(2 * room + 2, STRING_NODE)
-    heading = np.empty((2 * room + 1, 2))
-    nodes = np.empty(room + 64, STRING_NODE)
-    apex = room
-    low = room
-    high = room
-    set_node(chain[apex], sx, sy, 0.0, NONE)
-    nodes[0] = chain[apex]
-    filled = 1
-    before_left = NONE
-    before_right = NONE
-    target = chain[2 * room + 1]
-    for k in range(2 * count + 1):
-        sign = 1 if k % 2 == 0 else -1
-        if k == 2 * count:
-            set_node(target, gx, gy, 0.0, NONE)
-        else:
-            h = channel[k // 2]
-            v = sides[nxt(h) if sign > 0 else h].org
-            if v == (before_left if sign > 0 else before_right):
-                continue
-            if sign > 0:
-                before_left = v
-            else:
-                before_right = v
-            set_node(target, vertices[v].x, vertices[v].y, sign * reach[v], v)
-            if _swallowed(chain[low if sign > 0 else high], target):
-                continue
-        while True:
-            end = low if sign > 0 else high
-            _, dx, dy = tangent(chain[end], target)
-            if end != apex:
-                if _swallowed(target, chain[end]):
-                    if sign > 0:
-                        low += 1
-                    else:
-                        high -= 1
-                    continue
-                at = end
-            elif low != high:
-                at = apex + sign
-            else:
-                break
-            if sign * (heading[at, 0] * dy - heading[at, 1] * dx) >= 0.0:
-                break
-            if end != apex:
-                if sign > 0:
-                    low += 1
-                else:
-                    high -= 1
-            else:
-                apex += sign
-                nodes[filled] = chain[apex]
-                filled += 1
-                if sign > 0:
-                    low = apex
-                else:
-                    high = apex
-        if sign > 0:
-            low -= 1
-            end = low
-        else:
-            high += 1
-            end = high
-        chain[end] = target
-        heading[end, 0] = dx
-        heading[end, 1] = dy
-    for i in range(apex - 1, low - 1, -1):
-        nodes[filled] = chain[i]
-        filled += 1
-    return nodes, filled
-
-
-@helper
 def channel_corners(m, channel, count, around, radius, ends, corners):
     """Fill ``corners`` with the vertices of the channel, in its order; how many they are.
 
@@ -205,7 +116,7 @@ def channel_corners(m, channel, count, around, radius, ends, corners):
             corner.last = k
             wide = gap
             if turn >= 0 and sides[turn].org == v:
-                wide = min(wide, sides[turn].clr)
+                wide = min(wide, sides[turn].corner_clearance)
             corner.most = max(radius, around[v, 0], min(corner.most, FULL * wide - radius))
     return filled
 

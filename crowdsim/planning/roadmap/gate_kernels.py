@@ -1,4 +1,4 @@
-"""Strings pinned in gates: where only a narrow behavior passes, the least of the way is walked with it.
+"""Taut paths pinned in gates: where only a narrow behavior passes, the least of the way is walked with it.
 
 A gate is a stretch of a channel that the widest behavior does not pass. Its circles around both ends of the first side
 meet in front of it: up to there it walks, and from where those of the last side meet behind it.
@@ -23,7 +23,7 @@ GATE = np.dtype(
 )
 """Sides low <= k <= high of a channel, and the places in front of it and behind it.
 
-fits: whether a string may be pinned there: both places are clear enough for the legs.
+fits: whether a taut path may be pinned there: both places are clear enough for the legs.
 """
 
 _OFF = 2e-6
@@ -101,13 +101,13 @@ def _is_beside(corner, gate):
 
 
 @helper
-def pinned_string(nodes, size, corners, filled, around, gates, found, string):
-    """The string through the pins of all gates that are pinned, in ``string``; its number of nodes, -1 if it tangles.
+def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
+    """The taut path through the pins of all gates that are pinned, in ``taut``; its number of nodes, -1 if it tangles.
 
-    nodes: the string without. Between gates it keeps off their corners what the widest behavior asks for.
+    nodes: the taut path without. Between gates it keeps off their corners what the widest behavior asks for.
     """
     top = around.shape[1] - 1
-    string[0] = nodes[0]
+    taut[0] = nodes[0]
     written = np.int64(1)
     before = NONE  # the gate before
     low = np.int64(0)
@@ -121,9 +121,10 @@ def pinned_string(nodes, size, corners, filled, around, gates, found, string):
             high = corners[filled - 1].last + 1
             if g < found:
                 high = gates[g].high if inside == 1 else gates[g].low
+            # This part of the taut path leads from the last place written to the gate's front, or on to its back.
             begin = written - 1
-            fx = string[begin].x
-            fy = string[begin].y
+            fx = taut[begin].x
+            fy = taut[begin].y
             tx = nodes[size - 1].x
             ty = nodes[size - 1].y
             if g < found:
@@ -145,6 +146,7 @@ def pinned_string(nodes, size, corners, filled, around, gates, found, string):
                         corner.reach = around[corner.vertex, top] if beside else corner.most
                 near = min(hypot(corner.x - fx, corner.y - fy), hypot(corner.x - tx, corner.y - ty))
                 corner.reach = min(corner.reach, near - 0.5 * _OFF)
+            # The corners that the taut path without pins winds around, with their reach on this part.
             for i in range(1, size - 1):
                 for c in range(filled):
                     corner = corners[c]
@@ -153,17 +155,17 @@ def pinned_string(nodes, size, corners, filled, around, gates, found, string):
                     at_gate = (g < found and _is_beside(corner, gates[g])) or (
                         before >= 0 and _is_beside(corner, gates[before])
                     )
-                    if at_gate == (inside == 1) and written < string.size - 1:
-                        set_node(string[written], corner.x, corner.y, corner.side * corner.reach, corner.vertex)
+                    if at_gate == (inside == 1) and written < taut.size - 1:
+                        set_node(taut[written], corner.x, corner.y, corner.side * corner.reach, corner.vertex)
                         written += 1
                     break
-            set_node(string[written], tx, ty, 0.0, NONE)
+            set_node(taut[written], tx, ty, 0.0, NONE)
             written += 1
-            part = keep_off(string[begin:], written - begin, corners, filled, low, high)
+            part = keep_off(taut[begin:], written - begin, corners, filled, low, high)
             if part < 0:
                 return np.int64(-1)
             written = begin + part
-            if written >= string.size - 2:
+            if written >= taut.size - 2:
                 return np.int64(-1)
             low = high if inside == 1 or g == found else gates[g].low
         before = g

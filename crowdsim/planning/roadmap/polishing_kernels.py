@@ -1,4 +1,4 @@
-"""The cheapest string along a way over the roadmap: pinned in gates or not, which is found by trying.
+"""The cheapest taut path along a way over the roadmap: pinned in gates or not, which is found by trying.
 
 And any path made cheaper where it is narrow, by shifting stations along it time and again.
 """
@@ -13,7 +13,7 @@ from crowdsim.navmesh.clearance.sweep_kernels import SWEPT
 from crowdsim.navmesh.mesh.half_edge_kernels import triangle_of
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.string_kernels import pull
-from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE
+from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE, funnel
 from crowdsim.planning.labels.fitting_kernels import annotate
 from crowdsim.planning.roadmap.funnel_kernels import (
     CORNER,
@@ -21,9 +21,8 @@ from crowdsim.planning.roadmap.funnel_kernels import (
     fill_gaps,
     keep_off,
     road_channel,
-    taut_string,
 )
-from crowdsim.planning.roadmap.gate_kernels import GATE, find_gates, pinned_string
+from crowdsim.planning.roadmap.gate_kernels import GATE, find_gates, pinned_path
 from crowdsim.planning.roadmap.shifting_kernels import shifted_path
 
 MOST_GATES = 8
@@ -39,16 +38,16 @@ _ROUNDS = 4
 
 
 @kernel
-def polish_road(layers, upper, points, road, around, reach, ends, radii, costs, turned, terms, radius, least):
-    """Polyline (n, 2), its sections (k, 3) and cost, of the cheapest string found along a road; no rows if all tangle.
+def polish_road(layers, fitting, points, road, around, reach, ends, radius, least):
+    """Polyline (n, 2), its sections (k, 3) and cost, of the cheapest taut path along a road; no rows if all tangle.
 
-    The first string is as wide as the road's behaviors and not pinned, the second pinned in all gates and elsewhere as
+    The first is as wide as the road's behaviors and not pinned, the second pinned in all gates and elsewhere as
     wide as can be, the next differ from the cheapest by one gate each.
-    All keep ``radius`` in the lowest of ``layers``, ``least`` of it at least. upper: those labelled by, with radii
-    (n, k) as of `annotate`. around: (nv, n) of `corner_radii`. reach: (nv,), for scratch.
+    All keep ``radius`` in the lowest of ``layers``, ``least`` of it at least. fitting: as of `annotate`. around:
+    (nv, n) of `corner_radii`. reach: (nv,), for scratch.
     """
     m = layers[0]
-    top = costs.size - 1
+    top = fitting.costs.size - 1
     channel = np.empty(road.shape[0] + 1, np.int64)
     levels = np.empty(road.shape[0] + 1, np.int64)
     corners = np.empty(2 * road.shape[0] + 2, CORNER)
@@ -58,21 +57,24 @@ def polish_road(layers, upper, points, road, around, reach, ends, radii, costs, 
     cost = math.inf
     start = triangle_of(m, ends[0, 0], ends[0, 1], NONE)
     goal = triangle_of(m, ends[1, 0], ends[1, 1], NONE)
+    # The sides that the road crosses, the vertices beside it, and the gates that only a narrow behavior passes.
     count = road_channel(m, points, road, start, goal, top, channel, levels)
     if count < 0:
         return line, sections, cost
     filled = channel_corners(m, channel, count, around, radius, ends, corners)
     gates = np.empty(MOST_GATES, GATE)
     found_gates = find_gates(m, channel, levels, count, around, least, gates)
+    # The taut path around them, as wide as the behaviors at each.
     fill_gaps(m, channel, levels, count, around, corners, filled, radius, reach)
-    nodes, size = taut_string(m, channel, count, reach, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1])
-    string = np.empty(nodes.size + 4 * found_gates + 64, STRING_NODE)
+    nodes, size = funnel(m, channel, count, reach, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1])
+    taut = np.empty(nodes.size + 4 * found_gates + 64, STRING_NODE)
     narrow = False
     for k in range(count):
         narrow = narrow or levels[k] < top
     pins = 0
     for g in range(found_gates):
         pins += gates[g].fits
+    # Not pinned; pinned in all gates; then one gate after the other the other way, which stays where it is cheaper.
     for tried in range(2 + found_gates):
         flip = tried - 2
         if tried == 1:
@@ -86,15 +88,15 @@ def polish_road(layers, upper, points, road, around, reach, ends, radii, costs, 
             gates[flip].pinned = 1 - gates[flip].pinned
         if tried == 0:
             for i in range(size):
-                string[i] = nodes[i]
-            written = keep_off(string, size, corners, filled, np.int64(0), count)
+                taut[i] = nodes[i]
+            written = keep_off(taut, size, corners, filled, np.int64(0), count)
         else:
-            written = pinned_string(nodes, size, corners, filled, around, gates, found_gates, string)
+            written = pinned_path(nodes, size, corners, filled, around, gates, found_gates, taut)
         value = math.inf
         if written >= 0:
-            done, found = pull(m, stack, string, written, radius, least, start, np.bool_(False))
-            if done and polyline_length(found) * costs[top] < cost:
-                labels, value, _ = annotate(upper, radii, costs, turned, terms, found)
+            done, found = pull(m, stack, taut, written, radius, least, start, np.bool_(False))
+            if done and polyline_length(found) * fitting.costs[top] < cost:
+                labels, value, _ = annotate(fitting, found)
                 if value < cost:
                     line, sections, cost = found, labels, value
         if flip >= 0 and value > cost:
@@ -103,11 +105,11 @@ def polish_road(layers, upper, points, road, around, reach, ends, radii, costs, 
 
 
 @kernel
-def shift_path(layers, upper, points, sections, cost, radii, full, costs, turned, terms, least):
+def shift_path(layers, fitting, points, sections, cost, radii, least):
     """Polyline (n, 2), its sections (k, 3) and cost, of the path with stations shifted aside where that is cheaper.
 
-    sections, cost: as of `annotate`, of the path along ``points``. Others: as of `polish_road`;
-    full: (n, m), radii on all layers.
+    fitting, sections, cost: as of `annotate`, of the path along ``points``. radii: (n, m), on all ``layers``. The legs
+    keep ``least`` meters at least.
     """
     stack = np.empty(64, SWEPT)
     hints = np.full(len(layers), NONE)
@@ -115,10 +117,12 @@ def shift_path(layers, upper, points, sections, cost, radii, full, costs, turned
     for _ in range(_ROUNDS):
         if spread < _LEAST_SPREAD:
             break
-        found = shifted_path(layers, hints, full, costs, points, sections, terms[1], spread, stack, least)
+        found = shifted_path(
+            layers, hints, radii, fitting.costs, points, sections, fitting.terms[1], spread, stack, least
+        )
         value = math.inf
         if found.shape[0] > 0:
-            labels, value, _ = annotate(upper, radii, costs, turned, terms, found)
+            labels, value, _ = annotate(fitting, found)
         if value < cost:
             points, sections, cost = found, labels, value
         else:

@@ -13,7 +13,7 @@ from crowdsim.navmesh.mesh.heap_kernels import HEAP_ROW
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.planning.labels.labelling_kernels import TERMS
 from crowdsim.planning.query.query import with_sections
-from crowdsim.planning.query.requirements import TOUCH, Requirements
+from crowdsim.planning.query.requirements import Requirements
 from crowdsim.planning.roadmap import build_kernels, polishing_kernels, search_kernels
 
 if TYPE_CHECKING:
@@ -43,13 +43,14 @@ class Roadmap:
         radii = np.ascontiguousarray(need.radii)
         self._radii = radii
         self._least = float(radii[0, 0] - 1e-6 * radii[0, 0] - 2.0 * self.layers[0].frame["cell"][0])
-        self._touching = np.ascontiguousarray(need.radii[:, need.first_labelled :] - TOUCH)
+        self.fitting = need.fitting(self.layers, terms)
         self.points, self.spans = build_kernels.place_points(self.layers, radii)
         self.around = build_kernels.corner_radii(self.layers, radii)
         self.ways = build_kernels.join_points(self.layers, radii, self.around, self.points, self.spans)
         steps = np.abs(need.costs[:, None] - need.costs)
         self.change = terms[0] * need.costs[-1] + steps * (_ENTRY if terms[1] > 0.0 else 0.0)
-        self.marks = self._landmarks()
+        self._prices = search_kernels.Prices(need.costs, need.turned, terms, self.change)
+        self._graph = search_kernels.RoadGraph(self.points, self.spans, self.ways, self._landmarks())
         self._more = (need.costs - need.costs[-1]).tolist()
         self._shortest = float(terms[1])
         self._idle: list[tuple[NDArray[Any], int]] = []
@@ -82,20 +83,24 @@ class Roadmap:
         except IndexError:
             states, stamp = np.zeros(len(self.points) * self.need.count, search_kernels.STATE), 0
         road, cost = search_kernels.find_road(
-            self.layers, self._radii, self.around, self.need.costs, self.need.turned, self.terms,
-            self.change, self.points, self.spans, self.ways, self.marks, states, stamp + 1, ends,
-        )  # fmt: skip
+            self.layers, self._radii, self.around, self._prices, self._graph, states, stamp + 1, ends
+        )
         self._idle.append((states, stamp + 1))
         return road, float(cost)
 
     def polish(self, road: NDArray[np.int64], ends: NDArray[np.float64]) -> AnnotatedPath | None:
-        """The cheapest string found along a road, or None where it tangles or fits nothing."""
-        need = self.need
+        """The cheapest taut path found along a road, or None where it tangles or fits nothing."""
         line, found, cost = polishing_kernels.polish_road(
-            self.layers, self.layers[need.first_labelled :], self.points, road, self.around,
-            np.empty(len(self.around)), ends,
-            self._touching, need.costs, need.turned, self.terms, need.search_radius, self._least,
-        )  # fmt: skip
+            self.layers,
+            self.fitting,
+            self.points,
+            road,
+            self.around,
+            np.empty(len(self.around)),
+            ends,
+            self.need.search_radius,
+            self._least,
+        )
         return with_sections(line, found, float(cost)) if len(found) else None
 
     def excess(self, path: AnnotatedPath) -> list[float]:
@@ -104,11 +109,10 @@ class Roadmap:
 
     def shifted(self, path: AnnotatedPath) -> AnnotatedPath:
         """The path with stations shifted aside, if it is cheaper, where narrow sections cost more than their least."""
-        need = self.need
         if math.fsum(self.excess(path)) <= _WORTH * path.cost:
             return path
+        sections = np.array(path.sections)
         line, found, cost = polishing_kernels.shift_path(
-            self.layers, self.layers[need.first_labelled :], path.points, np.array(path.sections), path.cost,
-            self._touching, self._radii, need.costs, need.turned, self.terms, self._least,
-        )  # fmt: skip
+            self.layers, self.fitting, path.points, sections, path.cost, self._radii, self._least
+        )
         return with_sections(line, found, float(cost)) if cost < path.cost else path

@@ -1,8 +1,12 @@
 """A* over the states (point of the roadmap, behavior)."""
 
+from __future__ import annotations
+
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper, kernel
@@ -24,6 +28,40 @@ the first. rest: lower bound of what is still to pay. before: the state before, 
 
 TELLING = 8
 """Landmarks that a search asks: those that tell most of the way from its start to its goal."""
+
+
+class Prices(NamedTuple):
+    """What walking and changes of behavior cost."""
+
+    costs: NDArray[np.float64]
+    """(n,) cost of a meter of each behavior."""
+    turned: NDArray[np.bool_]
+    """(n,) whether the body moves turned off its way."""
+    terms: NDArray[np.float64]
+    """(4,) as :data:`crowdsim.planning.labels.labelling_kernels.TERMS`."""
+    change: NDArray[np.float64]
+    """(n, n) cost of a change between two behaviors."""
+
+
+class RoadGraph(NamedTuple):
+    """The points of a roadmap, the ways between them, and the costs from landmarks."""
+
+    points: NDArray[Any]
+    spans: NDArray[Any]
+    ways: NDArray[Any]
+    marks: NDArray[np.float32]
+    """(states, l)"""
+
+
+class _Goal(NamedTuple):
+    """Where a search leads, and what bounds the costs to it."""
+
+    x: float
+    y: float
+    marks: NDArray[np.float64]
+    """(l,) costs from landmarks to it."""
+    telling: NDArray[np.int64]
+    """(k,) numbers of the landmarks asked."""
 
 
 @helper
@@ -63,16 +101,50 @@ def _too_short(i, j, run, since, costs, turned, terms, paid):
 
 
 @helper
-def bound_to_goal(marks, of_goal, telling, state, straight, cost):
-    """Lower bound of the cost from ``state`` to the goal: by the triangle inequality over landmarks, and straight.
+def _bound_to_goal(graph, goal, state, p, preferred):
+    """Lower bound of the cost from ``state`` of point p to the goal: straight, and by the triangle inequality.
 
-    telling: (k,) numbers of the landmarks asked.
+    The latter is over landmarks: |cost to goal - cost to state| from the same landmark.
     """
-    bound = straight * cost
-    for i in range(telling.size):
-        k = telling[i]
-        bound = max(bound, abs(marks[state, k] - of_goal[k]))
+    bound = hypot(graph.points[p].x - goal.x, graph.points[p].y - goal.y) * preferred
+    for i in range(goal.telling.size):
+        k = goal.telling[i]
+        bound = max(bound, abs(graph.marks[state, k] - goal.marks[k]))
     return bound
+
+
+@helper
+def _reach(graph, goal, preferred, states, stamp, s, p, value, before, since, run):
+    """Reach state ``s`` of point p at cost ``value``, if that is less than known; whether it is."""
+    state = states[s]
+    if state.stamp == stamp and state.cost <= value:
+        return False
+    if state.stamp != stamp:
+        state.rest = _bound_to_goal(graph, goal, s, p, preferred)
+    state.stamp = stamp
+    state.cost = value
+    state.before = before
+    state.since = since
+    state.run = run
+    return True
+
+
+@helper
+def _road_to(states, last, behaviors):
+    """Points and behaviors (k, 2) of the way to state ``last``, from the start on; no rows for -1."""
+    found = 0
+    s = last
+    while s >= 0:
+        found += 1
+        s = states[s].before
+    road = np.empty((found, 2), np.int64)
+    s = last
+    while s >= 0:
+        found -= 1
+        road[found, 0] = s // behaviors
+        road[found, 1] = s % behaviors
+        s = states[s].before
+    return road
 
 
 @helper
@@ -127,54 +199,50 @@ def costs_from(points, ways, costs, turned, change, source, heap, out):
 
 
 @kernel
-def find_road(layers, radii, around, costs, turned, terms, change, points, spans, ways, marks, states, stamp, ends):
+def find_road(layers, radii, around, prices, graph, states, stamp, ends):
     """Points and behaviors (k, 2) of the cheapest way over the roadmap from ends[0] to ends[1], and its cost.
 
-    around: (nv, n) of `corner_radii`. terms: as :data:`crowdsim.planning.labels.labelling_kernels.TERMS`. change: (n,
-    n) cost of a change between two behaviors. marks: (states, l) costs from landmarks. states: scratch with the
-    ``stamp`` of this search. No rows where there is no way.
+    around: (nv, n) of `corner_radii`. prices, graph: of :class:`Prices` and :class:`RoadGraph`. states: scratch with
+    the ``stamp`` of this search. No rows where there is no way.
     """
+    costs, turned, terms, change = prices
+    points, spans, ways, marks = graph
     n = costs.size
+    preferred = costs[n - 1]
     hints = np.full(len(layers), NONE)
     seen = np.empty(64, ROAD_WAY)
     near = np.empty(64, ROAD_WAY)
     near, goals = see_points(layers, hints, radii, around, points, spans, ends[1, 0], ends[1, 1], near)
     hints[:] = NONE
     seen, starts = see_points(layers, hints, radii, around, points, spans, ends[0, 0], ends[0, 1], seen)
-    best = math.inf
-    last = NONE
-    gx = ends[1, 0]
-    gy = ends[1, 1]
-    preferred = costs[n - 1]
-    of_goal = np.full(marks.shape[1], math.inf)
+    # The points that the goal is seen from, and how far the goal is from each landmark over them.
+    goal = _Goal(
+        ends[1, 0], ends[1, 1], np.full(marks.shape[1], math.inf), np.empty(min(TELLING, marks.shape[1]), np.int64)
+    )
     to_goal = np.zeros(points.size, np.int32)
     for k in range(goals):
         to_goal[near[k].to] = k + 1
         for i in range(near[k].level + 1):
-            for k_mark in range(of_goal.size):
-                of_goal[k_mark] = min(of_goal[k_mark], marks[near[k].to * n + i, k_mark] + way_cost(near[k], i, costs))
-    telling = np.empty(min(TELLING, of_goal.size), np.int64)
-    choose_landmarks(marks, of_goal, seen, starts, n, telling)
+            for m in range(goal.marks.size):
+                goal.marks[m] = min(goal.marks[m], marks[near[k].to * n + i, m] + way_cost(near[k], i, costs))
+    choose_landmarks(marks, goal.marks, seen, starts, n, goal.telling)
+    # States at the points that the start sees: in the first section, which may be as short as it likes.
     heap = np.empty(256, HEAP_ROW)
     count = np.int64(0)
     for k in range(starts):
-        p = seen[k].to
+        p = np.int64(seen[k].to)
         for i in range(seen[k].level + 1):
+            s = p * n + i
             value = way_cost(seen[k], i, costs)
-            state = states[p * n + i]
-            if state.stamp != stamp or value < state.cost:
-                if state.stamp != stamp:
-                    straight = hypot(points[p].x - gx, points[p].y - gy)
-                    state.rest = bound_to_goal(marks, of_goal, telling, p * n + i, straight, preferred)
-                state.stamp = stamp
-                state.cost = value
-                state.before = NONE
-                state.since = 0.0 if turned[i] else math.inf
-                state.run = math.inf
-                heap, count = push(heap, count, value + state.rest, p * n + i)
+            since = 0.0 if turned[i] else math.inf
+            if _reach(graph, goal, preferred, states, stamp, s, p, value, NONE, since, math.inf):
+                heap, count = push(heap, count, value + states[s].rest, s)
+    best = math.inf
+    last = NONE
     while count > 0:
         pop(heap, count)
         count -= 1
+        # What is cheapest at its best costs as much as the way found: that is the cheapest.
         if heap[count].key >= best:
             break
         at = heap[count].item
@@ -182,66 +250,36 @@ def find_road(layers, radii, around, costs, turned, terms, change, points, spans
         cost = state.cost
         since = state.since
         run = state.run
-        if heap[count].key > cost + state.rest + 1e-9:
+        if heap[count].key > cost + state.rest + 1e-9:  # reached cheaper since it was pushed
             continue
         p = at // n
         i = at - p * n
+        # Straight to the goal.
         if to_goal[p] > 0:
             end = near[to_goal[p] - 1]
             if end.level >= i and cost + way_cost(end, i, costs) < best:
                 best = cost + way_cost(end, i, costs)
                 last = at
-        end_ways = points[p + 1].begin if p + 1 < points.size else ways.size
-        straight = hypot(points[p].x - gx, points[p].y - gy)
+        # A change of behavior at the point, which costs more where the section behind was too short.
         for j in range(points[p].level + 1):
             if j == i or not _may_follow(i, j, turned):
                 continue
-            value = (
-                cost
-                + change[i, j]
-                + _too_short(i, j, run, since, costs, turned, terms, 2.0 * (change[i, j] - terms[0] * preferred))
-            )
-            to = states[p * n + j]
-            if to.stamp == stamp and to.cost <= value:
-                continue
-            if to.stamp != stamp:
-                to.rest = bound_to_goal(marks, of_goal, telling, p * n + j, straight, preferred)
-            to.stamp = stamp
-            to.cost = value
-            to.before = at
-            to.since = 0.0 if turned[j] else since
-            to.run = 0.0
-            heap, count = push(heap, count, value + to.rest, p * n + j)
+            paid = 2.0 * (change[i, j] - terms[0] * preferred)
+            value = cost + change[i, j] + _too_short(i, j, run, since, costs, turned, terms, paid)
+            s = p * n + j
+            if _reach(graph, goal, preferred, states, stamp, s, p, value, at, 0.0 if turned[j] else since, 0.0):
+                heap, count = push(heap, count, value + states[s].rest, s)
+        # Ways to other points with the same behavior.
+        end_ways = points[p + 1].begin if p + 1 < points.size else ways.size
         for k in range(points[p].begin, end_ways):
             way = ways[k]
             if way.level < i:
                 continue
             value = cost + way_cost(way, i, costs)
-            s = np.int64(way.to) * n + i
-            to = states[s]
-            if to.stamp == stamp and to.cost <= value:
-                continue
-            if to.stamp != stamp:
-                dx = points[way.to].x - gx
-                dy = points[way.to].y - gy
-                to.rest = bound_to_goal(marks, of_goal, telling, s, math.sqrt(dx * dx + dy * dy), preferred)
-            to.stamp = stamp
-            to.cost = value
-            to.before = at
-            to.since = 0.0 if turned[i] else since + way.length
-            to.run = run + way.length
-            if value + to.rest < best:
-                heap, count = push(heap, count, value + to.rest, s)
-    found = 0
-    s = last
-    while s >= 0:
-        found += 1
-        s = states[s].before
-    road = np.empty((found, 2), np.int64)
-    s = last
-    while s >= 0:
-        found -= 1
-        road[found, 0] = s // n
-        road[found, 1] = s % n
-        s = states[s].before
-    return road, best
+            to = np.int64(way.to)
+            s = to * n + i
+            after = 0.0 if turned[i] else since + way.length
+            fresh = _reach(graph, goal, preferred, states, stamp, s, to, value, at, after, run + way.length)
+            if fresh and value + states[s].rest < best:
+                heap, count = push(heap, count, value + states[s].rest, s)
+    return _road_to(states, last, n), best

@@ -1,6 +1,6 @@
 """A path made cheaper where only narrow behaviors fit: stations along it shift aside, by dynamic programming.
 
-A string has one radius around each corner. The cheapest path through a gap often leaves its corner straight outward
+A taut path has one radius around each corner. The cheapest path through a gap often leaves its corner straight outward
 and goes on around it as wide as the next behavior asks for: it refracts where the cost of a meter changes.
 """
 
@@ -142,6 +142,7 @@ def choose_shifts(stations, spread, prices, befores):
     for k in range(SHIFTS):
         totals[0, k] = 0.0 if k == middle else math.inf
     now = 0
+    # totals[now, k]: least cost up to station s - 1 where that takes place k (Bellman's recursion).
     for s in range(1, count):
         a = stations[s - 1]
         b = stations[s]
@@ -165,6 +166,7 @@ def choose_shifts(stations, spread, prices, befores):
                     befores[s, k] = j
             totals[1 - now, k] = best
         now = 1 - now
+    # Back from the end, which does not shift.
     k = middle
     moved = False
     for s in range(count - 1, 0, -1):
@@ -232,10 +234,11 @@ def shifted_path(layers, hints, radii, costs, points, sections, section, spread,
         for i in range(size - 1):
             a = owners[i]
             b = owners[i + 1]
+            # Between stations that stay, the path is as it was, and clear.
             if stations[a].shift == middle and stations[b].shift == middle and b - a <= 1:
-                # as it was
                 triangle = triangle_near(m, line[i + 1, 0], line[i + 1, 1], triangle)
                 continue
+            # A straight piece between stations that cuts a corner: the stations at its ends stay from now on.
             open_, end = sweep(
                 m.sides, m.vertices, stack, triangle, line[i, 0], line[i, 1], line[i + 1, 0], line[i + 1, 1], least
             )

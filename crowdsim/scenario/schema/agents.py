@@ -52,7 +52,6 @@ def _one_goal_and_some_agents(schema: dict[str, Any]) -> None:
 class Goal(Region):
     """A place to go to, and where to face for those who stand there."""
 
-    model_config = ConfigDict(json_schema_extra=one_of(("rectangle",), ("point",), ("circle",), ("polygon",)))
     heading: Degrees | None = None
 
 

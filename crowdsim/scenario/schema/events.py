@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from crowdsim.scenario.schema.place import Obstacle
+from crowdsim.scenario.schema.environment import Obstacle
 from crowdsim.scenario.schema.values import Degrees, Name, Pair, Part, Seconds, one_of
 
 ACTIONS = ("open", "close", "insert", "move", "remove")

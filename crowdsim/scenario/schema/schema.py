@@ -11,8 +11,8 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.environment.layers import LEGS, TORSO
 from crowdsim.scenario.schema.agents import AgentGroup, Motion
+from crowdsim.scenario.schema.environment import Clutter, Floor, Layer, Obstacle
 from crowdsim.scenario.schema.events import Door, Event
-from crowdsim.scenario.schema.place import Clutter, Floor, Layer, Obstacle
 from crowdsim.scenario.schema.values import Name, Part, Region, one_of
 
 FORMAT_VERSION = 1
@@ -51,7 +51,7 @@ class ScenarioFields(Part):
         Layer(name=band.name, low=band.low, high=band.high) for band in (LEGS, TORSO)
     )
     behaviors: Annotated[tuple[Name, ...], Field(strict=False, min_length=1)] = DEFAULT_BEHAVIORS
-    planner: Literal["layered", "greedy", "greedy_literal", "collision3d"] = "layered"
+    planner: Literal["layered", "greedy_literal", "collision3d"] = "layered"
     motion: Motion = Motion(set="default")
     agents: Annotated[tuple[AgentGroup, ...], Field(strict=False, min_length=1)]
     areas: Annotated[tuple[Area, ...], Field(strict=False)] = ()

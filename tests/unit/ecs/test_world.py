@@ -1,9 +1,8 @@
-"""Entities, columns and systems."""
+"""Entities and columns."""
 
 import numpy as np
 import pytest
 
-from crowdsim.ecs.schedule import Schedule, System
 from crowdsim.ecs.world import Column, World
 
 
@@ -33,9 +32,6 @@ def test_removal_keeps_the_order_and_ids_are_never_reused() -> None:
     assert world.column("id").tolist() == [ids[0], ids[2], newcomer]
     assert world.column("position")[:, 0].tolist() == [0, 2, 9]
     assert newcomer not in ids
-    assert world.slot(ids[2]) == 1
-    assert world.slot(ids[1]) == -1
-    assert world.slot(newcomer + 1) == -1
 
 
 def test_a_reused_row_starts_from_the_fill_value() -> None:
@@ -52,43 +48,20 @@ def test_unknown_columns_are_refused() -> None:
     world = make_world()
     with pytest.raises(KeyError, match="velocity"):
         world.spawn(velocity=1.0)
-    with pytest.raises(KeyError, match="velocity"):
-        Schedule(world, [System("move", lambda view: None, reads=("velocity",))])
     with pytest.raises(ValueError, match="differ"):
         World([Column("id", np.int32)])
 
 
-def test_a_system_cannot_write_what_it_declared_to_read_nor_see_what_it_did_not_declare() -> None:
+def test_a_view_shows_the_live_rows_of_all_columns() -> None:
     world = make_world()
     world.spawn()
     world.apply_changes()
-
-    def write_read_only(view) -> None:
-        view.position[0] = 1.0
-
-    def read_undeclared(view) -> None:
-        view.age.sum()
-
-    with pytest.raises(ValueError, match="read-only"):
-        Schedule(world, [System("bad", write_read_only, reads=("position",))]).run()
-    with pytest.raises(AttributeError, match="age"):
-        Schedule(world, [System("bad", read_undeclared, reads=("position",))]).run()
-
-
-def test_changes_are_applied_between_systems_in_order() -> None:
-    world = make_world()
-    seen = []
-
-    def spawn(view) -> None:
-        world.spawn()
-        seen.append(("spawn", world.count))
-
-    def count(view) -> None:
-        view.age += 1
-        seen.append(("count", len(view.age)))
-
-    schedule = Schedule(world, [System("spawn", spawn), System("count", count, writes=("age",))])
-    schedule.run()
-    schedule.run()
-    assert seen == [("spawn", 0), ("count", 1), ("spawn", 1), ("count", 2)]
-    assert world.column("age").tolist() == [7, 6]
+    view = world.view()
+    view.age += 1
+    assert world.column("age").tolist() == [6]
+    world.spawn()
+    assert len(view.age) == len(world.view().age) == 1
+    world.apply_changes()
+    assert world.view().age.tolist() == [6, 5]
+    with pytest.raises(AttributeError, match="velocity"):
+        _ = view.velocity

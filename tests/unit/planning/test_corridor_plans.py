@@ -19,7 +19,7 @@ def scenario():
 
 @pytest.fixture(scope="module")
 def plan(scenario):
-    layers = scenario.layers()
+    layers = scenario.environment.layers
     behaviors = load_behavior_set(scenario.behaviors, [(layer.low, layer.high) for layer in layers]).behaviors
     planner = Planner([NavMesh(layer.free) for layer in layers], behaviors)
 

@@ -6,7 +6,7 @@ from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import BehaviorError, PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.planner import Planner
-from crowdsim.planning.query.behavior_areas import room_polygons
+from crowdsim.planning.query.behavior_areas import area_polygons
 
 ROOM = shapely.box(0, -1.2, 22, 1.2)
 
@@ -120,14 +120,14 @@ def test_low_obstacles_leave_the_preferred_behavior(behaviors):
 
 
 def rooms(polygons, behaviors):
-    return [None if p.is_empty else NavMesh(p) for p in room_polygons(polygons, behaviors)]
+    return [None if p.is_empty else NavMesh(p) for p in area_polygons(polygons, behaviors)]
 
 
 def test_rooms_pass_close_to_low_obstacles_where_high_ones_ask_for_it(behaviors):
     """0.62 m between a bench and a cabinet: enough to walk beside the bench, not in the middle."""
     polygons = layers(ROOM, [shapely.box(8, 0.31, 12, 1.2)], [shapely.box(8, -1.2, 12, -0.31)])
     layered = [NavMesh(p) for p in polygons]
-    path = Planner(layered, behaviors, rooms=rooms(polygons, behaviors)).plan((1, 0), (21, 0))
+    path = Planner(layered, behaviors, areas=rooms(polygons, behaviors)).plan((1, 0), (21, 0))
     assert [s.behavior for s in path.sections] == [2]
     assert_sound(path, behaviors, polygons, (1, 0), (21, 0))
     without = Planner(layered, behaviors).plan((1, 0), (21, 0))
@@ -138,7 +138,7 @@ def test_rooms_pass_close_to_low_obstacles_where_high_ones_ask_for_it(behaviors)
 def test_rooms_in_the_corridor(behaviors):
     polygons = layers(ROOM, [gap(4, 6, 0.34), gap(16, 17.5, 0.26)], [gap(10, 12, 0.30)])
     layered = [NavMesh(p) for p in polygons]
-    path = Planner(layered, behaviors, rooms=rooms(polygons, behaviors)).plan((1.0, 0.8), (21.0, -0.8))
+    path = Planner(layered, behaviors, areas=rooms(polygons, behaviors)).plan((1.0, 0.8), (21.0, -0.8))
     assert [s.behavior for s in path.sections] == [2, 1, 2, 0, 2]
     assert_sound(path, behaviors, polygons, (1.0, 0.8), (21.0, -0.8))
 
@@ -149,7 +149,7 @@ def test_torso_too_narrow_names_the_layer(behaviors, given):
     polygons = layers(ROOM, [gap(4, 6, 0.27)])
     layered = [NavMesh(p) for p in polygons]
     with pytest.raises(PathNotFound, match=r"layer 1 is too narrow.*\([3-6]\.\d\d, .*radius 0\.31 m"):
-        Planner(layered, wide, rooms=rooms(polygons, wide) if given else None).plan((1, 0), (21, 0))
+        Planner(layered, wide, areas=rooms(polygons, wide) if given else None).plan((1, 0), (21, 0))
 
 
 def test_gap_too_narrow_says_where_and_by_how_much(behaviors):

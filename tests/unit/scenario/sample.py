@@ -1,5 +1,8 @@
 """A small scenario whose lines the tests know."""
 
+from crowdsim.environment.layers import AnySolid
+from crowdsim.scenario.scenario import Scenario
+
 TEXT = """\
 crowdsim: 1
 name: sample
@@ -32,3 +35,8 @@ def change(*pairs: tuple[str, str]) -> str:
         assert text.count(old) == 1, old
         text = text.replace(old, new)
     return text
+
+
+def solids_of(scenario: Scenario) -> list[AnySolid]:
+    """What stands on the floor where it is drawn, in the order of the file; doors are not among it."""
+    return [solid for solids in scenario.environment.solids.values() for solid in solids]

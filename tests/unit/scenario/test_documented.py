@@ -6,8 +6,8 @@ from pathlib import Path
 from crowdsim.scenario.check import check_scenario
 from crowdsim.scenario.loader import parse_scenario
 from crowdsim.scenario.schema.agents import AgentGroup
+from crowdsim.scenario.schema.environment import Clutter, Floor, Layer, Mesh, Obstacle, Opening, Plan, Wall
 from crowdsim.scenario.schema.events import ACTIONS
-from crowdsim.scenario.schema.place import Clutter, Floor, Layer, Mesh, Obstacle, Opening, Plan, Wall
 
 TEXT = (Path(__file__).parents[3] / "docs" / "scenarios.md").read_text(encoding="utf-8")
 

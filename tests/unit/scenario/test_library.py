@@ -16,7 +16,7 @@ from tests.unit.scenario.sample import TEXT, change
 def narrowest(scenario, layer: int, xmin: float, xmax: float) -> float:
     """Least distance between what stands north and what stands south of the middle line, between two x."""
     window = shapely.box(xmin, -2.0, xmax, 2.0)
-    blocked = shapely.get_parts(scenario.layers()[layer].obstacles.intersection(window))
+    blocked = shapely.get_parts(scenario.environment.layers[layer].obstacles.intersection(window))
     north = unary_union([part for part in blocked if part.centroid.y > 0.0])
     south = unary_union([part for part in blocked if part.centroid.y < 0.0])
     return north.distance(south)
@@ -49,7 +49,7 @@ def test_a_thin_body_gets_from_start_to_goal_on_the_ground_and_a_wide_one_does_n
     group = scenario.agents[0]
     start, goal = group.start.shape().centroid, group.goal.shape().centroid
     for radius, passes in ((0.255, True), (0.265, False)):
-        room = scenario.layers()[0].free.buffer(-radius, quad_segs=32)
+        room = scenario.environment.layers[0].free.buffer(-radius, quad_segs=32)
         joined = any(part.covers(start) and part.covers(goal) for part in shapely.get_parts(room))
         assert joined == passes, radius
 

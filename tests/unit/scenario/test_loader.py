@@ -9,7 +9,7 @@ from crowdsim.errors import CrowdSimError, Problem, ScenarioError
 from crowdsim.scenario import semantics
 from crowdsim.scenario.loader import builtin_scenarios, load_scenario, parse_scenario
 from crowdsim.scenario.schema.schema import DEFAULT_BEHAVIORS
-from tests.unit.scenario.sample import TEXT, change
+from tests.unit.scenario.sample import TEXT, change, solids_of
 
 
 def problems_of(text: str, overrides=()) -> list[str]:
@@ -36,18 +36,17 @@ def test_a_good_file_has_its_values_and_defaults():
     assert scenario.behaviors == DEFAULT_BEHAVIORS
     assert scenario.agents[0].interval == 0.0
     assert scenario.agents[0].on_arrival == "leave"
-    assert scenario.floor_polygon().bounds == (0.0, 0.0, 10.0, 6.0)
-    assert [(solid.name, solid.bottom, solid.top) for solid in scenario.solids()] == [
+    assert scenario.environment.floor.bounds == (0.0, 0.0, 10.0, 6.0)
+    assert [(solid.name, solid.bottom, solid.top) for solid in solids_of(scenario)] == [
         ("wall", 0.0, 2.5),
         ("pole", 0.0, 2.0),
         ("bench", 0.0, 0.45),
     ]
-    legs, torso = scenario.layers()
+    legs, torso = scenario.environment.layers
     assert (legs.name, legs.low, legs.high, torso.name) == ("legs", 0.10, 2.0, "torso")
     assert torso.free.area - legs.free.area == pytest.approx(0.5)
-    assert scenario.layers() is scenario.layers()
     assert scenario.area_polygons()["middle"].area == pytest.approx(4.0)
-    assert scenario.captures() is None
+    assert scenario.captures_folder() is None
 
 
 @pytest.mark.parametrize(
@@ -301,7 +300,8 @@ def test_captures_are_found_beside_the_scenario(tmp_path):
     walks = "\nbehaviors: [frontal]\n"
     file.write_text(change(("set: default", "captures: mocap, clips: ['17*', '1*.bvh']")) + walks)
     scenario = load_scenario(file)
-    assert scenario.captures() == (folder, ("17*", "1*.bvh"))
+    assert scenario.captures_folder() == folder
+    assert scenario.motion.clips == ("17*", "1*.bvh")
     file.write_text(change(("set: default", "captures: mocap, clips: ['x*', '../*', '**x', '/etc/*']")) + walks)
     with pytest.raises(ScenarioError) as caught:
         load_scenario(file)
@@ -317,7 +317,7 @@ def test_overrides_replace_values_in_order():
         TEXT, None, ["agents.0.count=3", "seed=8", "seed=9", "floor={rectangle: [0, 0, 9, 6]}", "motion.set=default"]
     )
     assert (scenario.agents[0].count, scenario.seed) == (3, 9)
-    assert scenario.floor_polygon().bounds == (0.0, 0.0, 9.0, 6.0)
+    assert scenario.environment.floor.bounds == (0.0, 0.0, 9.0, 6.0)
     assert scenario.text == TEXT
 
 

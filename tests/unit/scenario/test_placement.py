@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 import shapely
 
+from crowdsim.environment.spots import pieces_of
 from crowdsim.errors import ScenarioError
 from crowdsim.scenario.loader import load_scenario, parse_scenario
-from crowdsim.scenario.placement import NOMINAL_RADIUS, STAND_ROOM, _pieces, place_agents
+from crowdsim.scenario.placement import NOMINAL_RADIUS, STAND_ROOM, place_agents
 from crowdsim.scenario.schema.agents import STAND_WITHIN
 from tests.unit.scenario.sample import TEXT, change
 
@@ -23,7 +24,7 @@ def test_each_has_room_within_its_region():
     text = change(("[1, 1, 3, 4]", "[3, -1, 7, 8]"), ("count: 4", "count: 12"))
     scenario = parse_scenario(text)
     placement = place_agents(scenario, RADIUS)
-    free = scenario.layers()[0].free
+    free = scenario.environment.layers[0].free
     for points, group_region in (
         (placement.starts, scenario.agents[0].start.shape()),
         (np.concatenate(placement.goals), scenario.agents[0].goal.shape()),
@@ -102,11 +103,11 @@ def test_draws_are_uniform_over_an_awkward_region():
 def test_a_region_with_many_corners_is_cut_into_pieces_that_make_it_up():
     combs = [shapely.box(0.1 * k, 0.5 * (k % 7), 0.1 * k + 0.05, 6.0) for k in range(1500)]
     area = shapely.MultiPolygon([shapely.box(0.0, 0.0, 150.0, 8.0).difference(shapely.union_all(combs))])
-    pieces = _pieces(area)
+    pieces = pieces_of(area)
     assert len(pieces) > 1
     assert sum(piece.area for piece in pieces) == pytest.approx(area.area)
     assert shapely.union_all(pieces).symmetric_difference(area).area < 1e-9
-    assert _pieces(pieces[0]) == [pieces[0]]
+    assert pieces_of(pieces[0]) == [pieces[0]]
 
 
 def test_too_many_for_the_room_end_in_an_error_that_says_how_many_fit():

@@ -10,6 +10,7 @@ import trimesh
 from crowdsim.environment.mesh_solid import MeshSolid
 from crowdsim.errors import ScenarioError
 from crowdsim.scenario.loader import load_scenario
+from tests.unit.scenario.sample import solids_of
 
 HEAD = "crowdsim: 1\nname: place\nseed: 1\nduration: 10.0\n"
 AGENTS = """\
@@ -54,38 +55,39 @@ MESH = "obstacles:\n  - {name: house, mesh: {file: room.glb}}\n"
 
 def test_a_floor_is_found_in_a_file_and_its_parts_stand_on_it(room):
     scenario = load(room, "floor: {derive: true}\n" + MESH)
-    assert scenario.floor_polygon().area == pytest.approx(8.2 * 4.2, rel=0.01)
-    solids = {solid.name: solid for solid in scenario.solids()}
+    assert scenario.environment.floor.area == pytest.approx(8.2 * 4.2, rel=0.01)
+    solids = {solid.name: solid for solid in solids_of(scenario)}
     assert set(solids) == {"house: table", "house: north", "house: south"}
     assert all(isinstance(solid, MeshSolid) for solid in solids.values())
     assert (solids["house: table"].bottom, solids["house: table"].top) == pytest.approx((0.65, 0.75))
-    legs, torso = scenario.layers()
+    legs, torso = scenario.environment.layers
     assert legs.free.area == pytest.approx(8.2 * 4.0 - 0.8, abs=0.02)
     # The top of the table is as high as hands hang.
     assert torso.free.area == pytest.approx(8.2 * 4.0 - 0.8, abs=0.02)
-    assert any("carpet" in line for line in scenario.site().report)
+    assert any("carpet" in line for line in scenario.environment.report)
 
 
 def test_a_given_floor_leaves_heights_as_the_file_has_them(room):
     drawn = load(room, "floor: {rectangle: [0, 0, 8, 4], height: 1.0}\n" + MESH)
-    assert {solid.name for solid in drawn.solids()} == {"house: table", "house: north", "house: south"}
+    assert {solid.name for solid in solids_of(drawn)} == {"house: table", "house: north", "house: south"}
     moved = load(
         room,
         "floor: {rectangle: [0, 0, 8, 4]}\n"
         "obstacles:\n  - {name: house, mesh: {file: room.glb, position: [0, 0, -1]}}\n",
     )
-    assert moved.layers()[0].free.equals_exact(drawn.layers()[0].free, 1e-9)
+    assert moved.environment.layers[0].free.equals_exact(drawn.environment.layers[0].free, 1e-9)
 
 
 def test_a_floor_in_a_file(tmp_path):
     (tmp_path / "floor.wkt").write_text("POLYGON ((0 0, 8 0, 8 4, 0 4, 0 0), (3 1, 3 3, 5 3, 5 1, 3 1))")
     scenario = load(tmp_path, "floor: {file: floor.wkt}\n")
-    assert scenario.layers()[0].free.area == pytest.approx(28.0)
+    assert scenario.environment.layers[0].free.area == pytest.approx(28.0)
 
 
 def test_a_floor_in_a_file_of_another_unit(tmp_path):
     (tmp_path / "floor.wkt").write_text("POLYGON ((0 0, 800 0, 800 400, 0 400, 0 0))")
-    assert load(tmp_path, "floor: {file: floor.wkt, units: cm}\n").layers()[0].free.area == pytest.approx(32.0)
+    scenario = load(tmp_path, "floor: {file: floor.wkt, units: cm}\n")
+    assert scenario.environment.layers[0].free.area == pytest.approx(32.0)
 
 
 @pytest.mark.parametrize("placed", ["units: mm", "scale: 1000", "position: [0, 0, 5]", "position: [50, 0, -1]"])
@@ -121,7 +123,7 @@ def test_a_carpet_may_be_moved(room):
         "  - {name: carpet, mesh: {file: carpet.glb, position: [2, 2, 1.01]}}\n"
         "events: [{at: 1, move: {name: carpet, to: [4, 2]}}]\n",
     )
-    assert scenario.changes().movables[0].solids == ()
+    assert scenario.environment.timetable.movables[0].solids == ()
 
 
 def test_walls_with_doors_and_windows(tmp_path):
@@ -131,7 +133,7 @@ def test_walls_with_doors_and_windows(tmp_path):
         "obstacles:\n  - name: wall\n    wall:\n      points: [[4, 0], [4, 4]]\n      thickness: 0.2\n"
         "      openings: [{at: 1.0, width: 0.9}, {at: 3.0, width: 1.0, bottom: 0.9, top: 2.1}]\n    top: 2.5\n",
     )
-    legs, torso = scenario.layers()
+    legs, torso = scenario.environment.layers
     assert legs.obstacles.area == pytest.approx(0.2 * (4.0 - 0.9))
     # From a chest to a chin a window is open in part, which does not count as open.
     assert torso.obstacles.area == pytest.approx(0.2 * (4.0 - 0.9))
@@ -140,13 +142,13 @@ def test_walls_with_doors_and_windows(tmp_path):
 
 def test_clutter_is_dense_and_leaves_starts_and_goals(tmp_path):
     scenario = load(tmp_path, "floor: {rectangle: [0, 0, 8, 4]}\nclutter: {density: dense}\n")
-    solids = scenario.solids()
+    solids = solids_of(scenario)
     assert sum(solid.footprint.area for solid in solids) == pytest.approx(0.24 * 28.0, rel=0.2)
-    share = float(re.search(r"cover ([0-9.]+)% of the floor off starts and goals", scenario.site().report[-1])[1])
+    share = float(re.search(r"cover ([0-9.]+)% of the floor off starts and goals", scenario.environment.report[-1])[1])
     assert share == pytest.approx(24.0, abs=3.0)
     assert all(solid.footprint.distance(shapely.Point(1.0, 1.0)) >= 0.45 for solid in solids)
     again = load(tmp_path, "floor: {rectangle: [0, 0, 8, 4]}\nclutter: {density: dense}\n")
-    assert [solid.footprint for solid in again.solids()] == [solid.footprint for solid in solids]
+    assert [solid.footprint for solid in solids_of(again)] == [solid.footprint for solid in solids]
 
 
 @pytest.mark.parametrize(
@@ -205,6 +207,6 @@ def test_planes_are_layers_as_the_paper_has_them(tmp_path):
         "obstacles: [{name: shelf, box: {min: [3, 1], max: [4, 2]}, bottom: 1.0, top: 1.1}]\n"
         "layers: [{name: legs, height: 0.3}, {name: torso, height: 1.05}]\n",
     )
-    legs, torso = scenario.layers()
+    legs, torso = scenario.environment.layers
     assert torso.obstacles.area == pytest.approx(1.0)
     assert legs.obstacles.area == pytest.approx(1.0)  # the ground holds what any layer holds

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from crowdsim.yamlfile.document import MAX_BYTES, MAX_DEPTH, Place, dotted, read_document
+from crowdsim.yamlfile.document import MAX_BYTES, MAX_DEPTH, Position, dotted, read_document
 
 
 def value_of(text: str):
@@ -64,18 +64,18 @@ def test_not_a_number():
 
 def test_places_of_keys_and_values_count_from_one():
     document, _ = read_document("a: 1\nb:\n  - {c: 2,  d: x}\n  - y\n", "f")
-    assert document.place(("a",)) == Place("f", 1, 4)
-    assert document.place(("b", 0, "d")) == Place("f", 3, 16)
-    assert document.place(("b", 0, "d"), of_key=True) == Place("f", 3, 13)
-    assert document.place(("b", 1)) == Place("f", 4, 5)
-    assert document.place(("b", 0, "missing", "deeper")) == Place("f", 3, 5)
-    assert document.place(("missing",)) == Place("f", 1, 1)
+    assert document.position(("a",)) == Position("f", 1, 4)
+    assert document.position(("b", 0, "d")) == Position("f", 3, 16)
+    assert document.position(("b", 0, "d"), of_key=True) == Position("f", 3, 13)
+    assert document.position(("b", 1)) == Position("f", 4, 5)
+    assert document.position(("b", 0, "missing", "deeper")) == Position("f", 3, 5)
+    assert document.position(("missing",)) == Position("f", 1, 1)
 
 
 def test_an_absent_value_stands_where_its_key_does():
     document, _ = read_document("a: 1\nb:\n\n\nc: {d: , e: 2}\n", "f")
-    assert document.place(("b",)) == Place("f", 2, 1)
-    assert document.place(("c", "d")) == Place("f", 5, 5)
+    assert document.position(("b",)) == Position("f", 2, 1)
+    assert document.position(("c", "d")) == Position("f", 5, 5)
 
 
 @pytest.mark.parametrize(
@@ -90,7 +90,7 @@ def test_an_absent_value_stands_where_its_key_does():
         ("a: !mine {b: 1}\n", "f:1:4: a: tags are not allowed ('!mine')"),
         ("a: 1\n? [b, {c: d}]\n: 2\n", "f:2:3: a key must be a plain word"),
         ("a: 1\n---\nb: 1\n", "f:2:1: a second document begins here"),
-        ("%YAML 1.1\n---\na: 1\n", "f:2:1: scenarios are YAML 1.2"),
+        ("%YAML 1.1\n---\na: 1\n", "f:2:1: files are YAML 1.2"),
         ("a: 'x\n", "f:2:1: not YAML: found unexpected end of stream"),
         ("a: {b: 1\n", "f:2:1: not YAML: expected ',' or '}'"),
         ("a: b: c\n", "f:1:5: not YAML: mapping values are not allowed here"),

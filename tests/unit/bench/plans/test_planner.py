@@ -21,7 +21,7 @@ def test_every_planner_has_a_row_for_each_place_and_distance(monkeypatch, tmp_pa
     assert 0.0 < measured.figures["layered_over_literal_mean_normal"] <= 1.0 + 1e-6
     assert "layered_over_literal_mean_small_house" not in measured.figures
     assert {tuple(row) for row in measured.rows} == {tuple(measured.rows[0])}
-    assert {"layered_ms_normal_5", "greedy_ms_normal_5", "layered_over_greedy_cost_max", "gap_mean"} <= set(
+    assert {"layered_ms_normal_5", "greedy_literal_ms_normal_5", "layered_over_greedy_cost_max", "gap_mean"} <= set(
         measured.figures
     )
     assert measured.figures["layered_over_greedy_cost_max"] <= 1.0 + 1e-6

@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from crowdsim.constants import TRACKING_MARGIN
-from crowdsim.crowd.search.motion_search import search_motion
 from crowdsim.crowd.search.standing import attempts
 from crowdsim.crowd.simulation import Simulation
-from crowdsim.crowd.state.assets import Setting, prepare
-from crowdsim.crowd.state.environment import Place
-from crowdsim.crowd.state.itineraries import TRIES, Errands
+from crowdsim.crowd.state.assets import Assets, prepare
+from crowdsim.crowd.state.environment import EnvironmentState
+from crowdsim.crowd.state.itineraries import TRIES, Itineraries
 from crowdsim.crowd.state.motion_plan import Request
 from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM
 from crowdsim.following.follower.path_follower import FollowOptions
@@ -22,6 +21,7 @@ from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.scenario.loader import parse_scenario
 from crowdsim.scenario.placement import STAND_ROOM, place_agents
 from crowdsim.scenario.schema.agents import STAND_WITHIN
+from tests.support.motion_search import search_motion
 
 TEXT = """\
 crowdsim: 1
@@ -38,46 +38,48 @@ GOAL = np.array([8.0, 5.0])
 
 
 @pytest.fixture(scope="module")
-def setting() -> Setting:
+def assets() -> Assets:
     return prepare(parse_scenario(TEXT.format(first="", last="", more="")))
 
 
 @pytest.fixture(scope="module")
-def place(setting: Setting) -> Place:
-    return Place(setting, parse_scenario(TEXT.format(first="", last="", more="")).changes())
+def environment(assets: Assets) -> EnvironmentState:
+    return EnvironmentState(assets)
 
 
-def end_of(setting: Setting, place: Place, request: Request) -> np.ndarray:
+def end_of(assets: Assets, environment: EnvironmentState, request: Request) -> np.ndarray:
     """The pose (3,) in which a motion ends."""
-    plan: Any = search_motion(setting, place, request)
+    plan: Any = search_motion(assets, environment, request)
     assert plan.arrives
-    return compose(plan.origins[-1], setting.graph.node_motion[plan.nodes[-1]])
+    return compose(plan.origins[-1], assets.graph.node_motion[plan.nodes[-1]])
 
 
 @pytest.mark.parametrize("within", [STAND_WITHIN, 0.01])
 @pytest.mark.parametrize("heading", [None, 90.0, -135.0])
 def test_motions_end_where_and_as_is_asked(
-    setting: Setting, place: Place, within: float, heading: float | None
+    assets: Assets, environment: EnvironmentState, within: float, heading: float | None
 ) -> None:
     angle = None if heading is None else float(np.radians(heading))
     for x in (1.0, 3.0, 7.0):
-        end = end_of(setting, place, Request(np.array([x, 1.0]), GOAL, stays=True, heading=angle, within=within))
+        end = end_of(assets, environment, Request(np.array([x, 1.0]), GOAL, stays=True, heading=angle, within=within))
         assert np.hypot(*(end[:2] - GOAL)) <= within
         if angle is not None:
             assert abs(wrap_angle(end[2] - angle)) <= FollowOptions.goal_heading_tolerance
 
 
-def test_what_cannot_be_had_is_come_near_to(setting: Setting, place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_cannot_be_had_is_come_near_to(
+    assets: Assets, environment: EnvironmentState, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("crowdsim.crowd.search.standing.STRICT_BUDGET", 1)
-    end = end_of(setting, place, Request(np.array([1.0, 1.0]), GOAL, stays=True, heading=1.0))
+    end = end_of(assets, environment, Request(np.array([1.0, 1.0]), GOAL, stays=True, heading=1.0))
     assert np.hypot(*(end[:2] - GOAL)) <= FollowOptions.goal_tolerance
 
 
-def test_who_is_there_already_stays_or_turns(setting: Setting, place: Place) -> None:
-    node = int(setting.idle_nodes[-1])
+def test_who_is_there_already_stays_or_turns(assets: Assets, environment: EnvironmentState) -> None:
+    node = int(assets.idle_nodes[-1])
     for heading in (None, np.pi / 2):
         departure = node, np.array([*GOAL, 0.0])
-        end = end_of(setting, place, Request(GOAL, GOAL, stays=True, departure=departure, heading=heading))
+        end = end_of(assets, environment, Request(GOAL, GOAL, stays=True, departure=departure, heading=heading))
         assert np.hypot(*(end[:2] - GOAL)) <= STAND_WITHIN
         assert heading is None or abs(wrap_angle(end[2] - heading)) <= FollowOptions.goal_heading_tolerance
 
@@ -90,14 +92,14 @@ def test_only_those_who_stand_are_held_to_it() -> None:
 
 def test_who_stands_otherwise_than_asked_tries_again_some_times() -> None:
     text = TEXT.format(first="", last=", heading: 90", more="")
-    errands = Errands(place_agents(parse_scenario(text), 0.3))
+    itineraries = Itineraries(place_agents(parse_scenario(text), 0.3))
     for agent in range(3):
-        assert errands.reach(agent) == 1.0
-    first, second = (errands.goal(agent) for agent in (0, 1))
-    tries = [errands.accepts(0, np.array([*first, 0.0])) for _ in range(TRIES + 1)]
+        assert itineraries.reach(agent) == 1.0
+    first, second = (itineraries.goal(agent) for agent in (0, 1))
+    tries = [itineraries.accepts(0, np.array([*first, 0.0])) for _ in range(TRIES + 1)]
     assert tries == [False] * TRIES + [True]
-    assert errands.accepts(1, np.array([*(second + [0.06, 0.0]), np.radians(80.0)]))
-    summary = errands.stands_summary()
+    assert itineraries.accepts(1, np.array([*(second + [0.06, 0.0]), np.radians(80.0)]))
+    summary = itineraries.stands_summary()
     assert summary["stood"] == 2
     assert summary["off_goal_most"] == pytest.approx(0.06)
     assert summary["off_heading_most"] == pytest.approx(90.0)

@@ -15,6 +15,8 @@ from crowdsim.crowd.state.reservation_kernels import (
     reserve,
     sample_chain,
 )
+from crowdsim.crowd.state.timelines import Chain, Obstacles, Timelines
+from crowdsim.crowd.systems.animate import Playing
 from crowdsim.crowd.systems.animate_kernels import advance
 from crowdsim.navmesh.navmesh import NavMesh
 from tests.reference.crowd import FOREVER, chain_of, pose_at, timelines_meet, walking_graph
@@ -71,9 +73,11 @@ def test_meets_anyone_skips_itself_and_finds_the_far_traveler() -> None:
     timelines[1, :, 0] = 9.0
     timelines[2, :, 0] = [12, 9, 6, 3, 0.4]
     starts, gones, radii = np.zeros(3, np.int64), np.full(3, FOREVER), np.full(3, 0.3)
-    assert meets_anyone(0, timelines[0], 0, FOREVER, 0, 0.3, timelines, starts, gones, radii, circles_of(timelines))
+    everyone = Timelines(timelines, starts, gones, radii, circles_of(timelines))
+    assert meets_anyone(0, timelines[0], 0, FOREVER, 0, 0.3, everyone)
     timelines[2, :, 0] += 0.5
-    assert not meets_anyone(0, timelines[0], 0, FOREVER, 0, 0.3, timelines, starts, gones, radii, circles_of(timelines))
+    everyone = everyone._replace(timeline_circle=circles_of(timelines))
+    assert not meets_anyone(0, timelines[0], 0, FOREVER, 0, 0.3, everyone)
 
 
 @given(st.integers(0, 10_000), st.integers(0, 6))
@@ -87,67 +91,77 @@ def test_circles_dismiss_nobody_who_is_met(seed: int, slot: int) -> None:
         for k in range(1, 6)
         if gones[k] > slot
     )
-    found = meets_anyone(
-        0, timelines[0], 0, FOREVER, slot, radii[0], timelines, starts, gones, radii, circles_of(timelines)
-    )
+    everyone = Timelines(timelines, starts, gones, radii, circles_of(timelines))
+    found = meets_anyone(0, timelines[0], 0, FOREVER, slot, radii[0], everyone)
     assert found == met
 
 
 @pytest.mark.parametrize(("frame", "clock"), [(0, 0), (7, 31), (39, 100)])
 def test_a_sampled_chain_is_where_the_chain_will_be(frame: int, clock: int) -> None:
     nodes = [1, 2, 2, 3]
-    origins, seams = chain_of(GRAPH, nodes, START)
+    origins, blend_offsets = chain_of(GRAPH, nodes, START)
     out = np.zeros((40, 2))
-    ended = sample_chain(GRAPH, np.array(nodes, np.int32), origins, seams, 4, frame, clock, SLOT_FRAMES, out)
+    chain = Chain(np.array(nodes, np.int32), origins, blend_offsets)
+    ended = sample_chain(GRAPH, chain, 4, frame, clock, SLOT_FRAMES, out)
     total = int(GRAPH.node_frames[nodes].sum())
     assert (ended - 1) * SLOT_FRAMES < clock + total - frame <= ended * SLOT_FRAMES
     for k, found in enumerate(out):
         later = max((clock // SLOT_FRAMES + k) * SLOT_FRAMES, clock) - clock
-        assert found == pytest.approx(pose_at(GRAPH, nodes, origins, seams, frame + later)[:2], abs=1e-12)
+        assert found == pytest.approx(pose_at(GRAPH, nodes, origins, blend_offsets, frame + later)[:2], abs=1e-12)
 
 
 def test_a_chain_longer_than_its_timeline_is_refused() -> None:
-    nodes = np.array([2, 2, 2], np.int32)
-    origins, seams = chain_of(GRAPH, [2, 2, 2], START)
-    assert sample_chain(GRAPH, nodes, origins, seams, 3, 0, 0, SLOT_FRAMES, np.zeros((10, 2))) == -1
+    chain = Chain(np.array([2, 2, 2], np.int32), *chain_of(GRAPH, [2, 2, 2], START))
+    assert sample_chain(GRAPH, chain, 3, 0, 0, SLOT_FRAMES, np.zeros((10, 2))) == -1
 
 
 def test_the_stop_behind_a_chain_follows_the_stop_edges() -> None:
-    nodes = np.array([1, 2, 0, 0], np.int32)
-    origins, seams = np.zeros((4, 3)), np.zeros((4, 3))
-    origins[:2], seams[:2] = chain_of(GRAPH, [1, 2], START)
-    assert append_stop(GRAPH, nodes, origins, seams, 2) == 3
-    wanted_origins, wanted_seams = chain_of(GRAPH, [1, 2, 3], START)
-    assert nodes[:3].tolist() == [1, 2, 3]
-    assert origins[:3] == pytest.approx(wanted_origins, abs=1e-12)
-    assert seams[:3] == pytest.approx(wanted_seams, abs=1e-12)
-    assert append_stop(GRAPH, nodes[:2], origins[:2], seams[:2], 2) == -1
+    chain = Chain.room(4)
+    chain.nodes[:2] = 1, 2
+    chain.origins[:2], chain.blend_offsets[:2] = chain_of(GRAPH, [1, 2], START)
+    assert append_stop(GRAPH, chain, 2) == 3
+    wanted_origins, wanted_offsets = chain_of(GRAPH, [1, 2, 3], START)
+    assert chain.nodes[:3].tolist() == [1, 2, 3]
+    assert chain.origins[:3] == pytest.approx(wanted_origins, abs=1e-12)
+    assert chain.blend_offsets[:3] == pytest.approx(wanted_offsets, abs=1e-12)
+    assert append_stop(GRAPH, Chain(*(rows[:2] for rows in chain)), 2) == -1
 
 
 @pytest.mark.parametrize("frames", [1, 2, 5])
 def test_advancing_plays_a_chain_frame_by_frame(frames: int) -> None:
     chain = [1, 2, 3]
-    origins, seams = chain_of(GRAPH, chain, START)
+    origins, blend_offsets = chain_of(GRAPH, chain, START)
     node, previous, frame = np.array([1], np.int32), np.array([-1], np.int32), np.array([0], np.int32)
-    origin, seam, pose = START[None].copy(), np.zeros((1, 3)), np.zeros((1, 3))
+    origin, blend_offset, pose = START[None].copy(), np.zeros((1, 3)), np.zeros((1, 3))
     next_node, cursor, next_cursor = np.array([-1], np.int32), np.array([0], np.int32), np.array([-1], np.int32)
-    next_origin, next_seam, behavior = np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1, np.int32)
+    next_origin, next_blend_offset, behavior = np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1, np.int32)
+    rows = Playing(
+        node,
+        previous,
+        frame,
+        origin,
+        blend_offset,
+        next_node,
+        next_origin,
+        next_blend_offset,
+        next_cursor,
+        cursor,
+        behavior,
+        pose,
+    )
     place, played = 0, 0
     for _ in range(int(GRAPH.node_frames[chain].sum()) // frames + 3):
         if frame[0] + frames >= GRAPH.node_frames[node[0]] and next_node[0] < 0 and place + 1 < len(chain):
             place += 1
-            next_node[0], next_origin[0], next_seam[0], next_cursor[0] = (
+            next_node[0], next_origin[0], next_blend_offset[0], next_cursor[0] = (
                 chain[place],
                 origins[place],
-                seams[place],
+                blend_offsets[place],
                 place,
             )
-        advance(
-            GRAPH, frames, node, previous, frame, origin, seam, next_node, next_origin, next_seam, next_cursor, cursor,
-            behavior, pose,
-        )  # fmt: skip
+        advance(GRAPH, frames, rows)
         played += frames
-        assert pose[0] == pytest.approx(pose_at(GRAPH, chain, origins, seams, played), abs=1e-12)
+        assert pose[0] == pytest.approx(pose_at(GRAPH, chain, origins, blend_offsets, played), abs=1e-12)
     assert (node[0], previous[0], cursor[0]) == (3, 2, 2)
     assert frame[0] == GRAPH.node_frames[3]
 
@@ -158,27 +172,27 @@ def reserved(other: tuple[float, float], room: shapely.Polygon | None = None, ke
     Returns (nodes taken, gone slot, timeline).
     """
     plan = [1, 2, 2, 2]
-    chain, origins, seams = np.zeros(12, np.int32), np.zeros((12, 3)), np.zeros((12, 3))
-    chain[:4] = plan
-    origins[:4], seams[:4] = chain_of(GRAPH, plan, START)
+    chain = Chain.room(12)
+    chain.nodes[:4] = plan
+    chain.origins[:4], chain.blend_offsets[:4] = chain_of(GRAPH, plan, START)
     mesh = NavMesh(room or shapely.box(-5, -5, 10, 10)).arrays
     timelines = np.zeros((2, 48, 2))
     timelines[0] = START[:2]
     timelines[1] = other
     out = np.zeros((48, 2))
-    taken, gone = reserve(
-        GRAPH, (mesh, mesh), np.array([[0.2, 0.3]]), 0, 0, 0, SLOT_FRAMES, chain, origins, seams, 1, 3, False,
-        timelines, np.zeros(2, np.int64), np.full(2, FOREVER), np.full(2, 0.3), circles_of(timelines),
-        kept_free, 0.35, out,
-    )  # fmt: skip
+    obstacles = Obstacles((mesh, mesh), np.array([[0.2, 0.3]]), kept_free, 0.35)
+    starts, gones, radii = np.zeros(2, np.int64), np.full(2, FOREVER), np.full(2, 0.3)
+    everyone = Timelines(timelines, starts, gones, radii, circles_of(timelines))
+    draft = Chain.room(12)
+    taken, gone = reserve(GRAPH, obstacles, everyone, 0, 0, 0, SLOT_FRAMES, chain, draft, 1, 3, False, out)
     return taken, gone, out
 
 
 def walked(taken: int) -> tuple[np.ndarray, np.ndarray]:
     """Track positions at the slots of START, ``taken`` strides and the stop behind them; and where that ends."""
     nodes = [1, *[2] * taken, 3]
-    origins, seams = chain_of(GRAPH, nodes, START)
-    path = np.array([pose_at(GRAPH, nodes, origins, seams, k * SLOT_FRAMES)[:2] for k in range(48)])
+    origins, blend_offsets = chain_of(GRAPH, nodes, START)
+    path = np.array([pose_at(GRAPH, nodes, origins, blend_offsets, k * SLOT_FRAMES)[:2] for k in range(48)])
     return path, path[-1]
 
 

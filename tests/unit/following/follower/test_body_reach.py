@@ -7,7 +7,13 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import MotionError
 from crowdsim.following.follower.body_reach import BodyReach, body_reach
-from crowdsim.following.follower.path_follower import FollowOptions, FollowResult, FollowStatus, follow_path
+from crowdsim.following.follower.path_follower import (
+    Character,
+    FollowOptions,
+    FollowResult,
+    FollowStatus,
+    follow_path,
+)
 from crowdsim.following.follower.reach_kernels import WINDOW
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.geometry.elementary import hypot
@@ -62,7 +68,7 @@ def most_off(result: FollowResult, path: Samples) -> float:
 
 def follow(path: Samples, reach: BodyReach | None) -> FollowResult:
     options = FollowOptions(goal_tolerance=0.1)
-    return follow_path(GRAPH, MAPS, path, WORLD.meshes, RADII, FACINGS, np.zeros(3), IDLE, options, reach)
+    return follow_path(Character(GRAPH, MAPS, RADII, FACINGS, reach), path, WORLD.meshes, np.zeros(3), IDLE, options)
 
 
 BENDS = [[(0.0, 0.0), (4.0, 0.0), (4.0 + 3.0 * np.cos(a), 3.0 * np.sin(a)), (11.0, 2.0)] for a in (0.5, 0.9, -1.2, 1.5)]

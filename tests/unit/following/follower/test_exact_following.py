@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -11,7 +13,13 @@ from hypothesis import strategies as st
 from crowdsim.following.follower.arrival_kernels import MOST_BENT
 from crowdsim.following.follower.body_reach import body_reach
 from crowdsim.following.follower.exact_following import follow_exactly
-from crowdsim.following.follower.path_follower import FollowOptions, FollowResult, FollowStatus, PathSearch
+from crowdsim.following.follower.path_follower import (
+    Character,
+    FollowOptions,
+    FollowResult,
+    FollowStatus,
+    PathFollower,
+)
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.geometry.planar import wrap_angle
 from tests.reference.follow_maps import track_of
@@ -29,12 +37,13 @@ from tests.unit.following.follower.test_path_follower import (
 from tests.unit.following.walking_graph import FACINGS, RADII
 
 MAPS = MotionMaps.build(GRAPH)
+WALKER = Character(GRAPH, MAPS, RADII, FACINGS)
 FIELD = scene(OPEN_GROUND)
 
 
-def search_for(path: Samples, world: Scene = FIELD, **options: float) -> PathSearch:
+def search_for(path: Samples, world: Scene = FIELD, **options: float) -> PathFollower:
     chosen = FollowOptions(goal_tolerance=0.1, end_standing=True, budget=400, **options)  # type: ignore[arg-type]
-    return PathSearch(GRAPH, MAPS, path, world.meshes, RADII, FACINGS, np.zeros(3), IDLE, chosen)
+    return PathFollower(WALKER, path, world.meshes, np.zeros(3), IDLE, chosen)
 
 
 def check_bent(found: FollowResult, bent: FollowResult, world: Scene, path: Samples) -> np.ndarray:
@@ -88,9 +97,9 @@ def test_nothing_is_bent_to_where_discs_or_joints_would_not_be_free() -> None:
         (FIELD, body_reach(GRAPH, POSES, np.full(3, 0.42)), 0.42),
     ):
         options = FollowOptions(goal_tolerance=0.1, end_standing=True, budget=4_000)
-        arguments = MAPS, path, world.meshes, RADII, FACINGS, np.zeros(3), IDLE, options, reach
-        search, taken, freely = PathSearch(GRAPH, *arguments), 0, 0
-        wide = PathSearch(GRAPH, *arguments)
+        arguments = replace(WALKER, reach=reach), path, world.meshes, np.zeros(3), IDLE, options
+        search, taken, freely = PathFollower(*arguments), 0, 0
+        wide = PathFollower(*arguments)
         wide._arguments = (*wide._arguments[:4], FIELD.meshes, None, *wide._arguments[6:])
         for _ in range(30):
             found = search.next()
@@ -114,7 +123,7 @@ def test_most_paths_are_walked_to_their_end_within_a_centimeter() -> None:
     goals = [(4.0 + 0.37 * k, 0.9 * np.sin(k)) for k in range(12)]
     for goal in goals:
         path = sample([(0.0, 0.0), (2.0, 0.0), goal])
-        found, off = follow_exactly(GRAPH, MAPS, path, FIELD.meshes, RADII, FACINGS, np.zeros(3), IDLE)
+        found, off = follow_exactly(WALKER, path, FIELD.meshes, np.zeros(3), IDLE)
         assert found.status is FollowStatus.FOUND
         assert GRAPH.node_ends_standing[found.nodes[-1]]
         track = check(found, FIELD)
@@ -128,7 +137,7 @@ def test_most_paths_are_walked_to_their_end_within_a_centimeter() -> None:
 def test_a_heading_that_is_asked_for_is_held_where_the_end_is_met(asked: float) -> None:
     path = sample([(0.0, 0.0), (4.0, 0.0), (6.0, 3.0)])
     options = FollowOptions(goal_tolerance=0.1, goal_heading=asked)
-    found, off = follow_exactly(GRAPH, MAPS, path, FIELD.meshes, RADII, FACINGS, np.zeros(3), IDLE, options)
+    found, off = follow_exactly(WALKER, path, FIELD.meshes, np.zeros(3), IDLE, options)
     assert found.status is FollowStatus.FOUND
     assert off <= 0.01
     assert abs(wrap_angle(check(found, FIELD)[-1, 2] - asked)) <= np.radians(15.0)
@@ -138,8 +147,7 @@ def test_joints_are_kept_in_their_section_to_the_end() -> None:
     for line in BENDS[:2]:
         path = sample(line)
         reach = body_reach(GRAPH, POSES, np.full(3, 0.5))
-        arguments = GRAPH, MAPS, path, FIELD.meshes, RADII, FACINGS, np.zeros(3), IDLE
-        found, off = follow_exactly(*arguments, reach=reach)
+        found, off = follow_exactly(replace(WALKER, reach=reach), path, FIELD.meshes, np.zeros(3), IDLE)
         assert found.status is FollowStatus.FOUND
         assert off <= 0.01
         places = joints_of(found)[int(GRAPH.node_frames[found.nodes[0]]) + 1 :].reshape(-1, 2)
@@ -150,7 +158,7 @@ def test_a_closed_way_gives_what_came_farthest() -> None:
     world = scene(shapely.box(-2.0, -1.2, 6.0, 1.2))
     path = sample([(0.0, 0.0), (9.0, 0.0)])
     options = FollowOptions(goal_tolerance=0.1, budget=200)
-    found, off = follow_exactly(GRAPH, MAPS, path, world.meshes, RADII, FACINGS, np.zeros(3), IDLE, options)
+    found, off = follow_exactly(WALKER, path, world.meshes, np.zeros(3), IDLE, options)
     assert found.status is not FollowStatus.FOUND
     assert off > 2.0
     assert len(track_of(GRAPH, found)[0]) > 100

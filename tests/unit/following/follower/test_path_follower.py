@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import MotionError
 from crowdsim.following.follower.path_follower import (
-    THOROUGH_LOOKS,
+    THOROUGH_BRANCHES,
+    Character,
     FollowOptions,
     FollowResult,
     FollowStatus,
-    PathSearch,
+    PathFollower,
     follow_path,
 )
 from crowdsim.following.maps.motion_maps import MotionMaps
@@ -71,7 +72,7 @@ def follow(
     maps: MotionMaps, world: Scene, path: Samples, start: tuple[float, float, float], node: int = IDLE, **options: float
 ) -> FollowResult:
     chosen = FollowOptions(**options)  # type: ignore[arg-type]
-    return follow_path(GRAPH, maps, path, world.meshes, RADII, FACINGS, np.array(start), node, chosen)
+    return follow_path(Character(GRAPH, maps, RADII, FACINGS), path, world.meshes, np.array(start), node, chosen)
 
 
 def check(result: FollowResult, world: Scene) -> NDArray[np.float64]:
@@ -247,23 +248,23 @@ def test_two_threads_find_what_one_finds(maps: MotionMaps) -> None:
 def test_what_a_quick_search_cannot_find_is_searched_thoroughly(maps: MotionMaps) -> None:
     world, path = corridor()
     start = (0.0, 0.2, 1.0)
-    quick = follow(maps, world, path, start, looks=1)
+    quick = follow(maps, world, path, start, branches=1)
     needed = quick.expansions
-    short = follow(maps, world, path, start, looks=1, budget=3 * needed)
+    short = follow(maps, world, path, start, branches=1, budget=3 * needed)
     assert short.status is FollowStatus.FOUND
     assert short.expansions > 3 * needed // 4
     check(short, world)
-    assert same(short, follow(maps, world, path, start, looks=THOROUGH_LOOKS))
+    assert same(short, follow(maps, world, path, start, branches=THOROUGH_BRANCHES))
     assert not same(short, quick)
 
 
 def test_a_search_goes_on_to_other_solutions(maps: MotionMaps) -> None:
     world, path = corridor()
     options = FollowOptions(end_standing=True, budget=400)
-    arguments = (GRAPH, maps, path, world.meshes, RADII, FACINGS, np.zeros(3), IDLE, options)
-    search = PathSearch(*arguments)
+    arguments = (Character(GRAPH, maps, RADII, FACINGS), path, world.meshes, np.zeros(3), IDLE, options)
+    search = PathFollower(*arguments)
     found = [search.next() for _ in range(5)]
-    assert same(found[0], PathSearch(*arguments).next())
+    assert same(found[0], PathFollower(*arguments).next())
     for one, other in pairwise(found):
         assert other.status is FollowStatus.FOUND
         assert one.expansions <= other.expansions
@@ -285,23 +286,23 @@ def test_a_heading_that_is_asked_for_is_held_at_the_goal(maps: MotionMaps, asked
 def test_few_looks_lead_there_too_and_all_of_them_are_as_many_as_one_asks(maps: MotionMaps) -> None:
     world, path = corridor()
     start = (0.0, 0.2, 1.0)
-    for looks in (1, 6):
-        result = follow(maps, world, path, start, looks=looks)
+    for branches in (1, 6):
+        result = follow(maps, world, path, start, branches=branches)
         assert result.status is FollowStatus.FOUND
         check(result, world)
-    assert same(follow(maps, world, path, start, looks=2_500), follow(maps, world, path, start, looks=9_999))
+    assert same(follow(maps, world, path, start, branches=2_500), follow(maps, world, path, start, branches=9_999))
     bend = sample([(0.0, 0.0), (6.0, 0.0), (9.0, 3.0), (9.0, 9.0)])
     field = scene(OPEN_GROUND)
-    few, many = (follow(maps, field, bend, (0.0, 0.0, 0.0), looks=looks) for looks in (1, 200))
+    few, many = (follow(maps, field, bend, (0.0, 0.0, 0.0), branches=branches) for branches in (1, 200))
     assert deviation(check(many, field), bend).mean() < deviation(check(few, field), bend).mean()
 
 
 def test_input_that_does_not_fit_is_refused(maps: MotionMaps) -> None:
     world, path = scene(OPEN_GROUND), sample([(0.0, 0.0), (5.0, 0.0)])
     with pytest.raises(MotionError, match="each of the 3 behaviors"):
-        follow_path(GRAPH, maps, path, world.meshes, RADII[:2], FACINGS[:2], np.zeros(3))
+        follow_path(Character(GRAPH, maps, RADII[:2], FACINGS[:2]), path, world.meshes, np.zeros(3))
     with pytest.raises(MotionError, match="one candidate and looks at one branch"):
-        follow(maps, world, path, (0.0, 0.0, 0.0), looks=0)
+        follow(maps, world, path, (0.0, 0.0, 0.0), branches=0)
     short = Samples(path.pose[:1], path.arc[:1], path.behavior[:1])
     with pytest.raises(MotionError, match="two samples"):
-        follow_path(GRAPH, maps, short, world.meshes, RADII, FACINGS, np.zeros(3))
+        follow_path(Character(GRAPH, maps, RADII, FACINGS), short, world.meshes, np.zeros(3))

@@ -10,7 +10,8 @@ import pytest
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.clips.kinematics import end_positions, forward_kinematics, rotate
-from crowdsim.motion.synthesis.body import ANKLE_HEIGHT, BALL_HEIGHT, HEEL_BACK, default_skeleton
+from crowdsim.motion.clips.skeleton import HEEL_BACK
+from crowdsim.motion.synthesis.body import ANKLE_HEIGHT, BALL_HEIGHT, default_skeleton
 from crowdsim.motion.synthesis.footstep_plan import LEFT, RIGHT, Plan
 from crowdsim.motion.synthesis.library import synthesize_set
 from crowdsim.motion.synthesis.plan_builder import PlanBuilder

@@ -45,7 +45,7 @@ def test_hints_do_not_change_answers():
         plain, triangle = disc_clearance(mesh, x, y, 5.0, -1)
         hinted, hint = disc_clearance(mesh, x, y, 5.0, hint)
         assert plain == hinted
-        assert (plain == -1.0) == (triangle < 0 or mesh.wind[triangle] != 0)
+        assert (plain == -1.0) == (triangle < 0 or mesh.cover[triangle] != 0)
 
 
 def test_capsules_are_those_of_shapely():

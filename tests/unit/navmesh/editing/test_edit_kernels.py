@@ -44,7 +44,7 @@ def _as_seen(places):
     return (
         (m.sides.size, m.sides.nbytes),
         (m.vertices.size, m.vertices.nbytes),
-        (m.wind.size, m.wind.nbytes),
+        (m.cover.size, m.cover.nbytes),
         (m.hints.size, m.hints.nbytes),
         (m.frame.size, m.frame.nbytes),
         (w.stack.size, w.stack.nbytes),
@@ -94,10 +94,10 @@ def test_windings_kept_up_to_date_are_those_of_a_flood():
             mesh.remove(handles[rng.integers(len(handles) - 1)])
             handles = handles[-1:]
     count = int(mesh.arrays.frame["triangles"][0])
-    kept = mesh.arrays.wind[:count].copy()
+    kept = mesh.arrays.cover[:count].copy()
     assert kept.max() > 1
     _flood(mesh.arrays, workshop(len(mesh.arrays.vertices)))
-    np.testing.assert_array_equal(mesh.arrays.wind[:count], kept)
+    np.testing.assert_array_equal(mesh.arrays.cover[:count], kept)
 
 
 def test_parts_of_segments_inside_circles():
@@ -121,17 +121,17 @@ def test_parts_of_segments_inside_circles():
 def test_what_changed_around_touched_vertices_is_measured_again_and_nothing_else():
     mesh = resized(NavMesh(random_area(np.random.default_rng(6), "boxes", count=10)).arrays, 1000)
     work, filled = workshop(1000), int(mesh.frame["triangles"][0])
-    right = mesh.sides["clr"].copy()
-    for changed in np.flatnonzero(mesh.wind[:filled] == 0)[::7]:
-        mesh.sides["clr"] = 7.0
-        mesh.sides["clr"][3 * changed] = -1.0
+    right = mesh.sides["corner_clearance"].copy()
+    for changed in np.flatnonzero(mesh.cover[:filled] == 0)[::7]:
+        mesh.sides["corner_clearance"] = 7.0
+        mesh.sides["corner_clearance"][3 * changed] = -1.0
         v = mesh.sides["org"][3 * changed + 1]
         work.to_do["mark"] = KEPT  # a build leaves feet that an edit would take out
         work.to_do["touched"][0], work.to_do["mark"][v], work.progress["touched"] = v, TOUCHED | KEPT, 1
         assert _settle(mesh, work) == 0
-        measured = np.flatnonzero(mesh.sides["clr"] != 7.0)
+        measured = np.flatnonzero(mesh.sides["corner_clearance"] != 7.0)
         assert set(measured // 3) == {changed}
-        np.testing.assert_array_equal(mesh.sides["clr"][measured], right[measured])
+        np.testing.assert_array_equal(mesh.sides["corner_clearance"][measured], right[measured])
         assert int(mesh.frame["triangles"][0]) == filled
         assert not (work.to_do["mark"] & ~KEPT).any()
         assert work.progress[["touched", "waiting", "gone"]].item() == (0, 0, 0)

@@ -56,7 +56,7 @@ def test_points_and_segments_enter_a_mesh_until_it_is_full():
     assert _insert_segment(mesh, a, b, w) == 0
     assert find_half_edge(mesh.sides, mesh.vertices, a, b) == -1  # a vertex on the way splits it
     for start, end in ((a, between), (between, b)):
-        assert mesh.sides["cst"][find_half_edge(mesh.sides, mesh.vertices, start, end)] == 1
+        assert mesh.sides["constraints"][find_half_edge(mesh.sides, mesh.vertices, start, end)] == 1
     assert mesh_faults(mesh) == []
 
 

@@ -141,8 +141,8 @@ def test_tangled_strings_are_found_as_shortest_paths(monkeypatch):
     def tangle(*arguments):
         """Forget some of the paths."""
         points = plan_paths(*arguments)
-        status, lengths, counts = arguments[-3:]
-        pieces = np.split(points, np.cumsum(counts)[:-1])
+        batch = arguments[-1]
+        status, lengths, counts, pieces = batch.status, batch.lengths, batch.counts, batch.pieces(points)
         for i in np.flatnonzero(status == FOUND)[::3]:
             status[i], lengths[i], counts[i], pieces[i] = TANGLED, math.nan, 0, np.empty((0, 2))
         return np.concatenate(pieces)

@@ -70,8 +70,8 @@ def test_labels_are_those_of_a_flood(kind):
         count = label_sides(mesh, width, labels)
         labels = labels[: 3 * mesh.frame["triangles"][0]]
         sides = mesh.sides[: len(labels)]
-        twins, closed = sides["twin"], sides["cst"] != 0
-        blocked = np.repeat(mesh.wind != 0, 3)[: len(labels)]
+        twins, closed = sides["twin"], sides["constraints"] != 0
+        blocked = np.repeat(mesh.cover != 0, 3)[: len(labels)]
         np.testing.assert_array_equal(labels < 0, closed | blocked)
         inner = labels >= 0
         np.testing.assert_array_equal(labels[inner], labels[twins[inner]])
@@ -126,7 +126,7 @@ def test_locate_finds_a_triangle_around_the_point():
     for point in rng.uniform(-0.4, 10.4, (200, 2)):
         corners = place[mesh.arrays.sides["org"][3 * mesh.locate(point) :][:3]]
         assert shapely.Polygon(corners).distance(shapely.Point(point)) < 1e-6
-        blocked = mesh.arrays.wind[mesh.locate(point)] != 0
+        blocked = mesh.arrays.cover[mesh.locate(point)] != 0
         assert blocked == (mesh.clearance(point) == 0.0)
     assert mesh.locate((50, 5)) == -1
     with pytest.raises(GeometryError, match="finite"):

@@ -149,7 +149,9 @@ def test_a_disc_on_a_side_of_the_mesh_sees_what_is_on_either_hand():
     # The middle of a side is where two triangles meet; the view from there is that of both.
     mesh = NavMesh(random_area(np.random.default_rng(3), "boxes"))
     org, twin = mesh.arrays.sides["org"], mesh.arrays.sides["twin"]
-    sides = np.flatnonzero((mesh.arrays.sides["cst"] == 0) & (twin >= 0) & (np.repeat(mesh.arrays.wind, 3) == 0))
+    sides = np.flatnonzero(
+        (mesh.arrays.sides["constraints"] == 0) & (twin >= 0) & (np.repeat(mesh.arrays.cover, 3) == 0)
+    )
     place = np.column_stack([mesh.arrays.vertices["x"], mesh.arrays.vertices["y"]])
     starts = 0.5 * (place[org[sides]] + place[org[twin[sides]]])
     goals = np.random.default_rng(4).permutation(starts)

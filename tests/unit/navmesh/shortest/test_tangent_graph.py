@@ -10,6 +10,7 @@ import shapely
 from crowdsim.jit import kernel
 from crowdsim.navmesh.mesh.heap_kernels import HEAP_ROW, pop, push
 from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.navmesh.paths.batch import Batch
 from crowdsim.navmesh.shortest.arc_kernels import find_arcs
 from crowdsim.navmesh.shortest.shortest_kernels import shortest_paths
 from crowdsim.navmesh.shortest.tangent_graph import RadiusGraph
@@ -135,20 +136,9 @@ def test_searches_fill_what_they_are_given():
     starts, goals = np.array([(1.0, 5.0), (5.0, 5.0)]), np.array([(9.0, 5.0), (1.0, 1.0)])
     status, lengths, counts = np.empty(2, np.int8), np.empty(2), np.empty(2, np.int64)
     with graph.scratch() as scratch:
-        points = shortest_paths(
-            mesh.arrays,
-            graph.arrays,
-            scratch,
-            starts,
-            goals,
-            graph.asked,
-            graph.radius,
-            graph.least,
-            graph.slack,
-            status,
-            lengths,
-            counts,
-        )
+        radii = np.full(2, 0.5)
+        batch = Batch(starts, goals, radii, radii, status, lengths, counts)
+        points = shortest_paths(mesh.arrays, graph.arrays, scratch, batch, graph.asked, graph.disc)
     assert status.tolist() == [0, 1]
     assert counts.tolist() == [len(points), 0]
     turn = math.atan2(1.0, 3.0) + math.asin(0.5 / math.sqrt(10.0))

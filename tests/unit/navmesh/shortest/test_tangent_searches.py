@@ -8,25 +8,21 @@ import shapely
 
 from crowdsim.jit import kernel
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.navmesh.shortest.complete_search_kernels import search_all, string_of_label
-from crowdsim.navmesh.shortest.end_kernels import free_triangle
+from crowdsim.navmesh.shortest.complete_search_kernels import search_all, string_of_arrival
+from crowdsim.navmesh.shortest.end_kernels import stand_at
 from crowdsim.navmesh.shortest.tangent_graph import RadiusGraph
 from crowdsim.navmesh.shortest.tangent_search_kernels import search_tangents
 
 
 @kernel
-def _search_both(m, graph, scratch, sx, sy, gx, gy, radius, least, slack):
-    start, start_others = free_triangle(m, sx, sy, least)
-    goal, goal_others = free_triangle(m, gx, gy, least)
-    if start < 0 or goal < 0:
+def _search_both(m, graph, scratch, sx, sy, gx, gy, disc):
+    start = stand_at(m, sx, sy, disc.least)
+    goal = stand_at(m, gx, gy, disc.least)
+    if start.triangle < 0 or goal.triangle < 0:
         return np.inf, np.inf, np.inf, 0
-    _, one, lost = search_tangents(
-        m, graph, scratch, start, start_others, sx, sy, goal, goal_others, gx, gy, radius, least, slack, np.inf
-    )
-    arrivals, last, every = search_all(
-        m, graph, scratch, start, start_others, sx, sy, goal, goal_others, gx, gy, radius, least, slack, np.inf
-    )
-    bends = string_of_label(graph, arrivals, last, sx, sy, gx, gy, radius).size - 2 if last >= 0 else 0
+    _, one, lost = search_tangents(m, graph, scratch, start, goal, disc, np.inf)
+    arrivals, last, every = search_all(m, graph, scratch, start, goal, disc, np.inf)
+    bends = string_of_arrival(graph, arrivals, last, start, goal, disc.radius).size - 2 if last >= 0 else 0
     return one, lost, every, bends
 
 
@@ -41,9 +37,7 @@ def test_what_the_search_with_one_arrival_loses_it_tells(radius):
     found = 0
     with graph.scratch() as scratch:
         for start, goal in zip(places[::2], places[1::2], strict=True):
-            one, lost, every, bends = _search_both(
-                mesh.arrays, graph.arrays, scratch, *start, *goal, graph.radius, graph.least, graph.slack
-            )
+            one, lost, every, bends = _search_both(mesh.arrays, graph.arrays, scratch, *start, *goal, graph.disc)
             length = mesh.find_paths([start], [goal], radius, "best").lengths[0]
             if length <= math.dist(start, goal) + 1e-9:  # the straight way is not the business of these searches
                 continue

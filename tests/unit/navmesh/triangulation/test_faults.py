@@ -48,7 +48,7 @@ def segments_mesh(points, segments, builder):
 
 
 def constrained_lines(mesh):
-    half_edges = np.flatnonzero(mesh.sides["cst"] > 0)
+    half_edges = np.flatnonzero(mesh.sides["constraints"] > 0)
     following = np.where(half_edges % 3 == 2, half_edges - 2, half_edges + 1)
     ends = mesh.vertices[mesh.sides["org"][np.stack([half_edges, following], axis=1)]]
     return shapely.union_all(shapely.linestrings(np.stack([ends["x"], ends["y"]], axis=2)))

@@ -17,10 +17,10 @@ def test_free_triangles_are_those_of_another_triangulator(seed: int) -> None:
     mesh = NavMesh(random_area(np.random.default_rng(seed), "boxes")).arrays
     filled = int(mesh.frame["triangles"][0])
     origins = mesh.sides["org"].reshape(-1, 3)[:filled]
-    free = np.sort(origins[mesh.wind[:filled] == 0], axis=1)
+    free = np.sort(origins[mesh.cover[:filled] == 0], axis=1)
     points = np.column_stack([mesh.vertices["x"], mesh.vertices["y"]])
     sides = np.stack([origins, np.roll(origins, -1, axis=1)], axis=-1).reshape(-1, 2)[
-        mesh.sides["cst"][: 3 * filled] > 0
+        mesh.sides["constraints"][: 3 * filled] > 0
     ]
     constraints = np.unique(np.sort(sides, axis=1), axis=0)
     other = triangle.triangulate({"vertices": points, "segments": constraints}, "p")
@@ -36,7 +36,7 @@ def test_builders_give_the_same_triangles_where_no_four_corners_are_on_a_circle(
     meshes = [NavMesh(area, builder=builder).arrays for builder in ("own", "triangle")]
     found = []
     for mesh in meshes:
-        origins = np.sort(mesh.sides["org"].reshape(-1, 3)[mesh.wind == 0], axis=1)
+        origins = np.sort(mesh.sides["org"].reshape(-1, 3)[mesh.cover == 0], axis=1)
         found.append({tuple(t) for t in origins.tolist()})
         assert (mesh.vertices[["x", "y"]] == meshes[0].vertices[["x", "y"]]).all()
     assert found[0] == found[1]

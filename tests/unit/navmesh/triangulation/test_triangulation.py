@@ -44,7 +44,7 @@ def test_refinement_splits_walls_only():
     mesh = _check(random_area(np.random.default_rng(1), "walls"))
     added = np.flatnonzero(mesh.vertices["vref"][4:] == 0) + 4
     assert added.size > 0
-    walls = set(mesh.sides["org"][mesh.sides["cst"] > 0].tolist())
+    walls = set(mesh.sides["org"][mesh.sides["constraints"] > 0].tolist())
     assert walls.issuperset(added.tolist())
 
 
@@ -65,7 +65,7 @@ def _segments_mesh(points, segments):
 def _check_segments(points, segments):
     mesh, ends = _segments_mesh(np.asarray(points, float), np.asarray(segments, np.int64).reshape(-1, 2))
     assert mesh_faults(mesh) == []
-    half_edges = np.flatnonzero(mesh.sides["cst"][: 3 * mesh.frame["triangles"][0]] > 0)
+    half_edges = np.flatnonzero(mesh.sides["constraints"][: 3 * mesh.frame["triangles"][0]] > 0)
     following = np.where(half_edges % 3 == 2, half_edges - 2, half_edges + 1)
     ends_of = mesh.vertices[mesh.sides["org"][np.stack([half_edges, following], axis=1)]]
     lines = shapely.linestrings(np.stack([ends_of["x"], ends_of["y"]], axis=2))

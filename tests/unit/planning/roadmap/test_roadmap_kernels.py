@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 import shapely
 
+from crowdsim.jit import kernel
 from crowdsim.navmesh.clearance.sweep_kernels import are_free
 from crowdsim.navmesh.navmesh import NavMesh
-from crowdsim.planning.labels.fitting_kernels import annotate
+from crowdsim.planning.labels.fitting_kernels import Fitting, annotate
 from crowdsim.planning.labels.labelling_kernels import TERMS
 from crowdsim.planning.roadmap.build_kernels import corner_radii, join_points, place_points
+from crowdsim.planning.roadmap.measuring_kernels import length_around
 
 RADII = np.array([[0.22, 0.22], [0.22, 0.31], [0.22, 0.37]])
 COSTS = np.array([3.0, 1.1, 1.0])
@@ -19,6 +21,17 @@ DOOR = shapely.union_all([shapely.box(4.9, 0, 5.1, 1.72), shapely.box(4.9, 2.28,
 
 def layers(free):
     return NavMesh(free).arrays, NavMesh(free).arrays
+
+
+@kernel
+def way_length(px, py, qx, qy, cx, cy, radius):
+    return length_around(px, py, qx, qy, cx, cy, radius)
+
+
+def test_a_way_around_a_disc_is_two_tangents_and_an_arc():
+    """From 2 m before the middle of a disc of 1 m to 2 m behind it: tangents of sqrt(3) m, and an arc of 60 degrees."""
+    assert way_length(-2.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0) == pytest.approx(2.0 * np.sqrt(3.0) + np.pi / 3.0)
+    assert way_length(-2.0, 1.5, 2.0, 1.5, 0.0, 0.0, 1.0) == 4.0
 
 
 def test_a_side_across_a_narrow_door_has_a_point_for_the_narrow_behavior():
@@ -62,13 +75,13 @@ def test_door_is_passed_sideways_for_the_least_length():
     upper = (NavMesh(HALL.difference(DOOR)).arrays,)
     radii = np.ascontiguousarray(RADII[:, 1:])
     points = np.array([[1.0, 2.0], [5.0, 2.0], [5.0, 2.0], [9.0, 2.0]])  # one point twice
-    sections, cost, length = annotate(upper, radii, COSTS, TURNED, TERMS, points)
+    sections, cost, length = annotate(Fitting(upper, radii, COSTS, TURNED, TERMS), points)
     assert length == 8.0
     assert sections[:, 0].tolist() == [2, 0, 2]
     across = 0.2 + 2.0 * np.sqrt(0.31**2 - 0.28**2)
     assert sections[1, 2] - sections[1, 1] == pytest.approx(max(0.6, 0.2 + 2.0 * np.sqrt(0.37**2 - 0.28**2)), abs=1e-6)
     assert cost == pytest.approx(8.0 + 2.0 * (sections[1, 2] - sections[1, 1]) + 0.3, abs=1e-9)
-    place_by_place = annotate(upper, radii, COSTS, TURNED, np.zeros(4), points)
+    place_by_place = annotate(Fitting(upper, radii, COSTS, TURNED, np.zeros(4)), points)
     assert place_by_place[1] == pytest.approx(
         8.0 + 2.0 * across + 0.1 * (0.2 + 2.0 * np.sqrt(0.37**2 - 0.28**2) - across), abs=1e-5
     )
@@ -77,5 +90,6 @@ def test_door_is_passed_sideways_for_the_least_length():
 def test_nothing_fits_through_a_wall():
     wall = (NavMesh(HALL.difference(shapely.box(4, 0, 5, 4))).arrays,)
     points = np.array([[1.0, 2.0], [9.0, 2.0]])
-    sections, cost, _ = annotate(wall, np.ascontiguousarray(RADII[:, 1:]), COSTS, TURNED, TERMS, points)
+    fitting = Fitting(wall, np.ascontiguousarray(RADII[:, 1:]), COSTS, TURNED, TERMS)
+    sections, cost, _ = annotate(fitting, points)
     assert (len(sections), cost) == (0, np.inf)

@@ -2,7 +2,7 @@
 
 The cheapest path touches corners at exactly the clearance of its behaviors, though motions follow it only nearly. At
 stations along it the path may shift to one side, and dynamic programming chooses the shifts: length times the cost of
-the behavior that fits, and a price for every station that lacks slack.
+the behavior that fits, and a price for every station that lacks margin.
 """
 
 from __future__ import annotations
@@ -13,22 +13,22 @@ from numpy.typing import NDArray
 from crowdsim.geometry.elementary import hypot
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, arc_lengths
 from crowdsim.planning.query.query import Query
-from crowdsim.planning.query.requirements import TOUCH
+from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 
 STATION = 0.12
 """Meters between stations, at most."""
 
-SLACK = 0.1
+MARGIN = 0.1
 """Meters of clearance beyond the planned that a path takes where they cost (almost) nothing."""
 
-SHIFTS = SLACK * np.linspace(-1.0, 1.0, 9)
+SHIFTS = MARGIN * np.linspace(-1.0, 1.0, 9)
 """Meters to the left by which a station may shift."""
 
-SLACK_PRICE = 0.1
-"""Cost a meter of the preferred behavior, as a share of its own, for lacking all of the slack."""
+MARGIN_PRICE = 0.1
+"""Cost a meter of the preferred behavior, as a share of its own, for lacking all of the margin."""
 
-SLACK_WORTH = 0.03
-"""Share of the cost that slack may take altogether."""
+MARGIN_WORTH = 0.03
+"""Share of the cost that the margin may take altogether."""
 
 _CHORD = 0.01
 """Meters of clearance that shifted stations have left, for the straight pieces between them."""
@@ -37,7 +37,7 @@ _ROUNDS = 4
 _STAY = len(SHIFTS) // 2
 
 
-def with_slack(query: Query, path: AnnotatedPath) -> AnnotatedPath:
+def with_clearance_margin(query: Query, path: AnnotatedPath) -> AnnotatedPath:
     """The same way with more clearance where there is some: through the middle of gaps, wide around corners."""
     if path.length < 2.0 * STATION:
         return path
@@ -49,7 +49,7 @@ def with_slack(query: Query, path: AnnotatedPath) -> AnnotatedPath:
     if prices is None:
         return path
     steps = hypot(*(places[1:, None, :, :] - places[:-1, :, None, :]).transpose(3, 0, 1, 2))
-    legs, radius = query.meshes[0], query.need.search_radius - TOUCH
+    legs, radius = query.meshes[0], query.need.search_radius - CONTACT_TOLERANCE
     for _ in range(_ROUNDS):
         chosen = _cheapest_shifts(prices, steps)
         if (chosen == _STAY).all():
@@ -58,7 +58,7 @@ def with_slack(query: Query, path: AnnotatedPath) -> AnnotatedPath:
         tight = legs.violations(points, radius)
         if not len(tight):
             roomy = query.annotated(points)
-            return roomy if roomy.sections and roomy.cost <= path.cost * (1.0 + SLACK_WORTH) else path
+            return roomy if roomy.sections and roomy.cost <= path.cost * (1.0 + MARGIN_WORTH) else path
         # Straight pieces between stations cut a corner there: they stay where they were.
         at = arc_lengths(points)[first]
         for low, high in tight.tolist():
@@ -70,10 +70,10 @@ def with_slack(query: Query, path: AnnotatedPath) -> AnnotatedPath:
 def _prices(query: Query, places: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """(n, shifts) cost a meter at each of ``places`` (n, shifts, 2), infinite where nobody fits; None if all is roomy.
 
-    The cost is that of the most preferred behavior that fits, and the price of the slack that it lacks.
+    The cost is that of the most preferred behavior that fits, and the price of the margin that it lacks.
     """
     need = query.need
-    reach = need.radii.max(axis=0) + SLACK
+    reach = need.radii.max(axis=0) + MARGIN
     roomy = np.ones(len(places), np.bool_)
     for mesh, limit in zip(query.meshes, reach.tolist(), strict=True):
         roomy &= mesh.clearances(places[:, _STAY], limit) >= limit
@@ -85,8 +85,8 @@ def _prices(query: Query, places: NDArray[np.float64]) -> NDArray[np.float64] | 
     for layer, mesh in enumerate(query.meshes):
         clear = mesh.clearances(places[close].reshape(-1, 2), float(reach[layer]))
         room = np.minimum(room, clear.reshape(len(close), -1, 1) - need.radii[:, layer])
-    least = np.where(np.arange(len(SHIFTS)) == _STAY, -2.0 * TOUCH, _CHORD)[:, None]
-    lack = need.costs[-1] * SLACK_PRICE * (1.0 - np.clip(room / SLACK, 0.0, 1.0))
+    least = np.where(np.arange(len(SHIFTS)) == _STAY, -2.0 * CONTACT_TOLERANCE, _CHORD)[:, None]
+    lack = need.costs[-1] * MARGIN_PRICE * (1.0 - np.clip(room / MARGIN, 0.0, 1.0))
     prices = np.full(places.shape[:2], np.inf)
     prices[:, _STAY] = need.costs[-1]
     prices[close] = np.where(room >= least, need.costs + lack, np.inf).min(axis=2)

@@ -1,10 +1,9 @@
-"""Events of a scenario as changes of place: which things come, move and go, when and where to."""
+"""The timetable of a scenario: which things come, move and go, when and where to."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import shapely
 from shapely.affinity import affine_transform
@@ -13,10 +12,9 @@ from shapely.geometry.base import BaseGeometry
 from crowdsim.environment.layers import AnySolid
 from crowdsim.geometry.planar import rotation
 from crowdsim.scenario.schema.events import Event, Move
+from crowdsim.scenario.schema.schema import ScenarioFields
+from crowdsim.yamlfile.document import Complaint
 from crowdsim.yamlfile.messages import nearest
-
-if TYPE_CHECKING:
-    from crowdsim.scenario.schema.schema import ScenarioFields
 
 Placing = tuple[float, float, float, float, float, float]
 """Where a thing is: (a, b, d, e, x, y) of the map that takes its outline in the file to where it stands."""
@@ -43,29 +41,29 @@ class Movable:
 
 
 @dataclass(frozen=True)
-class Change:
+class ScheduledEvent:
     """From ``at`` seconds on a movable (an index) stands at ``placing``, or is gone (None).
 
-    event: index in the file. title: what it does, as ``close 'door'``.
+    number: its index in the file. title: what it does, as ``close 'door'``.
     """
 
     at: float
     movable: int
     placing: Placing | None
-    event: int
+    number: int
     title: str
 
 
 @dataclass(frozen=True)
-class Changes:
-    """All that changes in a run: the things, and their changes in order of time.
+class Timetable:
+    """What changes in a run: the things that do, and the events in order of time.
 
     fixed: obstacles, and closed doors, that never change.
     """
 
     fixed: tuple[AnySolid, ...]
     movables: tuple[Movable, ...]
-    changes: tuple[Change, ...]
+    events: tuple[ScheduledEvent, ...]
 
     def at_start(self) -> tuple[AnySolid, ...]:
         """Solids that are there when the run begins."""
@@ -73,16 +71,16 @@ class Changes:
         return (*self.fixed, *(solid for movable in there for solid in movable.solids))
 
 
-def read_changes(
-    scenario: ScenarioFields, things: Sequence[tuple[str, tuple[AnySolid, ...]]]
-) -> tuple[Changes, list[tuple[int, str, str]]]:
-    """What the events say of ``things`` (name, solids) and doors, and what is wrong with it as (event, key, message).
+def read_timetable(
+    keys: ScenarioFields, things: Sequence[tuple[str, tuple[AnySolid, ...]]]
+) -> tuple[Timetable, list[Complaint]]:
+    """Read what the events do to ``things`` (name, solids) and doors, and what is wrong with the events.
 
     Events count in the order of their times, those of one time in the order of the file.
     """
-    order = sorted(range(len(scenario.events)), key=lambda number: scenario.events[number].at)
-    named = {event.subject for event in scenario.events if event.insert is None}
-    reader = _Reader(scenario)
+    order = sorted(range(len(keys.events)), key=lambda number: keys.events[number].at)
+    named = {event.subject for event in keys.events if event.insert is None}
+    reader = _Reader(keys)
     fixed: list[AnySolid] = []
     for name, solids in things:
         if name in named:
@@ -90,30 +88,28 @@ def read_changes(
         else:
             fixed += solids
             reader.fixed.add(name)
-    for door in scenario.doors:
+    for door in keys.doors:
         closed = door.initially == "closed"
         if door.name in named:
             reader.add(door.name, door.solids(), AS_DRAWN if closed else None)
         elif closed:
             fixed += door.solids()
             reader.fixed.add(door.name)
-    reader.doors = {door.name for door in scenario.doors}
     for number in order:
-        reader.read(number, scenario.events[number])
-    changes = Changes(tuple(fixed), tuple(reader.movables), tuple(reader.changes))
-    return changes, reader.wrong
+        reader.read(number, keys.events[number])
+    return Timetable(tuple(fixed), tuple(reader.movables), tuple(reader.events)), reader.wrong
 
 
 class _Reader:
     """Follows the events through time: which thing each name means, and where it stands."""
 
-    def __init__(self, scenario: ScenarioFields) -> None:
-        self.coming = {event.insert.name: event.at for event in reversed(scenario.events) if event.insert is not None}
+    def __init__(self, keys: ScenarioFields) -> None:
+        self.coming = {event.insert.name: event.at for event in reversed(keys.events) if event.insert is not None}
         self.fixed: set[str] = set()
-        self.doors: set[str] = set()
+        self.doors = {door.name for door in keys.doors}
         self.movables: list[Movable] = []
-        self.changes: list[Change] = []
-        self.wrong: list[tuple[int, str, str]] = []
+        self.events: list[ScheduledEvent] = []
+        self.wrong: list[Complaint] = []
         self.where: dict[str, tuple[int, Placing | None]] = {}
         self.since: dict[str, str] = {}
 
@@ -125,7 +121,7 @@ class _Reader:
         action, name = event.action, event.subject
         complaint = self._complaint(event)
         if complaint is not None:
-            self.wrong.append((number, action, complaint))
+            self.wrong.append((("events", number, action), complaint))
             return
         if event.insert is not None:
             self.add(name, event.insert.solids(), None)
@@ -137,7 +133,7 @@ class _Reader:
             after = AS_DRAWN if action in ("close", "insert") else None
         self.where[name] = movable, after
         self.since[name] = f"since {event.at:g} s"
-        self.changes.append(Change(event.at, movable, after, number, f"{action} '{name}'"))
+        self.events.append(ScheduledEvent(event.at, movable, after, number, f"{action} '{name}'"))
 
     def _complaint(self, event: Event) -> str | None:
         """Why an event cannot be, or None."""

@@ -20,10 +20,10 @@ def with_events(*events: str, doors: str = DOOR) -> str:
 
 def test_without_events_nothing_changes():
     scenario = parse_scenario(change())
-    changes = scenario.changes()
-    assert [solid.name for solid in changes.fixed] == ["wall", "pole", "bench"]
-    assert changes.movables == changes.changes == ()
-    assert changes.at_start() == changes.fixed
+    timetable = scenario.environment.timetable
+    assert [solid.name for solid in timetable.fixed] == ["wall", "pole", "bench"]
+    assert timetable.movables == timetable.events == ()
+    assert timetable.at_start() == timetable.fixed
 
 
 def test_events_come_in_order_of_time_and_things_keep_where_they_are():
@@ -38,12 +38,12 @@ def test_events_come_in_order_of_time_and_things_keep_where_they_are():
             "at: 31, move: {name: crate, by: [0, -1]}",
         )
     )
-    changes = scenario.changes()
-    assert [solid.name for solid in changes.fixed] == ["wall", "bench"]
-    assert [(movable.name, movable.placing is not None) for movable in changes.movables] == [
+    timetable = scenario.environment.timetable
+    assert [solid.name for solid in timetable.fixed] == ["wall", "bench"]
+    assert [(movable.name, movable.placing is not None) for movable in timetable.movables] == [
         ("pole", True), ("front", False), ("crate", False),
     ]  # fmt: skip
-    assert [(c.at, c.title, c.placing is not None) for c in changes.changes] == [
+    assert [(e.at, e.title, e.placing is not None) for e in timetable.events] == [
         (1.0, "insert 'crate'", True),
         (3.0, "move 'pole'", True),
         (4.0, "move 'crate'", True),
@@ -52,8 +52,9 @@ def test_events_come_in_order_of_time_and_things_keep_where_they_are():
         (30.0, "remove 'pole'", False),
         (31.0, "move 'crate'", True),
     ]
-    bounds = [changes.movables[c.movable].footprint(c.placing).bounds for c in changes.changes if c.placing is not None]
-    pole = changes.movables[0].solids[0].footprint.bounds
+    there = [event for event in timetable.events if event.placing is not None]
+    bounds = [timetable.movables[event.movable].footprint(event.placing).bounds for event in there]
+    pole = timetable.movables[0].solids[0].footprint.bounds
     assert bounds[0] == pytest.approx((1, 1, 2, 1.5))
     assert bounds[1] == pytest.approx((pole[0] + 1, pole[1] + 0.5, pole[2] + 1, pole[3] + 0.5))
     assert bounds[2] == pytest.approx((1.75, 4.5, 2.25, 5.5))
@@ -66,7 +67,7 @@ def test_layers_are_those_of_the_start():
     leaf = shapely.box(4, 2, 4.2, 3)
     for doors, there in ((DOOR, False), (closed, True)):
         scenario = parse_scenario(with_events(f"at: 1, {CRATE}", doors=doors))
-        legs = scenario.layers()[0]
+        legs = scenario.environment.layers[0]
         assert legs.free.intersects(leaf.buffer(-0.01)) is not there
         assert legs.free.contains(shapely.Point(1.5, 1.25))
 
@@ -75,18 +76,18 @@ def test_doors_that_no_event_names_stand_still():
     fixed = [("closed", True), ("open", False)]
     for initially, there in fixed:
         doors = DOOR.replace("top: 2.1", f"top: 2.1, initially: {initially}")
-        changes = parse_scenario(with_events("at: 1, remove: pole", doors=doors)).changes()
-        assert ("front" in [solid.name for solid in changes.fixed]) is there
-        assert [movable.name for movable in changes.movables] == ["pole"]
+        timetable = parse_scenario(with_events("at: 1, remove: pole", doors=doors)).environment.timetable
+        assert ("front" in [solid.name for solid in timetable.fixed]) is there
+        assert [movable.name for movable in timetable.movables] == ["pole"]
 
 
 def test_a_name_may_come_again_when_it_is_gone():
     scenario = parse_scenario(
         with_events("at: 1, remove: pole", "at: 2, insert: {name: pole, box: {min: [1, 1], max: [2, 2]}, top: 1}")
     )
-    changes = scenario.changes()
-    assert [change.movable for change in changes.changes] == [0, 1]
-    assert changes.movables[1].solids[0].top == 1.0
+    timetable = scenario.environment.timetable
+    assert [event.movable for event in timetable.events] == [0, 1]
+    assert timetable.movables[1].solids[0].top == 1.0
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,138 @@
+"""Draw every picture of README and docs anew: ``python tools/draw_pictures.py [FILE ...]``, FILE as in PICTURES below.
+
+The scenarios of the library are run for it, each once.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from pathlib import Path
+
+import shapely
+from PIL import Image
+from shapely import affinity
+
+import crowdsim
+from crowdsim.crowd.state.assets import load_behaviors
+from crowdsim.figures import write_figure
+from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.playback.shot import shot
+from crowdsim.recording.reader import Recording
+from crowdsim.scenario.loader import builtin_scenarios
+from crowdsim.scenario.picture import draw_scenario
+
+ROOT = Path(__file__).resolve().parents[1]
+THUMBNAIL = (640, 400)
+TIMES = {"apartment": 7.2, "bottleneck": 14.0, "clutter": 12.0, "corridor": 54.0, "crossing": 12.0, "plaza": 22.0}
+"""Seconds at which much is going on; the others are drawn at the moment that ``crowdsim play --shot`` chooses."""
+RADIUS = 0.25
+
+
+class Recordings:
+    """Recordings of the scenarios of the library in a folder that goes when all pictures are drawn."""
+
+    def __init__(self, stack: ExitStack) -> None:
+        self._stack = stack
+        self._folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        self._done: dict[str, Recording] = {}
+
+    def of(self, name: str) -> Recording:
+        """The recording of a scenario, which is run if it was not yet."""
+        if name not in self._done:
+            simulation = self._stack.enter_context(crowdsim.Simulation(crowdsim.load_scenario(name)))
+            self._done[name] = self._stack.enter_context(simulation.run(self._folder / f"{name}.h5"))
+        return self._done[name]
+
+
+def write_small(file: Path) -> None:
+    """Write a picture of few hues again with 256 colors."""
+    with Image.open(file) as drawn:
+        small = drawn.convert("RGB").quantize(256)
+    small.save(file, optimize=True)
+
+
+def thumbnail(name: str) -> Callable[[Path, Recordings], None]:
+    """What draws the thumbnail of a scenario."""
+
+    def draw(file: Path, recordings: Recordings) -> None:
+        shot(recordings.of(name), file, TIMES.get(name), size=THUMBNAIL)
+        write_small(file)
+
+    return draw
+
+
+def corridor(file: Path, recordings: Recordings) -> None:
+    shot(recordings.of("corridor"), file, TIMES["corridor"])
+
+
+def corridor_lateral(file: Path, recordings: Recordings) -> None:
+    """Somebody in the narrowest gap."""
+    shot(recordings.of("corridor"), file, 54.2, "follow", agent=5)
+
+
+def apartment_layers(file: Path, recordings: Recordings) -> None:
+    """As ``crowdsim check apartment --picture`` draws it."""
+    scenario = crowdsim.load_scenario("apartment")
+    write_figure(draw_scenario(scenario, load_behaviors(scenario).behaviors), file)
+    write_small(file)
+
+
+def navmesh(file: Path, recordings: Recordings) -> None:
+    """A mesh of two furnished rooms with a path."""
+    mesh = NavMesh(rooms())
+    mesh.picture(mesh.find_path((0.6, 1.5), (7.3, 5.6), RADIUS), file=file)
+    write_small(file)
+
+
+def box(x: float, y: float, width: float, depth: float, turn: float = 0.0) -> shapely.Polygon:
+    """A piece of furniture around (x, y), turned by ``turn`` degrees."""
+    shape = shapely.box(x - 0.5 * width, y - 0.5 * depth, x + 0.5 * width, y + 0.5 * depth)
+    return affinity.rotate(shape, turn)
+
+
+def rooms() -> shapely.Polygon:
+    """A living room with a table, and two smaller rooms behind doors of 1 m."""
+    walls = [
+        shapely.box(5.9, 0.0, 6.05, 2.3),
+        shapely.box(5.9, 3.3, 6.05, 7.0),
+        shapely.box(6.05, 4.4, 7.3, 4.55),
+        shapely.box(8.3, 4.4, 10.0, 4.55),
+    ]
+    seats = [(2.2, 2.15, 15), (3.2, 2.25, 5), (2.4, 4.1, 18), (3.5, 4.2, 0), (1.5, 2.9, 40), (4.4, 3.1, -20)]
+    things = [box(x, y, 0.45, 0.45, turn) for x, y, turn in [*seats, (8.6, 5.7, 30)]]
+    things += [
+        box(2.9, 3.1, 1.8, 1.0, 12),
+        box(1.3, 0.42, 2.0, 0.86),
+        box(0.45, 6.1, 0.9, 1.8),
+        box(2.35, 6.75, 2.1, 0.5),
+    ]
+    things += [box(9.15, 1.45, 1.7, 1.9), box(9.75, 2.78, 0.5, 0.45), box(6.7, 0.27, 1.35, 0.56)]
+    things += [box(7.1, 6.65, 2.15, 0.7), box(9.68, 5.8, 0.65, 1.6)]
+    things += [shapely.Point(4.9, 6.3).buffer(0.35, quad_segs=4), shapely.Point(5.2, 0.6).buffer(0.3, quad_segs=4)]
+    return shapely.box(0.0, 0.0, 10.0, 7.0).difference(shapely.union_all(walls + things))
+
+
+PICTURES: Mapping[str, Callable[[Path, Recordings], None]] = {
+    "docs/images/corridor.png": corridor,
+    "docs/images/corridor_lateral.png": corridor_lateral,
+    "docs/images/apartment_layers.png": apartment_layers,
+    "docs/images/navmesh.png": navmesh,
+    **{f"scenarios/assets/{name}.png": thumbnail(name) for name in builtin_scenarios()},
+}
+"""What draws each picture, by its file below the root."""
+
+
+def main() -> None:
+    with ExitStack() as stack:
+        recordings = Recordings(stack)
+        for name in sys.argv[1:] or PICTURES:
+            file = ROOT / name
+            PICTURES[name](file, recordings)
+            print(f"{name}: {file.stat().st_size // 1000} kB")
+
+
+if __name__ == "__main__":
+    main()
