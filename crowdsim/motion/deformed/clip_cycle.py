@@ -56,6 +56,18 @@ def find_cycle(clip: Clip, speed: float | None = None) -> Cycle:
 
     Steps of both feet that take as long as each other count too.
 
+    Parameters
+    ----------
+    clip : Clip
+        Walking, or side-stepping.
+    speed : float, optional
+        Preferred speed.
+
+    Returns
+    -------
+    Cycle
+        Where it lies in the clip, and its track.
+
     Raises
     ------
     MotionError

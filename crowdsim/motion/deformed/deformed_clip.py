@@ -105,6 +105,11 @@ def deform_clip(clip: Clip, speed: float | None = None) -> DeformedClip:
     speed : float, optional
         Preferred speed [m/s], if the clip has cycles of several speeds.
 
+    Returns
+    -------
+    DeformedClip
+        To plan steps and to pose bodies with, for any number of tracks.
+
     Raises
     ------
     MotionError

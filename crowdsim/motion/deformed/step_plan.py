@@ -55,9 +55,22 @@ class StepPlan(NamedTuple):
 
 
 def smooth_tracks(tracks: Sequence[Floats], seconds: float = 0.7, step: float = STEP) -> list[Floats]:
-    """Tracks (N, 4) as they are shown: x, y and heading smoothed by a Hann window, the phase as it is.
+    """Smooth tracks for showing them.
 
-    At its ends the window shrinks, so that a track keeps where it begins and ends.
+    Parameters
+    ----------
+    tracks : sequence of (N, 4) float64
+        x, y [m], heading [rad], phase [cycles] at equal steps of time.
+    seconds : float
+        Width of the Hann window. At the ends of a track it shrinks, so that a track begins and ends where it does.
+        Longer ones make movements gentler and stray more from what was simulated.
+    step : float
+        Seconds between samples.
+
+    Returns
+    -------
+    list of (N, 4) float64
+        The tracks with x, y and the unwrapped heading smoothed, and the phase as it is.
     """
     reach = int(0.5 * seconds / step)
     weights = 0.5 + 0.5 * cos(np.arange(-reach, reach + 1) * (2.0 * np.pi * step / seconds))
@@ -93,6 +106,11 @@ def plan_steps(clip: DeformedClip, tracks: Sequence[Floats], step: float = STEP)
     step : float
         Seconds between samples.
 
+    Returns
+    -------
+    StepPlan
+        Footsteps, for :func:`pose_at`.
+
     Raises
     ------
     MotionError
@@ -117,29 +135,77 @@ def plan_steps(clip: DeformedClip, tracks: Sequence[Floats], step: float = STEP)
     return StepPlan(samples, firsts, counts, steps, rows, begins, step)
 
 
-def pose_at(clip: DeformedClip, plan: StepPlan, bodies: NDArray[np.int64], times: Floats) -> tuple[Floats, Floats]:
-    """Poses of ``bodies`` (P,), numbers of tracks of a plan, at ``times`` (P,) seconds after their first samples.
+def pose_at(
+    clip: DeformedClip,
+    plan: StepPlan,
+    bodies: NDArray[np.int64],
+    times: Floats,
+    out: tuple[Floats, Floats] | None = None,
+) -> tuple[Floats, Floats]:
+    """Pose bodies of a plan, all in one call.
+
+    Parameters
+    ----------
+    clip : DeformedClip
+        The clip that the plan was made for.
+    plan : StepPlan
+        Footsteps of tracks.
+    bodies : (P,) int64
+        Numbers of tracks of the plan; the same may come again.
+    times : (P,) float64
+        Seconds after the first sample of each track.
+    out : (roots, rotations), optional
+        C-contiguous arrays to write to, as those returned. New ones cost as much as the poses.
 
     Returns
     -------
     roots : (P, 3) float64
         Places of the root joints [m].
     rotations : (P, J, 4) float64
-        Unit quaternions, each joint in its parent, as in :class:`~crowdsim.motion.clips.clip.Clip`.
+        Unit quaternions (w, x, y, z), each joint in its parent, as in :class:`~crowdsim.motion.clips.clip.Clip`.
+
+    Raises
+    ------
+    MotionError
+        If the plan has no such track, a time is not finite, or ``out`` has other shapes.
     """
     bodies, times = np.ascontiguousarray(bodies, np.int64), np.ascontiguousarray(times, np.float64)
     if len(bodies) and not (bodies.min() >= 0 and bodies.max() < len(plan.firsts)):
         raise MotionError(f"the plan has {len(plan.firsts)} tracks, numbered from 0; there is no track {bodies.max()}")
     if not np.isfinite(times).all():
         raise MotionError("a time to pose a body at is not finite")
-    roots = np.empty((len(bodies), 3))
-    rotations = np.empty((len(bodies), clip.skeleton.joint_count, 4))
+    shapes = (len(bodies), 3), (len(bodies), clip.skeleton.joint_count, 4)
+    roots, rotations = (np.empty(shapes[0]), np.empty(shapes[1])) if out is None else out
+    if len(times) != len(bodies) or (roots.shape, rotations.shape) != shapes:
+        raise MotionError(f"{len(bodies)} bodies at {len(times)} times need arrays {shapes[0]} and {shapes[1]}")
     pose_bodies(clip.model, plan, bodies, times, roots, rotations)
     return roots, rotations
 
 
 def posed_clip(clip: DeformedClip, plan: StepPlan, body: int, times: Floats, name: str) -> Clip:
-    """The movement of one body as a clip, a frame for each of ``times``."""
+    """Pose one body of a plan over time, as a clip.
+
+    Parameters
+    ----------
+    clip, plan
+        As for :func:`pose_at`.
+    body : int
+        Number of its track.
+    times : (F,) float64
+        Seconds after the first sample; steps of 1 / CAPTURE_RATE if the clip is to be played as others are.
+    name : str
+        Name of the clip.
+
+    Returns
+    -------
+    Clip
+        A frame for each time, for BVH files, statistics and pictures.
+
+    Raises
+    ------
+    MotionError
+        As :func:`pose_at`.
+    """
     roots, rotations = pose_at(clip, plan, np.full(len(times), body, np.int64), times)
     return Clip(name, clip.skeleton, roots, rotations)
 

@@ -212,6 +212,21 @@ def test_bodies_and_times_that_are_not_there_are_refused() -> None:
         pose_at(walker(), plan, np.array([1]), np.array([0.0]))
     with pytest.raises(MotionError, match="not finite"):
         pose_at(walker(), plan, np.array([0]), np.array([np.nan]))
+    with pytest.raises(MotionError, match="need arrays"):
+        pose_at(walker(), plan, np.array([0]), np.array([0.0]), (np.zeros((2, 3)), np.zeros((1, 19, 4))))
+    with pytest.raises(MotionError, match="at 2 times"):
+        pose_at(walker(), plan, np.array([0]), np.array([0.0, 1.0]))
+
+
+def test_poses_are_written_to_arrays_that_are_given() -> None:
+    plan = plan_steps(walker(), [TRACKS["walk"]])
+    out = np.zeros((2, 3)), np.zeros((2, walker().skeleton.joint_count, 4))
+    where = np.zeros(2, np.int64), np.array([1.5, 4.0])
+    roots, rotations = pose_at(walker(), plan, *where, out)
+    fresh = pose_at(walker(), plan, *where)
+    assert roots is out[0]
+    assert np.array_equal(roots, fresh[0])
+    assert np.array_equal(rotations, fresh[1])
 
 
 def test_nobody_to_pose_is_fine() -> None:
