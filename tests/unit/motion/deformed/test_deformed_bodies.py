@@ -18,7 +18,7 @@ from crowdsim.motion.synthesis.library import synthesize_set
 from crowdsim.motion.synthesis.styles import DANCING, HAPPY
 from tests.support.deformed_figures import figures_of
 from tests.support.gait_figures import LIMITS, body_angles, gait_figures
-from tests.unit.motion.deformed.tracks import STEP, TRACKS, moving, walk_clip
+from tests.unit.motion.deformed.tracks import STEP, TRACKS, moving, walk_clip, with_phase
 
 
 @cache
@@ -252,3 +252,13 @@ def test_no_leg_is_twisted_by_a_turn(name: str) -> None:
         left = rotate(posed.posed[1][:, clip.model.legs[foot, 2]], np.array([0.0, 1.0, 0.0]))
         twist = np.arctan2(-left[:, 0], left[:, 1]) - np.arctan2(-hips[:, 0], hips[:, 1])
         assert np.abs(np.degrees(np.angle(np.exp(1j * twist)))).max() < 50.0
+
+
+def test_a_track_that_sets_off_at_once_was_standing_before() -> None:
+    poses = np.column_stack([0.5 * 2.5 * (np.arange(12) * STEP) ** 2, np.zeros((12, 2))])
+    plan = plan_steps(
+        walker(), [with_phase(np.concatenate([poses, poses[-1] + np.outer(np.arange(1, 9), [0.2, 0, 0])]))]
+    )
+    roots, _ = pose_at(walker(), plan, np.zeros(2, np.int64), np.array([-0.5, 0.0]))
+    assert np.allclose(roots[0], [roots[0, 0], 0.0, walker().model.stand], atol=0.02)
+    assert abs(roots[1, 2] - walker().model.stand) < 0.02
