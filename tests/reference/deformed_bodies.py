@@ -178,7 +178,7 @@ class Body:
                 time = self.time_of(half / 2.0 + u)
                 track = self.at(time)
                 root, turn = self.pelvis(track)
-                spare = 0.95 * np.clip((u - 0.2) / 0.3, 0.0, 1.0)
+                spare = 1.15 * np.clip((u - 0.2) / 0.3, 0.0, 1.0)
                 yaw = self.standing_yaw(half % 2, place, track)
                 pitch = self.pitch(half % 2, u, track)
                 ankle = self.ankle(half % 2, place, yaw, min(pitch, -spare) if spare > 0.0 else pitch)

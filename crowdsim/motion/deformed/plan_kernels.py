@@ -60,7 +60,7 @@ _SOLE_DOWN = 0.125
 """Phase after landing at which the whole sole is on the floor, and from which a heel rises if its leg needs it."""
 _HEEL_FROM, _HEEL_BY = 0.2, 0.3
 """Phase after landing from which a heel may rise to spare the pelvis, and over which it may more and more."""
-_HEEL_MOST = 0.95
+_HEEL_MOST = 1.15
 """Radians that it then may."""
 _HANN = (0.09549150281252627, 0.6545084971874737, 1.0, 0.6545084971874737, 0.09549150281252627)
 
