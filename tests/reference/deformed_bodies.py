@@ -179,7 +179,7 @@ class Body:
                 track = self.at(time)
                 root, turn = self.pelvis(track)
                 spare = 1.15 * np.clip((u - 0.2) / 0.3, 0.0, 1.0)
-                yaw = self.standing_yaw(half % 2, place, track)
+                yaw = self.standing_yaw(half % 2, place, track, u)
                 pitch = self.pitch(half % 2, u, track)
                 ankle = self.ankle(half % 2, place, yaw, min(pitch, -spare) if spare > 0.0 else pitch)
                 hip = root + turn.apply(self.model.hips[half % 2])
@@ -198,10 +198,12 @@ class Body:
         samples = self.model.pitch[foot]
         return float(np.interp(u, np.linspace(0.0, 1.0, len(samples)), samples) * track[5])
 
-    def standing_yaw(self, foot: int, place: np.ndarray, track: np.ndarray) -> float:
+    def standing_yaw(self, foot: int, place: np.ndarray, track: np.ndarray, u: float) -> float:
         twist = track[2] + self.model.prints[foot, 2] - place[2]
         beyond = max(abs(twist) - 0.5, 0.0)
-        return float(place[2] + np.sign(twist) * beyond**2 / (beyond + 0.2))
+        w = np.clip((u - 0.125) / 0.15, 0.0, 1.0)
+        free = 6.0 * w**5 - 15.0 * w**4 + 10.0 * w**3
+        return float(place[2] + np.sign(twist) * free * beyond**2 / (beyond + 0.2))
 
     def ankle(self, foot: int, place: np.ndarray, yaw: float, pitch: float) -> np.ndarray:
         """Ankle of a foot on its heel if the toes point up, else on its ball."""
@@ -215,7 +217,7 @@ class Body:
         foot, place = half % 2, self.prints[half]
         root, turn = self.pelvis(track)
         hip = root + turn.apply(self.model.hips[foot])
-        yaw, pitch = self.standing_yaw(foot, place, track), self.pitch(foot, u, track)
+        yaw, pitch = self.standing_yaw(foot, place, track, u), self.pitch(foot, u, track)
 
         def beyond(angle: float) -> float:
             return float(np.linalg.norm(self.ankle(foot, place, yaw, angle) - hip)) - self.reach(foot)

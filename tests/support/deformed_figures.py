@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crowdsim.motion.clips.kinematics import end_positions, forward_kinematics
+from crowdsim.motion.clips.kinematics import conjugate, end_positions, forward_kinematics, multiply, rotate
 from crowdsim.motion.deformed.body_kernels import HEEL_BACK, PHASE
 from crowdsim.motion.deformed.deformed_clip import DeformedClip
 from crowdsim.motion.deformed.plan_kernels import PAD
@@ -56,6 +56,13 @@ def figures_of(clip: DeformedClip, track: np.ndarray) -> Figures:
         for cycle in np.unique(np.floor(own[stands])):
             ball = places[stands & (np.floor(own) == cycle), toe]
             drift = max(drift, float(np.linalg.norm(ball - ball[0], axis=1).max()))
+        # The heel, while the toes are still up.
+        level = multiply(world[:, ankle], conjugate(model.turns[foot, 3]))
+        heel = places[:, ankle] + rotate(level, np.array([-HEEL_BACK, 0.0, -model.bones[foot, 3]]))
+        lands = (share < _SOLE_DOWN) & (rotate(level, np.array([1.0, 0.0, 0.0]))[:, 2] > 0.01)
+        for cycle in np.unique(np.floor(own[lands])):
+            back = heel[lands & (np.floor(own) == cycle)]
+            drift = max(drift, float(np.linalg.norm(back - back[0], axis=1).max()))
         floor = min(floor, float(places[:, toe, 2].min()) - model.bones[foot, 4])
     assert np.isfinite(ends).all()
     feet = [places[:, model.legs[foot, 2:], :2] for foot in (0, 1)]

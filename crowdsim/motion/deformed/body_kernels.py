@@ -17,6 +17,10 @@ HEEL_BACK = 0.055
 """Meters from the ankle joint back to the end of the heel."""
 REACH = 0.9965
 """Share of its length to which a leg stretches at most."""
+SOLE_DOWN = 0.125
+"""Phase after landing at which the whole sole is on the floor, and from which a heel rises if its leg needs it."""
+_FREE = 0.15
+"""Phase over which a foot that is down becomes free to pivot."""
 _STEEPEST = 1.25
 """Radians to which a heel rises at most."""
 _TWIST, _EASE = 0.5, 0.2
@@ -141,16 +145,17 @@ def sampled(rows, foot, u):
 
 
 @helper
-def standing_yaw(print_yaw, out, heading):
+def standing_yaw(print_yaw, out, heading, u):
     """Heading of a foot that stands: its print's, but turned on its ball as far as the leg would twist too much.
 
-    out: heading of the foot where the body faces the print.
+    out: heading of the foot where the body faces the print. u: share of the foot's cycle; on its heel it does not turn.
     """
     twist = heading + out - print_yaw
     beyond = abs(twist) - _TWIST
     if beyond <= 0.0:
         return print_yaw
-    return print_yaw + math.copysign(beyond * beyond / (beyond + _EASE), twist)
+    free = ease((u - SOLE_DOWN) / _FREE)
+    return print_yaw + math.copysign(free * beyond * beyond / (beyond + _EASE), twist)
 
 
 @helper

@@ -14,6 +14,7 @@ from crowdsim.motion.deformed.body_kernels import (
     HEADING,
     PHASE,
     SHARE,
+    SOLE_DOWN,
     TWIST,
     X,
     Y,
@@ -56,8 +57,6 @@ _LONG, _LONG_BY = 0.32, 0.12
 _MOST_ASIDE = 0.2
 _DEEPEST = 0.2
 """Meters that the pelvis is lowered at most."""
-_SOLE_DOWN = 0.125
-"""Phase after landing at which the whole sole is on the floor, and from which a heel rises if its leg needs it."""
 _HEEL_FROM, _HEEL_BY = 0.2, 0.3
 """Phase after landing from which a heel may rise to spare the pelvis, and over which it may more and more."""
 _HEEL_MOST = 1.15
@@ -245,12 +244,12 @@ def stand_ankle(model, foot, print_row, u, track, place, turn, spare):
     print_row: x, y of the ball and heading of the print. u: share of its cycle. track, place, turn: of the body.
     spare: radians to which the heel rises to spare the pelvis if u is large, or -1 for as much as the leg needs.
     """
-    yaw = standing_yaw(print_row[2], model.prints[foot, 2], track[HEADING])
+    yaw = standing_yaw(print_row[2], model.prints[foot, 2], track[HEADING], u)
     c, s = cos_sin(yaw)
     pitch = planned_pitch(model, foot, u, track[AHEAD])
     if spare >= 0.0:
         pitch = min(pitch, -spare) if spare > 0.0 else pitch
-    elif u > _SOLE_DOWN:
+    elif u > SOLE_DOWN:
         hip = hip_of(model, foot, place, turn)
         pitch = reaching_pitch(model.bones, foot, pitch, hip, print_row, c, s)
     ahead, up = ankle_over(model.bones, foot, pitch)
