@@ -1,0 +1,203 @@
+"""A deformed body in parts: the pelvis of a track, feet that stand, and what their legs can reach.
+
+Rotations are quaternions (w, x, y, z) in tuples; world axes are x, y on the floor and z up.
+"""
+
+import math
+
+from crowdsim.geometry.elementary_kernels import acos, atan2, cos_sin
+from crowdsim.jit import helper
+from crowdsim.motion.deformed.spline_kernels import span_of, value_at, weights_of
+
+# Columns of the samples of a track.
+X, Y, HEADING, PHASE, SHARE, AHEAD, DROP, TWIST = 0, 1, 2, 3, 4, 5, 6, 7
+COLUMNS = 8
+
+HEEL_BACK = 0.055
+"""Meters from the ankle joint back to the end of the heel."""
+REACH = 0.9965
+"""Share of its length to which a leg stretches at most."""
+SOLE_DOWN = 0.125
+"""Phase after landing at which the whole sole is on the floor, and from which a heel rises if its leg needs it."""
+_FREE = 0.15
+"""Phase over which a foot that is down becomes free to pivot."""
+_STEEPEST = 1.25
+"""Radians to which a heel rises at most."""
+_TWIST, _EASE = 0.5, 0.2
+"""Radians that a leg twists before its foot pivots on the ball, and over which the pivoting sets in."""
+
+
+@helper
+def multiply(a, b):
+    """Hamilton product of two rotations: ``b``, then ``a``."""
+    return (
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+    )
+
+
+@helper
+def conjugate(a):
+    """Inverse of a rotation."""
+    return a[0], -a[1], -a[2], -a[3]
+
+
+@helper
+def quaternion(rows, row):
+    """Row of an array (n, 4) as a tuple."""
+    return rows[row, 0], rows[row, 1], rows[row, 2], rows[row, 3]
+
+
+@helper
+def rotate(q, x, y, z):
+    """Vector turned by a rotation."""
+    tx = 2.0 * (q[2] * z - q[3] * y)
+    ty = 2.0 * (q[3] * x - q[1] * z)
+    tz = 2.0 * (q[1] * y - q[2] * x)
+    return (
+        x + q[0] * tx + q[2] * tz - q[3] * ty,
+        y + q[0] * ty + q[3] * tx - q[1] * tz,
+        z + q[0] * tz + q[1] * ty - q[2] * tx,
+    )
+
+
+@helper
+def turned_by(x, y, z):
+    """Rotation of a half rotation vector, to 1e-4 up to a quarter turn, by the series of cosine and sine."""
+    square = x * x + y * y + z * z
+    c = square / 40320.0 - 1.0 / 720.0
+    c = ((c * square + 1.0 / 24.0) * square - 0.5) * square + 1.0
+    s = square / 362880.0 - 1.0 / 5040.0
+    s = ((s * square + 1.0 / 120.0) * square - 1.0 / 6.0) * square + 1.0
+    norm = 1.0 / math.sqrt(c * c + s * s * square)
+    return c * norm, s * x * norm, s * y * norm, s * z * norm
+
+
+@helper
+def ease(u):
+    """From 0 to 1 with no speed and no acceleration at the ends, u in [0, 1]."""
+    u = min(max(u, 0.0), 1.0)
+    return u * u * u * (10.0 + u * (6.0 * u - 15.0))
+
+
+@helper
+def track_at(samples, first, count, step, time):
+    """All columns of a track at ``time`` seconds after its first sample."""
+    span, share = span_of(time, step, first, count)
+    weights = weights_of(share)
+    return (
+        value_at(samples, 0, span, weights),
+        value_at(samples, 1, span, weights),
+        value_at(samples, 2, span, weights),
+        value_at(samples, 3, span, weights),
+        value_at(samples, 4, span, weights),
+        value_at(samples, 5, span, weights),
+        value_at(samples, 6, span, weights),
+        value_at(samples, 7, span, weights),
+    )
+
+
+@helper
+def pelvis_of(model, track):
+    """Place and rotation of the root on a track: the clip's sway, bob, surge and turns by the share of its stride."""
+    share = track[SHARE]
+    c1, s1 = cos_sin(2.0 * math.pi * (track[PHASE] - math.floor(track[PHASE])))
+    # Sum the harmonics; cosine and sine of each follow from those of the one before.
+    ahead, left, up, tx, ty, tz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    c, s = c1, s1
+    waves = model.waves
+    for k in range(0, waves.shape[1], 2):
+        ahead += waves[0, k] * c + waves[0, k + 1] * s
+        left += waves[1, k] * c + waves[1, k + 1] * s
+        up += waves[2, k] * c + waves[2, k + 1] * s
+        tx += waves[3, k] * c + waves[3, k + 1] * s
+        ty += waves[4, k] * c + waves[4, k + 1] * s
+        tz += waves[5, k] * c + waves[5, k + 1] * s
+        c, s = c * c1 - s * s1, s * c1 + c * s1
+    # A body at rest stands taller than one that walks; the bob grows with the square of the stride.
+    walking = min(share, 1.0)
+    ahead = model.root[0] + share * ahead
+    left = model.root[1] + share * left
+    height = (1.0 - walking) * model.stand + walking * model.root[2] + share * share * up - track[DROP]
+    hc, hs = cos_sin(0.5 * track[HEADING])
+    c, s = hc * hc - hs * hs, 2.0 * hc * hs
+    swung = multiply(quaternion(model.mean, 0), turned_by(share * tx, share * ty, share * tz))
+    place = (track[X] + c * ahead - s * left, track[Y] + s * ahead + c * left, height)
+    return place, multiply((hc, 0.0, 0.0, hs), swung)
+
+
+@helper
+def hip_of(model, foot, place, turn):
+    """Hip joint of a leg, of a root at ``place`` with rotation ``turn``."""
+    x, y, z = rotate(turn, model.hips[foot, 0], model.hips[foot, 1], model.hips[foot, 2])
+    return place[0] + x, place[1] + y, place[2] + z
+
+
+@helper
+def sampled(rows, foot, u):
+    """Row ``foot`` of samples (2, S + 1) over a cycle, at its share ``u``."""
+    last = rows.shape[1] - 1
+    place = min(max(u, 0.0), 1.0) * last
+    k = min(int(place), last - 1)
+    return rows[foot, k] + (place - k) * (rows[foot, k + 1] - rows[foot, k])
+
+
+@helper
+def standing_yaw(print_yaw, out, heading, u):
+    """Heading of a foot that stands: its print's, but turned on its ball as far as the leg would twist too much.
+
+    out: heading of the foot where the body faces the print. u: share of the foot's cycle; on its heel it does not turn.
+    """
+    twist = heading + out - print_yaw
+    beyond = abs(twist) - _TWIST
+    if beyond <= 0.0:
+        return print_yaw
+    free = ease((u - SOLE_DOWN) / _FREE)
+    return print_yaw + math.copysign(free * beyond * beyond / (beyond + _EASE), twist)
+
+
+@helper
+def ankle_over(bones, foot, pitch):
+    """Ankle of a foot that stands on its ball: ahead of the ball, and up; on its heel if the toes point up."""
+    length = bones[foot, 2]
+    high = bones[foot, 3]
+    c, s = cos_sin(pitch)
+    if pitch > 0.0:
+        return HEEL_BACK * (c - 1.0) - high * s - length, HEEL_BACK * s + high * c
+    rise = high - bones[foot, 4]
+    return -length * c - rise * s, -length * s + rise * c + bones[foot, 4]
+
+
+@helper
+def reaching_pitch(bones, foot, pitch, hip, ball, c, s):
+    """Pitch of a foot on its ball: ``pitch``, or as much lower as its leg needs to reach the ankle.
+
+    hip: place of the hip joint. ball: place of the ball on the floor. c, s: heading of the foot. The ankle circles the
+    ball joint; the leg reaches where the law of cosines says so.
+    """
+    most = REACH * (bones[foot, 0] + bones[foot, 1])
+    x = c * (hip[0] - ball[0]) + s * (hip[1] - ball[1])
+    y = c * (hip[1] - ball[1]) - s * (hip[0] - ball[0])
+    ahead, up = ankle_over(bones, foot, pitch)
+    dz = hip[2] - up
+    if (x - ahead) * (x - ahead) + y * y + dz * dz <= most * most:
+        return pitch
+    z = hip[2] - bones[foot, 4]
+    length = bones[foot, 2]
+    rise = bones[foot, 3] - bones[foot, 4]
+    radius = math.sqrt(length * length + rise * rise)
+    flat = math.sqrt(x * x + z * z)
+    share = (x * x + y * y + z * z + radius * radius - most * most) / (2.0 * radius * flat)
+    angle = atan2(z, x) + acos(min(max(share, -1.0), 1.0))
+    return max(min(pitch, angle - atan2(rise, -length)), -_STEEPEST)
+
+
+@helper
+def lacking(bones, foot, hip, ankle):
+    """Meters by which the pelvis must come down for a leg to reach its ankle; negative if it need not."""
+    most = REACH * (bones[foot, 0] + bones[foot, 1])
+    x = hip[0] - ankle[0]
+    y = hip[1] - ankle[1]
+    return hip[2] - ankle[2] - math.sqrt(max(most * most - x * x - y * y, 0.01))

@@ -1,0 +1,157 @@
+"""The cycle of a clip that is deformed: from one landing of the left foot to the next, the right foot's between."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.constants import CAPTURE_RATE
+from crowdsim.errors import MotionError
+from crowdsim.geometry.elementary import atan2, hypot
+from crowdsim.geometry.planar import wrap_angle
+from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.clips.kinematics import Floats
+from crowdsim.motion.clips.tracks import track_of
+from crowdsim.motion.graph.foot_contacts import feet_of, planted_steps, runs
+
+SAMPLES = 64
+"""Samples of a cycle, at equal steps of the phase."""
+
+_BOTH_FEET = 0.1
+_SHORTEST, _LONGEST = 0.5, 3.5
+"""Seconds of a cycle."""
+_GAP = 3
+"""Frames between events, below which they say nothing of when a foot lifts."""
+_ROLLING = 12
+"""Frames that a foot rolls before it stands still and after, at most."""
+_HEEL_DOWN, _HEEL_UP = 0.14, 0.26
+"""Radians of pitch above which a foot lands on its heel, and of which it lifts from its ball."""
+_NEARLY = 0.88
+"""Share of the largest pitch that counts as largest."""
+_BRIDGED = 6
+"""Frames off the floor below which a foot has not been lifted."""
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """A cycle of a clip, at SAMPLES + 1 equal steps of the phase from 0 to 1.
+
+    times: (SAMPLES + 1,) float64 frames of the clip. The left foot lands at phase 0 and lifts at 0.6, the right one
+    lands at 0.5 and lifts at 0.1, as far as the clip shows its feet lifting in this order.
+    track: (SAMPLES + 1, 3) float64 track pose of these times.
+    stride: meters that the track goes. seconds: that it takes.
+    """
+
+    times: Floats
+    track: Floats
+    stride: float
+    seconds: float
+
+
+def find_cycle(clip: Clip, speed: float | None = None) -> Cycle:
+    """The cycle of ``clip`` that goes straightest, ends most as it began, and is nearest to ``speed`` [m/s].
+
+    Steps of both feet that take as long as each other count too.
+
+    Parameters
+    ----------
+    clip : Clip
+        Walking, or side-stepping.
+    speed : float, optional
+        Preferred speed.
+
+    Returns
+    -------
+    Cycle
+        Where it lies in the clip, and its track.
+
+    Raises
+    ------
+    MotionError
+        If the clip does not show the left foot land twice, with the right one between.
+    """
+    track = track_of(clip)
+    candidates = _cycles(clip)
+    if not candidates:
+        raise MotionError(
+            f"clip '{clip.name}' shows no whole cycle of steps, from one landing of the left foot to the next with the "
+            "right foot's between; take a longer clip"
+        )
+    costs = [
+        _cost(clip, track, begin, end, speed) + abs(begin + end - 2.0 * middle) / (end - begin)
+        for begin, middle, end, _, _ in candidates
+    ]
+    begin, middle, end, left_lift, right_lift = candidates[int(np.argmin(costs))]
+    phases, frames = [0.0, 0.5, 1.0], [begin, middle, end]
+    if begin + _GAP <= right_lift <= middle - 2 * _GAP and middle + _GAP <= left_lift <= end - 2 * _GAP:
+        phases, frames = [0.0, _BOTH_FEET, 0.5, 0.5 + _BOTH_FEET, 1.0], [begin, right_lift, middle, left_lift, end]
+    times = np.interp(np.arange(SAMPLES + 1) / SAMPLES, phases, frames)
+    placed = np.stack([np.interp(times, np.arange(len(track)), column) for column in track.T], axis=1)
+    way = placed[-1, :2] - placed[0, :2]
+    return Cycle(times, placed, float(np.sqrt(np.sum(way * way))), (end - begin) / CAPTURE_RATE)
+
+
+def _cycles(clip: Clip) -> list[tuple[int, int, int, int, int]]:
+    """Frames (left lands, right lands, left lands again, left lifts, right lifts) of all cycles of a clip."""
+    positions, world = clip.posed
+    feet = feet_of(clip.skeleton, positions, world)
+    planted = np.asarray(planted_steps(feet, CAPTURE_RATE).any(axis=2))
+    left, right = (_stances(planted[:, foot], _pitch(clip, side)) for foot, side in enumerate(("left", "right")))
+    cycles = []
+    for (begin, lift), (end, _) in pairwise(left):
+        between = [(land, up) for land, up in right if begin < land < end]
+        before = [up for land, up in right if land < begin < up]
+        seconds = (end - begin) / CAPTURE_RATE
+        if begin > 0 and len(between) == 1 and _SHORTEST <= seconds <= _LONGEST:
+            cycles.append((begin, between[0][0], end, lift, before[0] if before else -1))
+    return cycles
+
+
+def _pitch(clip: Clip, side: str) -> Floats:
+    """(F,) radians that the toes of a foot point up; 0 for a skeleton without toe joints."""
+    skeleton = clip.skeleton
+    toe = skeleton.roles.get(f"{side}_toe")
+    if toe is None:
+        return np.zeros(clip.frame_count)
+    way = clip.joint_positions[:, toe] - clip.joint_positions[:, skeleton.joint(f"{side}_ankle")]
+    pitch: Floats = atan2(way[:, 2], hypot(way[:, 0], way[:, 1]))
+    return pitch
+
+
+def _stances(planted: NDArray[np.bool_], pitch: Floats) -> list[tuple[int, int]]:
+    """(first, end) frames of stances, from when the heel comes down until the ball lifts.
+
+    planted: (F - 1,) whether the foot stands still. A foot that leaves the floor for a moment only has not lifted.
+    The heel lands when the toes begin to sink, the ball lifts when the heel has risen most.
+    """
+    joined: list[tuple[int, int]] = []
+    for first, end in runs(planted):
+        if joined and first - joined[-1][1] < _BRIDGED:
+            joined[-1] = joined[-1][0], end
+        else:
+            joined.append((first, end))
+    stances = []
+    for first, end in joined:
+        flat = float(np.median(pitch[first : end + 1]))
+        before = pitch[max(first - _ROLLING, 0) : first + 1] - flat
+        after = flat - pitch[max(end - _ROLLING, first) : end + _ROLLING + 1]
+        if before.max() > _HEEL_DOWN:
+            first = first - len(before) + 1 + int(np.flatnonzero(before >= _NEARLY * before.max())[-1])
+        if after.max() > _HEEL_UP:
+            end = max(end - _ROLLING, first) + int(np.flatnonzero(after >= _NEARLY * after.max())[0])
+        stances.append((first, end))
+    return stances
+
+
+def _cost(clip: Clip, track: Floats, begin: int, end: int, speed: float | None) -> float:
+    """Meters by which the pose at the end differs from that at the beginning, and what turning and speed count."""
+    seconds = (end - begin) / CAPTURE_RATE
+    joints = clip.joint_positions[[begin, end]] - np.append(track[[begin, end], :2], np.zeros((2, 1)), axis=1)[:, None]
+    turn = float(wrap_angle(track[end, 2] - track[begin, 2]))
+    way = track[end, :2] - track[begin, :2]
+    off = 0.0 if speed is None else abs(float(np.sqrt(np.sum(way * way))) / seconds - speed)
+    differ = joints[1] - joints[0]
+    return float(np.sqrt(np.mean(np.sum(differ * differ, axis=1)))) + abs(turn) + off

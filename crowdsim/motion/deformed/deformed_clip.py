@@ -1,0 +1,351 @@
+"""What is kept of a clip to deform it: one cycle about its mean pose, and how its legs and feet are made.
+
+2018 paper, section 3.1: one deformable clip for each behavior.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import MotionError
+from crowdsim.geometry.elementary import atan2, cos, hypot, sin
+from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.clips.kinematics import Floats, about_axis, conjugate, forward_kinematics, multiply, rotate
+from crowdsim.motion.clips.skeleton import Skeleton
+from crowdsim.motion.deformed.clip_cycle import SAMPLES, Cycle, find_cycle
+from crowdsim.motion.deformed.leg_frames import foot_shape, leg_turns, mean_rotation
+
+WAVES = 4
+"""Harmonics of a cycle that the pelvis keeps: the fifth would be faster than 5 Hz."""
+
+_STAND_REACH = 0.993
+"""Share of its length that a leg has at rest; the knee is then bent by 13 degrees."""
+_RISE = 0.06
+"""Meters that a body at rest stands taller than it walks, at most: who walks ducked waits ducked."""
+_STAND_HALF_WIDTH = 0.07
+"""Meters from the middle to each foot of a body that stands or steps sideways."""
+_FOOT_LENGTH = 0.18
+"""Meters from heel to ball."""
+_NARROWEST = 0.03
+_MOST_IN, _MOST_OUT = 0.1, 0.3
+"""Radians that feet point inwards and outwards at most."""
+_STRAIGHT = 0.03
+"""Radians of pitch below which a foot on the floor is flat."""
+_SOLE_DOWN = 0.125
+"""Phase after landing at which the whole sole is on the floor."""
+_HEEL_UNTIL, _BALL_FROM = 0.2, 0.25
+"""Phase after landing until which a foot may stand on its heel, and from which it may on its ball."""
+_QUICKEST = 1.3
+"""Cycles a second at which the pelvis must still move gently."""
+_GENTLE = 6.0
+"""Acceleration that its place may then have in one axis [m/s2]."""
+_TILTED = 0.12
+"""Half of the angle that it turns about one axis at most [rad]."""
+_HIGHEST = 0.12
+"""Meters of lift that are kept of a clip: kicks are no steps."""
+_Z = np.array([0.0, 0.0, 1.0])
+
+
+class ClipModel(NamedTuple):
+    """A cycle of one clip in arrays; S + 1 samples at equal phases, J joints, U of them neither root nor leg.
+
+    mean: (J, 4) float64, mean rotation of each joint relative to its parent; the root's relative to the heading.
+    upper: (U,) int32 joints. swings: (S + 1, U, 3) float64 half rotation vectors by which each leaves its mean.
+    waves: (6, 2 * WAVES) float64, cosines and sines of the root: place ahead, left, up [m], half rotation vector.
+    root: (3,) float64 mean place of the root: ahead, left [m] of the track, and height walking.
+    legs: (2, 4) int32 joints of hip, knee, ankle, toe, left first; the toe -1 if there is none.
+    hips: (2, 3) float64 hip joints in the frame of the root. turns: (2, 5, 4) float64 rotations, see
+    :func:`~crowdsim.motion.deformed.leg_frames.leg_turns`, and of the flat foot and toe.
+    bones: (2, 5) float64 thigh, shank, ankle to ball along the foot, heights of ankle and ball [m].
+    pitch: (2, S + 1) float64 radians, toes up, from each foot's landing on. lift: (2, S + 1) float64 meters, ankle over
+    a smooth way from where it lifts to where it lands, in the swing.
+    prints: (2, 3) float64 ball from the track while the body is over it: ahead, left [m], and its heading.
+    spine: how many of ``upper``, the first ones, lead from the root to the chest.
+    stride: meters of the cycle. stand: height of the root at rest [m]. width: half of the step width at rest [m].
+    """
+
+    mean: Floats
+    upper: NDArray[np.int32]
+    swings: Floats
+    waves: Floats
+    root: Floats
+    legs: NDArray[np.int32]
+    hips: Floats
+    turns: Floats
+    bones: Floats
+    pitch: Floats
+    lift: Floats
+    prints: Floats
+    stride: float
+    stand: float
+    width: float
+    spine: int
+
+
+@dataclass(frozen=True)
+class DeformedClip:
+    """A clip that bodies of ``skeleton`` are posed from, whatever their tracks."""
+
+    name: str
+    skeleton: Skeleton
+    model: ClipModel
+
+
+def deform_clip(clip: Clip, speed: float | None = None) -> DeformedClip:
+    """Prepare ``clip`` for being deformed to tracks.
+
+    Parameters
+    ----------
+    clip : Clip
+        Walking or side-stepping, with a whole cycle of steps.
+    speed : float, optional
+        Preferred speed [m/s], if the clip has cycles of several speeds.
+
+    Returns
+    -------
+    DeformedClip
+        To plan steps and to pose bodies with, for any number of tracks.
+
+    Raises
+    ------
+    MotionError
+        If the skeleton lacks joints of the legs, if other joints lie between them, or if the clip has no cycle.
+    """
+    legs = _leg_joints(clip.skeleton)
+    cycle = find_cycle(clip, speed)
+    root, rotations = _sampled(clip, cycle)
+    turned = rotations.copy()
+    turned[:, 0] = multiply(about_axis(_Z, -cycle.track[:, 2]), rotations[:, 0])
+    mean = np.stack([mean_rotation(turned[:-1, joint]) for joint in range(turned.shape[1])])
+    swings = _closed(_half_vectors(multiply(conjugate(mean), turned)))
+    placed = _closed(_beside(root, cycle.track))
+    positions, world = forward_kinematics(clip.skeleton, root, rotations)
+    shapes = [foot_shape(clip.skeleton, legs[foot], *_from_landing(foot, positions, world)) for foot in (0, 1)]
+    chain = [_hip_in_root(clip.skeleton, mean, int(joint)) for joint in legs[:, 0]]
+    turns = [
+        np.concatenate(
+            [chain[foot][1][None], leg_turns(legs[foot], clip.skeleton, positions, world), shapes[foot].turns]
+        )
+        for foot in (0, 1)
+    ]
+    bones = np.array([_bones(clip.skeleton, legs[foot], shapes[foot].sizes) for foot in (0, 1)])
+    prints = [_print(cycle, positions[:, max(int(legs[f, 3]), int(legs[f, 2]))], shapes[f].yaw, f) for f in (0, 1)]
+    spine = _spine(clip.skeleton)
+    others = [j for j in range(1, clip.skeleton.joint_count) if j not in legs and j not in spine]
+    upper = np.array([*spine, *others], np.int32)
+    even = _even_prints(cycle, np.array(prints))
+    hips = np.array([place for place, _ in chain])
+    model = ClipModel(
+        mean=mean,
+        upper=upper,
+        swings=np.ascontiguousarray(swings[:, upper]),
+        waves=_gentle(_waves(np.concatenate([placed, swings[:, 0]], axis=1))),
+        root=placed[:-1].mean(axis=0),
+        legs=legs,
+        hips=hips,
+        turns=np.array(turns),
+        bones=bones,
+        pitch=_alike([_settled(shape.pitch) for shape in shapes]),
+        lift=_alike([_lift(shape.height) for shape in shapes]),
+        prints=even,
+        stride=max(cycle.stride, 0.3),
+        stand=min(_standing_height(mean[0], hips, bones), float(placed[:-1, 2].mean()) + _RISE),
+        width=_half_width(float(even[0, 2])),
+        spine=len(spine),
+    )
+    return DeformedClip(clip.name, clip.skeleton, model)
+
+
+def _leg_joints(skeleton: Skeleton) -> NDArray[np.int32]:
+    """(2, 4) hip, knee, ankle and toe of the left and right leg."""
+    legs = []
+    for side in ("left", "right"):
+        hip, knee, ankle = (skeleton.joint(f"{side}_{part}") for part in ("hip", "knee", "ankle"))
+        if skeleton.parents[knee] != hip or skeleton.parents[ankle] != knee:
+            raise MotionError(
+                f"joints lie between {side} hip, knee and ankle ({skeleton.names[hip]}, {skeleton.names[knee]}, "
+                f"{skeleton.names[ankle]}); a leg to deform is two bones"
+            )
+        legs.append([hip, knee, ankle, skeleton.roles.get(f"{side}_toe", -1)])
+    return np.array(legs, np.int32)
+
+
+def _sampled(clip: Clip, cycle: Cycle) -> tuple[Floats, Floats]:
+    """Root places (S + 1, 3) and joint rotations (S + 1, J, 4) at the times of a cycle."""
+    before = np.minimum(cycle.times.astype(np.int64), clip.frame_count - 2)
+    share = (cycle.times - before)[:, None]
+    root = (1.0 - share) * clip.root_positions[before] + share * clip.root_positions[before + 1]
+    a, b = clip.rotations[before], clip.rotations[before + 1]
+    b = np.where(np.sum(a * b, axis=-1, keepdims=True) < 0.0, -b, b)
+    mixed = (1.0 - share[..., None]) * a + share[..., None] * b
+    return root, mixed / np.linalg.norm(mixed, axis=-1, keepdims=True)
+
+
+def _half_vectors(q: Floats) -> Floats:
+    """Half rotation vectors (..., 3) of unit quaternions (..., 4)."""
+    q = np.where(q[..., :1] < 0.0, -q, q)
+    sine = np.linalg.norm(q[..., 1:], axis=-1)
+    scale = np.where(sine < 1e-9, 1.0, atan2(sine, q[..., 0]) / np.maximum(sine, 1e-9))
+    return scale[..., None] * q[..., 1:]
+
+
+def _closed(values: Floats) -> Floats:
+    """The same samples (S + 1, ...) with what the last differs from the first taken out evenly."""
+    share = (np.arange(len(values)) / (len(values) - 1) - 0.5).reshape(-1, *[1] * (values.ndim - 1))
+    closed: Floats = values - share * (values[-1] - values[0])
+    return closed
+
+
+def _beside(points: Floats, track: Floats) -> Floats:
+    """Points (S + 1, 3) seen from track poses (S + 1, 3): ahead, left, up."""
+    c, s = cos(track[:, 2]), sin(track[:, 2])
+    x, y = points[:, 0] - track[:, 0], points[:, 1] - track[:, 1]
+    return np.stack([c * x + s * y, c * y - s * x, points[:, 2]], axis=1)
+
+
+def _from_landing(foot: int, positions: Floats, world: Floats) -> tuple[Floats, Floats]:
+    """Positions and rotations with the foot's landing in the first row; the last row repeats it."""
+    rows = np.append((np.arange(SAMPLES) + foot * SAMPLES // 2) % SAMPLES, foot * SAMPLES // 2)
+    return positions[rows], world[rows]
+
+
+def _hip_in_root(skeleton: Skeleton, mean: Floats, hip: int) -> tuple[Floats, Floats]:
+    """Place (3,) of a hip joint in the frame of the root, and rotation (4,) of the joint that it hangs on."""
+    chain = [int(skeleton.parents[hip])]
+    while chain[-1] > 0:
+        chain.append(int(skeleton.parents[chain[-1]]))
+    place, turn = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+    for joint in chain[-2::-1]:
+        place = place + rotate(turn, skeleton.offsets[joint])
+        turn = multiply(turn, mean[joint])
+    return place + rotate(turn, skeleton.offsets[hip]), turn
+
+
+def _spine(skeleton: Skeleton) -> list[int]:
+    """Joints from the root, without it, to the chest, which carries the arms; none if the skeleton has no chest."""
+    joint, spine = skeleton.roles.get("chest", 0), []
+    while joint > 0:
+        spine.append(joint)
+        joint = int(skeleton.parents[joint])
+    return spine[::-1]
+
+
+def _bones(skeleton: Skeleton, leg: NDArray[np.int32], foot: Floats) -> Floats:
+    """Lengths of thigh and shank before the sizes of the foot [m]."""
+    lengths = np.linalg.norm(skeleton.offsets[leg[1:3]], axis=1)
+    return np.concatenate([lengths, foot])
+
+
+def _print(cycle: Cycle, ball: Floats, yaw: Floats, foot: int) -> Floats:
+    """Ball ahead and left of the track [m] and heading of the foot on the floor, as the body passes over it."""
+    rows = (np.arange(round(0.2 * SAMPLES), round(0.34 * SAMPLES)) + foot * SAMPLES // 2) % SAMPLES
+    seen = _beside(ball, cycle.track)[rows]
+    own = np.arange(round(0.2 * SAMPLES), round(0.34 * SAMPLES))
+    turn = np.mod(yaw[own] - cycle.track[rows, 2] + np.pi, 2.0 * np.pi) - np.pi
+    return np.array([seen[:, 0].mean(), seen[:, 1].mean(), turn.mean()])
+
+
+def _half_width(out: float) -> float:
+    """Meters from the middle to the ball of each foot at rest, so that heels have room if the toes point ``out``."""
+    return _STAND_HALF_WIDTH + 0.5 * _FOOT_LENGTH * max(out, 0.0)
+
+
+def _even_prints(cycle: Cycle, prints: Floats) -> Floats:
+    """The same prints (2, 3) with both feet alike; those of a cycle that goes sideways stand under the body."""
+    heading = cycle.track[:, 2].mean()
+    way = cycle.track[-1, :2] - cycle.track[0, :2]
+    ahead = float(cos(heading) * way[0] + sin(heading) * way[1])
+    half = max(0.5 * float(prints[0, 1] - prints[1, 1]), _NARROWEST)
+    out = min(max(0.5 * float(prints[0, 2] - prints[1, 2]), -_MOST_IN), _MOST_OUT)
+    if ahead < 0.7 * cycle.stride:
+        half = _half_width(out)
+    place = float(prints[:, 0].mean())
+    return np.array([[place, half, out], [place, -half, -out]])
+
+
+def _settled(pitch: Floats) -> Floats:
+    """Pitch (S + 1,) of a foot that stands on its heel, then flat, then on its ball, and nothing between."""
+    phase = np.arange(SAMPLES + 1) / SAMPLES
+    smooth = pitch.copy()
+    smooth[1:-1] = 0.25 * pitch[:-2] + 0.5 * pitch[1:-1] + 0.25 * pitch[2:]
+    flat = np.sign(smooth) * np.maximum(np.abs(smooth) - _STRAIGHT, 0.0)
+    early, late = phase <= _BALL_FROM, (phase >= _HEEL_UNTIL) & (phase < 0.62)
+    flat = np.where(early, np.maximum(flat, 0.0), flat)
+    flat = np.where(late, np.minimum(flat, 0.0), flat)
+    # Once on its ball a foot does not sink back on its heel before it lifts; nor does it rise on its heel.
+    rows = np.flatnonzero(late)
+    flat[rows] = np.minimum.accumulate(flat[rows])
+    rows = np.flatnonzero(phase <= _HEEL_UNTIL)
+    flat[rows] = np.minimum.accumulate(flat[rows])
+    # The whole sole is down when the body is over the heel, to the last fraction of a degree.
+    flat *= np.where(early, np.clip((_SOLE_DOWN - phase) / (0.5 * _SOLE_DOWN), 0.0, 1.0), 1.0)
+    flat[-1] = flat[0]
+    return flat
+
+
+def _alike(feet: list[Floats]) -> Floats:
+    """(2, S + 1) the mean of both feet for each of them: bodies on tracks step alike with both."""
+    return np.stack([0.5 * (feet[0] + feet[1])] * 2)
+
+
+def _lift(height: Floats) -> Floats:
+    """(S + 1,) meters that an ankle of height (S + 1,) is over a cubic from where it lifts to where it lands."""
+    first = round(0.6 * SAMPLES)
+    swing = height[first:]
+    u = np.arange(len(swing)) / (len(swing) - 1)
+    up = (swing[2] - swing[0]) * (len(swing) - 1) / 2.0
+    down = (swing[-1] - swing[-3]) * (len(swing) - 1) / 2.0
+    rest = 1.0 - u
+    cubic = (1.0 + 2.0 * u) * rest * rest * swing[0] + u * u * (3.0 - 2.0 * u) * swing[-1]
+    cubic += u * rest * rest * up - u * u * rest * down
+    lift = np.zeros(SAMPLES + 1)
+    lift[first:] = np.clip(swing - cubic, -_HIGHEST, _HIGHEST)
+    return lift
+
+
+def _waves(samples: Floats) -> Floats:
+    """(D, 2 * WAVES) cosines and sines of closed samples (S + 1, D)."""
+    angle = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
+    waves = [
+        2.0 * np.mean(samples[:-1] * wave(harmonic * angle)[:, None], axis=0)
+        for harmonic in range(1, WAVES + 1)
+        for wave in (cos, sin)
+    ]
+    return np.ascontiguousarray(np.stack(waves, axis=1))
+
+
+def _gentle(waves: Floats) -> Floats:
+    """The same waves, without those that would shake a body that takes quicker steps than the clip.
+
+    The quickest harmonics go first; what is then left is made smaller if it is still too much.
+    """
+    angle = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
+    gentle = waves.copy()
+    for row, wave in enumerate(gentle):
+        for kept in range(WAVES, 0, -1):
+            wave[2 * kept :] = 0.0
+            most = 0.0
+            for harmonic in range(1, kept + 1):
+                part = wave[2 * harmonic - 2] * cos(harmonic * angle) + wave[2 * harmonic - 1] * sin(harmonic * angle)
+                speed = 2.0 * np.pi * harmonic * _QUICKEST if row < 3 else 1.0
+                most = most + speed * speed * part
+            share = (_GENTLE if row < 3 else _TILTED) / max(float(np.max(np.abs(most))), 1e-9)
+            if share >= 1.0:
+                break
+        wave *= min(1.0, share)
+    return gentle
+
+
+def _standing_height(turn: Floats, hips: Floats, bones: Floats) -> float:
+    """Height of the root [m] at which both legs are nearly straight over feet side by side."""
+    heights = []
+    for foot, side in ((0, 1.0), (1, -1.0)):
+        hip = rotate(turn, hips[foot])
+        reach = _STAND_REACH * (bones[foot, 0] + bones[foot, 1])
+        apart = hypot(0.5 * bones[foot, 2] + hip[0], side * _STAND_HALF_WIDTH - hip[1])
+        heights.append(bones[foot, 3] + np.sqrt(reach * reach - apart * apart) - hip[2])
+    return float(min(heights))

@@ -1,0 +1,109 @@
+"""How the joints of a leg are turned on their bones: read off a clip, since files rest their skeletons in any pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.geometry.elementary import atan2, hypot
+from crowdsim.motion.clips.kinematics import Floats, about_axis, conjugate, multiply, rotate
+from crowdsim.motion.clips.skeleton import Skeleton
+
+_FLAT_FROM, _FLAT_TO = 0.15, 0.35
+"""Phases after landing between which a foot is flat on the floor."""
+_LOWEST_BALL = 0.005
+_FOOT, _BALL = 0.12, 0.02
+"""Meters from ankle to ball, and height of the ball, of a skeleton without toe joints."""
+_X, _Y, _Z = np.eye(3)
+
+
+@dataclass(frozen=True)
+class FootShape:
+    """A foot over the S + 1 samples of a cycle from its landing on.
+
+    turns: (2, 4) rotations of ankle and toe joint of a flat foot that faces +x. sizes: (3,) meters from ankle to ball
+    along the foot, heights of ankle and ball. pitch, yaw, height: (S + 1,) radians toes up, heading, ankle height [m].
+    """
+
+    turns: Floats
+    sizes: Floats
+    pitch: Floats
+    yaw: Floats
+    height: Floats
+
+
+def mean_rotation(q: Floats) -> Floats:
+    """Mean (4,) of unit quaternions (n, 4) that lie within a half turn."""
+    mean: Floats = q[0]
+    for _ in range(3):
+        signs = np.where(np.sum(q * mean, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
+        mean = np.mean(signs * q, axis=0)
+        mean = mean / np.sqrt(np.sum(mean * mean))
+    return mean
+
+
+def frame_rotation(x: Floats, y: Floats, z: Floats) -> Floats:
+    """Quaternion (4,) of the frame whose axes are the unit vectors x, y, z (3,)."""
+    trace = x[0] + y[1] + z[2]
+    choices = np.array([trace, x[0], y[1], z[2]])
+    best = int(np.argmax(choices))
+    w, i, j, k = 1.0 + trace, y[2] - z[1], z[0] - x[2], x[1] - y[0]
+    if best == 1:
+        w, i, j, k = i, 1.0 + 2.0 * x[0] - trace, y[0] + x[1], z[0] + x[2]
+    elif best == 2:
+        w, i, j, k = j, y[0] + x[1], 1.0 + 2.0 * y[1] - trace, z[1] + y[2]
+    elif best == 3:
+        w, i, j, k = k, z[0] + x[2], z[1] + y[2], 1.0 + 2.0 * z[2] - trace
+    q = np.array([w, i, j, k])
+    unit: Floats = q / np.sqrt(np.sum(q * q))
+    return unit
+
+
+def leg_turns(leg: NDArray[np.int32], skeleton: Skeleton, positions: Floats, world: Floats) -> Floats:
+    """(2, 4) rotations that take a leg's canonical frame into the joints of hip and knee.
+
+    In the canonical frame z leads up the bone and y is the hinge of the knee, which points to the left.
+    """
+    hip, knee, ankle = (int(joint) for joint in leg[:3])
+    thigh, shank = positions[:, knee] - positions[:, hip], positions[:, ankle] - positions[:, knee]
+    hinge = np.cross(thigh, shank)
+    return np.stack(
+        [
+            conjugate(_bone_frame(rotate(conjugate(world[:, joint]), hinge).sum(axis=0), skeleton.offsets[end]))
+            for joint, end in ((hip, knee), (knee, ankle))
+        ]
+    )
+
+
+def _bone_frame(hinge: Floats, bone: Floats) -> Floats:
+    """Rotation (4,) of the frame with z up a bone and y near its hinge, both given in the joint."""
+    z = -bone / np.sqrt(np.sum(bone * bone))
+    y = hinge if np.sum(hinge * hinge) > 1e-12 else _Y
+    y = y - np.sum(y * z) * z
+    y = y / np.sqrt(np.sum(y * y))
+    return frame_rotation(np.cross(y, z), y, z)
+
+
+def foot_shape(skeleton: Skeleton, leg: NDArray[np.int32], positions: Floats, world: Floats) -> FootShape:
+    """Shape and movement of the foot of ``leg`` (4,); ``positions`` and ``world`` begin with its landing."""
+    ankle, toe = int(leg[2]), int(leg[3])
+    samples = len(positions) - 1
+    flat = np.arange(round(_FLAT_FROM * samples), round(_FLAT_TO * samples))
+    ahead = skeleton.offsets[toe] if toe >= 0 else _FOOT * _X
+    pointing = rotate(world[:, ankle], ahead)
+    yaw = np.unwrap(atan2(pointing[:, 1], pointing[:, 0]))
+    level = about_axis(_Z, -yaw[flat])
+    foot = mean_rotation(multiply(level, world[flat, ankle]))
+    toes = mean_rotation(multiply(level, world[flat, toe])) if toe >= 0 else foot
+    to_ball = rotate(foot, ahead)
+    height = float(positions[flat, ankle, 2].mean())
+    if toe < 0:
+        sizes = np.array([_FOOT, height, min(_BALL, height)])
+    else:
+        ball = max(height + float(to_ball[2]), _LOWEST_BALL)
+        sizes = np.array([float(hypot(to_ball[0], to_ball[1])), ball - float(to_ball[2]), ball])
+    front = rotate(multiply(world[:, ankle], conjugate(foot)), _X)
+    pitch = atan2(front[:, 2], hypot(front[:, 0], front[:, 1]))
+    return FootShape(np.stack([foot, toes]), sizes, pitch - pitch[flat].mean(), yaw, positions[:, ankle, 2])

@@ -1,0 +1,329 @@
+"""Footsteps of tracks: where feet stand, how low the pelvis must be for them, and how they leave and land.
+
+A row for each half cycle, left foot in even ones. Every row depends on about a cycle of the track before and after
+alone, so that a plan of any part of a track that is long enough gives the same poses.
+"""
+
+import math
+
+from crowdsim.geometry.elementary_kernels import cos_sin
+from crowdsim.jit import helper, kernel
+from crowdsim.motion.deformed.body_kernels import (
+    AHEAD,
+    DROP,
+    HEADING,
+    PHASE,
+    SHARE,
+    SOLE_DOWN,
+    TWIST,
+    X,
+    Y,
+    ankle_over,
+    hip_of,
+    lacking,
+    pelvis_of,
+    reaching_pitch,
+    sampled,
+    standing_yaw,
+    track_at,
+)
+from crowdsim.motion.deformed.phase_kernels import REFERENCE, STANCE, STAND, hip_turn
+from crowdsim.motion.deformed.spline_kernels import time_of_value
+
+# Columns of a step: the print, then the ankle as the foot lifts and as it lands.
+PRINT = 0  # x, y of the ball, heading
+LIFT = 3  # ankle x, y, z, pitch, heading, and speed of the ankle in meters a cycle
+LAND = 11
+ASIDE = 19  # meters that the foot swings out to pass the other one
+STEP_COLUMNS = 20
+
+PAD = 14
+"""Samples added before and after each track."""
+_LONGEST_LOOK = 0.6
+"""Seconds after it lands beyond which nothing counts for where a foot stands."""
+_AT_REST = 1e-4
+"""Half cycles within which a phase is that of a stand: recordings have seven digits."""
+_SLOWEST = 0.45
+"""Cycles a second below which a stride is not longer for a lower cadence."""
+_TURN_STRIDE = 0.2
+"""Meters of stride that a radian of turning counts as."""
+_LARGEST_SHARE = 1.25
+_APART = 1.8
+"""Distance between feet side by side, as a multiple of the half width of steps."""
+_PASSING = 0.095
+"""Meters across between a foot that swings and the one that it passes, at least."""
+_LONG, _LONG_BY = 0.32, 0.12
+"""Meters ahead from which feet may be in line, and over which they may more and more."""
+_MOST_ASIDE = 0.2
+_DEEPEST = 0.2
+"""Meters that the pelvis is lowered at most."""
+_HEEL_FROM, _HEEL_BY = 0.2, 0.3
+"""Phase after landing from which a heel may rise to spare the pelvis, and over which it may more and more."""
+_HEEL_MOST = 1.15
+"""Radians that it then may."""
+_HANN = (0.09549150281252627, 0.6545084971874737, 1.0, 0.6545084971874737, 0.09549150281252627)
+
+
+@helper
+def _smooth(values, column, first, last, scratch):
+    """Smooth rows ``first`` to before ``last`` of a column by a Hann window of half a second at 10 Hz, five samples."""
+    for row in range(first, last):
+        total = 0.0
+        for k in range(5):
+            total += _HANN[k] * values[min(max(row + k - 2, first), last - 1), column]
+        scratch[row] = total / 2.5
+    for row in range(first, last):
+        values[row, column] = scratch[row]
+
+
+@helper
+def _speeds(samples, row, first, last, step):
+    """Speeds at a row by central differences: x, y [m/s], turn [rad/s], phase [cycles/s]."""
+    before = max(row - 1, first)
+    after = min(row + 1, last - 1)
+    seconds = (after - before) * step
+    return (
+        (samples[after, X] - samples[before, X]) / seconds,
+        (samples[after, Y] - samples[before, Y]) / seconds,
+        (samples[after, HEADING] - samples[before, HEADING]) / seconds,
+        (samples[after, PHASE] - samples[before, PHASE]) / seconds,
+    )
+
+
+@helper
+def _stands(phase):
+    """Whether a phase is that of a body at rest."""
+    halves = 2.0 * phase
+    return abs(halves - math.floor(halves) - 2.0 * STAND) < _AT_REST
+
+
+@kernel
+def fill_samples(model, tracks, starts, step, firsts, samples, scratch):
+    """Samples of tracks for poses: padded, with the share of the clip's stride and of its steps ahead.
+
+    tracks: (N, 4) float64 x, y [m], heading [rad] without jumps, phase [cycles]. starts: (A + 1,) int64 rows at which
+    tracks begin. firsts: (A,) int64 rows of ``samples`` (T, COLUMNS) at which they begin there. scratch: (T,) float64.
+    """
+    for body in range(len(firsts)):
+        count = starts[body + 1] - starts[body]
+        first = firsts[body]
+        total = count + 2 * PAD
+        # Go on before and after the track as it begins and ends, or stand if it does.
+        for row in range(total):
+            inside = min(max(row - PAD, 0), count - 1)
+            beyond = row - PAD - inside
+            source = starts[body] + inside
+            if beyond != 0 and _stands(tracks[source, PHASE]):
+                beyond = 0
+            for column in range(4):
+                rate = 0.0
+                if beyond < 0 and count > 1:
+                    rate = tracks[source + 1, column] - tracks[source, column]
+                elif beyond > 0 and count > 1:
+                    rate = tracks[source, column] - tracks[source - 1, column]
+                samples[first + row, column] = tracks[source, column] + beyond * rate
+        # Turn the hips to where the body goes; what the chest keeps is the twist.
+        for row in range(first, first + total):
+            x, y, _, _ = _speeds(samples, row, first, first + total, step)
+            c, s = cos_sin(samples[row, HEADING])
+            samples[row, TWIST] = hip_turn(c * x + s * y, c * y - s * x)
+        _smooth(samples, TWIST, first, first + total, scratch)
+        for row in range(first, first + total):
+            samples[row, HEADING] += samples[row, TWIST]
+        # Share of the clip's stride, of all movement and of that ahead.
+        for row in range(first, first + total):
+            x, y, turn, rate = _speeds(samples, row, first, first + total, step)
+            rate = max(rate, _SLOWEST)
+            c, s = cos_sin(samples[row, HEADING])
+            turning = _TURN_STRIDE * turn
+            stride = math.sqrt(x * x + y * y + turning * turning) / rate
+            samples[row, SHARE] = min(stride / model.stride, _LARGEST_SHARE)
+            samples[row, AHEAD] = min(max((c * x + s * y) / (rate * model.stride), 0.0), _LARGEST_SHARE)
+            samples[row, DROP] = 0.0
+        _smooth(samples, SHARE, first, first + total, scratch)
+        _smooth(samples, AHEAD, first, first + total, scratch)
+
+
+@helper
+def _lack(x, y, heading, side, apart):
+    """Meters by which a point is too near to the ``side`` (1 left, -1 right) of a foot at the origin.
+
+    apart: meters wanted. What is well ahead or behind may be as near as it likes.
+    """
+    c, s = cos_sin(heading)
+    along = abs(c * x + s * y)
+    beside = min(max((_LONG - along) / _LONG_BY, 0.0), 1.0)
+    return beside * min(max(apart - side * (c * y - s * x), 0.0), 2.0 * _MOST_ASIDE)
+
+
+@helper
+def _push_apart(steps, first, last, half, bodies, most):
+    """Move prints of rows ``first`` to before ``last`` outwards, each by half of what it and its neighbours lack.
+
+    half: half cycle of the first row. bodies: (H, 3) heading of the body over each print, half step width, scratch.
+    most: meters that each is moved at most.
+    """
+    for row in range(first + 1, last):
+        side = 1.0 - 2.0 * ((half + row - first) & 1)
+        x = steps[row, PRINT] - steps[row - 1, PRINT]
+        y = steps[row, PRINT + 1] - steps[row - 1, PRINT + 1]
+        apart = _APART * min(bodies[row - 1, 1], bodies[row, 1])
+        # Seen from either foot, and from the body between, along which feet that are apart must not cross.
+        lack = max(_lack(x, y, bodies[row - 1, 0], side, apart), _lack(x, y, bodies[row, 0], side, apart))
+        c, s = cos_sin(0.5 * (bodies[row - 1, 0] + bodies[row, 0]))
+        lack = max(lack, apart - side * (c * y - s * x))
+        bodies[row, 2] = min(0.5 * lack, most)
+    for row in range(first, last):
+        side = 1.0 - 2.0 * ((half + row - first) & 1)
+        push = bodies[row, 2] if row > first else 0.0
+        if row + 1 < last:
+            push = max(push, bodies[row + 1, 2])
+        c, s = cos_sin(bodies[row, 0])
+        steps[row, PRINT] -= side * push * s
+        steps[row, PRINT + 1] += side * push * c
+
+
+@kernel
+def plan_prints(model, samples, firsts, counts, step, halves, rows, steps, bodies):
+    """Where each foot stands: beside the track where the body passes over it, never nearer the other than it may.
+
+    halves: (A,) int64 half cycle of each track's first row. rows: (A + 1,) int64 where these begin in ``steps``
+    (H, STEP_COLUMNS). bodies: (H, 3) float64 scratch.
+    """
+    for body in range(len(firsts)):
+        first = firsts[body]
+        count = counts[body]
+        span = 1
+        # Stand where the body is over the foot, but look no more than so far ahead.
+        for row in range(rows[body], rows[body + 1]):
+            half = halves[body] + row - rows[body]
+            foot = half & 1
+            landing, span = time_of_value(samples, PHASE, 0.5 * half, step, first, count, span)
+            over, _ = time_of_value(samples, PHASE, 0.5 * half + REFERENCE, step, first, count, span)
+            track = track_at(samples, first, count, step, min(over, landing + _LONGEST_LOOK))
+            ahead = min(track[AHEAD], 1.0)
+            side = 1.0 - 2.0 * foot
+            width = (1.0 - ahead) * model.width + ahead * abs(model.prints[foot, 1])
+            place = (1.0 - ahead) * 0.5 * model.bones[foot, 2] + ahead * model.prints[foot, 0]
+            c, s = cos_sin(track[HEADING])
+            steps[row, PRINT] = track[X] + c * place - side * s * width
+            steps[row, PRINT + 1] = track[Y] + s * place + side * c * width
+            steps[row, PRINT + 2] = track[HEADING] + model.prints[foot, 2]
+            bodies[row, 0] = track[HEADING]
+            bodies[row, 1] = width
+        # Twice, as a foot that is moved may come near the one before it.
+        _push_apart(steps, rows[body], rows[body + 1], halves[body], bodies, _MOST_ASIDE)
+        _push_apart(steps, rows[body], rows[body + 1], halves[body], bodies, 0.3 * _MOST_ASIDE)
+        # Swing out where the straight way to the next print would touch the other foot.
+        for row in range(rows[body] + 1, rows[body + 1] - 1):
+            side = 1.0 - 2.0 * ((halves[body] + row + 1 - rows[body]) & 1)
+            aside = 0.0
+            for k in range(3):
+                share = 0.25 + 0.25 * k
+                x = (1.0 - share) * steps[row - 1, PRINT] + share * steps[row + 1, PRINT] - steps[row, PRINT]
+                y = (
+                    (1.0 - share) * steps[row - 1, PRINT + 1]
+                    + share * steps[row + 1, PRINT + 1]
+                    - steps[row, PRINT + 1]
+                )
+                lack = _lack(x, y, steps[row, PRINT + 2], side, _PASSING)
+                aside = max(aside, lack / (16.0 * share * share * (1.0 - share) * (1.0 - share)))
+            steps[row - 1, ASIDE] = min(aside, _MOST_ASIDE)
+
+
+@helper
+def planned_pitch(model, foot, u, ahead):
+    """Pitch of a foot at the share ``u`` of its cycle, by the share of the clip's stride that the body goes ahead."""
+    return sampled(model.pitch, foot, u) * ahead
+
+
+@helper
+def stand_ankle(model, foot, print_row, u, track, place, turn, spare):
+    """Ankle of a foot that stands: its place, pitch and heading.
+
+    print_row: x, y of the ball and heading of the print. u: share of its cycle. track, place, turn: of the body.
+    spare: radians to which the heel rises to spare the pelvis if u is large, or -1 for as much as the leg needs.
+    """
+    yaw = standing_yaw(print_row[2], model.prints[foot, 2], track[HEADING], u)
+    c, s = cos_sin(yaw)
+    pitch = planned_pitch(model, foot, u, track[AHEAD])
+    if spare >= 0.0:
+        pitch = min(pitch, -spare) if spare > 0.0 else pitch
+    elif u > SOLE_DOWN:
+        hip = hip_of(model, foot, place, turn)
+        pitch = reaching_pitch(model.bones, foot, pitch, hip, print_row, c, s)
+    ahead, up = ankle_over(model.bones, foot, pitch)
+    return (print_row[0] + c * ahead, print_row[1] + s * ahead, up), pitch, yaw
+
+
+@kernel
+def plan_drops(model, samples, firsts, counts, step, halves, rows, steps, scratch):
+    """How far the pelvis comes down for legs to reach, smoothly: over half a second about each stance that asks for it.
+
+    A leg asks as its foot lands and before it lifts, when the heel may help. Fills the column DROP of ``samples``.
+    """
+    asked = (0.0, 0.05, 0.15, 0.3, 0.4, 0.5, 0.55, 0.6)
+    for body in range(len(firsts)):
+        first = firsts[body]
+        count = counts[body]
+        span = 1
+        for row in range(rows[body], rows[body + 1]):
+            half = halves[body] + row - rows[body]
+            foot = half & 1
+            prints = (steps[row, PRINT], steps[row, PRINT + 1], steps[row, PRINT + 2])
+            near = span
+            for k in range(len(asked)):
+                u = asked[k]
+                time, near = time_of_value(samples, PHASE, 0.5 * half + u, step, first, count, near)
+                if k == 0:
+                    span = near
+                track = track_at(samples, first, count, step, time)
+                # What is asked stands in the column itself, but not for this.
+                track = (track[0], track[1], track[2], track[3], track[4], track[5], 0.0, track[7])
+                place, turn = pelvis_of(model, track)
+                spare = _HEEL_MOST * min(max((u - _HEEL_FROM) / _HEEL_BY, 0.0), 1.0)
+                ankle, _, _ = stand_ankle(model, foot, prints, u, track, place, turn, spare)
+                lack = lacking(model.bones, foot, hip_of(model, foot, place, turn), ankle)
+                # Ask all samples that count for this time once they are smoothed.
+                if lack > 0.0:
+                    middle = int(time / step)
+                    for sample in range(max(middle - 3, 0), min(middle + 5, count)):
+                        samples[first + sample, DROP] = max(samples[first + sample, DROP], min(lack, _DEEPEST))
+        _smooth(samples, DROP, first, first + count, scratch)
+
+
+@kernel
+def plan_swings(model, samples, firsts, counts, step, halves, rows, steps):
+    """How each foot lifts and lands: ankle, pitch and heading there, and the ankle's speed in meters a cycle."""
+    little = 0.01
+    for body in range(len(firsts)):
+        first = firsts[body]
+        count = counts[body]
+        span = 1
+        for row in range(rows[body], rows[body + 1]):
+            half = halves[body] + row - rows[body]
+            foot = half & 1
+            prints = (steps[row, PRINT], steps[row, PRINT + 1], steps[row, PRINT + 2])
+            near = span
+            for begins in range(2):
+                # Pose the foot at the end of its stance and a little inside.
+                column = LAND if begins == 0 else LIFT
+                for k in range(2):
+                    u = k * little if begins == 0 else STANCE - (1 - k) * little
+                    time, near = time_of_value(samples, PHASE, 0.5 * half + u, step, first, count, near)
+                    if begins == 0 and k == 0:
+                        span = near
+                    track = track_at(samples, first, count, step, time)
+                    place, turn = pelvis_of(model, track)
+                    ankle, pitch, yaw = stand_ankle(model, foot, prints, u, track, place, turn, -1.0)
+                    end = k if begins == 1 else 1 - k
+                    for axis in range(3):
+                        if k == 0:
+                            steps[row, column + 5 + axis] = -ankle[axis] / little
+                        else:
+                            steps[row, column + 5 + axis] += ankle[axis] / little
+                        if end == 1:
+                            steps[row, column + axis] = ankle[axis]
+                    if end == 1:
+                        steps[row, column + 3] = pitch
+                        steps[row, column + 4] = yaw

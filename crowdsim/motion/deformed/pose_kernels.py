@@ -1,0 +1,242 @@
+"""Poses of deformed clips, many in one call."""
+
+import math
+
+from crowdsim.geometry.elementary_kernels import cos_sin
+from crowdsim.jit import helper, kernel
+from crowdsim.motion.deformed.body_kernels import (
+    AHEAD,
+    HEEL_BACK,
+    PHASE,
+    REACH,
+    SHARE,
+    TWIST,
+    conjugate,
+    ease,
+    hip_of,
+    lacking,
+    multiply,
+    pelvis_of,
+    quaternion,
+    rotate,
+    sampled,
+    track_at,
+    turned_by,
+)
+from crowdsim.motion.deformed.phase_kernels import STANCE
+from crowdsim.motion.deformed.plan_kernels import ASIDE, LAND, LIFT, PAD, PRINT, planned_pitch, stand_ankle
+
+_LEAST_LIFT = 0.045
+"""Meters that a foot is lifted in a step on the spot."""
+_CLEAR = 0.015
+"""Meters between sole and floor in the middle of a swing, at least."""
+_TOES_LEVEL = 0.4
+"""Share of a swing over which the toes become one with the foot again."""
+
+
+@helper
+def _cubic(u, start, start_speed, end, end_speed):
+    """Between two values with given speeds, u in [0, 1]."""
+    rest = 1.0 - u
+    return (
+        (1.0 + 2.0 * u) * rest * rest * start
+        + u * u * (1.0 + 2.0 * rest) * end
+        + u * rest * (rest * start_speed - u * end_speed)
+    )
+
+
+@helper
+def _swing_ankle(model, foot, old, new, u, track):
+    """Ankle, pitch, heading and bend of the toes of a foot on its way from one print (row ``old``) to the next.
+
+    u: share of the foot's cycle, from STANCE on.
+    """
+    length = 1.0 - STANCE
+    v = (u - STANCE) / length
+    rest = 1.0 - v
+    x = _cubic(v, old[LIFT], length * old[LIFT + 5], new[LAND], length * new[LAND + 5])
+    y = _cubic(v, old[LIFT + 1], length * old[LIFT + 6], new[LAND + 1], length * new[LAND + 6])
+    z = _cubic(v, old[LIFT + 2], length * old[LIFT + 7], new[LAND + 2], length * new[LAND + 7])
+    yaw = old[LIFT + 4] + ease(v) * (new[LAND + 4] - old[LIFT + 4])
+    # Pass the other foot at a distance.
+    c, s = cos_sin(yaw)
+    aside = (1.0 - 2.0 * foot) * old[ASIDE] * 16.0 * v * v * rest * rest
+    x -= aside * s
+    y += aside * c
+    # Lift as the clip does, by the share of its stride, and at least as one steps on the spot.
+    ahead = track[AHEAD]
+    share = min(track[SHARE], 1.0)
+    z += ahead * sampled(model.lift, foot, u)
+    z += (1.0 - ahead / (ahead + 0.2)) * _LEAST_LIFT * 16.0 * v * v * rest * rest * (0.6 + 0.4 * share)
+    # Pitch as the clip's, which begins as the foot lifted.
+    least = 1.0 - ease(v)
+    pitch = planned_pitch(model, foot, u, ahead)
+    pitch += least * (old[LIFT + 3] - planned_pitch(model, foot, STANCE, ahead))
+    # Keep the sole off the floor.
+    pc, ps = cos_sin(pitch)
+    high = model.bones[foot, 3]
+    ball = model.bones[foot, 2] * ps - high * pc
+    heel = -HEEL_BACK * ps - high * pc
+    z = max(z, _CLEAR * 4.0 * v * rest - min(ball, heel))
+    bend = max(-old[LIFT + 3], 0.0) * (1.0 - ease(v / _TOES_LEVEL))
+    return (x, y, z), pitch, yaw, bend
+
+
+@helper
+def _foot_at(model, steps, row, foot, u, track, place, turn):
+    """Ankle, pitch, heading and bend of the toes of a foot at the share ``u`` of its cycle.
+
+    row: of the print that it stands on or comes from.
+    """
+    if u < STANCE:
+        prints = (steps[row, PRINT], steps[row, PRINT + 1], steps[row, PRINT + 2])
+        ankle, pitch, yaw = stand_ankle(model, foot, prints, u, track, place, turn, -1.0)
+        return ankle, pitch, yaw, max(-pitch, 0.0)
+    return _swing_ankle(model, foot, steps[row], steps[row + 2], u, track)
+
+
+@helper
+def _frame_rotation(x0, x1, x2, y0, y1, y2, z0, z1, z2):
+    """Rotation of the frame whose axes are the unit vectors x, y, z."""
+    trace = x0 + y1 + z2
+    if trace > 0.0:
+        w = 1.0 + trace
+        i, j, k = y2 - z1, z0 - x2, x1 - y0
+    elif x0 >= y1 and x0 >= z2:
+        w = y2 - z1
+        i, j, k = 1.0 + x0 - y1 - z2, y0 + x1, z0 + x2
+    elif y1 >= z2:
+        w = z0 - x2
+        i, j, k = y0 + x1, 1.0 + y1 - x0 - z2, z1 + y2
+    else:
+        w = x1 - y0
+        i, j, k = z0 + x2, z1 + y2, 1.0 + z2 - x0 - y1
+    n = 1.0 / math.sqrt(w * w + i * i + j * j + k * k)
+    return w * n, i * n, j * n, k * n
+
+
+@helper
+def _put(out, body, joint, q):
+    """Write a rotation of a joint."""
+    out[body, joint, 0] = q[0]
+    out[body, joint, 1] = q[1]
+    out[body, joint, 2] = q[2]
+    out[body, joint, 3] = q[3]
+
+
+@helper
+def _pose_leg(model, foot, hip, turn, target, forward, out, body):
+    """Rotations of hip, knee, ankle and toe so that the leg ends at ``target``: ankle, pitch, heading, bend of toes.
+
+    turn: rotation of the root. forward: x, y of where the knee points. The knee bends by the law of cosines.
+    """
+    ankle, pitch, yaw, bend = target
+    thigh = model.bones[foot, 0]
+    shank = model.bones[foot, 1]
+    x, y, z = ankle[0] - hip[0], ankle[1] - hip[1], ankle[2] - hip[2]
+    far = math.sqrt(x * x + y * y + z * z)
+    reach = min(far, REACH * (thigh + shank))
+    x, y, z = x / far, y / far, z / far
+    # The hinge of the knee lies across the way ahead and the way down; it points to the left.
+    hx, hy, hz = forward[1] * z, -forward[0] * z, forward[0] * y - forward[1] * x
+    n = 1.0 / math.sqrt(max(hx * hx + hy * hy + hz * hz, 1e-12))
+    hx, hy, hz = hx * n, hy * n, hz * n
+    # Front of the leg: down x hinge turned forward.
+    fx, fy, fz = hy * -z - hz * -y, hz * -x - hx * -z, hx * -y - hy * -x
+    cosine = (thigh * thigh + reach * reach - shank * shank) / (2.0 * thigh * reach)
+    sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
+    tx, ty, tz = cosine * x + sine * fx, cosine * y + sine * fy, cosine * z + sine * fz
+    kx, ky, kz = (reach * x - thigh * tx) / shank, (reach * y - thigh * ty) / shank, (reach * z - thigh * tz) / shank
+    n = 1.0 / math.sqrt(kx * kx + ky * ky + kz * kz)
+    kx, ky, kz = kx * n, ky * n, kz * n
+    # Each bone: z up it, y the hinge, x across both.
+    upper = _frame_rotation(hz * ty - hy * tz, hx * tz - hz * tx, hy * tx - hx * ty, hx, hy, hz, -tx, -ty, -tz)
+    lower = _frame_rotation(hz * ky - hy * kz, hx * kz - hz * kx, hy * kx - hx * ky, hx, hy, hz, -kx, -ky, -kz)
+    turns = model.turns[foot]
+    thigh_world = multiply(upper, quaternion(turns, 1))
+    shank_world = multiply(lower, quaternion(turns, 2))
+    # The foot pitches about its own y axis; the toes bend up from it.
+    yc, ys = cos_sin(0.5 * yaw)
+    pc, ps = cos_sin(0.5 * pitch)
+    level = multiply((yc, 0.0, 0.0, ys), (pc, 0.0, -ps, 0.0))
+    foot_world = multiply(level, quaternion(turns, 3))
+    legs = model.legs
+    _put(out, body, legs[foot, 0], multiply(conjugate(multiply(turn, quaternion(turns, 0))), thigh_world))
+    _put(out, body, legs[foot, 1], multiply(conjugate(thigh_world), shank_world))
+    _put(out, body, legs[foot, 2], multiply(conjugate(shank_world), foot_world))
+    if legs[foot, 3] >= 0:
+        bc, bs = cos_sin(0.5 * bend)
+        toe_world = multiply(multiply(level, (bc, 0.0, -bs, 0.0)), quaternion(turns, 4))
+        _put(out, body, legs[foot, 3], multiply(conjugate(foot_world), toe_world))
+
+
+@helper
+def _pose_upper(model, phase, share, twist, out, body):
+    """Rotations of the joints above the legs: from their means towards the clip by the share of its stride.
+
+    twist: radians that the hips are turned from the chest; the joints of the spine turn back by it.
+    """
+    samples = model.swings.shape[0] - 1
+    at = (phase - math.floor(phase)) * samples
+    k = min(int(at), samples - 1)
+    late = share * (at - k)
+    early = share - late
+    swings = model.swings
+    back, aside = cos_sin(0.5 * twist / max(model.spine, 1))
+    for u in range(len(model.upper)):
+        swing = turned_by(
+            early * swings[k, u, 0] + late * swings[k + 1, u, 0],
+            early * swings[k, u, 1] + late * swings[k + 1, u, 1],
+            early * swings[k, u, 2] + late * swings[k + 1, u, 2],
+        )
+        joint = model.upper[u]
+        turn = multiply(quaternion(model.mean, joint), swing)
+        if u < model.spine:
+            turn = multiply((back, 0.0, 0.0, -aside), turn)
+        _put(out, body, joint, turn)
+
+
+@kernel
+def pose_bodies(model, plan, bodies, times, roots, rotations):
+    """Poses of bodies at times: places of their roots (P, 3), and rotations (P, J, 4) of joints in their parents.
+
+    plan: a :class:`~crowdsim.motion.deformed.step_plan.StepPlan`. bodies: (P,) int64 tracks of the plan. times: (P,)
+    float64 seconds after the first sample of each; before it and after the last one the movement goes on for a second.
+    """
+    samples = plan.samples
+    steps = plan.steps
+    for pose in range(len(bodies)):
+        body = bodies[pose]
+        # Place the pelvis.
+        time = times[pose] + PAD * plan.step
+        track = track_at(samples, plan.firsts[body], plan.counts[body], plan.step, time)
+        place, turn = pelvis_of(model, track)
+        # Find the feet: on their prints, or between them.
+        half = plan.halves[body]
+        phase = track[PHASE]
+        whole = math.floor(phase)
+        left = _foot_at(model, steps, plan.rows[body] + 2 * whole - half, 0, phase - whole, track, place, turn)
+        late = phase - 0.5
+        behind = math.floor(late)
+        right = _foot_at(model, steps, plan.rows[body] + 2 * behind + 1 - half, 1, late - behind, track, place, turn)
+        # The last resort of a leg that stands and does not reach: the pelvis.
+        lack = 0.0
+        if phase - whole < STANCE:
+            lack = max(lack, lacking(model.bones, 0, hip_of(model, 0, place, turn), left[0]))
+        if late - behind < STANCE:
+            lack = max(lack, lacking(model.bones, 1, hip_of(model, 1, place, turn), right[0]))
+        place = (place[0], place[1], place[2] - lack)
+        roots[pose, 0] = place[0]
+        roots[pose, 1] = place[1]
+        roots[pose, 2] = place[2]
+        _put(rotations, pose, 0, turn)
+        # Knees point between the foot and the pelvis.
+        front = rotate(turn, 1.0, 0.0, 0.0)
+        across = 1.0 / math.sqrt(front[0] * front[0] + front[1] * front[1])
+        for foot in range(2):
+            target = left if foot == 0 else right
+            c, s = cos_sin(target[2])
+            x, y = c + front[0] * across, s + front[1] * across
+            n = 1.0 / math.sqrt(max(x * x + y * y, 1e-12))
+            _pose_leg(model, foot, hip_of(model, foot, place, turn), turn, target, (x * n, y * n), rotations, pose)
+        _pose_upper(model, phase, track[SHARE], track[TWIST], rotations, pose)
