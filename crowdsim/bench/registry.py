@@ -42,6 +42,14 @@ _BENCHES = {
         "crowdsim.bench.crowd",
         "1,000 characters that search and play at 30 frames a second, and run as a crowd",
     ),
+    "steering": (
+        "crowdsim.bench.crowds.steering",
+        "steered crowds: microseconds of an agent's step by stage, 100 to 100,000 agents, beside RVO2",
+    ),
+    "drills": (
+        "crowdsim.bench.crowds.drill_table",
+        "steered crowds: counterflow, doors, a crossing and bottlenecks: who arrives, when, and the flow",
+    ),
     "motion-maps": (
         "crowdsim.bench.motions.motion_maps",
         "motion maps: size, success and time by depth, beside A*; lengths, bodies and arrivals",
@@ -87,8 +95,9 @@ def run_bench(
     captures: Path | None = None,
     picture: Path | None = None,
     depth: dict[str, Any] | None = None,
+    rvo2: Path | None = None,
 ) -> BenchResult:
-    """Run the benchmark called ``name``, on the files in the folder ``maps``, ``worlds`` or ``captures`` if given.
+    """Run the benchmark called ``name``, on the files in the folder ``maps``, ``worlds``, ``captures`` or ``rvo2``.
 
     Raises :class:`CrowdSimError` for a name that is not there, for a folder of a kind the benchmark takes none of,
     for a ``picture`` to be written where it draws none, and for the ``depth`` of maps where it builds none.
@@ -96,7 +105,7 @@ def run_bench(
     if name not in _BENCHES:
         raise CrowdSimError(f"there is no benchmark '{name}'; there are: {', '.join(_BENCHES)}")
     measure: Callable[..., Measurement] = importlib.import_module(_BENCHES[name][0]).measure
-    options = {"maps": maps, "worlds": worlds, "captures": captures, "picture": picture, "depth": depth}
+    options = {"maps": maps, "worlds": worlds, "captures": captures, "picture": picture, "depth": depth, "rvo2": rvo2}
     given = {kind: value for kind, value in options.items() if value is not None}
     for kind in given:
         if kind not in inspect.signature(measure).parameters:

@@ -29,6 +29,9 @@ def bench(
         Path | None,
         typer.Option(metavar="FOLDER", help="For motion-graph, motion-search and motion-maps: a folder of captures."),
     ] = None,
+    rvo2: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="For steering: the sources of RVO2, to be timed beside.")
+    ] = None,
     depth: MapDepth = None,
     as_json: Json = False,
     debug: Debug = False,
@@ -46,7 +49,9 @@ def bench(
             print_table(list(bench_names().items()))
         return
     sizes = read_map_depth(depth)
-    result = run_bench(name, maps=maps, worlds=worlds, captures=captures, picture=picture, depth=sizes or None)
+    result = run_bench(
+        name, maps=maps, worlds=worlds, captures=captures, picture=picture, depth=sizes or None, rvo2=rvo2
+    )
     if as_json:
         typer.echo(json.dumps(asdict(result)))
         return

@@ -1,0 +1,115 @@
+"""What a step of a steered crowd costs, by stage, beside RVO2 where its sources are given.
+
+Agents walk in sixteen directions over an open square, and turn back to its middle if they leave it. Figures are
+medians over steps, in microseconds of one agent's step; RVO2 runs between two passes of ours.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from crowdsim.bench.crowds.drills import LEG_RADIUS, State, make_agents
+from crowdsim.bench.crowds.rvo2 import Rvo2
+from crowdsim.bench.registry import Measurement
+from crowdsim.steering.row_kernels import ROW
+from crowdsim.steering.steering import Steering
+from crowdsim.steering.walls import build_walls
+
+CROWDS = ((100, 0.25), (1000, 0.25), (10_000, 0.25), (10_000, 1.0), (10_000, 3.0), (100_000, 0.25))
+"""Agents, and agents/m2."""
+
+AGENT_STEPS = 400_000
+"""Agent-steps that each figure is the median of, in at least 12 steps and at most 200."""
+
+_STAGES = ("sort", "look", "decide", "commit")
+
+
+def measure(rvo2: Path | None = None) -> Measurement:
+    """Time crowds of many sizes; ``rvo2``: folder of the sources of RVO2."""
+    rows = []
+    figures: dict[str, float] = {"bytes_an_agent": float(ROW.itemsize)}
+    with tempfile.TemporaryDirectory() as folder:
+        other = None if rvo2 is None else Rvo2(rvo2, Path(folder))
+        for agents, density in CROWDS:
+            row = _row(agents, density, other)
+            rows.append(row)
+            for key, value in row.items():
+                if key not in ("agents", "density") and value is not None:
+                    figures[f"{agents}_at_{density:g}_{key}"] = float(value)
+    return Measurement(rows, figures)
+
+
+def _row(agents: int, density: float, other: Rvo2 | None) -> dict[str, Any]:
+    steps = min(max(AGENT_STEPS // agents, 12), 200)
+    stages = _stage_times(agents, density, steps)
+    one, two = (_step_times(agents, density, steps, threads) for threads in (1, 2))
+    row: dict[str, Any] = {"agents": agents, "density": density}
+    row |= {f"{name}_us": round(float(np.median(stages[:, k])), 3) for k, name in enumerate(_STAGES)}
+    row |= {"one_thread_us": round(one, 3), "two_threads_us": round(two, 3), "speed_up": round(one / two, 2)}
+    if other is None:
+        return row | {"rvo2_us": None, "times_rvo2": None}
+    theirs = float(np.median(other.step_times(agents, density, steps)[3:]))
+    again = _step_times(agents, density, steps, 1)
+    return row | {"rvo2_us": round(theirs, 3), "times_rvo2": round(0.5 * (one + again) / theirs, 2)}
+
+
+def open_square(agents: int, density: float, seed: int = 1) -> tuple[State, float]:
+    """Agents in rows on an open square who walk in sixteen directions, and the side of the square [m]."""
+    rng = np.random.default_rng(seed)
+    side = math.sqrt(agents / density)
+    across = math.ceil(math.sqrt(agents))
+    row, column = np.divmod(np.arange(agents), across)
+    places = (np.column_stack((column, row)) + 0.5) * side / across
+    sixteenth = rng.integers(0, 16, agents)
+    way = np.column_stack((np.cos(sixteenth * math.pi / 8), np.sin(sixteenth * math.pi / 8)))
+    # In dense crowds all begin side by side, as bodies that face anywhere would touch.
+    state = make_agents(rng, places, sixteenth, way if density < 2.0 else np.tile([1.0, 0.0], (agents, 1)))
+    state["gx"], state["gy"] = way.T
+    state["togo"] = 100.0
+    return state, side
+
+
+def _turn_back(state: State, side: float) -> None:
+    out = (state["x"] < 0.0) | (state["x"] > side) | (state["y"] < 0.0) | (state["y"] > side)
+    dx, dy = side / 2 - state["x"][out], side / 2 - state["y"][out]
+    length = np.hypot(dx, dy)
+    state["gx"][out], state["gy"][out] = dx / length, dy / length
+
+
+def _step_times(agents: int, density: float, steps: int, threads: int) -> float:
+    state, side = open_square(agents, density)
+    walls = build_walls([])
+    times = []
+    with Steering(walls, walls, leg_radius=LEG_RADIUS, threads=threads) as steering:
+        for _ in range(steps):
+            begin = time.perf_counter()
+            steering.step(state)
+            times.append(time.perf_counter() - begin)
+            _turn_back(state, side)
+    return float(np.median(times[3:])) / agents * 1e6
+
+
+def _stage_times(agents: int, density: float, steps: int) -> np.ndarray:
+    state, side = open_square(agents, density)
+    walls = build_walls([])
+    times = []
+    with Steering(walls, walls, leg_radius=LEG_RADIUS) as steering:
+        for _ in range(steps):
+            marks = [time.perf_counter()]
+            crowd = steering.sort(state)
+            marks.append(time.perf_counter())
+            steering.look(crowd, 0, agents)
+            marks.append(time.perf_counter())
+            steering.decide(crowd, 0, agents)
+            marks.append(time.perf_counter())
+            steering.commit(crowd, 0, agents, state)
+            marks.append(time.perf_counter())
+            times.append(np.diff(marks))
+            _turn_back(state, side)
+    return np.array(times[3:]) / agents * 1e6
