@@ -1,4 +1,7 @@
-"""The rules of steering: what an agent looks at, how fast it goes, whom it gives way to."""
+"""The rules of steering: what an agent looks at, how fast it goes, whom it gives way to.
+
+docs/steering.md says what they were chosen on.
+"""
 
 from __future__ import annotations
 
@@ -19,20 +22,21 @@ class Rules(NamedTuple):
     """Distance ahead at which collisions count."""
     wall_horizon: float = 1.6
     """Distance ahead at which walls count."""
-    inertia: float = 0.116
+    inertia: float = 0.12
     """Cost of turning away from the present velocity, in horizons."""
-    left_bias: float = 0.027
+    left_bias: float = 0.03
     """Cost of passing on the left, in horizons."""
     turn_cost: float = 0.25
     """Cost of turning the shoulders, in horizons."""
-    tight: float = 1.116
+    tight: float = 1.1
     """An agent that can go no farther than this tries to turn its shoulders."""
     keep_right: float = 1.1
     """Angle by which an agent aims to the right of its way while others come towards it."""
-    edge: float = 0.35
+    edge: float = 0.3
+    """An agent stops aiming to the right if a wall is this near to the place 0.5 m to its right."""
     news: float = 0.6
     """Share of what somebody ahead knows of opposing agents that is handed on."""
-    sidle: float = 0.611
+    sidle: float = 0.6
     """Angle by which an agent that is stuck behind somebody aims to the right."""
     headway: float = 0.45
     """Time gap kept to whoever walks ahead."""
@@ -41,11 +45,12 @@ class Rules(NamedTuple):
     leader: float = 0.6
     """Share of the speed of whoever walks ahead that is added to what the time gap allows."""
     leader_gap: float = 0.5
+    """Gap from which on that share counts whole."""
     offset_gain: float = 0.15
     """Gap added for somebody at the edge of the agent's swath."""
-    swath: float = 0.903
+    swath: float = 0.9
     """Width of an agent's swath, as a share of both bodies' widths."""
-    swath_before: float = 0.787
+    swath_before: float = 0.79
     """The same towards those of the same goal who go first."""
     swath_behind: float = 0.0
     """The same towards those of the same goal who go after it."""
@@ -56,14 +61,20 @@ class Rules(NamedTuple):
     merge_after: float = 0.2
     """Time stuck after which an agent gives way to those of its goal who go first."""
     merge_behind: float = 0.3
+    """Cosine, against the way of such an agent, from which on somebody beside it counts as behind it."""
     merge_gap: float = 0.1
-    merge_speed: float = 0.384
+    """Gap below which somebody hinders such an agent."""
+    merge_speed: float = 0.4
+    """Speed [m/s] at which an agent makes room."""
     yield_after: float = 1.0
     """Time after which others step out of the way of somebody stuck."""
     yield_reach: float = 1.5
+    """Distance up to which they do."""
     yield_aside: float = 0.5
+    """Speed [m/s] at which they step aside, and"""
     yield_along: float = 0.3
-    relaxation: float = 0.235
+    """at which they step back along its way."""
+    relaxation: float = 0.24
     """Time in which the velocity approaches what is wanted."""
     acceleration: float = 2.5
     """Largest change of the velocity [m/s2]."""
