@@ -244,5 +244,7 @@ def test_bench_lists_its_names(crowdsim):
         "motion-graph",
         "motion-search",
         "crowd",
+        "steering",
+        "drills",
         "motion-maps",
     ]
