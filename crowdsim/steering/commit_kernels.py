@@ -17,13 +17,13 @@ from crowdsim.jit import helper, kernel
 from crowdsim.steering.capsule_kernels import core_to_core, core_to_segment
 from crowdsim.steering.look_kernels import cell_of, rows_beside
 from crowdsim.steering.row_kernels import CELL
-from crowdsim.steering.wall_kernels import WALL_CELL
+from crowdsim.steering.wall_kernels import WALL_CELL, WALL_REACH
 
 MARGIN = 1e-6
 """What every step leaves of its share of a gap [m]: more than rounding takes, less than anybody sees."""
 
 ROUNDING = 1e-9
-"""By how much rounding may carry a step over a line [m]."""
+"""By how much rounding may carry a step over a line [m], as long as half of the margin is left."""
 
 HALVINGS = 5
 """How often a turn that does not fit is halved before it is given up."""
@@ -36,11 +36,20 @@ STUCK_MOST = 30.0
 
 
 @helper
+def set_line(line, nx, ny, room):
+    """Set a line: its normal, how far the body may go along it, and how much farther rounding may carry it [m]."""
+    line[0] = nx
+    line[1] = ny
+    line[2] = max(room, 0.0)
+    line[3] = ROUNDING if room > -0.5 * MARGIN else 0.0
+
+
+@helper
 def add_neighbors(crowd, me, most, broadest, lines):
     """Add the lines between an agent and those it could meet if its body grew by ``most`` in the step [m].
 
     ``crowd``: rows, their places, where cells begin in them, and the frame of the cells. ``broadest``: largest half
-    breadth of all agents [m]. ``lines``: float64[k, 3], normal and how far the body may go along it. Returns how many,
+    breadth of all agents [m]. ``lines``: float64[k, 4], as :func:`set_line` sets them. Returns how many,
     -1 if there is no room for all.
     """
     rows, places, starts, frame = crowd
@@ -67,22 +76,26 @@ def add_neighbors(crowd, me, most, broadest, lines):
             dx, dy, distance = core_to_core(px, py, -mine.hy, mine.hx, mine.half, -other.hy, other.hx, other.half)
             room = 0.5 * (distance - mine.radius - other.radius) - MARGIN
             if room < most:
-                if count == len(lines):
+                if count == len(lines) or distance == 0.0:
                     return -1
-                lines[count, 0] = dx / distance
-                lines[count, 1] = dy / distance
-                lines[count, 2] = max(room, 0.0)
+                set_line(lines[count], dx / distance, dy / distance, room)
                 count += 1
     return count
 
 
 @helper
 def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
-    """Add the lines between a core and the segments of one layer that it could meet. Returns how many there are."""
+    """Add the lines between a core and the segments of one layer that it could meet.
+
+    Returns how many lines there are; -1 if there is no room for all, if the core cuts a segment, or if the step could
+    reach beyond what the lists of segments hold.
+    """
     column = math.floor((x - walls.left) / WALL_CELL)
     row = math.floor((y - walls.bottom) / WALL_CELL)
     if count < 0 or not (0 <= column < walls.columns and 0 <= row < walls.rows):
         return count
+    if half + radius + most > WALL_REACH:
+        return -1
     cell = row * walls.columns + column
     for entry in range(walls.starts[cell], walls.starts[cell + 1]):
         number = walls.lists[entry]
@@ -99,11 +112,9 @@ def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
         )
         room = distance - radius - MARGIN
         if room < most:
-            if count == len(lines):
+            if count == len(lines) or distance == 0.0:
                 return -1
-            lines[count, 0] = dx / distance
-            lines[count, 1] = dy / distance
-            lines[count, 2] = max(room, 0.0)
+            set_line(lines[count], dx / distance, dy / distance, room)
             count += 1
     return count
 
@@ -136,7 +147,7 @@ def nearest_feasible(wx, wy, lines, count):
         dx = lines[k, 2] * nx - along * ny
         dy = lines[k, 2] * ny + along * nx
     for k in range(count):
-        if lines[k, 0] * dx + lines[k, 1] * dy > lines[k, 2] + ROUNDING:
+        if lines[k, 0] * dx + lines[k, 1] * dy > lines[k, 2] + lines[k, 3]:
             return 0.0, 0.0
     return dx, dy
 
@@ -161,7 +172,7 @@ def turn_fits(mine, ex, ey, half, dx, dy, lines, count):
         ny = lines[k, 1]
         growth = longest * reach_of_turn(mine.hx, mine.hy, ex, ey, nx, ny)
         growth -= mine.half * abs(mine.hx * ny - mine.hy * nx)
-        if growth > lines[k, 2] - max(0.0, nx * dx + ny * dy) + ROUNDING:
+        if growth > lines[k, 2] + lines[k, 3] - max(0.0, nx * dx + ny * dy):
             return False
     return True
 
@@ -197,7 +208,7 @@ def commit_rows(crowd, first, last, order, wanted, walls, broadest, step, state)
     """
     rows = crowd[0]
     legs, torso, leg_radius = walls
-    lines = np.empty((MOST_LINES, 3))
+    lines = np.empty((MOST_LINES, 4))
     crowded = 0
     for me in range(first, last):
         mine = rows[me]

@@ -23,11 +23,11 @@ class Rules(NamedTuple):
     wall_horizon: float = 1.6
     """Distance ahead at which walls count."""
     inertia: float = 0.12
-    """Cost of turning away from the present velocity, in horizons."""
+    """Cost of turning away from the present velocity, for each meter of the horizon [m]."""
     left_bias: float = 0.03
-    """Cost of passing on the left, in horizons."""
+    """Cost of passing on the left, for each meter of the horizon [m]."""
     turn_cost: float = 0.25
-    """Cost of turning the shoulders, in horizons."""
+    """Cost of turning the shoulders, for each meter of the horizon [m]."""
     tight: float = 1.1
     """An agent that can go no farther than this tries to turn its shoulders."""
     keep_right: float = 1.1
@@ -37,7 +37,7 @@ class Rules(NamedTuple):
     news: float = 0.6
     """Share of what somebody ahead knows of opposing agents that is handed on."""
     sidle: float = 0.6
-    """Angle by which an agent that is stuck behind somebody aims to the right."""
+    """Angle by which it aims farther to the right if it is stuck behind somebody."""
     headway: float = 0.45
     """Time gap kept to whoever walks ahead."""
     standoff: float = 0.32
@@ -57,7 +57,7 @@ class Rules(NamedTuple):
     creep: float = 0.8
     """Speed [m/s] at which an agent that is stuck presses on."""
     creep_first: float = 1.2
-    """The same if nobody of its way is ahead [m/s for each second]."""
+    """The same if nobody of its way is ahead; reached within a second."""
     merge_after: float = 0.2
     """Time stuck after which an agent gives way to those of its goal who go first."""
     merge_behind: float = 0.3
@@ -71,9 +71,9 @@ class Rules(NamedTuple):
     yield_reach: float = 1.5
     """Distance up to which they do."""
     yield_aside: float = 0.5
-    """Speed [m/s] at which they step aside, and"""
+    """Speed [m/s] at which they step aside."""
     yield_along: float = 0.3
-    """at which they step back along its way."""
+    """Speed [m/s] at which they step back along its way."""
     relaxation: float = 0.24
     """Time in which the velocity approaches what is wanted."""
     acceleration: float = 2.5

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
@@ -15,8 +16,8 @@ from crowdsim.steering.row_kernels import CELL, ROW, gather_rows, sort_rows
 from crowdsim.steering.rules import Rules
 from crowdsim.steering.walls import Walls
 
-MOST_CELLS = 50_000_000
-"""Cells that agents may be spread over: a square of 7 km."""
+MOST_CELLS = 4_000_000
+"""Cells that agents may be spread over: a square of 2 km."""
 
 PARTS = 4
 """Parts a thread that the rows are cut into, so that threads end together."""
@@ -47,14 +48,17 @@ class Steering:
     """Steps agents between walls.
 
     ``legs``: walls of the layer that holds every obstacle, from which discs of ``leg_radius`` [m] keep away. ``torso``:
-    walls of the layers above, from which the capsules keep away. ``threads`` share the agents; the result does not
-    depend on how many there are. They end with :meth:`close`, or with the block of a ``with`` statement.
+    walls of the layers above, from which the capsules keep away; the ``radius`` of none of these may be less.
+    ``threads`` share the agents; the result does not depend on how many there are. They end with :meth:`close`, or with
+    the block of a ``with`` statement.
     """
 
     def __init__(
         self, legs: Walls, torso: Walls, *, leg_radius: float, rules: Rules | None = None, threads: int = 1
     ) -> None:
         self.rules = Rules() if rules is None else rules
+        if self.rules.turn_rate * self.rules.step >= 0.5 * math.pi:
+            raise ValueError("agents may turn by less than a right angle in a step; make the step or the rate smaller")
         self.crowded = 0
         """How often an agent stood since more was near than there is room for, so far."""
         self._walls = (legs, torso, leg_radius)
@@ -81,10 +85,12 @@ class Steering:
 
         Nobody may touch anybody or a wall before the first step; then nobody ever does. The order of the records is
         that of the agents' ids. ValueError if agents are not finite or spread over more than :data:`MOST_CELLS` cells.
+        An agent that cannot be moved safely, as too much is near, or it cuts somebody or a wall, stands.
         """
         count = len(state)
         if count == 0:
             return
+        require_finite(state)
         crowd = self.sort(state)
 
         # Everyone reads old rows only, so parts need not wait for each other.
@@ -145,3 +151,13 @@ class Steering:
                 state,
             )
         )
+
+
+def require_finite(state: NDArray[Any]) -> None:
+    """Require finite places, headings, guidance and bodies; ValueError names the first agent that lacks one."""
+    for name in ("x", "y", "heading", "vx", "vy", "half", "speed", "gx", "gy", "togo"):
+        wrong = np.flatnonzero(~np.isfinite(state[name]))
+        if len(wrong):
+            raise ValueError(
+                f"'{name}' of agent {int(state['id'][wrong[0]])} is not a finite number; steering needs one"
+            )

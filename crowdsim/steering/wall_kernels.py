@@ -135,12 +135,13 @@ def free_ahead(walls, x, y, ux, uy, width, farthest):
     """
     way = 0.0
     before = distance_at(walls, x, y)
-    if before < width:
+    if before < width + 0.5 * _TOLERANCE:
         way = SPACING
         ahead = distance_at(walls, x + way * ux, y + way * uy)
-        if ahead < before:
+        # Distances are rounded down: what is parallel to a wall may seem to lead a unit nearer.
+        if ahead < before - UNIT:
             return 0.0
-        width = before - _TOLERANCE
+        width = min(before, width) - _TOLERANCE
     for _ in range(32):
         room = distance_at(walls, x + way * ux, y + way * uy) - width
         if room < 0.5 * _TOLERANCE:

@@ -70,7 +70,7 @@ def nearest_feasible(wanted: NDArray[np.float64], lines: Lines) -> NDArray[np.fl
     """The move nearest to ``wanted`` that crosses no line: among itself, its feet on all lines, and all crossings."""
     candidates = [wanted]
     candidates.extend(wanted - (n[:2] @ wanted - n[2]) * n[:2] for n in lines)
-    for a, b in combinations(lines, 2):
+    for a, b in combinations(lines[:, :3], 2):
         normals = np.array([a[:2], b[:2]])
         if abs(np.linalg.det(normals)) > 1e-9:
             candidates.append(np.linalg.solve(normals, [a[2], b[2]]))
@@ -103,14 +103,19 @@ def wall_distance(segments: NDArray[np.float64], x: float, y: float) -> float:
 
 
 def smallest_gaps(
-    before: NDArray[np.void], after: NDArray[np.void], walls: NDArray[np.float64], leg_radius: float, times: int = 5
-) -> tuple[float, float]:
-    """Smallest gap between any two bodies, and to any wall, at several times of a step [m].
+    before: NDArray[np.void],
+    after: NDArray[np.void],
+    leg_walls: NDArray[np.float64],
+    torso_walls: NDArray[np.float64],
+    leg_radius: float,
+    times: int = 5,
+) -> tuple[float, float, float]:
+    """Smallest gaps between any two bodies, between legs and their walls, and torsos and theirs, in a step [m].
 
     Places and headings are interpolated between two states, as a recording is shown.
     """
     turned = (after["heading"] - before["heading"] + math.pi) % (2.0 * math.pi) - math.pi
-    people, to_walls = math.inf, math.inf
+    people, legs, torsos = math.inf, math.inf, math.inf
     for share in np.linspace(0.0, 1.0, times + 1)[1:]:
         state = after.copy()
         for name in ("x", "y", "half"):
@@ -122,10 +127,10 @@ def smallest_gaps(
             near = np.flatnonzero(np.hypot(*(places[i + 1 :] - places[i]).T) < 1.2) + i + 1
             people = min([people, *(gap(state, i, j) for j in near)])
             ends = core_ends(places[i], np.array([state["hx"][i], state["hy"][i]]), state["half"][i])
-            for wall in walls:
-                to_walls = min(to_walls, segment_to_segment(ends, wall.reshape(2, 2)) - state["radius"][i])
-                to_walls = min(to_walls, point_to_segment(places[i], wall.reshape(2, 2)) - leg_radius)
-    return people, to_walls
+            for wall in torso_walls:
+                torsos = min(torsos, segment_to_segment(ends, wall.reshape(2, 2)) - state["radius"][i])
+            legs = min(legs, wall_distance(leg_walls, *places[i]) - leg_radius)
+    return people, legs, torsos
 
 
 def turned(vector: NDArray[np.float64], angle: float) -> NDArray[np.float64]:

@@ -55,7 +55,7 @@ LINE = st.tuples(ANGLE, st.floats(0.0, 0.3) | st.just(0.0))
 @settings(max_examples=300, deadline=None)
 @given(SHORT, SHORT, st.lists(LINE, max_size=8))
 def test_the_nearest_feasible_move_is_found(wx, wy, drawn):
-    lines = np.array([(math.cos(angle), math.sin(angle), room) for angle, room in drawn]).reshape(-1, 3)
+    lines = np.array([(math.cos(angle), math.sin(angle), room, 1e-9) for angle, room in drawn]).reshape(-1, 4)
     move = np.array(_nearest_feasible(wx, wy, lines, len(lines)))
     wanted = np.array([wx, wy])
     assert all(n[:2] @ move <= n[2] + 2e-9 for n in lines)
@@ -77,40 +77,68 @@ def test_the_reach_of_a_turning_core_is_the_largest_on_the_way(heading, turn, no
     assert on_the_way.max() - 1e-12 <= found <= on_the_way.max() + 1e-4
 
 
-@pytest.mark.parametrize(("count", "side"), [(80, 9.0), (80, 5.2)], ids=["1 a square meter", "3 a square meter"])
+@pytest.mark.parametrize(("count", "side"), [(80, 9.0), (80, 5.6)], ids=["1 a square meter", "2.5 a square meter"])
 def test_nobody_touches_anybody_or_a_wall_at_any_time(count, side):
     rng = np.random.default_rng(count)
-    # A square with two walls in it, crossed in all directions; agents begin in rows, where 3 a square meter fit.
-    walls = np.array(
+    # A square, a wall in it, and a bench that only legs meet. Agents begin in rows, where 3 a square meter fit.
+    torso = np.array(
         [
             (0, 0, side, 0),
             (side, 0, side, side),
             (side, side, 0, side),
             (0, side, 0, 0),
             (side / 3, side / 2, side / 2, side / 2),
-            (side * 0.7, side * 0.2, side * 0.7, side * 0.5),
         ]
     )
-    each_way = math.ceil(math.sqrt(count * 1.25))
-    grid = (np.arange(each_way) + 0.5) * (side - 0.1) / each_way + 0.05
-    places = np.array([(x, y) for x in grid for y in grid])
-    clear = [reference.wall_distance(walls, *place) > 0.29 for place in places]
+    legs = np.vstack((torso, [(side * 0.7, side * 0.1, side * 0.7, side * 0.8)]))
+    # Side by side 0.57 m apart, which is more than any body is broad, and nearer one behind the other.
+    x = np.arange(0.3, side - 0.29, 0.4 if side < 8.0 else 0.6)
+    y = np.arange(0.31, side - 0.3, 0.57)
+    places = np.array([(each, other) for each in x for other in y])
+    clear = [reference.wall_distance(torso, *place) > 0.29 for place in places]
+    clear &= np.array([reference.wall_distance(legs, *place) > 0.11 for place in places])
     places = rng.permutation(places[clear])[:count]
-    headings = rng.uniform(-math.pi, math.pi, len(places)) if side > 10 else np.zeros(len(places))
+    headings = rng.uniform(-math.pi, math.pi, len(places)) if side > 8.0 else np.zeros(len(places))
     state = agents(places, headings, np.arange(len(places)) % 16, rng)
-    steering = Steering(build_walls(walls), build_walls(walls[:5]), leg_radius=0.1)
-    people, to_walls = math.inf, math.inf
+    steering = Steering(build_walls(legs), build_walls(torso), leg_radius=0.1)
+    smallest = np.full(3, math.inf)
     for step in range(30):
         if step % 10 == 0:
             state["gx"], state["gy"] = np.cos(way := rng.uniform(-math.pi, math.pi, len(state))), np.sin(way)
+            # Arms are held in, and let go again.
+            state["held"] = np.where(rng.random(len(state)) < 0.5, 0.04, -1.0)
         before = state.copy()
         steering.step(state)
-        between, torso = reference.smallest_gaps(before, state, walls[:5], 0.1)
-        _, legs = reference.smallest_gaps(before[:1], state[:1], walls, 0.1)
-        people, to_walls = min(people, between), min(to_walls, torso, legs)
-    assert people >= 0.0
-    assert to_walls >= 0.0
+        smallest = np.minimum(smallest, reference.smallest_gaps(before, state, legs, torso, 0.1))
+    assert (smallest >= 0.0).all()
+    # Some come as near to a bench as legs can, and stand across it with their torsos.
+    assert smallest[1] < 0.01
+    assert steering.crowded == 0
     assert np.hypot(state["vx"], state["vy"]).mean() > 0.1
+
+
+def test_the_smallest_gap_does_not_shrink_by_rounding():
+    rng = np.random.default_rng(1)
+    state = agents(np.array([[0.0, 0.0], [0.25 + 5e-10, 0.0]]), np.zeros(2), np.array([0, 1]), rng)
+    steering = Steering(build_walls([]), build_walls([]), leg_radius=0.1)
+    least = reference.gap(state, 0, 1)
+    for step in range(20):
+        turn = 4e-8 * (-1) ** step
+        state["gx"], state["gy"] = [math.cos(turn), -math.cos(turn)], [math.sin(turn), math.sin(turn)]
+        steering.step(state)
+        assert reference.gap(state, 0, 1) >= min(least, 5e-10) - 1e-15
+
+
+def test_who_cuts_a_wall_or_could_reach_beyond_what_is_listed_stands():
+    rng = np.random.default_rng(2)
+    wall = build_walls(np.array([(1.0, -2.0, 1.0, 2.0)]))
+    state = agents(np.array([[1.0, 0.0], [0.2, 4.0], [0.0, 0.0]]), np.zeros(3), np.arange(3), rng)
+    state["half"][2] = state["rest"][2] = 0.7
+    with Steering(wall, wall, leg_radius=0.1) as steering:
+        steering.step(state)
+    assert state["x"].tolist() == [1.0, state["x"][1], 0.0]
+    assert state["x"][1] > 0.2
+    assert steering.crowded == 2
 
 
 def test_who_is_walled_in_stands():

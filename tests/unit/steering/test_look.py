@@ -114,6 +114,9 @@ def test_the_way_ahead_ends_at_walls():
     assert _free_ahead(walls, 0.0, 0.0, 1.0, 0.0, 0.3, 1.6) == 1.6
     assert _free_ahead(walls, 2.0, 0.0, 1.0, 0.0, 0.3, 1.6) == pytest.approx(0.7, abs=0.06)
     assert _free_ahead(walls, 2.0, 0.0, -1.0, 0.0, 0.3, 1.6) == 1.6
+    for near in (2.69, 2.685, 2.68):
+        assert _free_ahead(walls, near, 0.0, -1.0, 0.0, 0.3, 1.6) == 1.6
+        assert _free_ahead(walls, near, 0.0, 0.0, 1.0, 0.3, 1.6) == 1.6
     # Whoever stands too near may walk away or along, not nearer.
     assert _free_ahead(walls, 2.85, 0.0, 1.0, 0.0, 0.3, 1.6) == 0.0
     assert _free_ahead(walls, 2.85, 0.0, -1.0, 0.0, 0.3, 1.6) == 1.6

@@ -200,7 +200,7 @@ def test_places_that_cannot_be_sorted_are_refused():
     state = agents(np.array([[0.0, 0.0], [1e6, 1e6]]), np.zeros(2), np.array([0, 1]), rng)
     with pytest.raises(ValueError, match="more than steering can sort"):
         _steering([]).step(state)
-    state["x"][1] = math.nan
-    with pytest.raises(ValueError, match="steering"):
+    state["gx"][1] = math.nan
+    with pytest.raises(ValueError, match="'gx' of agent 1 is not a finite number"):
         _steering([]).step(state)
     _steering([]).step(state[:0])
