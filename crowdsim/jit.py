@@ -120,7 +120,7 @@ if _INTERNALS is None:
 
     @helper
     def array_at(address: Any, shape: Any, dtype: Any) -> Any:
-        """In kernels: the C-contiguous array at an integer ``address``, which somebody else keeps alive."""
+        """In kernels: view memory at ``address`` as a C-contiguous array. The caller keeps the memory alive."""
         return numba.carray(_pointer(address), shape, dtype)
 
 else:

@@ -137,7 +137,7 @@ def linked_helper(function: Callable[..., Any], **options: Any) -> Any:
 
 @intrinsic
 def array_at(_: Any, address: Any, shape: Any, dtype: Any) -> Any:
-    """In kernels: the C-contiguous array at an integer ``address``, which somebody else keeps alive.
+    """In kernels: view memory at an integer ``address`` as a C-contiguous array. The caller keeps the memory alive.
 
     As `numba.carray` from a pointer, but sooner compiled.
     """

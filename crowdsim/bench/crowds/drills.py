@@ -66,11 +66,6 @@ class DrillResult:
     arrived: NDArray[np.float64]
     acceleration: float
 
-    @property
-    def last(self) -> float:
-        """When the last one arrived [s]; nan if somebody did not."""
-        return float(self.arrived.max())
-
     def flow(self) -> float:
         """Arrivals a second between the first and the last tenth of them [1/s]."""
         times = np.sort(self.arrived[np.isfinite(self.arrived)])

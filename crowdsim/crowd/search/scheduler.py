@@ -21,8 +21,8 @@ BRANCHES_PER_STEP = 8 * SLICE_BRANCHES
 there are. What the last slice lays beyond that is taken from the next step."""
 
 PATIENT_SHARE = 0.25
-"""Share of a step that ways around others get, after all else: whoever asks for one stands and has waited anyway, and
-in a throng most of these searches fail."""
+"""Largest share of a step's branches for detours around others. All other searches go first: an agent that needs a
+detour stands already, and in a dense crowd most of these searches fail."""
 
 LONGEST_SLICE = 6 * SLICE_BRANCHES
 """Candidate branches that a slice lays at most. Each slice of a search is twice as long as the one before: few searches

@@ -278,7 +278,7 @@ def plan_drops(model, samples, firsts, counts, step, halves, rows, steps, scratc
                 if k == 0:
                     span = near
                 track = track_at(samples, first, count, step, time)
-                # What is asked stands in the column itself, but not for this.
+                # Measure without any drop: the column DROP already holds what earlier stances asked for.
                 track = (track[0], track[1], track[2], track[3], track[4], track[5], 0.0, track[7])
                 place, turn = pelvis_of(model, track)
                 spare = _HEEL_MOST * min(max((u - _HEEL_FROM) / _HEEL_BY, 0.0), 1.0)

@@ -1,4 +1,4 @@
-"""Searches of many paths, as kernels take them: what is asked, and where the answers go."""
+"""Many path searches in one kernel call: starts, goals and radii, and arrays that get what was found."""
 
 from __future__ import annotations
 
