@@ -8,3 +8,6 @@ NONE = -1
 
 TRACKING_MARGIN = 0.05
 """Meters a planned clearance exceeds the body's own, so that a motion may stray that far off its path."""
+
+STEERING_RATE = 10
+"""Decisions a second of steered characters."""

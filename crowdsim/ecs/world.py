@@ -48,8 +48,8 @@ class World:
         self._columns = (Column("id", np.int64, (), NONE), *columns)
         self._arrays = {c.name: np.full((capacity, *c.shape), c.fill, c.dtype) for c in self._columns}
         self._capacity = capacity
-        self._spawning: list[dict[str, Any]] = []
-        self._removing: set[int] = set()
+        self._spawning: list[tuple[NDArray[np.int64], dict[str, Any]]] = []
+        self._removing: list[NDArray[np.int64]] = []
         self._next_id = 0
         self.count = 0
 
@@ -67,33 +67,39 @@ class World:
 
     def spawn(self, **values: Any) -> int:
         """Ask for a new entity; returns its id. Its row appears with :meth:`apply_changes`."""
+        return int(self.spawn_many(1, **{name: np.asarray(value)[None] for name, value in values.items()})[0])
+
+    def spawn_many(self, count: int, **values: Any) -> NDArray[np.int64]:
+        """Ask for ``count`` new entities with values (count, ...); returns their ids, as :meth:`spawn` does."""
         unknown = values.keys() - set(self.column_names)
         if unknown:
             raise KeyError(f"no column named {', '.join(sorted(unknown))}")
-        entity = self._next_id
-        self._next_id += 1
-        self._spawning.append({**values, "id": entity})
-        return entity
+        entities = np.arange(self._next_id, self._next_id + count, dtype=np.int64)
+        self._next_id += count
+        self._spawning.append((entities, values))
+        return entities
 
-    def remove(self, entity: int) -> None:
-        """Ask for an entity to be removed with :meth:`apply_changes`."""
-        self._removing.add(entity)
+    def remove(self, *entities: int) -> None:
+        """Ask for entities to be removed with :meth:`apply_changes`."""
+        self._removing.append(np.array(entities, np.int64))
 
     def apply_changes(self) -> None:
         """Remove and add the rows asked for since the last call."""
         if self._removing:
-            keep = ~np.isin(self.column("id"), np.fromiter(self._removing, np.int64, len(self._removing)))
+            keep = ~np.isin(self.column("id"), np.concatenate(self._removing))
             kept = int(keep.sum())
             for array in self._arrays.values():
                 array[:kept] = array[: self.count][keep]
             self.count = kept
             self._removing.clear()
-        for values in self._spawning:
-            if self.count == self._capacity:
+        for entities, values in self._spawning:
+            end = self.count + len(entities)
+            while end > self._capacity:
                 self._grow()
             for column in self._columns:
-                self._arrays[column.name][self.count] = values.get(column.name, column.fill)
-            self.count += 1
+                self._arrays[column.name][self.count : end] = values.get(column.name, column.fill)
+            self._arrays["id"][self.count : end] = entities
+            self.count = end
         self._spawning.clear()
 
     def _grow(self) -> None:

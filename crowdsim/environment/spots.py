@@ -8,10 +8,12 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely import MultiPolygon, Point, Polygon
 
 from crowdsim.environment.layers import polygons_only
-from crowdsim.geometry.elementary import cos
+from crowdsim.environment.spot_kernels import take_spots
+from crowdsim.geometry.elementary import cos, sin
 from crowdsim.geometry.polygons import buffered
 
 _TRIES = 1000
@@ -55,12 +57,18 @@ class _Sampler:
         while self.point is not None:
             yield self.point
         while True:
-            which, along, across = self.generator.random((3, _BATCH))
-            chosen = np.searchsorted(self.shares, which * self.shares[-1], side="right")
-            a, b, c = np.moveaxis(self.corners[np.minimum(chosen, len(self.shares) - 1)], 1, 0)
-            root = np.sqrt(along)[:, None]
-            points = a * (1.0 - root) + root * ((1.0 - across[:, None]) * b + across[:, None] * c)
-            yield from ((float(x), float(y)) for x, y in points)
+            yield from ((float(x), float(y)) for x, y in self.batch(_BATCH))
+
+    def batch(self, count: int) -> NDArray[np.float64]:
+        """(count, 2) draws at once."""
+        if self.point is not None:
+            return np.tile(self.point, (count, 1))
+        which, along, across = self.generator.random((3, count))
+        chosen = np.searchsorted(self.shares, which * self.shares[-1], side="right")
+        a, b, c = np.moveaxis(self.corners[np.minimum(chosen, len(self.shares) - 1)], 1, 0)
+        root = np.sqrt(along)[:, None]
+        points: NDArray[np.float64] = a * (1.0 - root) + root * ((1.0 - across[:, None]) * b + across[:, None] * c)
+        return points
 
 
 def pieces_of(area: MultiPolygon) -> list[MultiPolygon]:
@@ -95,6 +103,78 @@ def draw_spots(
         else:
             break
     return placed
+
+
+def scatter_spots(
+    region: Polygon | Point,
+    room: MultiPolygon,
+    count: int,
+    distance: float,
+    taken: NDArray[np.float64],
+    generator: np.random.Generator,
+) -> NDArray[np.float64]:
+    """Draw spots of a region in ``room`` that keep a distance from each other and from those ``taken`` (k, 2) [m].
+
+    Returns (m, 2), with m below ``count`` if :data:`_TRIES` draws in a row found no place, or 300 a spot in all.
+    """
+    sampler = _Sampler(region, room, generator)
+    spots = np.concatenate([taken.reshape(-1, 2), np.zeros((count, 2))])
+    left, bottom, right, top = region.bounds
+    columns, rows = (math.floor(side / distance) + 1 for side in (right - left, top - bottom))
+    heads, nexts = np.full(columns * rows, -1, np.int32), np.full(len(spots), -1, np.int32)
+    frame = (left, bottom, columns, rows)
+    # Those that were taken before are the first in the lists, wherever they are.
+    filled, vain = take_spots(spots[: len(taken)].copy(), -1.0, distance, frame, heads, nexts, spots, 0, 0, len(taken))
+    most = _TRIES + 300 * count
+    while filled < len(spots) and vain < _TRIES and most > 0:
+        draws = sampler.batch(max(_BATCH, 2 * (len(spots) - filled)))
+        most -= len(draws)
+        filled, vain = take_spots(draws, distance, distance, frame, heads, nexts, spots, filled, vain, _TRIES)
+    return spots[len(taken) : filled]
+
+
+def arrange_spots(
+    region: Polygon,
+    room: MultiPolygon,
+    count: int,
+    apart: tuple[float, float],
+    heading: float,
+    generator: np.random.Generator,
+) -> NDArray[np.float64]:
+    """Spots of a region in ``room``, in rows across a heading [rad]: as far apart as there is room for.
+
+    ``apart``: least distances beside and behind each other [m]. Each is off its place in the row by up to a third of
+    what there is to spare. Returns (m, 2), with m below ``count`` if not even the least distances leave room for all.
+    """
+    area = polygons_only(region & room)
+    shapely.prepare(area)
+    c, s = cos(heading), sin(heading)
+    middle = shapely.get_coordinates(region.centroid)[0]
+    reach = math.sqrt(
+        sum(side * side for side in (region.bounds[2] - region.bounds[0], region.bounds[3] - region.bounds[1]))
+    )
+
+    def grid(scale: float) -> NDArray[np.float64]:
+        beside, behind = apart[0] * scale, apart[1] * scale
+        i, j = (np.arange(-math.ceil(reach / step), math.ceil(reach / step) + 1) for step in (behind, beside))
+        along, across = np.meshgrid(i * behind, j * beside, indexing="ij")
+        points = np.column_stack([(c * along - s * across).ravel(), (s * along + c * across).ravel()]) + middle
+        return points[shapely.contains_xy(area, points)]
+
+    low, high = 1.0, 8.0
+    if len(grid(low)) < count:
+        return grid(low)
+    for _ in range(30):
+        between = 0.5 * (low + high)
+        low, high = (between, high) if len(grid(between)) >= count else (low, between)
+    spots = grid(low)
+    spots = spots[np.sort(generator.permutation(len(spots))[:count])]
+    spare = (low - 1.0) / 3.0 * (2.0 * generator.random((count, 2)) - 1.0)
+    along, across = spare[:, 0] * apart[1], spare[:, 1] * apart[0]
+    moved = spots + np.column_stack([c * along - s * across, s * along + c * across])
+    inside = shapely.contains_xy(area, moved)
+    spots[inside] = moved[inside]
+    return spots
 
 
 class Spots:

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from crowdsim.errors import Problem, ScenarioError
 from crowdsim.library import library_folder
+from crowdsim.scenario.crowd_placement import try_crowd_placement
 from crowdsim.scenario.environment import build_environment
 from crowdsim.scenario.placement import NOMINAL_RADIUS, try_placement
 from crowdsim.scenario.scenario import Scenario
@@ -60,7 +61,10 @@ def parse_scenario(text: str, path: Path | None = None, overrides: Sequence[str]
     environment, complaints = build_environment(keys, folder)
     complaints = [*key_complaints(keys, folder), *complaints]
     if environment is not None:
-        complaints += try_placement(keys, environment, NOMINAL_RADIUS)[1]
+        if keys.steered:
+            complaints += try_crowd_placement(keys, environment)[1]
+        else:
+            complaints += try_placement(keys, environment, NOMINAL_RADIUS)[1]
     if complaints or environment is None:
         _refuse(document.problem(*complaint) for complaint in complaints)
     return Scenario.of(keys, document, text, path, environment)

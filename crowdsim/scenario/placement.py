@@ -96,7 +96,7 @@ def place_agents(scenario: Scenario, radius: float) -> Placement:
 
 def try_placement(keys: ScenarioFields, environment: Environment, radius: float) -> tuple[Placement, list[Complaint]]:
     """:func:`place_agents` with its complaints returned; the arrays lack the characters that found no place."""
-    rooms = _rooms(keys, environment, radius)
+    rooms = rooms_around(keys, environment, radius)
     starts_by_step: defaultdict[int, Spots] = defaultdict(lambda: Spots(2.0 * radius))
     stay_spots = Spots(2.0 * radius + STAND_ROOM)
     starts: list[tuple[float, float]] = []
@@ -107,9 +107,9 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
     for number, group in enumerate(keys.agents):
         group_steps = [round(time * keys.steps_per_second) for time in start_times(keys, number).tolist()]
         count = len(group_steps)
-        if not 1 <= count <= MAX_COUNT:
-            how_many = "no character comes" if count == 0 else f"more than {MAX_COUNT} characters come"
-            complaints.append((("agents", number, "rate"), f"{how_many} at this rate"))
+        wrong = head_count_complaint(count)
+        if wrong is not None:
+            complaints.append((("agents", number, "rate"), wrong))
             continue
         regions = group.regions()
         places = np.full((count, len(regions), 2), np.nan)
@@ -124,10 +124,10 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
             generator = np.random.default_rng(np.random.SeedSequence(keys.seed, spawn_key=(number, *stream)))
             room = next((room for room in rooms if meets(shape, room)), None)
             if room is None:
-                complaint: str | None = _unusable(environment, shape, radius)
+                complaint: str | None = unusable(environment, shape, radius)
             else:
                 placed = draw_spots(shape, room, crowds, generator)
-                complaint = None if len(placed) == count else _too_full(key, shape, len(placed), count, radius)
+                complaint = None if len(placed) == count else too_full(key, shape, len(placed), count, radius)
                 if k == 0:
                     starts += placed
                 else:
@@ -160,7 +160,15 @@ def _heading(goal: Goal) -> float:
     return math.nan if goal.heading is None else goal.heading
 
 
-def _rooms(keys: ScenarioFields, environment: Environment, radius: float) -> list[MultiPolygon]:
+def head_count_complaint(count: int) -> str | None:
+    """What is wrong with so many characters of a group, if anything."""
+    if 1 <= count <= MAX_COUNT:
+        return None
+    how_many = "no character comes" if count == 0 else f"more than {MAX_COUNT} characters come"
+    return f"{how_many} at this rate"
+
+
+def rooms_around(keys: ScenarioFields, environment: Environment, radius: float) -> list[MultiPolygon]:
     """Floor of the ground layer with ``radius`` around it that is always free; then, if more, what is so at some time.
 
     Only regions without room of the first kind use the second.
@@ -181,7 +189,7 @@ def _rooms(keys: ScenarioFields, environment: Environment, radius: float) -> lis
     return [room_in(polygons_only(free.difference(shapely.union_all(taken))), radius), room_in(free, radius)]
 
 
-def _unusable(environment: Environment, region: Polygon | Point, radius: float) -> str:
+def unusable(environment: Environment, region: Polygon | Point, radius: float) -> str:
     """Why no character at all can ever stand in ``region``."""
     if not meets(region, environment.floor):
         return "lies off the floor"
@@ -191,7 +199,7 @@ def _unusable(environment: Environment, region: Polygon | Point, radius: float) 
     return f"no spot with {radius:.2f} m of free floor around it; move it away from walls and obstacles"
 
 
-def _too_full(key: tuple[str | int, ...], region: Polygon | Point, placed: int, count: int, radius: float) -> str:
+def too_full(key: tuple[str | int, ...], region: Polygon | Point, placed: int, count: int, radius: float) -> str:
     together = "start at once" if key == ("start",) else "stay"
     remedy = "an 'interval' between the starts" if key == ("start",) else "'on_arrival: leave'"
     if isinstance(region, Point):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from crowdsim.constants import STEERING_RATE
 from crowdsim.library import library_folder
 from crowdsim.scenario.arrivals import start_times
 from crowdsim.scenario.schema.schema import ScenarioFields
@@ -14,7 +15,7 @@ from crowdsim.yamlfile.messages import nearest
 
 def key_complaints(keys: ScenarioFields, folder: Path) -> list[Complaint]:
     """Keys that contradict each other, the library, or what is in ``folder``."""
-    return [*_duplicate_names(keys), *_behaviors(keys), *_captures(keys, folder), *_times(keys)]
+    return [*_duplicate_names(keys), *_behaviors(keys), *_captures(keys, folder), *_times(keys), *_locomotion(keys)]
 
 
 def _duplicate_names(keys: ScenarioFields) -> list[Complaint]:
@@ -101,4 +102,22 @@ def _times(keys: ScenarioFields) -> list[Complaint]:
         if last >= keys.duration:
             message = f"{keys.duration:g} s end before the last of '{group.name}' starts at {last:g} s"
             complaints.append((("duration",), message))
+    return complaints
+
+
+def _locomotion(keys: ScenarioFields) -> list[Complaint]:
+    complaints: list[Complaint] = []
+    for number, group in enumerate(keys.agents):
+        if group.locomotion != keys.agents[0].locomotion:
+            message = (
+                f"'{group.name}' is {group.locomotion} and '{keys.agents[0].name}' is {keys.agents[0].locomotion}; "
+                "captured and steered characters cannot meet in one scenario"
+            )
+            complaints.append((("agents", number, "locomotion"), message))
+    if keys.steered and keys.steps_per_second != STEERING_RATE:
+        message = f"steered characters take {STEERING_RATE} steps a second; drop this key"
+        complaints.append((("steps_per_second",), message))
+    if keys.steered and keys.planner != "layered":
+        message = f"'{keys.planner}' plans for captured characters; drop this key for steered ones"
+        complaints.append((("planner",), message))
     return complaints

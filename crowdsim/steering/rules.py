@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from crowdsim.constants import STEERING_RATE
+
 
 class Rules(NamedTuple):
     """Constants of the steering model, the same for all agents and places. Lengths [m], times [s], angles [rad]."""
 
-    step: float = 0.1
+    step: float = 1.0 / STEERING_RATE
     """Time between two decisions."""
     reach: float = 3.0
     """Distance up to which an agent sees others."""

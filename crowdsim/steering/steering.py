@@ -61,7 +61,8 @@ class Steering:
             raise ValueError("agents may turn by less than a right angle in a step; make the step or the rate smaller")
         self.crowded = 0
         """How often an agent stood since more was near than there is room for, so far."""
-        self._walls = (legs, torso, leg_radius)
+        self.walls = (legs, torso, leg_radius)
+        """Those of the legs' layer, those of the torso's, and the radius of the legs [m]."""
         self._threads = threads
         self._pool = ThreadPoolExecutor(threads, "steering") if threads > 1 else None
 
@@ -78,7 +79,7 @@ class Steering:
 
     def set_walls(self, legs: Walls, torso: Walls) -> None:
         """Take other walls from the next step on. Nobody may touch them."""
-        self._walls = (legs, torso, self._walls[2])
+        self.walls = (legs, torso, self.walls[2])
 
     def step(self, state: NDArray[Any]) -> None:
         """Step all agents of ``state``, records of :data:`~crowdsim.steering.row_kernels.ROW`, in place.
@@ -104,12 +105,16 @@ class Steering:
         firsts = range(0, count, part)
         self.crowded += sum(map(run, firsts) if self._pool is None else self._pool.map(run, firsts))
 
-    def sort(self, state: NDArray[Any]) -> SortedCrowd:
-        """Sort the agents by cells."""
+    def sort(self, state: NDArray[Any], bounds: tuple[float, float, float, float] | None = None) -> SortedCrowd:
+        """Sort the agents by cells: of their own extent, or of ``bounds``, corners x and y of both [m]."""
         count = len(state)
         places = np.column_stack((state["x"], state["y"]))
-        low = np.floor(places.min(axis=0) / CELL) * CELL
-        spread = np.floor((places.max(axis=0) - low) / CELL) + 1.0
+        if bounds is None:
+            corners = np.array([places.min(axis=0), places.max(axis=0)])
+        else:
+            corners = np.array(bounds).reshape(2, 2)
+        low = np.floor(corners[0] / CELL) * CELL
+        spread = np.floor((corners[1] - low) / CELL) + 1.0
         if not spread.prod() <= MOST_CELLS:
             raise ValueError(f"agents are spread over {spread[0]} by {spread[1]} m, more than steering can sort")
         columns, rows_up = (int(each) for each in spread)
@@ -121,7 +126,7 @@ class Steering:
             order=np.empty(count, np.int32),
             near=np.empty((count, MOST_NEAR), np.int32),
             wanted=np.empty(count, WANTED),
-            broadest=float((state["half"] + state["radius"]).max()),
+            broadest=float((state["half"] + state["radius"]).max(initial=0.0)),
         )
         sort_rows(places, crowd.frame, crowd.starts, crowd.order, np.empty(count, np.int32))
         gather_rows(state, crowd.order, crowd.rows, places)
@@ -133,7 +138,7 @@ class Steering:
 
     def decide(self, crowd: SortedCrowd, first: int, last: int) -> None:
         """Decide what they want."""
-        decide_rows(crowd.rows, crowd.near, first, last, self._walls, self.rules, crowd.wanted)
+        decide_rows(crowd.rows, crowd.near, first, last, self.walls, self.rules, crowd.wanted)
 
     def commit(self, crowd: SortedCrowd, first: int, last: int, state: NDArray[Any]) -> int:
         """Move them as far as that touches nobody; returns how many stood since too much was near."""
@@ -145,7 +150,7 @@ class Steering:
                 last,
                 crowd.order,
                 crowd.wanted,
-                self._walls,
+                self.walls,
                 crowd.broadest,
                 self.rules.step,
                 state,

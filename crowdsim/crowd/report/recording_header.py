@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.behaviors.behavior import Behavior
+from crowdsim.behaviors.gaits import gait_clips
+from crowdsim.behaviors.library import BehaviorSet
 from crowdsim.crowd.state.assets import Assets
 from crowdsim.environment.layers import AnySolid
 from crowdsim.environment.mesh_solid import MeshSolid
@@ -14,52 +19,96 @@ from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.recording.header import (
     AgentsRecord,
     BehaviorRecord,
+    GaitRecord,
     LayerRecord,
     MeshRecord,
     MotionRecord,
     RecordingHeader,
     SolidRecord,
 )
+from crowdsim.scenario.crowd_placement import CrowdPlacement
 from crowdsim.scenario.placement import Placement
 from crowdsim.scenario.scenario import Scenario
 
 
-def record_header(scenario: Scenario, assets: Assets, cast: Placement) -> RecordingHeader:
+def record_header(
+    scenario: Scenario, behaviors: Sequence[Behavior], agents: AgentsRecord, motion: MotionRecord
+) -> RecordingHeader:
     """The header of the recording of one run."""
-    rate = assets.steps_per_second
-    timetable = scenario.environment.timetable
-    goals = np.array([goals[0] for goals in cast.goals])
-    toward = goals - cast.starts
-    starts = np.column_stack([cast.starts, atan2(toward[:, 1], toward[:, 0])])
-    poses = assets.motion.poses
+    environment = scenario.environment
+    timetable = environment.timetable
     return RecordingHeader(
         scenario_name=scenario.name,
         scenario_text=scenario.text,
         seed=scenario.seed,
-        steps_per_second=rate,
-        behaviors=[BehaviorRecord(b.name, b.color, tuple(map(float, b.radii))) for b in assets.behaviors],
-        layers=[LayerRecord(layer.name, layer.low, layer.high) for layer in assets.layers],
-        floor=scenario.environment.floor.wkt,
+        steps_per_second=scenario.steps_per_second,
+        behaviors=[BehaviorRecord(b.name, b.color, tuple(map(float, b.radii))) for b in behaviors],
+        layers=[LayerRecord(layer.name, layer.low, layer.high) for layer in environment.layers],
+        floor=environment.floor.wkt,
         solids=[_record(solid) for solid in timetable.fixed if isinstance(solid, Solid)],
         meshes=[_mesh_record(solid) for solid in timetable.fixed if isinstance(solid, MeshSolid)],
         movables=[_record(solid) for movable in timetable.movables for solid in movable.solids],
-        agents=AgentsRecord(
-            groups=cast.groups,
-            start_times=cast.start_steps / rate,
-            starts=starts,
-            goals=goals,
-            radii=np.full(len(cast.starts), assets.personal_radius),
-        ),
-        motion=MotionRecord(
-            skeleton=assets.motion.skeleton,
-            node_names=assets.motion.node_names,
-            node_behavior=assets.graph.node_behavior,
-            node_first=poses.node_first,
-            node_frames=poses.node_frames,
-            pool_root=poses.pool_root,
-            pool_rotations=poses.pool_rotations,
+        agents=agents,
+        motion=motion,
+    )
+
+
+def captured_agents(cast: Placement, steps_per_second: int, radius: float) -> AgentsRecord:
+    """The agents of a captured crowd, of bodies that reach ``radius`` meters."""
+    goals = np.array([goals[0] for goals in cast.goals])
+    starts = _facing(cast.starts, goals)
+    return AgentsRecord(cast.groups, cast.start_steps / steps_per_second, starts, goals, np.full(len(goals), radius))
+
+
+def steered_agents(cast: CrowdPlacement, middles: NDArray[np.float64], steps_per_second: int) -> AgentsRecord:
+    """The agents of a steered crowd, whose goals have ``middles`` (m, 2) [m]."""
+    goals = middles[np.array([itinerary.goals[0] for itinerary in cast.itineraries])][cast.group]
+    return AgentsRecord(
+        [cast.names[number] for number in cast.group.tolist()],
+        cast.start_steps / steps_per_second,
+        _facing(cast.starts, goals),
+        goals,
+        0.5 * cast.walkers.breadths,
+    )
+
+
+def captured_motion(assets: Assets) -> MotionRecord:
+    """What captured bodies are posed from."""
+    poses = assets.motion.poses
+    return MotionRecord(
+        skeleton=assets.motion.skeleton,
+        node_names=assets.motion.node_names,
+        node_behavior=assets.graph.node_behavior,
+        node_first=poses.node_first,
+        node_frames=poses.node_frames,
+        pool_root=poses.pool_root,
+        pool_rotations=poses.pool_rotations,
+    )
+
+
+def steered_motion(behavior_set: BehaviorSet) -> MotionRecord:
+    """What steered bodies are posed from: a clip for each behavior."""
+    skeleton = behavior_set.graph.skeleton
+    none = np.zeros(0, np.int32)
+    return MotionRecord(
+        skeleton=skeleton,
+        node_names=(),
+        node_behavior=none,
+        node_first=none,
+        node_frames=none,
+        pool_root=np.zeros((0, 3), np.float32),
+        pool_rotations=np.zeros((0, skeleton.joint_count, 4), np.float32),
+        gaits=tuple(
+            GaitRecord(clip.name, clip.root.astype(np.float32), clip.rotations.astype(np.float32))
+            for clip in gait_clips(behavior_set)
         ),
     )
+
+
+def _facing(starts: NDArray[np.float64], goals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 3) starts with the headings towards the goals."""
+    toward = goals - starts
+    return np.column_stack([starts, atan2(toward[:, 1], toward[:, 0])])
 
 
 def _record(solid: AnySolid) -> SolidRecord:

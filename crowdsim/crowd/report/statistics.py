@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,6 +19,12 @@ from crowdsim.recording.header import AgentState, RecordedFrame
 
 MARGIN_LIMIT = 1.0
 """Meters up to which the distance of bodies to obstacles is measured."""
+
+
+def shares_of(behaviors: Sequence[str], way: NDArray[np.float64]) -> dict[str, float]:
+    """Share of the way by behavior; all zero where no one went."""
+    total = way.sum()
+    return {name: float(gone / total) if total else 0.0 for name, gone in zip(behaviors, way, strict=True)}
 
 
 @dataclass
@@ -70,9 +76,7 @@ class Statistics:
 
     def shares(self, row: int) -> dict[str, float]:
         """Share of the way by behavior, most preferred first; all zero where no one went."""
-        total = self.way[row].sum()
-        names = [behavior.name for behavior in self.assets.behaviors]
-        return {name: float(way / total) if total else 0.0 for name, way in zip(names, self.way[row], strict=True)}
+        return shares_of([behavior.name for behavior in self.assets.behaviors], self.way[row])
 
     def summary(self) -> dict[str, Any]:
         """The figures under the names that ``crowdsim run --json`` prints."""

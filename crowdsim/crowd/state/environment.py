@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,13 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.crowd.state.assets import Assets
-from crowdsim.environment.layers import taken_between
+from crowdsim.environment.layers import ClearanceLayer, taken_between
 from crowdsim.navmesh.editing.obstacles import Handle
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.planning.planner import Planner
 from crowdsim.planning.query.behavior_areas import area_growths, area_polygons, grown
-from crowdsim.scenario.timetable import Placing, placed
+from crowdsim.scenario.timetable import Movable, Placing, placed
 
 Footprints = tuple[BaseGeometry | None, ...]
 """What a thing takes of each layer, None where it takes nothing."""
@@ -28,6 +29,16 @@ class Edit:
 
     taken: Footprints | None
     freed: BaseGeometry | None
+
+
+def footprints_of(movable: Movable, layers: Sequence[ClearanceLayer], placing: Placing) -> Footprints:
+    """What a movable takes of each layer where it stands so; the lowest holds what any of them does."""
+    shapes = [
+        placed(shapely.union_all([taken_between(solid, layer.low, layer.high) for solid in movable.solids]), placing)
+        for layer in layers
+    ]
+    shapes[0] = shapely.union_all(shapes)
+    return tuple(None if shape.is_empty else shape for shape in shapes)
 
 
 @dataclass
@@ -76,13 +87,7 @@ class EnvironmentState:
 
     def footprints(self, movable: int, placing: Placing) -> Footprints:
         """What a movable takes of each layer where it stands so; the lowest holds what any of them does."""
-        solids = self.assets.timetable.movables[movable].solids
-        shapes = [
-            placed(shapely.union_all([taken_between(solid, layer.low, layer.high) for solid in solids]), placing)
-            for layer in self.assets.layers
-        ]
-        shapes[0] = shapely.union_all(shapes)
-        return tuple(None if shape.is_empty else shape for shape in shapes)
+        return footprints_of(self.assets.timetable.movables[movable], self.assets.layers, placing)
 
     def put(self, movable: int, placing: Placing | None, step: int) -> Edit:
         """Let a movable stand at ``placing``, or take it away (None), in all meshes; no search may be under way."""

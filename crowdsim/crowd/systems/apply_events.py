@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from crowdsim.constants import NONE, TRACKING_MARGIN
 from crowdsim.crowd.search.affected import could_shorten, first_taken, route_taken, way_left
 from crowdsim.crowd.search.plans import Join, Plans
+from crowdsim.crowd.state.agenda import Agenda
 from crowdsim.crowd.state.components import SLOT_FRAMES
 from crowdsim.crowd.state.environment import Edit, Footprints
 from crowdsim.ecs.world import View
@@ -21,66 +21,46 @@ KEPT_OFF = TRACKING_MARGIN
 """Clearance that an agent keeps from the outline of what is about to come, beyond its body [m]."""
 
 
-@dataclass
 class Events:
     """Edits the environment when events are due.
 
-    Nothing comes to where an agent is, or has reserved to go: it waits, and meanwhile nobody else may go there. A
-    later event of the same thing takes the place of one that still waits. happened: seconds at which each event that
-    was due happened, None for one that did not, by its index.
+    Nothing comes to where an agent is, or has reserved to go: it waits, and meanwhile nobody else may go there.
     """
 
-    plans: Plans
-    happened: dict[int, float | None] = field(default_factory=dict)
-    _next: int = 0
-    _waiting: list[int] = field(default_factory=list)
+    def __init__(self, plans: Plans) -> None:
+        self.plans = plans
+        self._agenda = Agenda(plans.assets.timetable, plans.assets.steps_per_second)
 
     @property
     def over(self) -> bool:
         """Whether nothing changes any more."""
-        return self._next == len(self.plans.assets.timetable.events) and not self._waiting
+        return self._agenda.over
 
     def apply(self, view: View) -> None:
         """Let what is due happen, where nobody is in the way."""
-        plans, environment = self.plans, self.plans.environment
-        events, rate = plans.assets.timetable.events, plans.assets.steps_per_second
-        while self._next < len(events) and round(events[self._next].at * rate) <= plans.step:
-            self.happened[self._next] = None
-            movable = events[self._next].movable
-            self._waiting = [number for number in self._waiting if events[number].movable != movable]
-            self._waiting.append(self._next)
-            self._next += 1
-        if not self._waiting:
+        plans, environment, agenda = self.plans, self.plans.environment, self._agenda
+        if not agenda.collect(plans.step):
             return
         lines = reserved_lines(view, plans.step * plans.assets.frames_per_step // SLOT_FRAMES)
         waiting, outlines = [], []
-        for number in self._waiting:
-            event = events[number]
+        for number in agenda.waiting:
+            event = plans.assets.timetable.events[number]
             outline = None if event.placing is None else environment.footprints(event.movable, event.placing)[0]
             # Nothing comes to where an agent is, or will be.
             if outline is not None and (shapely.distance(lines, outline) < view.body_radius + KEPT_OFF).any():
                 waiting.append(number)
                 outlines.append(outline)
                 continue
-            self.happened[number] = plans.step / rate
+            agenda.note(number, plans.step)
             if event.placing != environment.placing(event.movable):
                 plans.searches.pool.settle()
                 edit = environment.put(event.movable, event.placing, plans.step)
                 _AffectedAgents(plans, view).plan_anew(edit)
-        self._waiting, environment.waited_for = waiting, outlines
+        agenda.waiting, environment.waited_for = waiting, outlines
 
     def report(self) -> list[dict[str, Any]]:
-        """Every event that was due: what, when, what became of it, and how many seconds late, None if never.
-
-        It ``happened``, is ``waiting`` still, or was ``overtaken`` by the next event of the same thing.
-        """
-        rows = []
-        for number, time in self.happened.items():
-            event = self.plans.assets.timetable.events[number]
-            outcome = "happened" if time is not None else "waiting" if number in self._waiting else "overtaken"
-            late = None if time is None else max(round(time - event.at, 6), 0.0)
-            rows.append({"event": event.title, "at": event.at, "outcome": outcome, "late": late})
-        return rows
+        """What became of every event that was due."""
+        return self._agenda.report()
 
 
 def reserved_lines(view: View, slot: int) -> NDArray[Any]:

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, ConfigDict, Field, WithJsonSchema, model_validator
 
 from crowdsim.constants import NONE
+from crowdsim.scenario.schema.spreads import Breadth, Delay, Spread, WalkingSpeed
 from crowdsim.scenario.schema.values import Degrees, FileText, Name, Part, Region, Seconds, one_of
 
 MAX_COUNT = 100_000
@@ -49,6 +50,15 @@ def _one_goal_and_some_agents(schema: dict[str, Any]) -> None:
     schema["anyOf"] = [{"required": ["count"]}, {"required": ["rate"]}]
 
 
+USUAL_SPEED = Spread(mean=1.34, sd=0.26, min=0.5, max=2.2)
+"""Speeds at which people walk alone [m/s] (Weidmann 1993)."""
+
+USUAL_BREADTH = Spread(mean=0.46, sd=0.03, min=0.38, max=0.55)
+"""Breadths of adults over their arms [m] (DIN 33402)."""
+
+_STEERED_KEYS = ("speed", "breadth", "delay")
+
+
 class Goal(Region):
     """A place to go to, and where to face for those who stand there."""
 
@@ -61,6 +71,10 @@ class AgentGroup(Part):
     ``count`` of them start ``interval`` seconds after each other; or a source lets in ``rate`` a second until ``until``
     (at most ``count``). They go to their ``goal``, or to each of ``goals`` in turn, ``repeat`` times over, and stand
     ``wait`` seconds at all but the last, within ``stand_within`` meters of them.
+
+    ``locomotion``: captured characters play motion that is searched for each of them; steered ones decide ten times a
+    second, and their bodies follow. Steered ones walk at their ``speed`` [m/s] where nothing is in their way, are
+    ``breadth`` [m] broad, and take their first step ``delay`` seconds after they came.
     """
 
     model_config = ConfigDict(json_schema_extra=_one_goal_and_some_agents)
@@ -78,6 +92,10 @@ class AgentGroup(Part):
     until: Seconds | None = None
     on_arrival: Literal["leave", "stay"] = "leave"
     stand_within: Annotated[float, Field(allow_inf_nan=False, ge=0.01, le=0.35)] = STAND_WITHIN
+    locomotion: Literal["captured", "steered"] = "captured"
+    speed: WalkingSpeed = USUAL_SPEED
+    breadth: Breadth = USUAL_BREADTH
+    delay: Delay = Spread(mean=0.0)
 
     @model_validator(mode="after")
     def _check(self) -> AgentGroup:
@@ -94,6 +112,10 @@ class AgentGroup(Part):
             raise ValueError(f"'until' ({self.until:g} s) must lie after 'start_time' ({self.start_time:g} s)")
         if self.rounds != 1 and len(self.regions()) < 2:
             raise ValueError("'repeat' goes round among several places; give 'goals' with at least two")
+        if not self.steered:
+            for key in _STEERED_KEYS:
+                if key in self.model_fields_set:
+                    raise ValueError(f"'{key}' is about steered characters; give 'locomotion: steered', or drop it")
         self._check_stands()
         return self
 
@@ -108,6 +130,11 @@ class AgentGroup(Part):
                 name = ".".join(str(part) for part in key)
                 needed = "'on_arrival: stay'" if key == regions[-1][0] else "'wait'"
                 raise ValueError(f"nobody stands at {name} to face its 'heading'; give {needed}, or drop it")
+
+    @property
+    def steered(self) -> bool:
+        """Whether its characters are steered."""
+        return self.locomotion == "steered"
 
     @property
     def rounds(self) -> int:

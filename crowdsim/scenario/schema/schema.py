@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
-from crowdsim.constants import CAPTURE_RATE
+from crowdsim.constants import CAPTURE_RATE, STEERING_RATE
 from crowdsim.environment.layers import LEGS, TORSO
 from crowdsim.scenario.schema.agents import AgentGroup, Motion
 from crowdsim.scenario.schema.environment import Clutter, Floor, Layer, Obstacle
@@ -40,7 +40,9 @@ class ScenarioFields(Part):
     description: str = ""
     seed: Annotated[int, Field(ge=0, lt=2**63)]
     duration: Annotated[float, Field(allow_inf_nan=False, gt=0.0, le=1e6)]
-    steps_per_second: Annotated[int, Field(ge=1, le=CAPTURE_RATE)] = 30
+    steps_per_second: Annotated[
+        int, Field(ge=1, le=CAPTURE_RATE, description=f"{STEERING_RATE} where all characters are steered")
+    ] = 30
     floor: Floor
     obstacles: Annotated[tuple[Obstacle, ...], Field(strict=False)] = ()
     clutter: Clutter | None = None
@@ -55,6 +57,18 @@ class ScenarioFields(Part):
     motion: Motion = Motion(set="default")
     agents: Annotated[tuple[AgentGroup, ...], Field(strict=False, min_length=1)]
     areas: Annotated[tuple[Area, ...], Field(strict=False)] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _take_their_rate(cls, keys: Any) -> Any:
+        """Steered characters alone set the rate, where the file does not."""
+        if not isinstance(keys, dict) or "steps_per_second" in keys:
+            return keys
+        groups = keys.get("agents")
+        if not isinstance(groups, list | tuple):
+            return keys
+        steered = [isinstance(group, dict) and group.get("locomotion") == "steered" for group in groups]
+        return {**keys, "steps_per_second": STEERING_RATE} if steered and all(steered) else keys
 
     @field_validator("crowdsim")
     @classmethod
@@ -71,6 +85,11 @@ class ScenarioFields(Part):
             nearest = min(rates, key=lambda rate: abs(rate - value))
             raise ValueError(f"{value} does not divide {CAPTURE_RATE}; did you mean {nearest}?")
         return value
+
+    @property
+    def steered(self) -> bool:
+        """Whether characters are steered; groups of both kinds do not meet in one scenario."""
+        return self.agents[0].steered
 
 
 def json_schema() -> dict[str, Any]:

@@ -1,0 +1,71 @@
+"""How near steered bodies come to each other and to walls."""
+
+import math
+
+from crowdsim.jit import kernel
+from crowdsim.steering.capsule_kernels import core_to_core, core_to_segment
+from crowdsim.steering.look_kernels import cell_of, rows_beside
+from crowdsim.steering.row_kernels import CELL
+from crowdsim.steering.wall_kernels import WALL_CELL, distance_at
+
+_ROUNDED = 0.1
+"""By how much distances of the grid may be larger than the true ones [m]: half a diagonal of its spacing, and more."""
+
+
+@kernel
+def closest_bodies(crowd, broadest, limit):
+    """Least gap between two bodies, and least distance between two centers, both up to ``limit`` [m].
+
+    ``crowd``: rows, their places, where cells begin in them, and the frame of the cells. ``broadest``: largest half
+    breadth of all agents [m].
+    """
+    rows, places, starts, frame = crowd
+    gap = limit
+    centers = limit
+    for me in range(len(rows)):
+        mine = rows[me]
+        own = mine.half + mine.radius
+        # Whoever is farther off than this changes neither.
+        farthest = max(centers, gap + own + broadest)
+        cells = math.ceil(farthest / CELL)
+        column, row = cell_of(frame, mine.x, mine.y)
+        for j in range(row, min(row + cells + 1, frame[3])):
+            begin, end = rows_beside(starts, frame, column, j, cells)
+            for number in range(max(begin, me + 1), end):
+                px = places[number, 0] - mine.x
+                py = places[number, 1] - mine.y
+                square = px * px + py * py
+                if square >= farthest * farthest:
+                    continue
+                between = math.sqrt(square)
+                centers = min(centers, between)
+                other = rows[number]
+                if between - own - other.half - other.radius < gap:
+                    _, _, apart = core_to_core(px, py, -mine.hy, mine.hx, mine.half, -other.hy, other.hx, other.half)
+                    gap = min(gap, apart - mine.radius - other.radius)
+    return gap, centers
+
+
+@kernel
+def closest_wall(rows, walls, torso, leg_radius, limit):
+    """Least gap between a body and the walls of one layer, up to ``limit`` [m].
+
+    ``torso``: whether the capsules count; else discs of ``leg_radius`` [m] do.
+    """
+    gap = limit
+    for me in range(len(rows)):
+        mine = rows[me]
+        half = mine.half if torso else 0.0
+        radius = mine.radius if torso else leg_radius
+        if distance_at(walls, mine.x, mine.y) - half - radius - _ROUNDED >= gap:
+            continue
+        column = math.floor((mine.x - walls.left) / WALL_CELL)
+        row = math.floor((mine.y - walls.bottom) / WALL_CELL)
+        if not (0 <= column < walls.columns and 0 <= row < walls.rows):
+            continue
+        cell = row * walls.columns + column
+        for entry in range(walls.starts[cell], walls.starts[cell + 1]):
+            ax, ay, bx, by = walls.segments[walls.lists[entry]]
+            _, _, apart = core_to_segment(mine.x, mine.y, -mine.hy, mine.hx, half, ax, ay, bx, by)
+            gap = min(gap, apart - radius)
+    return gap

@@ -1,0 +1,71 @@
+"""What a run of steered characters is summed up by."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import shapely
+
+from crowdsim.behaviors.behavior import Behavior
+from crowdsim.constants import STEERING_RATE
+from crowdsim.crowd.report.gap_kernels import closest_bodies, closest_wall
+from crowdsim.crowd.report.statistics import shares_of
+from crowdsim.ecs.world import View
+from crowdsim.geometry.elementary import hypot
+from crowdsim.steering.steering import Steering
+
+GAP_LIMIT = 0.5
+"""Gaps to bodies and walls are measured up to this [m]: as far as the lists of walls hold."""
+
+CENTER_LIMIT = 1.0
+"""Distances between centers are measured up to this [m]."""
+
+
+class SteeredStatistics:
+    """Measures of every step, gathered as the run goes."""
+
+    def __init__(
+        self, behaviors: Sequence[Behavior], layers: Sequence[str], areas: Mapping[str, shapely.Polygon]
+    ) -> None:
+        self._behaviors, self._layers, self._areas = behaviors, layers, areas
+        self._way = np.zeros((len(areas) + 1, len(behaviors)))
+        self._gap = self._centers = np.inf
+        self._margins = [GAP_LIMIT, GAP_LIMIT]
+        self._steps = 0
+
+    def add(self, view: View, steering: Steering) -> None:
+        """Take in one step."""
+        rows = view.row
+        if not len(rows):
+            return
+        gone = hypot(rows["vx"], rows["vy"]) / STEERING_RATE
+        kinds = len(self._behaviors)
+        self._way[0] += np.bincount(view.behavior, gone, kinds)
+        for row, area in enumerate(self._areas.values(), start=1):
+            inside = shapely.contains_xy(area, rows["x"], rows["y"])
+            self._way[row] += np.bincount(view.behavior[inside], gone[inside], kinds)
+        crowd = steering.sort(rows)
+        sorted_rows = (crowd.rows, crowd.places, crowd.starts, crowd.frame)
+        gap, centers = closest_bodies(sorted_rows, crowd.broadest, CENTER_LIMIT)
+        self._gap, self._centers = min(self._gap, gap), min(self._centers, centers)
+        legs, torso, leg_radius = steering.walls
+        for layer, (walls, whole) in enumerate(((legs, False), (torso, True))):
+            self._margins[layer] = min(
+                self._margins[layer], closest_wall(crowd.rows, walls, whole, leg_radius, GAP_LIMIT)
+            )
+
+    def summary(self) -> dict[str, Any]:
+        """The figures under the names that ``crowdsim run --json`` prints."""
+        names = [behavior.name for behavior in self._behaviors]
+        areas = enumerate(self._areas, start=1)
+        return {
+            "behavior_share": shares_of(names, self._way[0]),
+            "behavior_share_by_area": {area: shares_of(names, self._way[row]) for row, area in areas},
+            "closest_pair": float(self._centers) if self._centers < CENTER_LIMIT else None,
+            "closest_bodies": float(self._gap) if self._gap < CENTER_LIMIT else None,
+            "obstacle_margin": {name: self._margins[min(k, 1)] for k, name in enumerate(self._layers)},
+            "stance_foot_speed": None,
+            "lowest_foot": None,
+        }

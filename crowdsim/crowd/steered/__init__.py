@@ -1,0 +1,1 @@
+"""Steered characters: the stages of their step, on columns of the world."""

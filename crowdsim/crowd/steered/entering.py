@@ -1,0 +1,87 @@
+"""Steered characters come into the world when their time has come and their place is free."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.crowd.steered.components import NO_GOAL, Errand
+from crowdsim.crowd.steered.entering_kernels import admit
+from crowdsim.crowd.steered.errands import Errands
+from crowdsim.crowd.steered.steered_place import SteeredPlace
+from crowdsim.ecs.world import World
+from crowdsim.geometry.elementary import atan2, cos, sin
+from crowdsim.motion.deformed.phase_kernels import STAND
+from crowdsim.recording.header import AgentState
+from crowdsim.scenario.crowd_placement import BODY_DEPTH, CrowdPlacement
+from crowdsim.steering.guidance.guidance import NEWEST
+from crowdsim.steering.row_kernels import ROW
+from crowdsim.steering.steering import Steering
+
+
+class Entering:
+    """Lets characters in, those first whose time came first; who finds its place taken asks again in the next step.
+
+    entered: (n,) step in which each character came into the world, -1 before.
+    """
+
+    def __init__(self, world: World, place: SteeredPlace, cast: CrowdPlacement, errands: Errands) -> None:
+        self._world, self._place, self._cast, self._errands = world, place, cast, errands
+        self.entered = np.full(cast.count, -1, np.int64)
+        self._broadest = 0.5 * float(cast.walkers.breadths.max(initial=0.0))
+
+    def enter(self, step: int, steering: Steering) -> None:
+        """Ask the world for those who come in this step."""
+        cast = self._cast
+        due = np.flatnonzero((self.entered < 0) & (cast.start_steps <= step))
+        if not len(due):
+            return
+        due = due[np.argsort(cast.start_steps[due], kind="stable")]
+        coming = self._rows(due)
+        admitted = np.zeros(len(due), np.bool_)
+        sorted_crowd = steering.sort(self._world.column("row"), self._place.bounds)
+        crowd = (sorted_crowd.rows, sorted_crowd.places, sorted_crowd.starts, sorted_crowd.frame)
+        admit(coming, crowd, self._broadest, steering.walls, admitted)
+        agents, rows = due[admitted], coming[admitted]
+        self.entered[agents] = step
+        go_step = step + cast.delay_steps[agents]
+        stands = go_step > step
+        goals = rows["goal"].astype(np.int32)
+        rows["goal"][stands] = NO_GOAL
+        place = np.column_stack((rows["x"], rows["y"], rows["heading"]))
+        self._world.spawn_many(
+            len(agents),
+            agent=agents,
+            state=np.where(stands, AgentState.WAITING, AgentState.MOVING),
+            behavior=len(self._place.asked) - 1,
+            row=rows,
+            errand=np.where(stands, Errand.STANDS, Errand.WALKS),
+            goal=goals,
+            go_step=go_step,
+            pace=rows["speed"],
+            phase=STAND,
+            anchor=place,
+        )
+
+    def _rows(self, agents: NDArray[np.int64]) -> NDArray[Any]:
+        """Records (ROW) of characters as they come."""
+        cast = self._cast
+        rows = np.zeros(len(agents), ROW)
+        rows["x"], rows["y"] = cast.starts[agents].T
+        rows["radius"] = 0.5 * BODY_DEPTH
+        rows["half"] = rows["rest"] = 0.5 * (cast.walkers.breadths[agents] - BODY_DEPTH)
+        rows["speed"] = cast.walkers.speeds[agents]
+        rows["share"] = cast.walkers.shares[agents]
+        rows["goal"] = self._errands.goal(agents, np.zeros(len(agents), np.int64))
+        rows["id"] = agents
+        self._place.guidance.write(rows, np.full(len(agents), NEWEST, np.int32))
+        # Who has no way yet faces its goal.
+        toward = self._errands.middles[rows["goal"]] - cast.starts[agents]
+        guided = (rows["gx"] != 0.0) | (rows["gy"] != 0.0)
+        away = np.where(guided[:, None], np.column_stack((rows["gx"], rows["gy"])), toward)
+        given = cast.headings[agents]
+        rows["heading"] = np.where(np.isnan(given), atan2(away[:, 1], away[:, 0]), given)
+        rows["hx"], rows["hy"] = cos(rows["heading"]), sin(rows["heading"])
+        return rows

@@ -1,0 +1,76 @@
+"""Who may come into the world: whoever touches nobody and no wall."""
+
+import math
+
+import numpy as np
+
+from crowdsim.jit import kernel
+from crowdsim.steering.capsule_kernels import core_to_core, core_to_segment
+from crowdsim.steering.look_kernels import cell_of, rows_beside
+from crowdsim.steering.row_kernels import CELL
+from crowdsim.steering.wall_kernels import WALL_CELL
+
+ROOM = 0.01
+"""Gap to others and to walls with which an agent comes into the world [m]."""
+
+
+@kernel
+def admit(coming, crowd, broadest, walls, admitted):
+    """Say in ``admitted`` (bool[k]) which of ``coming`` (ROW[k]) have room, each after those before it that have.
+
+    ``crowd``: rows of those who are there, their places, where cells begin in them, and the frame of the cells.
+    ``broadest``: largest half breadth of all agents [m]. ``walls``: those of the legs' layer, those of the torso's, and
+    the radius of the legs [m].
+    """
+    rows, places, starts, frame = crowd
+    legs, torso, leg_radius = walls
+    # Lists of those admitted so far, by cells of the same frame.
+    heads = np.full(frame[2] * frame[3], -1, np.int32)
+    nexts = np.full(len(coming), -1, np.int32)
+    for number in range(len(coming)):
+        one = coming[number]
+        farthest = one.half + one.radius + broadest + ROOM
+        cells = math.ceil(farthest / CELL)
+        column, row = cell_of(frame, one.x, one.y)
+        free = True
+
+        # Keep off those who are there, and those who come in this step.
+        for j in range(max(row - cells, 0), min(row + cells + 1, frame[3])):
+            begin, end = rows_beside(starts, frame, column, j, cells)
+            for other_number in range(begin, end):
+                other = rows[other_number]
+                px = other.x - one.x
+                py = other.y - one.y
+                if free and px * px + py * py < farthest * farthest:
+                    _, _, apart = core_to_core(px, py, -one.hy, one.hx, one.half, -other.hy, other.hx, other.half)
+                    free = apart - one.radius - other.radius >= ROOM
+            for i in range(max(column - cells, 0), min(column + cells + 1, frame[2])):
+                earlier = heads[j * frame[2] + i]
+                while earlier >= 0 and free:
+                    other = coming[earlier]
+                    px = other.x - one.x
+                    py = other.y - one.y
+                    if px * px + py * py < farthest * farthest:
+                        _, _, apart = core_to_core(px, py, -one.hy, one.hx, one.half, -other.hy, other.hx, other.half)
+                        free = apart - one.radius - other.radius >= ROOM
+                    earlier = nexts[earlier]
+
+        # Keep off the walls of both layers.
+        for layer in range(2):
+            side = torso if layer == 0 else legs
+            half = one.half if layer == 0 else 0.0
+            radius = one.radius if layer == 0 else leg_radius
+            wall_column = math.floor((one.x - side.left) / WALL_CELL)
+            wall_row = math.floor((one.y - side.bottom) / WALL_CELL)
+            if not (0 <= wall_column < side.columns and 0 <= wall_row < side.rows):
+                continue
+            cell = wall_row * side.columns + wall_column
+            for entry in range(side.starts[cell], side.starts[cell + 1]):
+                ax, ay, bx, by = side.segments[side.lists[entry]]
+                _, _, apart = core_to_segment(one.x, one.y, -one.hy, one.hx, half, ax, ay, bx, by)
+                free = free and apart - radius >= ROOM
+
+        admitted[number] = free
+        if free:
+            nexts[number] = heads[row * frame[2] + column]
+            heads[row * frame[2] + column] = number

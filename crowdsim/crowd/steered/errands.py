@@ -1,0 +1,179 @@
+"""What steered characters are about: to the regions of their goals in turn, and standing at those where they are to."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from crowdsim.constants import NONE
+from crowdsim.crowd.steered.components import NO_GOAL, Errand
+from crowdsim.ecs.world import View
+from crowdsim.geometry.elementary import cos, hypot, sin
+from crowdsim.geometry.planar import wrap_angle
+from crowdsim.scenario.crowd_placement import CrowdPlacement
+from crowdsim.steering.guidance.sample_kernels import LOST
+
+GIVES_UP = 4.0
+"""Seconds stuck after which a character stands where it is in the region of its goal, not at its own spot there."""
+
+PUSHED_OFF = 0.5
+"""Distance from its spot from which on a character that stays walks back to it [m]."""
+
+TURNED_OFF = 0.1
+"""Angle off the heading that is asked for from which on a standing character turns [rad]."""
+
+_SLOWING = 2.0
+"""Share of the distance to its spot that a character walks in a second, near it [1/s]."""
+
+_SLOWEST = 0.2
+"""Speed of its last steps there [m/s]."""
+
+Floats = NDArray[np.float64]
+
+
+class Errands:
+    """Sends characters from place to place.
+
+    arrived: (n,) step in which each came to its last place, -1 before. middles: (m, 2) points in the regions [m].
+    """
+
+    def __init__(self, cast: CrowdPlacement, steps_per_second: int) -> None:
+        self._cast = cast
+        most = max(len(itinerary.goals) for itinerary in cast.itineraries)
+        groups = cast.itineraries
+        self._goals = np.full((len(groups), most), NONE, np.int32)
+        self._headings = np.full((len(groups), most), np.nan)
+        for number, itinerary in enumerate(groups):
+            self._goals[number, : len(itinerary.goals)] = itinerary.goals
+            self._headings[number, : len(itinerary.goals)] = itinerary.headings
+        self._places = np.array([len(itinerary.goals) for itinerary in groups], np.int64)
+        self._last = np.array([it.rounds * len(it.goals) if it.rounds != NONE else NONE for it in groups], np.int64)
+        self._waits = np.array([round(itinerary.wait * steps_per_second) for itinerary in groups], np.int64)
+        self._stays = np.array([itinerary.stays for itinerary in groups], np.bool_)
+        self._within = np.array([itinerary.stand_within for itinerary in groups])
+        self.middles = shapely.get_coordinates([region.representative_point() for region in cast.goals])
+        self.arrived = np.full(cast.count, NONE, np.int64)
+        self._stood: list[tuple[Floats, Floats]] = []
+
+    def goal(self, agents: NDArray[np.int64], reached: NDArray[np.int64]) -> NDArray[np.int32]:
+        """Number of the goal of agents that have been to so many places."""
+        group = self._cast.group[agents]
+        return np.asarray(self._goals[group, reached % self._places[group]])
+
+    def update(self, view: View, step: int) -> NDArray[np.int64]:
+        """Take note of who is where, after guidance was written; returns the rows that have arrived and leave."""
+        rows = view.row
+        self._set_out(view, step)
+        walks = view.errand == Errand.WALKS
+        leaves = self._reach(view, step, np.flatnonzero(walks & (rows["togo"] == 0.0)))
+        self._take_places(view, step, np.flatnonzero(view.errand == Errand.TAKES_PLACE))
+        self._stand(view, np.flatnonzero((view.errand == Errand.STANDS) | (view.errand == Errand.STAYS)))
+        lost = walks & (rows["togo"] >= LOST)
+        view.lost_since[~lost] = NONE
+        view.lost_since[lost & (view.lost_since == NONE)] = step
+        return leaves
+
+    def stands_summary(self) -> dict[str, float | int | None]:
+        """How many came to stand at a place, and how far off it and the heading asked for they were at most."""
+        off = np.concatenate([np.empty(0), *(each for each, _ in self._stood)])
+        turned = np.concatenate([np.empty(0), *(each for _, each in self._stood)])
+        turned = np.degrees(turned[~np.isnan(turned)])
+        return {
+            "stood": len(off),
+            "off_goal_p95": float(np.quantile(off, 0.95)) if len(off) else None,
+            "off_goal_most": float(off.max()) if len(off) else None,
+            "off_heading_most": float(turned.max()) if len(turned) else None,
+        }
+
+    def laps(self, reached: NDArray[np.int64]) -> dict[str, int]:
+        """Rounds that the characters of each group completed together, for the groups that go round."""
+        laps = {}
+        for number, itinerary in enumerate(self._cast.itineraries):
+            if itinerary.rounds != 1:
+                places = reached[self._cast.group == number]
+                laps[self._cast.names[number]] = int((places // len(itinerary.goals)).sum())
+        return laps
+
+    def _set_out(self, view: View, step: int) -> None:
+        """Let those go on whose time it is."""
+        go = np.flatnonzero((view.errand == Errand.STANDS) & (view.go_step <= step))
+        view.errand[go] = Errand.WALKS
+        view.row["goal"][go] = view.goal[go]
+        view.row["speed"][go] = view.pace[go]
+
+    def _reach(self, view: View, step: int, there: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Characters are in the region of their goal: they leave, go on, or take their place in it."""
+        agents, group = view.agent[there], self._cast.group[view.agent[there]]
+        last = view.reached[there] + 1 == self._last[group]
+        stands = np.where(last, self._stays[group], self._waits[group] > 0)
+        leaves = there[last & ~stands]
+        self.arrived[agents[last & ~stands]] = step
+        view.reached[leaves] += 1
+        takes_place = there[stands]
+        view.errand[takes_place] = Errand.TAKES_PLACE
+        view.row["goal"][takes_place] = NO_GOAL
+        self._go_on(view, there[~last & ~stands])
+        return leaves
+
+    def _go_on(self, view: View, rows: NDArray[np.int64]) -> None:
+        """Count a place as reached and turn to the next one."""
+        view.reached[rows] += 1
+        view.goal[rows] = self.goal(view.agent[rows], view.reached[rows])
+        walks = rows[view.errand[rows] == Errand.WALKS]
+        view.row["goal"][walks] = view.goal[walks]
+
+    def _take_places(self, view: View, step: int, rows: NDArray[np.int64]) -> None:
+        """Lead characters to their own spots; those who are there, or come no nearer, stand."""
+        agents = view.agent[rows]
+        group = self._cast.group[agents]
+        distance = self._lead(view, rows, view.reached[rows])
+        there = (distance <= self._within[group]) | (view.row["stuck"][rows] > GIVES_UP)
+        stops, agents, group = rows[there], agents[there], group[there]
+        heading = self._headings[group, view.reached[stops] % self._places[group]]
+        turned = np.abs(wrap_angle(view.row["heading"][stops] - heading))
+        if len(stops):
+            self._stood.append((distance[there], turned))
+        last = view.reached[stops] + 1 == self._last[group]
+        view.errand[stops] = np.where(last, Errand.STAYS, Errand.STANDS)
+        view.go_step[stops] = step + self._waits[group]
+        self.arrived[agents[last]] = step
+        view.reached[stops[last]] += 1
+        self._go_on(view, stops[~last])
+
+    def _stand(self, view: View, rows: NDArray[np.int64]) -> None:
+        """Let characters stand, turned as they are asked to; who was pushed away from where it stays comes back."""
+        state = view.row
+        state["gx"][rows] = state["gy"][rows] = state["togo"][rows] = 0.0
+        state["turn"][rows] = state["held"][rows] = -1.0
+        at = rows[view.reached[rows] > 0]
+        group = self._cast.group[view.agent[at]]
+        place = (view.reached[at] - 1) % self._places[group]
+        heading = self._headings[group, place]
+        off = np.abs(wrap_angle(heading - state["heading"][at])) > TURNED_OFF
+        turns, heading = at[off], heading[off]
+        state["gx"][turns], state["gy"][turns] = cos(heading), sin(heading)
+        state["speed"][turns] = 0.0
+        stays = at[view.errand[at] == Errand.STAYS]
+        spot = self._cast.spots[view.agent[stays], self._place_of(view, stays)]
+        away = hypot(spot[:, 0] - state["x"][stays], spot[:, 1] - state["y"][stays]) > PUSHED_OFF
+        self._lead(view, stays[away], view.reached[stays[away]] - 1)
+
+    def _place_of(self, view: View, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Number of the place of the itinerary where rows stand."""
+        return np.asarray((view.reached[rows] - 1) % self._places[self._cast.group[view.agent[rows]]])
+
+    def _lead(self, view: View, rows: NDArray[np.int64], reached: NDArray[np.int64]) -> Floats:
+        """Lead rows straight to their spots at the places that come after ``reached``; returns how far that is [m]."""
+        state: NDArray[Any] = view.row
+        agents = view.agent[rows]
+        spot = self._cast.spots[agents, reached % self._places[self._cast.group[agents]]]
+        dx, dy = spot[:, 0] - state["x"][rows], spot[:, 1] - state["y"][rows]
+        distance: Floats = hypot(dx, dy)
+        far = np.maximum(distance, 1e-9)
+        state["gx"][rows], state["gy"][rows], state["togo"][rows] = dx / far, dy / far, distance
+        state["turn"][rows] = state["held"][rows] = -1.0
+        state["speed"][rows] = np.minimum(view.pace[rows], np.maximum(_SLOWING * distance, _SLOWEST))
+        return distance

@@ -1,0 +1,36 @@
+"""What is to be seen of a step: the phase of the gait, the behavior, and whether somebody walks or waits."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.constants import STEERING_RATE
+from crowdsim.crowd.steered.components import Errand
+from crowdsim.ecs.world import View
+from crowdsim.geometry.elementary import hypot
+from crowdsim.geometry.planar import wrap_angle
+from crowdsim.motion.deformed.phase_kernels import advance_phases
+from crowdsim.recording.header import AgentState
+
+STANDS_BELOW = 0.1
+"""Speed below which a character counts as waiting [m/s]."""
+
+
+def walk_on(view: View, headings_before: NDArray[np.float64], asked: NDArray[np.float64]) -> None:
+    """Advance phases by the step that was taken, and note behavior and state of all rows.
+
+    ``asked``: (behaviors, 2) turn and half length with arms held in that each behavior asks for, -1 for none.
+    """
+    rows = view.row
+    places = np.column_stack((rows["x"], rows["y"], rows["heading"]))
+    velocities = np.column_stack((rows["vx"], rows["vy"]))
+    turns = wrap_angle(rows["heading"] - headings_before) * STEERING_RATE
+    advance_phases(places, velocities, turns, 1.0 / STEERING_RATE, view.phase, view.anchor)
+    # The behavior is the one whose turn and arms guidance asked for.
+    view.behavior[:] = len(asked) - 1
+    for number, (turn, held) in enumerate(asked[:-1]):
+        view.behavior[(rows["turn"] == turn) & ((rows["held"] >= 0.0) == (held >= 0.0))] = number
+    speed = hypot(rows["vx"], rows["vy"])
+    state = np.where(speed < STANDS_BELOW, AgentState.WAITING, AgentState.MOVING)
+    view.state[:] = np.where(view.errand == Errand.STAYS, AgentState.ARRIVED, state)

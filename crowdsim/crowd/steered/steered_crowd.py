@@ -1,0 +1,171 @@
+"""Steered characters: ten times a second everyone decides where to go, and takes a step that touches nobody."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from crowdsim.constants import NONE, STEERING_RATE
+from crowdsim.crowd.crowd import Route
+from crowdsim.crowd.report.recording_header import record_header, steered_agents, steered_motion
+from crowdsim.crowd.report.steered_statistics import SteeredStatistics
+from crowdsim.crowd.state.assets import load_behaviors
+from crowdsim.crowd.state.state_hash import state_hash
+from crowdsim.crowd.steered.components import COLUMNS, Errand
+from crowdsim.crowd.steered.entering import Entering
+from crowdsim.crowd.steered.errands import Errands
+from crowdsim.crowd.steered.gait import walk_on
+from crowdsim.crowd.steered.steered_place import SteeredPlace
+from crowdsim.ecs.world import World
+from crowdsim.recording.header import AgentState, RecordedFrame, RecordingHeader
+from crowdsim.scenario.crowd_placement import BODY_DEPTH, place_crowd
+from crowdsim.scenario.scenario import Scenario
+from crowdsim.scenario.timetable import Placing
+from crowdsim.steering.steering import Steering
+
+LEG_RADIUS = 0.5 * BODY_DEPTH
+"""Of the disc that the legs stand for [m]."""
+
+LOST_SECONDS = 5.0
+"""Time without a way after which a character is not waited for, if nothing changes any more [s]."""
+
+
+class SteeredCrowd:
+    """The steered characters of a scenario; ``threads`` share them, and the result does not depend on how many."""
+
+    def __init__(self, scenario: Scenario, threads: int) -> None:
+        self.hash = 0
+        self._step = 0
+        self._behavior_set = load_behaviors(scenario)
+        behaviors = self._behavior_set.behaviors
+        self.cast = place_crowd(scenario)
+        self.place = SteeredPlace(scenario.environment, self.cast.goals, behaviors, STEERING_RATE, threads)
+        self.world = World(COLUMNS)
+        self.steering = Steering(*self.place.walls, leg_radius=LEG_RADIUS, threads=threads)
+        self._errands = Errands(self.cast, STEERING_RATE)
+        self._entering = Entering(self.world, self.place, self.cast, self._errands)
+        self.statistics = SteeredStatistics(
+            behaviors, [layer.name for layer in scenario.environment.layers], scenario.area_polygons()
+        )
+
+    @property
+    def count(self) -> int:
+        """Characters of the scenario, present or not."""
+        return self.cast.count
+
+    @property
+    def step_count(self) -> int:
+        """Steps taken so far."""
+        return self._step
+
+    @property
+    def arrived(self) -> int:
+        """Characters that reached their last goal so far."""
+        return int((self._errands.arrived >= 0).sum())
+
+    @property
+    def finished(self) -> bool:
+        """Whether everyone who can arrive has."""
+        lost = 0
+        if self.place.agenda.over:
+            since = self.world.column("lost_since")
+            lost = int(((since != NONE) & (self._step - since > LOST_SECONDS * STEERING_RATE)).sum())
+        return self.arrived + lost >= self.count
+
+    def close(self) -> None:
+        """End the threads."""
+        self.steering.close()
+
+    def advance(self) -> None:
+        """All stages of a step, in order; characters come and go only where changes are applied."""
+        world, place = self.world, self.place
+        if place.apply_events(self._step, world.column("row"), LEG_RADIUS):
+            self.steering.set_walls(*place.walls)
+        self._entering.enter(self._step, self.steering)
+        world.apply_changes()
+
+        # Everyone gets its way, and what it is to do at its end.
+        view = world.view()
+        place.refresh(self._step, view.row, view.following)
+        place.guidance.write(view.row, view.following)
+        leaves = self._errands.update(view, self._step)
+        place.lead_out(view.row, np.flatnonzero(view.lost_since != NONE))
+        world.remove(*view.id[leaves].tolist())
+        world.apply_changes()
+
+        # Everyone takes a step.
+        view = world.view()
+        before = view.row["heading"].copy()
+        self.steering.step(view.row)
+        walk_on(view, before, place.asked)
+        self.hash = state_hash(world, place.state(), self._step, self.hash)
+
+    def end_step(self) -> None:
+        """Count the step."""
+        self._step += 1
+
+    def placing(self, movable: int) -> Placing | None:
+        """Where a movable stands; None while it is absent."""
+        return self.place.placing(movable)
+
+    def new_routes(self) -> list[Route]:
+        """None: ways are those of fields."""
+        return []
+
+    def header(self, scenario: Scenario) -> RecordingHeader:
+        """What a recording says once."""
+        agents = steered_agents(self.cast, self._errands.middles, STEERING_RATE)
+        return record_header(scenario, self._behavior_set.behaviors, agents, steered_motion(self._behavior_set))
+
+    def frame(self) -> RecordedFrame:
+        """The present step of all characters, those outside the world marked absent."""
+        view, rows = self.world.view(), self.world.column("row")
+
+        def spread(values: Any, absent: float, dtype: Any) -> Any:
+            column = np.full(self.count, absent, dtype)
+            column[view.agent] = values
+            return column
+
+        return RecordedFrame(
+            x=spread(rows["x"], 0.0, np.float32),
+            y=spread(rows["y"], 0.0, np.float32),
+            heading=spread(rows["heading"], 0.0, np.float32),
+            node=np.full(self.count, NONE, np.int32),
+            previous=np.full(self.count, NONE, np.int32),
+            frame=np.zeros(self.count, np.int16),
+            behavior=spread(view.behavior, NONE, np.int8),
+            state=spread(view.state, AgentState.ABSENT, np.int8),
+            phase=spread(view.phase, np.nan, np.float32),
+        )
+
+    def measure(self, frame: RecordedFrame) -> None:
+        """Take the present step into the statistics."""
+        self.statistics.add(self.world.view(), self.steering)
+
+    def summary(self) -> dict[str, Any]:
+        """What the run is summed up by."""
+        view = self.world.view()
+        arrived, entered = self._errands.arrived, self._entering.entered
+        done = arrived >= 0
+        times = (arrived - entered)[done] / STEERING_RATE
+        reached = np.zeros(self.count, np.int64)
+        reached[view.agent] = view.reached
+        lost = np.flatnonzero(view.lost_since != NONE)
+        reason = "no way leads from where it is to its goal; look for what stands in the way"
+        waits = (view.state == AgentState.WAITING) & (view.errand == Errand.WALKS)
+        return {
+            "characters": self.count,
+            "arrived": int(done.sum()),
+            "waiting": int(waits.sum()),
+            "unreachable": {str(agent): reason for agent in sorted(view.agent[lost].tolist())},
+            "laps": self._errands.laps(reached),
+            "stands": self._errands.stands_summary(),
+            "events": self.place.agenda.report(),
+            "replans": 0,
+            "searches": None,
+            "steps": self._step,
+            "mean_time": float(times.mean()) if len(times) else None,
+            "state_hash": f"{self.hash:016x}",
+            **self.statistics.summary(),
+        }

@@ -1,0 +1,175 @@
+"""The place of a steered crowd: walls to keep off, and fields that lead to the goals; both change with events."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from crowdsim.behaviors.behavior import Behavior
+from crowdsim.crowd.state.agenda import Agenda
+from crowdsim.crowd.state.environment import Footprints, footprints_of
+from crowdsim.planning.query.requirements import Requirements
+from crowdsim.scenario.environment import Environment
+from crowdsim.scenario.timetable import Placing
+from crowdsim.steering.guidance.field import asked_of
+from crowdsim.steering.guidance.ground import build_ground, update_ground
+from crowdsim.steering.guidance.guidance import Guidance
+from crowdsim.steering.guidance.place_walls import Bounds, PlaceWalls, outline_segments
+from crowdsim.steering.walls import Walls
+
+KEPT_OFF = 0.02
+"""Distance from a body at which nothing comes to stand [m]."""
+
+REFRESH_SECONDS = 4.0
+"""Time between two looks at how a crowd makes the ways to one goal dearer, at least [s]."""
+
+BOXES_A_SECOND = 100_000
+"""Boxes of fields made anew for that in a simulated second: large places look more seldom."""
+
+
+class SteeredPlace:
+    """Walls and guidance, as they are now.
+
+    Parameters
+    ----------
+    environment : floor, layers and timetable.
+    goals : regions to go to.
+    behaviors : what characters can do, least preferred first.
+    steps_per_second : of the crowd.
+    threads : share the fields; the result does not depend on how many there are.
+    """
+
+    def __init__(
+        self,
+        environment: Environment,
+        goals: Sequence[Polygon],
+        behaviors: Sequence[Behavior],
+        steps_per_second: int,
+        threads: int,
+    ) -> None:
+        timetable = environment.timetable
+        self.agenda = Agenda(timetable, steps_per_second)
+        self._layers = environment.fixed_layers
+        self._placings: list[Placing | None] = [movable.placing for movable in timetable.movables]
+        things = [None if at is None else self._footprints(number, at) for number, at in enumerate(self._placings)]
+        self._walls = PlaceWalls([layer.free for layer in self._layers], things)
+        self._need = Requirements.of(behaviors, len(self._layers), 0.0)
+        ground = build_ground(self._walls.segments().layers, self._need)
+        self.asked = asked_of(behaviors)
+        self.guidance = Guidance(ground, goals, self.asked, threads=threads)
+        boxes = ground.columns * ground.rows
+        seconds = max(REFRESH_SECONDS / len(goals), boxes / BOXES_A_SECOND)
+        self._pause = max(round(seconds * steps_per_second), 1)
+        self._announced: dict[int, Footprints] = {}
+
+    @property
+    def bounds(self) -> Bounds:
+        """x and y of the lower left and the upper right corner of the place [m]."""
+        return self._walls.bounds
+
+    @property
+    def walls(self) -> tuple[Walls, Walls]:
+        """Those of the legs' layer and those of the layers above."""
+        return self._walls.legs, self._walls.torso
+
+    def placing(self, movable: int) -> Placing | None:
+        """Where a movable stands; None while it is absent."""
+        return self._placings[movable]
+
+    def state(self) -> bytes:
+        """Where everything stands, for the state hash; nothing where nothing can change."""
+        absent = (np.nan,) * 6
+        return b"".join(np.array(placing or absent).tobytes() for placing in self._placings)
+
+    def apply_events(self, step: int, state: NDArray[Any], leg_radius: float) -> bool:
+        """Let what is due happen where no body of ``state`` (ROW) is in the way; returns whether walls changed.
+
+        What has to wait is announced: ways lead around it already, so that everybody leaves its place.
+        """
+        agenda = self.agenda
+        if not agenda.collect(step):
+            return False
+        cores = _cores(state)
+        reach = np.maximum(state["radius"], leg_radius) + KEPT_OFF
+        waiting: list[int] = []
+        announced: dict[int, Footprints] = {}
+        windows: list[Bounds] = []
+        stands_elsewhere = False
+        for number in agenda.waiting:
+            event = agenda.timetable.events[number]
+            taken = None if event.placing is None else self._footprints(event.movable, event.placing)
+            if (
+                taken is not None
+                and (shapely.distance(cores, shapely.union_all([t for t in taken if t])) < reach).any()
+            ):
+                waiting.append(number)
+                announced[event.movable] = taken
+                continue
+            agenda.note(number, step)
+            if event.placing != self._placings[event.movable]:
+                self._placings[event.movable] = event.placing
+                window = self._walls.put(event.movable, taken)
+                if window is not None:
+                    windows.append(window)
+                    stands_elsewhere = True
+        agenda.waiting = waiting
+        # What is announced anew, and what is no more.
+        for movable in announced.keys() ^ self._announced.keys():
+            windows.append(_window_of({**announced, **self._announced}[movable]))
+        self._announced = announced
+        if windows:
+            low, high = np.min(windows, axis=0).tolist(), np.max(windows, axis=0).tolist()
+            self._guide_anew((low[0], low[1], high[2], high[3]))
+        return stands_elsewhere
+
+    def lead_out(self, state: NDArray[Any], lost: NDArray[np.int64]) -> None:
+        """Lead those rows of ``state`` without a way that stand where something is announced out of it."""
+        if not self._announced or not len(lost):
+            return
+        outline = shapely.union_all([shape for taken in self._announced.values() for shape in taken if shape])
+        places = shapely.points(state["x"][lost], state["y"][lost])
+        inside = shapely.contains(outline, places)
+        near = inside | (shapely.distance(outline, places) < 0.5)
+        ends = shapely.get_coordinates(shapely.shortest_line(places, outline.boundary)).reshape(-1, 2, 2)
+        away = np.where(inside[:, None], 1.0, -1.0) * (ends[:, 1] - ends[:, 0])
+        length = np.sqrt((away * away).sum(axis=1))
+        go = near & (length > 0.0)
+        rows = lost[go]
+        state["gx"][rows], state["gy"][rows] = (away[go] / length[go][:, None]).T
+
+    def refresh(self, step: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
+        """Look, if it is time, how the crowd makes the ways to one of the goals dearer."""
+        if step % self._pause == 0 and step > 0:
+            goal = step // self._pause % len(self.guidance.goals)
+            if (state["goal"] == goal).any():
+                self.guidance.refresh(goal, state, following)
+
+    def _footprints(self, movable: int, placing: Placing) -> Footprints:
+        return footprints_of(self.agenda.timetable.movables[movable], self._layers, placing)
+
+    def _guide_anew(self, window: Bounds) -> None:
+        """Let ways lead around all that stands, and all that is announced, after a change within a window."""
+        announced = [self._announced[movable] for movable in sorted(self._announced)]
+        layers = [
+            np.concatenate([segments, *(outline_segments(taken[k]) for taken in announced)])
+            for k, segments in enumerate(self._walls.segments().layers)
+        ]
+        self.guidance.rebuild(update_ground(self.guidance.ground, layers, self._need, window))
+
+
+def _cores(state: NDArray[Any]) -> Any:
+    """(n,) lines from shoulder to shoulder."""
+    half = state["half"][:, None] * np.column_stack((-state["hy"], state["hx"]))
+    place = np.column_stack((state["x"], state["y"]))
+    return shapely.linestrings(np.stack([place - half, place + half], axis=1))
+
+
+def _window_of(taken: Sequence[BaseGeometry | None]) -> Bounds:
+    bounds: Bounds = tuple(shapely.total_bounds([shape for shape in taken if shape]).tolist())
+    return bounds

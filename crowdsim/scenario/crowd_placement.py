@@ -1,0 +1,270 @@
+"""Where steered characters start and go to, as arrays: there may be a hundred thousand of them."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import MultiPolygon, Point, Polygon
+
+from crowdsim.environment.solids import circle_around
+from crowdsim.environment.spots import arrange_spots, meets, scatter_spots
+from crowdsim.errors import ScenarioError
+from crowdsim.geometry.elementary import atan2
+from crowdsim.scenario.arrivals import start_times
+from crowdsim.scenario.environment import Environment
+from crowdsim.scenario.placement import STAND_ROOM, head_count_complaint, rooms_around, too_full, unusable
+from crowdsim.scenario.scenario import Scenario
+from crowdsim.scenario.schema.agents import AgentGroup
+from crowdsim.scenario.schema.schema import ScenarioFields
+from crowdsim.scenario.walkers import Walkers, draw_walkers
+from crowdsim.yamlfile.document import Complaint
+
+POINT_REACHED = 0.25
+"""Distance from a point to go to within which it is reached [m]."""
+
+BODY_DEPTH = 0.25
+"""From chest to back [m]."""
+
+SPARE = 0.02
+"""Between two who start in one step, and between them and walls, at least [m]."""
+
+_START_STREAM, _GOAL_STREAM = 0, 1
+
+Floats = NDArray[np.float64]
+
+
+class Itinerary(NamedTuple):
+    """Where the characters of a group go: k places in turn.
+
+    Attributes
+    ----------
+    goals : (k,) int32, numbers of goals
+    rounds : how many times over; NONE for as long as the run lasts
+    wait : seconds they stand at each place but the last
+    stays : whether they stay at the last one
+    headings : (k,) radians to face there, nan where any will do
+    stand_within : meters from their spot within which they come to stand
+    """
+
+    goals: NDArray[np.int32]
+    rounds: int
+    wait: float
+    stays: bool
+    headings: Floats
+    stand_within: float
+
+
+class CrowdPlacement(NamedTuple):
+    """n characters in the order of their groups.
+
+    Attributes
+    ----------
+    names : of the groups
+    group : (n,) int32, number of the group of each
+    starts : (n, 2) float64, meters
+    headings : (n,) float64, radians faced at the start, nan for along the way
+    start_steps, delay_steps : (n,) int64, step in which each comes, and steps that it then stands
+    walkers : who they are
+    goals : regions to go to, each once
+    itineraries : of the groups
+    spots : (n, k, 2) float64, where each stands in the region of a goal at which it stands, else nan
+    """
+
+    names: tuple[str, ...]
+    group: NDArray[np.int32]
+    starts: Floats
+    headings: Floats
+    start_steps: NDArray[np.int64]
+    delay_steps: NDArray[np.int64]
+    walkers: Walkers
+    goals: tuple[Polygon, ...]
+    itineraries: tuple[Itinerary, ...]
+    spots: Floats
+
+    @property
+    def count(self) -> int:
+        """How many characters there are."""
+        return len(self.group)
+
+
+def place_crowd(scenario: Scenario) -> CrowdPlacement:
+    """Draw who comes when and where.
+
+    Characters that start in one step start beside each other: at random if there is room, else in rows that face
+    their first goal. Each group draws from streams of the scenario's seed of its own.
+
+    Raises
+    ------
+    ScenarioError
+        With every region that is off the floor, blocked, or too full.
+    """
+    placement, complaints = try_crowd_placement(scenario, scenario.environment)
+    if complaints:
+        raise ScenarioError(scenario.problem(*complaint) for complaint in complaints)
+    return placement
+
+
+def try_crowd_placement(keys: ScenarioFields, environment: Environment) -> tuple[CrowdPlacement, list[Complaint]]:
+    """:func:`place_crowd` with its complaints returned; groups that found no place are missing."""
+    drawing = _Drawing(keys, environment)
+    for number in range(len(keys.agents)):
+        drawing.add_group(number)
+    return drawing.placement(), drawing.complaints
+
+
+class _Drawing:
+    """Draws group after group."""
+
+    def __init__(self, keys: ScenarioFields, environment: Environment) -> None:
+        self.keys, self.environment = keys, environment
+        self.complaints: list[Complaint] = []
+        self._rooms: dict[float, list[MultiPolygon]] = {}
+        self._starting: defaultdict[int, list[Floats]] = defaultdict(list)
+        self._standing: list[Floats] = []
+        self._goals: dict[bytes, tuple[int, Polygon]] = {}
+        self._names: list[str] = []
+        self._itineraries: list[Itinerary] = []
+        self._parts: list[tuple[Floats, Floats, NDArray[np.int64], Walkers, Floats]] = []
+
+    def add_group(self, number: int) -> None:
+        """Draw the characters of a group, unless something is wrong with it."""
+        group = self.keys.agents[number]
+        steps = np.rint(start_times(self.keys, number) * self.keys.steps_per_second).astype(np.int64)
+        wrong = head_count_complaint(len(steps))
+        if wrong is not None:
+            self.complaints.append((("agents", number, "rate"), wrong))
+            return
+        walkers = draw_walkers(self.keys, number, len(steps))
+        starts, headings = self._draw_starts(number, group, steps, walkers)
+        spots = self._draw_spots(number, group, len(steps), walkers)
+        if starts is None or spots is None:
+            return
+        self._names.append(group.name)
+        self._itineraries.append(self._itinerary(group))
+        self._parts.append((starts, headings, steps, walkers, spots))
+
+    def placement(self) -> CrowdPlacement:
+        """All groups drawn so far."""
+        counts = [len(part[0]) for part in self._parts]
+        most = max((part[4].shape[1] for part in self._parts), default=1)
+        spots = np.full((sum(counts), most, 2), np.nan)
+        first = 0
+        for count, part in zip(counts, self._parts, strict=True):
+            spots[first : first + count, : part[4].shape[1]] = part[4]
+            first += count
+        walkers = Walkers(*(np.concatenate([np.empty(0), *(part[3][k] for part in self._parts)]) for k in range(4)))
+        return CrowdPlacement(
+            names=tuple(self._names),
+            group=np.repeat(np.arange(len(counts), dtype=np.int32), counts),
+            starts=np.concatenate([np.empty((0, 2)), *(part[0] for part in self._parts)]),
+            headings=np.concatenate([np.empty(0), *(part[1] for part in self._parts)]),
+            start_steps=np.concatenate([np.empty(0, np.int64), *(part[2] for part in self._parts)]),
+            delay_steps=np.rint(walkers.delays * self.keys.steps_per_second).astype(np.int64),
+            walkers=walkers,
+            goals=tuple(goal for _, goal in self._goals.values()),
+            itineraries=tuple(self._itineraries),
+            spots=spots,
+        )
+
+    def _itinerary(self, group: AgentGroup) -> Itinerary:
+        goals, headings = [], []
+        for _, goal in group.regions():
+            region = goal.shape()
+            if isinstance(region, Point):
+                region = circle_around((region.x, region.y), POINT_REACHED)
+            key = shapely.to_wkb(shapely.normalize(region))
+            goals.append(self._goals.setdefault(key, (len(self._goals), region))[0])
+            headings.append(np.nan if goal.heading is None else np.radians(goal.heading))
+        return Itinerary(
+            np.array(goals, np.int32),
+            group.rounds,
+            group.wait,
+            group.on_arrival == "stay",
+            np.array(headings, np.float64),
+            group.stand_within,
+        )
+
+    def _draw_starts(
+        self, number: int, group: AgentGroup, steps: NDArray[np.int64], walkers: Walkers
+    ) -> tuple[Floats | None, Floats]:
+        """(n, 2) starts, None if there is no room, and (n,) headings."""
+        count = len(steps)
+        region = group.start.shape()
+        headings = np.full(count, np.nan)
+        broadest = float(walkers.breadths.max())
+        room = self._room(number, ("start",), region, 0.5 * broadest + SPARE)
+        if room is None:
+            return None, headings
+        generator = self._generator(number, _START_STREAM)
+        starts = np.zeros((count, 2))
+        for step, rows in _rows_by_step(steps):
+            taken = np.concatenate([np.empty((0, 2)), *self._starting[step]])
+            spots = scatter_spots(region, room, len(rows), broadest + SPARE, taken, generator)
+            if len(spots) < len(rows) and not isinstance(region, Point) and not len(taken):
+                # Too many to start at random: in rows, which face where they go.
+                toward = shapely.get_coordinates(group.regions()[0][1].shape().centroid)[0]
+                away = toward - shapely.get_coordinates(region.centroid)[0]
+                headings[rows] = atan2(away[1], away[0])
+                apart = (broadest + SPARE, BODY_DEPTH + SPARE)
+                spots = arrange_spots(region, room, len(rows), apart, float(headings[rows[0]]), generator)
+            if len(spots) < len(rows):
+                message = too_full(("start",), region, len(spots), len(rows), 0.5 * broadest)
+                self.complaints.append((("agents", number, "start"), message))
+                return None, headings
+            starts[rows] = spots
+            self._starting[step].append(spots)
+        return starts, headings
+
+    def _draw_spots(self, number: int, group: AgentGroup, count: int, walkers: Walkers) -> Floats | None:
+        """(n, k, 2) spots to stand at in the regions of goals, nan where nobody stands; None if there is no room."""
+        regions = group.regions()
+        spots = np.full((count, len(regions), 2), np.nan)
+        radius = 0.5 * float(walkers.breadths.max())
+        for k, (key, goal) in enumerate(regions):
+            last = k == len(regions) - 1
+            region = goal.shape()
+            room = self._room(number, key, region, radius)
+            if room is None:
+                return None
+            stays = last and group.on_arrival == "stay"
+            if not stays and not (group.wait > 0.0 and (not last or group.rounds != 1)):
+                continue
+            generator = self._generator(number, _GOAL_STREAM, *([k] if k else []))
+            if not stays:
+                # Who waits for a while leaves again: spots may lie beside each other.
+                spots[:, k] = scatter_spots(region, room, count, 0.0, np.empty((0, 2)), generator)
+                continue
+            taken = np.concatenate([np.empty((0, 2)), *self._standing])
+            drawn = scatter_spots(region, room, count, 2.0 * radius + STAND_ROOM, taken, generator)
+            if len(drawn) < count:
+                message = too_full(key, region, len(drawn), count, radius)
+                self.complaints.append((("agents", number, *key), message))
+                return None
+            self._standing.append(drawn)
+            spots[:, k] = drawn
+        return spots
+
+    def _room(
+        self, number: int, key: tuple[str | int, ...], region: Polygon | Point, radius: float
+    ) -> MultiPolygon | None:
+        """Floor with that much room around it that the region meets; None, and a complaint, if there is none."""
+        if radius not in self._rooms:
+            self._rooms[radius] = rooms_around(self.keys, self.environment, radius)
+        room = next((room for room in self._rooms[radius] if meets(region, room)), None)
+        if room is None:
+            self.complaints.append((("agents", number, *key), unusable(self.environment, region, radius)))
+        return room
+
+    def _generator(self, number: int, *stream: int) -> np.random.Generator:
+        return np.random.default_rng(np.random.SeedSequence(self.keys.seed, spawn_key=(number, *stream)))
+
+
+def _rows_by_step(steps: NDArray[np.int64]) -> list[tuple[int, NDArray[np.int64]]]:
+    """Each step in which anybody starts, ascending, with the rows of those who do."""
+    order = np.argsort(steps, kind="stable")
+    distinct, firsts = np.unique(steps[order], return_index=True)
+    return list(zip(distinct.tolist(), np.split(order, firsts[1:]), strict=True))
