@@ -200,7 +200,8 @@ class Simulation:
         pose[agent] = self.world.column("pose")
         state = np.full(count, AgentState.ABSENT, np.int32)
         state[agent] = self.world.column("state")
-        return RecordedFrame(x=pose[:, 0], y=pose[:, 1], heading=pose[:, 2], state=state, **columns)
+        phase = np.full(count, np.nan)
+        return RecordedFrame(x=pose[:, 0], y=pose[:, 1], heading=pose[:, 2], state=state, phase=phase, **columns)
 
     def _record_movables(self, writer: RecordingWriter, before: list[Placing | None]) -> None:
         """Record what stands elsewhere than ``before`` says, and update that."""
