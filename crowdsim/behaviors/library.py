@@ -28,10 +28,11 @@ Band = tuple[float, float]
 
 @dataclass(frozen=True)
 class BehaviorSet:
-    """Behaviors, least preferred and narrowest first, and the motion graph whose nodes carry their indices."""
+    """Behaviors, least preferred and narrowest first, the motion graph whose nodes carry their indices, their clips."""
 
     behaviors: tuple[Behavior, ...]
     graph: MotionGraph
+    clips: tuple[BehaviorClips, ...]
 
 
 def load_behavior_set(
@@ -72,7 +73,7 @@ def load_behavior_set(
     _require_worth(behaviors)
     graph = build_motion_graph(_sources(files, clips, order))
     _require_joined(behaviors, graph)
-    return BehaviorSet(behaviors, graph)
+    return BehaviorSet(behaviors, graph, tuple(clips[name] for name in order))
 
 
 def _require_captured(names: Sequence[str], captures: Path) -> None:

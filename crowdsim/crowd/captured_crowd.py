@@ -151,7 +151,8 @@ class CapturedCrowd:
         pose[agent] = self.world.column("pose")
         state = np.full(self.count, AgentState.ABSENT, np.int32)
         state[agent] = self.world.column("state")
-        return RecordedFrame(x=pose[:, 0], y=pose[:, 1], heading=pose[:, 2], state=state, **columns)
+        phase = np.full(self.count, np.nan)
+        return RecordedFrame(x=pose[:, 0], y=pose[:, 1], heading=pose[:, 2], state=state, phase=phase, **columns)
 
     @cached_property
     def statistics(self) -> Statistics:

@@ -8,7 +8,7 @@ def take_spots(draws, keep, distance, frame, heads, nexts, spots, filled, vain, 
     """Take those of ``draws`` (float64[k, 2]) that keep ``keep`` meters from all spots taken before, in order.
 
     ``frame``: left and bottom [m] of cells of side ``distance`` (at least ``keep``), columns and rows of them.
-    ``heads``, ``nexts``: int32, the list of spots in each cell. ``spots``: float64[n, 2], of which ``filled`` are taken.
+    ``heads``, ``nexts``: int32, the list of spots in each cell. ``spots``: float64[n, 2], ``filled`` of them are taken.
     ``vain``: draws in a row that were not taken so far; ends after ``most`` of them, or if ``spots`` is full. Returns
     filled and vain.
     """

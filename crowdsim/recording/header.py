@@ -10,11 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.constants import NONE
 from crowdsim.motion.clips.skeleton import Skeleton
 
 FORMAT_NAME = "crowdsim-recording"
-FORMAT_VERSION = 1
-"""Readers refuse files of a higher version; raise it when a field changes its meaning or goes away."""
+FORMAT_VERSION = 2
+"""1: captured agents. 2: steered agents, too: the column ``phase`` and gaits; columns that nobody needs are left out.
+
+Readers refuse files of a higher version; raise it when a field changes its meaning or goes away."""
 
 
 class AgentState(IntEnum):
@@ -83,13 +86,27 @@ class AgentsRecord:
 
 
 @dataclass(frozen=True)
+class GaitRecord:
+    """The clip that steered agents of one behavior are posed from, as it was captured: what is deformed at playback.
+
+    root: (F, 3) float32, places of the root joint in the world [m]. rotations: (F, J, 4) float32 (w, x, y, z), each
+    joint relative to its parent, the root to the world; F frames at CAPTURE_RATE.
+    """
+
+    name: str
+    root: NDArray[np.float32]
+    rotations: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
 class MotionRecord:
-    """All that turns (node, frame, track pose) into the joints of a body.
+    """All that turns (node, frame, track pose), or (behavior, track, phase), into the joints of a body.
 
     Node n holds rows ``node_first[n]`` to ``node_first[n] + node_frames[n]`` of the pool, poses relative to the track:
     pool_root (P, 3) float32 is the root's place, pool_rotations (P, J, 4) float32 are (w, x, y, z), each joint relative
     to its parent and the root relative to the track's heading.
-    node_behavior: (nodes,) int32, index into the header's behaviors.
+    node_behavior: (nodes,) int32, index into the header's behaviors. Without nodes, no agent is captured.
+    gaits: a clip for each behavior of the header, in its order. Without gaits, no agent is steered.
     """
 
     skeleton: Skeleton
@@ -99,6 +116,7 @@ class MotionRecord:
     node_frames: NDArray[np.int32]
     pool_root: NDArray[np.float32]
     pool_rotations: NDArray[np.float32]
+    gaits: Sequence[GaitRecord] = ()
 
 
 @dataclass(frozen=True)
@@ -128,6 +146,7 @@ class RecordedFrame(NamedTuple):
 
     x, y (meters) and heading (radians) are the track's pose; ``node`` is played since ``previous`` ended (-1 for none)
     and ``frame`` of it is shown; ``behavior`` indexes the header's behaviors; ``state`` holds :class:`AgentState`.
+    ``phase`` counts the cycles of a steered agent's gait and never decreases; nan for agents that are not steered.
     """
 
     x: NDArray[Any]
@@ -138,6 +157,13 @@ class RecordedFrame(NamedTuple):
     frame: NDArray[Any]
     behavior: NDArray[Any]
     state: NDArray[Any]
+    phase: NDArray[Any]
+
+    @property
+    def steered(self) -> NDArray[np.bool_]:
+        """(N,) whether each agent is steered in this step; the others are captured, or absent."""
+        steered: NDArray[np.bool_] = np.isfinite(self.phase) & (np.asarray(self.state) != AgentState.ABSENT)
+        return steered
 
 
 COLUMN_TYPES: dict[str, str] = {
@@ -149,8 +175,20 @@ COLUMN_TYPES: dict[str, str] = {
     "frame": "int16",
     "behavior": "int8",
     "state": "int8",
+    "phase": "float32",
 }
 """dtype of each field of :class:`RecordedFrame` in the file."""
+
+LEFT_OUT = {"node": NONE, "previous": NONE, "frame": 0, "phase": np.nan}
+"""What columns hold where no agent can have anything else; such columns are not stored."""
+
+
+def stored_columns(motion: MotionRecord) -> tuple[str, ...]:
+    """Columns that a file stores: those of captured agents if there are nodes, ``phase`` if there are gaits."""
+    left_out = set() if len(motion.node_names) else {"node", "previous", "frame"}
+    if not motion.gaits:
+        left_out.add("phase")
+    return tuple(name for name in COLUMN_TYPES if name not in left_out)
 
 
 @dataclass(frozen=True)

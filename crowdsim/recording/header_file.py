@@ -13,6 +13,7 @@ from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.recording.header import (
     AgentsRecord,
     BehaviorRecord,
+    GaitRecord,
     LayerRecord,
     MeshRecord,
     MotionRecord,
@@ -106,6 +107,13 @@ def _write_motion(group: h5py.Group, motion: MotionRecord) -> None:
     _write_strings(group, "node_names", motion.node_names)
     for name, dtype in _MOTION_ARRAYS.items():
         _write_array(group, name, getattr(motion, name), dtype)
+    _write_strings(group, "gait_names", [gait.name for gait in motion.gaits])
+    _write_array(group, "gait_frames", [len(gait.root) for gait in motion.gaits], "int32")
+    joints = skeleton.joint_count
+    roots = [np.empty((0, 3), np.float32), *(gait.root for gait in motion.gaits)]
+    rotations = [np.empty((0, joints, 4), np.float32), *(gait.rotations for gait in motion.gaits)]
+    _write_array(group, "gait_root", np.concatenate(roots), "float32")
+    _write_array(group, "gait_rotations", np.concatenate(rotations), "float32")
 
 
 def read_versions(file: h5py.File) -> dict[str, str]:
@@ -169,4 +177,13 @@ def _read_motion(group: h5py.Group) -> MotionRecord:
         skeleton=skeleton,
         node_names=tuple(_read_strings(group, "node_names")),
         **{name: group[name][:] for name in _MOTION_ARRAYS},
+        # Recordings of version 1 have captured agents only.
+        gaits=_read_gaits(group) if "gait_names" in group else (),
     )
+
+
+def _read_gaits(group: h5py.Group) -> tuple[GaitRecord, ...]:
+    ends = np.cumsum(group["gait_frames"][:])
+    roots, rotations = (np.split(group[f"gait_{name}"][:], ends) for name in ("root", "rotations"))
+    names = _read_strings(group, "gait_names")
+    return tuple(GaitRecord(*row) for row in zip(names, roots, rotations, strict=False))

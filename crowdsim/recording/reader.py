@@ -16,16 +16,19 @@ from numpy.typing import ArrayLike, NDArray
 from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.errors import CrowdSimError, RecordingError
 from crowdsim.geometry.planar import wrap_angle
+from crowdsim.recording.columns import Column, ConstantColumn
 from crowdsim.recording.header import (
     COLUMN_TYPES,
     FORMAT_NAME,
     FORMAT_VERSION,
+    LEFT_OUT,
     AgentState,
     MovableChange,
     PlannedPath,
     RecordedFrame,
     RecordingHeader,
     SolidRecord,
+    stored_columns,
 )
 from crowdsim.recording.header_file import read_header, read_versions
 
@@ -40,23 +43,25 @@ _AGAIN = "run the scenario again to the end"
 class Recording:
     """A finished recording, open for reading until :meth:`close` or the end of its ``with`` block.
 
-    The columns ``x``, ``y``, ``heading``, ``node``, ``previous``, ``frame``, ``behavior``, ``state`` (steps, N) and
-    ``state_hash`` (steps,) are HDF5 datasets: slice them, and only that part is read.
+    The columns ``x``, ``y``, ``heading``, ``node``, ``previous``, ``frame``, ``behavior``, ``state``, ``phase``
+    (steps, N) and ``state_hash`` (steps,) are slices of the file: index them, and only that part is read. Columns that
+    no agent needs are not stored, and read as -1, -1, 0 or nan.
     """
 
     path: Path
     header: RecordingHeader
     versions: dict[str, str]
     summary: dict[str, Any]
-    x: h5py.Dataset
-    y: h5py.Dataset
-    heading: h5py.Dataset
-    node: h5py.Dataset
-    previous: h5py.Dataset
-    frame: h5py.Dataset
-    behavior: h5py.Dataset
-    state: h5py.Dataset
-    state_hash: h5py.Dataset
+    x: Column
+    y: Column
+    heading: Column
+    node: Column
+    previous: Column
+    frame: Column
+    behavior: Column
+    state: Column
+    phase: Column
+    state_hash: Column
 
     def __init__(self, path: Path, file: h5py.File) -> None:
         self.path = path
@@ -66,10 +71,12 @@ class Recording:
         self.summary = json.loads(file["summary"].asstr()[()])
         columns = file["steps"]
         shape = (columns["state_hash"].shape[0], self.header.agents.count)
-        for name in COLUMN_TYPES:
-            if columns[name].shape != shape:
-                raise RecordingError(f"{path}: steps/{name} has shape {columns[name].shape}, not {shape}; {_AGAIN}")
-            setattr(self, name, columns[name])
+        stored = stored_columns(self.header.motion)
+        for name, dtype in COLUMN_TYPES.items():
+            column = columns[name] if name in stored else ConstantColumn(shape, dtype, LEFT_OUT[name])
+            if column.shape != shape:
+                raise RecordingError(f"{path}: steps/{name} has shape {column.shape}, not {shape}; {_AGAIN}")
+            setattr(self, name, column)
         self.state_hash = columns["state_hash"]
 
     @classmethod
@@ -253,12 +260,13 @@ def _between(
     x = np.where(both, old.x + share * (new.x - old.x), old.x)
     y = np.where(both, old.y + share * (new.y - old.y), old.y)
     heading = np.where(both, old.heading + share * turn, old.heading)
+    phase = np.where(both & np.isfinite(new.phase), old.phase + share * (new.phase - old.phase), old.phase)
 
     # Still in the old node, or in the new one already, where what is left of the step is subtracted.
     reached = old.frame + shown
     left = new.frame - (advance - shown)
     same = (new.node == old.node) & (new.frame >= old.frame)
-    last = np.where(old.node == NONE, 0, node_frames[np.maximum(old.node, 0)])
+    last = np.append(node_frames, 0)[old.node]
     entered = both & ~same & (reached > last) & (left >= 0)
     frame = np.where(same, np.minimum(reached, new.frame), np.minimum(reached, last))
     frame = np.where(both, frame, old.frame)
@@ -271,4 +279,5 @@ def _between(
         frame=np.where(entered, left, frame),
         behavior=np.where(entered, new.behavior, old.behavior),
         state=old.state,
+        phase=phase,
     )

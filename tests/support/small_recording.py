@@ -176,6 +176,7 @@ def small_frame(header: RecordingHeader, step: int) -> RecordedFrame:
         frame=frame % CYCLE,
         behavior=2 - kind,
         state=state,
+        phase=np.full(count, np.nan),
     )
 
 

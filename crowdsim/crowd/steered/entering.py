@@ -42,7 +42,7 @@ class Entering:
         coming = self._rows(due)
         admitted = np.zeros(len(due), np.bool_)
         sorted_crowd = steering.sort(self._world.column("row"), self._place.bounds)
-        crowd = (sorted_crowd.rows, sorted_crowd.places, sorted_crowd.starts, sorted_crowd.frame)
+        crowd = (sorted_crowd.rows, sorted_crowd.starts, sorted_crowd.frame)
         admit(coming, crowd, self._broadest, steering.walls, admitted)
         agents, rows = due[admitted], coming[admitted]
         self.entered[agents] = step

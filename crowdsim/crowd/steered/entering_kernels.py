@@ -18,11 +18,11 @@ ROOM = 0.01
 def admit(coming, crowd, broadest, walls, admitted):
     """Say in ``admitted`` (bool[k]) which of ``coming`` (ROW[k]) have room, each after those before it that have.
 
-    ``crowd``: rows of those who are there, their places, where cells begin in them, and the frame of the cells.
+    ``crowd``: rows of those who are there, where cells begin in them, and the frame of the cells.
     ``broadest``: largest half breadth of all agents [m]. ``walls``: those of the legs' layer, those of the torso's, and
     the radius of the legs [m].
     """
-    rows, places, starts, frame = crowd
+    rows, starts, frame = crowd
     legs, torso, leg_radius = walls
     # Lists of those admitted so far, by cells of the same frame.
     heads = np.full(frame[2] * frame[3], -1, np.int32)

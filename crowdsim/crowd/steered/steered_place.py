@@ -120,8 +120,8 @@ class SteeredPlace:
                     stands_elsewhere = True
         agenda.waiting = waiting
         # What is announced anew, and what is no more.
-        for movable in announced.keys() ^ self._announced.keys():
-            windows.append(_window_of({**announced, **self._announced}[movable]))
+        either = {**announced, **self._announced}
+        windows += [_window_of(either[movable]) for movable in sorted(announced.keys() ^ self._announced.keys())]
         self._announced = announced
         if windows:
             low, high = np.min(windows, axis=0).tolist(), np.max(windows, axis=0).tolist()

@@ -30,7 +30,7 @@ def test_a_coarse_recording_shows_the_frames_of_a_fine_one(tmp_path, steps_per_s
 
 def test_heading_turns_the_short_way(tmp_path):
     header = small_header(agents=1)
-    frame = RecordedFrame([0.0], [0.0], [3.1], [3], [-1], [0], [2], [AgentState.MOVING])
+    frame = RecordedFrame([0.0], [0.0], [3.1], [3], [-1], [0], [2], [AgentState.MOVING], [np.nan])
     with RecordingWriter(tmp_path / "run.h5", header) as writer:
         writer.append(frame, 0)
         writer.append(frame._replace(heading=[-3.1], frame=[3]), 0)
@@ -42,7 +42,7 @@ def test_heading_turns_the_short_way(tmp_path):
 
 def test_agents_do_not_slide_in_from_where_they_were_absent(tmp_path):
     header = small_header(agents=2)
-    there = RecordedFrame([0.0, 5.0], [0.0, 5.0], [0.0, 0.0], [3, 3], [-1, -1], [0, 0], [2, 2], [0, 1])
+    there = RecordedFrame([0.0, 5.0], [0.0, 5.0], [0.0, 0.0], [3, 3], [-1, -1], [0, 0], [2, 2], [0, 1], [np.nan] * 2)
     with RecordingWriter(tmp_path / "run.h5", header) as writer:
         writer.append(there, 0)
         writer.append(there._replace(x=[9.0, 0.0], state=[1, 0], frame=[0, 0]), 0)

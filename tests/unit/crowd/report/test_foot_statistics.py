@@ -31,7 +31,7 @@ def played(graph: MotionGraph, node: int, sliding: float = 0.0) -> list[Recorded
     frames = []
     for k, at in enumerate(compose(np.array([2.0, -1.0, 0.4]), arrays.tracks[rows])):
         x, y, heading = at + [0.0, sliding * k / RATE, 0.0]
-        columns = (x, y, heading, node, -1, k, 0, 0)
+        columns = (x, y, heading, node, -1, k, 0, 0, np.nan)
         frames.append(RecordedFrame(*(np.array([value]) for value in columns)))
     return frames
 

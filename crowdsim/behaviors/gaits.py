@@ -1,0 +1,120 @@
+"""The clip of each behavior that steered bodies are posed from.
+
+2018 paper, section 3.1: one deformable clip for each behavior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from crowdsim.behaviors.behavior import Behavior
+from crowdsim.behaviors.library import BehaviorSet
+from crowdsim.constants import CAPTURE_RATE
+from crowdsim.errors import MotionError
+from crowdsim.geometry.elementary import atan2, hypot
+from crowdsim.geometry.planar import wrap_angle
+from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.deformed.clip_cycle import Cycle, find_cycle
+from crowdsim.motion.deformed.deformed_clip import deform_clip
+
+_MOST_ASIDE = np.radians(35.0)
+"""Angle between where a cycle goes and where its behavior goes, seen from the body, at most [rad]."""
+_MOST_TURN = np.radians(30.0)
+"""Angle that the body turns by in a cycle, at most [rad]."""
+_SLOWEST = 0.5
+"""Speed of a cycle as a share of its behavior's, at least."""
+
+_CONTEXT = CAPTURE_RATE // 2
+"""Frames kept before and after a cycle, so that its steps are told and smoothed as in the whole clip."""
+
+
+def gait_clips(behavior_set: BehaviorSet) -> tuple[Clip, ...]:
+    """Choose the clip of each behavior that is deformed to the tracks of steered agents.
+
+    It has a cycle of steps that goes where the behavior goes (ahead, or to a side of a turned body), turns little, is
+    nearest to the behavior's speed, and can be deformed.
+
+    Parameters
+    ----------
+    behavior_set : BehaviorSet
+        Behaviors with their clips, built in or captured.
+
+    Returns
+    -------
+    tuple of Clip
+        A clip for each behavior, in their order: the part of it with the cycle that ``deform_clip(clip)`` takes, with
+        values of float32, as recordings keep them.
+
+    Raises
+    ------
+    MotionError
+        If a behavior has no such clip.
+    """
+    pairs = zip(behavior_set.behaviors, behavior_set.clips, strict=True)
+    return tuple(_gait(behavior, clips.clips) for behavior, clips in pairs)
+
+
+def _gait(behavior: Behavior, clips: Sequence[Clip]) -> Clip:
+    ranked: list[tuple[float, int, Clip]] = []
+    reasons: list[str] = []
+    for number, clip in enumerate(clips):
+        try:
+            part = _around_cycle(_as_recorded(clip), behavior.speed)
+            cost, reason = _cost(behavior, find_cycle(part))
+        except MotionError as error:
+            reasons.append(str(error))
+            continue
+        if reason:
+            reasons.append(f"the straightest cycle of clip '{clip.name}' {reason}")
+        else:
+            ranked.append((cost, number, part))
+    for _, _, clip in sorted(ranked, key=lambda entry: entry[:2]):
+        try:
+            deform_clip(clip)
+        except MotionError as error:
+            reasons.append(str(error))
+        else:
+            return clip
+    raise MotionError(
+        f"no clip of behavior '{behavior.name}' can be deformed for steered agents, for example: {reasons[0]}; add a "
+        f"clip that moves steadily at about {behavior.speed:g} m/s for three steps or more, or let no agent be steered"
+    )
+
+
+def _around_cycle(clip: Clip, speed: float) -> Clip:
+    """The part of a clip with its cycle nearest to ``speed`` [m/s], if that part alone shows a cycle; else the clip."""
+    times = find_cycle(clip, speed).times
+    part = slice(max(int(times[0]) - _CONTEXT, 0), int(times[-1]) + _CONTEXT + 1)
+    cut = Clip(clip.name, clip.skeleton, clip.root_positions[part], clip.rotations[part])
+    try:
+        find_cycle(cut)
+    except MotionError:
+        return clip
+    return cut
+
+
+def _cost(behavior: Behavior, cycle: Cycle) -> tuple[float, str]:
+    """How far a cycle is from the behavior, in m/s and radians, and why it cannot be taken; '' if it can be."""
+    way = cycle.track[-1, :2] - cycle.track[0, :2]
+    speed = cycle.stride / cycle.seconds
+    steps = np.diff(cycle.track[:, :2], axis=0)
+    length = float(hypot(steps[:, 0], steps[:, 1]).sum())
+    turn = abs(float(wrap_angle(cycle.track[-1, 2] - cycle.track[0, 2])))
+    facing = float(cycle.track[:, 2].mean()) - float(atan2(way[1], way[0]))
+    aside = min(abs(float(wrap_angle(facing - wanted))) for wanted in behavior.facings)
+    reason = ""
+    if speed < _SLOWEST * behavior.speed:
+        reason = f"goes at {speed:.2f} m/s, and '{behavior.name}' at {behavior.speed:g} m/s"
+    elif aside > _MOST_ASIDE:
+        reason = f"goes {np.degrees(aside):.0f} degrees off the way that '{behavior.name}' goes"
+    elif turn > _MOST_TURN:
+        reason = f"turns by {np.degrees(turn):.0f} degrees"
+    return abs(speed - behavior.speed) + turn + aside + (length - cycle.stride) / cycle.seconds, reason
+
+
+def _as_recorded(clip: Clip) -> Clip:
+    """The clip with the values that a recording keeps of it, so that what is chosen is what is played."""
+    root, rotations = (values.astype(np.float32).astype(np.float64) for values in (clip.root_positions, clip.rotations))
+    return Clip(clip.name, clip.skeleton, root, rotations)
