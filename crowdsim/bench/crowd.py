@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from crowdsim.bench.motions.map_trials import LENGTHS
 from crowdsim.bench.registry import Measurement
 from crowdsim.constants import NONE, TRACKING_MARGIN
+from crowdsim.crowd.captured_crowd import CapturedCrowd
 from crowdsim.crowd.search.motion_search import MotionSearch
 from crowdsim.crowd.search.scheduler import Ongoing, Searches
 from crowdsim.crowd.search.worker_pool import WorkerPool
@@ -218,9 +219,11 @@ def measure(
     with Simulation(scenario, workers) as simulation:
         for _ in range(30):
             simulation.step()
+        crowd = simulation.crowd
+        assert isinstance(crowd, CapturedCrowd)
         steps = _paced(simulation.step, round(run_seconds / FRAME_SECONDS))
-        reached = int(simulation.itineraries.reached.sum())
-        rows.append(_row("run", simulation.world.count, steps, simulation.searches, reached))
+        reached = int(crowd.itineraries.reached.sum())
+        rows.append(_row("run", crowd.world.count, steps, crowd.searches, reached))
     figures = {
         f"{name}_{key}": float(row[key])
         for name, row in zip(("at_once", "playing", "run"), rows, strict=True)

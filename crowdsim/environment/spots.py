@@ -150,16 +150,16 @@ def arrange_spots(
     shapely.prepare(area)
     c, s = cos(heading), sin(heading)
     middle = shapely.get_coordinates(region.centroid)[0]
-    reach = math.sqrt(
-        sum(side * side for side in (region.bounds[2] - region.bounds[0], region.bounds[3] - region.bounds[1]))
-    )
+    left, bottom, right, top = region.bounds
+    reach = right - left + top - bottom
 
     def grid(scale: float) -> NDArray[np.float64]:
         beside, behind = apart[0] * scale, apart[1] * scale
         i, j = (np.arange(-math.ceil(reach / step), math.ceil(reach / step) + 1) for step in (behind, beside))
         along, across = np.meshgrid(i * behind, j * beside, indexing="ij")
         points = np.column_stack([(c * along - s * across).ravel(), (s * along + c * across).ravel()]) + middle
-        return points[shapely.contains_xy(area, points)]
+        inside: NDArray[np.float64] = points[shapely.contains_xy(area, points)]
+        return inside
 
     low, high = 1.0, 8.0
     if len(grid(low)) < count:

@@ -86,7 +86,7 @@ class CrowdPlacement(NamedTuple):
     spots: Floats
 
     @property
-    def count(self) -> int:
+    def head_count(self) -> int:
         """How many characters there are."""
         return len(self.group)
 

@@ -66,4 +66,5 @@ def draw_spread(spread: Spread, count: int, generator: np.random.Generator) -> F
         left = left[(values[left] < low) | (values[left] > high)]
         if not len(left):
             return values
-    return np.clip(values, low, high)
+    values[left] = np.minimum(np.maximum(values[left], low), high)
+    return values

@@ -99,7 +99,7 @@ def steered_motion(behavior_set: BehaviorSet) -> MotionRecord:
         pool_root=np.zeros((0, 3), np.float32),
         pool_rotations=np.zeros((0, skeleton.joint_count, 4), np.float32),
         gaits=tuple(
-            GaitRecord(clip.name, clip.root.astype(np.float32), clip.rotations.astype(np.float32))
+            GaitRecord(clip.name, clip.root_positions.astype(np.float32), clip.rotations.astype(np.float32))
             for clip in gait_clips(behavior_set)
         ),
     )

@@ -29,7 +29,7 @@ class Entering:
 
     def __init__(self, world: World, place: SteeredPlace, cast: CrowdPlacement, errands: Errands) -> None:
         self._world, self._place, self._cast, self._errands = world, place, cast, errands
-        self.entered = np.full(cast.count, -1, np.int64)
+        self.entered = np.full(cast.head_count, -1, np.int64)
         self._broadest = 0.5 * float(cast.walkers.breadths.max(initial=0.0))
 
     def enter(self, step: int, steering: Steering) -> None:

@@ -55,7 +55,8 @@ class Errands:
         self._stays = np.array([itinerary.stays for itinerary in groups], np.bool_)
         self._within = np.array([itinerary.stand_within for itinerary in groups])
         self.middles = shapely.get_coordinates([region.representative_point() for region in cast.goals])
-        self.arrived = np.full(cast.count, NONE, np.int64)
+        self.arrived = np.full(cast.head_count, NONE, np.int64)
+        self._visits = np.zeros(cast.head_count, np.int64)
         self._stood: list[tuple[Floats, Floats]] = []
 
     def goal(self, agents: NDArray[np.int64], reached: NDArray[np.int64]) -> NDArray[np.int32]:
@@ -63,10 +64,16 @@ class Errands:
         group = self._cast.group[agents]
         return np.asarray(self._goals[group, reached % self._places[group]])
 
+    def set_out(self, view: View, step: int) -> None:
+        """Let those go on whose time it is: before guidance is written."""
+        go = np.flatnonzero((view.errand == Errand.STANDS) & (view.go_step <= step))
+        view.errand[go] = Errand.WALKS
+        view.row["goal"][go] = view.goal[go]
+        view.row["speed"][go] = view.pace[go]
+
     def update(self, view: View, step: int) -> NDArray[np.int64]:
         """Take note of who is where, after guidance was written; returns the rows that have arrived and leave."""
         rows = view.row
-        self._set_out(view, step)
         walks = view.errand == Errand.WALKS
         leaves = self._reach(view, step, np.flatnonzero(walks & (rows["togo"] == 0.0)))
         self._take_places(view, step, np.flatnonzero(view.errand == Errand.TAKES_PLACE))
@@ -88,21 +95,14 @@ class Errands:
             "off_heading_most": float(turned.max()) if len(turned) else None,
         }
 
-    def laps(self, reached: NDArray[np.int64]) -> dict[str, int]:
+    def laps(self) -> dict[str, int]:
         """Rounds that the characters of each group completed together, for the groups that go round."""
         laps = {}
         for number, itinerary in enumerate(self._cast.itineraries):
             if itinerary.rounds != 1:
-                places = reached[self._cast.group == number]
-                laps[self._cast.names[number]] = int((places // len(itinerary.goals)).sum())
+                visits = self._visits[self._cast.group == number]
+                laps[self._cast.names[number]] = int((visits // len(itinerary.goals)).sum())
         return laps
-
-    def _set_out(self, view: View, step: int) -> None:
-        """Let those go on whose time it is."""
-        go = np.flatnonzero((view.errand == Errand.STANDS) & (view.go_step <= step))
-        view.errand[go] = Errand.WALKS
-        view.row["goal"][go] = view.goal[go]
-        view.row["speed"][go] = view.pace[go]
 
     def _reach(self, view: View, step: int, there: NDArray[np.int64]) -> NDArray[np.int64]:
         """Characters are in the region of their goal: they leave, go on, or take their place in it."""
@@ -111,16 +111,17 @@ class Errands:
         stands = np.where(last, self._stays[group], self._waits[group] > 0)
         leaves = there[last & ~stands]
         self.arrived[agents[last & ~stands]] = step
-        view.reached[leaves] += 1
+        self._visits[agents[last & ~stands]] += 1
         takes_place = there[stands]
         view.errand[takes_place] = Errand.TAKES_PLACE
         view.row["goal"][takes_place] = NO_GOAL
         self._go_on(view, there[~last & ~stands])
-        return leaves
+        return np.asarray(leaves)
 
     def _go_on(self, view: View, rows: NDArray[np.int64]) -> None:
         """Count a place as reached and turn to the next one."""
         view.reached[rows] += 1
+        self._visits[view.agent[rows]] += 1
         view.goal[rows] = self.goal(view.agent[rows], view.reached[rows])
         walks = rows[view.errand[rows] == Errand.WALKS]
         view.row["goal"][walks] = view.goal[walks]
@@ -141,6 +142,7 @@ class Errands:
         view.go_step[stops] = step + self._waits[group]
         self.arrived[agents[last]] = step
         view.reached[stops[last]] += 1
+        self._visits[agents[last]] += 1
         self._go_on(view, stops[~last])
 
     def _stand(self, view: View, rows: NDArray[np.int64]) -> None:

@@ -52,7 +52,7 @@ class SteeredCrowd:
     @property
     def count(self) -> int:
         """Characters of the scenario, present or not."""
-        return self.cast.count
+        return self.cast.head_count
 
     @property
     def step_count(self) -> int:
@@ -88,6 +88,7 @@ class SteeredCrowd:
         # Everyone gets its way, and what it is to do at its end.
         view = world.view()
         place.refresh(self._step, view.row, view.following)
+        self._errands.set_out(view, self._step)
         place.guidance.write(view.row, view.following)
         leaves = self._errands.update(view, self._step)
         place.lead_out(view.row, np.flatnonzero(view.lost_since != NONE))
@@ -149,8 +150,6 @@ class SteeredCrowd:
         arrived, entered = self._errands.arrived, self._entering.entered
         done = arrived >= 0
         times = (arrived - entered)[done] / STEERING_RATE
-        reached = np.zeros(self.count, np.int64)
-        reached[view.agent] = view.reached
         lost = np.flatnonzero(view.lost_since != NONE)
         reason = "no way leads from where it is to its goal; look for what stands in the way"
         waits = (view.state == AgentState.WAITING) & (view.errand == Errand.WALKS)
@@ -159,7 +158,7 @@ class SteeredCrowd:
             "arrived": int(done.sum()),
             "waiting": int(waits.sum()),
             "unreachable": {str(agent): reason for agent in sorted(view.agent[lost].tolist())},
-            "laps": self._errands.laps(reached),
+            "laps": self._errands.laps(),
             "stands": self._errands.stands_summary(),
             "events": self.place.agenda.report(),
             "replans": 0,

@@ -33,8 +33,8 @@ def _as_mean(value: Any) -> Any:
     return {"mean": value} if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
-def _spread_within(least: float, most: float) -> Any:
-    """Type of a key whose values lie within [``least``, ``most``]; the bounds of a spread that names none."""
+def _within(least: float, most: float) -> Any:
+    """Checks that values lie within these bounds, which hold where a spread names none of its own."""
 
     def bounded(spread: Spread) -> Spread:
         low = least if spread.min is None else spread.min
@@ -44,21 +44,17 @@ def _spread_within(least: float, most: float) -> Any:
                 raise ValueError(f"'{name}' must be from {least:g} to {most:g}, got {value:g}")
         return spread.model_copy(update={"min": low, "max": high})
 
+    return AfterValidator(bounded)
+
+
+def _number_or_spread(least: float, most: float) -> Any:
+    """JSON schema of the same."""
     number = {"type": "number", "minimum": least, "maximum": most}
-    schema = {
-        "anyOf": [
-            number,
-            {
-                "type": "object",
-                "properties": {"mean": number, "sd": {"type": "number", "minimum": 0.0}, "min": number, "max": number},
-                "required": ["mean"],
-                "additionalProperties": False,
-            },
-        ]
-    }
-    return Annotated[Spread, BeforeValidator(_as_mean), AfterValidator(bounded), WithJsonSchema(schema)]
+    keys = {"mean": number, "sd": {"type": "number", "minimum": 0.0}, "min": number, "max": number}
+    spread = {"type": "object", "properties": keys, "required": ["mean"], "additionalProperties": False}
+    return WithJsonSchema({"anyOf": [number, spread]})
 
 
-WalkingSpeed = _spread_within(0.1, 3.0)
-Breadth = _spread_within(0.3, 0.7)
-Delay = _spread_within(0.0, 1e6)
+WalkingSpeed = Annotated[Spread, BeforeValidator(_as_mean), _within(0.1, 3.0), _number_or_spread(0.1, 3.0)]
+Breadth = Annotated[Spread, BeforeValidator(_as_mean), _within(0.3, 0.7), _number_or_spread(0.3, 0.7)]
+Delay = Annotated[Spread, BeforeValidator(_as_mean), _within(0.0, 1e6), _number_or_spread(0.0, 1e6)]
