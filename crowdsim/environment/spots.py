@@ -115,9 +115,11 @@ def scatter_spots(
 ) -> NDArray[np.float64]:
     """Draw spots of a region in ``room`` that keep a distance from each other and from those ``taken`` (k, 2) [m].
 
-    Returns (m, 2), with m below ``count`` if :data:`_TRIES` draws in a row found no place, or 300 a spot in all.
+    A distance of 0 lets spots lie anywhere. Returns (m, 2), with m below ``count`` if :data:`_TRIES` draws in a row found no place, or 300 a spot in all.
     """
     sampler = _Sampler(region, room, generator)
+    if distance == 0.0:
+        return sampler.batch(count)
     spots = np.concatenate([taken.reshape(-1, 2), np.zeros((count, 2))])
     left, bottom, right, top = region.bounds
     columns, rows = (math.floor(side / distance) + 1 for side in (right - left, top - bottom))

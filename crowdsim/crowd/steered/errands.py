@@ -16,11 +16,20 @@ from crowdsim.geometry.planar import wrap_angle
 from crowdsim.scenario.crowd_placement import CrowdPlacement
 from crowdsim.steering.guidance.sample_kernels import LOST
 
+REACHED = 0.05
+"""Way to go at which a goal is reached though its region is not, as where walls keep bodies out of it [m]."""
+
+NEAR_GOAL = 0.5
+"""Way to go below which it is worth asking whether the region is reached [m]."""
+
 GIVES_UP = 4.0
 """Seconds stuck after which a character stands where it is in the region of its goal, not at its own spot there."""
 
 PUSHED_OFF = 0.5
 """Distance from its spot from which on a character that stays walks back to it [m]."""
+
+TURN_SECONDS = 3.0
+"""Time that a character takes at most to turn as it is asked to before it counts as standing [s]."""
 
 TURNED_OFF = 0.1
 """Angle off the heading that is asked for from which on a standing character turns [rad]."""
@@ -30,6 +39,9 @@ _SLOWING = 2.0
 
 _SLOWEST = 0.2
 """Speed of its last steps there [m/s]."""
+
+_NOT_YET = np.iinfo(np.int64).max
+"""The step in which who takes its place stands at the latest, while it is on its way."""
 
 Floats = NDArray[np.float64]
 
@@ -49,6 +61,7 @@ class Errands:
         for number, itinerary in enumerate(groups):
             self._goals[number, : len(itinerary.goals)] = itinerary.goals
             self._headings[number, : len(itinerary.goals)] = itinerary.headings
+        self._turn_steps = round(TURN_SECONDS * steps_per_second)
         self._places = np.array([len(itinerary.goals) for itinerary in groups], np.int64)
         self._last = np.array([it.rounds * len(it.goals) if it.rounds != NONE else NONE for it in groups], np.int64)
         self._waits = np.array([round(itinerary.wait * steps_per_second) for itinerary in groups], np.int64)
@@ -58,6 +71,8 @@ class Errands:
         self.arrived = np.full(cast.head_count, NONE, np.int64)
         self._visits = np.zeros(cast.head_count, np.int64)
         self._stood: list[tuple[Floats, Floats]] = []
+        for region in cast.goals:
+            shapely.prepare(region)
 
     def goal(self, agents: NDArray[np.int64], reached: NDArray[np.int64]) -> NDArray[np.int32]:
         """Number of the goal of agents that have been to so many places."""
@@ -67,6 +82,7 @@ class Errands:
     def set_out(self, view: View, step: int) -> None:
         """Let those go on whose time it is: before guidance is written."""
         go = np.flatnonzero((view.errand == Errand.STANDS) & (view.go_step <= step))
+        self._stood.append(self._how_they_stand(view, go[view.reached[go] > 0]))
         view.errand[go] = Errand.WALKS
         view.row["goal"][go] = view.goal[go]
         view.row["speed"][go] = view.pace[go]
@@ -75,7 +91,8 @@ class Errands:
         """Take note of who is where, after guidance was written; returns the rows that have arrived and leave."""
         rows = view.row
         walks = view.errand == Errand.WALKS
-        leaves = self._reach(view, step, np.flatnonzero(walks & (rows["togo"] == 0.0)))
+        near = np.flatnonzero(walks & (rows["togo"] < NEAR_GOAL))
+        leaves = self._reach(view, step, near[self._within_goals(view, near)])
         self._take_places(view, step, np.flatnonzero(view.errand == Errand.TAKES_PLACE))
         self._stand(view, np.flatnonzero((view.errand == Errand.STANDS) | (view.errand == Errand.STAYS)))
         lost = walks & (rows["togo"] >= LOST)
@@ -83,10 +100,14 @@ class Errands:
         view.lost_since[lost & (view.lost_since == NONE)] = step
         return leaves
 
-    def stands_summary(self) -> dict[str, float | int | None]:
-        """How many came to stand at a place, and how far off it and the heading asked for they were at most."""
-        off = np.concatenate([np.empty(0), *(each for each, _ in self._stood)])
-        turned = np.concatenate([np.empty(0), *(each for _, each in self._stood)])
+    def stands_summary(self, view: View) -> dict[str, float | int | None]:
+        """How many came to stand at a place, and how far off it and the heading asked for they were at most.
+
+        Those who went on count as they stood when they did, those who stay as they stand now.
+        """
+        now = self._how_they_stand(view, np.flatnonzero(view.errand == Errand.STAYS))
+        off = np.concatenate([each for each, _ in (*self._stood, now)])
+        turned = np.concatenate([each for _, each in (*self._stood, now)])
         turned = np.degrees(turned[~np.isnan(turned)])
         return {
             "stood": len(off),
@@ -104,6 +125,16 @@ class Errands:
                 laps[self._cast.names[number]] = int((visits // len(itinerary.goals)).sum())
         return laps
 
+    def _within_goals(self, view: View, near: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which of some rows are in the region of their goal, or as near to it as ways lead."""
+        state, goals = view.row, view.goal[near]
+        within: NDArray[np.bool_] = state["togo"][near] <= REACHED
+        for goal in np.unique(goals).tolist():
+            asked = np.flatnonzero(goals == goal)
+            rows = near[asked]
+            within[asked] |= shapely.contains_xy(self._cast.goals[goal], state["x"][rows], state["y"][rows])
+        return within
+
     def _reach(self, view: View, step: int, there: NDArray[np.int64]) -> NDArray[np.int64]:
         """Characters are in the region of their goal: they leave, go on, or take their place in it."""
         agents, group = view.agent[there], self._cast.group[view.agent[there]]
@@ -114,9 +145,19 @@ class Errands:
         self._visits[agents[last & ~stands]] += 1
         takes_place = there[stands]
         view.errand[takes_place] = Errand.TAKES_PLACE
+        view.go_step[takes_place] = _NOT_YET
         view.row["goal"][takes_place] = NO_GOAL
         self._go_on(view, there[~last & ~stands])
         return np.asarray(leaves)
+
+    def _how_they_stand(self, view: View, rows: NDArray[np.int64]) -> tuple[Floats, Floats]:
+        """How far off their spots [m], and the heading asked for [rad] or nan, rows stand."""
+        state, agents = view.row, view.agent[rows]
+        place = self._place_of(view, rows)
+        spot = self._cast.spots[agents, place]
+        off: Floats = hypot(spot[:, 0] - state["x"][rows], spot[:, 1] - state["y"][rows])
+        heading = self._headings[self._cast.group[agents], place]
+        return off, np.abs(wrap_angle(state["heading"][rows] - heading))
 
     def _go_on(self, view: View, rows: NDArray[np.int64]) -> None:
         """Count a place as reached and turn to the next one."""
@@ -131,12 +172,16 @@ class Errands:
         agents = view.agent[rows]
         group = self._cast.group[agents]
         distance = self._lead(view, rows, view.reached[rows])
-        there = (distance <= self._within[group]) | (view.row["stuck"][rows] > GIVES_UP)
-        stops, agents, group = rows[there], agents[there], group[there]
-        heading = self._headings[group, view.reached[stops] % self._places[group]]
-        turned = np.abs(wrap_angle(view.row["heading"][stops] - heading))
-        if len(stops):
-            self._stood.append((distance[there], turned))
+        there = (
+            (distance <= self._within[group]) | (view.row["stuck"][rows] > GIVES_UP) | (view.go_step[rows] < _NOT_YET)
+        )
+        # Who is there turns as asked, for a while at most, and stands then.
+        heading = self._headings[group, view.reached[rows] % self._places[group]]
+        view.go_step[rows[there]] = np.minimum(view.go_step[rows[there]], step + self._turn_steps)
+        turns = self._turn(view, rows[there], heading[there])
+        stops = rows[there][~turns | (view.go_step[rows[there]] <= step)]
+        agents = view.agent[stops]
+        group = self._cast.group[agents]
         last = view.reached[stops] + 1 == self._last[group]
         view.errand[stops] = np.where(last, Errand.STAYS, Errand.STANDS)
         view.go_step[stops] = step + self._waits[group]
@@ -153,15 +198,20 @@ class Errands:
         at = rows[view.reached[rows] > 0]
         group = self._cast.group[view.agent[at]]
         place = (view.reached[at] - 1) % self._places[group]
-        heading = self._headings[group, place]
-        off = np.abs(wrap_angle(heading - state["heading"][at])) > TURNED_OFF
-        turns, heading = at[off], heading[off]
-        state["gx"][turns], state["gy"][turns] = cos(heading), sin(heading)
-        state["speed"][turns] = 0.0
+        self._turn(view, at, self._headings[group, place])
         stays = at[view.errand[at] == Errand.STAYS]
         spot = self._cast.spots[view.agent[stays], self._place_of(view, stays)]
         away = hypot(spot[:, 0] - state["x"][stays], spot[:, 1] - state["y"][stays]) > PUSHED_OFF
         self._lead(view, stays[away], view.reached[stays[away]] - 1)
+
+    def _turn(self, view: View, rows: NDArray[np.int64], headings: Floats) -> NDArray[np.bool_]:
+        """Let rows turn on the spot to headings [rad], nan for any; returns which are not there yet."""
+        state = view.row
+        off = np.abs(wrap_angle(headings - state["heading"][rows])) > TURNED_OFF
+        turns = rows[off]
+        state["gx"][turns], state["gy"][turns] = cos(headings[off]), sin(headings[off])
+        state["speed"][turns] = 0.0
+        return np.asarray(off)
 
     def _place_of(self, view: View, rows: NDArray[np.int64]) -> NDArray[np.int64]:
         """Number of the place of the itinerary where rows stand."""

@@ -159,7 +159,7 @@ class SteeredCrowd:
             "waiting": int(waits.sum()),
             "unreachable": {str(agent): reason for agent in sorted(view.agent[lost].tolist())},
             "laps": self._errands.laps(),
-            "stands": self._errands.stands_summary(),
+            "stands": self._errands.stands_summary(view),
             "events": self.place.agenda.report(),
             "replans": 0,
             "searches": None,

@@ -12,6 +12,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.behaviors.behavior import Behavior
+from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.crowd.state.agenda import Agenda
 from crowdsim.crowd.state.environment import Footprints, footprints_of
 from crowdsim.planning.query.requirements import Requirements
@@ -59,7 +60,7 @@ class SteeredPlace:
         self._placings: list[Placing | None] = [movable.placing for movable in timetable.movables]
         things = [None if at is None else self._footprints(number, at) for number, at in enumerate(self._placings)]
         self._walls = PlaceWalls([layer.free for layer in self._layers], things)
-        self._need = Requirements.of(behaviors, len(self._layers), 0.0)
+        self._need = Requirements.of(behaviors, len(self._layers), TRACKING_MARGIN)
         ground = build_ground(self._walls.segments().layers, self._need)
         self.asked = asked_of(behaviors)
         self.guidance = Guidance(ground, goals, self.asked, threads=threads)
