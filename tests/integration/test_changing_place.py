@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import shapely
 
+from crowdsim.crowd.captured_crowd import CapturedCrowd
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.following.follower.path_follower import FollowOptions
 from crowdsim.recording.header import AgentState
@@ -149,11 +150,13 @@ name: far, count: 3, interval: 0.5, start: {rectangle: [6, 0.5, 7, 5.5]},
     text = two_rooms(walkers, far, events=("at: 1.5, close: door_a",), seed=seed)
     simulation = Simulation(parse_scenario(text))
     request.addfinalizer(simulation.close)
-    while not simulation.environment.revision:
-        plans, routes = dict(simulation.plans.motions), dict(simulation.plans.routes)
-        agents = simulation.world.column("agent").tolist()
-        digests = dict(zip(agents, simulation.world.column("plan_digest").tolist(), strict=True))
-        places = dict(zip(agents, simulation.world.column("pose")[:, 0].tolist(), strict=True))
+    crowd = simulation.crowd
+    assert isinstance(crowd, CapturedCrowd)
+    while not crowd.environment.revision:
+        plans, routes = dict(crowd.plans.motions), dict(crowd.plans.routes)
+        agents = crowd.world.column("agent").tolist()
+        digests = dict(zip(agents, crowd.world.column("plan_digest").tolist(), strict=True))
+        places = dict(zip(agents, crowd.world.column("pose")[:, 0].tolist(), strict=True))
         simulation.step()
     leaf = shapely.box(5, 1, 5.15, 2)
     going_through = {
@@ -166,14 +169,14 @@ name: far, count: 3, interval: 0.5, start: {rectangle: [6, 0.5, 7, 5.5]},
     assert len(going_through) < len(plans)
     for _ in range(8):
         simulation.step()
-    assert simulation.plans.replans == len(going_through)
-    for row, agent in enumerate(simulation.world.column("agent").tolist()):
+    assert crowd.plans.replans == len(going_through)
+    for row, agent in enumerate(crowd.world.column("agent").tolist()):
         if agent in going_through:
-            assert simulation.plans.routes[agent] is not routes[agent]
+            assert crowd.plans.routes[agent] is not routes[agent]
         elif agent in digests and agent in plans:
-            assert simulation.plans.motions[agent] is plans[agent]
-            assert simulation.plans.routes[agent] is routes[agent]
-            assert simulation.world.column("plan_digest")[row] == digests[agent]
+            assert crowd.plans.motions[agent] is plans[agent]
+            assert crowd.plans.routes[agent] is routes[agent]
+            assert crowd.world.column("plan_digest")[row] == digests[agent]
 
 
 @pytest.mark.parametrize("seed", SEEDS[:2])

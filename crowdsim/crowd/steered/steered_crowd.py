@@ -92,8 +92,9 @@ class SteeredCrowd:
         place.guidance.write(view.row, view.following)
         leaves = self._errands.update(view, self._step)
         place.lead_out(view.row, np.flatnonzero(view.lost_since != NONE))
-        world.remove(*view.id[leaves].tolist())
-        world.apply_changes()
+        if len(leaves):
+            world.remove(*view.id[leaves].tolist())
+            world.apply_changes()
 
         # Everyone takes a step.
         view = world.view()

@@ -30,7 +30,7 @@ KEPT_OFF = 0.02
 REFRESH_SECONDS = 4.0
 """Time between two looks at how a crowd makes the ways to one goal dearer, at least [s]."""
 
-BOXES_A_SECOND = 100_000
+BOXES_A_SECOND = 50_000
 """Boxes of fields made anew for that in a simulated second: large places look more seldom."""
 
 

@@ -77,10 +77,30 @@ def is_quiet(crowding, x, y):
 
 
 @helper
+def _leads_alike(ground, field, anchor, other, sx, sy):
+    """Whether another anchor is the same as one at (sx, sy), or beside it in the goal."""
+    if other == anchor:
+        return True
+    boxes = len(ground.widest)
+    if anchor >= boxes or other >= boxes or field.cost[anchor] != 0.0 or field.cost[other] != 0.0:
+        return False
+    px, py = pin_of(ground, other)
+    return (px - sx) * (px - sx) + (py - sy) * (py - sy) <= 2.0 * BOX * BOX
+
+
+@helper
+def _wrong_side(dx, dy, qx, qy, n):
+    """Whether q lies on the left of the direction d for ``n`` = 0, on its right for 1."""
+    cross = dx * qy - dy * qx
+    return cross > 1e-9 if n == 0 else cross < -1e-9
+
+
+@helper
 def _sees_too(ground, crowding, field, state, box, px, py, sx, sy, anchor):
     """Whether two boxes on both sides of the line from a box to an anchor see the anchor, and the box sees both.
 
-    Then it sees the anchor itself: what stands in the way of bodies is broader than what is between the two lines.
+    Then it sees the anchor itself: what stands in the way of bodies is broader than what is between the two lines. In a
+    goal they may see the pin beside the anchor instead, if that lies on their side.
     """
     dx = sx - px
     dy = sy - py
@@ -94,12 +114,18 @@ def _sees_too(ground, crowding, field, state, box, px, py, sx, sy, anchor):
         if not ground.pure[box] >> k & 1:
             return False
         other = (row + STEPS[k, 1]) * ground.columns + column + STEPS[k, 0]
-        if state[other] != CLOSED_PURE or (field.anchor[other] != anchor and other != anchor):
+        if state[other] != CLOSED_PURE:
             return False
         qx, qy = pin_of(ground, other)
-        cross = dx * (qy - py) - dy * (qx - px)
-        if (cross > 1e-9) if n == 0 else (cross < -1e-9):
+        if _wrong_side(dx, dy, qx - px, qy - py, n):
             return False
+        ahead = field.anchor[other]
+        if other != anchor and ahead != anchor:
+            if not _leads_alike(ground, field, anchor, ahead, sx, sy):
+                return False
+            qx, qy = pin_of(ground, ahead)
+            if _wrong_side(dx, dy, qx - px, qy - py, n):
+                return False
     return True
 
 
@@ -305,7 +331,8 @@ def ask(ground, points, field, state, asks, slots):
     """Fill ``asks`` (int8[boxes]), the narrowest behavior on the next BEFORE meters.
 
     And ``slots`` (int32[boxes]): -1 if anybody anywhere in the box may go straight to its anchor, as the boxes on both
-    sides across the way see the same anchor, all with the widest behavior; all other boxes are numbered. Boxes without
+    sides across the way see the same anchor, or the pin beside it in the goal, all with the widest behavior; all other
+    boxes are numbered. Boxes without
     a way ask for -1. Returns how many boxes are numbered.
     """
     boxes = len(ground.widest)
@@ -332,7 +359,9 @@ def ask(ground, points, field, state, asks, slots):
             around = (ground.pure[box] >> k & 1) != 0
             if around:
                 other = (row + STEPS[k, 1]) * ground.columns + column + STEPS[k, 0]
-                around = state[other] == CLOSED_PURE and field.anchor[other] == anchor
+                around = state[other] == CLOSED_PURE and _leads_alike(
+                    ground, field, anchor, field.anchor[other], sx, sy
+                )
         if around:
             numbered -= 1
             slots[box] = -1

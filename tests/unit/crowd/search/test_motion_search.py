@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from crowdsim.crowd.captured_crowd import CapturedCrowd
 from crowdsim.crowd.search.motion_search import MotionSearch
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.state.assets import Assets, prepare
@@ -148,7 +149,8 @@ def test_runs_in_the_shortest_slices_arrive_and_are_the_same_for_any_number_of_w
     hashes = set()
     for workers in (1, 3):
         simulation = Simulation(parse_scenario(two_rooms(WALKERS, events=("at: 3, close: door_a",))), workers)
-        simulation.searches.first_slice = simulation.searches.longest_slice = TINY
+        assert isinstance(simulation.crowd, CapturedCrowd)
+        simulation.crowd.searches.first_slice = simulation.crowd.searches.longest_slice = TINY
         with simulation.run(tmp_path / f"{workers}.h5") as recording:
             summary = recording.summary
         assert summary["arrived"] == summary["characters"] == 4
