@@ -115,7 +115,8 @@ def scatter_spots(
 ) -> NDArray[np.float64]:
     """Draw spots of a region in ``room`` that keep a distance from each other and from those ``taken`` (k, 2) [m].
 
-    A distance of 0 lets spots lie anywhere. Returns (m, 2), with m below ``count`` if :data:`_TRIES` draws in a row found no place, or 300 a spot in all.
+    A distance of 0 lets spots lie anywhere. Returns (m, 2), with m below ``count`` if :data:`_TRIES` draws in a row found
+    no place, or 300 a spot in all.
     """
     sampler = _Sampler(region, room, generator)
     if distance == 0.0:

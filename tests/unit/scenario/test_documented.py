@@ -9,14 +9,25 @@ from crowdsim.scenario.schema.agents import AgentGroup
 from crowdsim.scenario.schema.environment import Clutter, Floor, Layer, Mesh, Obstacle, Opening, Plan, Wall
 from crowdsim.scenario.schema.events import ACTIONS
 
+
 TEXT = (Path(__file__).parents[3] / "docs" / "scenarios.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```yaml\n(.*?)^```", TEXT, re.M | re.S)
 
 
 def test_the_whole_scenario_is_valid_and_shows_every_action():
-    (body,) = re.findall(r"^```yaml\n(.*?)^```", TEXT, re.M | re.S)
+    body, _ = BLOCKS
     scenario = parse_scenario(body)
     assert check_scenario(scenario) == []
     assert {event.action for event in scenario.events} == set(ACTIONS)
+
+
+def test_the_steered_group_is_valid():
+    _, agents = BLOCKS
+    head = "crowdsim: 1\nname: a\nseed: 1\nduration: 60\nfloor: {rectangle: [0, 0, 100, 20]}\n"
+    scenario = parse_scenario(head + agents)
+    assert check_scenario(scenario) == []
+    assert scenario.steered
+    assert scenario.steps_per_second == 10
 
 
 def test_every_key_of_a_group_is_described():

@@ -1,0 +1,102 @@
+"""Speeds, breadths and delays of steered characters are drawn from what the file says."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from crowdsim.errors import ScenarioError
+from crowdsim.scenario.loader import parse_scenario
+from crowdsim.scenario.schema.spreads import Spread
+from crowdsim.scenario.walkers import draw_spread, draw_walkers
+from tests.support.steered_scenes import steered_scene
+
+FLOOR = "{rectangle: [0, 0, 60, 60]}"
+GROUP = "name: g, count: {count}, start: {{rectangle: [1, 1, 59, 59]}}, goal: {{rectangle: [50, 50, 55, 55]}}"
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_values_follow_the_truncated_normal_distribution(seed: int) -> None:
+    spread = Spread(mean=1.34, sd=0.26, min=0.8, max=1.9)
+    drawn = draw_spread(spread, 10_000, np.random.default_rng(seed))
+    low, high = (0.8 - 1.34) / 0.26, (1.9 - 1.34) / 0.26
+    asked = stats.truncnorm(low, high, loc=1.34, scale=0.26)
+    assert drawn.min() >= 0.8
+    assert drawn.max() <= 1.9
+    assert abs(drawn.mean() / asked.mean() - 1.0) < 0.01
+    assert abs(drawn.std() / asked.std() - 1.0) < 0.03
+    # A true null hypothesis is refused at this level once in ten thousand.
+    assert stats.kstest(drawn, asked.cdf).pvalue > 1e-4
+
+
+@given(
+    mean=st.floats(-1e3, 1e3),
+    sd=st.floats(0.0, 1e3),
+    below=st.floats(0.0, 10.0),
+    above=st.floats(0.0, 10.0),
+    count=st.integers(0, 50),
+)
+def test_values_stay_within_bounds_however_narrow(
+    mean: float, sd: float, below: float, above: float, count: int
+) -> None:
+    spread = Spread(mean=mean, sd=sd, min=mean - below, max=mean + above)
+    drawn = draw_spread(spread, count, np.random.default_rng(1))
+    assert drawn.shape == (count,)
+    assert ((drawn >= mean - below) & (drawn <= mean + above)).all()
+
+
+def test_a_number_is_everyones() -> None:
+    text = steered_scene(GROUP.format(count=20) + ", speed: 1.2, breadth: 0.5, delay: 3", floor=FLOOR)
+    walkers = draw_walkers(parse_scenario(text), 0, 20)
+    assert set(walkers.speeds) == {1.2}
+    assert set(walkers.breadths) == {0.5}
+    assert set(walkers.delays) == {3.0}
+    assert len(set(walkers.shares)) == 20
+
+
+def test_each_quantity_has_a_stream_of_its_own() -> None:
+    usual = draw_walkers(parse_scenario(steered_scene(GROUP.format(count=50), floor=FLOOR)), 0, 50)
+    other = draw_walkers(
+        parse_scenario(steered_scene(GROUP.format(count=50) + ", speed: {mean: 1, sd: 0.5}", floor=FLOOR)), 0, 50
+    )
+    assert (usual.speeds != other.speeds).any()
+    np.testing.assert_array_equal(usual.breadths, other.breadths)
+    np.testing.assert_array_equal(usual.shares, other.shares)
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ("speed: 9", r"agents\.0\.speed: 'mean' must be from 0\.1 to 3, got 9"),
+        ("speed: {mean: 1, sd: -1}", r"agents\.0\.speed\.sd: must be at least 0"),
+        ("speed: {mean: 1, min: 2}", r"'min' \(2\) must not be above 'mean' \(1\)"),
+        ("speed: {mean: 1, max: 0.5}", r"'max' \(0\.5\) must not be below 'mean' \(1\)"),
+        ("breadth: {sd: 1}", r"agents\.0\.breadth\.mean: this key is required and missing"),
+        ("delay: {mean: 1, men: 2}", r"agents\.0\.delay\.men: unknown key; did you mean 'mean'\?"),
+        ("delay: soon", r"agents\.0\.delay: expected a mapping with keys among mean, sd, min, max, got the text 'soon'"),
+        ("delay: -1", r"'mean' must be from 0 to 1e\+06, got -1"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_its_place(keys: str, message: str) -> None:
+    with pytest.raises(ScenarioError, match=message):
+        parse_scenario(steered_scene(f"{GROUP.format(count=3)}, {keys}", floor=FLOOR))
+
+
+def test_captured_characters_have_no_such_keys() -> None:
+    text = steered_scene(GROUP.format(count=3) + ", speed: 1", floor=FLOOR).replace("steered,", "captured,")
+    with pytest.raises(ScenarioError, match="'speed' is about steered characters; give 'locomotion: steered'"):
+        parse_scenario(text)
+
+
+def test_both_kinds_do_not_meet() -> None:
+    text = steered_scene(GROUP.format(count=3), floor=FLOOR)
+    text += "  - {name: h, count: 1, start: {point: [2, 2]}, goal: {point: [9, 9]}}\n"
+    with pytest.raises(ScenarioError, match=r"agents\.1\.locomotion: 'h' is captured and 'g' is steered"):
+        parse_scenario(text)
+
+
+def test_another_rate_is_refused() -> None:
+    text = steered_scene(GROUP.format(count=3), floor=FLOOR, rest="steps_per_second: 30\n")
+    with pytest.raises(ScenarioError, match="steps_per_second: steered characters take 10 steps a second"):
+        parse_scenario(text)
