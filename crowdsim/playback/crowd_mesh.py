@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.playback.body_mesh import BodyMesh, Tissue, build_body
-from crowdsim.recording.header import AgentState, RecordedFrame
+from crowdsim.recording.header import AgentState
 from crowdsim.recording.reader import Recording
 
 Colors = NDArray[np.uint8]
@@ -64,15 +64,16 @@ class CrowdMesh:
         shade = np.column_stack([np.full((len(opacity), 3), 20), opacity]).astype(np.uint8)
         self.shadow_colors = np.tile(shade, (count, 1))
 
-    def update(self, frame: RecordedFrame) -> None:
-        """Move all characters to where they are in ``frame``."""
-        here = np.flatnonzero((frame.state != AgentState.ABSENT) & (frame.node >= 0))
+    def update(self, time: float) -> None:
+        """Move all characters to where they are at ``time`` seconds."""
+        frame = self._recording.at_time(time)
+        here = np.flatnonzero((frame.state != AgentState.ABSENT) & ((frame.node >= 0) | frame.steered))
         gone = np.setdiff1d(np.arange(len(self.points)), here)
         self.points[gone] = 0.0
         self.shadow_points[gone] = 0.0
         if not len(here):
             return
-        positions, rotations = self._recording.poses_of(frame, here)
+        positions, rotations = self._recording.poses_at(time, here)
         self.points[here], self.normals[here] = self._body.place(positions, rotations)
         self._cast_shadows(here)
         if self._shirts is None:

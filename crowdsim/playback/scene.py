@@ -76,7 +76,7 @@ class Scene:
 
     def show_time(self, time: float) -> None:
         """Move characters, paths and clock to ``time`` seconds."""
-        self._crowd.update(self.recording.at_time(time))
+        self._crowd.update(time)
         for mesh, points in ((self._bodies, self._crowd.points), (self._shadows, self._crowd.shadow_points)):
             mesh.points[:] = points.reshape(-1, 3)
         self._bodies.point_data["normals"][:] = self._crowd.normals.reshape(-1, 3)

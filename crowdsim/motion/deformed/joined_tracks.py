@@ -56,6 +56,13 @@ class JoinedTracks(NamedTuple):
         before = np.concatenate([[0], np.cumsum(keep)])
         return JoinedTracks(self.samples[keep], before[self.starts].astype(np.int64))
 
+    def chosen(self, bodies: NDArray[np.int64]) -> JoinedTracks:
+        """Only the tracks of ``bodies``, in the order asked."""
+        lengths = self.lengths[bodies]
+        starts = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
+        rows = np.arange(starts[-1]) + np.repeat(self.starts[:-1][bodies] - starts[:-1], lengths)
+        return JoinedTracks(self.samples[rows], starts)
+
 
 def join_tracks(tracks: Sequence[Floats]) -> JoinedTracks:
     """Join tracks (N, 4) whose headings may jump by whole turns. MotionError if one is empty or has another shape."""
@@ -85,17 +92,18 @@ def require_walkable(tracks: JoinedTracks, step: float) -> None:
     samples, starts = tracks
     if (tracks.lengths < 1).any():
         raise MotionError(f"track {int(np.argmin(tracks.lengths))} is empty")
-    wrong = ~np.isfinite(samples).all(axis=1)
+    wrong: NDArray[np.bool_] = np.logical_not(np.isfinite(samples).all(axis=1))
     if wrong.any():
         raise MotionError("track {} is not finite in row {}".format(*_place(tracks, wrong)))
     moved = np.diff(samples, axis=0, append=samples[-1:])
     moved[starts[1:] - 1] = 0.0
-    for fault, jumps in (
+    faults: tuple[tuple[str, NDArray[np.bool_]], ...] = (
         ("jumps", np.sqrt(moved[:, 0] * moved[:, 0] + moved[:, 1] * moved[:, 1]) > _FASTEST * step),
         ("turns at once", np.abs(moved[:, 2]) > _FASTEST_TURN * step),
         ("has a phase that goes back", moved[:, 3] < 0.0),
         ("has a phase that jumps", moved[:, 3] > _FASTEST_PHASE * step),
-    ):
+    )
+    for fault, jumps in faults:
         if jumps.any():
             number, row = _place(tracks, jumps)
             raise MotionError(f"track {number} {fault} after row {row}")
