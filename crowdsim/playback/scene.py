@@ -207,8 +207,7 @@ class Scene:
         self._clock = self.plotter.add_text("", position=(left, top - line), font_size=size, color=_INK)
 
     def _poly(self, points: Floats | NDArray[np.float32], triangles: NDArray[np.int64]) -> Any:
-        faces = np.column_stack([np.full(len(triangles), 3), triangles]).ravel()
-        return self._pv.PolyData(np.ascontiguousarray(points, np.float32), faces)
+        return self._pv.PolyData.from_regular_faces(np.ascontiguousarray(points, np.float32), triangles)
 
     def _add_flat(self, points: Floats, triangles: NDArray[np.int64], color: str, **look: Any) -> Any:
         if not len(triangles):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
     from crowdsim.recording.steered_poses import SteeredPoses
 
 Joints = NDArray[np.float32]
+
+_STEPS_AT_ONCE = 256
 
 _CACHED = 16_000_000
 """Bytes of a column that stay unpacked, at most: a step of 100,000 agents lies in chunks of 4 MB."""
@@ -141,6 +144,16 @@ class Recording:
             present = np.flatnonzero(self.state[:, agent] != AgentState.ABSENT)
             self._stays[agent] = (int(present[0]), int(present[-1])) if len(present) else None
         return self._stays[agent]
+
+    @cached_property
+    def most_present(self) -> int:
+        """Agents that are present at once, at most."""
+        return max((int(count.max()) for count in self._present_counts()), default=0)
+
+    def _present_counts(self) -> Iterator[NDArray[np.int64]]:
+        """Agents present in each step, some steps at a time."""
+        for first in range(0, self.steps, _STEPS_AT_ONCE):
+            yield np.count_nonzero(self.state[first : first + _STEPS_AT_ONCE] != AgentState.ABSENT, axis=1)
 
     @cached_property
     def paths(self) -> tuple[PlannedPath, ...]:
