@@ -21,7 +21,8 @@ from crowdsim.errors import MotionError
 from crowdsim.motion.captures.reader import read_capture
 from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.deformed.deformed_clip import DeformedClip, deform_clip
-from crowdsim.motion.deformed.step_plan import plan_steps, pose_at, smooth_tracks
+from crowdsim.motion.deformed.joined_tracks import smooth_tracks
+from crowdsim.motion.deformed.step_plan import plan_steps, pose_at
 from crowdsim.motion.synthesis.library import synthesize_set
 from crowdsim.motion.synthesis.styles import DANCING, HAPPY, PLAIN
 from tests.support.deformed_figures import figures_of

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from crowdsim.motion.clips.kinematics import forward_kinematics
 from crowdsim.motion.clips.skeleton import Skeleton
-from crowdsim.playback.surfaces import Floats, Surface, ellipsoid, limb, loft, unit, vertex_normals
+from crowdsim.playback.surfaces import COARSE, Floats, Surface, ellipsoid, limb, loft, unit, vertex_normals
 
 _LEG_LENGTH = 0.84
 """Meters from hip to ankle of the adult whose flesh is given below; other bodies are scaled by theirs."""
@@ -222,6 +222,8 @@ class _Sculptor:
         )
         hair = (local[:, 2] > 0.48) | ((local[:, 0] < 0.12) & (local[:, 2] > -0.42))
         self.add(Surface(shaped, surface.triangles), np.where(hair, Tissue.HAIR, Tissue.SKIN).astype(np.int8), head)
+        if self.sides <= COARSE:
+            return
         nose = center + 0.092 * k * ahead - 0.012 * k * up
         self.add(
             limb(
@@ -248,6 +250,8 @@ class _Sculptor:
         self.add(
             ellipsoid(palm, np.array([0.042 * wide, 0.021 * flat, 0.095 * along]) * k, self.sides), Tissue.SKIN, hand
         )
+        if self.sides <= COARSE:
+            return
         thumb = wrist + (0.03 * along + 0.026 * wide) * k
         self.add(limb(thumb, thumb + (0.05 * along + 0.022 * wide) * k, [0.014 * k, 0.011 * k], 8), Tissue.SKIN, hand)
 

@@ -89,17 +89,31 @@ def _follow(recording: Recording, time: float, agent: int | None) -> Camera:
         raise CrowdSimError("the view 'follow' needs the number of an agent to follow")
     if not 0 <= agent < recording.agent_count:
         raise CrowdSimError(f"there is no agent {agent}; the recording has agents 0 to {recording.agent_count - 1}")
-    rate = recording.steps_per_second
-    reach = round(_FOLLOW_SECONDS * rate)
-    step = round(time * rate)
-    state = recording.state[:, agent]
-    present = np.flatnonzero(state != AgentState.ABSENT)
-    if not len(present):
-        raise CrowdSimError(f"agent {agent} never enters the recording; follow another one")
-    # A moving mean keeps the picture calm; before the agent comes and after it leaves the eye waits there.
-    middle = int(np.clip(step, present[0], present[-1]))
-    rows = slice(max(middle - reach, int(present[0])), min(middle + reach, int(present[-1])) + 1)
-    place = np.array([recording.x[rows, agent].mean(), recording.y[rows, agent].mean(), 0.95], np.float64)
+    place = np.array([*_mean_place(recording, time, agent), 0.95], np.float64)
     turn, lift = np.radians(-58.0), np.radians(24.0)
     direction = np.array([np.cos(turn) * np.cos(lift), np.sin(turn) * np.cos(lift), np.sin(lift)])
     return Camera(place + _FOLLOW_DISTANCE * direction, place, np.array([0.0, 0.0, 1.0]))
+
+
+def _mean_place(recording: Recording, time: float, agent: int) -> Floats:
+    """(2,) x, y of an agent, as a mean over time that keeps the picture calm and moves smoothly whatever the rate.
+
+    Before the agent comes and after it leaves it is where it came or left.
+    """
+    stay = recording.stay(agent)
+    if stay is None:
+        raise CrowdSimError(f"agent {agent} never enters the recording; follow another one")
+    rate = recording.steps_per_second
+    middle = float(np.clip(time * rate, stay[0], stay[1]))
+    # The window shrinks towards both ends of the stay, so that the mean does not lag there.
+    reach = max(min(_FOLLOW_SECONDS * rate, middle - stay[0], stay[1] - middle), 1.0)
+    steps = np.arange(max(int(middle - reach), stay[0]), min(int(middle + reach) + 1, stay[1]) + 1)
+    weights = np.clip(1.0 - np.abs(steps - middle) / reach, 0.0, 1.0)
+    weights *= recording.state[steps[0] : steps[-1] + 1, agent] != AgentState.ABSENT
+    if not weights.any():
+        # Away for a while: wait where it left.
+        here = np.flatnonzero(recording.state[: int(middle) + 1, agent] != AgentState.ABSENT)
+        steps, weights = here[-1:], np.ones(1)
+    places = np.stack([recording.x[steps[0] : steps[-1] + 1, agent], recording.y[steps[0] : steps[-1] + 1, agent]])
+    mean: Floats = places.astype(np.float64) @ weights / weights.sum()
+    return mean

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.playback.body_mesh import BodyMesh, Tissue, build_body
-from crowdsim.recording.header import AgentState, RecordedFrame
+from crowdsim.recording.header import AgentState
 from crowdsim.recording.reader import Recording
 
 Colors = NDArray[np.uint8]
@@ -19,8 +19,8 @@ _SHOES = np.array([[52, 50, 50], [92, 68, 52], [84, 86, 92]], np.uint8)
 _SHADOW_SIDES = 20
 _SHADOW_HEIGHT = 0.008
 
-# Rings of a body by how many characters share the picture: more look the same and cost less each.
-_SIDES = ((40, 16), (300, 10), (10**9, 6))
+# Corners of a body's rings by how many characters share the picture: more look the same and cost less each.
+_SIDES = ((40, 16), (300, 10), (1500, 6), (10**9, 5))
 
 
 def hex_color(text: str) -> Colors:
@@ -39,12 +39,13 @@ def distinct_colors(count: int) -> Colors:
 class CrowdMesh:
     """Points, normals and colors of every character's body, and its soft shadow on the floor.
 
-    ``triangles`` (F, 3) and ``shadow_triangles`` never change; :meth:`update` rewrites the rest. Absent
-    characters shrink to a point, which draws nothing.
+    There are as many bodies as characters are present at once, at most; the first of them are those who are present, in
+    order. ``triangles`` (F, 3) and ``shadow_triangles`` never change; :meth:`update` rewrites the rest. Bodies that
+    nobody needs shrink to a point, which draws nothing.
     """
 
     def __init__(self, recording: Recording, color_by: str) -> None:
-        count = recording.agent_count
+        count = recording.most_present
         sides = next(sides for limit, sides in _SIDES if count <= limit)
         self._recording = recording
         self._body: BodyMesh = build_body(recording.header.motion.skeleton, sides)
@@ -52,9 +53,10 @@ class CrowdMesh:
         self.points = np.zeros((count, size, 3), np.float32)
         self.normals = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (count, size, 1))
         self.triangles = _repeat(self._body.triangles, size, count)
-        self._shirts = distinct_colors(count) if color_by == "agent" else None
+        self.colors = np.zeros((count, size, 3), np.uint8)
+        self._by_agent = color_by == "agent"
+        self._looks = _looks(recording.agent_count)
         self._behaviors = np.array([hex_color(behavior.color) for behavior in recording.header.behaviors])
-        self.colors = self._base_colors(count)
         angle = 2.0 * np.pi * np.arange(_SHADOW_SIDES) / _SHADOW_SIDES
         rim = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         self._shadow = np.concatenate([np.zeros((1, 2)), 0.5 * rim, rim])
@@ -64,45 +66,46 @@ class CrowdMesh:
         shade = np.column_stack([np.full((len(opacity), 3), 20), opacity]).astype(np.uint8)
         self.shadow_colors = np.tile(shade, (count, 1))
 
-    def update(self, frame: RecordedFrame) -> None:
-        """Move all characters to where they are in ``frame``."""
-        here = np.flatnonzero((frame.state != AgentState.ABSENT) & (frame.node >= 0))
-        gone = np.setdiff1d(np.arange(len(self.points)), here)
-        self.points[gone] = 0.0
-        self.shadow_points[gone] = 0.0
-        if not len(here):
+    def update(self, time: float) -> None:
+        """Move all characters to where they are at ``time`` seconds."""
+        frame = self._recording.at_time(time)
+        here = np.flatnonzero((frame.state != AgentState.ABSENT) & ((frame.node >= 0) | frame.steered))
+        count = len(here)
+        self.points[count:] = 0.0
+        self.shadow_points[count:] = 0.0
+        if not count:
             return
-        positions, rotations = self._recording.poses_of(frame, here)
-        self.points[here], self.normals[here] = self._body.place(positions, rotations)
-        self._cast_shadows(here)
-        if self._shirts is None:
-            shirt = self._body.tissue == Tissue.SHIRT
-            self.colors[np.ix_(here, shirt)] = self._behaviors[frame.behavior[here]][:, None]
+        positions, rotations = self._recording.poses_at(time, here)
+        self.points[:count], self.normals[:count] = self._body.place(positions, rotations)
+        self._cast_shadows(count)
+        looks = self._looks[here]
+        if not self._by_agent:
+            looks[:, Tissue.SHIRT] = self._behaviors[frame.behavior[here]]
+        self.colors[:count] = looks[:, self._body.tissue]
 
-    def _cast_shadows(self, here: NDArray[np.int64]) -> None:
-        flat = self.points[here][:, :, :2]
+    def _cast_shadows(self, count: int) -> None:
+        flat = self.points[:count, :, :2]
         low, high = flat.min(axis=1), flat.max(axis=1)
         half = 0.5 * (high - low) + 0.05
         disc = 0.5 * (low + high)[:, None] + self._shadow * half[:, None]
-        self.shadow_points[here, :, :2] = disc
-        self.shadow_points[here, :, 2] = _SHADOW_HEIGHT
+        self.shadow_points[:count, :, :2] = disc
+        self.shadow_points[:count, :, 2] = _SHADOW_HEIGHT
 
-    def _base_colors(self, count: int) -> Colors:
-        tissue = self._body.tissue
-        colors = np.zeros((count, len(tissue), 3), np.uint8)
-        agent = np.arange(count)
-        # Strides without a common factor, so that looks do not repeat in step.
-        looks = {
-            Tissue.TROUSERS: (_TROUSERS, 1),
-            Tissue.SKIN: (_SKIN, 2),
-            Tissue.HAIR: (_HAIR, 3),
-            Tissue.SHOES: (_SHOES, 1),
-        }
-        for kind, (choices, stride) in looks.items():
-            colors[:, tissue == kind] = choices[(agent * stride + agent // len(choices)) % len(choices)][:, None]
-        if self._shirts is not None:
-            colors[:, tissue == Tissue.SHIRT] = self._shirts[:, None]
-        return colors
+
+def _looks(count: int) -> Colors:
+    """(count, tissues, 3) the color of each tissue of each character; the shirt's tells characters apart."""
+    agent = np.arange(count)
+    looks = np.zeros((count, len(Tissue), 3), np.uint8)
+    looks[:, Tissue.SHIRT] = distinct_colors(count)
+    # Strides without a common factor, so that looks do not repeat in step.
+    for kind, choices, stride in (
+        (Tissue.TROUSERS, _TROUSERS, 1),
+        (Tissue.SKIN, _SKIN, 2),
+        (Tissue.HAIR, _HAIR, 3),
+        (Tissue.SHOES, _SHOES, 1),
+    ):
+        looks[:, kind] = choices[(agent * stride + agent // len(choices)) % len(choices)]
+    return looks
 
 
 def _repeat(triangles: NDArray[np.int64], size: int, count: int) -> NDArray[np.int64]:

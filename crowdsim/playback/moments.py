@@ -19,10 +19,11 @@ def telling_time(recording: Recording) -> float:
     if recording.steps == 0:
         raise RecordingError(f"{recording.path} holds no steps, so there is nothing to show; run the scenario again")
     steps = np.unique(np.linspace(0, recording.steps - 1, _LOOKED_AT).round().astype(int))
-    state, behavior = recording.state[:], recording.behavior[:]
-    moving = state[steps] == AgentState.MOVING
     kinds = len(recording.header.behaviors)
-    seen = np.stack([(moving & (behavior[steps] == kind)).any(axis=1) for kind in range(kinds)], axis=1).sum(axis=1)
-    score = seen * (recording.agent_count + 1) + moving.sum(axis=1)
+    score = np.zeros(len(steps), np.int64)
+    for row, step in enumerate(steps.tolist()):
+        moving = recording.state[step] == AgentState.MOVING
+        seen = np.unique(recording.behavior[step][moving])
+        score[row] = np.sum((seen >= 0) & (seen < kinds)) * (recording.agent_count + 1) + moving.sum()
     best = steps[score == score.max()]
     return float(best[len(best) // 2]) / recording.steps_per_second

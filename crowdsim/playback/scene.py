@@ -76,7 +76,7 @@ class Scene:
 
     def show_time(self, time: float) -> None:
         """Move characters, paths and clock to ``time`` seconds."""
-        self._crowd.update(self.recording.at_time(time))
+        self._crowd.update(time)
         for mesh, points in ((self._bodies, self._crowd.points), (self._shadows, self._crowd.shadow_points)):
             mesh.points[:] = points.reshape(-1, 3)
         self._bodies.point_data["normals"][:] = self._crowd.normals.reshape(-1, 3)
@@ -207,8 +207,7 @@ class Scene:
         self._clock = self.plotter.add_text("", position=(left, top - line), font_size=size, color=_INK)
 
     def _poly(self, points: Floats | NDArray[np.float32], triangles: NDArray[np.int64]) -> Any:
-        faces = np.column_stack([np.full(len(triangles), 3), triangles]).ravel()
-        return self._pv.PolyData(np.ascontiguousarray(points, np.float32), faces)
+        return self._pv.PolyData.from_regular_faces(np.ascontiguousarray(points, np.float32), triangles)
 
     def _add_flat(self, points: Floats, triangles: NDArray[np.int64], color: str, **look: Any) -> Any:
         if not len(triangles):

@@ -9,6 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
 
+COARSE = 5
+"""Corners of a ring up to which shapes are coarse: one ring rounds each end of a limb, and small parts are left out."""
+
 
 @dataclass(frozen=True)
 class Surface:
@@ -57,7 +60,7 @@ def limb(start: ArrayLike, end: ArrayLike, radii: ArrayLike, sides: int) -> Surf
     aside = np.array([1.0, 0.0, 0.0]) if abs(along[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
     u = unit(np.cross(aside, along))
     v = np.cross(along, u)
-    bulge = np.radians([75.0, 45.0, 20.0])
+    bulge = np.radians([75.0, 45.0, 20.0] if sides > COARSE else [50.0])
     length = np.linalg.norm(end - start)
     places = [-radii[0] * np.sin(bulge), np.linspace(0.0, length, len(radii)), length + radii[-1] * np.sin(bulge[::-1])]
     widths = [radii[0] * np.cos(bulge), radii, radii[-1] * np.cos(bulge[::-1])]
@@ -68,7 +71,7 @@ def limb(start: ArrayLike, end: ArrayLike, radii: ArrayLike, sides: int) -> Surf
 def ellipsoid(center: ArrayLike, axes: ArrayLike, sides: int) -> Surface:
     """An ellipsoid with half axes ``axes`` (3, 3), one a row, right-handed."""
     axes = np.asarray(axes, np.float64)
-    latitude = np.radians(np.linspace(-80.0, 80.0, max(5, sides // 2 + 1)))
+    latitude = np.radians(np.linspace(-80.0, 80.0, max(5 if sides > COARSE else 3, sides // 2 + 1)))
     width = np.cos(latitude)[:, None]
     return loft(np.asarray(center) + np.sin(latitude)[:, None] * axes[2], width * axes[0], width * axes[1], sides)
 

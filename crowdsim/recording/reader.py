@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -34,8 +35,14 @@ from crowdsim.recording.header_file import read_header, read_versions
 
 if TYPE_CHECKING:
     from crowdsim.motion.graph.pose_table import PoseTable
+    from crowdsim.recording.steered_poses import SteeredPoses
 
 Joints = NDArray[np.float32]
+
+_STEPS_AT_ONCE = 256
+
+_CACHED = 16_000_000
+"""Bytes of a column that stay unpacked, at most: a step of 100,000 agents lies in chunks of 4 MB."""
 
 _AGAIN = "run the scenario again to the end"
 
@@ -66,6 +73,7 @@ class Recording:
     def __init__(self, path: Path, file: h5py.File) -> None:
         self.path = path
         self._file = file
+        self._stays: dict[int, tuple[int, int] | None] = {}
         self.header = read_header(file)
         self.versions = read_versions(file)
         self.summary = json.loads(file["summary"].asstr()[()])
@@ -89,7 +97,7 @@ class Recording:
             raise RecordingError(f"there is no recording {path}; write one with 'crowdsim run SCENARIO -o {path}'")
         try:
             # A finished file never changes, and locks fail on read-only and network folders.
-            file = h5py.File(path, "r", locking=False)
+            file = h5py.File(path, "r", locking=False, rdcc_nbytes=_CACHED)
         except OSError:
             raise RecordingError(f"{path} is not a crowdsim recording, or is cut short; {_AGAIN}") from None
         try:
@@ -129,6 +137,23 @@ class Recording:
     def duration(self) -> float:
         """Seconds from the first recorded step to the last."""
         return max(0, self.steps - 1) / self.steps_per_second
+
+    def stay(self, agent: int) -> tuple[int, int] | None:
+        """The first and the last step in which an agent is present; None if it never is."""
+        if agent not in self._stays:
+            present = np.flatnonzero(self.state[:, agent] != AgentState.ABSENT)
+            self._stays[agent] = (int(present[0]), int(present[-1])) if len(present) else None
+        return self._stays[agent]
+
+    @cached_property
+    def most_present(self) -> int:
+        """Agents that are present at once, at most."""
+        return max((int(count.max()) for count in self._present_counts()), default=0)
+
+    def _present_counts(self) -> Iterator[NDArray[np.int64]]:
+        """Agents present in each step, some steps at a time."""
+        for first in range(0, self.steps, _STEPS_AT_ONCE):
+            yield np.count_nonzero(self.state[first : first + _STEPS_AT_ONCE] != AgentState.ABSENT, axis=1)
 
     @cached_property
     def paths(self) -> tuple[PlannedPath, ...]:
@@ -185,39 +210,59 @@ class Recording:
         """
         if not -1e-9 <= time <= self.duration + 1e-9:
             raise RecordingError(f"{self.path} lasts from 0 to {self.duration:g} s; there is nothing at {time:g} s")
-        place = min(max(time * self.steps_per_second, 0.0), float(self.steps - 1))
-        step = int(place + 1e-6)
-        share = place - step
+        step = self._shown_step(time)
+        share = min(time * self.steps_per_second, float(self.steps - 1)) - step
         now = self.at_step(step)
         if share < 1e-6:
             return now
         return _between(now, self.at_step(step + 1), share, self.header.motion.node_frames, self.steps_per_second)
 
+    def _shown_step(self, time: float) -> int:
+        """The step that is shown at ``time`` seconds, until the next one."""
+        return int(min(max(time * self.steps_per_second, 0.0), float(self.steps - 1)) + 1e-6)
+
     def poses(self, step: int, agents: ArrayLike | None = None) -> tuple[Joints, Joints]:
         """World joint positions (A, J, 3) and rotations (A, J, 4) of ``agents`` (all by default) at ``step``."""
-        return self.poses_of(self.at_step(step), agents)
+        return self.poses_at(step / self.steps_per_second, agents)
 
-    def poses_of(self, frame: RecordedFrame, agents: ArrayLike | None = None) -> tuple[Joints, Joints]:
-        """The same for a frame of :meth:`at_step` or :meth:`at_time`; NaN for agents that are absent in it."""
+    def poses_at(self, time: float, agents: ArrayLike | None = None) -> tuple[Joints, Joints]:
+        """World joint positions (A, J, 3) and rotations (A, J, 4) of ``agents`` (all by default) at ``time`` seconds.
+
+        Captured agents play the frames of their nodes; steered ones walk on their tracks, smoothed. Poses are the same
+        however one came to a time. NaN for agents that are absent. RecordingError outside the recording.
+        """
+        frame, step = self.at_time(time), self._shown_step(time)
         rows = np.arange(self.agent_count) if agents is None else np.asarray(agents, np.int64)
         skeleton = self.header.motion.skeleton
         positions = np.full((len(rows), skeleton.joint_count, 3), np.nan, np.float32)
         rotations = np.full((len(rows), skeleton.joint_count, 4), np.nan, np.float32)
-        here = (frame.state[rows] != AgentState.ABSENT) & (frame.node[rows] != NONE)
-        shown = rows[here]
-        if not len(shown):
-            return positions, rotations
+        steered = frame.steered[rows]
+        captured = (frame.state[rows] != AgentState.ABSENT) & (frame.node[rows] != NONE) & ~steered
+        if captured.any():
+            positions[captured], rotations[captured] = self._captured_poses(frame, rows[captured])
+        if steered.any():
+            positions[steered], rotations[steered] = self._steered_poses.pose(time, step, rows[steered])
+        return positions, rotations
+
+    def _captured_poses(self, frame: RecordedFrame, agents: NDArray[np.int64]) -> tuple[Joints, Joints]:
+        """Positions and rotations of the joints of ``agents``, all of them captured."""
         from crowdsim.motion.graph.pose_kernels import pose_joints
 
-        track = np.stack([frame.x[shown], frame.y[shown], frame.heading[shown]], axis=1).astype(np.float64)
+        track = np.stack([frame.x[agents], frame.y[agents], frame.heading[agents]], axis=1).astype(np.float64)
         columns = (
-            np.ascontiguousarray(values[shown], np.int32) for values in (frame.node, frame.previous, frame.frame)
+            np.ascontiguousarray(values[agents], np.int32) for values in (frame.node, frame.previous, frame.frame)
         )
-        out_positions = np.empty((len(shown), *positions.shape[1:]), np.float32)
-        out_rotations = np.empty((len(shown), *rotations.shape[1:]), np.float32)
-        pose_joints(self.pose_table, *columns, track, out_positions, out_rotations)
-        positions[here], rotations[here] = out_positions, out_rotations
+        joints = self.header.motion.skeleton.joint_count
+        positions = np.empty((len(agents), joints, 3), np.float32)
+        rotations = np.empty((len(agents), joints, 4), np.float32)
+        pose_joints(self.pose_table, *columns, track, positions, rotations)
         return positions, rotations
+
+    @cached_property
+    def _steered_poses(self) -> SteeredPoses:
+        from crowdsim.recording.steered_poses import SteeredPoses
+
+        return SteeredPoses(self)
 
     @cached_property
     def pose_table(self) -> PoseTable:

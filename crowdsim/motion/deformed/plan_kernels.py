@@ -42,7 +42,9 @@ PAD = 14
 _LONGEST_LOOK = 0.6
 """Seconds after it lands beyond which nothing counts for where a foot stands."""
 _AT_REST = 1e-4
-"""Half cycles within which a phase is that of a stand: recordings have seven digits."""
+"""Half cycles within which a phase is that of a stand."""
+_DIGITS = 1.2e-7
+"""Share of the phase by which recordings may round it: they have seven digits."""
 _SLOWEST = 0.45
 """Cycles a second below which a stride is not longer for a lower cadence."""
 _TURN_STRIDE = 0.2
@@ -94,7 +96,7 @@ def _speeds(samples, row, first, last, step):
 def _stands(phase):
     """Whether a phase is that of a body at rest."""
     halves = 2.0 * phase
-    return abs(halves - math.floor(halves) - 2.0 * STAND) < _AT_REST
+    return abs(halves - math.floor(halves) - 2.0 * STAND) < max(_AT_REST, _DIGITS * halves)
 
 
 @kernel

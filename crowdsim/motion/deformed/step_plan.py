@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.errors import MotionError
-from crowdsim.geometry.elementary import cos
 from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.clips.kinematics import Floats
 from crowdsim.motion.deformed.body_kernels import COLUMNS, PHASE
 from crowdsim.motion.deformed.deformed_clip import DeformedClip
+from crowdsim.motion.deformed.joined_tracks import STEP, JoinedTracks, join_tracks, require_walkable
 from crowdsim.motion.deformed.plan_kernels import (
     PAD,
     STEP_COLUMNS,
@@ -24,15 +24,6 @@ from crowdsim.motion.deformed.plan_kernels import (
 )
 from crowdsim.motion.deformed.pose_kernels import pose_bodies
 
-STEP = 0.1
-"""Seconds between the samples of a track."""
-
-_FASTEST = 6.0
-"""Meters a second above which a track jumps."""
-_FASTEST_TURN = 12.0
-"""Radians a second above which it does."""
-_FASTEST_PHASE = 2.5
-"""Cycles a second above which a phase does."""
 _BEYOND = 3
 """Half cycles planned beyond each end."""
 
@@ -52,44 +43,6 @@ class StepPlan(NamedTuple):
     rows: NDArray[np.int64]
     halves: NDArray[np.int64]
     step: float
-
-
-def smooth_tracks(tracks: Sequence[Floats], seconds: float = 0.7, step: float = STEP) -> list[Floats]:
-    """Smooth tracks for showing them.
-
-    Parameters
-    ----------
-    tracks : sequence of (N, 4) float64
-        x, y [m], heading [rad], phase [cycles] at equal steps of time.
-    seconds : float
-        Width of the Hann window. At the ends of a track it shrinks, so that a track begins and ends where it does.
-        Longer ones make movements gentler and stray more from what was simulated.
-    step : float
-        Seconds between samples.
-
-    Returns
-    -------
-    list of (N, 4) float64
-        The tracks with x, y and the unwrapped heading smoothed, and the phase as it is.
-    """
-    reach = int(0.5 * seconds / step)
-    weights = 0.5 + 0.5 * cos(np.arange(-reach, reach + 1) * (2.0 * np.pi * step / seconds))
-    shown = []
-    for track in tracks:
-        smooth = np.array(track, np.float64)
-        count = len(smooth)
-        smooth[:, 2] = np.unwrap(smooth[:, 2])
-        raw = smooth[:, :3].copy()
-        near = np.minimum(np.minimum(np.arange(count), np.arange(count)[::-1]), reach)
-        total, norm = np.zeros_like(raw), np.zeros((count, 1))
-        for offset in range(-reach, reach + 1):
-            rows = np.clip(np.arange(count) + offset, 0, count - 1)
-            weight = np.where(np.abs(offset) <= near, weights[offset + reach], 0.0)[:, None]
-            total += weight * raw[rows]
-            norm += weight
-        smooth[:, :3] = total / norm
-        shown.append(smooth)
-    return shown
 
 
 def plan_steps(clip: DeformedClip, tracks: Sequence[Floats], step: float = STEP) -> StepPlan:
@@ -116,15 +69,18 @@ def plan_steps(clip: DeformedClip, tracks: Sequence[Floats], step: float = STEP)
     MotionError
         If a track is empty, not finite, jumps, or has a phase that goes back.
     """
-    checked = [_checked(number, track, step) for number, track in enumerate(tracks)]
-    lengths = np.array([len(track) for track in checked], np.int64)
-    starts = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
-    counts = lengths + 2 * PAD
+    return plan_joined(clip, join_tracks(tracks), step)
+
+
+def plan_joined(clip: DeformedClip, tracks: JoinedTracks, step: float = STEP) -> StepPlan:
+    """Plan where the feet of bodies stand, as :func:`plan_steps` does, for tracks that are joined already."""
+    require_walkable(tracks, step)
+    samples_in, starts = tracks
+    counts = np.diff(starts) + 2 * PAD
     firsts = (np.cumsum(counts) - counts).astype(np.int64)
     samples = np.zeros((int(counts.sum()), COLUMNS))
     scratch = np.zeros(len(samples))
-    joined = np.concatenate(checked) if checked else np.zeros((0, 4))
-    fill_samples(clip.model, joined, starts, step, firsts, samples, scratch)
+    fill_samples(clip.model, samples_in, starts, step, firsts, samples, scratch)
     begins = np.floor(2.0 * samples[firsts, PHASE]).astype(np.int64) - _BEYOND
     ends = np.floor(2.0 * samples[firsts + counts - 1, PHASE]).astype(np.int64) + _BEYOND + 1
     rows = np.concatenate([[0], np.cumsum(ends - begins)]).astype(np.int64)
@@ -208,24 +164,3 @@ def posed_clip(clip: DeformedClip, plan: StepPlan, body: int, times: Floats, nam
     """
     roots, rotations = pose_at(clip, plan, np.full(len(times), body, np.int64), times)
     return Clip(name, clip.skeleton, roots, rotations)
-
-
-def _checked(number: int, track: Floats, step: float) -> Floats:
-    """A track as float64 with its heading unwrapped; MotionError if it cannot be walked."""
-    track = np.array(track, np.float64)
-    if track.ndim != 2 or track.shape[1] != 4 or not len(track):
-        raise MotionError(f"track {number} has shape {track.shape}; a track has rows of x, y, heading and phase")
-    if not np.isfinite(track).all():
-        row = int(np.flatnonzero(~np.isfinite(track).all(axis=1))[0])
-        raise MotionError(f"track {number} is not finite in row {row}")
-    track[:, 2] = np.unwrap(track[:, 2])
-    moved = np.diff(track, axis=0)
-    for fault, jumps in (
-        ("jumps", np.sqrt(moved[:, 0] * moved[:, 0] + moved[:, 1] * moved[:, 1]) > _FASTEST * step),
-        ("turns at once", np.abs(moved[:, 2]) > _FASTEST_TURN * step),
-        ("has a phase that goes back", moved[:, 3] < 0.0),
-        ("has a phase that jumps", moved[:, 3] > _FASTEST_PHASE * step),
-    ):
-        if jumps.any():
-            raise MotionError(f"track {number} {fault} after row {int(np.flatnonzero(jumps)[0])}")
-    return track

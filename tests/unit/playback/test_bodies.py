@@ -98,7 +98,7 @@ def test_a_bent_knee_moves_the_shank_and_nothing_else():
 def test_crowd_mesh_follows_tracks_and_behaviors(recording):
     crowd = CrowdMesh(recording, "behavior")
     frame = recording.at_time(2.0)
-    crowd.update(frame)
+    crowd.update(2.0)
     middle = 0.5 * (crowd.points.min(axis=1) + crowd.points.max(axis=1))
     np.testing.assert_allclose(middle[:, 0], frame.x, atol=0.35)
     np.testing.assert_allclose(middle[:, 1], frame.y, atol=0.35)
@@ -110,8 +110,8 @@ def test_crowd_mesh_follows_tracks_and_behaviors(recording):
 
 def test_absent_characters_shrink_to_nothing(recording):
     crowd = CrowdMesh(recording, "agent")
-    crowd.update(recording.at_step(recording.steps - 1))
-    crowd.update(recording.at_step(0))
+    crowd.update(recording.duration)
+    crowd.update(0.0)
     assert np.ptp(crowd.points[2], axis=0).max() == 0.0
     assert np.ptp(crowd.shadow_points[2], axis=0).max() == 0.0
     assert np.ptp(crowd.points[0], axis=0)[2] > 1.5

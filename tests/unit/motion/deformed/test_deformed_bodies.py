@@ -13,7 +13,8 @@ from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.clips.kinematics import rotate
 from crowdsim.motion.clips.tracks import track_of
 from crowdsim.motion.deformed.deformed_clip import DeformedClip, deform_clip
-from crowdsim.motion.deformed.step_plan import plan_steps, pose_at, posed_clip, smooth_tracks
+from crowdsim.motion.deformed.joined_tracks import smooth_tracks
+from crowdsim.motion.deformed.step_plan import plan_steps, pose_at, posed_clip
 from crowdsim.motion.synthesis.library import synthesize_set
 from crowdsim.motion.synthesis.styles import DANCING, HAPPY
 from tests.support.deformed_figures import figures_of

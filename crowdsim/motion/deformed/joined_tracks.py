@@ -1,0 +1,159 @@
+"""Tracks of many bodies in one array: checked, and smoothed for being shown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import MotionError
+from crowdsim.geometry.elementary import cos
+from crowdsim.motion.clips.kinematics import Floats
+
+STEP = 0.1
+"""Seconds between the samples of a track."""
+
+SMOOTHED = 0.7
+"""Seconds over which tracks are smoothed for being shown. Longer ones make movements gentler and stray more."""
+
+_FASTEST = 6.0
+"""Meters a second above which a track jumps."""
+_FASTEST_TURN = 12.0
+"""Radians a second above which it does."""
+_FASTEST_PHASE = 2.5
+"""Cycles a second above which a phase does."""
+
+
+class JoinedTracks(NamedTuple):
+    """Tracks of A bodies, one after the other.
+
+    samples: (N, 4) float64 x, y [m], heading without jumps [rad], phase [cycles] at equal steps of time. starts:
+    (A + 1,) int64 row at which each track begins, and N.
+    """
+
+    samples: Floats
+    starts: NDArray[np.int64]
+
+    @property
+    def lengths(self) -> NDArray[np.int64]:
+        """(A,) samples of each track."""
+        return np.diff(self.starts)
+
+    @property
+    def bodies(self) -> NDArray[np.int64]:
+        """(N,) body of each sample."""
+        return np.repeat(np.arange(len(self.starts) - 1), self.lengths)
+
+    @property
+    def places(self) -> NDArray[np.int64]:
+        """(N,) samples before each one in its track."""
+        return np.arange(len(self.samples)) - np.repeat(self.starts[:-1], self.lengths)
+
+    def kept(self, keep: NDArray[np.bool_]) -> JoinedTracks:
+        """The tracks with only the samples that are to be kept, (N,); a track may become empty."""
+        before = np.concatenate([[0], np.cumsum(keep)])
+        return JoinedTracks(self.samples[keep], before[self.starts].astype(np.int64))
+
+    def chosen(self, bodies: NDArray[np.int64]) -> JoinedTracks:
+        """Only the tracks of ``bodies``, in the order asked."""
+        lengths = self.lengths[bodies]
+        starts = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
+        rows = np.arange(starts[-1]) + np.repeat(self.starts[:-1][bodies] - starts[:-1], lengths)
+        return JoinedTracks(self.samples[rows], starts)
+
+
+def join_tracks(tracks: Sequence[Floats]) -> JoinedTracks:
+    """Join tracks (N, 4) whose headings may jump by whole turns. MotionError if one is empty or has another shape."""
+    rows = [np.asarray(track, np.float64) for track in tracks]
+    for number, track in enumerate(rows):
+        if track.ndim != 2 or track.shape[1] != 4 or not len(track):
+            raise MotionError(f"track {number} has shape {track.shape}; a track has rows of x, y, heading and phase")
+    starts = np.concatenate([[0], np.cumsum([len(track) for track in rows])]).astype(np.int64)
+    return unwrapped(JoinedTracks(np.concatenate(rows) if rows else np.zeros((0, 4)), starts))
+
+
+def unwrapped(tracks: JoinedTracks) -> JoinedTracks:
+    """The tracks with whole turns added to their headings, so that none jumps by more than half a turn."""
+    samples, starts = tracks
+    if not len(samples):
+        return tracks
+    jumps = np.rint(np.diff(samples[:, 2], prepend=samples[0, 2]) / (2.0 * np.pi))
+    turns = np.cumsum(np.where(np.isfinite(jumps), jumps, 0.0))
+    samples = samples.copy()
+    firsts = np.minimum(starts[:-1], len(samples) - 1)
+    samples[:, 2] -= 2.0 * np.pi * (turns - np.repeat(turns[firsts], tracks.lengths))
+    return JoinedTracks(samples, starts)
+
+
+def require_walkable(tracks: JoinedTracks, step: float) -> None:
+    """MotionError if a track is empty, not finite, jumps, or has a phase that goes back."""
+    samples, starts = tracks
+    if (tracks.lengths < 1).any():
+        raise MotionError(f"track {int(np.argmin(tracks.lengths))} is empty")
+    wrong: NDArray[np.bool_] = np.logical_not(np.isfinite(samples).all(axis=1))
+    if wrong.any():
+        raise MotionError("track {} is not finite in row {}".format(*_place(tracks, wrong)))
+    moved = np.diff(samples, axis=0, append=samples[-1:])
+    moved[starts[1:] - 1] = 0.0
+    faults: tuple[tuple[str, NDArray[np.bool_]], ...] = (
+        ("jumps", np.sqrt(moved[:, 0] * moved[:, 0] + moved[:, 1] * moved[:, 1]) > _FASTEST * step),
+        ("turns at once", np.abs(moved[:, 2]) > _FASTEST_TURN * step),
+        ("has a phase that goes back", moved[:, 3] < 0.0),
+        ("has a phase that jumps", moved[:, 3] > _FASTEST_PHASE * step),
+    )
+    for fault, jumps in faults:
+        if jumps.any():
+            number, row = _place(tracks, jumps)
+            raise MotionError(f"track {number} {fault} after row {row}")
+
+
+def _place(tracks: JoinedTracks, found: NDArray[np.bool_]) -> tuple[int, int]:
+    """Body and row in its track of the first sample that is found."""
+    row = int(np.flatnonzero(found)[0])
+    return int(tracks.bodies[row]), int(tracks.places[row])
+
+
+def smooth_tracks(tracks: Sequence[Floats], seconds: float = SMOOTHED, step: float = STEP) -> list[Floats]:
+    """Smooth tracks for showing them.
+
+    Parameters
+    ----------
+    tracks : sequence of (N, 4) float64
+        x, y [m], heading [rad], phase [cycles] at equal steps of time.
+    seconds : float
+        Width of the Hann window. At the ends of a track it shrinks, so that a track begins and ends where it does.
+    step : float
+        Seconds between samples.
+
+    Returns
+    -------
+    list of (N, 4) float64
+        The tracks with x, y and the unwrapped heading smoothed, and the phase as it is.
+    """
+    shown = smooth_joined(join_tracks(tracks), seconds, step)
+    return np.split(shown.samples, shown.starts[1:-1])
+
+
+def smooth_joined(tracks: JoinedTracks, seconds: float = SMOOTHED, step: float = STEP) -> JoinedTracks:
+    """Smooth joined tracks, as :func:`smooth_tracks` does."""
+    reach = smoothing_reach(seconds, step)
+    weights = 0.5 + 0.5 * cos(np.arange(-reach, reach + 1) * (2.0 * np.pi * step / seconds))
+    smooth = tracks.samples.copy()
+    raw = tracks.samples[:, :3]
+    count = len(raw)
+    near = np.minimum(tracks.places, np.repeat(tracks.lengths, tracks.lengths) - 1 - tracks.places)
+    total, norm = np.zeros_like(raw), np.zeros((count, 1))
+    for offset in range(-reach, reach + 1):
+        # Where the window reaches beyond an end of the track, leave it out on both sides.
+        weight = np.where(abs(offset) <= near, weights[offset + reach], 0.0)[:, None]
+        total += weight * raw[np.clip(np.arange(count) + offset, 0, max(count - 1, 0))]
+        norm += weight
+    smooth[:, :3] = total / norm
+    return JoinedTracks(smooth, tracks.starts)
+
+
+def smoothing_reach(seconds: float = SMOOTHED, step: float = STEP) -> int:
+    """Samples before and after one that its smoothed value depends on."""
+    return int(0.5 * seconds / step)

@@ -1,0 +1,135 @@
+"""Poses of steered agents at any time of a recording, from clips that are deformed to their tracks."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.clips.kinematics import forward_kinematics, slerp
+from crowdsim.motion.deformed.deformed_clip import DeformedClip, deform_clip
+from crowdsim.motion.deformed.step_plan import StepPlan, plan_joined, pose_at
+from crowdsim.recording.track_blocks import TrackBlock, block_of, block_steps, read_block
+
+if TYPE_CHECKING:
+    from crowdsim.recording.reader import Recording
+
+BLEND_SECONDS = 0.3
+"""Time over which a body goes over from one behavior to another, half of it before the step in which it does."""
+
+_BLOCKS_KEPT = 2
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class SteeredPoses:
+    """Poses of the steered agents of a recording; plans of the blocks last used are kept."""
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording = recording
+        self._blocks: dict[int, _PlannedBlock] = {}
+        self._clips: dict[int, DeformedClip] = {}
+
+    def pose(self, time: float, step: int, agents: Ints) -> tuple[Floats, Floats]:
+        """World joint positions (n, J, 3) and rotations (n, J, 4) of ``agents`` (n,), all steered at ``step``.
+
+        time: seconds, from ``step`` to before the next one.
+        """
+        number = block_of(step, self._recording.steps_per_second)
+        if number not in self._blocks:
+            if len(self._blocks) >= _BLOCKS_KEPT:
+                del self._blocks[next(iter(self._blocks))]
+            self._blocks[number] = _PlannedBlock(self._recording, number)
+        block = self._blocks[number]
+        bodies = block.tracks.bodies_at(step, agents)
+        roots, rotations = self._blended(block, bodies, time)
+        return forward_kinematics(self._recording.header.motion.skeleton, roots, rotations)
+
+    def _blended(self, block: _PlannedBlock, bodies: Ints, time: float) -> tuple[Floats, Floats]:
+        """Root places (n, 3) and rotations (n, J, 4), each joint in its parent, of bodies in their behaviors."""
+        weights = block.behavior_weights(bodies, time)
+        joints = self._recording.header.motion.skeleton.joint_count
+        roots, rotations = np.empty((len(bodies), 3)), np.empty((len(bodies), joints, 4))
+        done = np.zeros(len(bodies))
+        for behavior in np.flatnonzero((weights > 0.0).any(axis=0)).tolist():
+            some = np.flatnonzero(weights[:, behavior] > 0.0)
+            clip = self._clip(behavior)
+            plan, places = block.plan(behavior, clip)
+            chosen = bodies[some]
+            root, turns = pose_at(clip, plan, places[chosen], time - block.tracks.zeros[chosen])
+            done[some] += weights[some, behavior]
+            share = weights[some, behavior] / done[some]
+            alone = share >= 1.0
+            roots[some[alone]], rotations[some[alone]] = root[alone], turns[alone]
+            mixed, share = some[~alone], share[~alone, None]
+            roots[mixed] = (1.0 - share) * roots[mixed] + share * root[~alone]
+            rotations[mixed] = slerp(rotations[mixed], turns[~alone], share)
+        return roots, rotations
+
+    def _clip(self, behavior: int) -> DeformedClip:
+        if behavior not in self._clips:
+            motion = self._recording.header.motion
+            gait = motion.gaits[behavior]
+            root, rotations = gait.root.astype(np.float64), gait.rotations.astype(np.float64)
+            self._clips[behavior] = deform_clip(Clip(gait.name, motion.skeleton, root, rotations))
+        return self._clips[behavior]
+
+
+class _PlannedBlock:
+    """Footsteps of the bodies of a block, in each behavior that they have in it."""
+
+    def __init__(self, recording: Recording, number: int) -> None:
+        self.tracks: TrackBlock = read_block(recording, number)
+        self._rate = recording.steps_per_second
+        first, end = block_steps(number, self._rate)
+        spare = int(np.ceil(BLEND_SECONDS * self._rate)) + 1
+        self._first = max(first - spare, 0)
+        self._behavior = recording.behavior[self._first : min(end + spare, recording.steps)]
+        self._plans: dict[int, tuple[StepPlan, Ints]] = {}
+        self._behavior_count = len(recording.header.behaviors)
+
+    def plan(self, behavior: int, clip: DeformedClip) -> tuple[StepPlan, Ints]:
+        """Footsteps of the bodies with a behavior, and (A,) the number of each body in them."""
+        if behavior not in self._plans:
+            bodies = np.flatnonzero(self._has[behavior])
+            places = np.full(len(self.tracks.agents), -1)
+            places[bodies] = np.arange(len(bodies))
+            self._plans[behavior] = plan_joined(clip, self.tracks.tracks.chosen(bodies)), places
+        return self._plans[behavior]
+
+    def behavior_weights(self, bodies: Ints, time: float) -> Floats:
+        """(n, behaviors) how much of each behavior bodies show at ``time`` seconds; 1 in all.
+
+        What was recorded of half of BLEND_SECONDS before and after, smoothly less the farther away it is.
+        """
+        half = 0.5 * BLEND_SECONDS
+        first, last = (int(np.floor((time + side * half) * self._rate)) for side in (-1.0, 1.0))
+        weights = np.zeros((len(bodies), self._behavior_count))
+        agents = self.tracks.agents[bodies]
+        ends = np.minimum(self.tracks.ends[bodies], self._first + len(self._behavior)) - 1
+        steps = np.arange(first, last + 1)
+        # Each step counts from its time to that of the next.
+        reached = _eased(((steps[1:] / self._rate - time) / half + 1.0) / 2.0)
+        shares = np.diff(np.concatenate([[0.0], reached, [1.0]]))
+        for step, share in zip(steps, shares, strict=True):
+            rows = np.clip(step, self.tracks.firsts[bodies], ends) - self._first
+            weights[np.arange(len(bodies)), self._behavior[np.maximum(rows, 0), agents]] += share
+        weights /= weights.sum(axis=1, keepdims=True)
+        return weights
+
+    @cached_property
+    def _has(self) -> NDArray[np.bool_]:
+        """(behaviors, A) whether bodies have a behavior at some time of the block."""
+        agents = self.tracks.agents
+        return np.stack([(self._behavior == k).any(axis=0)[agents] for k in range(self._behavior_count)])
+
+
+def _eased(share: Floats) -> Floats:
+    """From 0 to 1 without speed at the ends."""
+    share = np.clip(share, 0.0, 1.0)
+    eased: Floats = share * share * (3.0 - 2.0 * share)
+    return eased

@@ -1,0 +1,195 @@
+"""Tracks of steered agents in blocks of time, with as much before and after as their poses depend on.
+
+A block is read the same way whoever asks for it, so that a pose at some time is the same however one came there.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.geometry.planar import wrap_angle
+from crowdsim.motion.deformed.joined_tracks import JoinedTracks, smooth_joined, smoothing_reach, unwrapped
+from crowdsim.recording.header import AgentState
+
+if TYPE_CHECKING:
+    from crowdsim.recording.reader import Recording
+
+TICKS_PER_SECOND = 10
+"""Samples a second that steps are planned from, whatever the rate of the recording."""
+BLOCK_TICKS = 50
+"""Ticks of a block. Longer blocks are planned less often, and take longer until the first picture."""
+
+_BEFORE, _AFTER = 40, 40
+"""Ticks read before and after a block at first: 1.8 cycles of the slowest steady walk."""
+_FARTHEST = 640
+"""Ticks read before a block at most, for those who stand: a foot that was put down earlier may move once, by 3 cm."""
+_CYCLES = 1.75
+"""Cycles before and after a block that its poses depend on."""
+_SPARE = 5
+"""Ticks kept beyond these cycles."""
+_OF_A_STAND = 15
+"""Ticks kept at each end of a stand before a block; what lies between decides nothing."""
+_AGENTS_AT_ONCE = 4096
+
+Ints = NDArray[np.int64]
+
+
+class TrackBlock(NamedTuple):
+    """Smoothed tracks of the A bodies that are steered in a block; who leaves and comes back is another body.
+
+    agents: (A,) int64, in ascending order. firsts, ends: (A,) int64 steps of the recording in which each is there, as
+    far as the block knows. tracks: samples at ticks. zeros: (A,) float64 seconds at which the first sample of each
+    track would lie if none before the block had been left out.
+    """
+
+    agents: Ints
+    firsts: Ints
+    ends: Ints
+    tracks: JoinedTracks
+    zeros: NDArray[np.float64]
+
+    def bodies_at(self, step: int, agents: Ints) -> Ints:
+        """(n,) the body of each of ``agents``, all of them steered at ``step``."""
+        there = np.flatnonzero((self.firsts <= step) & (step < self.ends))
+        found: Ints = there[np.searchsorted(self.agents[there], agents)]
+        return found
+
+    def kept(self, bodies: NDArray[np.bool_]) -> TrackBlock:
+        """The block with only some bodies, (A,)."""
+        tracks = self.tracks.kept(bodies[self.tracks.bodies])
+        starts = np.append(tracks.starts[:-1][bodies], tracks.starts[-1])
+        rest = JoinedTracks(tracks.samples, starts)
+        return TrackBlock(self.agents[bodies], self.firsts[bodies], self.ends[bodies], rest, self.zeros[bodies])
+
+
+def block_of(step: int, steps_per_second: int) -> int:
+    """The block that a step of a recording lies in."""
+    return step * TICKS_PER_SECOND // steps_per_second // BLOCK_TICKS
+
+
+def block_steps(block: int, steps_per_second: int) -> tuple[int, int]:
+    """The first step of a block, and the first one after it."""
+    first, end = block * BLOCK_TICKS * steps_per_second, (block + 1) * BLOCK_TICKS * steps_per_second
+    return -(-first // TICKS_PER_SECOND), -(-end // TICKS_PER_SECOND)
+
+
+def read_block(recording: Recording, block: int) -> TrackBlock:
+    """Read the tracks of a block, and smooth them as they are shown."""
+    parts = []
+    for first in range(0, recording.agent_count, _AGENTS_AT_ONCE):
+        agents = np.arange(first, min(first + _AGENTS_AT_ONCE, recording.agent_count))
+        before = _BEFORE
+        # Who stands made its last steps long ago: read on backwards for those.
+        while len(agents):
+            part, lacking = _read_part(recording, agents, block, before)
+            if before >= _FARTHEST:
+                lacking[:] = False
+            again = np.isin(part.agents, part.agents[lacking])
+            parts.append(part.kept(~again))
+            agents, before = np.unique(part.agents[again]), 2 * before
+    return _joined(parts)
+
+
+def _joined(parts: list[TrackBlock]) -> TrackBlock:
+    """All bodies of some parts, in ascending order of agents and of time."""
+    agents, firsts, ends = (np.concatenate([part[k] for part in parts]) for k in range(3))
+    samples = np.concatenate([part.tracks.samples for part in parts])
+    lengths = np.concatenate([part.tracks.lengths for part in parts])
+    zeros = np.concatenate([part.zeros for part in parts])
+    order = np.lexsort((firsts, agents))
+    tracks = JoinedTracks(samples, np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)).chosen(order)
+    return TrackBlock(agents[order], firsts[order], ends[order], tracks, zeros[order])
+
+
+def _read_part(recording: Recording, agents: Ints, block: int, before: int) -> tuple[TrackBlock, NDArray[np.bool_]]:
+    """Bodies of some ``agents`` in a block, and (A,) which ones begin too late for knowing where their feet stand.
+
+    before: ticks to read before the block.
+    """
+    rate = recording.steps_per_second
+    first_tick, end_tick = block * BLOCK_TICKS, (block + 1) * BLOCK_TICKS
+    low, high = first_tick - before, end_tick + _AFTER
+    rows = slice(max(low * rate // TICKS_PER_SECOND, 0), min(-(-high * rate // TICKS_PER_SECOND) + 1, recording.steps))
+    columns = slice(int(agents[0]), int(agents[-1]) + 1)
+    some = agents - agents[0]
+    phase = recording.phase[rows, columns][:, some]
+    steered = np.isfinite(phase) & (recording.state[rows, columns][:, some] != AgentState.ABSENT)
+    here, firsts, ends = _stretches(steered)
+    began, left = firsts + rows.start, ends + rows.start
+    block_first, block_end = block_steps(block, rate)
+    inside = (began < block_end) & (left > block_first)
+    here, firsts, ends, began, left = (values[inside] for values in (here, firsts, ends, began, left))
+    # Sample at ticks, up to those just beyond the steps in which a body is there.
+    first_ticks = np.maximum(began * TICKS_PER_SECOND // rate, low)
+    last_ticks = np.minimum(-(-(left - 1) * TICKS_PER_SECOND // rate), high)
+    counts = last_ticks - first_ticks + 1
+    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    body = np.repeat(np.arange(len(here)), counts)
+    ticks = np.arange(starts[-1]) - starts[body] + first_ticks[body]
+    row, rest = np.divmod(ticks * rate - rows.start * TICKS_PER_SECOND, TICKS_PER_SECOND)
+    share = rest / TICKS_PER_SECOND
+    now, then = (np.clip(row + k, firsts[body], ends[body] - 1) for k in (0, 1))
+    samples = np.empty((len(ticks), 4))
+    for k, values in enumerate((recording.x, recording.y, recording.heading, phase)):
+        table = phase if k == 3 else values[rows, columns][:, some]
+        old, new = (table[at, here[body]].astype(np.float64) for at in (now, then))
+        samples[:, k] = old + share * (wrap_angle(new - old) if k == 2 else new - old)
+    cut_before, cut_after = (firsts == 0) & (rows.start > 0), (ends == len(phase)) & (rows.stop < recording.steps)
+    tracks = smooth_joined(unwrapped(JoinedTracks(samples, starts)))
+    keep, lacking = _needed(tracks, ticks, first_ticks, block, cut_before, cut_after)
+    kept = tracks.kept(keep)
+    zeros = (np.append(ticks, 0)[_last(keep, tracks)] - kept.lengths + 1) / TICKS_PER_SECOND
+    return TrackBlock(agents[here], began, left, kept, zeros), lacking
+
+
+def _stretches(there: NDArray[np.bool_]) -> tuple[Ints, Ints, Ints]:
+    """Columns, first rows and ends of all stretches of True in the columns of an array, column by column."""
+    edge = np.zeros((1, there.shape[1]), bool)
+    changes = np.diff(np.concatenate([edge, there, edge]).astype(np.int8), axis=0).T
+    columns, firsts = np.nonzero(changes > 0)
+    return columns, firsts, np.nonzero(changes < 0)[1]
+
+
+def _needed(
+    tracks: JoinedTracks,
+    ticks: Ints,
+    first_ticks: Ints,
+    block: int,
+    cut_before: NDArray[np.bool_],
+    cut_after: NDArray[np.bool_],
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which samples the poses of a block depend on, (N,), and which bodies begin too late to know, (A,).
+
+    cut_before, cut_after: (A,) whether a body was there before its track begins, and after it ends.
+    """
+    body, place, lengths, starts = tracks.bodies, tracks.places, tracks.lengths, tracks.starts
+    phase = tracks.samples[:, 3]
+    block_first, block_end = block * BLOCK_TICKS, (block + 1) * BLOCK_TICKS
+    at_first, at_end = (
+        phase[starts[:-1] + np.clip(tick - first_ticks, 0, lengths - 1)] if len(lengths) else np.zeros(0)
+        for tick in (block_first, block_end)
+    )
+    # Smoothing needs samples beyond an end that is not the end of the track.
+    reach = smoothing_reach()
+    earlier = np.bincount(body, phase <= (at_first - _CYCLES)[body], len(lengths)).astype(np.int64)
+    lacking = cut_before & (earlier <= reach + _SPARE)
+    begin = np.maximum(earlier - 1 - _SPARE, np.where(cut_before, reach, 0))
+    before_end = np.bincount(body, phase < (at_end + _CYCLES)[body], len(lengths)).astype(np.int64)
+    end = np.minimum(before_end + _SPARE, lengths - np.where(cut_after, reach, 0))
+    # In the middle of a stand the phase is the same long before and after.
+    numbers = np.arange(len(phase))
+    old, new = (np.clip(numbers + k, 0, max(len(phase) - 1, 0)) for k in (-_OF_A_STAND, _OF_A_STAND))
+    standing = (body[old] == body) & (body[new] == body) & (place >= _OF_A_STAND) & (phase[old] == phase[new])
+    standing &= ticks < block_first - _OF_A_STAND
+    return (place >= begin[body]) & (place < end[body]) & ~standing, lacking
+
+
+def _last(keep: NDArray[np.bool_], tracks: JoinedTracks) -> Ints:
+    """(A,) the last sample of each track that is kept."""
+    kept = np.flatnonzero(keep)
+    ends = np.searchsorted(kept, tracks.starts[1:])
+    last: Ints = np.append(kept, len(keep))[ends - 1]
+    return last

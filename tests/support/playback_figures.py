@@ -1,0 +1,103 @@
+"""What played bodies of steered agents are held to: feet that stay where they stand, knees that bend, a calm pelvis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from crowdsim.motion.clips.kinematics import conjugate, multiply, rotate
+from crowdsim.motion.deformed.body_kernels import HEEL_BACK, PHASE
+from crowdsim.motion.deformed.plan_kernels import PAD
+from crowdsim.recording.reader import Recording
+from crowdsim.recording.track_blocks import block_of
+
+SOLE_DOWN, STANCE = 0.125, 0.599
+
+
+@dataclass
+class Played:
+    """Everything of some agents at T times, nan while they are absent.
+
+    roots: (T, A, 3). balls, heels: (T, A, 2, 3) meters. knees: (T, A, 2) degrees. phases: (T, A) cycles.
+    toes: (T, A, 2) radians that the foot points up.
+    """
+
+    times: np.ndarray
+    roots: np.ndarray
+    balls: np.ndarray
+    heels: np.ndarray
+    knees: np.ndarray
+    phases: np.ndarray
+    toes: np.ndarray
+
+
+def played(recording: Recording, times: np.ndarray) -> Played:
+    """Poses of all steered agents at ``times``."""
+    poses = recording._steered_poses
+    count = recording.agent_count
+    roots, phases = np.full((len(times), count, 3), np.nan), np.full((len(times), count), np.nan)
+    balls, heels = (np.full((len(times), count, 2, 3), np.nan) for _ in range(2))
+    knees, toes = (np.full((len(times), count, 2), np.nan) for _ in range(2))
+    for row, time in enumerate(times):
+        frame, step = recording.at_time(time), recording._shown_step(time)
+        agents = np.flatnonzero(frame.steered)
+        if not len(agents):
+            continue
+        places, world = poses.pose(time, step, agents)
+        block = poses._blocks[block_of(step, recording.steps_per_second)]
+        bodies = block.tracks.bodies_at(step, agents)
+        behavior = int(np.bincount(frame.behavior[agents]).argmax())
+        for number, (plan, numbers) in block._plans.items():
+            own = numbers[bodies]
+            own = np.where(own >= 0, own, 0)
+            seconds = time - block.tracks.zeros[bodies]
+            found = _phases(plan, own, seconds)
+            known = numbers[bodies] >= 0
+            phases[row, agents[known]] = found[known]
+            if number == behavior:
+                model = poses._clip(number).model
+        roots[row, agents] = places[:, 0]
+        for foot in (0, 1):
+            hip, knee, ankle, toe = model.legs[foot]
+            thigh, shank = places[:, knee] - places[:, hip], places[:, ankle] - places[:, knee]
+            cosine = np.sum(thigh * shank, axis=1) / (model.bones[foot, 0] * model.bones[foot, 1])
+            knees[row, agents, foot] = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+            balls[row, agents, foot] = places[:, toe]
+            level = multiply(world[:, ankle], conjugate(model.turns[foot, 3]))
+            heels[row, agents, foot] = places[:, ankle] + rotate(
+                level, np.array([-HEEL_BACK, 0.0, -model.bones[foot, 3]])
+            )
+            toes[row, agents, foot] = np.arcsin(rotate(level, np.array([1.0, 0.0, 0.0]))[:, 2])
+    return Played(times, roots, balls, heels, knees, phases, toes)
+
+
+def slides(shown: Played) -> tuple[np.ndarray, np.ndarray]:
+    """(T - 1, A, 2) meters that the point which a foot stands on moves to the next time, nan if it does not stand.
+
+    Its ball when the sole is down, its heel before; and the same summed up over the stance so far.
+    """
+    own = shown.phases[:, :, None] - np.array([0.0, 0.5])
+    cycle, share = np.floor(own), own - np.floor(own)
+    same = (cycle[1:] == cycle[:-1]) & (share[1:] < STANCE)
+    flat = same & (share[:-1] >= SOLE_DOWN)
+    lands = same & (share[1:] < SOLE_DOWN) & (shown.toes[:-1] > 0.01) & (shown.toes[1:] > 0.01)
+    moved = np.linalg.norm(np.diff(shown.balls, axis=0), axis=-1)
+    heel = np.linalg.norm(np.diff(shown.heels, axis=0), axis=-1)
+    step = np.where(flat, moved, np.where(lands, heel, np.nan))
+    from_first = np.zeros_like(step)
+    # Summed over a stance.
+    for row in range(len(step)):
+        before = from_first[row - 1] if row else 0.0
+        from_first[row] = np.where(flat[row], before + moved[row], 0.0)
+    return step, from_first
+
+
+def _phases(plan: object, bodies: np.ndarray, seconds: np.ndarray) -> np.ndarray:
+    """Phases of bodies of a plan, by the weights of its splines."""
+    place = seconds / plan.step + PAD
+    row = place.astype(int)
+    u = place - row
+    weights = np.array([(1 - u) ** 3, 3 * u**3 - 6 * u**2 + 4, -3 * u**3 + 3 * u**2 + 3 * u + 1, u**3]) / 6.0
+    first = plan.firsts[bodies]
+    return sum(weights[k] * plan.samples[first + row + k - 1, PHASE] for k in range(4))
