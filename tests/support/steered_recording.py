@@ -29,7 +29,7 @@ from crowdsim.recording.header import (
 from crowdsim.recording.writer import RecordingWriter
 from crowdsim.steering.guidance.field import asked_of
 from crowdsim.steering.guidance.ground import build_ground
-from crowdsim.steering.guidance.guidance import NEWEST, Guidance
+from crowdsim.steering.guidance.guidance import PLAIN, Guidance
 from crowdsim.steering.guidance.place_walls import outline_segments
 from crowdsim.steering.steering import Steering
 from crowdsim.steering.walls import build_walls
@@ -95,7 +95,7 @@ def walked_drill(drill: Drill, seed: int = 1, threads: int = 1) -> tuple[np.ndar
     guidance = Guidance(ground, [group.goal for group in drill.groups], asked_of(behaviors))
     state = draw_agents(drill, seed)
     count = len(state)
-    following = np.full(count, NEWEST, np.int32)
+    following = np.full(count, PLAIN, np.int32)
     phases, places = np.full(count, STAND), np.column_stack([state["x"], state["y"], state["heading"]])
     anchors = places.copy()
     tracks, present = [], []

@@ -22,7 +22,7 @@ from crowdsim.library import library_folder
 from crowdsim.planning.query.requirements import Requirements
 from crowdsim.steering.guidance.field import asked_of
 from crowdsim.steering.guidance.ground import build_ground
-from crowdsim.steering.guidance.guidance import NEWEST, Guidance
+from crowdsim.steering.guidance.guidance import PLAIN, Guidance
 from crowdsim.steering.guidance.place_walls import outline_segments
 from crowdsim.steering.row_kernels import ROW
 from crowdsim.steering.steering import Steering
@@ -123,7 +123,7 @@ def run_drill(drill: Drill, seed: int, *, threads: int = 1) -> DrillResult:
     walls = build_walls(segments)
     guidance = Guidance(build_ground([segments], need), [group.goal for group in drill.groups], asked)
     state = draw_agents(drill, seed)
-    following = np.full(len(state), NEWEST, np.int32)
+    following = np.full(len(state), PLAIN, np.int32)
     arrived = np.full(len(state), np.nan)
     changes = []
     with Steering(walls, walls, leg_radius=LEG_RADIUS, threads=threads) as steering:

@@ -9,7 +9,7 @@ import numpy as np
 from crowdsim.constants import NONE
 from crowdsim.ecs.world import Column
 from crowdsim.recording.header import AgentState
-from crowdsim.steering.guidance.guidance import NEWEST
+from crowdsim.steering.guidance.guidance import PLAIN
 from crowdsim.steering.row_kernels import ROW
 
 
@@ -39,7 +39,7 @@ COLUMNS = (
     Column("reached", np.int64),  # places that it has been to
     Column("go_step", np.int64),  # from which it goes on, if it stands
     Column("lost_since", np.int64, (), NONE),  # step since which it has no way, -1 while it has one
-    Column("following", np.int32, (), NEWEST),  # number of the field that it follows
+    Column("following", np.int32, (), PLAIN),  # number of the field that it follows
     Column("pace", np.float64),  # speed at which it walks alone [m/s]
     Column("phase", np.float64),  # of its gait [cycles]
     Column("anchor", np.float64, (3,)),  # the pose that its rear foot stands for

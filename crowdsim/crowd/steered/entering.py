@@ -16,7 +16,7 @@ from crowdsim.geometry.elementary import atan2, cos, sin
 from crowdsim.motion.deformed.phase_kernels import STAND
 from crowdsim.recording.header import AgentState
 from crowdsim.scenario.crowd_placement import BODY_DEPTH, CrowdPlacement
-from crowdsim.steering.guidance.guidance import NEWEST
+from crowdsim.steering.guidance.guidance import PLAIN
 from crowdsim.steering.row_kernels import ROW
 from crowdsim.steering.steering import Steering
 
@@ -76,7 +76,7 @@ class Entering:
         rows["share"] = cast.walkers.shares[agents]
         rows["goal"] = self._errands.goal(agents, np.zeros(len(agents), np.int64))
         rows["id"] = agents
-        self._place.guidance.write(rows, np.full(len(agents), NEWEST, np.int32))
+        self._place.guidance.write(rows, np.full(len(agents), PLAIN, np.int32))
         # Who has no way yet faces its goal.
         toward = self._errands.middles[rows["goal"]] - cast.starts[agents]
         guided = (rows["gx"] != 0.0) | (rows["gy"] != 0.0)

@@ -17,23 +17,24 @@ from crowdsim.steering.guidance.ground_kernels import BOX
 
 Goal: TypeAlias = BaseGeometry | ArrayLike
 
-NEWEST = -1
-"""In ``following``: the newest field of the goal."""
+PLAIN = -1
+"""In ``following``: the field of the place without its crowd, which everyone begins with."""
 
 
 class Weighing(NamedTuple):
     """How much a crowd counts."""
 
-    gain: float = 0.6
+    gain: float = 0.8
     """Share by which each agent/m2 above ``free`` makes a meter dearer."""
     free: float = 1.0
     """Density up to which a meter costs nothing more [1/m2]."""
     cell: float = 0.5
     """Side of the cells in which the density is known [m]."""
-    share: float = 0.8
-    """An agent changes to a way that costs less than this share of its own."""
+    share: float = 0.6
+    """An agent changes to a way that costs less than this share of its own: to another door, not around others."""
     kept: int = 3
-    """Fields a goal that are kept at once; who follows an older one changes to the newest."""
+    """Fields a goal that are kept at once, that of the empty place among them; who follows one that is not changes to
+    the newest."""
 
 
 USUAL = Weighing()
@@ -71,7 +72,7 @@ class Guidance:
     goals: regions, or points float64[k, 2] [m]; a row's ``goal`` is the index of one.
     asked: what the behaviors ask of a body, of :func:`~crowdsim.steering.guidance.field.asked_of`.
 
-    Which field an agent follows is up to ``following``, int32[n], beside the rows: a number of the field, or NEWEST.
+    Which field an agent follows is up to ``following``, int32[n], beside the rows: a number of the field, or PLAIN.
     """
 
     def __init__(
@@ -97,7 +98,7 @@ class Guidance:
         return self._fields[goal][max(self._fields[goal])]
 
     def rebuild(self, ground: Ground, crowding: Crowding = NOBODY) -> None:
-        """Take the place as it is now: all fields are made anew, and everybody follows the new ones."""
+        """Take the place as it is now: all fields are made anew, and everybody follows these."""
         self.ground = ground
         fields = solve_fields(ground, self.goals, crowding, threads=self._threads)
         self._fields = [{self._made: field} for field in fields]
@@ -110,6 +111,11 @@ class Guidance:
         """
         places = np.column_stack((state["x"], state["y"]))
         crowding = crowding_of(self.ground, places, self.weighing)
+        if not crowding.crowded:
+            following[state["goal"] == goal] = PLAIN
+            self._fix_numbers(goal, state, following)
+            self._drop(goal, state, following)
+            return 0
         new = solve_field(self.ground, self.goals[goal], crowding)
         fields = self._fields[goal]
         number = self._made
@@ -152,16 +158,17 @@ class Guidance:
         return lost
 
     def _fix_numbers(self, goal: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
-        """Let agents of a goal whose field is gone, or that ask for it, follow the newest."""
+        """Let agents of a goal follow the field they ask for; the newest, if it is gone."""
         fields = self._fields[goal]
         mine = state["goal"] == goal
+        following[mine & (following == PLAIN)] = min(fields)
         following[mine & ~np.isin(following, list(fields))] = max(fields)
 
     def _drop(self, goal: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
-        """Forget fields that nobody follows, and the oldest where there are too many; never the newest."""
+        """Forget fields that nobody follows, and the oldest if there are too many; never the first and the newest."""
         fields = self._fields[goal]
         used = set(following[state["goal"] == goal].tolist())
-        for number in sorted(fields)[:-1]:
+        for number in sorted(fields)[1:-1]:
             if number not in used or len(fields) > self.weighing.kept:
                 del fields[number]
         self._fix_numbers(goal, state, following)

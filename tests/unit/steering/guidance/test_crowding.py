@@ -6,7 +6,7 @@ from crowdsim.jit import kernel
 from crowdsim.steering.guidance.crowding_kernels import GRAIN, add_agents, set_load
 from crowdsim.steering.guidance.field import asked_of, solve_field, ways
 from crowdsim.steering.guidance.ground_kernels import line_cost
-from crowdsim.steering.guidance.guidance import NEWEST, Guidance, Weighing, crowding_of
+from crowdsim.steering.guidance.guidance import PLAIN, Guidance, Weighing, crowding_of
 from tests.reference import guidance_reference
 from tests.support.guided import BEHAVIORS, follow, free_places, ground_of, rows_at
 
@@ -104,13 +104,13 @@ def test_followers_arrive_in_a_crowd():
     assert arrived.all()
 
 
-def test_only_those_change_whom_it_saves_a_fifth():
+def test_only_those_change_whom_it_saves_two_fifths():
     ground = ground_of([TWO_DOORS, TWO_DOORS])
     guidance = Guidance(ground, [GOAL, [1.0, 5.0]], asked_of(BEHAVIORS))
     near, past, back = [3.5, 4.4], [7.5, 2.6], [10.0, 5.0]
     state = rows_at(np.concatenate([[near, past, back], JAM]))
     state["goal"][2:] = 1
-    following = np.full(len(state), NEWEST, np.int32)
+    following = np.full(len(state), PLAIN, np.int32)
     guidance.write(state, following)
     assert (following == 0).all()
     toward = state["gy"][0]
@@ -127,11 +127,16 @@ def test_old_fields_are_given_up():
     ground = ground_of([TWO_DOORS, TWO_DOORS])
     guidance = Guidance(ground, [GOAL], asked_of(BEHAVIORS), weighing=Weighing(kept=2))
     state = rows_at([[2.0, 2.0]])
-    following = np.full(1, NEWEST, np.int32)
+    following = np.full(1, PLAIN, np.int32)
     guidance.write(state, following)
-    for _ in range(3):
+    state = np.concatenate([state, rows_at(JAM)])
+    state["goal"][1:] = -1
+    following = np.array([0, *[PLAIN] * len(JAM)], np.int32)
+    for number in range(1, 4):
         guidance.refresh(0, state, following)
-    assert following[0] >= 2
+        # That of the empty place is kept; who follows one that is given up follows the newest.
+        assert following[0] == (0 if number == 1 else number)
+        following[0] = number
     guidance.rebuild(ground)
     guidance.write(state, following)
     assert following[0] == 4
@@ -145,7 +150,7 @@ def test_threads_and_the_order_of_agents_do_not_show():
     for threads, order in ((1, np.arange(len(places))), (3, np.arange(len(places))[::-1])):
         guidance = Guidance(ground, goals, asked_of(BEHAVIORS), threads=threads)
         state = rows_at(places[order])
-        following = np.full(len(state), NEWEST, np.int32)
+        following = np.full(len(state), PLAIN, np.int32)
         guidance.write(state, following)
         guidance.refresh(0, state, following)
         guidance.write(state, following)
