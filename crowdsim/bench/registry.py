@@ -39,12 +39,8 @@ _BENCHES = {
         "A* on the motion graph: collision tests against channels, with and without branch kinematics",
     ),
     "crowd": (
-        "crowdsim.bench.crowd",
-        "1,000 characters that search and play at 30 frames a second, and run as a crowd",
-    ),
-    "steering": (
-        "crowdsim.bench.crowds.steering",
-        "steered crowds: microseconds of an agent's step by stage, 100 to 100,000 agents, beside RVO2",
+        "crowdsim.bench.crowds.crowd",
+        "steered crowds of 100 to 100,000: an agent's step by stage, beside RVO2, whole runs, and bodies shown",
     ),
     "drills": (
         "crowdsim.bench.crowds.drill_table",

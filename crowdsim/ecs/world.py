@@ -57,6 +57,11 @@ class World:
     def column_names(self) -> tuple[str, ...]:
         return tuple(column.name for column in self._columns)
 
+    @property
+    def bytes_an_entity(self) -> int:
+        """Memory of a row of all columns."""
+        return sum(array.dtype.itemsize * int(np.prod(array.shape[1:])) for array in self._arrays.values())
+
     def column(self, name: str) -> NDArray[Any]:
         """Writable view of the live rows of one column."""
         return self._arrays[name][: self.count]

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 from shapely import MultiPolygon, Point, Polygon
 
 from crowdsim.environment.layers import polygons_only
@@ -115,8 +116,8 @@ def scatter_spots(
 ) -> NDArray[np.float64]:
     """Draw spots of a region in ``room`` that keep a distance from each other and from those ``taken`` (k, 2) [m].
 
-    A distance of 0 lets spots lie anywhere. Returns (m, 2), with m below ``count`` if :data:`_TRIES` draws in a row found
-    no place, or 300 a spot in all.
+    A distance of 0 lets spots lie anywhere. Returns (m, 2), with m below ``count`` if :data:`_TRIES` draws in a row
+    found no place, or 300 a spot in all.
     """
     sampler = _Sampler(region, room, generator)
     if distance == 0.0:
@@ -142,12 +143,14 @@ def arrange_spots(
     count: int,
     apart: tuple[float, float],
     heading: float,
+    taken: NDArray[np.float64],
     generator: np.random.Generator,
 ) -> NDArray[np.float64]:
     """Spots of a region in ``room``, in rows across a heading [rad]: as far apart as there is room for.
 
-    ``apart``: least distances beside and behind each other [m]. Each is off its place in the row by up to a third of
-    what there is to spare. Returns (m, 2), with m below ``count`` if not even the least distances leave room for all.
+    ``apart``: least distances beside and behind each other, the first one also from those ``taken`` (k, 2) [m]. Each is
+    off its place in the row by up to a third of what there is to spare. Returns (m, 2), with m below ``count`` if not
+    even the least distances leave room for all.
     """
     area = polygons_only(region & room)
     shapely.prepare(area)
@@ -156,13 +159,21 @@ def arrange_spots(
     left, bottom, right, top = region.bounds
     reach = right - left + top - bottom
 
+    others = cKDTree(taken) if len(taken) else None
+
+    def free(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        inside: NDArray[np.bool_] = shapely.contains_xy(area, points)
+        if others is not None:
+            inside &= others.query(points)[0] >= apart[0]
+        return inside
+
     def grid(scale: float) -> NDArray[np.float64]:
         beside, behind = apart[0] * scale, apart[1] * scale
         i, j = (np.arange(-math.ceil(reach / step), math.ceil(reach / step) + 1) for step in (behind, beside))
         along, across = np.meshgrid(i * behind, j * beside, indexing="ij")
         points = np.column_stack([(c * along - s * across).ravel(), (s * along + c * across).ravel()]) + middle
-        inside: NDArray[np.float64] = points[shapely.contains_xy(area, points)]
-        return inside
+        found: NDArray[np.float64] = points[free(points)]
+        return found
 
     low, high = 1.0, 8.0
     if len(grid(low)) < count:
@@ -175,8 +186,8 @@ def arrange_spots(
     spare = (low - 1.0) / 3.0 * (2.0 * generator.random((count, 2)) - 1.0)
     along, across = spare[:, 0] * apart[1], spare[:, 1] * apart[0]
     moved = spots + np.column_stack([c * along - s * across, s * along + c * across])
-    inside = shapely.contains_xy(area, moved)
-    spots[inside] = moved[inside]
+    stays = free(moved)
+    spots[stays] = moved[stays]
     return spots
 
 

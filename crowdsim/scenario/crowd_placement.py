@@ -204,13 +204,13 @@ class _Drawing:
         for step, rows in _rows_by_step(steps):
             taken = np.concatenate([np.empty((0, 2)), *self._starting[step]])
             spots = scatter_spots(region, room, len(rows), broadest + SPARE, taken, generator)
-            if len(spots) < len(rows) and not isinstance(region, Point) and not len(taken):
+            if len(spots) < len(rows) and not isinstance(region, Point):
                 # Too many to start at random: in rows, which face where they go.
                 toward = shapely.get_coordinates(group.regions()[0][1].shape().centroid)[0]
                 away = toward - shapely.get_coordinates(region.centroid)[0]
                 headings[rows] = atan2(away[1], away[0])
                 apart = (broadest + SPARE, BODY_DEPTH + SPARE)
-                spots = arrange_spots(region, room, len(rows), apart, float(headings[rows[0]]), generator)
+                spots = arrange_spots(region, room, len(rows), apart, float(headings[rows[0]]), taken, generator)
             if len(spots) < len(rows):
                 message = too_full(("start",), region, len(spots), len(rows), 0.5 * broadest)
                 self.complaints.append((("agents", number, "start"), message))

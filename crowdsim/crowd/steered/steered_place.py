@@ -79,6 +79,11 @@ class SteeredPlace:
         """Those of the legs' layer and those of the layers above."""
         return self._walls.legs, self._walls.torso
 
+    @property
+    def memory(self) -> int:
+        """Bytes of walls, ground and fields."""
+        return self.guidance.memory + sum(_bytes_of(walls) for walls in self.walls)
+
     def placing(self, movable: int) -> Placing | None:
         """Where a movable stands; None while it is absent."""
         return self._placings[movable]
@@ -162,6 +167,10 @@ class SteeredPlace:
             for k, segments in enumerate(self._walls.segments().layers)
         ]
         self.guidance.rebuild(update_ground(self.guidance.ground, layers, self._need, window))
+
+
+def _bytes_of(arrays: Sequence[Any]) -> int:
+    return sum(each.nbytes for each in arrays if isinstance(each, np.ndarray))
 
 
 def _cores(state: NDArray[Any]) -> Any:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.steering.guidance.crowding_kernels import CHAIN, add_agents, change_where_it_pays, set_load
-from crowdsim.steering.guidance.field import Field, guide, solve_field
+from crowdsim.steering.guidance.field import BOX_ROW, Field, guide, solve_field
 from crowdsim.steering.guidance.ground import NOBODY, Crowding, Ground
 from crowdsim.steering.guidance.ground_kernels import BOX
 
@@ -92,6 +92,15 @@ class Guidance:
         self._made = 0
         self._fields: list[dict[int, Field]] = [{} for _ in self.goals]
         self.rebuild(ground)
+
+    @property
+    def memory(self) -> int:
+        """Bytes of the ground and all fields."""
+        fields = [field for fields in self._fields for field in fields.values()]
+        # The columns of boxes lie side by side in one array.
+        shared = len(fields) * len(self.ground.widest) * BOX_ROW.itemsize
+        own = sum(each.nbytes for field in fields for each in (field.heads, field.costs, field.points))
+        return shared + own + sum(each.nbytes for each in self.ground if isinstance(each, np.ndarray))
 
     def newest(self, goal: int) -> Field:
         """The newest field of a goal."""

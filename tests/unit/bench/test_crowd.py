@@ -1,30 +1,45 @@
-"""The benchmark of many characters, on a few for some seconds."""
+"""The benchmark of steered crowds, on a few agents."""
 
 import json
 
 import numpy as np
 import pytest
 
-from crowdsim.bench import crowd
+from crowdsim.bench.crowds import crowd, shown_bodies, step_times, whole_runs
 
 
 @pytest.fixture(scope="module")
 def measured():
-    return crowd.measure(characters=12, seconds=5.0, run_seconds=4.0, requests=3)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(step_times, "AGENT_STEPS", 100)
+        patch.setattr(whole_runs, "STEPS", 6)
+        patch.setattr(shown_bodies, "STEPS", 4)
+        patch.setattr(crowd, "SIMULATED", 60)
+        patch.setattr(crowd, "POSED", 12)
+        yield crowd.measure(crowds=((30, 0.25), (60, 3.0)))
 
 
-def test_characters_walk_and_some_arrive(measured):
-    rows = {row["what"]: row for row in measured.rows}
-    assert set(rows) == {"playing, after all asked at once", "playing", "run"}
-    # In these 15 s most of the twelve arrive once, whatever the places drawn; at most times half of them walk.
-    assert measured.figures["playing_walking_at_the_end"] >= 1
-    assert rows["playing"]["arrivals"] >= 4
-    assert rows["run"]["asked"] >= 12
-    assert all(0.0 < row["frame_ms_median"] <= row["frame_ms_p95"] <= row["frame_ms_most"] for row in measured.rows)
+def test_a_row_for_each_crowd(measured):
+    assert [row["agents"] for row in measured.rows] == [30, 60]
+    stages = ("sort", "look", "decide", "commit", "advance", "record", "statistics")
+    assert all(row[f"{stage}_us"] > 0.0 for row in measured.rows for stage in stages)
+    assert "30_at_0.25_rvo2_us" not in measured.figures
+
+
+def test_a_whole_step_is_the_sum_of_its_parts(measured):
+    for row in measured.rows:
+        parts = row["advance_us"] + row["record_us"] + row["statistics_us"]
+        assert row["whole_us"] == pytest.approx(parts, abs=0.02)
+        assert row["core_at_10_hz"] == pytest.approx(row["whole_us"] * row["agents"] * 1e-5, abs=0.01)
+
+
+def test_an_agent_is_small(measured):
+    for row in measured.rows:
+        assert 200 < row["state_bytes"] < 2000
+        assert row["place_mb"] > 0.0
 
 
 def test_figures_are_plain_numbers(measured):
     assert json.loads(json.dumps(measured.figures)) == measured.figures
     assert not np.isnan(list(measured.figures.values())).any()
-    told = {"first_movement_ms_median", "at_once_frame_ms_p99", "playing_frame_ms_p95", "run_cpu_ms_mean"}
-    assert told <= set(measured.figures)
+    assert measured.figures["frames_a_second"] > 0.0

@@ -9,7 +9,6 @@ from crowdsim.scenario.schema.agents import AgentGroup
 from crowdsim.scenario.schema.environment import Clutter, Floor, Layer, Mesh, Obstacle, Opening, Plan, Wall
 from crowdsim.scenario.schema.events import ACTIONS
 
-
 TEXT = (Path(__file__).parents[3] / "docs" / "scenarios.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```yaml\n(.*?)^```", TEXT, re.M | re.S)
 

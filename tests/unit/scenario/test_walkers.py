@@ -74,7 +74,10 @@ def test_each_quantity_has_a_stream_of_its_own() -> None:
         ("speed: {mean: 1, max: 0.5}", r"'max' \(0\.5\) must not be below 'mean' \(1\)"),
         ("breadth: {sd: 1}", r"agents\.0\.breadth\.mean: this key is required and missing"),
         ("delay: {mean: 1, men: 2}", r"agents\.0\.delay\.men: unknown key; did you mean 'mean'\?"),
-        ("delay: soon", r"agents\.0\.delay: expected a mapping with keys among mean, sd, min, max, got the text 'soon'"),
+        (
+            "delay: soon",
+            r"agents\.0\.delay: expected a mapping with keys among mean, sd, min, max, got the text 'soon'",
+        ),
         ("delay: -1", r"'mean' must be from 0 to 1e\+06, got -1"),
     ],
 )

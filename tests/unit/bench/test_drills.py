@@ -5,19 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from crowdsim.bench.crowds import drill_table, drills, steering
+from crowdsim.bench.crowds import drill_table, drills
 from crowdsim.bench.crowds.rvo2 import Rvo2
 from crowdsim.errors import CrowdSimError
-
-
-def test_a_row_for_each_crowd(monkeypatch):
-    monkeypatch.setattr(steering, "CROWDS", ((30, 0.25), (40, 3.0)))
-    monkeypatch.setattr(steering, "AGENT_STEPS", 100)
-    measured = steering.measure()
-    assert [row["agents"] for row in measured.rows] == [30, 40]
-    assert all(row[f"{stage}_us"] > 0.0 for row in measured.rows for stage in ("sort", "look", "decide", "commit"))
-    assert measured.figures["40_at_3_one_thread_us"] > 0.0
-    assert "30_at_0.25_rvo2_us" not in measured.figures
 
 
 def test_a_folder_without_rvo2_is_refused(tmp_path):

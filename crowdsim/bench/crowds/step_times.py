@@ -7,22 +7,15 @@ medians over steps, in microseconds of one agent's step; RVO2 runs between two p
 from __future__ import annotations
 
 import math
-import tempfile
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from crowdsim.bench.crowds.drills import LEG_RADIUS, State, make_agents
 from crowdsim.bench.crowds.rvo2 import Rvo2
-from crowdsim.bench.registry import Measurement
-from crowdsim.steering.row_kernels import ROW
 from crowdsim.steering.steering import Steering
 from crowdsim.steering.walls import build_walls
-
-CROWDS = ((100, 0.25), (1000, 0.25), (10_000, 0.25), (10_000, 1.0), (10_000, 3.0), (100_000, 0.25))
-"""Agents, and agents/m2."""
 
 AGENT_STEPS = 400_000
 """Agent-steps that each figure is the median of, in at least 12 steps and at most 200."""
@@ -30,31 +23,17 @@ AGENT_STEPS = 400_000
 _STAGES = ("sort", "look", "decide", "commit")
 
 
-def measure(rvo2: Path | None = None) -> Measurement:
-    """Time crowds of many sizes; ``rvo2``: folder of the sources of RVO2."""
-    rows = []
-    figures: dict[str, float] = {"bytes_an_agent": float(ROW.itemsize)}
-    with tempfile.TemporaryDirectory() as folder:
-        other = None if rvo2 is None else Rvo2(rvo2, Path(folder))
-        for agents, density in CROWDS:
-            row = _row(agents, density, other)
-            rows.append(row)
-            for key, value in row.items():
-                if key not in ("agents", "density") and value is not None:
-                    figures[f"{agents}_at_{density:g}_{key}"] = float(value)
-    return Measurement(rows, figures)
-
-
-def _row(agents: int, density: float, other: Rvo2 | None) -> dict[str, Any]:
+def step_row(agents: int, density: float, rvo2: Rvo2 | None) -> dict[str, Any]:
+    """Microseconds of an agent's step by stage, with one and two threads, and those of RVO2 if it is given."""
     steps = min(max(AGENT_STEPS // agents, 12), 200)
     stages = _stage_times(agents, density, steps)
     one, two = (_step_times(agents, density, steps, threads) for threads in (1, 2))
     row: dict[str, Any] = {"agents": agents, "density": density}
     row |= {f"{name}_us": round(float(np.median(stages[:, k])), 3) for k, name in enumerate(_STAGES)}
     row |= {"one_thread_us": round(one, 3), "two_threads_us": round(two, 3), "speed_up": round(one / two, 2)}
-    if other is None:
+    if rvo2 is None:
         return row | {"rvo2_us": None, "times_rvo2": None}
-    theirs = float(np.median(other.step_times(agents, density, steps)[3:]))
+    theirs = float(np.median(rvo2.step_times(agents, density, steps)[3:]))
     again = _step_times(agents, density, steps, 1)
     return row | {"rvo2_us": round(theirs, 3), "times_rvo2": round(0.5 * (one + again) / theirs, 2)}
 

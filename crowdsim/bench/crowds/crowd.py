@@ -1,0 +1,38 @@
+"""Steered crowds of all sizes: what a step costs, alone and with all that a run has, and how many bodies can be shown.
+
+Beside RVO2 where its sources are given, in the same run. Figures are medians over steps.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from crowdsim.bench.crowds.rvo2 import Rvo2
+from crowdsim.bench.crowds.shown_bodies import frames_a_second
+from crowdsim.bench.crowds.step_times import step_row
+from crowdsim.bench.crowds.whole_runs import run_row
+from crowdsim.bench.registry import Measurement
+
+CROWDS = ((100, 0.25), (1000, 0.25), (10_000, 0.25), (10_000, 1.0), (10_000, 3.0), (100_000, 0.25))
+"""Agents, and agents/m2."""
+
+SIMULATED, POSED = 24_000, 2_000
+"""Agents simulated, and bodies of them posed."""
+
+
+def measure(rvo2: Path | None = None, crowds: tuple[tuple[int, float], ...] = CROWDS) -> Measurement:
+    """Time crowds of many sizes; ``rvo2``: folder of the sources of RVO2."""
+    rows: list[dict[str, Any]] = []
+    figures: dict[str, float] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        other = None if rvo2 is None else Rvo2(rvo2, Path(folder))
+        for agents, density in crowds:
+            row = step_row(agents, density, other) | run_row(agents, density, Path(folder))
+            rows.append(row)
+            for key, value in row.items():
+                if key not in ("agents", "density") and value is not None:
+                    figures[f"{agents}_at_{density:g}_{key}"] = float(value)
+    figures["frames_a_second"] = round(frames_a_second(SIMULATED, POSED), 1)
+    return Measurement(rows, figures, ("frames_a_second",))

@@ -1,0 +1,101 @@
+"""Whole runs of steered scenarios: guidance, events, statistics, hashing and recording with every step."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from crowdsim.constants import STEERING_RATE
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
+from crowdsim.recording.writer import RecordingWriter
+from crowdsim.scenario.loader import parse_scenario
+
+STEPS = 60
+"""Steps that are timed, after as many that are not: everyone has set out by then."""
+
+_SCENARIO = """\
+crowdsim: 1
+name: square
+seed: {seed}
+duration: 1000
+floor: {{rectangle: [0, 0, {side}, {side}]}}
+agents:
+"""
+
+_GROUP = """\
+  - name: {name}
+    locomotion: steered
+    count: {count}
+    start: {{rectangle: {start}}}
+    goals: [{{rectangle: {there}}}, {{rectangle: {back}}}]
+    repeat: forever
+"""
+
+
+def square_scenario(agents: int, density: float, seed: int = 1) -> str:
+    """Agents all over a square of that many agents/m2, a fourth in each quarter, who walk to and fro for ever."""
+    side = math.sqrt(agents / density)
+    deep, far = max(0.05 * side, 2.0), side - 0.5
+    west, east = [0.5, 0.5, deep, far], [side - deep, 0.5, far, far]
+    south, north = [0.5, 0.5, far, deep], [0.5, side - deep, far, far]
+    text = _SCENARIO.format(seed=seed, side=side)
+    ways = (("west", east, west), ("east", west, east), ("south", north, south), ("north", south, north))
+    for number, (name, there, back) in enumerate(ways):
+        count = (agents + 3 - number) // 4
+        left, bottom = (number % 2) * 0.5 * side, (number // 2) * 0.5 * side
+        start = [
+            max(left, 0.3),
+            max(bottom, 0.3),
+            min(left + 0.5 * side, side - 0.3),
+            min(bottom + 0.5 * side, side - 0.3),
+        ]
+        text += _GROUP.format(name=name, count=count, start=start, there=there, back=back)
+    return text
+
+
+def run_row(agents: int, density: float, folder: Path) -> dict[str, Any]:
+    """Microseconds of an agent's step of a whole run on one thread, and what it keeps and writes.
+
+    core_at_10_hz: share of a core that the run takes as fast as time goes by. state_bytes: of an agent in the world;
+    place_mb: walls, ground and fields; recorded_bytes: of an agent's step in the file.
+    """
+    scenario = parse_scenario(square_scenario(agents, density))
+    begin = time.perf_counter()
+    with Simulation(scenario, workers=1) as simulation:
+        crowd = simulation.crowd
+        assert isinstance(crowd, SteeredCrowd)
+        prepared = time.perf_counter() - begin
+        file = folder / "run.h5"
+        stages = []
+        with RecordingWriter(file, crowd.header(scenario)) as writer:
+            for _ in range(2 * STEPS):
+                marks = [time.perf_counter()]
+                crowd.advance()
+                marks.append(time.perf_counter())
+                frame = crowd.frame()
+                writer.append(frame, crowd.hash)
+                marks.append(time.perf_counter())
+                crowd.measure(frame)
+                marks.append(time.perf_counter())
+                crowd.end_step()
+                stages.append(np.diff(marks))
+            writer.finish(crowd.summary())
+        # Now and then a field is made anew, or a chunk is written: means, not medians.
+        advance, record, measured = np.mean(stages[STEPS:], axis=0) / agents * 1e6
+        whole = float(advance + record + measured)
+        return {
+            "prepare_s": round(prepared, 2),
+            "advance_us": round(float(advance), 2),
+            "record_us": round(float(record), 2),
+            "statistics_us": round(float(measured), 2),
+            "whole_us": round(whole, 2),
+            "core_at_10_hz": round(whole * agents * STEERING_RATE / 1e6, 3),
+            "state_bytes": crowd.world.bytes_an_entity,
+            "place_mb": round(crowd.place.memory / 1e6, 1),
+            "recorded_bytes": round(file.stat().st_size / agents / (2 * STEPS), 2),
+        }
