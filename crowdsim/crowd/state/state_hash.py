@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import hashlib
 
+import numpy as np
+
 from crowdsim.crowd.state.components import DIGESTED, HASHED_AS
+from crowdsim.crowd.state.digest_kernels import digest_words
 from crowdsim.ecs.world import World
 
 
@@ -13,7 +16,11 @@ def state_hash(world: World, environment: bytes, step: int, before: int) -> int:
     parts = [before.to_bytes(8, "little") + step.to_bytes(8, "little"), environment]
     for name in world.column_names:
         if name not in DIGESTED:
-            parts += [HASHED_AS.get(name, name).encode(), world.column(name).tobytes()]
+            column = world.column(name)
+            # Records are large.
+            words = column.view(np.uint64) if column.dtype.names else None
+            content = column.tobytes() if words is None else int(digest_words(words)).to_bytes(8, "little")
+            parts += [HASHED_AS.get(name, name).encode(), content]
     # As one, as it lets other threads run meanwhile, and would wait for them after each.
     return digest_of(b"".join(parts))
 
