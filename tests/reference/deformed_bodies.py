@@ -24,7 +24,7 @@ HANN = np.array([np.cos(np.pi * k / 5.0) ** 2 for k in range(-2, 3)])
 def rate_of(ahead: float, side: float, turn: float) -> float:
     """Cycles a second."""
     straight = np.sqrt(0.39 * abs(ahead)) / 0.78 * (1.35 if ahead < 0.0 else 1.0)
-    sideways = min(0.5 * min(1.0, abs(side) / 0.1) + 1.1 * abs(side), 1.4)
+    sideways = min(0.5 * min(1.0, abs(side) / 0.1) + 1.1 * abs(side), 1.7)
     turning = min(0.35 * min(1.0, abs(turn) / 0.2) + 0.4 * abs(turn), 1.5)
     return max(straight, sideways, turning, np.hypot(ahead, side) / 1.6)
 
@@ -45,11 +45,14 @@ def advance(
     hips = Rotation.from_rotvec([0.0, 0.0, -hips_of(along[0], along[1])]).apply(along)
     rate = rate_of(hips[0], hips[1], turn)
     half = np.floor(2.0 * phase) / 2.0
-    home = np.hypot(*(place - anchor)[:2]) < 0.03 and abs(np.angle(np.exp(1j * (place[2] - anchor[2])))) < 0.15
+    away = np.hypot(*(place - anchor)[:2])
+    home = away < 0.03 and abs(np.angle(np.exp(1j * (place[2] - anchor[2])))) < 0.15
     if rate < 0.45 and home and phase - half <= 0.1:
         return max(phase, min(half + 0.06, phase + 0.75 * dt)), anchor
     if rate < 0.45:
         rate = 0.6 if speed > 0.1 else 0.75
+    elif phase - half < 0.26 and away < 0.5 * (phase - half + 0.24) * speed / rate:
+        rate = max(rate, min(6.0 * speed, 1.5))
     after = phase + rate * dt
     if rate <= 0.75 and speed <= 0.1:
         after = min(after, half + 0.56)

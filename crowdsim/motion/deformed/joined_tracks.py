@@ -79,8 +79,8 @@ def unwrapped(tracks: JoinedTracks) -> JoinedTracks:
     samples, starts = tracks
     if not len(samples):
         return tracks
-    jumps = np.rint(np.diff(samples[:, 2], prepend=samples[0, 2]) / (2.0 * np.pi))
-    turns = np.cumsum(np.where(np.isfinite(jumps), jumps, 0.0))
+    heading = np.where(np.isfinite(samples[:, 2]), samples[:, 2], 0.0)
+    turns = np.cumsum(np.rint(np.diff(heading, prepend=heading[:1]) / (2.0 * np.pi)))
     samples = samples.copy()
     firsts = np.minimum(starts[:-1], len(samples) - 1)
     samples[:, 2] -= 2.0 * np.pi * (turns - np.repeat(turns[firsts], tracks.lengths))

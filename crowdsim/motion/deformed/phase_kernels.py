@@ -23,7 +23,7 @@ _WALK_RATIO = 0.39
 """Squared meters of a step for each meter a second: 0.0065 m by steps a minute."""
 _BACKWARD = 1.35
 """Cadence walking backwards, as a multiple."""
-_SIDE_BEGIN, _SIDE_SLOPE, _SIDE_MOST = 0.5, 1.1, 1.4
+_SIDE_BEGIN, _SIDE_SLOPE, _SIDE_MOST = 0.5, 1.1, 1.7
 """Cycles a second stepping sideways: at rest, for each m/s, and at most."""
 _TURN_BEGIN, _TURN_SLOPE, _TURN_MOST = 0.35, 0.4, 1.5
 """Cycles a second turning on the spot: at rest, for each rad/s, and at most."""
@@ -39,6 +39,10 @@ _FINISH, _CLOSE = 0.6, 0.75
 """Cycles a second at which a step is finished while the body creeps on, and after it has stopped."""
 _CREEPING = 0.1
 """Meters a second from which a body creeps on."""
+_SET_OFF, _SET_OFF_MOST = 6.0, 1.5
+"""Cycles a second of who sets off from a stand: for each m/s, and at most. More make the first step shorter."""
+_NOT_YET = 0.5
+"""Share of the way that a steady walk would have left the rear foot behind, below which a body sets off."""
 _AWAY, _TURNED = 0.03, 0.15
 """Meters and radians from where the rear foot belongs, below which it may stay."""
 
@@ -88,6 +92,9 @@ def _next_phase(phase, rate, speed, away, turned, dt):
             return max(phase, min(half + STAND, phase + _CLOSE * dt))
         # Else finish the step, and begin another one if the rear foot was left behind.
         rate = _FINISH if speed > _CREEPING else _CLOSE
+    elif past < REFERENCE and away * rate < _NOT_YET * (past + 0.5 - REFERENCE) * speed:
+        # Set off quickly, or the foot that stays behind is left too far: both are still where the body stood.
+        rate = max(rate, min(_SET_OFF * speed, _SET_OFF_MOST))
     after = phase + rate * dt
     # A step that passes the middle of double support at rest ends there.
     if after > half + 0.5 + STAND and rate <= _CLOSE and speed <= _CREEPING:
