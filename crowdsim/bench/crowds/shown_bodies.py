@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from crowdsim.constants import STEERING_RATE
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
 from crowdsim.motion.clips.kinematics import forward_kinematics
-from crowdsim.motion.deformed.deformed_clip import deform_clip
+from crowdsim.motion.deformed.deformed_clip import DeformedClip, deform_clip
 from crowdsim.motion.deformed.live_bodies import LiveBodies
 from crowdsim.scenario.loader import parse_scenario
 
@@ -25,14 +26,16 @@ STEPS = 60
 """Steps that are timed, after as many that are not."""
 
 
-def frames_a_second(simulated: int, posed: int, threads: int = 2) -> float:
+def frames_a_second(simulated: int, posed: int) -> float:
     """Frames a second of agents at 0.25 /m2, with the joints of ``posed`` bodies in the world in every one.
 
-    As many frames belong to a step as at 30 a second, so that is what has to be reached; drawing is not counted.
+    One thread steps the crowd, another one poses bodies meanwhile. As many frames belong to a step as at 30 a second:
+    that is what has to be reached. Drawing is not counted.
     """
     clips = gait_clips(load_behavior_set(("lateral", "arm_constrained", "frontal"), [(0.0, 2.0)]))
     clip = deform_clip(clips[-1])
-    with Simulation(parse_scenario(square_scenario(simulated, 0.25)), workers=threads) as simulation:
+    scenario = parse_scenario(square_scenario(simulated, 0.25))
+    with Simulation(scenario, workers=1) as simulation, ThreadPoolExecutor(1) as viewer:
         crowd = simulation.crowd
         assert isinstance(crowd, SteeredCrowd)
         for _ in range(STEPS):
@@ -41,13 +44,19 @@ def frames_a_second(simulated: int, posed: int, threads: int = 2) -> float:
         times = []
         for _ in range(2 * STEPS):
             begin = time.perf_counter()
+            shown = viewer.submit(_show, bodies, clip, _samples(crowd, posed))
             simulation.step()
-            bodies.add(_samples(crowd, posed))
-            for frame in range(FRAMES_A_STEP):
-                roots, rotations = bodies.pose(frame / FRAMES_A_STEP / STEERING_RATE)
-                forward_kinematics(clip.skeleton, roots, rotations)
+            shown.result()
             times.append(time.perf_counter() - begin)
     return FRAMES_A_STEP / float(np.mean(times[STEPS:]))
+
+
+def _show(bodies: LiveBodies, clip: DeformedClip, samples: NDArray[np.float64]) -> None:
+    """Take in a step, and pose all bodies for the frames up to the next one."""
+    bodies.add(samples)
+    for frame in range(FRAMES_A_STEP):
+        roots, rotations = bodies.pose(frame / FRAMES_A_STEP / STEERING_RATE)
+        forward_kinematics(clip.skeleton, roots, rotations)
 
 
 def _samples(crowd: SteeredCrowd, posed: int) -> NDArray[np.float64]:
