@@ -26,7 +26,15 @@ from crowdsim.scenario.picture import draw_scenario
 
 ROOT = Path(__file__).resolve().parents[1]
 THUMBNAIL = (640, 400)
-TIMES = {"apartment": 7.2, "bottleneck": 14.0, "clutter": 12.0, "corridor": 54.0, "crossing": 12.0, "plaza": 22.0}
+TIMES = {
+    "apartment": 7.2,
+    "bottleneck": 14.0,
+    "clutter": 12.0,
+    "corridor": 54.0,
+    "counterflow": 30.0,
+    "crossing": 12.0,
+    "plaza": 22.0,
+}
 """Seconds at which much is going on; the others are drawn at the moment that ``crowdsim play --shot`` chooses."""
 RADIUS = 0.25
 
@@ -80,6 +88,12 @@ def apartment_layers(file: Path, recordings: Recordings) -> None:
     write_small(file)
 
 
+def counterflow(file: Path, recordings: Recordings) -> None:
+    """Both ways through the corridor, in lanes."""
+    shot(recordings.of("counterflow"), file, TIMES["counterflow"])
+    write_small(file)
+
+
 def navmesh(file: Path, recordings: Recordings) -> None:
     """A mesh of two furnished rooms with a path."""
     mesh = NavMesh(rooms())
@@ -119,6 +133,7 @@ PICTURES: Mapping[str, Callable[[Path, Recordings], None]] = {
     "docs/images/corridor.png": corridor,
     "docs/images/corridor_lateral.png": corridor_lateral,
     "docs/images/apartment_layers.png": apartment_layers,
+    "docs/images/counterflow.png": counterflow,
     "docs/images/navmesh.png": navmesh,
     **{f"scenarios/assets/{name}.png": thumbnail(name) for name in builtin_scenarios()},
 }
