@@ -46,8 +46,8 @@ def advance(
     rate = rate_of(hips[0], hips[1], turn)
     half = np.floor(2.0 * phase) / 2.0
     away = np.hypot(*(place - anchor)[:2])
-    home = away < 0.03 and abs(np.angle(np.exp(1j * (place[2] - anchor[2])))) < 0.15
-    if rate < 0.45 and home and phase - half <= 0.1:
+    home = away < 0.06 and abs(np.angle(np.exp(1j * (place[2] - anchor[2])))) < 0.25
+    if speed < 0.35 and home and phase - half <= 0.1:
         return max(phase, min(half + 0.06, phase + 0.75 * dt)), anchor
     if rate < 0.45:
         rate = 0.6 if speed > 0.1 else 0.75

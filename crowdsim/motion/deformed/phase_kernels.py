@@ -37,14 +37,16 @@ _SLOW = 0.45
 """Cycles a second below which nobody walks steadily."""
 _FINISH, _CLOSE = 0.6, 0.75
 """Cycles a second at which a step is finished while the body creeps on, and after it has stopped."""
+_STEPPING = 0.35
+"""Meters a second from which a body takes a step even if both feet are where they belong."""
 _CREEPING = 0.1
 """Meters a second from which a body creeps on."""
 _SET_OFF, _SET_OFF_MOST = 6.0, 1.5
 """Cycles a second of who sets off from a stand: for each m/s, and at most. More make the first step shorter."""
 _NOT_YET = 0.5
 """Share of the way that a steady walk would have left the rear foot behind, below which a body sets off."""
-_AWAY, _TURNED = 0.03, 0.15
-"""Meters and radians from where the rear foot belongs, below which it may stay."""
+_AWAY, _TURNED = 0.06, 0.25
+"""Meters and radians from where the rear foot belongs, below which it may stay. Less make crowds that wait restless."""
 
 
 @helper
@@ -86,10 +88,10 @@ def _next_phase(phase, rate, speed, away, turned, dt):
     """
     half = math.floor(2.0 * phase) * 0.5
     past = phase - half
+    # On both feet, and both of them where they belong: come to a stand. Who is pushed about a little takes no step.
+    if speed < _STEPPING and past <= BOTH_FEET and away < _AWAY and turned < _TURNED:
+        return max(phase, min(half + STAND, phase + _CLOSE * dt))
     if rate < _SLOW:
-        # On both feet, and both of them where they belong: come to a stand.
-        if past <= BOTH_FEET and away < _AWAY and turned < _TURNED:
-            return max(phase, min(half + STAND, phase + _CLOSE * dt))
         # Else finish the step, and begin another one if the rear foot was left behind.
         rate = _FINISH if speed > _CREEPING else _CLOSE
     elif past < REFERENCE and away * rate < _NOT_YET * (past + 0.5 - REFERENCE) * speed:
