@@ -7,6 +7,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.recording.header import RecordingHeader
+
 
 class Column(Protocol):
     """What can be sliced as an array (steps, N) can, and is read from the file only then."""
@@ -20,6 +22,27 @@ class Column(Protocol):
     def __getitem__(self, key: Any, /) -> Any: ...
 
     def __len__(self) -> int: ...
+
+
+class RecordedTracks(Protocol):
+    """What posing steered agents reads of a recording."""
+
+    header: RecordingHeader
+    x: Column
+    y: Column
+    heading: Column
+    phase: Column
+    behavior: Column
+    state: Column
+
+    @property
+    def steps(self) -> int: ...
+
+    @property
+    def agent_count(self) -> int: ...
+
+    @property
+    def steps_per_second(self) -> int: ...
 
 
 class ConstantColumn:

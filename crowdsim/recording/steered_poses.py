@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +11,8 @@ from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.clips.kinematics import forward_kinematics, slerp
 from crowdsim.motion.deformed.deformed_clip import DeformedClip, deform_clip
 from crowdsim.motion.deformed.step_plan import StepPlan, plan_joined, pose_at
+from crowdsim.recording.columns import RecordedTracks
 from crowdsim.recording.track_blocks import TrackBlock, block_of, block_steps, read_block
-
-if TYPE_CHECKING:
-    from crowdsim.recording.reader import Recording
 
 BLEND_SECONDS = 0.3
 """Time over which a body goes over from one behavior to another, half of it before the step in which it does."""
@@ -29,7 +26,7 @@ Ints = NDArray[np.int64]
 class SteeredPoses:
     """Poses of the steered agents of a recording; plans of the blocks last used are kept."""
 
-    def __init__(self, recording: Recording) -> None:
+    def __init__(self, recording: RecordedTracks) -> None:
         self._recording = recording
         self._blocks: dict[int, _PlannedBlock] = {}
         self._clips: dict[int, DeformedClip] = {}
@@ -82,7 +79,7 @@ class SteeredPoses:
 class _PlannedBlock:
     """Footsteps of the bodies of a block, in each behavior that they have in it."""
 
-    def __init__(self, recording: Recording, number: int) -> None:
+    def __init__(self, recording: RecordedTracks, number: int) -> None:
         self.tracks: TrackBlock = read_block(recording, number)
         self._rate = recording.steps_per_second
         first, end = block_steps(number, self._rate)

@@ -5,17 +5,15 @@ A block is read the same way whoever asks for it, so that a pose at some time is
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.geometry.planar import wrap_angle
 from crowdsim.motion.deformed.joined_tracks import JoinedTracks, smooth_joined, smoothing_reach, unwrapped
+from crowdsim.recording.columns import RecordedTracks
 from crowdsim.recording.header import AgentState
-
-if TYPE_CHECKING:
-    from crowdsim.recording.reader import Recording
 
 TICKS_PER_SECOND = 10
 """Samples a second that steps are planned from, whatever the rate of the recording."""
@@ -76,7 +74,7 @@ def block_steps(block: int, steps_per_second: int) -> tuple[int, int]:
     return -(-first // TICKS_PER_SECOND), -(-end // TICKS_PER_SECOND)
 
 
-def read_block(recording: Recording, block: int) -> TrackBlock:
+def read_block(recording: RecordedTracks, block: int) -> TrackBlock:
     """Read the tracks of a block, and smooth them as they are shown."""
     parts = []
     for first in range(0, recording.agent_count, _AGENTS_AT_ONCE):
@@ -104,7 +102,9 @@ def _joined(parts: list[TrackBlock]) -> TrackBlock:
     return TrackBlock(agents[order], firsts[order], ends[order], tracks, zeros[order])
 
 
-def _read_part(recording: Recording, agents: Ints, block: int, before: int) -> tuple[TrackBlock, NDArray[np.bool_]]:
+def _read_part(
+    recording: RecordedTracks, agents: Ints, block: int, before: int
+) -> tuple[TrackBlock, NDArray[np.bool_]]:
     """Bodies of some ``agents`` in a block, and (A,) which ones begin too late for knowing where their feet stand.
 
     before: ticks to read before the block.
