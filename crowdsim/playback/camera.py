@@ -96,24 +96,28 @@ def _follow(recording: Recording, time: float, agent: int | None) -> Camera:
 
 
 def _mean_place(recording: Recording, time: float, agent: int) -> Floats:
-    """(2,) x, y of an agent, as a mean over time that keeps the picture calm and moves smoothly whatever the rate.
+    """(2,) x, y of an agent on the line that fits its places about a time best, the nearer the more.
 
-    Before the agent comes and after it leaves it is where it came or left.
+    That keeps the picture calm, and moves smoothly whatever the rate of steps. Before the agent comes and after it
+    leaves it is where it came or left.
     """
     stay = recording.stay(agent)
     if stay is None:
         raise CrowdSimError(f"agent {agent} never enters the recording; follow another one")
     rate = recording.steps_per_second
     middle = float(np.clip(time * rate, stay[0], stay[1]))
-    # The window shrinks towards both ends of the stay, so that the mean does not lag there.
-    reach = max(min(_FOLLOW_SECONDS * rate, middle - stay[0], stay[1] - middle), 1.0)
-    steps = np.arange(max(int(middle - reach), stay[0]), min(int(middle + reach) + 1, stay[1]) + 1)
-    weights = np.clip(1.0 - np.abs(steps - middle) / reach, 0.0, 1.0)
-    weights *= recording.state[steps[0] : steps[-1] + 1, agent] != AgentState.ABSENT
-    if not weights.any():
+    reach = max(_FOLLOW_SECONDS * rate, 1.5)
+    rows = slice(max(int(middle - reach), stay[0]), min(int(middle + reach) + 1, stay[1]) + 1)
+    here = recording.state[rows, agent] != AgentState.ABSENT
+    if not here.any():
         # Away for a while: wait where it left.
-        here = np.flatnonzero(recording.state[: int(middle) + 1, agent] != AgentState.ABSENT)
-        steps, weights = here[-1:], np.ones(1)
-    places = np.stack([recording.x[steps[0] : steps[-1] + 1, agent], recording.y[steps[0] : steps[-1] + 1, agent]])
-    mean: Floats = places.astype(np.float64) @ weights / weights.sum()
+        left = np.flatnonzero(recording.state[: rows.start, agent] != AgentState.ABSENT)
+        rows, here = slice(int(left[-1]), int(left[-1]) + 1), np.ones(1, bool)
+    off = np.arange(rows.start, rows.stop) - middle
+    weights = here * np.clip(1.0 - np.abs(off) / reach, 1e-9, 1.0)
+    first, second = float(weights @ off) / weights.sum(), float(weights @ (off * off)) / weights.sum()
+    if second - first * first > 1e-6:
+        weights = weights * (second - first * off)
+    places = np.stack([recording.x[rows, agent], recording.y[rows, agent]]).astype(np.float64)
+    mean: Floats = places @ weights / weights.sum()
     return mean

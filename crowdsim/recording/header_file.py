@@ -107,13 +107,12 @@ def _write_motion(group: h5py.Group, motion: MotionRecord) -> None:
     _write_strings(group, "node_names", motion.node_names)
     for name, dtype in _MOTION_ARRAYS.items():
         _write_array(group, name, getattr(motion, name), dtype)
+    if not motion.gaits:
+        return
     _write_strings(group, "gait_names", [gait.name for gait in motion.gaits])
     _write_array(group, "gait_frames", [len(gait.root) for gait in motion.gaits], "int32")
-    joints = skeleton.joint_count
-    roots = [np.empty((0, 3), np.float32), *(gait.root for gait in motion.gaits)]
-    rotations = [np.empty((0, joints, 4), np.float32), *(gait.rotations for gait in motion.gaits)]
-    _write_array(group, "gait_root", np.concatenate(roots), "float32")
-    _write_array(group, "gait_rotations", np.concatenate(rotations), "float32")
+    _write_array(group, "gait_root", np.concatenate([gait.root for gait in motion.gaits]), "float32")
+    _write_array(group, "gait_rotations", np.concatenate([gait.rotations for gait in motion.gaits]), "float32")
 
 
 def read_versions(file: h5py.File) -> dict[str, str]:
@@ -177,7 +176,7 @@ def _read_motion(group: h5py.Group) -> MotionRecord:
         skeleton=skeleton,
         node_names=tuple(_read_strings(group, "node_names")),
         **{name: group[name][:] for name in _MOTION_ARRAYS},
-        # Recordings of version 1 have captured agents only.
+        # Recordings without steered agents have none.
         gaits=_read_gaits(group) if "gait_names" in group else (),
     )
 

@@ -20,11 +20,11 @@ TICKS_PER_SECOND = 10
 BLOCK_TICKS = 50
 """Ticks of a block. Longer blocks are planned less often, and take longer until the first picture."""
 
-_BEFORE, _AFTER = 40, 40
-"""Ticks read before and after a block at first: 1.8 cycles of the slowest steady walk."""
-_FARTHEST = 640
+_BEFORE, _AFTER = 45, 45
+"""Ticks read before and after a block at first: two cycles of the slowest steady walk."""
+_FARTHEST = 720
 """Ticks read before a block at most, for those who stand: a foot that was put down earlier may move once, by 3 cm."""
-_CYCLES = 1.75
+_CYCLES = 2.25
 """Cycles before and after a block that its poses depend on."""
 _SPARE = 5
 """Ticks kept beyond these cycles."""

@@ -139,10 +139,11 @@ class Body:
     def _prints(self) -> dict[int, np.ndarray]:
         """x, y of the ball and heading of each half cycle's foot."""
         model, places = self.model, {}
-        self.headings, widths, sides = {}, {}, {}
+        self.headings, widths, sides, landings = {}, {}, {}, {}
         for half in range(self.first_half, self.last_half + 1):
             foot = half % 2
             landing, over = self.time_of(half / 2.0), self.time_of(half / 2.0 + 0.26)
+            landings[half] = landing
             track = self.at(min(over, landing + 0.6))
             ahead = min(track[5], 1.0)
             sides[half] = 1.0 if foot == 0 else -1.0
@@ -159,9 +160,12 @@ class Body:
                 old, new = self.headings[half - 1], self.headings[half]
                 middle = apart - sides[half] * across(way, 0.5 * (old + new))
                 seen = [lack(way, heading, sides[half], apart) for heading in (old, new)]
-                lacks[half] = min(0.5 * max(*seen, middle), most)
+                late = landings[half] - landings[half - 1] > 1.2
+                lacks[half] = min((1.0 if late else 0.5) * max(*seen, middle), most)
             for half, place in places.items():
-                push = max(lacks.get(half, 0.0), lacks.get(half + 1, 0.0) if half < self.last_half else lacks[half])
+                push = lacks.get(half, 0.0)
+                if half < self.last_half and landings[half + 1] - landings[half] <= 1.2:
+                    push = max(push, lacks[half + 1])
                 normal = np.array([-np.sin(self.headings[half]), np.cos(self.headings[half])])
                 place[:2] += sides[half] * push * normal
         self.aside = {}

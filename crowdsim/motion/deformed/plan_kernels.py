@@ -52,6 +52,8 @@ _TURN_STRIDE = 0.2
 _LARGEST_SHARE = 1.25
 _APART = 1.8
 """Distance between feet side by side, as a multiple of the half width of steps."""
+_STOOD = 1.2
+"""Seconds between landings from which the earlier foot is no longer pushed by the later one."""
 _PASSING = 0.095
 """Meters across between a foot that swings and the one that it passes, at least."""
 _LONG, _LONG_BY = 0.32, 0.12
@@ -162,8 +164,10 @@ def _lack(x, y, heading, side, apart):
 def _push_apart(steps, first, last, half, bodies, most):
     """Move prints of rows ``first`` to before ``last`` outwards, each by half of what it and its neighbours lack.
 
-    half: half cycle of the first row. bodies: (H, 3) heading of the body over each print, half step width, scratch.
-    most: meters that each is moved at most.
+    A foot that has stood long when the next one lands stays: who stands does not know yet where to go.
+
+    half: half cycle of the first row. bodies: (H, 4) heading of the body over each print, half step width, scratch, and
+    seconds at which each foot lands. most: meters that each is moved at most.
     """
     for row in range(first + 1, last):
         side = 1.0 - 2.0 * ((half + row - first) & 1)
@@ -174,11 +178,12 @@ def _push_apart(steps, first, last, half, bodies, most):
         lack = max(_lack(x, y, bodies[row - 1, 0], side, apart), _lack(x, y, bodies[row, 0], side, apart))
         c, s = cos_sin(0.5 * (bodies[row - 1, 0] + bodies[row, 0]))
         lack = max(lack, apart - side * (c * y - s * x))
-        bodies[row, 2] = min(0.5 * lack, most)
+        share = 1.0 if bodies[row, 3] - bodies[row - 1, 3] > _STOOD else 0.5
+        bodies[row, 2] = min(share * lack, most)
     for row in range(first, last):
         side = 1.0 - 2.0 * ((half + row - first) & 1)
         push = bodies[row, 2] if row > first else 0.0
-        if row + 1 < last:
+        if row + 1 < last and bodies[row + 1, 3] - bodies[row, 3] <= _STOOD:
             push = max(push, bodies[row + 1, 2])
         c, s = cos_sin(bodies[row, 0])
         steps[row, PRINT] -= side * push * s
@@ -190,7 +195,7 @@ def plan_prints(model, samples, firsts, counts, step, halves, rows, steps, bodie
     """Where each foot stands: beside the track where the body passes over it, never nearer the other than it may.
 
     halves: (A,) int64 half cycle of each track's first row. rows: (A + 1,) int64 where these begin in ``steps``
-    (H, STEP_COLUMNS). bodies: (H, 3) float64 scratch.
+    (H, STEP_COLUMNS). bodies: (H, 4) float64 scratch.
     """
     for body in range(len(firsts)):
         first = firsts[body]
@@ -213,6 +218,7 @@ def plan_prints(model, samples, firsts, counts, step, halves, rows, steps, bodie
             steps[row, PRINT + 2] = track[HEADING] + model.prints[foot, 2]
             bodies[row, 0] = track[HEADING]
             bodies[row, 1] = width
+            bodies[row, 3] = landing
         # Twice, as a foot that is moved may come near the one before it.
         _push_apart(steps, rows[body], rows[body + 1], halves[body], bodies, _MOST_ASIDE)
         _push_apart(steps, rows[body], rows[body + 1], halves[body], bodies, 0.3 * _MOST_ASIDE)

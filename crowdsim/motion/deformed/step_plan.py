@@ -85,7 +85,7 @@ def plan_joined(clip: DeformedClip, tracks: JoinedTracks, step: float = STEP) ->
     ends = np.floor(2.0 * samples[firsts + counts - 1, PHASE]).astype(np.int64) + _BEYOND + 1
     rows = np.concatenate([[0], np.cumsum(ends - begins)]).astype(np.int64)
     steps = np.zeros((int(rows[-1]), STEP_COLUMNS))
-    plan_prints(clip.model, samples, firsts, counts, step, begins, rows, steps, np.zeros((len(steps), 3)))
+    plan_prints(clip.model, samples, firsts, counts, step, begins, rows, steps, np.zeros((len(steps), 4)))
     plan_drops(clip.model, samples, firsts, counts, step, begins, rows, steps, scratch)
     plan_swings(clip.model, samples, firsts, counts, step, begins, rows, steps)
     return StepPlan(samples, firsts, counts, steps, rows, begins, step)

@@ -78,3 +78,22 @@ def test_a_phase_does_not_depend_on_who_else_is_advanced() -> None:
 
 def test_nobody_to_advance_is_fine() -> None:
     advance_phases(np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(0), STEP, np.zeros(0), np.zeros((0, 3)))
+
+
+def test_who_is_nudged_while_it_waits_takes_no_step() -> None:
+    times = np.arange(0.0, 6.0, STEP)
+    nudged = with_phase(
+        np.column_stack([0.03 * np.sin(5.0 * times), 0.02 * np.cos(4.0 * times), 0.1 * np.sin(3 * times)])
+    )
+    assert np.ptp(nudged[:, 3]) == 0.0
+
+
+def test_who_sets_off_hard_takes_a_quick_first_step() -> None:
+    times = np.arange(0.0, 4.0, STEP)
+    speed = np.clip(2.5 * (times - 1.0), 0.0, 1.4)
+    hard = with_phase(np.column_stack([np.cumsum(speed * STEP), 0.0 * times, 0.0 * times]))
+    gone = hard[np.searchsorted(hard[:, 3], 0.6), 0]
+    # The foot that stayed behind lifts after half a meter; at the cadence of its speed that would be 0.7 m.
+    assert 0.3 < gone < 0.62
+    # Steady walking is as it was.
+    assert np.diff(hard[-10:, 3]) == pytest.approx(0.1 * rate_at(1.4))
