@@ -44,7 +44,7 @@ _BENCHES = {
     ),
     "drills": (
         "crowdsim.bench.crowds.drill_table",
-        "steered crowds: counterflow, doors, a crossing and bottlenecks: who arrives, when, and the flow",
+        "steered crowds: counterflow, doors, crossings, necks, circles, endless corridors: arrivals, flow and speed",
     ),
     "motion-maps": (
         "crowdsim.bench.motions.motion_maps",

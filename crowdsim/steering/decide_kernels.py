@@ -133,6 +133,8 @@ def let_merge(rows, mine, near, count, rules, want):
     awayx = 0.0
     awayy = 0.0
     lowest = want.key
+    wayx = 0.0
+    wayy = 0.0
     for n in range(count):
         seen = near[n]
         other = rows[seen.row]
@@ -144,7 +146,10 @@ def let_merge(rows, mine, near, count, rules, want):
         if gap_to(mine, seen) < rules.merge_gap:
             awayx -= seen.px / seen.distance
             awayy -= seen.py / seen.distance
-            lowest = min(lowest, other.key)
+            if other.key < lowest:
+                lowest = other.key
+                wayx = other.ix
+                wayy = other.iy
     away = math.sqrt(awayx * awayx + awayy * awayy)
     if away == 0.0:
         return False
@@ -154,13 +159,19 @@ def let_merge(rows, mine, near, count, rules, want):
     want.vy = rules.merge_speed * want.iy
     # Whoever stands behind makes room in turn.
     want.key = lowest + 1e-4
+    # Turn narrow across the way of who goes first: else two side by side in a neck may hook into each other.
+    want.facing_x = wayx
+    want.facing_y = wayy
+    want.turn_cos = 0.0
+    want.turn_sin = 1.0
     return True
 
 
 @helper
 def choose_speed(rows, mine, near, count, rules, ux, uy, want):
     """Speed along ``(ux, uy)`` [m/s]: a time gap to whoever is ahead in the agent's swath, or pressing on if stuck."""
-    speed = mine.speed * (1.0 - rules.turned_slowdown * (1.0 - want.turn_cos))
+    slowdown = rules.turned_slowdown if mine.turn < 0.0 else rules.sideways_slowdown
+    speed = mine.speed * (1.0 - slowdown * (1.0 - want.turn_cos))
     width = mine.half * want.turn_cos + mine.radius
     led = False
     for n in range(count):
@@ -196,7 +207,7 @@ def keep_right(mine, near, count, walls, rules, opposed):
     if opposed <= 0.0:
         return 0.0
     free = distance_at(walls[1], mine.x + 0.5 * mine.gy, mine.y - 0.5 * mine.gx)
-    room = min(max((free - rules.edge) / 0.3, 0.0), 1.0)
+    room = min(max((free - rules.edge) / 0.3, 0.0), 1.0) * min(mine.togo / rules.direct, 1.0)
     angle = rules.keep_right * opposed * room
     if mine.stuck > 0.0:
         for n in range(count):

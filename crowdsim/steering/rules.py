@@ -30,12 +30,15 @@ class Rules(NamedTuple):
     """Cost of passing on the left, for each meter of the horizon [m]."""
     turn_cost: float = 0.25
     """Cost of turning the shoulders, for each meter of the horizon [m]."""
-    tight: float = 1.1
+    tight: float = 0.8
     """An agent that can go no farther than this tries to turn its shoulders."""
-    keep_right: float = 1.1
+    keep_right: float = 1.0
     """Angle by which an agent aims to the right of its way while others come towards it."""
-    edge: float = 0.3
+    edge: float = 0.35
     """An agent stops aiming to the right if a wall is this near to the place 0.5 m to its right."""
+    direct: float = 2.0
+    """Length of the way to go from which on an agent aims less and less to the right: close to its goal it goes
+    straight there [m]."""
     news: float = 0.6
     """Share of what somebody ahead knows of opposing agents that is handed on."""
     sidle: float = 0.6
@@ -44,7 +47,7 @@ class Rules(NamedTuple):
     """Time gap kept to whoever walks ahead."""
     standoff: float = 0.32
     """Gap at which the time gap begins."""
-    leader: float = 0.6
+    leader: float = 0.5
     """Share of the speed of whoever walks ahead that is added to what the time gap allows."""
     leader_gap: float = 0.5
     """Gap from which on that share counts whole."""
@@ -82,7 +85,9 @@ class Rules(NamedTuple):
     """Largest change of the velocity [m/s2]."""
     turn_rate: float = 2.5
     """Largest turn rate of the body [rad/s]."""
-    turned_slowdown: float = 0.55
-    """Share of the speed that is lost sideways."""
+    turned_slowdown: float = 0.3
+    """Share of the speed that is lost if the shoulders are turned by a right angle to get past others."""
+    sideways_slowdown: float = 0.55
+    """Share of the speed that is lost if a section of the plan asks to walk sideways."""
     identity: float = 0.15
     """Spread of the order among those as far from their goal as each other [m]."""

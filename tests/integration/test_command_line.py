@@ -244,7 +244,6 @@ def test_bench_lists_its_names(crowdsim):
         "motion-graph",
         "motion-search",
         "crowd",
-        "steering",
         "drills",
         "motion-maps",
     ]

@@ -27,6 +27,12 @@ def line_cost(areas, radii, costs, change, start, end, step=0.002):
     return float(np.sum(np.asarray(costs)[labels]) * length / count + change * np.sum(labels[1:] != labels[:-1]))
 
 
+def clearance(areas, starts, ends):
+    """Distances (n,) of straight lines from the walls of all layers [m]."""
+    lines = shapely.linestrings(np.stack([starts, ends], axis=1))
+    return np.min([shapely.distance(lines, area.boundary) for area in areas], axis=0)
+
+
 def density(places, centers, radius=1.0):
     """Agents a square meter (n,) at centers (n, 2), smoothed over a radius by Epanechnikov's kernel."""
     out = np.zeros(len(centers))

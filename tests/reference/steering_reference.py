@@ -153,6 +153,8 @@ class Decision:
         self.goes = bool(self.way.any())
         self.key = self.mine["togo"] + rules.identity * self.mine["share"]
         self.turn = 0.0
+        # The way across which it turns narrow, if it lets somebody merge.
+        self.across: NDArray[np.float64] | None = None
         self.opposed = self.hear() if self.goes else 0.0
         velocity = self.give_way()
         if velocity is None and self.goes:
@@ -204,7 +206,7 @@ class Decision:
         return self.rules.yield_aside * aside + self.rules.yield_along * its_way
 
     def let_merge(self) -> NDArray[np.float64] | None:
-        away = np.zeros(2)
+        away, lowest = np.zeros(2), self.key
         for other in self.heeded:
             row, apart = self.state[other], self.apart(other)
             distance = np.hypot(*apart)
@@ -213,12 +215,16 @@ class Decision:
             waits = row["stuck"] > self.rules.merge_after and distance <= 1.0
             if first and waits and not behind and gap(self.state, self.me, other) < self.rules.merge_gap:
                 away -= apart / distance
+                if row["key"] < lowest:
+                    lowest = row["key"]
+                    self.across = self.intent(other) if self.intent(other).any() else self.way
         size = np.hypot(*away)
         return None if size == 0.0 else self.rules.merge_speed * away / size
 
     def follow(self) -> NDArray[np.float64]:
         rules, mine = self.rules, self.mine
-        angle = rules.keep_right * self.opposed
+        direct = min(mine["togo"] / rules.direct, 1.0)
+        angle = rules.keep_right * self.opposed * direct
         blocked = any(
             np.hypot(*self.apart(other)) < 1.0
             and self.apart(other) @ self.way > 0.0
@@ -226,7 +232,7 @@ class Decision:
             for other in self.heeded
         )
         if self.opposed > 0.0 and mine["stuck"] > 0.0 and blocked:
-            angle += rules.sidle * min(1.0, mine["stuck"])
+            angle += rules.sidle * min(1.0, mine["stuck"]) * direct
         ahead = turned(self.way, -angle)
         best = self.best_direction(ahead, [0.0])
         if best[2] <= rules.tight:
@@ -258,7 +264,8 @@ class Decision:
 
     def speed(self, direction: NDArray[np.float64]) -> float:
         rules, mine = self.rules, self.mine
-        speed = mine["speed"] * (1.0 - rules.turned_slowdown * (1.0 - math.cos(self.turn)))
+        slowdown = rules.turned_slowdown if mine["turn"] < 0.0 else rules.sideways_slowdown
+        speed = mine["speed"] * (1.0 - slowdown * (1.0 - math.cos(self.turn)))
         led = False
         for other in self.heeded:
             row, apart = self.state[other], self.apart(other)

@@ -1,45 +1,137 @@
-"""Whether crowds get through the drills, how long they take, and what flows through bottlenecks, over several seeds."""
+"""Whether crowds get through the drills, how long they take, and how fast they flow and walk, over several seeds."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from crowdsim.bench.crowds.drills import Drill, bottleneck, counterflow, crossing, door, run_drill
+from crowdsim.bench.crowds.drills import (
+    Drill,
+    DrillResult,
+    bottleneck,
+    counterflow,
+    crossing,
+    door,
+    run_circle,
+    run_drill,
+)
+from crowdsim.bench.crowds.endless import BOTH_WAYS, ONE_WAY, run_endless
+from crowdsim.bench.crowds.rimea import CORNER_SECONDS, TRANSIT, run_corner, run_queue, transit_time
 from crowdsim.bench.registry import Measurement
 
-SEEDS = (101, 102, 103, 104, 105)
+SEEDS = tuple(range(101, 111))
 """Rules were chosen on other ones."""
 
 WIDTHS = (0.8, 1.0, 1.2, 1.6, 2.0, 2.4)
 
 DRILLS = (
-    *((counterflow(against), 1) for against in (0, 10, 50, 100)),
-    (door(10, 1.0), 1),
-    (crossing(40), 1),
-    *((bottleneck(width), width) for width in WIDTHS),
+    *((counterflow(against), 120.0) for against in (0, 10, 50, 100)),
+    (door(10, 1.0), 90.0),
+    (crossing(40), 100.0),
 )
-"""Drills, and the width that the flow is divided by [m]."""
+"""Drills, and the time after which all have to have arrived [s]."""
+
+BOTTLENECKS = tuple((bottleneck(width), width) for width in WIDTHS)
+
+LEAST_FLOW = 1.5
+"""People that have to get through a bottleneck, for each meter of its width and second."""
+
+CIRCLES = {64: 3.5, 256: 2.0}
+"""Agents on a circle, and how many times as long as alone they may take."""
+
+KEYS = (
+    *("drill", "runs", "failed", "missing", "last_s", "last_s_median", "flow_per_m", "flow_per_m_least"),
+    *("speed", "speed_least", "speed_most", "acceleration_p95"),
+)
+"""Columns. ``failed`` counts the runs outside of what is asked of them."""
 
 
 def measure() -> Measurement:
     """Run all drills with all seeds."""
-    rows = [_row(drill, width) for drill, width in DRILLS]
-    figures = {f"{row['drill']} {key}": float(row[key]) for row in rows for key in ("missing", "last_s", "flow_per_m")}
+    rows = [_walked(drill, seconds) for drill, seconds in DRILLS]
+    rows += [_bottleneck(drill, width) for drill, width in BOTTLENECKS]
+    rows += [_circle(count, most) for count, most in CIRCLES.items()]
+    rows += [_endless(density, False) for density in ONE_WAY]
+    rows += [_endless(density, True) for density in BOTH_WAYS]
+    rows += [_transit(), _corner(), _queue()]
+    figures = {f"{row['drill']} {key}": float(row[key]) for row in rows for key in KEYS[2:] if row[key] is not None}
     return Measurement(rows, figures)
 
 
-def _row(drill: Drill, width: float) -> dict[str, Any]:
-    results = [run_drill(drill, seed) for seed in SEEDS]
-    last = [float(np.nanmax(result.arrived)) for result in results]
+def _row(drill: str, failed: Sequence[bool], **columns: float) -> dict[str, Any]:
+    """A row of the table; columns that say nothing of a drill stay empty."""
+    row: dict[str, Any] = dict.fromkeys(KEYS)
+    return row | {"drill": drill, "runs": len(failed), "failed": sum(failed)} | columns
+
+
+def _arrivals(results: Sequence[DrillResult]) -> dict[str, float]:
+    """Who is missing, when the last one arrives, and the accelerations, which the slowest run stands for."""
+    last = [_last(result) for result in results]
     return {
-        "drill": drill.name,
-        "runs": len(results),
         "missing": int(sum(np.isnan(result.arrived).sum() for result in results)),
         "last_s": round(max(last), 1),
         "last_s_median": round(float(np.median(last)), 1),
-        "flow_per_m": round(float(np.median([result.flow() for result in results])) / width, 2),
-        "flow_per_m_least": round(min(result.flow() for result in results) / width, 2),
         "acceleration_p95": round(max(result.acceleration for result in results), 2),
     }
+
+
+def _last(result: DrillResult) -> float:
+    """When the last one of those arrived that did [s]."""
+    return float(np.max(result.arrived, where=np.isfinite(result.arrived), initial=0.0))
+
+
+def _is_late(result: DrillResult, seconds: float) -> bool:
+    return bool(np.isnan(result.arrived).any()) or _last(result) > seconds
+
+
+def _walked(drill: Drill, seconds: float) -> dict[str, Any]:
+    results = [run_drill(drill, seed) for seed in SEEDS]
+    return _row(drill.name, [_is_late(result, seconds) for result in results], **_arrivals(results))
+
+
+def _bottleneck(drill: Drill, width: float) -> dict[str, Any]:
+    results = [run_drill(drill, seed) for seed in SEEDS]
+    flows = [result.flow() / width for result in results]
+    failed = [_is_late(result, drill.seconds) or flow < LEAST_FLOW for result, flow in zip(results, flows, strict=True)]
+    flow = {"flow_per_m": round(float(np.median(flows)), 2), "flow_per_m_least": round(min(flows), 2)}
+    return _row(drill.name, failed, **_arrivals(results), **flow)
+
+
+def _circle(count: int, most: float) -> dict[str, Any]:
+    runs = [run_circle(count, seed) for seed in SEEDS]
+    failed = [_is_late(result, most * free) for result, free in runs]
+    return _row(f"circle of {count}, alone {runs[0][1]:.1f} s", failed, **_arrivals([result for result, _ in runs]))
+
+
+def _endless(density: float, both_ways: bool) -> dict[str, Any]:
+    results = [run_endless(density, seed, both_ways=both_ways) for seed in SEEDS]
+    speeds = [result.speed for result in results]
+    low, high = (BOTH_WAYS[density], np.inf) if both_ways else ONE_WAY[density]
+    return _row(
+        f"{'both ways' if both_ways else 'one way'} at {density:g} /m2",
+        [not low <= speed <= high for speed in speeds],
+        speed=round(float(np.median(speeds)), 3),
+        speed_least=round(min(speeds), 3),
+        speed_most=round(max(speeds), 3),
+        acceleration_p95=round(max(result.acceleration for result in results), 2),
+    )
+
+
+def _transit() -> dict[str, Any]:
+    times = [transit_time(seed) for seed in SEEDS]
+    failed = [not TRANSIT[0] <= time <= TRANSIT[1] for time in times]
+    return _row("40 m alone (RiMEA 1)", failed, last_s=round(max(times), 2), last_s_median=float(np.median(times)))
+
+
+def _corner() -> dict[str, Any]:
+    runs = [run_corner(seed) for seed in SEEDS]
+    failed = [_is_late(result, CORNER_SECONDS) or outside > 0 for result, outside in runs]
+    return _row("corner (RiMEA 6)", failed, **_arrivals([result for result, _ in runs]))
+
+
+def _queue() -> dict[str, Any]:
+    runs = [run_queue(seed) for seed in SEEDS]
+    failed = [not run.queues_first() or bool(np.isnan(run.drill.arrived).any()) for run in runs]
+    return _row("two necks of 1 m (RiMEA 12)", failed, **_arrivals([run.drill for run in runs]))

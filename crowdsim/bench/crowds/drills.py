@@ -1,15 +1,16 @@
 """Places in which crowds must not lock, as evacuation tests and studies of pedestrians use them.
 
-Counterflow (IMO MSC.1/Circ.1533, test 8), doors, crossings, bottlenecks (Seyfried 2009), the circle whose agents all
-change sides, and corridors without ends, in which speed is measured against density (RiMEA 3.0, test 4).
+Counterflow (IMO MSC.1/Circ.1533, test 8), doors, crossings, bottlenecks (Seyfried 2009), and the circle whose agents
+all change sides. Corridors without ends are in ``endless.py``.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,12 +26,26 @@ from crowdsim.steering.guidance.ground import build_ground
 from crowdsim.steering.guidance.guidance import PLAIN, Guidance
 from crowdsim.steering.guidance.place_walls import outline_segments
 from crowdsim.steering.row_kernels import ROW
+from crowdsim.steering.rules import Rules
 from crowdsim.steering.steering import Steering
-from crowdsim.steering.walls import build_walls
+from crowdsim.steering.walls import Walls, build_walls
 
 LEG_RADIUS = 0.125
 
+SPEED = 1.34
+"""Mean speed of pedestrians alone (Weidmann 1993) [m/s]."""
+
+CIRCLE_SPACING = 0.775
+"""Distance along a circle between two agents at the start [m]."""
+
+THERE = 0.3
+"""Distance from its goal at which an agent of a circle has arrived [m]."""
+
 State = NDArray[Any]
+Guide: TypeAlias = Callable[[State], None]
+"""Writes gx, gy, togo, turn and held of all agents; togo is 0 for those who have arrived."""
+Watch: TypeAlias = Callable[[float, State], None]
+"""Is shown the time [s] and the agents after each step, before those leave that have arrived."""
 
 
 @cache
@@ -116,26 +131,73 @@ def crossing(each: int) -> Drill:
     return Drill(f"crossing of 4 x {each}", area, groups, 120.0)
 
 
-def run_drill(drill: Drill, seed: int, *, threads: int = 1) -> DrillResult:
+def run_drill(
+    drill: Drill, seed: int, *, rules: Rules | None = None, threads: int = 1, watch: Watch | None = None
+) -> DrillResult:
     """Walk through a drill; the seed draws places, breadths and speeds."""
+    return run_from(drill, draw_agents(drill, seed), rules=rules, threads=threads, watch=watch)
+
+
+def run_from(
+    drill: Drill, state: State, *, rules: Rules | None = None, threads: int = 1, watch: Watch | None = None
+) -> DrillResult:
+    """Walk through a drill from a state; a row's goal is the number of its group, its id the number of the row."""
     need, asked = _needs()
     segments = outline_segments(drill.area)
-    walls = build_walls(segments)
     guidance = Guidance(build_ground([segments], need), [group.goal for group in drill.groups], asked)
-    state = draw_agents(drill, seed)
-    following = np.full(len(state), PLAIN, np.int32)
+
+    def guide(state: State) -> None:
+        guidance.write(state, np.full(len(state), PLAIN, np.int32))
+
+    return walk(state, build_walls(segments), guide, drill.seconds, rules, threads, watch)
+
+
+def run_circle(count: int, seed: int, *, rules: Rules | None = None, threads: int = 1) -> tuple[DrillResult, float]:
+    """Agents on a circle go to the opposite points, all at SPEED; returns also the time of one who is alone [s].
+
+    There are no walls, so the way is the straight line, as fields have it in the open.
+    """
+    rng = np.random.default_rng(seed)
+    radius = CIRCLE_SPACING * count / (2.0 * math.pi)
+    angles = 2.0 * math.pi * (np.arange(count) + rng.uniform(-0.1, 0.1, count)) / count
+    places = radius * np.column_stack((np.cos(angles), np.sin(angles)))
+    state = make_agents(rng, places, np.arange(count), -places)
+    state["speed"] = SPEED
+
+    def guide(state: State) -> None:
+        ahead = -places[state["id"]] - np.column_stack((state["x"], state["y"]))
+        apart = np.hypot(*ahead.T)
+        state["togo"] = np.where(apart < THERE, 0.0, apart)
+        state["gx"], state["gy"] = (ahead / np.maximum(apart, THERE)[:, None]).T
+
+    free = (2.0 * radius - THERE) / SPEED
+    return walk(state, build_walls(np.empty((0, 4))), guide, 10.0 * free, rules, threads), free
+
+
+def walk(
+    state: State,
+    walls: Walls,
+    guide: Guide,
+    seconds: float,
+    rules: Rules | None = None,
+    threads: int = 1,
+    watch: Watch | None = None,
+) -> DrillResult:
+    """Step agents until all have arrived; who has arrived leaves."""
     arrived = np.full(len(state), np.nan)
     changes = []
-    with Steering(walls, walls, leg_radius=LEG_RADIUS, threads=threads) as steering:
+    with Steering(walls, walls, leg_radius=LEG_RADIUS, rules=rules, threads=threads) as steering:
         dt = steering.rules.step
-        for step in range(round(drill.seconds / dt)):
-            guidance.write(state, following)
+        for step in range(round(seconds / dt)):
+            guide(state)
             before = state[["vx", "vy"]].copy()
             steering.step(state)
             changes.append(np.hypot(state["vx"] - before["vx"], state["vy"] - before["vy"]) / dt)
+            if watch is not None:
+                watch((step + 1) * dt, state)
             there = state["togo"] == 0.0
             arrived[state["id"][there]] = (step + 1) * dt
-            state, following = state[~there], following[~there]
+            state = state[~there]
             if not len(state):
                 break
     return DrillResult(arrived, float(np.quantile(np.concatenate(changes), 0.95)))

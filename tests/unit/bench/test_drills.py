@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
+from shapely import box
 
-from crowdsim.bench.crowds import drill_table, drills
+from crowdsim.bench.crowds import drill_table, drills, endless, rimea
 from crowdsim.bench.crowds.rvo2 import Rvo2
 from crowdsim.errors import CrowdSimError
+from crowdsim.steering.steering import Steering
+from crowdsim.steering.walls import build_walls
 
 
 def test_a_folder_without_rvo2_is_refused(tmp_path):
@@ -17,10 +22,22 @@ def test_a_folder_without_rvo2_is_refused(tmp_path):
 
 def test_drills_say_who_arrived(monkeypatch):
     monkeypatch.setattr(drill_table, "SEEDS", (1,))
-    monkeypatch.setattr(drill_table, "DRILLS", ((drills.door(2, 1.2), 1.2),))
-    row = drill_table.measure().rows[0]
-    assert row["missing"] == 0
-    assert 4.0 < row["last_s"] < 40.0
+    monkeypatch.setattr(drill_table, "DRILLS", ((drills.door(2, 1.2), 40.0),))
+    neck = dataclasses.replace(drills.bottleneck(2.4), groups=(drills.Group(24, (-6, -3, -1, 3), box(6, -3, 11, 3)),))
+    monkeypatch.setattr(drill_table, "BOTTLENECKS", ((neck, 2.4),))
+    monkeypatch.setattr(drill_table, "LEAST_FLOW", 0.5)
+    monkeypatch.setattr(drill_table, "CIRCLES", {6: 5.0})
+    monkeypatch.setattr(drill_table, "ONE_WAY", {0.5: (0.5, 2.0)})
+    monkeypatch.setattr(drill_table, "BOTH_WAYS", {0.5: 9.0})
+    monkeypatch.setattr(endless, "MEASURED", 1.0)
+    measured = drill_table.measure()
+    assert [row["drill"].split()[0] for row in measured.rows] == "door bottleneck circle one both 40 corner two".split()
+    assert all(tuple(row) == drill_table.KEYS for row in measured.rows)
+    # Nobody is asked for 9 m/s but those who walk both ways.
+    assert [row["failed"] for row in measured.rows] == [0, 0, 0, 0, 1, 0, 0, 0]
+    assert 4.0 < measured.rows[0]["last_s"] < 40.0
+    assert measured.figures["corner (RiMEA 6) missing"] == 0.0
+    assert "corner (RiMEA 6) speed" not in measured.figures
 
 
 def test_agents_of_a_drill_do_not_touch():
@@ -30,3 +47,58 @@ def test_agents_of_a_drill_do_not_touch():
     assert apart.min() > 0.52
     with pytest.raises(ValueError, match="find no room"):
         drills.draw_agents(drills.door(200, 1.0), 1)
+
+
+def test_a_corridor_without_ends_is_alike_everywhere():
+    """Moved along, with the ends in the midst of them, the same people decide the same."""
+    walls = build_walls(np.array([[-9.0, 0.0, 35.0, 0.0], [-9.0, 2.0, 35.0, 2.0]]))
+    with Steering(walls, walls, leg_radius=drills.LEG_RADIUS) as steps:
+
+        def stepped(people):
+            all_of_them = endless.with_copies(people)
+            assert len(all_of_them) > len(people)
+            steps.step(all_of_them)
+            return all_of_them[: len(people)].copy()
+
+        def wrap(people):
+            endless.shift(people, -endless.LENGTH * np.floor(people["x"] / endless.LENGTH))
+
+        state = endless.draw_endless(2.0, 1, True)
+        for _ in range(30):
+            state = stepped(state)
+            wrap(state)
+        moved = state.copy()
+        endless.shift(moved, 13.0)
+        wrap(moved)
+        one, other = stepped(state), stepped(moved)
+    for name in ("vx", "vy", "hx", "opposed", "stuck"):
+        # Where two choices are as good, rounding may decide.
+        assert np.isclose(one[name], other[name], atol=1e-6).sum() >= len(state) - 2
+    keys = one["key"] + one["gx"] * one["x"] - other["key"] - other["gx"] * other["x"]
+    assert np.isclose(keys, 0.0, atol=1e-6).sum() >= len(state) - 2
+
+
+@pytest.mark.parametrize("density", [0.5, 3.0])
+def test_people_in_a_corridor_without_ends_do_not_touch(density):
+    state = endless.draw_endless(density, 1, False)
+    assert len(state) == round(52 * density)
+    assert state["speed"].mean() == pytest.approx(1.34, abs=0.01)
+    along = np.abs(state["x"][:, None] - state["x"])
+    along = np.minimum(along, endless.LENGTH - along)
+    across = np.abs(state["y"][:, None] - state["y"])
+    breadth = state["half"] + 0.125
+    free = (along > 0.25) | (across > breadth[:, None] + breadth) | np.eye(len(state), dtype=bool)
+    assert free.all()
+    assert (state["y"] > breadth).all()
+    assert (state["y"] < 2.0 - breadth).all()
+
+
+def test_tests_of_the_guideline_are_passed():
+    assert rimea.TRANSIT[0] < rimea.transit_time(1) < rimea.TRANSIT[1]
+    result, outside = rimea.run_corner(1)
+    assert outside == 0
+    assert result.arrived.max() < rimea.CORNER_SECONDS
+    queue = rimea.run_queue(1)
+    assert np.isfinite(queue.drill.arrived).all()
+    assert queue.queues_first()
+    assert not dataclasses.replace(queue, flows=queue.flows[::-1]).queues_first()

@@ -85,11 +85,38 @@ def test_rules_that_need_a_certain_place():
                 assert wanted["rank"][me] > Rules().yield_after - 0.01
             elif merged:
                 assert wanted["key"][me] < decision.key
+                assert wanted["turn"][me] == pytest.approx(_turn_across(state[me], decision.across), abs=1e-9)
             else:
                 assert wanted["rank"][me] == state["stuck"][me] + 0.001 * state["share"][me]
                 assert wanted["key"][me] == decision.key
     assert seen["gave way"] > 0
     assert seen["merged"] > 0
+
+
+def _turn_across(row: np.void, way: np.ndarray) -> float:
+    """Turn in a step of a body that turns narrow across a way, to the side that is nearer [rad]."""
+    heading = math.atan2(row["hy"], row["hx"])
+    sides = [math.atan2(way[0], -way[1]) - heading, math.atan2(-way[0], way[1]) - heading]
+    nearer = min(((side + math.pi) % (2.0 * math.pi) - math.pi for side in sides), key=abs)
+    most = Rules().turn_rate * Rules().step
+    return float(np.clip(nearer, -most, most))
+
+
+def test_close_to_its_goal_nobody_aims_to_the_right():
+    rng = np.random.default_rng(3)
+    state = agents(np.array([[0.0, 0.0], [2.5, 0.0]]), np.array([0.0, math.pi]), np.array([0, 1]), rng)
+    state["ix"] = state["gx"]
+    state["opposed"] = 1.0
+    # The way straight ahead is free, as the other one walks off.
+    state["vx"] = [0.0, 2.0]
+    aside = []
+    for togo in (10.0, 2.0, 0.5, 0.01):
+        state["togo"] = togo
+        wanted = _decide(state, _near(state)[1])
+        aside.append(math.degrees(math.atan2(-wanted["vy"][0], wanted["vx"][0])))
+    assert aside[0] == aside[1] > 30.0
+    assert aside[1] > aside[2] > aside[3]
+    assert abs(aside[3]) < 1.0
 
 
 def test_a_follower_keeps_a_time_gap():

@@ -9,6 +9,7 @@ from crowdsim.planning.planner import Planner
 from crowdsim.steering.guidance.field import SIDEWAYS, asked_of, guide, solve_field, ways
 from crowdsim.steering.guidance.field_kernels import eighth_of
 from crowdsim.steering.guidance.guidance import solve_fields
+from crowdsim.steering.guidance.sample_kernels import CLEAR, is_clear
 from tests.reference import guidance_reference, weighted_region
 from tests.support.guided import BEHAVIORS, NEED, follow, free_places, ground_of, rows_at
 from tests.support.small_scenes import scene
@@ -242,6 +243,37 @@ def test_wider_bodies_keep_farther_off():
     ground = ground_of(areas, wider=0.04)
     assert np.isfinite(narrow.cost).all()
     assert np.isinf(ways(ground, solve_field(ground, [11.0, 0.0]), [[2.0, 0.0]]).cost).all()
+
+
+@pytest.mark.parametrize("half", [0.4, 0.5])
+def test_who_is_pushed_to_the_side_of_a_neck_goes_on_along_it(half):
+    room = shapely.box(0.0, -2.0, 14.0, 2.0)
+    area = room.difference(shapely.box(5.0, -2.0, 9.0, 2.0).difference(shapely.box(5.0, -half, 9.0, half)))
+    ground = ground_of([area, area])
+    y = np.linspace(0.18 - half, half - 0.18, 21)
+    for x in (5.6, 6.3, 7.0):
+        told = ways(ground, solve_field(ground, [13.0, 0.0]), np.column_stack([np.full(len(y), x), y]))
+        assert (told.direction[:, 0] > 0.9).all()
+
+
+@kernel
+def clear_lines(ground, starts, ends, out):
+    for n in range(len(starts)):
+        out[n] = is_clear(ground, starts[n, 0], starts[n, 1], ends[n, 0], ends[n, 1])
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_lines_are_clear_that_keep_off_walls(seed):
+    areas = scene(seed)
+    starts = free_places(areas, 400, seed, CLEAR)
+    ends = starts[np.random.default_rng(seed).permutation(len(starts))]
+    found = np.zeros(len(starts), np.bool_)
+    clear_lines(ground_of(areas), starts, ends, found)
+    off = guidance_reference.clearance(areas, starts, ends)
+    assert found[off >= CLEAR].all()
+    # Places along the line are tested, 0.1 m from each other.
+    assert not found[off < np.sqrt(CLEAR**2 - 0.05**2) - 1e-9].any()
+    assert 0.1 < found.mean() < 0.9
 
 
 @kernel

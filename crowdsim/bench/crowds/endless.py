@@ -1,0 +1,115 @@
+"""Corridors without ends, in which speed is measured against density (RiMEA 3.0, test 4).
+
+Whoever leaves at one end comes in at the other. Kernels know of no such ends: before each step, copies of those within
+AHEAD of an end stand beyond the other one, and are thrown away after it. All decisions read old rows only, so whoever
+stands within the corridor moves as in one without ends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from crowdsim.bench.crowds.drills import LEG_RADIUS, SPEED, make_agents
+from crowdsim.steering.rules import Rules
+from crowdsim.steering.steering import Steering
+from crowdsim.steering.walls import build_walls
+
+LENGTH = 26.0
+WIDTH = 2.0
+
+AHEAD = 4.0
+"""More than agents see [m]."""
+
+SETTLING = 10.0
+"""Time before the measurement [s], as RiMEA's test 4 has it."""
+
+MEASURED = 60.0
+"""Time that is measured [s]."""
+
+ONE_WAY = {
+    0.5: (1.168, 1.594),
+    1.0: (0.938, 1.469),
+    1.5: (0.844, 1.298),
+    2.0: (0.486, 1.019),
+    2.5: (0.347, 0.675),
+    3.0: (0.291, 0.490),
+}
+"""Density [1/m2] -> 5 % and 95 % of the speeds [m/s] measured in corridors walked one way.
+
+Of the HERMES experiments (Zhang, Klingsch, Schadschneider and Seyfried 2011), runs uo-*, 17 of them, by the classic
+method C of PedPy 1.5.1.
+"""
+
+BOTH_WAYS = {1.0: 1.0, 2.0: 0.65}
+"""Density [1/m2] -> least mean speed [m/s] if half of the people walk against the other half."""
+
+
+@dataclass(frozen=True)
+class EndlessResult:
+    """Mean speed along the corridor of all agents [m/s], and 95 % of the accelerations [m/s2]."""
+
+    speed: float
+    acceleration: float
+
+
+def run_endless(density: float, seed: int, *, both_ways: bool = False, rules: Rules | None = None) -> EndlessResult:
+    """Measure the speed of people at a density [1/m2]; the seed draws places, breadths and the order of speeds."""
+    state = draw_endless(density, seed, both_ways)
+    walls = build_walls(np.array([[-9.0, 0.0, LENGTH + 9.0, 0.0], [-9.0, WIDTH, LENGTH + 9.0, WIDTH]]))
+    speeds, changes = [], []
+    with Steering(walls, walls, leg_radius=LEG_RADIUS, rules=rules) as steering:
+        dt = steering.rules.step
+        for step in range(round((SETTLING + MEASURED) / dt)):
+            all_of_them = with_copies(state)
+            steering.step(all_of_them)
+            stepped = all_of_them[: len(state)]
+            if step * dt >= SETTLING:
+                speeds.append(float(np.mean(stepped["vx"] * stepped["gx"])))
+                changes.append(np.hypot(stepped["vx"] - state["vx"], stepped["vy"] - state["vy"]) / dt)
+            state = stepped.copy()
+            shift(state, -LENGTH * np.floor(state["x"] / LENGTH))
+    return EndlessResult(float(np.mean(speeds)), float(np.quantile(np.concatenate(changes), 0.95)))
+
+
+def with_copies(state: NDArray[Any]) -> NDArray[Any]:
+    """All agents, then copies beyond the ends of those within AHEAD of the other end, with what they have to go."""
+    right, left = state[state["x"] < AHEAD], state[state["x"] >= LENGTH - AHEAD]
+    shift(right, LENGTH)
+    shift(left, -LENGTH)
+    found = np.concatenate([state, right, left])
+    found["id"] = np.arange(len(found))
+    found["togo"] = 2.0 * LENGTH - found["gx"] * found["x"]
+    return found
+
+
+def shift(state: NDArray[Any], by: float | NDArray[np.float64]) -> None:
+    """Move agents along the corridor; who is farther along goes first, so their keys move, too."""
+    state["x"] += by
+    state["key"] -= state["gx"] * by
+
+
+def draw_endless(density: float, seed: int, both_ways: bool) -> NDArray[Any]:
+    """People at places drawn from three rows, all at different ones, each pushed a little.
+
+    Their speeds are quantiles of the usual ones in random order, so that the mean speed alone is the same for all
+    seeds: that of 26 people drawn at random would vary by 0.05 m/s, as much as the lowest band is wide.
+    """
+    rng = np.random.default_rng(seed)
+    count = round(density * LENGTH * WIDTH)
+    columns = round(LENGTH / 0.5)
+    slots = rng.permutation(3 * columns)[:count]
+    x = 0.25 + 0.5 * (slots // 3) + rng.uniform(-0.1, 0.1, count)
+    y = np.array([0.36, 1.0, 1.64])[slots % 3] + rng.uniform(-0.04, 0.04, count)
+    goals = np.arange(count) % 2 if both_ways else np.zeros(count, np.int64)
+    way = np.where(goals == 0, 1.0, -1.0)
+    state = make_agents(rng, np.column_stack((x, y)), goals, np.column_stack((way, np.zeros(count))))
+    state["gx"] = way
+    state["key"] = 2.0 * LENGTH - way * x
+    speeds = np.clip(SPEED + 0.26 * ndtri((np.arange(count) + 0.5) / count), 0.5, 2.2)
+    state["speed"] = rng.permutation(speeds)
+    return state
