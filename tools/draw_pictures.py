@@ -21,8 +21,9 @@ from crowdsim.figures import write_figure
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.playback.shot import shot
 from crowdsim.recording.reader import Recording
-from crowdsim.scenario.loader import builtin_scenarios
+from crowdsim.scenario.loader import builtin_scenarios, parse_scenario
 from crowdsim.scenario.picture import draw_scenario
+from crowdsim.scenario.scenario import Scenario
 
 ROOT = Path(__file__).resolve().parents[1]
 THUMBNAIL = (640, 400)
@@ -38,9 +39,49 @@ TIMES = {
 """Seconds at which much is going on; the others are drawn at the moment that ``crowdsim play --shot`` chooses."""
 RADIUS = 0.25
 
+STREET = """\
+crowdsim: 1
+name: street
+seed: 4
+duration: 30
+floor: {rectangle: [0, 0, 250, 50]}
+obstacles:
+  - {name: kiosk, box: {center: [60, 25], size: [4, 3]}, top: 2.7}
+  - {name: stage, box: {center: [150, 25], size: [14, 8]}, top: 1.0}
+agents:
+  - {locomotion: steered, name: up, count: 4000, start: {rectangle: [1, 1, 249, 24]},
+     goal: {rectangle: [246, 1, 249.5, 49]}}
+  - {locomotion: steered, name: down, count: 4000, start: {rectangle: [1, 26, 249, 49]},
+     goal: {rectangle: [0.5, 1, 4, 49]}}
+  - {locomotion: steered, name: across, count: 1000, start: {rectangle: [1, 1, 249, 24]},
+     goal: {rectangle: [1, 47, 249, 49.5]}}
+  - {locomotion: steered, name: back, count: 1000, start: {rectangle: [1, 26, 249, 49]},
+     goal: {rectangle: [1, 0.5, 249, 3]}}
+"""
+"""Ten thousand people, both ways and across."""
+
+FOUR_WAYS = """\
+crowdsim: 1
+name: four ways
+seed: 5
+duration: 60
+floor: {polygon: [[-14, -2], [-2, -2], [-2, -14], [2, -14], [2, -2], [14, -2], [14, 2], [2, 2], [2, 14], [-2, 14],
+  [-2, 2], [-14, 2]]}
+agents:
+  - {locomotion: steered, name: east, count: 40, start: {rectangle: [-13, -1.6, -4, 1.6]},
+     goal: {rectangle: [12, -1.7, 13.7, 1.7]}}
+  - {locomotion: steered, name: west, count: 40, start: {rectangle: [4, -1.6, 13, 1.6]},
+     goal: {rectangle: [-13.7, -1.7, -12, 1.7]}}
+  - {locomotion: steered, name: north, count: 40, start: {rectangle: [-1.6, -13, 1.6, -4]},
+     goal: {rectangle: [-1.7, 12, 1.7, 13.7]}}
+  - {locomotion: steered, name: south, count: 40, start: {rectangle: [-1.6, 4, 1.6, 13]},
+     goal: {rectangle: [-1.7, -13.7, 1.7, -12]}}
+"""
+"""Two corridors that cross, walked in all four directions."""
+
 
 class Recordings:
-    """Recordings of the scenarios of the library in a folder that goes when all pictures are drawn."""
+    """Recordings of scenarios in a folder that goes when all pictures are drawn."""
 
     def __init__(self, stack: ExitStack) -> None:
         self._stack = stack
@@ -48,11 +89,20 @@ class Recordings:
         self._done: dict[str, Recording] = {}
 
     def of(self, name: str) -> Recording:
-        """The recording of a scenario, which is run if it was not yet."""
+        """The recording of a scenario of the library, which is run if it was not yet."""
         if name not in self._done:
-            simulation = self._stack.enter_context(crowdsim.Simulation(crowdsim.load_scenario(name)))
-            self._done[name] = self._stack.enter_context(simulation.run(self._folder / f"{name}.h5"))
+            self._run(name, crowdsim.load_scenario(name))
         return self._done[name]
+
+    def of_text(self, text: str) -> Recording:
+        """The recording of a scenario given as text."""
+        scenario = parse_scenario(text)
+        self._run(scenario.name, scenario)
+        return self._done[scenario.name]
+
+    def _run(self, name: str, scenario: Scenario) -> None:
+        simulation = self._stack.enter_context(crowdsim.Simulation(scenario))
+        self._done[name] = self._stack.enter_context(simulation.run(self._folder / f"{name}.h5"))
 
 
 def write_small(file: Path) -> None:
@@ -91,6 +141,17 @@ def apartment_layers(file: Path, recordings: Recordings) -> None:
 def counterflow(file: Path, recordings: Recordings) -> None:
     """Both ways through the corridor, in lanes."""
     shot(recordings.of("counterflow"), file, TIMES["counterflow"])
+    write_small(file)
+
+
+def street(file: Path, recordings: Recordings) -> None:
+    """In the midst of ten thousand."""
+    shot(recordings.of_text(STREET), file, 20.0, "follow", agent=4200)
+    write_small(file)
+
+
+def four_ways(file: Path, recordings: Recordings) -> None:
+    shot(recordings.of_text(FOUR_WAYS), file, 14.0)
     write_small(file)
 
 
@@ -134,6 +195,8 @@ PICTURES: Mapping[str, Callable[[Path, Recordings], None]] = {
     "docs/images/corridor_lateral.png": corridor_lateral,
     "docs/images/apartment_layers.png": apartment_layers,
     "docs/images/counterflow.png": counterflow,
+    "docs/images/four_ways.png": four_ways,
+    "docs/images/street.png": street,
     "docs/images/navmesh.png": navmesh,
     **{f"scenarios/assets/{name}.png": thumbnail(name) for name in builtin_scenarios()},
 }
