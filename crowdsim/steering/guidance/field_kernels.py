@@ -46,6 +46,9 @@ BEFORE = 0.7
 ASIDE = np.array([0.0, 0.15, -0.15, 0.3, -0.3])
 """Places across the way that may be wider: whoever walks along a wall need not turn [m]."""
 
+OFF = 0.3
+"""The same, off the nearest wall: whoever leaves a wall need not turn either [m]."""
+
 
 @helper
 def anchor_place(ground, points, anchor):
@@ -311,8 +314,34 @@ def solve(ground, crowding, points, inside, field, state):
 
 
 @helper
+def _off_the_wall(ground, box, x, y):
+    """Unit vector from the nearest wall to a place of a box; 0, 0 if there is none near, or the place lies on it."""
+    nearest = math.inf
+    dx = 0.0
+    dy = 0.0
+    for entry in range(ground.starts[box], ground.starts[box + 1]):
+        ax, ay, bx, by = ground.segments[ground.lists[entry]]
+        square = (bx - ax) * (bx - ax) + (by - ay) * (by - ay)
+        share = ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / square if square > 0.0 else 0.0
+        share = min(max(share, 0.0), 1.0)
+        px = x - ax - share * (bx - ax)
+        py = y - ay - share * (by - ay)
+        if px * px + py * py < nearest:
+            nearest = px * px + py * py
+            dx = px
+            dy = py
+    length = math.sqrt(dx * dx + dy * dy)
+    if length == 0.0:
+        return 0.0, 0.0
+    return dx / length, dy / length
+
+
+@helper
 def _passage(ground, x, y, dx, dy):
-    """The widest behavior that fits at a place or beside it, across the way (dx, dy); the widest if none does."""
+    """The widest behavior that fits at a place or beside it; the widest if none does.
+
+    Beside it is across the way (dx, dy), and off the nearest wall: whoever stands at a wall need not be so near.
+    """
     top = len(ground.costs) - 1
     widest = -1
     for n in range(len(ASIDE)):
@@ -322,7 +351,13 @@ def _passage(ground, x, y, dx, dy):
         if box >= 0:
             widest = max(widest, int(widest_at(ground, box, u, v)))
         if widest == top:
-            break
+            return top
+    box = box_at(ground, x, y)
+    if box >= 0:
+        ox, oy = _off_the_wall(ground, box, x, y)
+        beside = box_at(ground, x + OFF * ox, y + OFF * oy)
+        if beside >= 0:
+            widest = max(widest, int(widest_at(ground, beside, x + OFF * ox, y + OFF * oy)))
     return widest if widest >= 0 else top
 
 
