@@ -30,7 +30,7 @@ class Rules(NamedTuple):
     """Cost of passing on the left, for each meter of the horizon [m]."""
     turn_cost: float = 0.25
     """Cost of turning the shoulders, for each meter of the horizon [m]."""
-    tight: float = 0.8
+    tight: float = 0.7
     """An agent that can go no farther than this tries to turn its shoulders."""
     keep_right: float = 1.0
     """Angle by which an agent aims to the right of its way while others come towards it."""
@@ -45,7 +45,7 @@ class Rules(NamedTuple):
     """Angle by which it aims farther to the right if it is stuck behind somebody."""
     headway: float = 0.45
     """Time gap kept to whoever walks ahead."""
-    standoff: float = 0.32
+    standoff: float = 0.3
     """Gap at which the time gap begins."""
     leader: float = 0.5
     """Share of the speed of whoever walks ahead that is added to what the time gap allows."""
