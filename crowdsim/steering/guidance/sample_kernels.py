@@ -9,6 +9,7 @@ from crowdsim.steering.guidance.ground_kernels import (
     BOX,
     CORNER,
     FAR_UNIT,
+    PACE,
     STEPS,
     box_at,
     line_cost,
@@ -28,8 +29,8 @@ BESIDE = 0.24
 In a neck people push each other beside the pins. If they turned back to these, across the way, fewer got through.
 """
 
-CLEAR = 0.13
-"""A body whose shoulders are turned fits at this distance from a wall [m]."""
+CLEAR = 0.16
+"""A body whose shoulders are turned fits at this distance from a wall [m]: 0.125 m, and what people are off a line."""
 
 STRIDE = 0.1
 """Step of the test [m]."""
@@ -85,7 +86,7 @@ def near_length(ground, px, py, qx, qy):
 
 @helper
 def is_clear(ground, px, py, qx, qy):
-    """Whether a line from p to q keeps CLEAR off all walls; of its end, the last STRIDE is not tested."""
+    """Whether a line from p to q keeps CLEAR off all walls; of its end, the last PACE is not tested."""
     dx = qx - px
     dy = qy - py
     length = math.sqrt(dx * dx + dy * dy)
@@ -107,7 +108,7 @@ def is_clear(ground, px, py, qx, qy):
         # Far from walls, step as far as none can be within CLEAR.
         row = box // ground.columns
         far_off = ground.far[row, box - row * ground.columns] * FAR_UNIT - CORNER - CLEAR
-        along += max(STRIDE, far_off)
+        along += max(PACE, far_off)
     return True
 
 

@@ -8,6 +8,7 @@ from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.planner import Planner
 from crowdsim.steering.guidance.field import SIDEWAYS, asked_of, guide, solve_field, ways
 from crowdsim.steering.guidance.field_kernels import eighth_of
+from crowdsim.steering.guidance.ground_kernels import PACE
 from crowdsim.steering.guidance.guidance import solve_fields
 from crowdsim.steering.guidance.sample_kernels import CLEAR, is_clear
 from tests.reference import guidance_reference, weighted_region
@@ -271,8 +272,8 @@ def test_lines_are_clear_that_keep_off_walls(seed):
     clear_lines(ground_of(areas), starts, ends, found)
     off = guidance_reference.clearance(areas, starts, ends)
     assert found[off >= CLEAR].all()
-    # Places along the line are tested, 0.1 m from each other.
-    assert not found[off < np.sqrt(CLEAR**2 - 0.05**2) - 1e-9].any()
+    # Places along the line are tested, a pace from each other.
+    assert not found[off < np.sqrt(CLEAR**2 - (0.5 * PACE) ** 2) - 1e-9].any()
     assert 0.1 < found.mean() < 0.9
 
 
