@@ -251,7 +251,7 @@ def test_who_is_pushed_to_the_side_of_a_neck_goes_on_along_it(half):
     room = shapely.box(0.0, -2.0, 14.0, 2.0)
     area = room.difference(shapely.box(5.0, -2.0, 9.0, 2.0).difference(shapely.box(5.0, -half, 9.0, half)))
     ground = ground_of([area, area])
-    y = np.linspace(0.18 - half, half - 0.18, 21)
+    y = np.linspace(0.2 - half, half - 0.2, 21)
     for x in (5.6, 6.3, 7.0):
         told = ways(ground, solve_field(ground, [13.0, 0.0]), np.column_stack([np.full(len(y), x), y]))
         assert (told.direction[:, 0] > 0.9).all()
