@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from crowdsim.geometry.segments_kernels import point_segment_distance2
-from crowdsim.jit import helper
+from crowdsim.jit import helper, inlined
 from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv
 from crowdsim.navmesh.paths.tangent_kernels import PINCH
 
@@ -116,7 +116,7 @@ def _meets(ellipse, a, b):
     return point_segment_distance2(0.0, 0.0, x0, y0, x1, y1) <= 1.0
 
 
-@helper
+@inlined
 def _leads_on(sight, h, vertices, sides, eye, ellipse):
     """Whether a tangent may lead across side h, if that is free, at the headings of a view.
 
@@ -138,7 +138,7 @@ def _leads_on(sight, h, vertices, sides, eye, ellipse):
     return point_segment_distance2(eye.x, eye.y, a.x, a.y, b.x, b.y) < far * far
 
 
-@helper
+@inlined
 def _first_sight(sight, h, v, w, eye):
     """Set the view across side h from vertex v to w; False for a point at one of the two.
 
@@ -172,7 +172,7 @@ def _first_sight(sight, h, v, w, eye):
     return True
 
 
-@helper
+@inlined
 def _clip(sight, eye):
     """Clip a view to the headings, less and more by 30 degrees; whether anything of it is left.
 
@@ -198,7 +198,7 @@ def _clip(sight, eye):
     return True
 
 
-@helper
+@inlined
 def _split(sight, other, zx, zy, aim, slack, reach):
     """Split a view at the vertex seen at z from the eye: ``sight`` keeps its right part, ``other`` takes the left one.
 
