@@ -112,8 +112,8 @@ def helper(function: Callable[..., Any]) -> Any:
 def inlined(function: Callable[..., Any]) -> Any:
     """Decorator of a helper whose code becomes part of every function that calls it.
 
-    For large helpers of inner loops, which the compiler would rather call: `see_corners` takes 7 % less with them. Where
-    there are several calls the code grows, which can cost more than it saves: measure.
+    For large helpers of inner loops, which the compiler would rather call: `see_corners` takes 7 % less with them.
+    Where there are several calls the code grows, which can cost more than it saves: measure.
     """
     return njit(inline="always", **_OPTIONS)(function)
 
