@@ -13,7 +13,8 @@ from shapely.geometry.base import BaseGeometry
 
 from crowdsim.behaviors.behavior import Behavior
 from crowdsim.errors import GeometryError
-from crowdsim.steering.guidance.field_kernels import PARTS, UNKNOWN, ask, solve
+from crowdsim.steering.guidance.ask_kernels import ask
+from crowdsim.steering.guidance.field_kernels import PARTS, UNKNOWN, solve
 from crowdsim.steering.guidance.ground import NOBODY, Crowding, Ground
 from crowdsim.steering.guidance.ground_kernels import BOX, PIN_UNIT
 from crowdsim.steering.guidance.sample_kernels import sample, ways_at
