@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from itertools import combinations
 
 import numpy as np
@@ -67,15 +68,24 @@ def nearest_agents(state: NDArray[np.void], me: int, reach: float, most: int) ->
 
 
 def nearest_feasible(wanted: NDArray[np.float64], lines: Lines) -> NDArray[np.float64]:
-    """The move nearest to ``wanted`` that crosses no line: among itself, its feet on all lines, and all crossings."""
-    candidates = [wanted]
-    candidates.extend(wanted - (n[:2] @ wanted - n[2]) * n[:2] for n in lines)
-    for a, b in combinations(lines[:, :3], 2):
-        normals = np.array([a[:2], b[:2]])
-        if abs(np.linalg.det(normals)) > 1e-9:
-            candidates.append(np.linalg.solve(normals, [a[2], b[2]]))
-    feasible = [each for each in candidates if all(n[:2] @ each <= n[2] + 1e-9 for n in lines)]
-    return min(feasible, key=lambda each: float(np.hypot(*(each - wanted))), default=np.zeros(2))
+    """The move nearest to ``wanted`` that crosses no line: among itself, its feet on all lines, and all crossings.
+
+    In fractions, which do not round: between two lines that are almost opposite, a line crossed by 1e-9 m lets moves
+    through that are 1 m too long.
+    """
+    wx, wy = (Fraction(float(each)) for each in wanted)
+    exact = [tuple(Fraction(float(each)) for each in line[:3]) for line in lines]
+    candidates = [(wx, wy)]
+    for nx, ny, room in exact:
+        excess = (nx * wx + ny * wy - room) / (nx * nx + ny * ny)
+        candidates.append((wx - excess * nx, wy - excess * ny))
+    for (ax, ay, a), (bx, by, b) in combinations(exact, 2):
+        determinant = ax * by - ay * bx
+        if determinant != 0:
+            candidates.append(((a * by - b * ay) / determinant, (ax * b - bx * a) / determinant))
+    feasible = [(x, y) for x, y in candidates if all(nx * x + ny * y <= room for nx, ny, room in exact)]
+    nearest = min(feasible, key=lambda each: (each[0] - wx) ** 2 + (each[1] - wy) ** 2)
+    return np.array(nearest, float)
 
 
 def free_way(

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from crowdsim.jit import kernel
@@ -54,16 +54,20 @@ LINE = st.tuples(ANGLE, st.floats(0.0, 0.3) | st.just(0.0))
 
 @settings(max_examples=300, deadline=None)
 @given(SHORT, SHORT, st.lists(LINE, max_size=8))
+# Two lines that are almost opposite and leave next to no room between them: whoever crosses one by 1e-9 m goes 1 m.
+@example(0.0, 1.0, [(math.pi, 2.2250738585e-313), (1e-9, 0.0)])
+@example(0.0, 1.0, [(math.nextafter(math.pi, 0.0), 0.0), (1e-9, 2.343246601572357e-25)])
 def test_the_nearest_feasible_move_is_found(wx, wy, drawn):
     lines = np.array([(math.cos(angle), math.sin(angle), room, 1e-9) for angle, room in drawn]).reshape(-1, 4)
     move = np.array(_nearest_feasible(wx, wy, lines, len(lines)))
     wanted = np.array([wx, wy])
     assert all(n[:2] @ move <= n[2] + 2e-9 for n in lines)
     assert np.hypot(*move) <= np.hypot(*wanted) + 1e-9
-    # Standing is taken only if rounding spoils the best, which nearly parallel lines can do.
+    # No move that crosses no line is nearer. The one found may be, by any length: it may cross a line by 2e-9, which
+    # counts for much between nearly parallel lines. Standing is taken only if rounding spoils the best there.
     expected = reference.nearest_feasible(wanted, lines)
     if np.hypot(*move) > 0.0:
-        assert np.hypot(*(move - wanted)) == pytest.approx(np.hypot(*(expected - wanted)), abs=1e-5)
+        assert np.hypot(*(move - wanted)) <= np.hypot(*(expected - wanted)) + 1e-5
 
 
 @settings(max_examples=200, deadline=None)
