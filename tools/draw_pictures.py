@@ -147,7 +147,6 @@ def counterflow(file: Path, recordings: Recordings) -> None:
 def street(file: Path, recordings: Recordings) -> None:
     """In the midst of ten thousand."""
     shot(recordings.of_text(STREET), file, 20.0, "follow", agent=4200)
-    write_small(file)
 
 
 def four_ways(file: Path, recordings: Recordings) -> None:
@@ -196,7 +195,7 @@ PICTURES: Mapping[str, Callable[[Path, Recordings], None]] = {
     "docs/images/apartment_layers.png": apartment_layers,
     "docs/images/counterflow.png": counterflow,
     "docs/images/four_ways.png": four_ways,
-    "docs/images/street.png": street,
+    "docs/images/street.jpg": street,
     "docs/images/navmesh.png": navmesh,
     **{f"scenarios/assets/{name}.png": thumbnail(name) for name in builtin_scenarios()},
 }
