@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.clips.kinematics import forward_kinematics, slerp
-from crowdsim.motion.deformed.deformed_clip import DeformedClip, deform_clip
+from crowdsim.motion.deformed.deformed_clip import DeformedClip, deform_clip, on_legs_of
 from crowdsim.motion.deformed.step_plan import StepPlan, plan_joined, pose_at
 from crowdsim.recording.columns import RecordedTracks
 from crowdsim.recording.track_blocks import TrackBlock, block_of, block_steps, read_block
@@ -55,9 +55,8 @@ class SteeredPoses:
         for behavior in np.flatnonzero((weights > 0.0).any(axis=0)).tolist():
             some = np.flatnonzero(weights[:, behavior] > 0.0)
             clip = self._clip(behavior)
-            plan, places = block.plan(behavior, clip)
             chosen = bodies[some]
-            root, turns = pose_at(clip, plan, places[chosen], time - block.tracks.zeros[chosen])
+            root, turns = pose_at(clip, block.plan(self._walk), chosen, time - block.tracks.zeros[chosen])
             done[some] += weights[some, behavior]
             share = weights[some, behavior] / done[some]
             alone = share >= 1.0
@@ -67,17 +66,25 @@ class SteeredPoses:
             rotations[mixed] = slerp(rotations[mixed], turns[~alone], share)
         return roots, rotations
 
+    @cached_property
+    def _walk(self) -> DeformedClip:
+        """That of the preferred behavior, on whose legs bodies walk in all of them."""
+        return self._deformed(len(self._recording.header.motion.gaits) - 1)
+
     def _clip(self, behavior: int) -> DeformedClip:
         if behavior not in self._clips:
-            motion = self._recording.header.motion
-            gait = motion.gaits[behavior]
-            root, rotations = gait.root.astype(np.float64), gait.rotations.astype(np.float64)
-            self._clips[behavior] = deform_clip(Clip(gait.name, motion.skeleton, root, rotations))
+            self._clips[behavior] = on_legs_of(self._deformed(behavior), self._walk)
         return self._clips[behavior]
+
+    def _deformed(self, behavior: int) -> DeformedClip:
+        motion = self._recording.header.motion
+        gait = motion.gaits[behavior]
+        root, rotations = gait.root.astype(np.float64), gait.rotations.astype(np.float64)
+        return deform_clip(Clip(gait.name, motion.skeleton, root, rotations))
 
 
 class _PlannedBlock:
-    """Footsteps of the bodies of a block, in each behavior that they have in it."""
+    """Footsteps of the bodies of a block."""
 
     def __init__(self, recording: RecordedTracks, number: int) -> None:
         self.tracks: TrackBlock = read_block(recording, number)
@@ -86,17 +93,14 @@ class _PlannedBlock:
         spare = int(np.ceil(BLEND_SECONDS * self._rate)) + 1
         self._first = max(first - spare, 0)
         self._behavior = recording.behavior[self._first : min(end + spare, recording.steps)]
-        self._plans: dict[int, tuple[StepPlan, Ints]] = {}
+        self._plan: StepPlan | None = None
         self._behavior_count = len(recording.header.behaviors)
 
-    def plan(self, behavior: int, clip: DeformedClip) -> tuple[StepPlan, Ints]:
-        """Footsteps of the bodies with a behavior, and (A,) the number of each body in them."""
-        if behavior not in self._plans:
-            bodies = np.flatnonzero(self._has[behavior])
-            places = np.full(len(self.tracks.agents), -1)
-            places[bodies] = np.arange(len(bodies))
-            self._plans[behavior] = plan_joined(clip, self.tracks.tracks.chosen(bodies)), places
-        return self._plans[behavior]
+    def plan(self, walk: DeformedClip) -> StepPlan:
+        """Footsteps of the bodies, which walk on the legs of ``walk`` whatever they do."""
+        if self._plan is None:
+            self._plan = plan_joined(walk, self.tracks.tracks)
+        return self._plan
 
     def behavior_weights(self, bodies: Ints, time: float) -> Floats:
         """(n, behaviors) how much of each behavior bodies show at ``time`` seconds; 1 in all.
@@ -117,12 +121,6 @@ class _PlannedBlock:
             weights[np.arange(len(bodies)), self._behavior[np.maximum(rows, 0), agents]] += share
         weights /= weights.sum(axis=1, keepdims=True)
         return weights
-
-    @cached_property
-    def _has(self) -> NDArray[np.bool_]:
-        """(behaviors, A) whether bodies have a behavior at some time of the block."""
-        agents = self.tracks.agents
-        return np.stack([(self._behavior == k).any(axis=0)[agents] for k in range(self._behavior_count)])
 
 
 def _eased(share: Floats) -> Floats:

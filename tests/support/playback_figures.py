@@ -47,16 +47,9 @@ def played(recording: Recording, times: np.ndarray) -> Played:
         places, world = poses.pose(time, step, agents)
         block = poses._blocks[block_of(step, recording.steps_per_second)]
         bodies = block.tracks.bodies_at(step, agents)
-        behavior = int(np.bincount(frame.behavior[agents]).argmax())
-        for number, (plan, numbers) in block._plans.items():
-            own = numbers[bodies]
-            own = np.where(own >= 0, own, 0)
-            seconds = time - block.tracks.zeros[bodies]
-            found = _phases(plan, own, seconds)
-            known = numbers[bodies] >= 0
-            phases[row, agents[known]] = found[known]
-            if number == behavior:
-                model = poses._clip(number).model
+        phases[row, agents] = _phases(block.plan(poses._walk), bodies, time - block.tracks.zeros[bodies])
+        # Bodies walk on the same legs in all behaviors.
+        model = poses._walk.model
         roots[row, agents] = places[:, 0]
         for foot in (0, 1):
             hip, knee, ankle, toe = model.legs[foot]

@@ -160,6 +160,17 @@ def deform_clip(clip: Clip, speed: float | None = None) -> DeformedClip:
     return DeformedClip(clip.name, clip.skeleton, model)
 
 
+def on_legs_of(clip: DeformedClip, walk: DeformedClip) -> DeformedClip:
+    """A body that walks on the legs and pelvis of ``walk`` and is above them as ``clip``, on the same skeleton.
+
+    Footsteps planned for one of several clips on the same legs hold for all, and no foot moves if bodies go over from
+    one to another.
+    """
+    mean = walk.model.mean.copy()
+    mean[clip.model.upper] = clip.model.mean[clip.model.upper]
+    return DeformedClip(clip.name, walk.skeleton, walk.model._replace(mean=mean, swings=clip.model.swings))
+
+
 def _leg_joints(skeleton: Skeleton) -> NDArray[np.int32]:
     """(2, 4) hip, knee, ankle and toe of the left and right leg."""
     legs = []
