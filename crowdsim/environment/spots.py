@@ -47,11 +47,13 @@ class _Sampler:
     def __init__(self, region: Polygon | Point, room: MultiPolygon, generator: np.random.Generator) -> None:
         self.generator = generator
         self.point = (region.x, region.y) if isinstance(region, Point) else None
+        self.bounds = region.bounds
         if self.point is None:
             pieces = pieces_of(polygons_only(region & room))
             triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(pieces))
             self.corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
             self.shares = np.cumsum(shapely.area(triangles))
+            self.bounds = tuple(shapely.total_bounds(triangles).tolist())
 
     def draws(self) -> Iterator[tuple[float, float]]:
         """Endless draws; the same spot again and again if the region is one."""
@@ -123,7 +125,7 @@ def scatter_spots(
     if distance == 0.0:
         return sampler.batch(count)
     spots = np.concatenate([taken.reshape(-1, 2), np.zeros((count, 2))])
-    left, bottom, right, top = region.bounds
+    left, bottom, right, top = sampler.bounds
     columns, rows = (math.floor(side / distance) + 1 for side in (right - left, top - bottom))
     heads, nexts = np.full(columns * rows, -1, np.int32), np.full(len(spots), -1, np.int32)
     frame = (left, bottom, columns, rows)
@@ -155,8 +157,8 @@ def arrange_spots(
     area = polygons_only(region & room)
     shapely.prepare(area)
     c, s = cos(heading), sin(heading)
-    middle = shapely.get_coordinates(region.centroid)[0]
-    left, bottom, right, top = region.bounds
+    middle = shapely.get_coordinates(area.centroid)[0]
+    left, bottom, right, top = area.bounds
     reach = right - left + top - bottom
 
     others = cKDTree(taken) if len(taken) else None

@@ -204,7 +204,11 @@ class _Drawing:
         for step, rows in _rows_by_step(steps):
             taken = np.concatenate([np.empty((0, 2)), *self._starting[step]])
             spots = scatter_spots(region, room, len(rows), broadest + SPARE, taken, generator)
-            if len(spots) < len(rows) and not isinstance(region, Point):
+            if len(spots) < len(rows) and group.rate is not None:
+                # Who comes from a source waits until nobody stands in its place.
+                more = scatter_spots(region, room, len(rows) - len(spots), 0.0, np.empty((0, 2)), generator)
+                spots = np.concatenate([spots, more])
+            elif len(spots) < len(rows) and not isinstance(region, Point):
                 # Too many to start at random: in rows, which face where they go.
                 toward = shapely.get_coordinates(group.regions()[0][1].shape().centroid)[0]
                 away = toward - shapely.get_coordinates(region.centroid)[0]

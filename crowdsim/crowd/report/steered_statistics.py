@@ -65,7 +65,13 @@ class SteeredStatistics:
             "behavior_share_by_area": {area: shares_of(names, self._way[row]) for row, area in areas},
             "closest_pair": float(self._centers) if self._centers < CENTER_LIMIT else None,
             "closest_bodies": float(self._gap) if self._gap < CENTER_LIMIT else None,
-            "obstacle_margin": {name: self._margins[min(k, 1)] for k, name in enumerate(self._layers)},
+            "obstacle_margin": self._margins_of_layers(),
             "stance_foot_speed": None,
             "lowest_foot": None,
         }
+
+    def _margins_of_layers(self) -> dict[str, float]:
+        """The legs keep off the lowest layer, the torso off all others; both keep off a layer that is the only one."""
+        if len(self._layers) == 1:
+            return {self._layers[0]: min(self._margins)}
+        return {name: self._margins[min(k, 1)] for k, name in enumerate(self._layers)}

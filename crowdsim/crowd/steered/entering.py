@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.crowd.steered.components import NO_GOAL, Errand
-from crowdsim.crowd.steered.entering_kernels import admit
+from crowdsim.crowd.steered.entering_kernels import ROOM, admit
 from crowdsim.crowd.steered.errands import Errands
 from crowdsim.crowd.steered.steered_place import SteeredPlace
 from crowdsim.ecs.world import World
@@ -24,18 +24,24 @@ from crowdsim.steering.steering import Steering
 class Entering:
     """Lets characters in, those first whose time came first; who finds its place taken asks again in the next step.
 
-    entered: (n,) step in which each character came into the world, -1 before.
+    entered: (n,) step in which each character came into the world, -1 before. shut_out: characters whose time has
+    come and in whose place a thing stands.
     """
 
     def __init__(self, world: World, place: SteeredPlace, cast: CrowdPlacement, errands: Errands) -> None:
         self._world, self._place, self._cast, self._errands = world, place, cast, errands
         self.entered = np.full(cast.head_count, -1, np.int64)
+        self.shut_out = np.zeros(0, np.int64)
         self._broadest = 0.5 * float(cast.walkers.breadths.max(initial=0.0))
 
     def enter(self, step: int, steering: Steering) -> None:
         """Ask the world for those who come in this step."""
         cast = self._cast
         due = np.flatnonzero((self.entered < 0) & (cast.start_steps <= step))
+        covered = self._place.covers(cast.starts[due])
+        self.shut_out = due[covered]
+        # Nobody else goes where something waits to come.
+        due = due[~covered & ~self._place.announces(cast.starts[due], self._broadest + ROOM)]
         if not len(due):
             return
         due = due[np.argsort(cast.start_steps[due], kind="stable")]

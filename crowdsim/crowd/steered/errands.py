@@ -82,7 +82,9 @@ class Errands:
     def set_out(self, view: View, step: int) -> None:
         """Let those go on whose time it is: before guidance is written."""
         go = np.flatnonzero((view.errand == Errand.STANDS) & (view.go_step <= step))
-        self._stood.append(self._how_they_stand(view, go[view.reached[go] > 0]))
+        stood = go[view.reached[go] > 0]
+        if len(stood):
+            self._stood.append(self._how_they_stand(view, stood))
         view.errand[go] = Errand.WALKS
         view.row["goal"][go] = view.goal[go]
         view.row["speed"][go] = view.pace[go]
@@ -103,9 +105,10 @@ class Errands:
     def stands_summary(self, view: View) -> dict[str, float | int | None]:
         """How many came to stand at a place, and how far off it and the heading asked for they were at most.
 
-        Those who went on count as they stood when they did, those who stay as they stand now.
+        Those who went on count as they stood when they did, the others as they stand now.
         """
-        now = self._how_they_stand(view, np.flatnonzero(view.errand == Errand.STAYS))
+        waits = (view.errand == Errand.STANDS) & (view.reached > 0)
+        now = self._how_they_stand(view, np.flatnonzero(waits | (view.errand == Errand.STAYS)))
         off = np.concatenate([each for each, _ in (*self._stood, now)])
         turned = np.concatenate([each for _, each in (*self._stood, now)])
         turned = np.degrees(turned[~np.isnan(turned)])

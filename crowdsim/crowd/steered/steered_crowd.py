@@ -71,6 +71,7 @@ class SteeredCrowd:
         if self.place.agenda.over:
             since = self.world.column("lost_since")
             lost = int(((since != NONE) & (self._step - since > LOST_SECONDS * STEERING_RATE)).sum())
+            lost += len(self._entering.shut_out)
         return self.arrived + lost >= self.count
 
     def close(self) -> None:
@@ -158,7 +159,10 @@ class SteeredCrowd:
             "characters": self.count,
             "arrived": int(done.sum()),
             "waiting": int(waits.sum()),
-            "unreachable": {str(agent): reason for agent in sorted(view.agent[lost].tolist())},
+            "unreachable": {
+                **{str(agent): reason for agent in sorted(view.agent[lost].tolist())},
+                **{str(agent): "something stands where it is to start" for agent in self._entering.shut_out.tolist()},
+            },
             "laps": self._errands.laps(),
             "stands": self._errands.stands_summary(view),
             "events": self.place.agenda.report(),

@@ -67,7 +67,9 @@ class SteeredPlace:
         boxes = ground.columns * ground.rows
         seconds = max(REFRESH_SECONDS / len(goals), boxes / BOXES_A_SECOND)
         self._pause = max(round(seconds * steps_per_second), 1)
+        # By the event, as the next one of the same thing may want another place.
         self._announced: dict[int, Footprints] = {}
+        self._standing = _union([taken for taken in things if taken])
 
     @property
     def bounds(self) -> Bounds:
@@ -106,7 +108,7 @@ class SteeredPlace:
         waiting: list[int] = []
         announced: dict[int, Footprints] = {}
         windows: list[Bounds] = []
-        stands_elsewhere = False
+        stands_elsewhere = moved = False
         for number in agenda.waiting:
             event = agenda.timetable.events[number]
             taken = None if event.placing is None else self._footprints(event.movable, event.placing)
@@ -115,30 +117,44 @@ class SteeredPlace:
                 and (shapely.distance(cores, shapely.union_all([t for t in taken if t])) < reach).any()
             ):
                 waiting.append(number)
-                announced[event.movable] = taken
+                announced[number] = taken
                 continue
             agenda.note(number, step)
             if event.placing != self._placings[event.movable]:
                 self._placings[event.movable] = event.placing
+                moved = True
                 window = self._walls.put(event.movable, taken)
                 if window is not None:
                     windows.append(window)
                     stands_elsewhere = True
         agenda.waiting = waiting
+        if moved:
+            self._standing = self._union_of_things()
         # What is announced anew, and what is no more.
         either = {**announced, **self._announced}
-        windows += [_window_of(either[movable]) for movable in sorted(announced.keys() ^ self._announced.keys())]
+        windows += [_window_of(either[number]) for number in sorted(announced.keys() ^ self._announced.keys())]
         self._announced = announced
         if windows:
             low, high = np.min(windows, axis=0).tolist(), np.max(windows, axis=0).tolist()
             self._guide_anew((low[0], low[1], high[2], high[3]))
         return stands_elsewhere
 
+    def covers(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Which of places, (n, 2) [m], are inside of a thing that stands: nobody can come there while it does."""
+        return np.asarray(shapely.contains_xy(self._standing, places))
+
+    def announces(self, places: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
+        """Which of places, (n, 2) [m], are within ``reach`` [m] of where a thing waits to come."""
+        if not self._announced:
+            return np.zeros(len(places), np.bool_)
+        outline = _union(list(self._announced.values()))
+        return np.asarray(shapely.dwithin(outline, shapely.points(places), reach))
+
     def lead_out(self, state: NDArray[Any], lost: NDArray[np.int64]) -> None:
         """Lead those rows of ``state`` without a way that stand where something is announced out of it."""
         if not self._announced or not len(lost):
             return
-        outline = shapely.union_all([shape for taken in self._announced.values() for shape in taken if shape])
+        outline = _union(list(self._announced.values()))
         places = shapely.points(state["x"][lost], state["y"][lost])
         inside = shapely.contains(outline, places)
         near = inside | (shapely.distance(outline, places) < 0.5)
@@ -159,14 +175,25 @@ class SteeredPlace:
     def _footprints(self, movable: int, placing: Placing) -> Footprints:
         return footprints_of(self.agenda.timetable.movables[movable], self._layers, placing)
 
+    def _union_of_things(self) -> BaseGeometry:
+        things = [self._footprints(number, at) for number, at in enumerate(self._placings) if at is not None]
+        return _union(things)
+
     def _guide_anew(self, window: Bounds) -> None:
         """Let ways lead around all that stands, and all that is announced, after a change within a window."""
-        announced = [self._announced[movable] for movable in sorted(self._announced)]
+        announced = [self._announced[number] for number in sorted(self._announced)]
         layers = [
             np.concatenate([segments, *(outline_segments(taken[k]) for taken in announced)])
             for k, segments in enumerate(self._walls.segments().layers)
         ]
         self.guidance.rebuild(update_ground(self.guidance.ground, layers, self._need, window))
+
+
+def _union(things: Sequence[Footprints]) -> BaseGeometry:
+    """All that things take of any layer."""
+    union: BaseGeometry = shapely.union_all([shape for taken in things for shape in taken if shape])
+    shapely.prepare(union)
+    return union
 
 
 def _bytes_of(arrays: Sequence[Any]) -> int:
