@@ -24,6 +24,8 @@ class Errand(IntEnum):
     """Walks through the region of its goal, to its own spot there."""
     STAYS = 3
     """For good."""
+    TURNS = 4
+    """Where it is to stand, as its heading asks."""
 
 
 NO_GOAL = -1
@@ -37,7 +39,8 @@ COLUMNS = (
     Column("errand", np.int8),
     Column("goal", np.int32, (), NONE),  # where it goes, or stands
     Column("reached", np.int64),  # places that it has been to
-    Column("go_step", np.int64),  # from which it goes on, if it stands
+    Column("go_step", np.int64),  # from which it goes on if it stands; takes its place and turns until then at most
+    Column("stand", np.float64, (2,)),  # where it stands, or is to stand [m]
     Column("lost_since", np.int64, (), NONE),  # step since which it has no way, -1 while it has one
     Column("following", np.int32, (), PLAIN),  # number of the field that it follows
     Column("pace", np.float64),  # speed at which it walks alone [m/s]

@@ -14,6 +14,7 @@ from crowdsim.ecs.world import View
 from crowdsim.geometry.elementary import cos, hypot, sin
 from crowdsim.geometry.planar import wrap_angle
 from crowdsim.scenario.crowd_placement import CrowdPlacement
+from crowdsim.steering.guidance.guidance import PLAIN
 from crowdsim.steering.guidance.sample_kernels import LOST
 
 REACHED = 0.05
@@ -24,6 +25,9 @@ NEAR_GOAL = 0.5
 
 GIVES_UP = 4.0
 """Seconds stuck after which a character stands where it is in the region of its goal, not at its own spot there."""
+
+TAKES_SECONDS = 8.0
+"""Time after which it does, beside twice the time that the way to its spot takes alone [s]."""
 
 PUSHED_OFF = 0.5
 """Distance from its spot from which on a character that stays walks back to it [m]."""
@@ -39,9 +43,6 @@ _SLOWING = 2.0
 
 _SLOWEST = 0.2
 """Speed of its last steps there [m/s]."""
-
-_NOT_YET = np.iinfo(np.int64).max
-"""The step in which who takes its place stands at the latest, while it is on its way."""
 
 Floats = NDArray[np.float64]
 
@@ -61,7 +62,7 @@ class Errands:
         for number, itinerary in enumerate(groups):
             self._goals[number, : len(itinerary.goals)] = itinerary.goals
             self._headings[number, : len(itinerary.goals)] = itinerary.headings
-        self._turn_steps = round(TURN_SECONDS * steps_per_second)
+        self._rate = steps_per_second
         self._places = np.array([len(itinerary.goals) for itinerary in groups], np.int64)
         self._last = np.array([it.rounds * len(it.goals) if it.rounds != NONE else NONE for it in groups], np.int64)
         self._waits = np.array([round(itinerary.wait * steps_per_second) for itinerary in groups], np.int64)
@@ -96,6 +97,7 @@ class Errands:
         near = np.flatnonzero(walks & (rows["togo"] < NEAR_GOAL))
         leaves = self._reach(view, step, near[self._within_goals(view, near)])
         self._take_places(view, step, np.flatnonzero(view.errand == Errand.TAKES_PLACE))
+        self._turn_and_stand(view, step, np.flatnonzero(view.errand == Errand.TURNS))
         self._stand(view, np.flatnonzero((view.errand == Errand.STANDS) | (view.errand == Errand.STAYS)))
         lost = walks & (rows["togo"] >= LOST)
         view.lost_since[~lost] = NONE
@@ -148,41 +150,45 @@ class Errands:
         self._visits[agents[last & ~stands]] += 1
         takes_place = there[stands]
         view.errand[takes_place] = Errand.TAKES_PLACE
-        view.go_step[takes_place] = _NOT_YET
         view.row["goal"][takes_place] = NO_GOAL
+        view.stand[takes_place] = self._spots(view, takes_place, view.reached[takes_place])
+        alone = self._lead(view, takes_place) / view.pace[takes_place]
+        view.go_step[takes_place] = step + np.rint((TAKES_SECONDS + 2.0 * alone) * self._rate).astype(np.int64)
         self._go_on(view, there[~last & ~stands])
         return np.asarray(leaves)
 
     def _how_they_stand(self, view: View, rows: NDArray[np.int64]) -> tuple[Floats, Floats]:
         """How far off their spots [m], and the heading asked for [rad] or nan, rows stand."""
-        state, agents = view.row, view.agent[rows]
-        place = self._place_of(view, rows)
-        spot = self._cast.spots[agents, place]
+        state, reached = view.row, view.reached[rows] - 1
+        spot = self._spots(view, rows, reached)
         off: Floats = hypot(spot[:, 0] - state["x"][rows], spot[:, 1] - state["y"][rows])
-        heading = self._headings[self._cast.group[agents], place]
-        return off, np.abs(wrap_angle(state["heading"][rows] - heading))
+        return off, np.abs(wrap_angle(state["heading"][rows] - self._asked(view, rows, reached)))
 
     def _go_on(self, view: View, rows: NDArray[np.int64]) -> None:
         """Count a place as reached and turn to the next one."""
         view.reached[rows] += 1
         self._visits[view.agent[rows]] += 1
         view.goal[rows] = self.goal(view.agent[rows], view.reached[rows])
+        view.following[rows] = PLAIN
         walks = rows[view.errand[rows] == Errand.WALKS]
         view.row["goal"][walks] = view.goal[walks]
 
     def _take_places(self, view: View, step: int, rows: NDArray[np.int64]) -> None:
-        """Lead characters to their own spots; those who are there, or come no nearer, stand."""
-        agents = view.agent[rows]
-        group = self._cast.group[agents]
-        distance = self._lead(view, rows, view.reached[rows])
-        there = (
-            (distance <= self._within[group]) | (view.row["stuck"][rows] > GIVES_UP) | (view.go_step[rows] < _NOT_YET)
-        )
-        # Who is there turns as asked, for a while at most, and stands then.
-        heading = self._headings[group, view.reached[rows] % self._places[group]]
-        view.go_step[rows[there]] = np.minimum(view.go_step[rows[there]], step + self._turn_steps)
-        turns = self._turn(view, rows[there], heading[there])
-        stops = rows[there][~turns | (view.go_step[rows[there]] <= step)]
+        """Lead characters to their own spots; those who are there, or come no nearer, are to stand where they are."""
+        group = self._cast.group[view.agent[rows]]
+        distance = self._lead(view, rows)
+        is_there = distance <= self._within[group]
+        gives_up = ~is_there & ((view.row["stuck"][rows] > GIVES_UP) | (view.go_step[rows] <= step))
+        view.stand[rows[gives_up]] = np.column_stack((view.row["x"], view.row["y"]))[rows[gives_up]]
+        there = rows[is_there | gives_up]
+        view.errand[there] = Errand.TURNS
+        view.go_step[there] = step + round(TURN_SECONDS * self._rate)
+
+    def _turn_and_stand(self, view: View, step: int, rows: NDArray[np.int64]) -> None:
+        """Let characters turn as they are asked to, for a while at most; then they stand."""
+        self._stop(view, rows)
+        turns = self._turn(view, rows, self._asked(view, rows, view.reached[rows]))
+        stops = rows[~turns | (view.go_step[rows] <= step)]
         agents = view.agent[stops]
         group = self._cast.group[agents]
         last = view.reached[stops] + 1 == self._last[group]
@@ -195,17 +201,18 @@ class Errands:
 
     def _stand(self, view: View, rows: NDArray[np.int64]) -> None:
         """Let characters stand, turned as they are asked to; who was pushed away from where it stays comes back."""
+        self._stop(view, rows)
+        at = rows[view.reached[rows] > 0]
+        self._turn(view, at, self._asked(view, at, view.reached[at] - 1))
+        stays = at[view.errand[at] == Errand.STAYS]
+        away = hypot(*(view.stand[stays].T - np.array([view.row["x"][stays], view.row["y"][stays]]))) > PUSHED_OFF
+        self._lead(view, stays[away])
+
+    def _stop(self, view: View, rows: NDArray[np.int64]) -> None:
+        """Take their ways from rows."""
         state = view.row
         state["gx"][rows] = state["gy"][rows] = state["togo"][rows] = 0.0
         state["turn"][rows] = state["held"][rows] = -1.0
-        at = rows[view.reached[rows] > 0]
-        group = self._cast.group[view.agent[at]]
-        place = (view.reached[at] - 1) % self._places[group]
-        self._turn(view, at, self._headings[group, place])
-        stays = at[view.errand[at] == Errand.STAYS]
-        spot = self._cast.spots[view.agent[stays], self._place_of(view, stays)]
-        away = hypot(spot[:, 0] - state["x"][stays], spot[:, 1] - state["y"][stays]) > PUSHED_OFF
-        self._lead(view, stays[away], view.reached[stays[away]] - 1)
 
     def _turn(self, view: View, rows: NDArray[np.int64], headings: Floats) -> NDArray[np.bool_]:
         """Let rows turn on the spot to headings [rad], nan for any; returns which are not there yet."""
@@ -216,16 +223,20 @@ class Errands:
         state["speed"][turns] = 0.0
         return np.asarray(off)
 
-    def _place_of(self, view: View, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Number of the place of the itinerary where rows stand."""
-        return np.asarray((view.reached[rows] - 1) % self._places[self._cast.group[view.agent[rows]]])
+    def _asked(self, view: View, rows: NDArray[np.int64], reached: NDArray[np.int64]) -> Floats:
+        """Headings [rad] asked for at the places that come after ``reached``, nan for any."""
+        group = self._cast.group[view.agent[rows]]
+        return np.asarray(self._headings[group, reached % self._places[group]])
 
-    def _lead(self, view: View, rows: NDArray[np.int64], reached: NDArray[np.int64]) -> Floats:
-        """Lead rows straight to their spots at the places that come after ``reached``; returns how far that is [m]."""
-        state: NDArray[Any] = view.row
+    def _spots(self, view: View, rows: NDArray[np.int64], reached: NDArray[np.int64]) -> Floats:
+        """(k, 2) own spots of rows at the places that come after ``reached`` [m]."""
         agents = view.agent[rows]
-        spot = self._cast.spots[agents, reached % self._places[self._cast.group[agents]]]
-        dx, dy = spot[:, 0] - state["x"][rows], spot[:, 1] - state["y"][rows]
+        return np.asarray(self._cast.spots[agents, reached % self._places[self._cast.group[agents]]])
+
+    def _lead(self, view: View, rows: NDArray[np.int64]) -> Floats:
+        """Lead rows straight to where they are to stand; returns how far that is [m]."""
+        state: NDArray[Any] = view.row
+        dx, dy = view.stand[rows, 0] - state["x"][rows], view.stand[rows, 1] - state["y"][rows]
         distance: Floats = hypot(dx, dy)
         far = np.maximum(distance, 1e-9)
         state["gx"][rows], state["gy"][rows], state["togo"][rows] = dx / far, dy / far, distance
