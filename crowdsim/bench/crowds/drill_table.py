@@ -17,8 +17,10 @@ from crowdsim.bench.crowds.drills import (
     run_circle,
     run_drill,
 )
-from crowdsim.bench.crowds.endless import BOTH_WAYS, ONE_WAY, run_endless
+from crowdsim.bench.crowds.endless import BOTH_WAYS, ONE_WAY, EndlessResult, run_endless
 from crowdsim.bench.crowds.rimea import CORNER_SECONDS, TRANSIT, run_corner, run_queue, transit_time
+from crowdsim.bench.crowds.rimea_corner import run_around
+from crowdsim.bench.crowds.single_file import BANDS, LANE, NARROW, run_single_file
 from crowdsim.bench.registry import Measurement
 
 SEEDS = tuple(range(501, 511))
@@ -43,9 +45,9 @@ CIRCLES = {64: 3.5, 256: 2.0}
 
 KEYS = (
     *("drill", "runs", "failed", "missing", "last_s", "last_s_median", "flow_per_m", "flow_per_m_least"),
-    *("speed", "speed_least", "speed_most", "acceleration_p95"),
+    *("speed", "speed_least", "speed_most", "overtaken", "acceleration_p95"),
 )
-"""Columns. ``failed`` counts the runs outside of what is asked of them."""
+"""Columns. ``failed`` counts the runs outside of what is asked of them, ``overtaken`` all of a single file's runs."""
 
 
 def measure() -> Measurement:
@@ -55,7 +57,8 @@ def measure() -> Measurement:
     rows += [_circle(count, most) for count, most in CIRCLES.items()]
     rows += [_endless(density, False) for density in ONE_WAY]
     rows += [_endless(density, True) for density in BOTH_WAYS]
-    rows += [_transit(), _corner(), _queue()]
+    rows += [_single_file(density, width) for width in (NARROW, LANE) for density in BANDS]
+    rows += [_transit(), _corner(), _queue(), *_around()]
     figures = {f"{row['drill']} {key}": float(row[key]) for row in rows for key in KEYS[2:] if row[key] is not None}
     return Measurement(rows, figures)
 
@@ -107,11 +110,23 @@ def _circle(count: int, most: float) -> dict[str, Any]:
 
 def _endless(density: float, both_ways: bool) -> dict[str, Any]:
     results = [run_endless(density, seed, both_ways=both_ways) for seed in SEEDS]
+    band = (BOTH_WAYS[density], np.inf) if both_ways else ONE_WAY[density]
+    return _measured(f"{'both ways' if both_ways else 'one way'} at {density:g} /m2", results, band)
+
+
+def _single_file(density: float, width: float) -> dict[str, Any]:
+    results = [run_single_file(density, width, seed) for seed in SEEDS]
+    name = f"single file in {width:g} m at {density:g} /m (RiMEA 16)"
+    overtaken = sum(result.overtaken for result in results)
+    return _measured(name, [result.walked for result in results], BANDS[density]) | {"overtaken": overtaken}
+
+
+def _measured(name: str, results: Sequence[EndlessResult], band: tuple[float, float]) -> dict[str, Any]:
+    """A row of speeds in corridors without ends, which fail outside of the band [m/s]."""
     speeds = [result.speed for result in results]
-    low, high = (BOTH_WAYS[density], np.inf) if both_ways else ONE_WAY[density]
     return _row(
-        f"{'both ways' if both_ways else 'one way'} at {density:g} /m2",
-        [not low <= speed <= high for speed in speeds],
+        name,
+        [not band[0] <= speed <= band[1] for speed in speeds],
         speed=round(float(np.median(speeds)), 3),
         speed_least=round(min(speeds), 3),
         speed_most=round(max(speeds), 3),
@@ -136,3 +151,16 @@ def _queue() -> dict[str, Any]:
     runs = [run_queue(seed) for seed in SEEDS]
     failed = [not run.queues_first() or bool(np.isnan(run.drill.arrived).any()) for run in runs]
     return _row("two necks of 1 m (RiMEA 12)", failed, **_arrivals([run.drill for run in runs]))
+
+
+def _around() -> list[dict[str, Any]]:
+    """The corner, which has to take a time between those of the two straight corridors, and these two beside it."""
+    runs = [run_around(seed) for seed in SEEDS]
+    names = {"short": "straight, 50 m", "corner": "large crowd around a corner", "long": "straight, 81.4 m"}
+    results = {each: [getattr(run, each) for run in runs] for each in names}
+    failed = [not run.lies_between() for run in runs]
+    stayed = {each: [bool(np.isnan(result.arrived).any()) for result in results[each]] for each in names}
+    return [
+        _row(f"{name} (RiMEA 15)", failed if each == "corner" else stayed[each], **_arrivals(results[each]))
+        for each, name in names.items()
+    ]

@@ -51,39 +51,47 @@ BOTH_WAYS = {1.0: 1.0, 2.0: 0.65}
 
 @dataclass(frozen=True)
 class EndlessResult:
-    """Mean speed along the corridor of all agents [m/s], and 95 % of the accelerations [m/s2]."""
+    """Mean speed along the corridor of all agents [m/s], 95 % of the accelerations [m/s2], and how far each went."""
 
     speed: float
     acceleration: float
+    gone: NDArray[np.float64]
+    """Way of each agent along +x, in all the time [m]."""
 
 
 def run_endless(density: float, seed: int, *, both_ways: bool = False, rules: Rules | None = None) -> EndlessResult:
     """Measure the speed of people at a density [1/m2]; the seed draws places, breadths and the order of speeds."""
-    state = draw_endless(density, seed, both_ways)
-    walls = build_walls(np.array([[-9.0, 0.0, LENGTH + 9.0, 0.0], [-9.0, WIDTH, LENGTH + 9.0, WIDTH]]))
+    return walk_endless(draw_endless(density, seed, both_ways), LENGTH, WIDTH, rules)
+
+
+def walk_endless(state: NDArray[Any], length: float, width: float, rules: Rules | None = None) -> EndlessResult:
+    """Step agents in a corridor without ends, ``length`` long and ``width`` wide [m], and measure after SETTLING."""
+    walls = build_walls(np.array([[-9.0, 0.0, length + 9.0, 0.0], [-9.0, width, length + 9.0, width]]))
     speeds, changes = [], []
+    gone = np.zeros(len(state))
     with Steering(walls, walls, leg_radius=LEG_RADIUS, rules=rules) as steering:
         dt = steering.rules.step
         for step in range(round((SETTLING + MEASURED) / dt)):
-            all_of_them = with_copies(state)
+            all_of_them = with_copies(state, length)
             steering.step(all_of_them)
             stepped = all_of_them[: len(state)]
+            gone += stepped["vx"] * dt
             if step * dt >= SETTLING:
                 speeds.append(float(np.mean(stepped["vx"] * stepped["gx"])))
                 changes.append(np.hypot(stepped["vx"] - state["vx"], stepped["vy"] - state["vy"]) / dt)
             state = stepped.copy()
-            shift(state, -LENGTH * np.floor(state["x"] / LENGTH))
-    return EndlessResult(float(np.mean(speeds)), float(np.quantile(np.concatenate(changes), 0.95)))
+            shift(state, -length * np.floor(state["x"] / length))
+    return EndlessResult(float(np.mean(speeds)), float(np.quantile(np.concatenate(changes), 0.95)), gone)
 
 
-def with_copies(state: NDArray[Any]) -> NDArray[Any]:
+def with_copies(state: NDArray[Any], length: float = LENGTH) -> NDArray[Any]:
     """All agents, then copies beyond the ends of those within AHEAD of the other end, with what they have to go."""
-    right, left = state[state["x"] < AHEAD], state[state["x"] >= LENGTH - AHEAD]
-    shift(right, LENGTH)
-    shift(left, -LENGTH)
+    right, left = state[state["x"] < AHEAD], state[state["x"] >= length - AHEAD]
+    shift(right, length)
+    shift(left, -length)
     found = np.concatenate([state, right, left])
     found["id"] = np.arange(len(found))
-    found["togo"] = 2.0 * LENGTH - found["gx"] * found["x"]
+    found["togo"] = 2.0 * length - found["gx"] * found["x"]
     return found
 
 
@@ -110,6 +118,11 @@ def draw_endless(density: float, seed: int, both_ways: bool) -> NDArray[Any]:
     state = make_agents(rng, np.column_stack((x, y)), goals, np.column_stack((way, np.zeros(count))))
     state["gx"] = way
     state["key"] = 2.0 * LENGTH - way * x
-    speeds = np.clip(SPEED + 0.26 * ndtri((np.arange(count) + 0.5) / count), 0.5, 2.2)
-    state["speed"] = rng.permutation(speeds)
+    state["speed"] = shuffled_speeds(rng, count)
     return state
+
+
+def shuffled_speeds(rng: np.random.Generator, count: int) -> NDArray[np.float64]:
+    """Speeds alone [m/s]: the same quantiles of the usual ones for all seeds, in random order."""
+    speeds: NDArray[np.float64] = np.clip(SPEED + 0.26 * ndtri((np.arange(count) + 0.5) / count), 0.5, 2.2)
+    return rng.permutation(speeds)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from shapely import box
 
-from crowdsim.bench.crowds import drill_table, drills, endless, rimea
+from crowdsim.bench.crowds import drill_table, drills, endless, rimea, rimea_corner, single_file
 from crowdsim.bench.crowds.rvo2 import Rvo2
 from crowdsim.errors import CrowdSimError
 from crowdsim.steering.steering import Steering
@@ -30,11 +30,14 @@ def test_drills_say_who_arrived(monkeypatch):
     monkeypatch.setattr(drill_table, "ONE_WAY", {0.5: (0.5, 2.0)})
     monkeypatch.setattr(drill_table, "BOTH_WAYS", {0.5: 9.0})
     monkeypatch.setattr(endless, "MEASURED", 1.0)
+    monkeypatch.setattr(drill_table, "BANDS", {0.5: (0.1, 2.0)})
+    monkeypatch.setattr(drill_table, "run_around", lambda seed: rimea_corner.run_around(seed, 8))
     measured = drill_table.measure()
-    assert [row["drill"].split()[0] for row in measured.rows] == "door bottleneck circle one both 40 corner two".split()
+    words = "door bottleneck circle one both single single 40 corner two straight, large straight,"
+    assert [row["drill"].split()[0] for row in measured.rows] == words.split()
     assert all(tuple(row) == drill_table.KEYS for row in measured.rows)
     # Nobody is asked for 9 m/s but those who walk both ways.
-    assert [row["failed"] for row in measured.rows] == [0, 0, 0, 0, 1, 0, 0, 0]
+    assert [row["failed"] for row in measured.rows] == [0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0]
     assert 4.0 < measured.rows[0]["last_s"] < 40.0
     assert measured.figures["corner (RiMEA 6) missing"] == 0.0
     assert "corner (RiMEA 6) speed" not in measured.figures
@@ -102,3 +105,41 @@ def test_tests_of_the_guideline_are_passed():
     assert np.isfinite(queue.drill.arrived).all()
     assert queue.queues_first()
     assert not dataclasses.replace(queue, flows=queue.flows[::-1]).queues_first()
+
+
+@pytest.mark.parametrize("density", single_file.BANDS)
+def test_a_file_starts_in_order_without_touching(density):
+    state = single_file.draw_file(density, single_file.NARROW, 1)
+    assert len(state) == pytest.approx(density * single_file.LENGTH)
+    assert np.diff(np.append(state["x"], state["x"][0] + single_file.LENGTH)).min() > 0.25
+    assert (np.abs(state["y"] - single_file.NARROW / 2.0) + state["half"] + 0.125 < single_file.NARROW / 2.0).all()
+
+
+def test_a_narrow_file_is_as_fast_as_measured_and_keeps_its_order(monkeypatch):
+    monkeypatch.setattr(endless, "MEASURED", 20.0)
+    for density in (0.3, 1.9):
+        result = single_file.run_single_file(density, single_file.NARROW, 1)
+        low, high = single_file.BANDS[density]
+        assert low < result.walked.speed < high
+        assert result.overtaken == 0
+    assert single_file.run_single_file(2.1, single_file.LANE, 1).overtaken > 0
+
+
+def test_a_large_crowd_begins_in_rows_between_walls_of_the_lengths_asked_for():
+    state = rimea_corner.draw_crowd(1, rimea_corner.COUNT)
+    breadth = state["half"] + 0.125
+    along = np.abs(state["x"][:, None] - state["x"])
+    across = np.abs(state["y"][:, None] - state["y"])
+    assert ((along > 0.25) | (across > breadth[:, None] + breadth) | np.eye(len(state), dtype=bool)).all()
+    assert (np.minimum(state["y"], rimea_corner.WIDTH - state["y"]) > breadth).all()
+    assert state["x"].min() > 0.125
+    assert state["x"].max() < rimea_corner.START
+    # Both walls, both ends, and the goal between longer walls; chords are a little shorter than their arc.
+    outline = rimea_corner.around_corner().area.exterior.length
+    assert outline == pytest.approx(50.0 + 81.416 + 2.0 * (20.0 + 3.0), abs=0.06)
+
+
+def test_few_take_a_time_around_a_corner_between_those_of_both_walls():
+    few = rimea_corner.run_around(1, 8)
+    assert few.lies_between()
+    assert not dataclasses.replace(few, corner=few.short).lies_between()

@@ -1,0 +1,115 @@
+"""RiMEA 15: a large crowd around a corner, beside straight corridors as long as its inner and its outer wall.
+
+The text of the guideline was not at hand. Assumed is what JuPedSim's test of it (from RiMEA 3.0) has: corridors 20 m
+wide, 500 people in the first 6 m of each, 40 m before the corner and 10 m after it, straight ones of 50 m and 81.4 m,
+and that the corner takes a time between those of the two. 81.4 m is 40 m, a quarter of a circle of 20 m, and 10 m, so
+the outer wall is taken to be that arc, of ARC_PARTS chords; JuPedSim has one oblique wall.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely import Point, Polygon, box, intersection, union_all
+
+from crowdsim.bench.crowds.drills import Drill, DrillResult, Group, State, make_agents, run_from
+from crowdsim.steering.rules import Rules
+
+COUNT = 500
+"""People in each corridor."""
+
+WIDTH = 20.0
+"""Width of the corridors, and radius of the outer wall around the inner corner [m]."""
+
+START = 6.0
+"""Length of the part of a corridor in which people begin [m]: 4.2 of them on a square meter."""
+
+BEFORE = 40.0
+"""Inner wall before the corner, with the part in which people begin [m]."""
+
+AFTER = 10.0
+"""Walls after the corner [m]."""
+
+INNER = BEFORE + AFTER
+"""Length of the inner wall, and of the short straight corridor [m]."""
+
+OUTER = INNER + math.pi / 2.0 * WIDTH
+"""Length of the outer wall, and of the long straight corridor [m]."""
+
+ARC_PARTS = 8
+"""Chords of the outer wall; they are 0.05 m shorter than the arc."""
+
+GOAL = 3.0
+"""Length of the goal behind the end of a corridor [m]."""
+
+SECONDS = 400.0
+"""Time after which a run ends [s]; whoever walks 0.5 m/s, the least there is, needs 163 s for the long one alone."""
+
+SLOTS_ACROSS = 35
+"""People abreast at the start: 0.57 m each, more than any body is broad."""
+
+SLOTS_ALONG = 15
+"""Rows of them, 0.4 m one behind the other."""
+
+
+@dataclass(frozen=True)
+class AroundResult:
+    """The same people in the short corridor, around the corner, and in the long corridor."""
+
+    short: DrillResult
+    corner: DrillResult
+    long: DrillResult
+
+    def lasts(self) -> tuple[float, float, float]:
+        """When the last one arrives in each [s]; nan if somebody does not."""
+        return float(self.short.arrived.max()), float(self.corner.arrived.max()), float(self.long.arrived.max())
+
+    def means(self) -> tuple[float, float, float]:
+        """Mean time of all in each [s]; nan if somebody does not arrive."""
+        return float(self.short.arrived.mean()), float(self.corner.arrived.mean()), float(self.long.arrived.mean())
+
+    def lies_between(self) -> bool:
+        """Whether all arrive, and the corner takes longer than the short corridor and less long than the long one."""
+        return all(short < corner < long for short, corner, long in (self.lasts(), self.means()))
+
+
+def run_around(seed: int, count: int = COUNT, rules: Rules | None = None) -> AroundResult:
+    """Test 15: the same ``count`` people through the three corridors; the seed draws who they are and where."""
+    state = draw_crowd(seed, count)
+    drills = [straight(INNER), around_corner(), straight(OUTER)]
+    return AroundResult(*(run_from(drill, state.copy(), rules=rules) for drill in drills))
+
+
+def straight(length: float) -> Drill:
+    """A straight corridor; it is left at ``length`` [m]."""
+    return _drill(f"straight, {length:.1f} m", [box(0, 0, length + GOAL, WIDTH)], box(length, 0, length + GOAL, WIDTH))
+
+
+def around_corner() -> Drill:
+    """A corridor that turns left by a right angle around (BEFORE, WIDTH)."""
+    far = BEFORE + WIDTH
+    disc = Point(BEFORE, WIDTH).buffer(WIDTH, quad_segs=ARC_PARTS)
+    turn = intersection(disc, box(BEFORE, 0, far, WIDTH))
+    after = box(BEFORE, WIDTH, far, WIDTH + AFTER + GOAL)
+    end = box(BEFORE, WIDTH + AFTER, far, WIDTH + AFTER + GOAL)
+    return _drill("around a corner", [box(0, 0, BEFORE, WIDTH), turn, after], end)
+
+
+def _drill(name: str, parts: list[Polygon], goal: Polygon) -> Drill:
+    return Drill(name, union_all(parts), (Group(COUNT, (0.0, 0.0, START, WIDTH), goal),), SECONDS)
+
+
+def draw_crowd(seed: int, count: int) -> State:
+    """People in random ones of the slots of the start, each pushed a little, who look along the corridor."""
+    rng = np.random.default_rng(seed)
+    slots = rng.permutation(SLOTS_ACROSS * SLOTS_ALONG)[:count]
+    places: NDArray[np.float64] = np.column_stack(
+        (
+            (slots // SLOTS_ACROSS + 0.5) * START / SLOTS_ALONG + rng.uniform(-0.06, 0.06, count),
+            (slots % SLOTS_ACROSS + 0.5) * WIDTH / SLOTS_ACROSS + rng.uniform(-0.008, 0.008, count),
+        )
+    )
+    return make_agents(rng, places, np.zeros(count, np.int64), np.tile((1.0, 0.0), (count, 1)))
