@@ -49,7 +49,10 @@ def used_in(recording: Recording, area: shapely.Polygon, group: str) -> set[str]
 
 def require_safe(summary: dict[str, Any]) -> None:
     assert min(summary["obstacle_margin"].values()) >= LEAST_MARGIN
-    assert summary["closest_pair"] is None or summary["closest_pair"] >= 0.3
+    # Steered bodies are capsules, of which the gap is told.
+    bodies = summary.get("closest_bodies")
+    assert summary["closest_pair"] is None or summary["closest_pair"] >= (0.3 if bodies is None else 0.25)
+    assert bodies is None or bodies > 0.0
     assert summary["lowest_foot"] >= -0.01
 
 

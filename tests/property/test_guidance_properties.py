@@ -5,7 +5,7 @@ import shapely
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from crowdsim.steering.guidance import field_kernels, pin_kernels, sample_kernels
+from crowdsim.steering.guidance import ask_kernels, pin_kernels, sample_kernels
 from crowdsim.steering.guidance.field import solve_field, ways
 from crowdsim.steering.guidance.guidance import crowding_of
 from tests.support.guided import NEED, follow, free_places, ground_of
@@ -74,4 +74,4 @@ def test_constants_fit_together():
     # Pins keep within their boxes; who has reached a pin is in its box or one around it.
     assert pin_kernels.GRID < pin_kernels.BOX / 2
     assert sample_kernels.REACHED < sample_kernels.BOX
-    assert field_kernels.BEFORE > sample_kernels.LOOK
+    assert ask_kernels.BEFORE > sample_kernels.LOOK
