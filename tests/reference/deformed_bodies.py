@@ -267,9 +267,7 @@ class Body:
         length, high = self.model.bones[foot, 2:4]
         sole = turn.apply([[length, 0.0, -high], [-HEEL_BACK, 0.0, -high]])[:, 2].min()
         ankle[2] = max(ankle[2] + track[5] * lift + spot, 0.06 * v * (1.0 - v) - sole)
-        w = min(v / 0.4, 1.0)
-        bend = max(-lifted, 0.0) * (1.0 - (6.0 * w**5 - 15.0 * w**4 + 10.0 * w**3))
-        return ankle, pitch, yaw, bend
+        return ankle, pitch, yaw, max(-pitch, 0.0)
 
     def leg(self, foot: int, root: np.ndarray, turn: Rotation, ankle: np.ndarray, yaw: float) -> tuple:
         """Places of hip, knee and ankle; the knee points between foot and pelvis."""

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.behaviors.behavior import Behavior
-from crowdsim.behaviors.gaits import gait_clips
-from crowdsim.behaviors.library import BehaviorSet
 from crowdsim.crowd.state.assets import Assets
 from crowdsim.environment.layers import AnySolid
 from crowdsim.environment.mesh_solid import MeshSolid
 from crowdsim.environment.solids import Solid
 from crowdsim.geometry.elementary import atan2
+from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.recording.header import (
     AgentsRecord,
@@ -86,9 +86,8 @@ def captured_motion(assets: Assets) -> MotionRecord:
     )
 
 
-def steered_motion(behavior_set: BehaviorSet) -> MotionRecord:
+def steered_motion(skeleton: Skeleton, gaits: Sequence[Clip]) -> MotionRecord:
     """What steered bodies are posed from: a clip for each behavior."""
-    skeleton = behavior_set.graph.skeleton
     none = np.zeros(0, np.int32)
     return MotionRecord(
         skeleton=skeleton,
@@ -100,7 +99,7 @@ def steered_motion(behavior_set: BehaviorSet) -> MotionRecord:
         pool_rotations=np.zeros((0, skeleton.joint_count, 4), np.float32),
         gaits=tuple(
             GaitRecord(clip.name, clip.root_positions.astype(np.float32), clip.rotations.astype(np.float32))
-            for clip in gait_clips(behavior_set)
+            for clip in gaits
         ),
     )
 

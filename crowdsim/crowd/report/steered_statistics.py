@@ -12,8 +12,10 @@ from crowdsim.behaviors.behavior import Behavior
 from crowdsim.constants import STEERING_RATE
 from crowdsim.crowd.report.gap_kernels import closest_bodies, closest_wall
 from crowdsim.crowd.report.statistics import shares_of
+from crowdsim.crowd.report.steered_feet import SteeredFeet
 from crowdsim.ecs.world import View
 from crowdsim.geometry.elementary import hypot
+from crowdsim.motion.clips.clip import Clip
 from crowdsim.steering.steering import Steering
 
 GAP_LIMIT = 0.5
@@ -27,19 +29,20 @@ class SteeredStatistics:
     """Measures of every step, gathered as the run goes."""
 
     def __init__(
-        self, behaviors: Sequence[Behavior], layers: Sequence[str], areas: Mapping[str, shapely.Polygon]
+        self, behaviors: Sequence[Behavior], layers: Sequence[str], areas: Mapping[str, shapely.Polygon], gait: Clip
     ) -> None:
         self._behaviors, self._layers, self._areas = behaviors, layers, areas
+        self._feet = SteeredFeet(gait)
         self._way = np.zeros((len(areas) + 1, len(behaviors)))
         self._gap = self._centers = np.inf
         self._margins = [GAP_LIMIT, GAP_LIMIT]
-        self._steps = 0
 
     def add(self, view: View, steering: Steering) -> None:
         """Take in one step."""
         rows = view.row
         if not len(rows):
             return
+        self._feet.add(view)
         gone = hypot(rows["vx"], rows["vy"]) / STEERING_RATE
         kinds = len(self._behaviors)
         self._way[0] += np.bincount(view.behavior, gone, kinds)
@@ -60,14 +63,15 @@ class SteeredStatistics:
         """The figures under the names that ``crowdsim run --json`` prints."""
         names = [behavior.name for behavior in self._behaviors]
         areas = enumerate(self._areas, start=1)
+        stance_speed, lowest = self._feet.measure()
         return {
             "behavior_share": shares_of(names, self._way[0]),
             "behavior_share_by_area": {area: shares_of(names, self._way[row]) for row, area in areas},
             "closest_pair": float(self._centers) if self._centers < CENTER_LIMIT else None,
             "closest_bodies": float(self._gap) if self._gap < CENTER_LIMIT else None,
             "obstacle_margin": self._margins_of_layers(),
-            "stance_foot_speed": None,
-            "lowest_foot": None,
+            "stance_foot_speed": stance_speed,
+            "lowest_foot": lowest,
         }
 
     def _margins_of_layers(self) -> dict[str, float]:

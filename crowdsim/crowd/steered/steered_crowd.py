@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from crowdsim.behaviors.gaits import gait_clips
 from crowdsim.constants import NONE, STEERING_RATE
 from crowdsim.crowd.crowd import Route
 from crowdsim.crowd.report.recording_header import record_header, steered_agents, steered_motion
@@ -45,8 +46,12 @@ class SteeredCrowd:
         self.steering = Steering(*self.place.walls, leg_radius=LEG_RADIUS, threads=threads)
         self._errands = Errands(self.cast, STEERING_RATE)
         self._entering = Entering(self.world, self.place, self.cast, self._errands)
+        self._gaits = gait_clips(self._behavior_set)
         self.statistics = SteeredStatistics(
-            behaviors, [layer.name for layer in scenario.environment.layers], scenario.area_polygons()
+            behaviors,
+            [layer.name for layer in scenario.environment.layers],
+            scenario.area_polygons(),
+            self._gaits[-1],
         )
 
     @property
@@ -119,7 +124,12 @@ class SteeredCrowd:
     def header(self, scenario: Scenario) -> RecordingHeader:
         """What a recording says once."""
         agents = steered_agents(self.cast, self._errands.middles, STEERING_RATE)
-        return record_header(scenario, self._behavior_set.behaviors, agents, steered_motion(self._behavior_set))
+        return record_header(
+            scenario,
+            self._behavior_set.behaviors,
+            agents,
+            steered_motion(self._behavior_set.graph.skeleton, self._gaits),
+        )
 
     def frame(self) -> RecordedFrame:
         """The present step of all characters, those outside the world marked absent."""

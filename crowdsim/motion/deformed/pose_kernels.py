@@ -30,8 +30,6 @@ _LEAST_LIFT = 0.045
 """Meters that a foot is lifted in a step on the spot."""
 _CLEAR = 0.015
 """Meters between sole and floor in the middle of a swing, at least."""
-_TOES_LEVEL = 0.4
-"""Share of a swing over which the toes become one with the foot again."""
 
 
 @helper
@@ -78,8 +76,8 @@ def _swing_ankle(model, foot, old, new, u, track):
     ball = model.bones[foot, 2] * ps - high * pc
     heel = -HEEL_BACK * ps - high * pc
     z = max(z, _CLEAR * 4.0 * v * rest - min(ball, heel))
-    bend = max(-old[LIFT + 3], 0.0) * (1.0 - ease(v / _TOES_LEVEL))
-    return (x, y, z), pitch, yaw, bend
+    # The toes stay level while the foot points down, or their tips would go through the floor.
+    return (x, y, z), pitch, yaw, max(-pitch, 0.0)
 
 
 @helper

@@ -1,0 +1,71 @@
+"""How well the feet of steered characters keep to the floor, as playback shows them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.constants import CAPTURE_RATE, STEERING_RATE
+from crowdsim.ecs.world import View
+from crowdsim.geometry.elementary import hypot
+from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.clips.kinematics import forward_kinematics
+from crowdsim.motion.deformed.deformed_clip import deform_clip
+from crowdsim.motion.deformed.joined_tracks import smooth_tracks
+from crowdsim.motion.deformed.step_plan import plan_steps, pose_at
+from crowdsim.motion.graph.foot_contacts import feet_of, planted_steps, standing_moves
+
+SAMPLED = 12
+"""Characters that are looked at, the first ones of a run: posing everybody takes longer than the run."""
+
+SHORTEST = 20
+"""Steps below which the track of a character says nothing."""
+
+LONGEST = 600
+"""Steps of a track that are kept."""
+
+Floats = NDArray[np.float64]
+
+
+class SteeredFeet:
+    """Keeps the tracks of a few characters, who are posed from ``clip`` when the run is over."""
+
+    def __init__(self, clip: Clip) -> None:
+        self._clip = clip
+        self._tracks: dict[int, list[Floats]] = {}
+
+    def add(self, view: View) -> None:
+        """Take in one step."""
+        for row in np.flatnonzero(view.agent < SAMPLED).tolist():
+            track = self._tracks.setdefault(int(view.agent[row]), [])
+            if len(track) < LONGEST:
+                state = view.row[row]
+                track.append(np.array([state["x"], state["y"], state["heading"], view.phase[row]]))
+
+    def measure(self) -> tuple[float | None, float | None]:
+        """Mean speed of planted feet [m/s], and the lowest point of a foot over the floor [m]; None if nobody walked.
+
+        A point of a foot is planted as in clips: slow, low and for a while (`planted_steps`).
+        """
+        tracks = [np.array(track) for track in self._tracks.values() if len(track) >= SHORTEST]
+        if not tracks:
+            return None, None
+        clip = deform_clip(self._clip)
+        plan = plan_steps(clip, smooth_tracks(tracks))
+        # All of them begin with the left sole on the floor: so far is each point of a foot over its sole.
+        first = forward_kinematics(clip.skeleton, *pose_at(clip, plan, np.zeros(1, np.int64), np.zeros(1)))
+        flat = feet_of(clip.skeleton, *first)
+        rest = replace(flat, lowest=flat.lowest[[0, 0]], ankles=flat.ankles[[0, 0]])
+        speeds, lowest = [], np.inf
+        for body, track in enumerate(tracks):
+            times = np.arange(0.0, (len(track) - 1) / STEERING_RATE, 1.0 / CAPTURE_RATE)
+            posed = forward_kinematics(clip.skeleton, *pose_at(clip, plan, np.full(len(times), body), times))
+            feet = feet_of(clip.skeleton, *posed, like=rest)
+            planted = planted_steps(feet)
+            moves = standing_moves(np.diff(feet.points[..., :2], axis=0), planted)
+            speeds.append(hypot(moves[..., 0], moves[..., 1])[planted.any(axis=-1)] * CAPTURE_RATE)
+            lowest = min(lowest, float((feet.points[..., 2] - feet.lowest).min()))
+        speed = np.concatenate(speeds)
+        return float(speed.mean()) if len(speed) else None, lowest

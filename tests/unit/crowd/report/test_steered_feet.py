@@ -1,0 +1,57 @@
+"""Feet of steered characters stand where they stand and stay over the floor, as the summary of a run says."""
+
+from pathlib import Path
+
+import numpy as np
+
+from crowdsim.crowd.report.steered_feet import SHORTEST, SteeredFeet
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.ecs.world import View
+from crowdsim.library import library_folder
+from crowdsim.motion.captures.reader import read_clip
+from crowdsim.scenario.loader import parse_scenario
+from crowdsim.steering.row_kernels import ROW
+from tests.support.two_rooms import two_rooms
+
+WALKERS = """\
+locomotion: steered, name: visitors, count: 16, start: {rectangle: [0.5, 0.5, 4, 5.5]},
+     goal: {rectangle: [10, 0.5, 11.5, 5.5]}"""
+
+
+def test_a_run_says_how_feet_stand(tmp_path: Path) -> None:
+    with Simulation(parse_scenario(two_rooms(WALKERS))).run(tmp_path / "run.h5") as recording:
+        assert 0.0 <= recording.summary["stance_foot_speed"] < 0.05
+        assert recording.summary["lowest_foot"] >= -0.01
+
+
+def walk() -> SteeredFeet:
+    return SteeredFeet(read_clip(library_folder("behaviors") / "frontal" / "clips" / "walk.bvh"))
+
+
+def seen(x: float, phase: float, agent: int = 0) -> View:
+    row = np.zeros(1, ROW)
+    row["x"] = x
+    return View({"agent": np.array([agent], np.int32), "row": row, "phase": np.array([phase])})
+
+
+def test_the_lowest_point_is_told_of_a_body_that_sinks() -> None:
+    """Its pelvis is drawn after a body that runs away from its feet; they still stand on the floor."""
+    feet = walk()
+    for step in range(4 * SHORTEST):
+        feet.add(seen(0.01 * step, 0.06))
+    speed, lowest = feet.measure()
+    assert speed is not None
+    assert speed < 0.01
+    assert lowest is not None
+    assert lowest > -0.01
+
+
+def test_nobody_says_nothing() -> None:
+    feet = walk()
+    assert feet.measure() == (None, None)
+    for step in range(SHORTEST - 1):
+        feet.add(seen(0.0, 0.06 + 0.0 * step))
+    assert feet.measure() == (None, None)
+    for _ in range(2 * SHORTEST):
+        feet.add(seen(0.0, 0.06, agent=10_000))
+    assert feet.measure() == (None, None)
