@@ -1,8 +1,8 @@
 """Corridors without ends, in which speed is measured against density (RiMEA 3.0, test 4).
 
-Whoever leaves at one end comes in at the other. Kernels know of no such ends: before each step, copies of those within
-AHEAD of an end stand beyond the other one, and are thrown away after it. All decisions read old rows only, so whoever
-stands within the corridor moves as in one without ends.
+An agent that leaves at one end comes in at the other. The kernels do not wrap around: before each step, agents within
+AHEAD of an end are copied beyond the other end; after the step the copies are deleted. Agents read only the rows from
+before the step, so those in the corridor move as if it had no ends.
 """
 
 from __future__ import annotations

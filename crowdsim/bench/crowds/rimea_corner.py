@@ -46,7 +46,7 @@ GOAL = 3.0
 """Length of the goal behind the end of a corridor [m]."""
 
 SECONDS = 400.0
-"""Time after which a run ends [s]; whoever walks 0.5 m/s, the least there is, needs 163 s for the long one alone."""
+"""Time after which a run ends [s]. At 0.5 m/s, the lowest speed drawn, the long corridor takes 163 s."""
 
 SLOTS_ACROSS = 35
 """People abreast at the start: 0.57 m each, more than any body is broad."""
@@ -64,11 +64,11 @@ class AroundResult:
     long: DrillResult
 
     def lasts(self) -> tuple[float, float, float]:
-        """When the last one arrives in each [s]; nan if somebody does not."""
+        """Arrival time of the last person, for each corridor [s]; nan if not all arrive."""
         return float(self.short.arrived.max()), float(self.corner.arrived.max()), float(self.long.arrived.max())
 
     def means(self) -> tuple[float, float, float]:
-        """Mean time of all in each [s]; nan if somebody does not arrive."""
+        """Mean arrival time, for each corridor [s]; nan if not all arrive."""
         return float(self.short.arrived.mean()), float(self.corner.arrived.mean()), float(self.long.arrived.mean())
 
     def lies_between(self) -> bool:
