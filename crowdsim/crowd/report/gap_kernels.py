@@ -2,7 +2,7 @@
 
 import math
 
-from crowdsim.jit import kernel
+from crowdsim.jit import helper, kernel
 from crowdsim.steering.capsule_kernels import core_to_core, core_to_segment
 from crowdsim.steering.look_kernels import cell_of, rows_beside
 from crowdsim.steering.row_kernels import CELL
@@ -46,6 +46,25 @@ def closest_bodies(crowd, broadest, limit):
     return gap, centers
 
 
+@helper
+def wall_gap(body, walls, half, radius):
+    """Least gap between a body and the walls listed near it [m], infinite if there are none.
+
+    ``half``: half length of the core that counts, 0 for a disc; ``radius``: of the capsule or the disc [m].
+    """
+    gap = math.inf
+    column = math.floor((body.x - walls.left) / WALL_CELL)
+    row = math.floor((body.y - walls.bottom) / WALL_CELL)
+    if not (0 <= column < walls.columns and 0 <= row < walls.rows):
+        return gap
+    cell = row * walls.columns + column
+    for entry in range(walls.starts[cell], walls.starts[cell + 1]):
+        ax, ay, bx, by = walls.segments[walls.lists[entry]]
+        _, _, apart = core_to_segment(body.x, body.y, -body.hy, body.hx, half, ax, ay, bx, by)
+        gap = min(gap, apart - radius)
+    return gap
+
+
 @kernel
 def closest_wall(rows, walls, torso, leg_radius, limit):
     """Least gap between a body and the walls of one layer, up to ``limit`` [m].
@@ -57,15 +76,7 @@ def closest_wall(rows, walls, torso, leg_radius, limit):
         mine = rows[me]
         half = mine.half if torso else 0.0
         radius = mine.radius if torso else leg_radius
-        if distance_at(walls, mine.x, mine.y) - half - radius - _ROUNDED >= gap:
-            continue
-        column = math.floor((mine.x - walls.left) / WALL_CELL)
-        row = math.floor((mine.y - walls.bottom) / WALL_CELL)
-        if not (0 <= column < walls.columns and 0 <= row < walls.rows):
-            continue
-        cell = row * walls.columns + column
-        for entry in range(walls.starts[cell], walls.starts[cell + 1]):
-            ax, ay, bx, by = walls.segments[walls.lists[entry]]
-            _, _, apart = core_to_segment(mine.x, mine.y, -mine.hy, mine.hx, half, ax, ay, bx, by)
-            gap = min(gap, apart - radius)
+        # The grid of distances tells where no wall can be nearer.
+        if distance_at(walls, mine.x, mine.y) - half - radius - _ROUNDED < gap:
+            gap = min(gap, wall_gap(mine, walls, half, radius))
     return gap

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
+from crowdsim.crowd.report.gap_kernels import wall_gap
 from crowdsim.jit import kernel
-from crowdsim.steering.capsule_kernels import core_to_core, core_to_segment
+from crowdsim.steering.capsule_kernels import core_to_core
 from crowdsim.steering.look_kernels import cell_of, rows_beside
 from crowdsim.steering.row_kernels import CELL
-from crowdsim.steering.wall_kernels import WALL_CELL
 
 ROOM = 0.01
 """Gap to others and to walls with which an agent comes into the world [m]."""
@@ -56,19 +56,8 @@ def admit(coming, crowd, broadest, walls, admitted):
                     earlier = nexts[earlier]
 
         # Keep off the walls of both layers.
-        for layer in range(2):
-            side = torso if layer == 0 else legs
-            half = one.half if layer == 0 else 0.0
-            radius = one.radius if layer == 0 else leg_radius
-            wall_column = math.floor((one.x - side.left) / WALL_CELL)
-            wall_row = math.floor((one.y - side.bottom) / WALL_CELL)
-            if not (0 <= wall_column < side.columns and 0 <= wall_row < side.rows):
-                continue
-            cell = wall_row * side.columns + wall_column
-            for entry in range(side.starts[cell], side.starts[cell + 1]):
-                ax, ay, bx, by = side.segments[side.lists[entry]]
-                _, _, apart = core_to_segment(one.x, one.y, -one.hy, one.hx, half, ax, ay, bx, by)
-                free = free and apart - radius >= ROOM
+        free = free and wall_gap(one, torso, one.half, one.radius) >= ROOM
+        free = free and wall_gap(one, legs, 0.0, leg_radius) >= ROOM
 
         admitted[number] = free
         if free:
