@@ -21,6 +21,8 @@ from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.schema.agents import AgentGroup
 from crowdsim.scenario.schema.schema import ScenarioFields
 from crowdsim.scenario.walkers import Walkers, draw_walkers
+from crowdsim.steering.row_kernels import CELL
+from crowdsim.steering.steering import MOST_CELLS
 from crowdsim.yamlfile.document import Complaint
 
 POINT_REACHED = 0.25
@@ -110,7 +112,16 @@ def place_crowd(scenario: Scenario) -> CrowdPlacement:
 
 def try_crowd_placement(keys: ScenarioFields, environment: Environment) -> tuple[CrowdPlacement, list[Complaint]]:
     """:func:`place_crowd` with its complaints returned; groups that found no place are missing."""
+    left, bottom, right, top = environment.floor.bounds
     drawing = _Drawing(keys, environment)
+    if (right - left + CELL) * (top - bottom + CELL) > MOST_CELLS * CELL * CELL:
+        message = (
+            f"steered characters need a floor within {MOST_CELLS * CELL * CELL:,.0f} m2, as 2 km by 2 km; "
+            "this one takes "
+            f"{right - left:,.0f} m by {top - bottom:,.0f} m; cut it, or check its units"
+        )
+        drawing.complaints.append((("floor",), message))
+        return drawing.placement(), drawing.complaints
     for number in range(len(keys.agents)):
         drawing.add_group(number)
     return drawing.placement(), drawing.complaints

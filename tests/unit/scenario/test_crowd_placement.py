@@ -49,6 +49,13 @@ def test_too_many_are_refused() -> None:
         placed(f"name: g, count: 2000, start: {{rectangle: [1, 1, 11, 11]}}, {GOAL}")
 
 
+def test_a_floor_beyond_what_steering_can_sort_is_refused() -> None:
+    group = f"name: g, count: 1, start: {{point: [5, 5]}}, {GOAL}"
+    with pytest.raises(ScenarioError, match=r"floor: .*2 km by 2 km; this one takes 3,000 m by 1,500 m; cut it"):
+        parse_scenario(steered_scene(group, floor="{rectangle: [0, 0, 3000, 1500]}"))
+    parse_scenario(steered_scene(group, floor="{rectangle: [0, 0, 1990, 1990]}"))
+
+
 def test_two_cannot_start_at_one_point_at_once_but_one_after_the_other() -> None:
     with pytest.raises(ScenarioError, match="2 characters cannot start at once at one point"):
         placed(f"name: g, count: 2, start: {{point: [5, 5]}}, {GOAL}")
