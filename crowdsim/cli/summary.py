@@ -32,6 +32,7 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("mean time to arrive", _quantity(summary["mean_time"], "{:.1f} s")),
         ("share of the way", _shares(summary["behavior_share"])),
         *((f"  in {area}", _shares(shares)) for area, shares in areas.items()),
+        *_level_rows(summary),
         ("closest two, center to center", _quantity(summary["closest_pair"], "{:.3f} m")),
         *([("  body to body", f"{summary['closest_bodies']:.3f} m")] if summary.get("closest_bodies") else []),
         *((f"body to obstacle, {layer}", _quantity(margin, "{:.3f} m")) for layer, margin in margins.items()),
@@ -40,6 +41,18 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("real-time factor", _quantity(summary["real_time_factor"], "{:.1f}")),
         ("state hash", summary["state_hash"]),
         ("recording", summary["recording"]),
+    ]
+
+
+def _level_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """How much of the way was walked on which level, and how often characters changed theirs."""
+    if "level_share" not in summary:
+        return []
+    switches = summary["switches"]
+    text = f"{_shares(summary['level_share'])}"
+    return [
+        ("  captured and steered", text),
+        ("  changes of level", f"{switches['steered']} to steered, {switches['captured']} to captured"),
     ]
 
 

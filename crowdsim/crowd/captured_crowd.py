@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from crowdsim.behaviors.library import BehaviorSet
 from crowdsim.constants import NONE, TRACKING_MARGIN
 from crowdsim.crowd.crowd import Route
 from crowdsim.crowd.report.recording_header import captured_agents, captured_motion, labeled_points, record_header
@@ -18,9 +19,10 @@ from crowdsim.crowd.search.scheduler import Searches
 from crowdsim.crowd.search.worker_pool import WorkerPool
 from crowdsim.crowd.state.assets import prepare
 from crowdsim.crowd.state.components import COLUMNS
-from crowdsim.crowd.state.environment import EnvironmentState
+from crowdsim.crowd.state.environment import EnvironmentState, Footprints
 from crowdsim.crowd.state.itineraries import Itineraries
 from crowdsim.crowd.state.motion_plan import Request
+from crowdsim.crowd.state.stands import stands_summary
 from crowdsim.crowd.state.state_hash import state_hash
 from crowdsim.crowd.systems.animate import animate
 from crowdsim.crowd.systems.apply_events import Events
@@ -28,11 +30,11 @@ from crowdsim.crowd.systems.choose_motion import Choosing
 from crowdsim.crowd.systems.despawn import Despawning
 from crowdsim.crowd.systems.replan import AT_GOAL, Replanning, search_on
 from crowdsim.crowd.systems.spawn import Spawning
-from crowdsim.ecs.world import World
+from crowdsim.ecs.world import View, World
 from crowdsim.geometry.elementary import distance
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.recording.header import AgentState, RecordedFrame, RecordingHeader
-from crowdsim.scenario.placement import place_agents
+from crowdsim.scenario.placement import Placement, place_agents
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.timetable import Placing
 
@@ -43,10 +45,17 @@ LEAD_SECONDS = 0.2
 class CapturedCrowd:
     """The captured characters of a scenario; ``workers`` threads search their motion, and the result never shows."""
 
-    def __init__(self, scenario: Scenario, workers: int, preparing: Callable[[int, int], None] | None) -> None:
-        self.assets = prepare(scenario, workers, preparing)
+    def __init__(
+        self,
+        scenario: Scenario,
+        workers: int,
+        preparing: Callable[[int, int], None] | None,
+        cast: Placement | None = None,
+        behavior_set: BehaviorSet | None = None,
+    ) -> None:
+        self.assets = prepare(scenario, workers, preparing, behavior_set)
         self.environment = EnvironmentState(self.assets)
-        self.cast = place_agents(scenario, self.assets.personal_radius + TRACKING_MARGIN)
+        self.cast = place_agents(scenario, self.assets.personal_radius + TRACKING_MARGIN) if cast is None else cast
         self.world = World(COLUMNS, capacity=len(self.cast.starts))
         self.searches = Searches(WorkerPool(workers, latency=1))
         self._new_routes: list[tuple[int, AnnotatedPath]] = []
@@ -62,11 +71,11 @@ class CapturedCrowd:
         self.hash = 0
         self._make_ready()
 
-        self._events = Events(self.plans)
+        self.events = Events(self.plans)
+        self.spawning = Spawning(self.world, self.plans)
+        self.choosing = Choosing(self.plans)
+        self.despawning = Despawning(self.world, self.plans, len(self.cast.starts))
         self._replanning = Replanning(self.plans)
-        self._spawning = Spawning(self.world, self.plans)
-        self._choosing = Choosing(self.plans)
-        self._despawning = Despawning(self.world, self.plans, len(self.cast.starts))
         self._areas = scenario.area_polygons()
 
     def _make_ready(self) -> None:
@@ -91,13 +100,13 @@ class CapturedCrowd:
     @property
     def arrived(self) -> int:
         """Characters that reached their last goal so far."""
-        return int((self._despawning.arrived >= 0).sum())
+        return int((self.despawning.arrived >= 0).sum())
 
     @property
     def finished(self) -> bool:
         """Whether everyone who can arrive has."""
         # Nobody is out of reach for good while doors may open.
-        lost = len(self.plans.unreachable) if self._events.over else 0
+        lost = len(self.plans.unreachable) if self.events.over else 0
         return self.arrived + lost >= self.count
 
     def close(self) -> None:
@@ -106,19 +115,30 @@ class CapturedCrowd:
 
     def advance(self) -> None:
         """All stages of a step but its searches, in order; characters come and go only where changes are applied."""
-        world = self.world
-        view = world.view()
-        self._events.apply(view)
+        view = self.world.view()
+        self.react(view)
+        self.spawning.spawn(view)
+        self.world.apply_changes()
+        self.act()
+        self.hash = state_hash(self.world, self.environment.state(), self.step_count, self.hash)
+
+    def react(self, view: View, in_the_way: Callable[[Footprints], bool] = lambda _: False) -> list[int]:
+        """Let events happen where nobody is in their way, and hand plans out; returns the numbers of those events.
+
+        ``in_the_way`` says whether somebody is who is not captured.
+        """
+        happened = self.events.apply(view, in_the_way)
         # What searches came to is handed out one step after they began, so that the number of workers never shows.
         self._replanning.replan(view)
-        self._spawning.spawn(view)
-        world.apply_changes()
-        view = world.view()
-        self._choosing.choose(view)
+        return happened
+
+    def act(self) -> None:
+        """Let everyone choose its next node, play, and leave if it has arrived."""
+        view = self.world.view()
+        self.choosing.choose(view)
         animate(self.assets, view)
-        self._despawning.despawn(view)
-        world.apply_changes()
-        self.hash = state_hash(world, self.environment.state(), self.step_count, self.hash)
+        self.despawning.despawn(view)
+        self.world.apply_changes()
 
     def end_step(self) -> None:
         """Begin the slices that the next step waits for: after all else, which threads that search slow down."""
@@ -165,16 +185,16 @@ class CapturedCrowd:
 
     def summary(self) -> dict[str, Any]:
         """What the run is summed up by."""
-        done = self._despawning.arrived >= 0
-        times = (self._despawning.arrived - self._spawning.spawned)[done] / self.assets.steps_per_second
+        done = self.despawning.arrived >= 0
+        times = (self.despawning.arrived - self.spawning.spawned)[done] / self.assets.steps_per_second
         return {
             "characters": self.count,
             "arrived": int(done.sum()),
             "waiting": int((self.world.column("state") == AgentState.WAITING).sum()),
             "unreachable": {str(agent): reason for agent, reason in sorted(self.plans.unreachable.items())},
             "laps": self.itineraries.laps(),
-            "stands": self.itineraries.stands_summary(),
-            "events": self._events.report(),
+            "stands": stands_summary(*self.itineraries.how_they_stood()),
+            "events": self.events.report(),
             "replans": self.plans.replans,
             "searches": self.searches.summary(),
             "steps": self.step_count,

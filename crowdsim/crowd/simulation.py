@@ -9,6 +9,7 @@ from pathlib import Path
 
 from crowdsim.crowd.captured_crowd import CapturedCrowd
 from crowdsim.crowd.crowd import Crowd
+from crowdsim.crowd.mixed.mixed_crowd import MixedCrowd
 from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
 from crowdsim.errors import CrowdSimError
 from crowdsim.recording.reader import Recording
@@ -34,9 +35,7 @@ class Simulation:
         self._closed = False
         self.scenario = scenario
         self.step_limit = round(scenario.duration * scenario.steps_per_second)
-        self.crowd: Crowd = (
-            SteeredCrowd(scenario, workers) if scenario.steered else CapturedCrowd(scenario, workers, preparing)
-        )
+        self.crowd = _crowd_of(scenario, workers, preparing)
 
     @property
     def step_count(self) -> int:
@@ -116,3 +115,12 @@ class Simulation:
                 for row, solid in enumerate(movable.solids, start=first):
                     writer.add_change(row, None if now is None else placed(solid.footprint, now).wkt)
             first += len(movable.solids)
+
+
+def _crowd_of(scenario: Scenario, workers: int, preparing: Callable[[int, int], None] | None) -> Crowd:
+    """The crowd that a scenario asks for: of one level if all its groups are, else of both."""
+    if scenario.locomotions() == {"captured"}:
+        return CapturedCrowd(scenario, workers, preparing)
+    if scenario.locomotions() == {"steered"}:
+        return SteeredCrowd(scenario, workers)
+    return MixedCrowd(scenario, workers, preparing)

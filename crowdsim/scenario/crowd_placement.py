@@ -1,4 +1,4 @@
-"""Where steered characters start and go to, as arrays: there may be a hundred thousand of them."""
+"""Where characters start and go to who may be steered, as arrays: there may be a hundred thousand of them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,15 @@ from crowdsim.errors import ScenarioError
 from crowdsim.geometry.elementary import atan2
 from crowdsim.scenario.arrivals import start_times
 from crowdsim.scenario.environment import Environment
-from crowdsim.scenario.placement import STAND_ROOM, head_count_complaint, rooms_around, too_full, unusable
+from crowdsim.scenario.placement import (
+    NOMINAL_RADIUS,
+    STAND_ROOM,
+    Placement,
+    head_count_complaint,
+    rooms_around,
+    too_full,
+    unusable,
+)
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.schema.agents import AgentGroup
 from crowdsim.scenario.schema.schema import ScenarioFields
@@ -33,6 +41,9 @@ BODY_DEPTH = 0.25
 
 SPARE = 0.02
 """Between two who start in one step, and between them and walls, at least [m]."""
+
+CAPTURED_APART = 0.9
+"""Between the centers of two who start in one step, so that both may begin captured, if there is room [m]."""
 
 _START_STREAM, _GOAL_STREAM = 0, 1
 
@@ -73,7 +84,9 @@ class CrowdPlacement(NamedTuple):
     walkers : who they are
     goals : regions to go to, each once
     itineraries : of the groups
-    spots : (n, k, 2) float64, where each stands in the region of a goal at which it stands, else nan
+    spots : (n, k, 2) float64, where each stands in the region of a goal at which it stands, or walks to in captured
+        motion; else nan
+    locomotions : of the groups
     """
 
     names: tuple[str, ...]
@@ -86,6 +99,7 @@ class CrowdPlacement(NamedTuple):
     goals: tuple[Polygon, ...]
     itineraries: tuple[Itinerary, ...]
     spots: Floats
+    locomotions: tuple[str, ...]
 
     @property
     def head_count(self) -> int:
@@ -138,6 +152,7 @@ class _Drawing:
         self._standing: list[Floats] = []
         self._goals: dict[bytes, tuple[int, Polygon]] = {}
         self._names: list[str] = []
+        self._locomotions: list[str] = []
         self._itineraries: list[Itinerary] = []
         self._parts: list[tuple[Floats, Floats, NDArray[np.int64], Walkers, Floats]] = []
 
@@ -155,6 +170,7 @@ class _Drawing:
         if starts is None or spots is None:
             return
         self._names.append(group.name)
+        self._locomotions.append(group.locomotion)
         self._itineraries.append(self._itinerary(group))
         self._parts.append((starts, headings, steps, walkers, spots))
 
@@ -179,6 +195,7 @@ class _Drawing:
             goals=tuple(goal for _, goal in self._goals.values()),
             itineraries=tuple(self._itineraries),
             spots=spots,
+            locomotions=tuple(self._locomotions),
         )
 
     def _itinerary(self, group: AgentGroup) -> Itinerary:
@@ -214,7 +231,11 @@ class _Drawing:
         starts = np.zeros((count, 2))
         for step, rows in _rows_by_step(steps):
             taken = np.concatenate([np.empty((0, 2)), *self._starting[step]])
-            spots = scatter_spots(region, room, len(rows), broadest + SPARE, taken, generator)
+            spots = np.empty((0, 2))
+            if group.locomotion != "steered":
+                spots = scatter_spots(region, room, len(rows), CAPTURED_APART, taken, generator)
+            if len(spots) < len(rows):
+                spots = scatter_spots(region, room, len(rows), broadest + SPARE, taken, generator)
             if len(spots) < len(rows) and group.rate is not None:
                 # Who comes from a source waits until nobody stands in its place.
                 more = scatter_spots(region, room, len(rows) - len(spots), 0.0, np.empty((0, 2)), generator)
@@ -246,11 +267,12 @@ class _Drawing:
             if room is None:
                 return None
             stays = last and group.on_arrival == "stay"
-            if not stays and not (group.wait > 0.0 and (not last or group.rounds != 1)):
+            stands = stays or (group.wait > 0.0 and (not last or group.rounds != 1))
+            if not stands and group.locomotion == "steered":
                 continue
             generator = self._generator(number, _GOAL_STREAM, *([k] if k else []))
             if not stays:
-                # Who waits for a while leaves again: spots may lie beside each other.
+                # Who walks on leaves again: spots may lie beside each other.
                 spots[:, k] = scatter_spots(region, room, count, 0.0, np.empty((0, 2)), generator)
                 continue
             taken = np.concatenate([np.empty((0, 2)), *self._standing])
@@ -266,13 +288,19 @@ class _Drawing:
     def _room(
         self, number: int, key: tuple[str | int, ...], region: Polygon | Point, radius: float
     ) -> MultiPolygon | None:
-        """Floor with that much room around it that the region meets; None, and a complaint, if there is none."""
-        if radius not in self._rooms:
-            self._rooms[radius] = rooms_around(self.keys, self.environment, radius)
-        room = next((room for room in self._rooms[radius] if meets(region, room)), None)
-        if room is None:
-            self.complaints.append((("agents", number, *key), unusable(self.environment, region, radius)))
-        return room
+        """Floor with that much room around it that the region meets; None, and a complaint, if there is none.
+
+        Captured characters need as much as they are planned with.
+        """
+        radii = {"steered": [radius], "captured": [max(radius, NOMINAL_RADIUS)], "auto": [NOMINAL_RADIUS, radius]}
+        for least in radii[self.keys.agents[number].locomotion]:
+            if least not in self._rooms:
+                self._rooms[least] = rooms_around(self.keys, self.environment, least)
+            room = next((room for room in self._rooms[least] if meets(region, room)), None)
+            if room is not None:
+                return room
+        self.complaints.append((("agents", number, *key), unusable(self.environment, region, radius)))
+        return None
 
     def _generator(self, number: int, *stream: int) -> np.random.Generator:
         return np.random.default_rng(np.random.SeedSequence(self.keys.seed, spawn_key=(number, *stream)))
@@ -283,3 +311,19 @@ def _rows_by_step(steps: NDArray[np.int64]) -> list[tuple[int, NDArray[np.int64]
     order = np.argsort(steps, kind="stable")
     distinct, firsts = np.unique(steps[order], return_index=True)
     return list(zip(distinct.tolist(), np.split(order, firsts[1:]), strict=True))
+
+
+def captured_placement(cast: CrowdPlacement) -> Placement:
+    """The same characters for captured motion: each goes to its own spots in the regions of its goals."""
+    itineraries = [cast.itineraries[number] for number in cast.group.tolist()]
+    return Placement(
+        starts=cast.starts,
+        goals=tuple(spots[: len(it.goals)] for spots, it in zip(cast.spots, itineraries, strict=True)),
+        rounds=np.array([it.rounds for it in itineraries], np.int64),
+        waits=np.array([it.wait for it in itineraries], np.float64),
+        start_steps=cast.start_steps,
+        stays=np.array([it.stays for it in itineraries], np.bool_),
+        headings=tuple(it.headings for it in itineraries),
+        stand_within=np.array([it.stand_within for it in itineraries], np.float64),
+        groups=tuple(cast.names[number] for number in cast.group.tolist()),
+    )

@@ -61,7 +61,7 @@ def parse_scenario(text: str, path: Path | None = None, overrides: Sequence[str]
     environment, complaints = build_environment(keys, folder)
     complaints = [*key_complaints(keys, folder), *complaints]
     if environment is not None:
-        if keys.steered:
+        if keys.steers:
             complaints += try_crowd_placement(keys, environment)[1]
         else:
             complaints += try_placement(keys, environment, NOMINAL_RADIUS)[1]

@@ -107,17 +107,13 @@ def _times(keys: ScenarioFields) -> list[Complaint]:
 
 def _locomotion(keys: ScenarioFields) -> list[Complaint]:
     complaints: list[Complaint] = []
-    for number, group in enumerate(keys.agents):
-        if group.locomotion != keys.agents[0].locomotion:
-            message = (
-                f"'{group.name}' is {group.locomotion} and '{keys.agents[0].name}' is {keys.agents[0].locomotion}; "
-                "captured and steered characters cannot meet in one scenario"
-            )
-            complaints.append((("agents", number, "locomotion"), message))
-    if keys.steered and keys.steps_per_second != STEERING_RATE:
+    if keys.steers and keys.steps_per_second != STEERING_RATE:
         message = f"steered characters take {STEERING_RATE} steps a second; drop this key"
         complaints.append((("steps_per_second",), message))
-    if keys.steered and keys.planner != "layered":
+    if keys.locomotions() == {"steered"} and keys.planner != "layered":
         message = f"'{keys.planner}' plans for captured characters; drop this key for steered ones"
         complaints.append((("planner",), message))
+    if keys.captured_near is not None and "auto" not in keys.locomotions():
+        message = "no group moves 'auto'; give one 'locomotion: auto', or drop this key"
+        complaints.append((("captured_near",), message))
     return complaints

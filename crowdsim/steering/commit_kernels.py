@@ -3,7 +3,8 @@
 Two convex bodies with gap g and closest points p, q are parted by the line half way between p and q. If each body stays
 on its own side of that line, they cannot meet at any time of the step. So a step is feasible if for every neighbor,
 with n the unit vector from p to q, the farthest reach of the body along n grows by at most g / 2 less a margin; for a
-wall, which stands, by at most g less the margin. Standing still is always feasible. The step committed is the
+wall, which stands, by at most g less the margin; so for each piece of a way that somebody else has reserved, whose disc
+may be anywhere along it. Standing still is always feasible. The step committed is the
 feasible one nearest to what is wanted. Each agent reads old places only, so neither order nor threads matter.
 """
 
@@ -18,6 +19,7 @@ from crowdsim.steering.capsule_kernels import core_to_core, core_to_segment
 from crowdsim.steering.look_kernels import cell_of, rows_beside
 from crowdsim.steering.row_kernels import CELL
 from crowdsim.steering.wall_kernels import WALL_CELL, WALL_REACH
+from crowdsim.steering.way_kernels import gap_to_way
 
 MARGIN = 1e-6
 """What every step leaves of its share of a gap [m]: more than rounding takes, less than anybody sees."""
@@ -45,12 +47,12 @@ def set_line(line, nx, ny, room):
 
 
 @helper
-def add_neighbors(crowd, me, most, broadest, lines):
+def add_neighbors(crowd, me, most, broadest, order, steering, lines):
     """Add the lines between an agent and those it could meet if its body grew by ``most`` in the step [m].
 
     ``crowd``: rows, their places, where cells begin in them, and the frame of the cells. ``broadest``: largest half
-    breadth of all agents [m]. ``lines``: float64[k, 4], as :func:`set_line` sets them. Returns how many,
-    -1 if there is no room for all.
+    breadth of all agents [m]. ``order``, ``steering``: those rows steer of which the agent is below that number.
+    ``lines``: float64[k, 4], as :func:`set_line` sets them. Returns how many, -1 if there is no room for all.
     """
     rows, places, starts, frame = crowd
     mine = rows[me]
@@ -67,7 +69,7 @@ def add_neighbors(crowd, me, most, broadest, lines):
             px = places[number, 0] - x
             py = places[number, 1] - y
             square = px * px + py * py
-            if square >= farthest * farthest or number == me:
+            if square >= farthest * farthest or number == me or order[number] >= steering:
                 continue
             other = rows[number]
             apart = own + other.half + other.radius
@@ -111,6 +113,25 @@ def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
             walls.segments[number, 3],
         )
         room = distance - radius - MARGIN
+        if room < most:
+            if count == len(lines) or distance == 0.0:
+                return -1
+            set_line(lines[count], dx / distance, dy / distance, room)
+            count += 1
+    return count
+
+
+@helper
+def add_ways(ways, frame, mine, most, lines, count):
+    """Add the lines between an agent and the reserved ways that it could meet; returns as :func:`add_walls`."""
+    column, row = cell_of(frame, mine.x, mine.y)
+    cell = row * frame[2] + column
+    if count < 0:
+        return count
+    for entry in range(ways.starts[cell], ways.starts[cell + 1]):
+        number = ways.lists[entry]
+        dx, dy, distance, gap = gap_to_way(ways, number, mine.x, mine.y, -mine.hy, mine.hx, mine.half, mine.radius)
+        room = gap - MARGIN
         if room < most:
             if count == len(lines) or distance == 0.0:
                 return -1
@@ -198,19 +219,22 @@ def fitting_turn(mine, turn, half, dx, dy, lines, count):
 
 
 @kernel
-def commit_rows(crowd, first, last, order, wanted, walls, broadest, step, state):
+def commit_rows(crowd, first, last, order, wanted, walls, ways, broadest, step, state):
     """Move the agents of the rows from ``first`` to ``last`` as they want, as far as that touches nobody.
 
     ``crowd``: rows, their places, where cells begin in them, and the frame of the cells. ``walls``: those of the legs'
-    layer, those of the torso's, and the radius of the legs [m]. ``broadest``: largest half breadth of all agents [m].
-    ``step``: its length [s]. ``state``: ROW[n], gets what changes, by agent as ``order`` says. Returns how many agents
-    stood since more was near than the kernel has room for.
+    layer, those of the torso's, and the radius of the legs [m]. ``ways``: those that others have reserved, a
+    :class:`crowdsim.steering.ways.ListedWays`. ``broadest``: largest half breadth of all agents [m]. ``step``: its
+    length [s]. ``state``: ROW[n] of those who steer, gets what changes, by agent as ``order`` says. Returns how many
+    agents stood since more was near than the kernel has room for.
     """
     rows = crowd[0]
     legs, torso, leg_radius = walls
     lines = np.empty((MOST_LINES, 4))
     crowded = 0
     for me in range(first, last):
+        if order[me] >= len(state):
+            continue
         mine = rows[me]
         want = wanted[me]
         dx = want.vx * step
@@ -221,9 +245,10 @@ def commit_rows(crowd, first, last, order, wanted, walls, broadest, step, state)
         # What the body could meet if it grew by the most that the step can make its reach grow.
         growth = max(mine.half, half) * abs(turn) + max(0.0, half - mine.half)
         most = math.sqrt(dx * dx + dy * dy) + growth
-        count = add_neighbors(crowd, me, most, broadest, lines)
+        count = add_neighbors(crowd, me, most, broadest, order, len(state), lines)
         count = add_walls(torso, mine.x, mine.y, -mine.hy, mine.hx, mine.half, mine.radius, most, lines, count)
         count = add_walls(legs, mine.x, mine.y, 1.0, 0.0, 0.0, leg_radius, most, lines, count)
+        count = add_ways(ways, crowd[3], mine, most, lines, count)
         if count < 0:
             crowded += 1
             count = 0

@@ -15,6 +15,7 @@ from crowdsim.steering.look_kernels import MOST_NEAR, look_rows
 from crowdsim.steering.row_kernels import CELL, ROW, gather_rows, sort_rows
 from crowdsim.steering.rules import Rules
 from crowdsim.steering.walls import Walls
+from crowdsim.steering.ways import NOBODY_ELSE, Frame, ListedWays, Others, listed
 
 MOST_CELLS = 4_000_000
 """Cells that agents may be spread over: a square of 2 km."""
@@ -81,25 +82,28 @@ class Steering:
         """Take other walls from the next step on. Nobody may touch them."""
         self.walls = (legs, torso, self.walls[2])
 
-    def step(self, state: NDArray[Any]) -> None:
+    def step(self, state: NDArray[Any], others: Others = NOBODY_ELSE) -> None:
         """Step all agents of ``state``, records of :data:`~crowdsim.steering.row_kernels.ROW`, in place.
 
-        Nobody may touch anybody or a wall before the first step; then nobody ever does. The order of the records is
-        that of the agents' ids. ValueError if agents are not finite or spread over more than :data:`MOST_CELLS` cells.
+        Nobody may touch anybody, a wall, or a way that ``others`` have reserved before the first step; then nobody ever
+        does. The order of the records is that of the agents' ids. ValueError if agents are not finite or spread over
+        more than :data:`MOST_CELLS` cells.
         An agent that cannot be moved safely, as too much is near, or it cuts somebody or a wall, stands.
         """
         count = len(state)
         if count == 0:
             return
         require_finite(state)
-        crowd = self.sort(state)
+        crowd = self.sort(np.concatenate((state, others.rows)) if len(others.rows) else state)
+        ways = listed(others, crowd.frame, self._longest_reach(state))
+        count = len(crowd.rows)
 
         # Everyone reads old rows only, so parts need not wait for each other.
         def run(first: int) -> int:
             last = min(first + part, count)
             self.look(crowd, first, last)
             self.decide(crowd, first, last)
-            return self.commit(crowd, first, last, state)
+            return self.commit(crowd, first, last, ways, state)
 
         part = count if self._pool is None else -(-count // (PARTS * self._threads))
         firsts = range(0, count, part)
@@ -110,19 +114,13 @@ class Steering:
         count = len(state)
         places = np.column_stack((state["x"], state["y"]))
         if bounds is None:
-            corners = np.array([places.min(axis=0), places.max(axis=0)])
-        else:
-            corners = np.array(bounds).reshape(2, 2)
-        low = np.floor(corners[0] / CELL) * CELL
-        spread = np.floor((corners[1] - low) / CELL) + 1.0
-        if not spread.prod() <= MOST_CELLS:
-            raise ValueError(f"agents are spread over {spread[0]} by {spread[1]} m, more than steering can sort")
-        columns, rows_up = (int(each) for each in spread)
+            bounds = (*places.min(axis=0).tolist(), *places.max(axis=0).tolist())
+        frame = frame_of(bounds)
         crowd = SortedCrowd(
             rows=np.empty(count, ROW),
             places=places,
-            starts=np.empty(columns * rows_up + 1, np.int64),
-            frame=(float(low[0]), float(low[1]), columns, rows_up),
+            starts=np.empty(frame[2] * frame[3] + 1, np.int64),
+            frame=frame,
             order=np.empty(count, np.int32),
             near=np.empty((count, MOST_NEAR), np.int32),
             wanted=np.empty(count, WANTED),
@@ -140,7 +138,14 @@ class Steering:
         """Decide what they want."""
         decide_rows(crowd.rows, crowd.near, first, last, self.walls, self.rules, crowd.wanted)
 
-    def commit(self, crowd: SortedCrowd, first: int, last: int, state: NDArray[Any]) -> int:
+    def _longest_reach(self, state: NDArray[Any]) -> float:
+        """Distance from its center that no body can reach beyond in a step [m]."""
+        rules = self.rules
+        fastest = float(np.sqrt(state["vx"] ** 2 + state["vy"] ** 2).max()) + rules.acceleration * rules.step
+        longest = float(np.maximum(state["half"], state["rest"]).max())
+        return fastest * rules.step + longest * (2.0 + rules.turn_rate * rules.step) + float(state["radius"].max())
+
+    def commit(self, crowd: SortedCrowd, first: int, last: int, ways: ListedWays, state: NDArray[Any]) -> int:
         """Move them as far as that touches nobody; returns how many stood since too much was near."""
         neighbors = (crowd.rows, crowd.places, crowd.starts, crowd.frame)
         return int(
@@ -151,11 +156,24 @@ class Steering:
                 crowd.order,
                 crowd.wanted,
                 self.walls,
+                ways,
                 crowd.broadest,
                 self.rules.step,
                 state,
             )
         )
+
+
+def frame_of(bounds: tuple[float, float, float, float]) -> Frame:
+    """Left and bottom of the cells [m], columns and rows of them, that cover ``bounds``, corners x and y of both [m].
+
+    ValueError if they are more than :data:`MOST_CELLS`.
+    """
+    low = np.floor(np.array(bounds[:2]) / CELL) * CELL
+    spread = np.floor((np.array(bounds[2:]) - low) / CELL) + 1.0
+    if not spread.prod() <= MOST_CELLS:
+        raise ValueError(f"agents are spread over {spread[0]} by {spread[1]} m, more than steering can sort")
+    return float(low[0]), float(low[1]), int(spread[0]), int(spread[1])
 
 
 def require_finite(state: NDArray[Any]) -> None:

@@ -16,6 +16,7 @@ from crowdsim.bench.crowds.drills import LEG_RADIUS, State, make_agents
 from crowdsim.bench.crowds.rvo2 import Rvo2
 from crowdsim.steering.steering import Steering
 from crowdsim.steering.walls import build_walls
+from crowdsim.steering.ways import NOBODY_ELSE, listed
 
 AGENT_STEPS = 400_000
 """Agent-steps that each figure is the median of, in at least 12 steps and at most 200."""
@@ -87,7 +88,7 @@ def _stage_times(agents: int, density: float, steps: int) -> np.ndarray:
             marks.append(time.perf_counter())
             steering.decide(crowd, 0, agents)
             marks.append(time.perf_counter())
-            steering.commit(crowd, 0, agents, state)
+            steering.commit(crowd, 0, agents, listed(NOBODY_ELSE, crowd.frame, 0.0), state)
             marks.append(time.perf_counter())
             times.append(np.diff(marks))
             _turn_back(state, side)

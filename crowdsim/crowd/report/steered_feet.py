@@ -39,7 +39,8 @@ class SteeredFeet:
     def add(self, view: View) -> None:
         """Take in one step."""
         for row in np.flatnonzero(view.agent < SAMPLED).tolist():
-            track = self._tracks.setdefault(int(view.agent[row]), [])
+            # Who comes back to steering has another id, and another track.
+            track = self._tracks.setdefault(int(view.id[row]), [])
             if len(track) < LONGEST:
                 state = view.row[row]
                 track.append(np.array([state["x"], state["y"], state["heading"], view.phase[row]]))

@@ -26,15 +26,18 @@ CENTER_LIMIT = 1.0
 
 
 class SteeredStatistics:
-    """Measures of every step, gathered as the run goes."""
+    """Measures of every step, gathered as the run goes.
+
+    way: (areas + 1, B) meters gone in each behavior, over all and by named area.
+    """
 
     def __init__(
         self, behaviors: Sequence[Behavior], layers: Sequence[str], areas: Mapping[str, shapely.Polygon], gait: Clip
     ) -> None:
         self._behaviors, self._layers, self._areas = behaviors, layers, areas
-        self._feet = SteeredFeet(gait)
-        self._way = np.zeros((len(areas) + 1, len(behaviors)))
-        self._gap = self._centers = np.inf
+        self.feet = SteeredFeet(gait)
+        self.way = np.zeros((len(areas) + 1, len(behaviors)))
+        self.gap = self.centers = np.inf
         self._margins = [GAP_LIMIT, GAP_LIMIT]
 
     def add(self, view: View, steering: Steering) -> None:
@@ -42,17 +45,17 @@ class SteeredStatistics:
         rows = view.row
         if not len(rows):
             return
-        self._feet.add(view)
+        self.feet.add(view)
         gone = hypot(rows["vx"], rows["vy"]) / STEERING_RATE
         kinds = len(self._behaviors)
-        self._way[0] += np.bincount(view.behavior, gone, kinds)
+        self.way[0] += np.bincount(view.behavior, gone, kinds)
         for row, area in enumerate(self._areas.values(), start=1):
             inside = shapely.contains_xy(area, rows["x"], rows["y"])
-            self._way[row] += np.bincount(view.behavior[inside], gone[inside], kinds)
+            self.way[row] += np.bincount(view.behavior[inside], gone[inside], kinds)
         crowd = steering.sort(rows)
         sorted_rows = (crowd.rows, crowd.places, crowd.starts, crowd.frame)
         gap, centers = closest_bodies(sorted_rows, crowd.broadest, CENTER_LIMIT)
-        self._gap, self._centers = min(self._gap, gap), min(self._centers, centers)
+        self.gap, self.centers = min(self.gap, gap), min(self.centers, centers)
         legs, torso, leg_radius = steering.walls
         for layer, (walls, whole) in enumerate(((legs, False), (torso, True))):
             self._margins[layer] = min(
@@ -63,18 +66,18 @@ class SteeredStatistics:
         """The figures under the names that ``crowdsim run --json`` prints."""
         names = [behavior.name for behavior in self._behaviors]
         areas = enumerate(self._areas, start=1)
-        stance_speed, lowest = self._feet.measure()
+        stance_speed, lowest = self.feet.measure()
         return {
-            "behavior_share": shares_of(names, self._way[0]),
-            "behavior_share_by_area": {area: shares_of(names, self._way[row]) for row, area in areas},
-            "closest_pair": float(self._centers) if self._centers < CENTER_LIMIT else None,
-            "closest_bodies": float(self._gap) if self._gap < CENTER_LIMIT else None,
-            "obstacle_margin": self._margins_of_layers(),
+            "behavior_share": shares_of(names, self.way[0]),
+            "behavior_share_by_area": {area: shares_of(names, self.way[row]) for row, area in areas},
+            "closest_pair": float(self.centers) if self.centers < CENTER_LIMIT else None,
+            "closest_bodies": float(self.gap) if self.gap < CENTER_LIMIT else None,
+            "obstacle_margin": self.margins_of_layers(),
             "stance_foot_speed": stance_speed,
             "lowest_foot": lowest,
         }
 
-    def _margins_of_layers(self) -> dict[str, float]:
+    def margins_of_layers(self) -> dict[str, float]:
         """The legs keep off the lowest layer, the torso off all others; both keep off a layer that is the only one."""
         if len(self._layers) == 1:
             return {self._layers[0]: min(self._margins)}

@@ -76,10 +76,20 @@ class Plans:
     unreachable: dict[int, str] = field(default_factory=dict)
     _joins: dict[int, Join | None] = field(default_factory=dict)
 
-    def request(self, agent: int, request: Request, join: Join | None = None) -> None:
-        """Ask for a search for one agent, instead of the one that is under way; a slice of it begins with this step."""
+    def request(self, agent: int, request: Request, join: Join | None = None, walks: bool = False) -> None:
+        """Ask for a search for one agent, instead of the one that is under way; a slice of it begins with this step.
+
+        ``walks``: whether it is needed at once, as always where it joins a plan.
+        """
         self._joins[agent] = join
-        self.searches.begin(agent, MotionSearch(self.assets, self.environment, request), walks=join is not None)
+        search = MotionSearch(self.assets, self.environment, request)
+        self.searches.begin(agent, search, walks=walks or join is not None)
+
+    def forget(self, agent: int) -> None:
+        """Let go of all that is planned for an agent, who goes its way without."""
+        self.searches.drop(agent)
+        for table in (self.motions, self.routes, self.unreachable, self._joins):
+            table.pop(agent, None)
 
     def request_on(self, agent: int, join: Join, ahead: int) -> None:
         """Ask for the way on from ``join`` to the place that comes ``ahead`` after the present goal."""

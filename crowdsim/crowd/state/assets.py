@@ -109,15 +109,20 @@ def load_behaviors(scenario: Scenario) -> BehaviorSet:
     return load_behavior_set(scenario.behaviors, bands, captures=captures, capture_patterns=scenario.motion.clips)
 
 
-def prepare(scenario: Scenario, workers: int = 1, progress: Callable[[int, int], None] | None = None) -> Assets:
+def prepare(
+    scenario: Scenario,
+    workers: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+    behavior_set: BehaviorSet | None = None,
+) -> Assets:
     """Build layers, motion graph and motion maps for a scenario.
 
     Maps that were built before are mapped from a file. Else so many ``workers`` build them, and ``progress`` is called
-    with the nodes whose map is done and their number.
+    with the nodes whose map is done and their number. ``behavior_set`` is that of the scenario if it is loaded already.
 
     Raises ScenarioError, GeometryError, BehaviorError or MotionError where something cannot be used.
     """
-    behavior_set = load_behaviors(scenario)
+    behavior_set = load_behaviors(scenario) if behavior_set is None else behavior_set
     if not behavior_set.graph.arrays.node_ends_standing.any():
         raise MotionError("no clip of the motion set ends standing, so no character could ever wait; add one that does")
     shortest = int(behavior_set.graph.arrays.node_frames.min())

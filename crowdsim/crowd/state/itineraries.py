@@ -84,16 +84,10 @@ class Itineraries:
         self.reached[agent] += 1
         return 0.0 if last else float(self.cast.waits[agent])
 
-    def stands_summary(self) -> dict[str, float | int | None]:
-        """How many came to stand at a place, and how far off it and the heading asked for they were at most."""
+    def how_they_stood(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """How far off its place [m], and the heading asked for [rad] or nan, each was who came to stand at one."""
         off, turned = np.array(self.stood).reshape(-1, 2).T
-        turned = np.degrees(turned[~np.isnan(turned)])
-        return {
-            "stood": len(off),
-            "off_goal_p95": float(np.quantile(off, 0.95)) if len(off) else None,
-            "off_goal_most": float(off.max()) if len(off) else None,
-            "off_heading_most": float(turned.max()) if len(turned) else None,
-        }
+        return off, turned
 
     def laps(self) -> dict[str, int]:
         """Rounds that the characters of each group completed together, for the groups that go round."""

@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from crowdsim.crowd.state.body_kernels import meets_body
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.geometry.segments_kernels import segment_segment_distance2
@@ -111,8 +112,8 @@ def _within_reach(center, other, first, last, reach):
     return False
 
 
-@helper
-def _node_is_free(graph, node, origin, blend_offset, obstacles, hints):
+@kernel
+def node_is_free(graph, node, origin, blend_offset, obstacles, hints):
     """Whether the body disc of a node's behavior keeps clear of all layers along the whole node."""
     behavior = graph.node_behavior[node]
     frames = graph.node_frames[node]
@@ -236,7 +237,7 @@ def reserve(
             # The stop behind the nodes taken, which nobody tested yet.
             count = append_stop(graph, draft, taken + 1)
             for c in range(taken + 1, count):
-                if not _node_is_free(graph, draft.nodes[c], draft.origins[c], draft.blend_offsets[c], obstacles, hints):
+                if not node_is_free(graph, draft.nodes[c], draft.origins[c], draft.blend_offsets[c], obstacles, hints):
                     count = -1
                     break
             if count < 0:
@@ -247,7 +248,9 @@ def reserve(
         if len(obstacles.kept_free) and comes_near(timeline, obstacles.kept_free, obstacles.distance):
             continue
         gone = ended if leaves else forever
-        if not meets_anyone(row, timeline, start, gone, start, everyone.body_radius[row], everyone):
+        if meets_body(obstacles.agent, timeline, obstacles.body_radius, obstacles.bodies):
+            continue
+        if not meets_anyone(row, timeline, start, gone, start, obstacles.body_radius, everyone):
             return taken, gone
         # There may be no place to stand here, but one beyond whoever is in the way.
     return 0, forever

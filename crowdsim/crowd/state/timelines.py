@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.ecs.world import View
+from crowdsim.steering.row_kernels import ROW
 
 Floats = NDArray[np.float64]
 
@@ -46,6 +47,22 @@ class Timelines(NamedTuple):
         return cls(*(getattr(view, name) for name in cls._fields))
 
 
+class StandingBodies(NamedTuple):
+    """Bodies of steered characters, sorted by cells: where they stand now they may stay."""
+
+    rows: NDArray[Any]
+    """ROW[n]."""
+    starts: NDArray[np.int64]
+    """Where cells begin in the rows."""
+    frame: tuple[float, float, int, int]
+    """Left and bottom of the cells [m], columns and rows of them."""
+    broadest: float
+    """Largest half breadth of them all [m]."""
+
+
+NO_BODIES = StandingBodies(np.zeros(0, ROW), np.zeros(2, np.int64), (0.0, 0.0, 1, 1), 0.0)
+
+
 class Obstacles(NamedTuple):
     """What a body keeps clear of beside others."""
 
@@ -57,3 +74,9 @@ class Obstacles(NamedTuple):
     """(M, 4) segments, x and y of both ends, of what is about to come."""
     distance: float
     """Meters that the track stays away from these."""
+    bodies: StandingBodies
+    """Of steered characters."""
+    agent: int
+    """Whose own body among these does not count."""
+    body_radius: float
+    """Meters, of the disc that others keep clear of."""

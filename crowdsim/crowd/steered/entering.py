@@ -19,6 +19,7 @@ from crowdsim.scenario.crowd_placement import BODY_DEPTH, CrowdPlacement
 from crowdsim.steering.guidance.guidance import PLAIN
 from crowdsim.steering.row_kernels import ROW
 from crowdsim.steering.steering import Steering
+from crowdsim.steering.ways import NOBODY_ELSE, Others, clear_of, listed
 
 
 class Entering:
@@ -34,10 +35,20 @@ class Entering:
         self.shut_out = np.zeros(0, np.int64)
         self._broadest = 0.5 * float(cast.walkers.breadths.max(initial=0.0))
 
-    def enter(self, step: int, steering: Steering) -> None:
-        """Ask the world for those who come in this step."""
+    def enter(
+        self,
+        step: int,
+        steering: Steering,
+        wanted: NDArray[np.bool_] | None = None,
+        others: Others = NOBODY_ELSE,
+    ) -> None:
+        """Ask the world for those who come in this step.
+
+        ``wanted``, (n,): who may come; everybody if it is None. Nobody comes onto the reserved ways of ``others``.
+        """
         cast = self._cast
-        due = np.flatnonzero((self.entered < 0) & (cast.start_steps <= step))
+        is_due = (self.entered < 0) & (cast.start_steps <= step)
+        due = np.flatnonzero(is_due if wanted is None else is_due & wanted)
         covered = self._place.covers(cast.starts[due])
         self.shut_out = due[covered]
         # Nobody else goes where something waits to come.
@@ -46,9 +57,12 @@ class Entering:
             return
         due = due[np.argsort(cast.start_steps[due], kind="stable")]
         coming = self._rows(due)
-        admitted = np.zeros(len(due), np.bool_)
         sorted_crowd = steering.sort(self._world.column("row"), self._place.bounds)
         crowd = (sorted_crowd.rows, sorted_crowd.starts, sorted_crowd.frame)
+        ways = listed(others, sorted_crowd.frame, self._broadest + ROOM)
+        clear = clear_of(ways, sorted_crowd.frame, coming, ROOM)
+        coming, due = coming[clear], due[clear]
+        admitted = np.zeros(len(due), np.bool_)
         admit(coming, crowd, self._broadest, steering.walls, admitted)
         agents, rows = due[admitted], coming[admitted]
         self.entered[agents] = step

@@ -104,22 +104,19 @@ class Errands:
         view.lost_since[lost & (view.lost_since == NONE)] = step
         return leaves
 
-    def stands_summary(self, view: View) -> dict[str, float | int | None]:
-        """How many came to stand at a place, and how far off it and the heading asked for they were at most.
+    def how_they_stood(self, view: View) -> tuple[Floats, Floats]:
+        """How far off its place [m], and the heading asked for [rad] or nan, each was who came to stand at one.
 
         Those who went on count as they stood when they did, the others as they stand now.
         """
         waits = (view.errand == Errand.STANDS) & (view.reached > 0)
         now = self._how_they_stand(view, np.flatnonzero(waits | (view.errand == Errand.STAYS)))
         off = np.concatenate([each for each, _ in (*self._stood, now)])
-        turned = np.concatenate([each for _, each in (*self._stood, now)])
-        turned = np.degrees(turned[~np.isnan(turned)])
-        return {
-            "stood": len(off),
-            "off_goal_p95": float(np.quantile(off, 0.95)) if len(off) else None,
-            "off_goal_most": float(off.max()) if len(off) else None,
-            "off_heading_most": float(turned.max()) if len(turned) else None,
-        }
+        return off, np.concatenate([each for _, each in (*self._stood, now)])
+
+    def count_visits(self, visits: NDArray[np.int64]) -> None:
+        """Take note of places, (n,), that characters have been to in another way than steered."""
+        np.maximum(self._visits, visits, out=self._visits)
 
     def laps(self) -> dict[str, int]:
         """Rounds that the characters of each group completed together, for the groups that go round."""

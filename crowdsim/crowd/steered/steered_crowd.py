@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 
 from crowdsim.behaviors.gaits import gait_clips
+from crowdsim.behaviors.library import BehaviorSet
 from crowdsim.constants import NONE, STEERING_RATE
 from crowdsim.crowd.crowd import Route
 from crowdsim.crowd.report.recording_header import record_header, steered_agents, steered_motion
 from crowdsim.crowd.report.steered_statistics import SteeredStatistics
 from crowdsim.crowd.state.assets import load_behaviors
+from crowdsim.crowd.state.stands import stands_summary
 from crowdsim.crowd.state.state_hash import state_hash
 from crowdsim.crowd.steered.components import COLUMNS, Errand
 from crowdsim.crowd.steered.entering import Entering
@@ -20,10 +22,11 @@ from crowdsim.crowd.steered.gait import walk_on
 from crowdsim.crowd.steered.steered_place import SteeredPlace
 from crowdsim.ecs.world import World
 from crowdsim.recording.header import AgentState, RecordedFrame, RecordingHeader
-from crowdsim.scenario.crowd_placement import BODY_DEPTH, place_crowd
+from crowdsim.scenario.crowd_placement import BODY_DEPTH, CrowdPlacement, place_crowd
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.timetable import Placing
 from crowdsim.steering.steering import Steering
+from crowdsim.steering.ways import NOBODY_ELSE, Others
 
 LEG_RADIUS = 0.5 * BODY_DEPTH
 """Of the disc that the legs stand for [m]."""
@@ -35,23 +38,29 @@ LOST_SECONDS = 5.0
 class SteeredCrowd:
     """The steered characters of a scenario; ``threads`` share them, and the result does not depend on how many."""
 
-    def __init__(self, scenario: Scenario, threads: int) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        threads: int,
+        cast: CrowdPlacement | None = None,
+        behavior_set: BehaviorSet | None = None,
+    ) -> None:
         self.hash = 0
         self._step = 0
-        self._behavior_set = load_behaviors(scenario)
-        behaviors = self._behavior_set.behaviors
-        self.cast = place_crowd(scenario)
+        self.behavior_set = load_behaviors(scenario) if behavior_set is None else behavior_set
+        behaviors = self.behavior_set.behaviors
+        self.cast = place_crowd(scenario) if cast is None else cast
         self.place = SteeredPlace(scenario.environment, self.cast.goals, behaviors, STEERING_RATE, threads)
         self.world = World(COLUMNS)
         self.steering = Steering(*self.place.walls, leg_radius=LEG_RADIUS, threads=threads)
-        self._errands = Errands(self.cast, STEERING_RATE)
-        self._entering = Entering(self.world, self.place, self.cast, self._errands)
-        self._gaits = gait_clips(self._behavior_set)
+        self.errands = Errands(self.cast, STEERING_RATE)
+        self.entering = Entering(self.world, self.place, self.cast, self.errands)
+        self.gaits = gait_clips(self.behavior_set)
         self.statistics = SteeredStatistics(
             behaviors,
             [layer.name for layer in scenario.environment.layers],
             scenario.area_polygons(),
-            self._gaits[-1],
+            self.gaits[-1],
         )
 
     @property
@@ -67,7 +76,7 @@ class SteeredCrowd:
     @property
     def arrived(self) -> int:
         """Characters that reached their last goal so far."""
-        return int((self._errands.arrived >= 0).sum())
+        return int((self.errands.arrived >= 0).sum())
 
     @property
     def finished(self) -> bool:
@@ -76,8 +85,24 @@ class SteeredCrowd:
         if self.place.agenda.over:
             since = self.world.column("lost_since")
             lost = int(((since != NONE) & (self._step - since > LOST_SECONDS * STEERING_RATE)).sum())
-            lost += len(self._entering.shut_out)
+            lost += len(self.entering.shut_out)
         return self.arrived + lost >= self.count
+
+    @property
+    def waiting(self) -> int:
+        """Characters on their way that do not move."""
+        view = self.world.view()
+        return int(((view.state == AgentState.WAITING) & (view.errand == Errand.WALKS)).sum())
+
+    @property
+    def unreachable(self) -> dict[str, str]:
+        """Why characters have no way, by their numbers."""
+        lost = self.world.column("agent")[self.world.column("lost_since") != NONE]
+        reason = "no way leads from where it is to its goal; look for what stands in the way"
+        return {
+            **{str(agent): reason for agent in sorted(lost.tolist())},
+            **{str(agent): "something stands where it is to start" for agent in self.entering.shut_out.tolist()},
+        }
 
     def close(self) -> None:
         """End the threads."""
@@ -85,18 +110,21 @@ class SteeredCrowd:
 
     def advance(self) -> None:
         """All stages of a step, in order; characters come and go only where changes are applied."""
-        world, place = self.world, self.place
-        if place.apply_events(self._step, world.column("row"), LEG_RADIUS):
-            self.steering.set_walls(*place.walls)
-        self._entering.enter(self._step, self.steering)
-        world.apply_changes()
+        if self.place.apply_events(self._step, self.world.column("row"), LEG_RADIUS):
+            self.steering.set_walls(*self.place.walls)
+        self.entering.enter(self._step, self.steering)
+        self.world.apply_changes()
+        self.act()
+        self.hash = state_hash(self.world, self.place.state(), self._step, self.hash)
 
-        # Everyone gets its way, and what it is to do at its end.
+    def act(self, others: Others = NOBODY_ELSE) -> None:
+        """Let everyone get its way, leave if it has arrived, and take a step that keeps clear of ``others``."""
+        world, place = self.world, self.place
         view = world.view()
         place.refresh(self._step, view.row, view.following)
-        self._errands.set_out(view, self._step)
+        self.errands.set_out(view, self._step)
         place.guidance.write(view.row, view.following)
-        leaves = self._errands.update(view, self._step)
+        leaves = self.errands.update(view, self._step)
         place.lead_out(view.row, np.flatnonzero(view.lost_since != NONE))
         if len(leaves):
             world.remove(*view.id[leaves].tolist())
@@ -105,9 +133,8 @@ class SteeredCrowd:
         # Everyone takes a step.
         view = world.view()
         before = view.row["heading"].copy()
-        self.steering.step(view.row)
+        self.steering.step(view.row, others)
         walk_on(view, before, place.asked)
-        self.hash = state_hash(world, place.state(), self._step, self.hash)
 
     def end_step(self) -> None:
         """Count the step."""
@@ -123,12 +150,12 @@ class SteeredCrowd:
 
     def header(self, scenario: Scenario) -> RecordingHeader:
         """What a recording says once."""
-        agents = steered_agents(self.cast, self._errands.middles, STEERING_RATE)
+        agents = steered_agents(self.cast, self.errands.middles, STEERING_RATE)
         return record_header(
             scenario,
-            self._behavior_set.behaviors,
+            self.behavior_set.behaviors,
             agents,
-            steered_motion(self._behavior_set.graph.skeleton, self._gaits),
+            steered_motion(self.behavior_set.graph.skeleton, self.gaits),
         )
 
     def frame(self) -> RecordedFrame:
@@ -159,22 +186,16 @@ class SteeredCrowd:
     def summary(self) -> dict[str, Any]:
         """What the run is summed up by."""
         view = self.world.view()
-        arrived, entered = self._errands.arrived, self._entering.entered
+        arrived, entered = self.errands.arrived, self.entering.entered
         done = arrived >= 0
         times = (arrived - entered)[done] / STEERING_RATE
-        lost = np.flatnonzero(view.lost_since != NONE)
-        reason = "no way leads from where it is to its goal; look for what stands in the way"
-        waits = (view.state == AgentState.WAITING) & (view.errand == Errand.WALKS)
         return {
             "characters": self.count,
             "arrived": int(done.sum()),
-            "waiting": int(waits.sum()),
-            "unreachable": {
-                **{str(agent): reason for agent in sorted(view.agent[lost].tolist())},
-                **{str(agent): "something stands where it is to start" for agent in self._entering.shut_out.tolist()},
-            },
-            "laps": self._errands.laps(),
-            "stands": self._errands.stands_summary(view),
+            "waiting": self.waiting,
+            "unreachable": self.unreachable,
+            "laps": self.errands.laps(),
+            "stands": stands_summary(*self.errands.how_they_stood(view)),
             "events": self.place.agenda.report(),
             "replans": 0,
             "searches": None,

@@ -103,31 +103,44 @@ class SteeredPlace:
         agenda = self.agenda
         if not agenda.collect(step):
             return False
-        cores = _cores(state)
-        reach = np.maximum(state["radius"], leg_radius) + KEPT_OFF
-        waiting: list[int] = []
-        announced: dict[int, Footprints] = {}
-        windows: list[Bounds] = []
-        stands_elsewhere = moved = False
+        waiting, happening = [], []
         for number in agenda.waiting:
             event = agenda.timetable.events[number]
             taken = None if event.placing is None else self._footprints(event.movable, event.placing)
-            if (
-                taken is not None
-                and (shapely.distance(cores, shapely.union_all([t for t in taken if t])) < reach).any()
-            ):
+            if taken is not None and self.is_taken(taken, state, leg_radius):
                 waiting.append(number)
-                announced[number] = taken
                 continue
             agenda.note(number, step)
+            happening.append(number)
+        agenda.waiting = waiting
+        return self.change(happening, waiting)
+
+    def is_taken(self, taken: Footprints, state: NDArray[Any], leg_radius: float) -> bool:
+        """Whether a body of ``state`` (ROW) is in the way of something that comes."""
+        reach = np.maximum(state["radius"], leg_radius) + KEPT_OFF
+        outline = shapely.union_all([shape for shape in taken if shape])
+        return bool((shapely.distance(_cores(state), outline) < reach).any())
+
+    def change(self, happening: Sequence[int], waiting: Sequence[int]) -> bool:
+        """Let some events happen, and announce those that wait; returns whether walls changed."""
+        events = self.agenda.timetable.events
+        announced: dict[int, Footprints] = {}
+        for number in waiting:
+            placing = events[number].placing
+            if placing is not None:
+                announced[number] = self._footprints(events[number].movable, placing)
+        windows: list[Bounds] = []
+        stands_elsewhere = moved = False
+        for number in happening:
+            event = events[number]
             if event.placing != self._placings[event.movable]:
+                taken = None if event.placing is None else self._footprints(event.movable, event.placing)
                 self._placings[event.movable] = event.placing
                 moved = True
                 window = self._walls.put(event.movable, taken)
                 if window is not None:
                     windows.append(window)
                     stands_elsewhere = True
-        agenda.waiting = waiting
         if moved:
             self._standing = self._union_of_things()
         # What is announced anew, and what is no more.

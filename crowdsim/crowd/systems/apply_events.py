@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -36,27 +37,38 @@ class Events:
         """Whether nothing changes any more."""
         return self._agenda.over
 
-    def apply(self, view: View) -> None:
-        """Let what is due happen, where nobody is in the way."""
+    def apply(self, view: View, in_the_way: Callable[[Footprints], bool] = lambda _: False) -> list[int]:
+        """Let what is due happen, where nobody is in the way; returns the numbers of the events that did.
+
+        ``in_the_way`` says whether somebody is who is not in ``view``.
+        """
         plans, environment, agenda = self.plans, self.plans.environment, self._agenda
         if not agenda.collect(plans.step):
-            return
+            return []
         lines = reserved_lines(view, plans.step * plans.assets.frames_per_step // SLOT_FRAMES)
-        waiting, outlines = [], []
+        waiting, outlines, happened = [], [], []
         for number in agenda.waiting:
             event = plans.assets.timetable.events[number]
-            outline = None if event.placing is None else environment.footprints(event.movable, event.placing)[0]
+            taken = None if event.placing is None else environment.footprints(event.movable, event.placing)
+            outline = None if taken is None else taken[0]
             # Nothing comes to where an agent is, or will be.
-            if outline is not None and (shapely.distance(lines, outline) < view.body_radius + KEPT_OFF).any():
+            if taken is not None and (_are_near(lines, view, outline) or in_the_way(taken)):
                 waiting.append(number)
-                outlines.append(outline)
+                outlines += [] if outline is None else [outline]
                 continue
             agenda.note(number, plans.step)
+            happened.append(number)
             if event.placing != environment.placing(event.movable):
                 plans.searches.pool.settle()
                 edit = environment.put(event.movable, event.placing, plans.step)
                 _AffectedAgents(plans, view).plan_anew(edit)
         agenda.waiting, environment.waited_for = waiting, outlines
+        return happened
+
+    @property
+    def waiting(self) -> list[int]:
+        """Numbers of the events that wait."""
+        return self._agenda.waiting
 
     def report(self) -> list[dict[str, Any]]:
         """What became of every event that was due."""
@@ -70,6 +82,11 @@ def reserved_lines(view: View, slot: int) -> NDArray[Any]:
     ahead = np.minimum(first[:, None] + np.arange(last + 1), last)
     lines: NDArray[Any] = shapely.linestrings(np.take_along_axis(view.timeline, ahead[:, :, None], axis=1))
     return lines
+
+
+def _are_near(lines: NDArray[Any], view: View, outline: BaseGeometry | None) -> bool:
+    """Whether anybody's reserved timeline comes near an outline."""
+    return outline is not None and bool((shapely.distance(lines, outline) < view.body_radius + KEPT_OFF).any())
 
 
 class _AffectedAgents:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -12,9 +13,9 @@ from crowdsim.constants import NONE
 from crowdsim.crowd.search.plans import Join, Plans
 from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.state.motion_plan import MotionPlan
-from crowdsim.crowd.state.reservation_kernels import ROUNDING, append_stop, reserve
+from crowdsim.crowd.state.reservation_kernels import ROUNDING, append_stop, node_is_free, reserve
 from crowdsim.crowd.state.state_hash import digest_of
-from crowdsim.crowd.state.timelines import Chain, Obstacles, Timelines
+from crowdsim.crowd.state.timelines import NO_BODIES, Chain, Obstacles, StandingBodies, Timelines
 from crowdsim.crowd.systems.apply_events import KEPT_OFF, reserved_lines
 from crowdsim.crowd.systems.replan import reach_goal
 from crowdsim.ecs.world import View
@@ -36,6 +37,34 @@ _CHAIN = LOOKAHEAD + 8  # with the nodes of the stop behind them
 _NOTHING = np.empty((0, 4))
 
 
+class Walker(NamedTuple):
+    """Who is to reserve: its row, NONE if it is yet to come, and the node that it plays."""
+
+    row: int
+    agent: int
+    node: int
+    frame: int
+    origin: NDArray[np.float64]
+    blend_offset: NDArray[np.float64]
+    place: NDArray[np.float64]
+    body_radius: float
+    stays: bool
+
+    @classmethod
+    def of(cls, view: View, row: int) -> Walker:
+        return cls(
+            row,
+            int(view.agent[row]),
+            int(view.node[row]),
+            int(view.frame[row]),
+            view.origin[row],
+            view.blend_offset[row],
+            view.pose[row, :2],
+            float(view.body_radius[row]),
+            bool(view.stays[row]),
+        )
+
+
 class Choosing:
     """Picks the next node of everyone whose node ends in this step.
 
@@ -47,6 +76,8 @@ class Choosing:
 
     def __init__(self, plans: Plans) -> None:
         self.plans = plans
+        self.bodies: StandingBodies = NO_BODIES
+        """Those of steered characters, which stand as far as reservations know."""
         self._looked_ahead: dict[int, NDArray[np.int32]] = {}
         self._chain, self._draft = Chain.room(_CHAIN), Chain.room(_CHAIN)
         self._timeline = np.zeros((TIMELINE_SLOTS, 2))
@@ -102,35 +133,68 @@ class Choosing:
 
     def _extend(self, view: View, row: int, plan: MotionPlan, following: int) -> bool:
         """Reserve the node ``following`` of the plan, and as many after it as it takes to be able to stop."""
+        found = self._reserve(view, Walker.of(view, row), plan, following)
+        if found is None:
+            return False
+        for name, value in found.items():
+            getattr(view, name)[row] = value
+        return True
+
+    def reserve_entry(self, view: View, walker: Walker) -> dict[str, Any] | None:
+        """Reserve the beginning of the plan of a character that comes into the world in the midst of a node.
+
+        Returns the columns of its reservation; None if there is no room.
+        """
+        plan = self.plans.motions[walker.agent]
+        obstacles = self._obstacles(view, walker)
+        graph, nothing = self.plans.assets.graph, np.zeros(3)
+        hints = np.full(len(obstacles.layers), NONE, np.int64)
+        if plan.count == 0 or not node_is_free(graph, walker.node, walker.origin, nothing, obstacles, hints):
+            return None
+        return self._reserve(view, walker, plan, 0)
+
+    def _reserve(self, view: View, walker: Walker, plan: MotionPlan, following: int) -> dict[str, Any] | None:
+        """The columns of a reservation from where a walker is to node ``following`` and a stand; None without room."""
         assets = self.plans.assets
         available = min(plan.count - following, LOOKAHEAD)
-        chain = self._begin_chain(view, row)
+        chain = self._chain
+        chain.nodes[0], chain.origins[0], chain.blend_offsets[0] = walker.node, walker.origin, walker.blend_offset
         ahead, until = slice(following, following + available), available + 1
         chain.nodes[1:until] = plan.nodes[ahead]
         chain.origins[1:until] = plan.origins[ahead]
         chain.blend_offsets[1:until] = plan.blend_offsets[ahead]
-        last = self.plans.itineraries.is_last(int(view.agent[row]), len(plan.passes))
-        leaves = plan.arrives and last and not view.stays[row] and following + available == plan.count
+        last = self.plans.itineraries.is_last(walker.agent, len(plan.passes))
+        leaves = plan.arrives and last and not walker.stays and following + available == plan.count
         clock = self.plans.step * assets.frames_per_step
-        layers = tuple(mesh.arrays for mesh in self.plans.environment.meshes)
-        kept_off = float(view.body_radius[row]) + KEPT_OFF
-        obstacles = Obstacles(layers, assets.body_radii, self._kept_free(view, row), kept_off)
+        obstacles = self._obstacles(view, walker)
         everyone = Timelines.of(view)
-        now = row, int(view.frame[row]), clock, SLOT_FRAMES
+        now = walker.row, walker.frame, clock, SLOT_FRAMES
         taken, gone = reserve(
             assets.graph, obstacles, everyone, *now, chain, self._draft, 1, available, leaves, self._timeline
         )
         if not taken:
-            return False
-        view.timeline[row] = self._timeline
+            return None
         center = self._timeline[0]
-        view.timeline_circle[row, :2] = center
-        view.timeline_circle[row, 2] = hypot(*(self._timeline - center).T).max() + ROUNDING
-        view.timeline_digest[row] = digest_of(self._timeline.tobytes())
-        view.timeline_start[row] = clock // SLOT_FRAMES
-        view.gone_slot[row] = gone
-        view.reserved[row] = following + taken - 1
-        return True
+        return {
+            "timeline": self._timeline,
+            "timeline_circle": np.array([*center, hypot(*(self._timeline - center).T).max() + ROUNDING]),
+            "timeline_digest": digest_of(self._timeline.tobytes()),
+            "timeline_start": clock // SLOT_FRAMES,
+            "gone_slot": gone,
+            "reserved": following + taken - 1,
+        }
+
+    def _obstacles(self, view: View, walker: Walker) -> Obstacles:
+        """What a walker keeps clear of beside other captured characters."""
+        return Obstacles(
+            layers=tuple(mesh.arrays for mesh in self.plans.environment.meshes),
+            radii=self.plans.assets.body_radii,
+            kept_free=self._kept_free(view, walker),
+            distance=walker.body_radius + KEPT_OFF,
+            bodies=self.bodies,
+            agent=walker.agent,
+            body_radius=walker.body_radius,
+        )
 
     def _begin_chain(self, view: View, row: int) -> Chain:
         """The chain of the present node alone."""
@@ -142,14 +206,14 @@ class Choosing:
         )
         return chain
 
-    def _kept_free(self, view: View, row: int) -> NDArray[np.float64]:
+    def _kept_free(self, view: View, walker: Walker) -> NDArray[np.float64]:
         """Outlines (M, 4) of what is about to come and that a character must not enter: it is not there already."""
         waited_for = self.plans.environment.waited_for
         if not waited_for:
             return _NOTHING
         slot = self.plans.step * self.plans.assets.frames_per_step // SLOT_FRAMES
-        line = reserved_lines(view, slot)[row]
-        distance = float(view.body_radius[row]) + KEPT_OFF
+        line = shapely.Point(walker.place) if walker.row == NONE else reserved_lines(view, slot)[walker.row]
+        distance = walker.body_radius + KEPT_OFF
         segments = [_NOTHING]
         for part in (part for outline in waited_for for part in polygons_only(outline).geoms):
             if part.distance(line) >= distance:

@@ -9,11 +9,13 @@ import shapely
 from numpy.typing import NDArray
 from shapely import Point
 
+from crowdsim.constants import NONE
 from crowdsim.crowd.search.plans import Plans
+from crowdsim.crowd.state.body_kernels import meets_body
 from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM, FOREVER, meets_anyone
-from crowdsim.crowd.state.timelines import Timelines
+from crowdsim.crowd.state.timelines import NO_BODIES, StandingBodies, Timelines
 from crowdsim.crowd.systems.apply_events import KEPT_OFF
 from crowdsim.crowd.systems.replan import AT_GOAL
 from crowdsim.ecs.world import View, World
@@ -43,25 +45,36 @@ class Spawning:
         # Timelines have no finer steps.
         self._pause = max(SLOT_FRAMES // self.assets.frames_per_step, 1)
 
-    def spawn(self, view: View) -> None:
-        """Ask the world for those whose time has come, and plan for those whose time is near."""
+    def spawn(self, view: View, wanted: NDArray[np.bool_] | None = None, bodies: StandingBodies = NO_BODIES) -> None:
+        """Ask the world for those whose time has come, and plan for those whose time is near.
+
+        ``wanted``, (n,): who may come; everybody if it is None. ``bodies`` of steered characters are kept clear of.
+        """
         step = self.plans.step
         slot = step * self.assets.frames_per_step // SLOT_FRAMES
         taken: list[NDArray[np.float64]] = []
-        for agent in np.flatnonzero((self.spawned < 0) & (self.cast.start_steps - self.plans.lead <= step)).tolist():
+        near = (self.spawned < 0) & (self.cast.start_steps - self.plans.lead <= step)
+        for agent in np.flatnonzero(near if wanted is None else near & wanted).tolist():
             plan = self.plans.motions.get(agent)
             if plan is None:
                 self._ask(agent)
             elif max(self.cast.start_steps[agent], self.refused.get(agent, -self._pause) + self._pause) <= step:
                 position = plan.departure[:2]
-                if self._is_free(view, position, taken, slot):
+                if self._is_free(view, position, taken, slot, bodies):
                     self._spawn(agent, plan, slot)
                     self.spawned[agent] = step
                     taken.append(position)
                 else:
                     self.refused[agent] = step
 
-    def _is_free(self, view: View, position: NDArray[np.float64], taken: list[NDArray[np.float64]], slot: int) -> bool:
+    def _is_free(
+        self,
+        view: View,
+        position: NDArray[np.float64],
+        taken: list[NDArray[np.float64]],
+        slot: int,
+        bodies: StandingBodies,
+    ) -> bool:
         """Whether nobody is or will be at a position, of those in the world and those who spawn in this step."""
         radius = self.assets.personal_radius
         waited_for = self.plans.environment.waited_for
@@ -70,6 +83,8 @@ class Spawning:
         if any(distance(position, other) < 2.0 * radius + ELBOW_ROOM for other in taken):
             return False
         self._parked[:] = position
+        if meets_body(NONE, self._parked, radius, bodies):
+            return False
         return not meets_anyone(-1, self._parked, slot, FOREVER, slot, radius, Timelines.of(view))
 
     def _ask(self, agent: int) -> None:

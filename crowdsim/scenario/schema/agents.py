@@ -73,8 +73,9 @@ class AgentGroup(Part):
     ``wait`` seconds at all but the last, within ``stand_within`` meters of them.
 
     ``locomotion``: captured characters play motion that is searched for each of them; steered ones decide ten times a
-    second, and their bodies follow. Steered ones walk at their ``speed`` [m/s] where nothing is in their way, are
-    ``breadth`` [m] broad, and take their first step ``delay`` seconds after they came.
+    second, and their bodies follow; ``auto`` ones are captured while they have room, and steered where they meet
+    others. Steered ones walk at their ``speed`` [m/s] where nothing is in their way, are ``breadth`` [m] broad, and
+    take their first step ``delay`` seconds after they came.
     """
 
     model_config = ConfigDict(json_schema_extra=_one_goal_and_some_agents)
@@ -92,7 +93,7 @@ class AgentGroup(Part):
     until: Seconds | None = None
     on_arrival: Literal["leave", "stay"] = "leave"
     stand_within: Annotated[float, Field(allow_inf_nan=False, ge=0.01, le=0.35)] = STAND_WITHIN
-    locomotion: Literal["captured", "steered"] = "captured"
+    locomotion: Literal["auto", "captured", "steered"] = "auto"
     speed: WalkingSpeed = USUAL_SPEED
     breadth: Breadth = USUAL_BREADTH
     delay: Delay = Spread(mean=0.0)
@@ -112,10 +113,12 @@ class AgentGroup(Part):
             raise ValueError(f"'until' ({self.until:g} s) must lie after 'start_time' ({self.start_time:g} s)")
         if self.rounds != 1 and len(self.regions()) < 2:
             raise ValueError("'repeat' goes round among several places; give 'goals' with at least two")
-        if not self.steered:
+        if self.locomotion == "captured":
             for key in _STEERED_KEYS:
                 if key in self.model_fields_set:
-                    raise ValueError(f"'{key}' is about steered characters; give 'locomotion: steered', or drop it")
+                    raise ValueError(
+                        f"'{key}' is about steered characters; give 'locomotion: auto' or 'steered', or drop it"
+                    )
         self._check_stands()
         return self
 
@@ -130,11 +133,6 @@ class AgentGroup(Part):
                 name = ".".join(str(part) for part in key)
                 needed = "'on_arrival: stay'" if key == regions[-1][0] else "'wait'"
                 raise ValueError(f"nobody stands at {name} to face its 'heading'; give {needed}, or drop it")
-
-    @property
-    def steered(self) -> bool:
-        """Whether its characters are steered."""
-        return self.locomotion == "steered"
 
     @property
     def rounds(self) -> int:

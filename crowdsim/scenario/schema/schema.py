@@ -13,9 +13,13 @@ from crowdsim.environment.layers import LEGS, TORSO
 from crowdsim.scenario.schema.agents import AgentGroup, Motion
 from crowdsim.scenario.schema.environment import Clutter, Floor, Layer, Obstacle
 from crowdsim.scenario.schema.events import Door, Event
-from crowdsim.scenario.schema.values import Name, Part, Region, one_of
+from crowdsim.scenario.schema.values import Extent, Name, Pair, Part, Region, one_of
 
 FORMAT_VERSION = 1
+
+CAPTURED_RATE = 30
+"""Steps a second where all characters are captured and nothing else is asked for."""
+
 DEFAULT_BEHAVIORS = ("lateral", "arm_constrained", "frontal")
 
 
@@ -32,6 +36,13 @@ class Area(Region):
         return self
 
 
+class Neighborhood(Part):
+    """What lies near a point, as what a camera sees: there ``auto`` characters stay captured as long as they can."""
+
+    point: Pair
+    radius: Extent
+
+
 class ScenarioFields(Part):
     """The keys of a scenario file."""
 
@@ -41,8 +52,8 @@ class ScenarioFields(Part):
     seed: Annotated[int, Field(ge=0, lt=2**63)]
     duration: Annotated[float, Field(allow_inf_nan=False, gt=0.0, le=1e6)]
     steps_per_second: Annotated[
-        int, Field(ge=1, le=CAPTURE_RATE, description=f"{STEERING_RATE} where all characters are steered")
-    ] = 30
+        int, Field(ge=1, le=CAPTURE_RATE, description=f"{CAPTURED_RATE} where all characters are captured")
+    ] = STEERING_RATE
     floor: Floor
     obstacles: Annotated[tuple[Obstacle, ...], Field(strict=False)] = ()
     clutter: Clutter | None = None
@@ -57,18 +68,19 @@ class ScenarioFields(Part):
     motion: Motion = Motion(set="default")
     agents: Annotated[tuple[AgentGroup, ...], Field(strict=False, min_length=1)]
     areas: Annotated[tuple[Area, ...], Field(strict=False)] = ()
+    captured_near: Neighborhood | None = None
 
     @model_validator(mode="before")
     @classmethod
     def _take_their_rate(cls, keys: Any) -> Any:
-        """Steered characters alone set the rate, where the file does not."""
+        """Captured characters alone take other steps than those of steering, where the file does not say."""
         if not isinstance(keys, dict) or "steps_per_second" in keys:
             return keys
         groups = keys.get("agents")
         if not isinstance(groups, list | tuple):
             return keys
-        steered = [isinstance(group, dict) and group.get("locomotion") == "steered" for group in groups]
-        return {**keys, "steps_per_second": STEERING_RATE} if steered and all(steered) else keys
+        captured = all(isinstance(group, dict) and group.get("locomotion") == "captured" for group in groups)
+        return {**keys, "steps_per_second": CAPTURED_RATE} if captured else keys
 
     @field_validator("crowdsim")
     @classmethod
@@ -86,10 +98,14 @@ class ScenarioFields(Part):
             raise ValueError(f"{value} does not divide {CAPTURE_RATE}; did you mean {nearest}?")
         return value
 
+    def locomotions(self) -> set[str]:
+        """How the groups move."""
+        return {group.locomotion for group in self.agents}
+
     @property
-    def steered(self) -> bool:
-        """Whether characters are steered; groups of both kinds do not meet in one scenario."""
-        return self.agents[0].steered
+    def steers(self) -> bool:
+        """Whether any character may be steered."""
+        return self.locomotions() != {"captured"}
 
 
 def json_schema() -> dict[str, Any]:

@@ -16,6 +16,7 @@ from crowdsim.crowd.state.environment import EnvironmentState
 from crowdsim.crowd.state.itineraries import TRIES, Itineraries
 from crowdsim.crowd.state.motion_plan import Request
 from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM
+from crowdsim.crowd.state.stands import stands_summary
 from crowdsim.following.follower.path_follower import FollowOptions
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.scenario.loader import parse_scenario
@@ -99,7 +100,7 @@ def test_who_stands_otherwise_than_asked_tries_again_some_times() -> None:
     tries = [itineraries.accepts(0, np.array([*first, 0.0])) for _ in range(TRIES + 1)]
     assert tries == [False] * TRIES + [True]
     assert itineraries.accepts(1, np.array([*(second + [0.06, 0.0]), np.radians(80.0)]))
-    summary = itineraries.stands_summary()
+    summary = stands_summary(*itineraries.how_they_stood())
     assert summary["stood"] == 2
     assert summary["off_goal_most"] == pytest.approx(0.06)
     assert summary["off_heading_most"] == pytest.approx(90.0)

@@ -1,0 +1,89 @@
+"""Captured characters as steered ones see them: where they are, how they move, and what they have reserved."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.constants import CAPTURE_RATE, STEERING_RATE
+from crowdsim.crowd.state.components import SLOT_FRAMES
+from crowdsim.crowd.state.itineraries import Itineraries
+from crowdsim.crowd.steered.components import NO_GOAL
+from crowdsim.crowd.steered.errands import Errands
+from crowdsim.ecs.world import View
+from crowdsim.geometry.elementary import cos, hypot, sin
+from crowdsim.recording.header import AgentState
+from crowdsim.scenario.walkers import Walkers
+from crowdsim.steering.guidance.guidance import PLAIN, Guidance
+from crowdsim.steering.row_kernels import ROW
+from crowdsim.steering.rules import Rules
+from crowdsim.steering.ways import Others
+
+TRACK_ROOM = 0.015
+"""By how much reserved discs are larger for steered bodies [m]: tracks bend between two samples of a timeline."""
+
+PUSHES_AFTER = 0.5
+"""Time that a captured character is refused before steered ones in its way step aside [s]."""
+
+_PUSHING = 100.0
+"""Rank of who does, beyond that of anybody who steers."""
+
+_MOVING = 0.2
+"""Speed from which on a character means to go where it goes [m/s]."""
+
+
+def seen(
+    view: View,
+    velocities: NDArray[np.float64],
+    step: int,
+    itineraries: Itineraries,
+    errands: Errands,
+    walkers: Walkers,
+    guidance: Guidance,
+) -> Others:
+    """Captured characters of ``view``, who move at ``velocities``, (m, 2) [m/s]."""
+    agents = view.agent.astype(np.int64)
+    rows = np.zeros(len(agents), ROW)
+    rows["x"], rows["y"], rows["heading"] = view.pose.T
+    rows["hx"], rows["hy"] = cos(rows["heading"]), sin(rows["heading"])
+    rows["vx"], rows["vy"] = velocities.T
+    rows["radius"] = view.body_radius
+    stays = view.state == AgentState.ARRIVED
+    rows["goal"] = np.where(stays, NO_GOAL, errands.goal(agents, itineraries.reached[agents]))
+    rows["share"] = walkers.shares[agents]
+    rows["id"] = agents
+    rows["turn"] = rows["held"] = -1.0
+    guidance.write(rows, np.full(len(agents), PLAIN, np.int32))
+    pace = hypot(rows["vx"], rows["vy"])
+    rows["speed"] = pace
+    moves = pace > _MOVING
+    length = np.where(moves, pace, 1.0)
+    rows["ix"] = np.where(moves, rows["vx"], rows["gx"]) / length
+    rows["iy"] = np.where(moves, rows["vy"], rows["gy"]) / length
+    rows["key"] = rows["togo"] + Rules().identity * rows["share"]
+    waited = np.where(view.blocked_since >= 0, step - view.blocked_since, 0) / STEERING_RATE
+    rows["rank"] = np.where(waited > PUSHES_AFTER, _PUSHING + waited, 0.0)
+    segments, owners = _reserved(view, step)
+    return Others(rows, segments, owners)
+
+
+def _reserved(view: View, step: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Pieces of reserved timelines from now on, with the radii of the discs, and whose each is."""
+    timeline = view.timeline
+    last = timeline.shape[1] - 1
+    first = np.clip(now_slot(step) - view.timeline_start, 0, last)
+    begins, ends = timeline[:, :-1], timeline[:, 1:]
+    ahead = np.arange(last) >= first[:, None]
+    pieces = ahead & (begins != ends).any(axis=2)
+    owners, slots = np.nonzero(pieces)
+    moving = np.concatenate([begins[owners, slots], ends[owners, slots]], axis=1)
+    # Where each comes to a stand; it may be all that is left.
+    rests = np.concatenate([timeline[:, last], timeline[:, last]], axis=1)
+    owners = np.concatenate([owners, np.arange(len(timeline))])
+    radii = view.body_radius[owners] + TRACK_ROOM
+    return np.column_stack([np.concatenate([moving, rests]), radii]), owners
+
+
+def now_slot(step: int) -> int:
+    """Slot of timelines that a step lies in."""
+    return step * (CAPTURE_RATE // STEERING_RATE) // SLOT_FRAMES

@@ -1,0 +1,41 @@
+"""Whether a timeline that is to be reserved meets the bodies of steered characters, as they stand now."""
+
+from crowdsim.jit import kernel
+from crowdsim.steering.capsule_kernels import core_to_segment
+from crowdsim.steering.look_kernels import cell_of, rows_beside
+
+BODY_ROOM = 0.01
+"""Meters kept between a reserved way and the body of a steered character: tracks bend between two samples."""
+
+
+@kernel
+def meets_body(agent, timeline, radius, bodies):
+    """Whether a disc of ``radius`` [m] that goes along a timeline (K, 2) comes within BODY_ROOM of a body.
+
+    ``bodies`` are :class:`crowdsim.crowd.state.timelines.StandingBodies`; that of ``agent`` itself does not count.
+    """
+    rows, starts, frame, broadest = bodies.rows, bodies.starts, bodies.frame, bodies.broadest
+    if len(rows) == 0:
+        return False
+    far = radius + broadest + BODY_ROOM
+    for k in range(len(timeline)):
+        # Every piece, and the end as a point; what is parked is looked at once.
+        last = min(k + 1, len(timeline) - 1)
+        ax, ay = timeline[k, 0], timeline[k, 1]
+        bx, by = timeline[last, 0], timeline[last, 1]
+        if k > 0 and ax == bx and ay == by:
+            continue
+        low, bottom = cell_of(frame, min(ax, bx) - far, min(ay, by) - far)
+        high, top = cell_of(frame, max(ax, bx) + far, max(ay, by) + far)
+        middle = (low + high) // 2
+        cells = max(high - middle, middle - low)
+        for row in range(bottom, top + 1):
+            begin, end = rows_beside(starts, frame, middle, row, cells)
+            for number in range(begin, end):
+                body = rows[number]
+                if body.id == agent:
+                    continue
+                _, _, distance = core_to_segment(body.x, body.y, -body.hy, body.hx, body.half, ax, ay, bx, by)
+                if distance - body.radius < radius + BODY_ROOM:
+                    return True
+    return False
