@@ -96,10 +96,7 @@ def find_cycle(clip: Clip, speed: float | None = None) -> Cycle:
 
 def _cycles(clip: Clip) -> list[tuple[int, int, int, int, int]]:
     """Frames (left lands, right lands, left lands again, left lifts, right lifts) of all cycles of a clip."""
-    positions, world = clip.posed
-    feet = feet_of(clip.skeleton, positions, world)
-    planted = np.asarray(planted_steps(feet, CAPTURE_RATE).any(axis=2))
-    left, right = (_stances(planted[:, foot], _pitch(clip, side)) for foot, side in enumerate(("left", "right")))
+    left, right = foot_stances(clip)
     cycles = []
     for (begin, lift), (end, _) in pairwise(left):
         between = [(land, up) for land, up in right if begin < land < end]
@@ -108,6 +105,18 @@ def _cycles(clip: Clip) -> list[tuple[int, int, int, int, int]]:
         if begin > 0 and len(between) == 1 and _SHORTEST <= seconds <= _LONGEST:
             cycles.append((begin, between[0][0], end, lift, before[0] if before else -1))
     return cycles
+
+
+def foot_stances(clip: Clip) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+    """Stances of the left and the right foot of a clip in order: frames in which it lands, and in which it lifts.
+
+    A foot that is down in the first frame lands there, one that is down in the last frame lifts there.
+    """
+    positions, world = clip.posed
+    feet = feet_of(clip.skeleton, positions, world)
+    planted = np.asarray(planted_steps(feet, CAPTURE_RATE).any(axis=2))
+    left, right = (_stances(planted[:, foot], _pitch(clip, side)) for foot, side in enumerate(("left", "right")))
+    return left, right
 
 
 def _pitch(clip: Clip, side: str) -> Floats:

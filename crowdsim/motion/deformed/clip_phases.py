@@ -1,0 +1,130 @@
+"""The phase of the gait in every frame of a clip, whatever its steps: from which feet stand on the floor.
+
+A clip that plays and a clip that is deformed to a track are in step where their phases agree.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.constants import CAPTURE_RATE
+from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.clips.kinematics import Floats
+from crowdsim.motion.deformed.clip_cycle import foot_stances
+from crowdsim.motion.deformed.phase_kernels import BOTH_FEET, STAND
+
+_NOBODY, _LEFT, _RIGHT, _BOTH = 0, 1, 2, 3
+"""Feet on the floor."""
+
+_SWING = 0.5 - BOTH_FEET
+"""Phase that passes while one foot stands alone."""
+_USUAL = 0.4
+"""Seconds that a foot stands alone if the clip does not show one that does from beginning to end."""
+_REST = 0.3
+"""Seconds on both feet from which a body stands rather than walks on."""
+_SETTLING, _LEAVING = 0.1, 0.07
+"""Seconds after the last foot landed in which a body that stands goes over to STAND, and before the next one lifts in
+which it leaves it."""
+
+
+class _Run(NamedTuple):
+    """Frames ``first`` to before ``end`` with the same feet on the floor."""
+
+    feet: int
+    first: int
+    end: int
+
+
+def clip_phases(clip: Clip) -> Floats:
+    """The phase of the gait in each frame of ``clip``.
+
+    Parameters
+    ----------
+    clip : Clip
+        Any movement on two feet; steps need neither be even nor follow each other.
+
+    Returns
+    -------
+    (F,) float64
+        Cycles in [0, 1): the left foot lands at 0 and lifts at 0.6, the right one lands at 0.5 and lifts at 0.1, as in
+        a deformed clip. Between these moments the phase goes on evenly. It is STAND, or STAND + 0.5 if the left foot
+        lifts next, while both feet stand for long; from one to the other it jumps.
+    """
+    runs = _runs(_feet_down(clip))
+    phases = np.empty(clip.frame_count)
+    usual = _usual_frames(runs, clip.frame_count)
+    for number, run in enumerate(runs):
+        frames = np.arange(run.first, run.end)
+        if run.feet == _BOTH:
+            before, after = (runs[k].feet if 0 <= k < len(runs) else _BOTH for k in (number - 1, number + 1))
+            phases[frames] = _on_both(run, before, after)
+        else:
+            phases[frames] = 0.5 * (run.feet == _RIGHT) + BOTH_FEET + _SWING * _share(run, usual, clip.frame_count)
+    return np.mod(phases, 1.0)
+
+
+def _feet_down(clip: Clip) -> NDArray[np.int64]:
+    """(F,) feet on the floor in each frame, between when each lands and when it lifts."""
+    down = np.zeros((clip.frame_count, 2), bool)
+    for foot, stances in enumerate(foot_stances(clip)):
+        for land, lift in stances:
+            # A foot that is down to the end does not lift in the last frame.
+            down[land : lift + (lift == clip.frame_count - 1), foot] = True
+    feet: NDArray[np.int64] = _LEFT * down[:, 0] + _RIGHT * down[:, 1]
+    return feet
+
+
+def _runs(feet: NDArray[np.int64]) -> list[_Run]:
+    """Runs of frames with the same feet down; who is in the air belongs to the stances before and after, by half."""
+    changes = np.flatnonzero(np.diff(feet)) + 1
+    bounds = [0, *changes.tolist(), len(feet)]
+    ground = feet.copy()
+    for first, end in pairwise(bounds):
+        if feet[first] == _NOBODY:
+            before = feet[first - 1] if first > 0 else feet[end] if end < len(feet) else _BOTH
+            after = feet[end] if end < len(feet) else before
+            middle = (first + end) // 2
+            ground[first:middle], ground[middle:end] = before, after
+    changes = np.flatnonzero(np.diff(ground)) + 1
+    bounds = [0, *changes.tolist(), len(ground)]
+    return [_Run(int(ground[a]), a, b) for a, b in pairwise(bounds)]
+
+
+def _usual_frames(runs: list[_Run], frames: int) -> float:
+    """Frames that a foot stands alone, as a rule."""
+    whole = [run.end - run.first for run in runs if run.feet != _BOTH and run.first > 0 and run.end < frames]
+    return float(np.median(whole)) if whole else _USUAL * CAPTURE_RATE
+
+
+def _share(run: _Run, usual: float, frames: int) -> Floats:
+    """(n,) how much of its time alone a foot has stood in each frame; what a clip cuts off takes as long as usual."""
+    length = float(run.end - run.first)
+    begin = float(run.first)
+    if run.first == 0 or run.end == frames:
+        length = max(length, usual)
+        if run.first == 0:
+            begin = run.end - length
+    since = np.arange(run.first, run.end, dtype=np.float64)
+    return (since - begin) / length
+
+
+def _on_both(run: _Run, before: int, after: int) -> Floats:
+    """(n,) phases while both feet stand, after ``before`` stood alone and until ``after`` does; _BOTH for nobody."""
+    frames = np.arange(run.end - run.first, dtype=np.float64)
+    landed = 0.5 * (before == _LEFT) if before != _BOTH else 0.5 * (after == _RIGHT)
+    leaves = 0.5 * (after == _RIGHT) if after != _BOTH else landed
+    if landed == leaves and _BOTH not in (before, after) and len(frames) <= _REST * CAPTURE_RATE:
+        even: Floats = landed + BOTH_FEET * (frames / len(frames))
+        return even
+    # Settle, stand, and leave; over to the other foot in the middle.
+    since = frames / CAPTURE_RATE if before != _BOTH else np.full(len(frames), np.inf)
+    until = (len(frames) - frames) / CAPTURE_RATE if after != _BOTH else np.full(len(frames), np.inf)
+    half = np.where(2 * frames < len(frames), landed, leaves)
+    settled = STAND * np.minimum(since / _SETTLING, 1.0)
+    lifting = (BOTH_FEET - STAND) * np.clip(1.0 - until / _LEAVING, 0.0, 1.0)
+    stood: Floats = half + np.where(2 * frames < len(frames), settled, STAND) + lifting
+    return stood
