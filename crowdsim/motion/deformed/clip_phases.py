@@ -5,6 +5,7 @@ A clip that plays and a clip that is deformed to a track are in step where their
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -73,7 +74,7 @@ def _feet_down(clip: Clip) -> NDArray[np.int64]:
         for land, lift in stances:
             # A foot that is down to the end does not lift in the last frame.
             down[land : lift + (lift == clip.frame_count - 1), foot] = True
-    feet: NDArray[np.int64] = down @ np.array([_LEFT, _RIGHT])
+    feet: NDArray[np.int64] = _LEFT * down[:, 0] + _RIGHT * down[:, 1]
     return feet
 
 
@@ -82,7 +83,7 @@ def _runs(feet: NDArray[np.int64]) -> list[_Run]:
     changes = np.flatnonzero(np.diff(feet)) + 1
     bounds = [0, *changes.tolist(), len(feet)]
     ground = feet.copy()
-    for first, end in zip(bounds[:-1], bounds[1:], strict=True):
+    for first, end in pairwise(bounds):
         if feet[first] == _NOBODY:
             before = feet[first - 1] if first > 0 else feet[end] if end < len(feet) else _BOTH
             after = feet[end] if end < len(feet) else before
@@ -90,7 +91,7 @@ def _runs(feet: NDArray[np.int64]) -> list[_Run]:
             ground[first:middle], ground[middle:end] = before, after
     changes = np.flatnonzero(np.diff(ground)) + 1
     bounds = [0, *changes.tolist(), len(ground)]
-    return [_Run(int(ground[a]), a, b) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+    return [_Run(int(ground[a]), a, b) for a, b in pairwise(bounds)]
 
 
 def _usual_frames(runs: list[_Run], frames: int) -> float:
@@ -107,23 +108,23 @@ def _share(run: _Run, usual: float, frames: int) -> Floats:
         length = max(length, usual)
         if run.first == 0:
             begin = run.end - length
-    share: Floats = (np.arange(run.first, run.end) - begin) / length
-    return share
+    since = np.arange(run.first, run.end, dtype=np.float64)
+    return (since - begin) / length
 
 
 def _on_both(run: _Run, before: int, after: int) -> Floats:
     """(n,) phases while both feet stand, after ``before`` stood alone and until ``after`` does; _BOTH for nobody."""
-    frames = np.arange(run.end - run.first)
+    frames = np.arange(run.end - run.first, dtype=np.float64)
     landed = 0.5 * (before == _LEFT) if before != _BOTH else 0.5 * (after == _RIGHT)
     leaves = 0.5 * (after == _RIGHT) if after != _BOTH else landed
     if landed == leaves and _BOTH not in (before, after) and len(frames) <= _REST * CAPTURE_RATE:
-        phases: Floats = landed + BOTH_FEET * frames / len(frames)
-        return phases
+        even: Floats = landed + BOTH_FEET * (frames / len(frames))
+        return even
     # Settle, stand, and leave; over to the other foot in the middle.
     since = frames / CAPTURE_RATE if before != _BOTH else np.full(len(frames), np.inf)
     until = (len(frames) - frames) / CAPTURE_RATE if after != _BOTH else np.full(len(frames), np.inf)
     half = np.where(2 * frames < len(frames), landed, leaves)
     settled = STAND * np.minimum(since / _SETTLING, 1.0)
-    left = (BOTH_FEET - STAND) * np.clip(1.0 - until / _LEAVING, 0.0, 1.0)
-    stood: Floats = half + np.where(2 * frames < len(frames), settled, STAND) + left
+    lifting = (BOTH_FEET - STAND) * np.clip(1.0 - until / _LEAVING, 0.0, 1.0)
+    stood: Floats = half + np.where(2 * frames < len(frames), settled, STAND) + lifting
     return stood
