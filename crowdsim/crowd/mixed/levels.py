@@ -36,8 +36,11 @@ MEETS_WITHIN = 2.5
 CALM_FOR = 4.0
 """Time until somebody passes from which on it may go back [s]."""
 
-BLOCKED_FOR = 0.3
+BLOCKED_FOR = 1.0
 """Time that its next step is refused before an auto character steers [s]."""
+
+QUEUES_FOR = 8.0
+"""The same behind somebody who goes the same way, with nobody else near [s]."""
 
 STAYS_FOR = 2.0
 """Time that a character stays on a level before it goes back [s]."""
@@ -53,7 +56,7 @@ class Levels:
     """Says who should change its level.
 
     may_steer, may_capture: (n,) what the groups of the n characters allow. changed: (n,) step of the last change, or of
-    entering. near, soon, soon_wide: (n,) company of those in the world, see :func:`find_company`.
+    entering. near, led, soon: (n,) company of those in the world, see :func:`find_company`.
     """
 
     def __init__(self, cast: CrowdPlacement, favored: Neighborhood | None) -> None:
@@ -65,17 +68,17 @@ class Levels:
         self.changed = np.zeros(count, np.int64)
         self._calm_since = np.zeros(count, np.int64)
         self.near = np.zeros(count, np.int64)
-        self.soon, self.soon_wide = np.full(count, np.inf), np.full(count, np.inf)
+        self.led, self.soon = np.zeros(count, np.bool_), np.full(count, np.inf)
 
     def look_around(self, crowd: SortedCrowd, step: int) -> None:
         """Find the company of all who are in the world, sorted by cells."""
         count = len(crowd.rows)
-        near, soon, wide = np.zeros(count, np.int64), np.empty(count), np.empty(count)
-        frame = crowd.frame
-        find_company(crowd.rows, crowd.starts, frame, crowd.order, (NEAR, SEEN), MEETS, PASSES, near, soon, wide)
+        near, led, soon, wide = np.zeros(count, np.int64), np.zeros(count, np.bool_), np.empty(count), np.empty(count)
+        everybody = (crowd.rows, crowd.starts, crowd.frame, crowd.order)
+        find_company(*everybody, (NEAR, SEEN), MEETS, PASSES, near, led, soon, wide)
         agents = np.empty(count, np.int64)
         agents[crowd.order] = crowd.rows["id"]
-        self.near[agents], self.soon[agents], self.soon_wide[agents] = near, soon, wide
+        self.near[agents], self.led[agents], self.soon[agents] = near, led, soon
         calm = (near <= EASED) & (wide > CALM_FOR)
         self._calm_since[agents[~calm]] = step
 
@@ -89,7 +92,8 @@ class Levels:
     def steer(self, agents: NDArray[np.int64], places: Floats, blocked: Floats) -> Bools:
         """Which of some captured characters should steer; ``blocked``, (k,): time that they have been refused [s]."""
         met = (self.near[agents] >= CROWDED) | (self.soon[agents] < MEETS_WITHIN)
-        refused = blocked >= BLOCKED_FOR
+        queues = self.led[agents] & (self.near[agents] <= 1)
+        refused = blocked >= np.where(queues, QUEUES_FOR, BLOCKED_FOR)
         return np.asarray(self.may_steer[agents] & (refused | (met & ~self.is_favored(places))))
 
     def capture(self, agents: NDArray[np.int64], places: Floats, step: int) -> Bools:

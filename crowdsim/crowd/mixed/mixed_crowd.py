@@ -31,7 +31,7 @@ from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.timetable import Placing
 from crowdsim.steering.ways import Others
 
-PATIENCE_SECONDS = 0.5
+PATIENCE_SECONDS = 2.0
 """Time that an auto character waits for its first motion, or for room, before it comes steered [s]."""
 
 

@@ -28,9 +28,6 @@ PUSHES_AFTER = 0.5
 _PUSHING = 100.0
 """Rank of who does, beyond that of anybody who steers."""
 
-_MOVING = 0.2
-"""Speed from which on a character means to go where it goes [m/s]."""
-
 
 def seen(
     view: View,
@@ -56,10 +53,11 @@ def seen(
     guidance.write(rows, np.full(len(agents), PLAIN, np.int32))
     pace = hypot(rows["vx"], rows["vy"])
     rows["speed"] = pace
-    moves = pace > _MOVING
-    length = np.where(moves, pace, 1.0)
-    rows["ix"] = np.where(moves, rows["vx"], rows["gx"]) / length
-    rows["iy"] = np.where(moves, rows["vy"], rows["gy"]) / length
+    # Tracks sway, ways do not.
+    guided = (rows["gx"] != 0.0) | (rows["gy"] != 0.0)
+    length = np.where(pace > 0.0, pace, 1.0)
+    rows["ix"] = np.where(guided, rows["gx"], rows["vx"] / length)
+    rows["iy"] = np.where(guided, rows["gy"], rows["vy"] / length)
     rows["key"] = rows["togo"] + Rules().identity * rows["share"]
     waited = np.where(view.blocked_since >= 0, step - view.blocked_since, 0) / STEERING_RATE
     rows["rank"] = np.where(waited > PUSHES_AFTER, _PUSHING + waited, 0.0)
