@@ -5,22 +5,27 @@ import math
 from crowdsim.jit import kernel
 from crowdsim.steering.look_kernels import cell_of, rows_beside
 from crowdsim.steering.row_kernels import CELL
+from crowdsim.steering.wall_kernels import distance_at
 
 _SLOWEST = 0.15
 """Relative speed below which nobody comes near [m/s]."""
+
+_NO_ROOM = 1.3
+"""Distance to walls within which nobody passes somebody else [m]."""
 
 _SAME_WAY = 0.3
 """Cosine between where two mean to go from which on one follows the other."""
 
 
 @kernel
-def find_company(rows, starts, frame, order, reach, narrow, wide, near, led, soon, soon_wide):
+def find_company(rows, starts, frame, order, walls, reach, narrow, wide, near, led, soon, soon_wide):
     """Count who is within the first of ``reach``, and find when somebody within the second one comes near.
 
     Who comes from behind does not count, and for ``soon`` nobody does who goes the same way: it is followed.
     ``rows``: ROW[n] sorted by the cells of ``frame``; ``order``: int32[n], the number of each. ``reach``: both [m].
     ``narrow``, ``wide``: distances between centers that count as near [m]. ``near``: int64[n], gets how many there are.
-    ``led``: bool[n], gets whether somebody who goes the same way is ahead within the second.
+    ``led``: bool[n], gets whether somebody who goes the same way is ahead within the second, between ``walls`` (a
+    :class:`crowdsim.steering.walls.Walls`) that leave no room to pass.
     ``soon``, ``soon_wide``: float64[n], get the times until somebody is nearest who then is within ``narrow`` and
     ``wide`` [s], infinite if nobody is; both go on as they do. All by number.
     """
@@ -65,6 +70,6 @@ def find_company(rows, starts, frame, order, reach, narrow, wide, near, led, soo
                     if miss2 < narrow * narrow and not same_way:
                         first = min(first, time)
         near[order[me]] = count
-        led[order[me]] = follows
+        led[order[me]] = follows and distance_at(walls, mine.x, mine.y) < _NO_ROOM
         soon[order[me]] = first
         soon_wide[order[me]] = first_wide

@@ -11,6 +11,7 @@ from crowdsim.geometry.elementary import hypot
 from crowdsim.scenario.crowd_placement import CrowdPlacement
 from crowdsim.scenario.schema.schema import Neighborhood
 from crowdsim.steering.steering import SortedCrowd
+from crowdsim.steering.walls import Walls
 
 NEAR = 1.5
 """Distance within which others count for the density [m]."""
@@ -36,11 +37,11 @@ MEETS_WITHIN = 2.5
 CALM_FOR = 4.0
 """Time until somebody passes from which on it may go back [s]."""
 
-BLOCKED_FOR = 1.0
+BLOCKED_FOR = 0.3
 """Time that its next step is refused before an auto character steers [s]."""
 
-QUEUES_FOR = 8.0
-"""The same behind somebody who goes the same way, with nobody else near [s]."""
+QUEUES_FOR = 1.0, 8.0
+"""The same behind somebody whom it cannot pass, with others near and alone [s]."""
 
 STAYS_FOR = 2.0
 """Time that a character stays on a level before it goes back [s]."""
@@ -70,12 +71,12 @@ class Levels:
         self.near = np.zeros(count, np.int64)
         self.led, self.soon = np.zeros(count, np.bool_), np.full(count, np.inf)
 
-    def look_around(self, crowd: SortedCrowd, step: int) -> None:
-        """Find the company of all who are in the world, sorted by cells."""
+    def look_around(self, crowd: SortedCrowd, walls: Walls, step: int) -> None:
+        """Find the company of all who are in the world, sorted by cells, between ``walls``."""
         count = len(crowd.rows)
         near, led, soon, wide = np.zeros(count, np.int64), np.zeros(count, np.bool_), np.empty(count), np.empty(count)
         everybody = (crowd.rows, crowd.starts, crowd.frame, crowd.order)
-        find_company(*everybody, (NEAR, SEEN), MEETS, PASSES, near, led, soon, wide)
+        find_company(*everybody, walls, (NEAR, SEEN), MEETS, PASSES, near, led, soon, wide)
         agents = np.empty(count, np.int64)
         agents[crowd.order] = crowd.rows["id"]
         self.near[agents], self.led[agents], self.soon[agents] = near, led, soon
@@ -92,8 +93,8 @@ class Levels:
     def steer(self, agents: NDArray[np.int64], places: Floats, blocked: Floats) -> Bools:
         """Which of some captured characters should steer; ``blocked``, (k,): time that they have been refused [s]."""
         met = (self.near[agents] >= CROWDED) | (self.soon[agents] < MEETS_WITHIN)
-        queues = self.led[agents] & (self.near[agents] <= 1)
-        refused = blocked >= np.where(queues, QUEUES_FOR, BLOCKED_FOR)
+        queues = np.where(self.near[agents] > 1, *QUEUES_FOR)
+        refused = blocked >= np.where(self.led[agents], queues, BLOCKED_FOR)
         return np.asarray(self.may_steer[agents] & (refused | (met & ~self.is_favored(places))))
 
     def capture(self, agents: NDArray[np.int64], places: Floats, step: int) -> Bools:

@@ -95,7 +95,8 @@ class MixedCrowd:
 
         # Who meets others steers; what it had reserved is free.
         others = self._others(view)
-        self.levels.look_around(steered.steering.sort(self._everybody(others), steered.place.bounds), self.step_count)
+        everybody = steered.steering.sort(self._everybody(others), steered.place.bounds)
+        self.levels.look_around(everybody, steered.steering.walls[0], self.step_count)
         blocked = np.where(view.blocked_since >= 0, self.step_count - view.blocked_since, 0) / STEERING_RATE
         wanted = self.levels.steer(view.agent.astype(np.int64), view.pose[:, :2], blocked) & self._walks(view)
         if self.switches.to_steered(view, wanted, self._velocities(view), others):
@@ -186,12 +187,12 @@ class MixedCrowd:
         return {str(agent): reason for agent, reason in found if waits[agent]}
 
     def _walks(self, view: View) -> NDArray[np.bool_]:
-        """Which captured rows are on their way, rather than standing where they are to stand for a while or for good."""
+        """Which captured rows are on their way, and do not stand where they are to stand for a while or for good."""
         stands = (view.state != AgentState.MOVING) & (view.retry_step > self.step_count)
         itineraries = self.captured.itineraries
         agents = view.agent.astype(np.int64)
         waits = itineraries.cast.waits[agents] > 0.0
-        return (view.state != AgentState.ARRIVED) & ~(stands & waits & (itineraries.reached[agents] > 0))
+        return np.asarray((view.state != AgentState.ARRIVED) & ~(stands & waits & (itineraries.reached[agents] > 0)))
 
     def _enter(self) -> None:
         """Let characters come in: captured where there is room, else steered."""
