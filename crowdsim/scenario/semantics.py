@@ -108,7 +108,10 @@ def _times(keys: ScenarioFields) -> list[Complaint]:
 def _locomotion(keys: ScenarioFields) -> list[Complaint]:
     complaints: list[Complaint] = []
     if keys.steers and keys.steps_per_second != STEERING_RATE:
-        message = f"steered characters take {STEERING_RATE} steps a second; drop this key"
+        message = (
+            f"auto and steered characters take {STEERING_RATE} steps a second; drop this key, or give all groups "
+            "'locomotion: captured'"
+        )
         complaints.append((("steps_per_second",), message))
     if keys.locomotions() == {"steered"} and keys.planner != "layered":
         message = f"'{keys.planner}' plans for captured characters; drop this key for steered ones"

@@ -8,7 +8,7 @@ crowdsim: 1
 name: sample
 seed: 5
 duration: 60.0
-steps_per_second: 30
+steps_per_second: 10
 floor: {rectangle: [0, 0, 10, 6]}
 obstacles:
   - {name: wall, box: {min: [4, 0], max: [4.2, 2]}, top: 2.5}

@@ -25,7 +25,7 @@ def test_the_steered_group_is_valid():
     head = "crowdsim: 1\nname: a\nseed: 1\nduration: 60\nfloor: {rectangle: [0, 0, 100, 20]}\n"
     scenario = parse_scenario(head + agents)
     assert check_scenario(scenario) == []
-    assert scenario.steered
+    assert scenario.locomotions() == {"steered"}
     assert scenario.steps_per_second == 10
 
 

@@ -30,7 +30,7 @@ def outcome(text: str) -> list[Problem] | None:
 
 def test_a_good_file_has_its_values_and_defaults():
     scenario = parse_scenario(TEXT)
-    assert (scenario.name, scenario.seed, scenario.duration, scenario.steps_per_second) == ("sample", 5, 60.0, 30)
+    assert (scenario.name, scenario.seed, scenario.duration, scenario.steps_per_second) == ("sample", 5, 60.0, 10)
     assert scenario.text == TEXT
     assert scenario.path is None
     assert scenario.behaviors == DEFAULT_BEHAVIORS
@@ -92,11 +92,11 @@ def test_a_good_file_has_its_values_and_defaults():
         ("duration: 60.0", "duration: 1e7", "4:11: duration: must be at most 1000000"),
         ("duration: 60.0", "duration:", "4:1: duration: expected a number, got nothing"),
         (
-            "steps_per_second: 30",
+            "steps_per_second: 10",
             "steps_per_second: 25",
             "5:19: steps_per_second: 25 does not divide 60; did you mean 20?",
         ),
-        ("steps_per_second: 30", "steps_per_second: 0", "5:19: steps_per_second: must be at least 1, got 0"),
+        ("steps_per_second: 10", "steps_per_second: 0", "5:19: steps_per_second: must be at least 1, got 0"),
         (
             "{rectangle: [0, 0, 10, 6]}",
             "3",
@@ -174,7 +174,7 @@ def test_a_good_file_has_its_values_and_defaults():
         ("on_arrival: leave", "interval: 20", "4:11: duration: 60 s end before the last of 'guests' starts at 60 s"),
         ("[1, 1, 3, 4]", "[11, 1, 13, 4]", "17:12: agents.0.start: lies off the floor"),
         ("[1, 1, 3, 4]", "[10, 1, 13, 4]", "17:12: agents.0.start: lies off the floor"),
-        ("[1, 1, 3, 4]", "[9.8, 1, 13, 4]", "17:12: agents.0.start: no spot with 0.30 m of free floor around it"),
+        ("[1, 1, 3, 4]", "[9.8, 1, 13, 4]", "17:12: agents.0.start: no spot with 0.27 m of free floor around it"),
         (
             "{rectangle: [1, 1, 3, 4]}",
             "{point: [4.1, 1]}",
@@ -183,7 +183,7 @@ def test_a_good_file_has_its_values_and_defaults():
         (
             "{rectangle: [1, 1, 3, 4]}",
             "{point: [0.2, 1]}",
-            "17:12: agents.0.start: no spot with 0.30 m of free floor aro",
+            "17:12: agents.0.start: no spot with 0.27 m of free floor aro",
         ),
         (
             "{rectangle: [1, 1, 3, 4]}",

@@ -43,7 +43,7 @@ def test_one_after_another_may_start_at_one_point():
     text = change(("{rectangle: [1, 1, 3, 4]}", "{point: [1, 1]}"), ("on_arrival: leave", "interval: 2.5"))
     placement = place_agents(parse_scenario(text), RADIUS)
     assert placement.starts.tolist() == [[1.0, 1.0]] * 4
-    assert placement.start_steps.tolist() == [0, 75, 150, 225]
+    assert placement.start_steps.tolist() == [0, 25, 50, 75]
 
 
 def test_groups_that_start_at_one_time_keep_apart():

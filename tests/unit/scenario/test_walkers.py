@@ -88,18 +88,32 @@ def test_what_cannot_be_is_refused_with_its_place(keys: str, message: str) -> No
 
 def test_captured_characters_have_no_such_keys() -> None:
     text = steered_scene(GROUP.format(count=3) + ", speed: 1", floor=FLOOR).replace("steered,", "captured,")
-    with pytest.raises(ScenarioError, match="'speed' is about steered characters; give 'locomotion: steered'"):
+    with pytest.raises(
+        ScenarioError, match="'speed' is about steered characters; give 'locomotion: auto' or 'steered'"
+    ):
         parse_scenario(text)
 
 
-def test_both_kinds_do_not_meet() -> None:
+def test_groups_of_all_kinds_meet_at_the_rate_of_steering() -> None:
     text = steered_scene(GROUP.format(count=3), floor=FLOOR)
-    text += "  - {name: h, count: 1, start: {point: [2, 2]}, goal: {point: [9, 9]}}\n"
-    with pytest.raises(ScenarioError, match=r"agents\.1\.locomotion: 'h' is captured and 'g' is steered"):
+    text += "  - {name: h, count: 1, start: {point: [2, 2]}, goal: {point: [9, 9]}, locomotion: captured}\n"
+    text += "  - {name: i, count: 1, start: {point: [2, 4]}, goal: {point: [9, 9]}}\n"
+    scenario = parse_scenario(text)
+    assert scenario.locomotions() == {"auto", "captured", "steered"}
+    assert scenario.steps_per_second == 10
+
+
+def test_a_neighborhood_of_captured_motion_needs_somebody_who_may_change() -> None:
+    near = "captured_near: {point: [1, 1], radius: 2}\n"
+    text = steered_scene(GROUP.format(count=3), floor=FLOOR, rest=near)
+    with pytest.raises(ScenarioError, match="captured_near: no group moves 'auto'"):
         parse_scenario(text)
+    scenario = parse_scenario(text.replace("locomotion: steered", "locomotion: auto"))
+    assert scenario.captured_near is not None
+    assert scenario.captured_near.radius == 2.0
 
 
 def test_another_rate_is_refused() -> None:
     text = steered_scene(GROUP.format(count=3), floor=FLOOR, rest="steps_per_second: 30\n")
-    with pytest.raises(ScenarioError, match="steps_per_second: steered characters take 10 steps a second"):
+    with pytest.raises(ScenarioError, match="steps_per_second: auto and steered characters take 10 steps a second"):
         parse_scenario(text)

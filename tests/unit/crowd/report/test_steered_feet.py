@@ -31,7 +31,7 @@ def walk() -> SteeredFeet:
 def seen(x: float, phase: float, agent: int = 0) -> View:
     row = np.zeros(1, ROW)
     row["x"] = x
-    return View({"agent": np.array([agent], np.int32), "row": row, "phase": np.array([phase])})
+    return View({"agent": np.array([agent], np.int32), "id": np.array([agent]), "row": row, "phase": np.array([phase])})
 
 
 def test_the_lowest_point_is_told_of_a_body_that_sinks() -> None:

@@ -148,7 +148,9 @@ def test_a_path_search_that_may_not_change_anything_says_so(assets: Assets, envi
 def test_runs_in_the_shortest_slices_arrive_and_are_the_same_for_any_number_of_workers(tmp_path: Path) -> None:
     hashes = set()
     for workers in (1, 3):
-        simulation = Simulation(parse_scenario(two_rooms(WALKERS, events=("at: 3, close: door_a",))), workers)
+        simulation = Simulation(
+            parse_scenario(two_rooms(f"locomotion: captured, {WALKERS}", events=("at: 3, close: door_a",))), workers
+        )
         assert isinstance(simulation.crowd, CapturedCrowd)
         simulation.crowd.searches.first_slice = simulation.crowd.searches.longest_slice = TINY
         with simulation.run(tmp_path / f"{workers}.h5") as recording:

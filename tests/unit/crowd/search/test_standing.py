@@ -33,6 +33,7 @@ floor: {{rectangle: [0, 0, 10, 7]}}
 obstacles: [{{name: table, box: {{center: [5, 3.5], size: [1.6, 1.0]}}, top: 0.8}}]
 agents:
   - {{name: guests, count: 3, interval: 5, start: {{rectangle: [0.5, 0.5, 2, 6.5]}}, on_arrival: stay, wait: 1,
+      locomotion: captured,
       goals: [{{rectangle: [3, 1, 4, 6]{first}}}, {{rectangle: [6, 1, 9, 6]{last}}}]{more}}}
 """
 GOAL = np.array([8.0, 5.0])

@@ -15,7 +15,7 @@ from crowdsim.crowd.state.reservation_kernels import (
     reserve,
     sample_chain,
 )
-from crowdsim.crowd.state.timelines import Chain, Obstacles, Timelines
+from crowdsim.crowd.state.timelines import NO_BODIES, Chain, Obstacles, Timelines
 from crowdsim.crowd.systems.animate import Playing
 from crowdsim.crowd.systems.animate_kernels import advance
 from crowdsim.navmesh.navmesh import NavMesh
@@ -180,7 +180,7 @@ def reserved(other: tuple[float, float], room: shapely.Polygon | None = None, ke
     timelines[0] = START[:2]
     timelines[1] = other
     out = np.zeros((48, 2))
-    obstacles = Obstacles((mesh, mesh), np.array([[0.2, 0.3]]), kept_free, 0.35)
+    obstacles = Obstacles((mesh, mesh), np.array([[0.2, 0.3]]), kept_free, 0.35, NO_BODIES, 0, 0.3)
     starts, gones, radii = np.zeros(2, np.int64), np.full(2, FOREVER), np.full(2, 0.3)
     everyone = Timelines(timelines, starts, gones, radii, circles_of(timelines))
     draft = Chain.room(12)
