@@ -117,7 +117,7 @@ def find_entries(behavior_set: BehaviorSet, gaits: tuple[Clip, ...], phases: Flo
     """Frames at which a body that walks on a track may enter the motion graph.
 
     There the motion goes straight ahead about as fast as the behavior's gait, the node goes on for 0.15 s or more, and
-    after it the graph goes on, and leads to a stand.
+    after it the graph goes on, and leads to a stand. Nodes that lead from one behavior to another are none.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def find_entries(behavior_set: BehaviorSet, gaits: tuple[Clip, ...], phases: Flo
     rest = np.abs(arrays.tracks[last, 2] - arrays.tracks[:, 2]) * CAPTURE_RATE
     straight = aheads & (np.abs(turn) <= _MOST_TURN) & (rest <= _MOST_TURN * np.maximum(left, 1))
     walks = ~np.array([each.turned for each in behavior_set.behaviors])[behavior]
-    usable = _lead_on(behavior_set)[nodes] & (left >= _LEAST_LEFT * CAPTURE_RATE)
+    usable = (_lead_on(behavior_set) & _plain(behavior_set))[nodes] & (left >= _LEAST_LEFT * CAPTURE_RATE)
     rows = np.flatnonzero(walks & usable & straight & (np.abs(speed - wanted) <= _SPEED_OFF * wanted))
     rows = rows[np.lexsort((rows, phases[rows], behavior[rows]))]
     first = np.searchsorted(behavior[rows], np.arange(len(natural) + 1)).astype(np.int64)
@@ -203,6 +203,14 @@ def _lead_on(behavior_set: BehaviorSet) -> NDArray[np.bool_]:
     onward = np.bincount(source[~arrays.node_idle[arrays.edge_target]], minlength=len(arrays.node_frames)) > 0
     lead_on: NDArray[np.bool_] = onward & (arrays.node_ends_standing | (arrays.stop_edge != NONE)) & ~arrays.node_idle
     return lead_on
+
+
+def _plain(behavior_set: BehaviorSet) -> NDArray[np.bool_]:
+    """(N,) whether each node was cut from a clip of its behavior, not from one that leads to another one."""
+    own = {(number, clip.name) for number, clips in enumerate(behavior_set.clips) for clip in clips.clips}
+    graph = behavior_set.graph
+    names = (clip_frames(name)[0] for name in graph.node_names)
+    return np.array([key in own for key in zip(graph.arrays.node_behavior.tolist(), names, strict=True)])
 
 
 def _foot_places(behavior_set: BehaviorSet, rows: NDArray[np.int64], phases: Floats) -> Floats:

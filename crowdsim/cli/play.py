@@ -28,6 +28,9 @@ def play(
     ] = None,
     view: Annotated[str, typer.Option("--view", help="overview, top, or follow, which needs --agent.")] = "overview",
     agent: Annotated[int | None, typer.Option("--agent", min=0, help="Character to follow.")] = None,
+    color: Annotated[
+        str, typer.Option("--color", help="What shirts show: behavior, agent, or level (captured, steered).")
+    ] = "behavior",
     size: Annotated[
         str | None,
         typer.Option("--size", metavar="WxH", help="Pixels [default: 1600x900, of a film or window 1280x720]."),
@@ -39,7 +42,7 @@ def play(
         raise typer.BadParameter("choose one of --shot and --film")
     if time is not None and shot is None:
         raise typer.BadParameter("only --shot takes a time", param_hint="--time")
-    camera: dict[str, Any] = {"view": view, "agent": agent}
+    camera: dict[str, Any] = {"view": view, "agent": agent, "color_by": color}
     if size is not None:
         camera["size"] = read_size(size)
     out = shot if shot is not None else film

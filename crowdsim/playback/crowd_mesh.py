@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from crowdsim.playback.body_mesh import BodyMesh, Tissue, build_body
 from crowdsim.recording.header import AgentState
+from crowdsim.recording.levels import Level
 from crowdsim.recording.reader import Recording
 
 Colors = NDArray[np.uint8]
@@ -15,6 +16,10 @@ _TROUSERS = np.array([[74, 84, 108], [112, 100, 86], [66, 76, 88], [134, 128, 11
 _SKIN = np.array([[246, 208, 182], [226, 182, 148], [188, 136, 100], [142, 98, 72], [236, 194, 164]], np.uint8)
 _HAIR = np.array([[48, 36, 28], [86, 60, 38], [28, 26, 26], [142, 108, 66], [104, 98, 94]], np.uint8)
 _SHOES = np.array([[52, 50, 50], [92, 68, 52], [84, 86, 92]], np.uint8)
+
+LEVEL_COLORS = {Level.CAPTURED: "#2f8f6b", Level.STEERED: "#d2882b"}
+"""Shirts of characters who are colored by level."""
+_LEVELS = Level.STEERED, Level.CAPTURED
 
 _SHADOW_SIDES = 20
 _SHADOW_HEIGHT = 0.008
@@ -54,7 +59,7 @@ class CrowdMesh:
         self.normals = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (count, size, 1))
         self.triangles = _repeat(self._body.triangles, size, count)
         self.colors = np.zeros((count, size, 3), np.uint8)
-        self._by_agent = color_by == "agent"
+        self._color_by = color_by
         self._looks = _looks(recording.agent_count)
         self._behaviors = np.array([hex_color(behavior.color) for behavior in recording.header.behaviors])
         angle = 2.0 * np.pi * np.arange(_SHADOW_SIDES) / _SHADOW_SIDES
@@ -79,8 +84,11 @@ class CrowdMesh:
         self.points[:count], self.normals[:count] = self._body.place(positions, rotations)
         self._cast_shadows(count)
         looks = self._looks[here]
-        if not self._by_agent:
+        if self._color_by == "behavior":
             looks[:, Tissue.SHIRT] = self._behaviors[frame.behavior[here]]
+        elif self._color_by == "level":
+            steered = frame.steered[here, None]
+            looks[:, Tissue.SHIRT] = np.where(steered, *(hex_color(LEVEL_COLORS[level]) for level in _LEVELS))
         self.colors[:count] = looks[:, self._body.tissue]
 
     def _cast_shadows(self, count: int) -> None:

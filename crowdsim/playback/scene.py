@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from crowdsim.errors import CrowdSimError
 from crowdsim.playback.camera import FIELD_OF_VIEW, Camera, place_camera
-from crowdsim.playback.crowd_mesh import CrowdMesh, hex_color
+from crowdsim.playback.crowd_mesh import LEVEL_COLORS, CrowdMesh, hex_color
 from crowdsim.playback.drawing_backend import load_pyvista
 from crowdsim.playback.scenery import FlatMesh, floor_mesh, grid_lines, meshes_mesh, path_ribbons, solids_mesh
 from crowdsim.playback.surfaces import Floats
@@ -20,7 +20,7 @@ from crowdsim.recording.reader import Recording
 TALL = 1.1
 """Solids that end above this many meters are drawn as glass, or they would hide the people behind."""
 
-COLORINGS = ("behavior", "agent")
+COLORINGS = ("behavior", "agent", "level")
 
 _SKY = ("#dfe6ec", "#f7f8f9")
 _FLOOR = "#f1efea"
@@ -198,12 +198,13 @@ class Scene:
     def _write_legend(self, color_by: str) -> None:
         size = round(11 * self._scale)
         left, line = 18.0 * self._scale, 26.0 * self._scale
+        legend: list[tuple[str, str]] = []
         if color_by == "behavior":
-            for row, behavior in enumerate(self.recording.header.behaviors):
-                words = behavior.name.replace("_", " ")
-                self.plotter.add_text(
-                    words, position=(left, 14.0 * self._scale + row * line), font_size=size, color=behavior.color
-                )
+            legend = [(behavior.name.replace("_", " "), behavior.color) for behavior in self.recording.header.behaviors]
+        elif color_by == "level":
+            legend = [(level.name.lower(), color) for level, color in LEVEL_COLORS.items()]
+        for row, (words, color) in enumerate(legend):
+            self.plotter.add_text(words, position=(left, 14.0 * self._scale + row * line), font_size=size, color=color)
         top = self.size[1] * self._supersample - 40.0 * self._scale
         self.plotter.add_text(self.recording.header.scenario_name, position=(left, top), font_size=size, color=_INK)
         self._clock = self.plotter.add_text("", position=(left, top - line), font_size=size, color=_INK)

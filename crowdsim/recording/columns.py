@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.recording.header import RecordingHeader
+from crowdsim.recording.header import RecordedFrame, RecordingHeader
+
+if TYPE_CHECKING:
+    from crowdsim.motion.graph.pose_table import PoseTable
 
 
 class Column(Protocol):
@@ -32,6 +35,8 @@ class RecordedTracks(Protocol):
     y: Column
     heading: Column
     phase: Column
+    node: Column
+    frame: Column
     behavior: Column
     state: Column
 
@@ -43,6 +48,15 @@ class RecordedTracks(Protocol):
 
     @property
     def steps_per_second(self) -> int: ...
+
+
+class RecordedPoses(RecordedTracks, Protocol):
+    """What posing agents who switch between levels reads besides."""
+
+    @property
+    def pose_table(self) -> PoseTable: ...
+
+    def at_step(self, step: int) -> RecordedFrame: ...
 
 
 class ConstantColumn:

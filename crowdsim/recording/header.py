@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, NamedTuple
 
@@ -107,6 +107,8 @@ class MotionRecord:
     to its parent and the root relative to the track's heading.
     node_behavior: (nodes,) int32, index into the header's behaviors. Without nodes, no agent is captured.
     gaits: a clip for each behavior of the header, in its order. Without gaits, no agent is steered.
+    pool_phases: (P,) float32, phase of the gait in each row of the pool [cycles], as of
+    :func:`~crowdsim.behaviors.entries.node_phases`; empty unless there are both nodes and gaits.
     """
 
     skeleton: Skeleton
@@ -117,6 +119,12 @@ class MotionRecord:
     pool_root: NDArray[np.float32]
     pool_rotations: NDArray[np.float32]
     gaits: Sequence[GaitRecord] = ()
+    pool_phases: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
+
+    @property
+    def mixed(self) -> bool:
+        """Whether agents may be captured and steered in turn."""
+        return len(self.node_names) > 0 and len(self.gaits) > 0
 
 
 @dataclass(frozen=True)

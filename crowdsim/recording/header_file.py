@@ -109,6 +109,8 @@ def _write_motion(group: h5py.Group, motion: MotionRecord) -> None:
         _write_array(group, name, getattr(motion, name), dtype)
     if not motion.gaits:
         return
+    if motion.mixed:
+        _write_array(group, "pool_phases", motion.pool_phases, "float32")
     _write_strings(group, "gait_names", [gait.name for gait in motion.gaits])
     _write_array(group, "gait_frames", [len(gait.root) for gait in motion.gaits], "int32")
     _write_array(group, "gait_root", np.concatenate([gait.root for gait in motion.gaits]), "float32")
@@ -178,6 +180,7 @@ def _read_motion(group: h5py.Group) -> MotionRecord:
         **{name: group[name][:] for name in _MOTION_ARRAYS},
         # Recordings without steered agents have none.
         gaits=_read_gaits(group) if "gait_names" in group else (),
+        pool_phases=group["pool_phases"][:] if "pool_phases" in group else np.zeros(0, np.float32),
     )
 
 

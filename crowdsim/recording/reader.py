@@ -14,7 +14,7 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from crowdsim.constants import CAPTURE_RATE, NONE
+from crowdsim.constants import CAPTURE_RATE
 from crowdsim.errors import CrowdSimError, RecordingError
 from crowdsim.geometry.planar import wrap_angle
 from crowdsim.recording.columns import Column, ConstantColumn
@@ -32,10 +32,12 @@ from crowdsim.recording.header import (
     stored_columns,
 )
 from crowdsim.recording.header_file import read_header, read_versions
+from crowdsim.recording.levels import Level, LevelColumn, Switches, find_switches
 
 if TYPE_CHECKING:
     from crowdsim.motion.graph.pose_table import PoseTable
     from crowdsim.recording.steered_poses import SteeredPoses
+    from crowdsim.recording.switch_blends import SwitchBlends
 
 Joints = NDArray[np.float32]
 
@@ -52,7 +54,8 @@ class Recording:
 
     The columns ``x``, ``y``, ``heading``, ``node``, ``previous``, ``frame``, ``behavior``, ``state``, ``phase``
     (steps, N) and ``state_hash`` (steps,) are slices of the file: index them, and only that part is read. Columns that
-    no agent needs are not stored, and read as -1, -1, 0 or nan.
+    no agent needs are not stored, and read as -1, -1, 0 or nan. ``levels`` (steps, N) int8 says who was on which
+    :class:`~crowdsim.recording.levels.Level`.
     """
 
     path: Path
@@ -68,6 +71,7 @@ class Recording:
     behavior: Column
     state: Column
     phase: Column
+    levels: Column
     state_hash: Column
 
     def __init__(self, path: Path, file: h5py.File) -> None:
@@ -86,6 +90,7 @@ class Recording:
                 raise RecordingError(f"{path}: steps/{name} has shape {column.shape}, not {shape}; {_AGAIN}")
             setattr(self, name, column)
         self.state_hash = columns["state_hash"]
+        self.levels = LevelColumn(self.state, self.node, self.phase)
 
     @classmethod
     def open(cls, path: str | os.PathLike[str]) -> Recording:
@@ -228,21 +233,37 @@ class Recording:
     def poses_at(self, time: float, agents: ArrayLike | None = None) -> tuple[Joints, Joints]:
         """World joint positions (A, J, 3) and rotations (A, J, 4) of ``agents`` (all by default) at ``time`` seconds.
 
-        Captured agents play the frames of their nodes; steered ones walk on their tracks, smoothed. Poses are the same
-        however one came to a time. NaN for agents that are absent. RecordingError outside the recording.
+        Captured agents play the frames of their nodes; steered ones walk on their tracks, smoothed. Who switches goes
+        over within 0.3 s, and feet that stand stay. Poses are the same however one came to a time. NaN for agents that
+        are absent. RecordingError outside the recording.
         """
         frame, step = self.at_time(time), self._shown_step(time)
         rows = np.arange(self.agent_count) if agents is None else np.asarray(agents, np.int64)
         skeleton = self.header.motion.skeleton
         positions = np.full((len(rows), skeleton.joint_count, 3), np.nan, np.float32)
         rotations = np.full((len(rows), skeleton.joint_count, 4), np.nan, np.float32)
-        steered = frame.steered[rows]
-        captured = (frame.state[rows] != AgentState.ABSENT) & (frame.node[rows] != NONE) & ~steered
+        levels = self._shown_levels(step)[rows]
+        present = levels != Level.NOBODY
+        if len(self.switches.steps) and present.any():
+            on_tracks = levels[present] == Level.STEERED
+            changed = present.copy()
+            changed[present], *joints = self._switch_blends.poses(time, step, frame, rows[present], on_tracks)
+            positions[changed], rotations[changed] = joints
+            levels[changed] = Level.NOBODY
+        captured, steered = levels == Level.CAPTURED, levels == Level.STEERED
         if captured.any():
             positions[captured], rotations[captured] = self._captured_poses(frame, rows[captured])
         if steered.any():
             positions[steered], rotations[steered] = self._steered_poses.pose(time, step, rows[steered])
         return positions, rotations
+
+    def _shown_levels(self, step: int) -> NDArray[np.int8]:
+        """(N,) the level of which bodies are shown from ``step`` to the next one."""
+        levels: NDArray[np.int8] = self.levels[step]
+        if self.header.motion.mixed and step + 1 < self.steps:
+            # A node may end before the step in which an agent is steered: its last step is shown as steered already.
+            levels[(levels == Level.CAPTURED) & (self.levels[step + 1] == Level.STEERED)] = Level.STEERED
+        return levels
 
     def _captured_poses(self, frame: RecordedFrame, agents: NDArray[np.int64]) -> tuple[Joints, Joints]:
         """Positions and rotations of the joints of ``agents``, all of them captured."""
@@ -263,6 +284,17 @@ class Recording:
         from crowdsim.recording.steered_poses import SteeredPoses
 
         return SteeredPoses(self)
+
+    @cached_property
+    def switches(self) -> Switches:
+        """When which agents switch from one level to the other."""
+        return find_switches(self, self.levels)
+
+    @cached_property
+    def _switch_blends(self) -> SwitchBlends:
+        from crowdsim.recording.switch_blends import SwitchBlends
+
+        return SwitchBlends(self, self.switches, self._steered_poses)
 
     @cached_property
     def pose_table(self) -> PoseTable:

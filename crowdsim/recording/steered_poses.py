@@ -32,9 +32,13 @@ class SteeredPoses:
         self._clips: dict[int, DeformedClip] = {}
 
     def pose(self, time: float, step: int, agents: Ints) -> tuple[Floats, Floats]:
-        """World joint positions (n, J, 3) and rotations (n, J, 4) of ``agents`` (n,), all steered at ``step``.
+        """World joint positions (n, J, 3) and rotations (n, J, 4) of ``agents`` (n,), as of :meth:`local`."""
+        return forward_kinematics(self._recording.header.motion.skeleton, *self.local(time, step, agents))
 
-        time: seconds, from ``step`` to before the next one.
+    def local(self, time: float, step: int, agents: Ints) -> tuple[Floats, Floats]:
+        """Root places (n, 3) and rotations (n, J, 4), each joint in its parent, of ``agents`` (n,).
+
+        All of them are shown as steered at ``step``. time: seconds, from ``step`` to the next one.
         """
         number = block_of(step, self._recording.steps_per_second)
         if number not in self._blocks:
@@ -43,8 +47,7 @@ class SteeredPoses:
             self._blocks[number] = _PlannedBlock(self._recording, number)
         block = self._blocks[number]
         bodies = block.tracks.bodies_at(step, agents)
-        roots, rotations = self._blended(block, bodies, time)
-        return forward_kinematics(self._recording.header.motion.skeleton, roots, rotations)
+        return self._blended(block, bodies, time)
 
     def _blended(self, block: _PlannedBlock, bodies: Ints, time: float) -> tuple[Floats, Floats]:
         """Root places (n, 3) and rotations (n, J, 4), each joint in its parent, of bodies in their behaviors."""

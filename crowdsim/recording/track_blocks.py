@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from crowdsim.geometry.planar import wrap_angle
 from crowdsim.motion.deformed.joined_tracks import JoinedTracks, smooth_joined, smoothing_reach, unwrapped
 from crowdsim.recording.columns import RecordedTracks
-from crowdsim.recording.header import AgentState
+from crowdsim.recording.steered_stretches import read_stretches
 
 TICKS_PER_SECOND = 10
 """Samples a second that steps are planned from, whatever the rate of the recording."""
@@ -38,9 +38,9 @@ Ints = NDArray[np.int64]
 class TrackBlock(NamedTuple):
     """Smoothed tracks of the A bodies that are steered in a block; who leaves and comes back is another body.
 
-    agents: (A,) int64, in ascending order. firsts, ends: (A,) int64 steps of the recording in which each is there, as
-    far as the block knows. tracks: samples at ticks. zeros: (A,) float64 seconds at which the first sample of each
-    track would lie if none before the block had been left out.
+    agents: (A,) int64, in ascending order. firsts, ends: (A,) int64 steps of the recording in which each is shown, as
+    far as the block knows; the last captured step before among them. tracks: samples at ticks. zeros: (A,) float64
+    seconds at which the first sample of each track would lie if none before the block had been left out.
     """
 
     agents: Ints
@@ -115,42 +115,36 @@ def _read_part(
     rows = slice(max(low * rate // TICKS_PER_SECOND, 0), min(-(-high * rate // TICKS_PER_SECOND) + 1, recording.steps))
     columns = slice(int(agents[0]), int(agents[-1]) + 1)
     some = agents - agents[0]
-    phase = recording.phase[rows, columns][:, some]
-    steered = np.isfinite(phase) & (recording.state[rows, columns][:, some] != AgentState.ABSENT)
-    here, firsts, ends = _stretches(steered)
-    began, left = firsts + rows.start, ends + rows.start
+    stretches = read_stretches(recording, rows, columns, some)
     block_first, block_end = block_steps(block, rate)
+    began, left = stretches.firsts + rows.start, stretches.ends + rows.start
     inside = (began < block_end) & (left > block_first)
-    here, firsts, ends, began, left = (values[inside] for values in (here, firsts, ends, began, left))
+    stretches, began, left = stretches.chosen(inside), began[inside], left[inside]
+    here, begins, stops = stretches.columns, stretches.begins, stretches.stops
     # Sample at ticks, up to those just beyond the steps in which a body is there.
-    first_ticks = np.maximum(began * TICKS_PER_SECOND // rate, low)
-    last_ticks = np.minimum(-(-(left - 1) * TICKS_PER_SECOND // rate), high)
+    first_ticks = np.maximum((begins + rows.start) * TICKS_PER_SECOND // rate, low)
+    last_ticks = np.minimum(-(-(stops + rows.start - 1) * TICKS_PER_SECOND // rate), high)
     counts = last_ticks - first_ticks + 1
     starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     body = np.repeat(np.arange(len(here)), counts)
     ticks = np.arange(starts[-1]) - starts[body] + first_ticks[body]
     row, rest = np.divmod(ticks * rate - rows.start * TICKS_PER_SECOND, TICKS_PER_SECOND)
     share = rest / TICKS_PER_SECOND
-    now, then = (np.clip(row + k, firsts[body], ends[body] - 1) for k in (0, 1))
+    now, then = (np.clip(row + k, begins[body], stops[body] - 1) for k in (0, 1))
     samples = np.empty((len(ticks), 4))
-    for k, values in enumerate((recording.x, recording.y, recording.heading, phase)):
-        table = phase if k == 3 else values[rows, columns][:, some]
+    for k, values in enumerate((recording.x, recording.y, recording.heading)):
+        table = values[rows, columns][:, some]
         old, new = (table[at, here[body]].astype(np.float64) for at in (now, then))
         samples[:, k] = old + share * (wrap_angle(new - old) if k == 2 else new - old)
-    cut_before, cut_after = (firsts == 0) & (rows.start > 0), (ends == len(phase)) & (rows.stop < recording.steps)
+    old, new = (stretches.phases_at(body, at) for at in (now, then))
+    samples[:, 3] = old + share * (new - old)
+    cut_before = (begins == 0) & (rows.start > 0)
+    cut_after = (stops == rows.stop - rows.start) & (rows.stop < recording.steps)
     tracks = smooth_joined(unwrapped(JoinedTracks(samples, starts)))
     keep, lacking = _needed(tracks, ticks, first_ticks, block, cut_before, cut_after)
     kept = tracks.kept(keep)
     zeros = (np.append(ticks, 0)[_last(keep, tracks)] - kept.lengths + 1) / TICKS_PER_SECOND
     return TrackBlock(agents[here], began, left, kept, zeros), lacking
-
-
-def _stretches(there: NDArray[np.bool_]) -> tuple[Ints, Ints, Ints]:
-    """Columns, first rows and ends of all stretches of True in the columns of an array, column by column."""
-    edge = np.zeros((1, there.shape[1]), bool)
-    changes = np.diff(np.concatenate([edge, there, edge]).astype(np.int8), axis=0).T
-    columns, firsts = np.nonzero(changes > 0)
-    return columns, firsts, np.nonzero(changes < 0)[1]
 
 
 def _needed(

@@ -274,6 +274,12 @@ def _check_gaits(header: RecordingHeader) -> None:
             raise RecordingError(
                 f"gait '{gait.name}' has shapes {shapes[0]}, {shapes[1]}, not (F, 3), (F, {joints}, 4)"
             )
+    phases, rows = np.asarray(header.motion.pool_phases), len(header.motion.pool_root)
+    if header.motion.mixed and not (phases.shape == (rows,) and np.isfinite(phases).all()):
+        raise RecordingError(
+            f"motion.pool_phases has shape {phases.shape} or is not finite; give the {rows} phases of "
+            "crowdsim.behaviors.entries.node_phases, or agents could not go over from one level to the other"
+        )
 
 
 def _growing(

@@ -36,6 +36,15 @@ def hips_of(ahead: float, side: float) -> float:
     return float(np.sign(side) * turn * min(np.hypot(ahead, side) / 0.4, 1.0) ** 2)
 
 
+def anchor_of(place: np.ndarray, velocity: np.ndarray, turn: float, phase: float) -> np.ndarray:
+    """Pose of a steadily walking body when its phase was 0.26 or 0.76 for the last time."""
+    along = Rotation.from_rotvec([0.0, 0.0, -place[2]]).apply([*velocity, 0.0])
+    hips = Rotation.from_rotvec([0.0, 0.0, -hips_of(along[0], along[1])]).apply(along)
+    rate = rate_of(hips[0], hips[1], turn)
+    seconds = (phase - 0.26) % 0.5 / rate if rate >= 0.45 else 0.0
+    return place - seconds * np.array([*velocity, turn])
+
+
 def advance(
     place: np.ndarray, velocity: np.ndarray, turn: float, dt: float, phase: float, anchor: np.ndarray
 ) -> tuple[float, np.ndarray]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.geometry.elementary import acos, cos, sin
+from crowdsim.geometry.elementary import acos, atan2, cos, sin
 from crowdsim.motion.clips.skeleton import Skeleton
 
 Floats = NDArray[np.float64]
@@ -51,6 +51,22 @@ def about_axis(axis: Floats, angle: Floats | float) -> Floats:
     """Quaternions (..., 4) of turns by ``angle`` radians about the unit vector ``axis`` (3,)."""
     half = np.asarray(angle, np.float64) / 2.0
     return np.concatenate([cos(half)[..., None], sin(half)[..., None] * np.asarray(axis, np.float64)], axis=-1)
+
+
+def rotation_vectors(q: Floats) -> Floats:
+    """Axes times angles (..., 3) [rad] of unit quaternions (..., 4), the shorter way round."""
+    q = np.where(q[..., :1] < 0.0, -q, q)
+    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    scale = np.where(sine < 1e-9, 2.0, 2.0 * atan2(sine, q[..., :1]) / np.maximum(sine, 1e-9))
+    vectors: Floats = scale * q[..., 1:]
+    return vectors
+
+
+def turns_of(vectors: Floats) -> Floats:
+    """Unit quaternions (..., 4) of rotation vectors (..., 3), axes times angles [rad]."""
+    angle = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    scale = np.where(angle < 1e-9, 0.5, sin(0.5 * angle) / np.maximum(angle, 1e-9))
+    return np.concatenate([cos(0.5 * angle), scale * vectors], axis=-1)
 
 
 def slerp(a: Floats, b: Floats, weight: Floats | float) -> Floats:

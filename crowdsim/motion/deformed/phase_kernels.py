@@ -104,6 +104,33 @@ def _next_phase(phase, rate, speed, away, turned, dt):
     return after
 
 
+@helper
+def _rate_of(place, velocity, turn):
+    """Cycles a second of a body at ``place`` that moves with ``velocity`` and turns at ``turn``; its speed."""
+    c, s = cos_sin(place[2])
+    ahead = c * velocity[0] + s * velocity[1]
+    side = c * velocity[1] - s * velocity[0]
+    # The legs see it from the hips.
+    c, s = cos_sin(hip_turn(ahead, side))
+    return phase_rate(c * ahead + s * side, c * side - s * ahead, turn), math.sqrt(ahead * ahead + side * side)
+
+
+@kernel
+def set_anchors(places, velocities, turns, phases, anchors):
+    """Set the anchors of A bodies whose walk goes on from elsewhere: where each was when its rear foot was under it.
+
+    places, velocities, turns, phases: as for :func:`advance_phases`, which changes the anchors from then on. A body
+    that would take it for a stand sets off quickly, though it walks. anchors: (A, 3) float64, set.
+    """
+    for body in range(len(phases)):
+        rate, _ = _rate_of(places[body], velocities[body], turns[body])
+        since = 2.0 * (phases[body] - REFERENCE)
+        seconds = 0.5 * (since - math.floor(since)) / rate if rate >= _SLOW else 0.0
+        anchors[body, 0] = places[body, 0] - seconds * velocities[body, 0]
+        anchors[body, 1] = places[body, 1] - seconds * velocities[body, 1]
+        anchors[body, 2] = places[body, 2] - seconds * turns[body]
+
+
 @kernel
 def advance_phases(places, velocities, turns, dt, phases, anchors):
     """Advance the phase of A bodies by a step of ``dt`` seconds.
@@ -111,17 +138,10 @@ def advance_phases(places, velocities, turns, dt, phases, anchors):
     places: (A, 3) float64 x, y [m] and heading [rad] after the step. velocities: (A, 2) float64 [m/s].
     turns: (A,) float64 turn rate [rad/s]. phases: (A,) float64 cycles, changed in place.
     anchors: (A, 3) float64, the pose that the foot which will lift next stands for; changed in place. A new body's is
-    its place, and its phase is STAND.
+    its place, and its phase is STAND; that of one that walked before as a captured one is of :func:`set_anchors`.
     """
     for body in range(len(phases)):
-        # Split the velocity into ahead and sideways.
-        c, s = cos_sin(places[body, 2])
-        ahead = c * velocities[body, 0] + s * velocities[body, 1]
-        side = c * velocities[body, 1] - s * velocities[body, 0]
-        speed = math.sqrt(ahead * ahead + side * side)
-        # The legs see it from the hips.
-        c, s = cos_sin(hip_turn(ahead, side))
-        rate = phase_rate(c * ahead + s * side, c * side - s * ahead, turns[body])
+        rate, speed = _rate_of(places[body], velocities[body], turns[body])
         # Ask how far the body has left its rear foot.
         x = places[body, 0] - anchors[body, 0]
         y = places[body, 1] - anchors[body, 1]

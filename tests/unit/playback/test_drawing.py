@@ -40,7 +40,7 @@ def test_shot_shows_characters_in_the_colors_of_their_behaviors(recording, tmp_p
 @pytest.mark.usefixtures("can_draw")
 def test_time_view_and_coloring_change_the_picture(recording):
     pictures = {}
-    for color_by in ("behavior", "agent"):
+    for color_by in ("behavior", "agent", "level"):
         scene = Scene(recording, SMALL, color_by)
         try:
             for view, time in (("overview", 1.0), ("overview", 3.0), ("top", 3.0), ("follow", 3.0)):

@@ -28,7 +28,8 @@ def steered_header(agents=3, captured=False):
         none = np.zeros(0, np.int32)
         motion = replace(motion, node_names=(), node_behavior=none, node_first=none, node_frames=none)
         motion = replace(motion, pool_root=motion.pool_root[:0], pool_rotations=motion.pool_rotations[:0])
-    return replace(header, motion=replace(motion, gaits=gaits))
+    phases = np.linspace(0.0, 3.0, len(motion.pool_root), dtype=np.float32) % 1.0
+    return replace(header, motion=replace(motion, gaits=gaits, pool_phases=phases))
 
 
 def steered_frame(header, step):

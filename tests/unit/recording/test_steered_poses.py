@@ -191,7 +191,8 @@ def test_both_levels_in_one_recording(tmp_path):
     assert set(names) == set(skeleton.names)
     columns = [names.index(name) for name in skeleton.names]
     gait = replace(clip, rotations=clip.rotations[:, columns])
-    header = replace(header, steps_per_second=20, motion=replace(header.motion, gaits=(gait,) * 3))
+    phases = np.zeros(len(header.motion.pool_root), np.float32)
+    header = replace(header, steps_per_second=20, motion=replace(header.motion, gaits=(gait,) * 3, pool_phases=phases))
     track = moving(1.0, seconds=8.0)
     path = tmp_path / "mixed.h5"
     with RecordingWriter(path, header) as writer:

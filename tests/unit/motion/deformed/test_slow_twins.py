@@ -6,11 +6,11 @@ import pytest
 from crowdsim.motion.clips.kinematics import forward_kinematics, rotate
 from crowdsim.motion.deformed import body_kernels, plan_kernels
 from crowdsim.motion.deformed.deformed_clip import DeformedClip, deform_clip
-from crowdsim.motion.deformed.phase_kernels import advance_phases
+from crowdsim.motion.deformed.phase_kernels import advance_phases, set_anchors
 from crowdsim.motion.deformed.pose_kernels import pose_bodies
 from crowdsim.motion.deformed.step_plan import StepPlan, plan_steps
 from crowdsim.motion.graph import foot_contacts
-from tests.reference.deformed_bodies import Body, advance, pose_one, upper_rotation
+from tests.reference.deformed_bodies import Body, advance, anchor_of, pose_one, upper_rotation
 from tests.unit.motion.deformed.tracks import TRACKS, walk_clip
 
 NAMES = ("brisk", "tight", "right", "diagonal", "stop_and_go")
@@ -78,6 +78,19 @@ def test_poses_equal_the_twins(clip: DeformedClip, twins: tuple[StepPlan, list[B
         for upper, joint in enumerate(model.upper):
             turn = upper_rotation(model, upper, track[3], track[4], track[7])
             assert abs(np.sum(rotations[k, joint] * turn)) == pytest.approx(1.0, abs=1e-5)
+
+
+def test_anchors_equal_the_twin() -> None:
+    rng = np.random.default_rng(6)
+    places, velocities = rng.normal(size=(300, 3)), rng.normal(size=(300, 2))
+    velocities[:20] *= 1e-3
+    velocities[:5], turns, phases = 0.0, rng.normal(size=300), rng.uniform(-1.0, 3.0, 300)
+    turns[:30] *= 0.01
+    anchors = np.full((300, 3), np.nan)
+    set_anchors(places, velocities, turns, phases, anchors)
+    expected = [anchor_of(*each) for each in zip(places, velocities, turns, phases, strict=True)]
+    assert np.allclose(anchors, expected, atol=1e-12)
+    assert np.array_equal(anchors[:5, :2], places[:5, :2])
 
 
 def test_phases_equal_the_twin() -> None:

@@ -1,0 +1,89 @@
+"""Legs of two bones that are bent and turned so that their ankles come to wanted places."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from crowdsim.geometry.elementary import acos, cos, sin
+from crowdsim.motion.clips.kinematics import Floats, multiply, unit
+
+_BENT = 0.05
+"""Sine of a bend below which the hinge of the knee is not told from the bones alone."""
+
+
+class Leg(NamedTuple):
+    """One leg of n bodies.
+
+    hips, knees, ankles: (n, 3) places of the joints [m]. thighs, shanks: (n, 4) world rotations of the joints of hip
+    and knee. hinges: (n, 3) unit vectors to the left, about which a straight knee bends.
+    """
+
+    hips: Floats
+    knees: Floats
+    ankles: Floats
+    thighs: Floats
+    shanks: Floats
+    hinges: Floats
+
+
+def stretch(leg: Leg) -> Floats:
+    """(n,) how far each ankle is from its hip, as a share of the length of the leg."""
+    far: Floats = _length(leg.ankles - leg.hips) / _whole(leg)
+    return far
+
+
+def missing_height(leg: Leg, targets: Floats, most: Floats) -> Floats:
+    """(n,) meters by which hips must come down for ankles to reach ``targets`` (n, 3); negative if they need not.
+
+    most: (n,) stretch up to which legs may reach.
+    """
+    x, y, z = (leg.hips - targets).T
+    reach = most * _whole(leg)
+    missing: Floats = z - np.sqrt(np.maximum(reach * reach - x * x - y * y, 0.01))
+    return missing
+
+
+def bend_legs(leg: Leg, targets: Floats, most: Floats) -> tuple[Floats, Floats]:
+    """World rotations (n, 4) of the joints of hip and knee that bring ankles to ``targets`` (n, 3).
+
+    The knee bends by the law of cosines, in the plane in which it is bent; then the leg turns the shortest way. A leg
+    that does not reach points to its target. most: (n,) stretch up to which legs may reach.
+    """
+    thigh, shank = leg.knees - leg.hips, leg.ankles - leg.knees
+    upper, lower = _length(thigh), _length(shank)
+    # Bend the knee until the ankle is as far away as its target.
+    way = targets - leg.hips
+    far = np.clip(_length(way), np.abs(upper - lower) + 1e-3, most * (upper + lower))
+    angle = _angle((far * far - upper * upper - lower * lower) / (2.0 * upper * lower))
+    down, along = unit(thigh), unit(shank)
+    across = np.cross(down, along)
+    # A straight leg does not tell where its knee bends, and one that is bent backwards is bent forward from now on.
+    lacking = np.maximum(_BENT - np.sum(across * leg.hinges, axis=-1), 0.0)
+    hinge = across + lacking[:, None] * leg.hinges
+    hinge = unit(hinge - np.sum(hinge * down, axis=-1, keepdims=True) * down)
+    wanted = cos(angle)[:, None] * down + sin(angle)[:, None] * np.cross(hinge, down)
+    bend = _shortest(along, wanted)
+    # Turn the leg to the target.
+    turn = _shortest(unit(thigh + lower[:, None] * wanted), unit(way))
+    return multiply(turn, leg.thighs), multiply(turn, multiply(bend, leg.shanks))
+
+
+def _shortest(a: Floats, b: Floats) -> Floats:
+    """Rotations (n, 4) that turn unit vectors ``a`` (n, 3) into ``b`` (n, 3), which are not opposite, the short way."""
+    return unit(np.concatenate([1.0 + np.sum(a * b, axis=-1, keepdims=True), np.cross(a, b)], axis=-1))
+
+
+def _whole(leg: Leg) -> Floats:
+    return _length(leg.knees - leg.hips) + _length(leg.ankles - leg.knees)
+
+
+def _length(vectors: Floats) -> Floats:
+    length: Floats = np.sqrt(np.sum(vectors * vectors, axis=-1))
+    return length
+
+
+def _angle(cosine: Floats) -> Floats:
+    angle: Floats = acos(np.clip(cosine, -1.0, 1.0))
+    return angle

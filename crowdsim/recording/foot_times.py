@@ -1,0 +1,108 @@
+"""When feet that stand at a switch lift and land next, in the motion that was switched to."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.motion.deformed.phase_kernels import STANCE
+from crowdsim.recording.columns import RecordedTracks
+from crowdsim.recording.levels import Level, Switches, levels_of
+from crowdsim.recording.steered_stretches import played_phases, read_stretches
+from crowdsim.recording.switch_offsets import FADE
+
+_SHORTEST_SWING = 0.12
+"""Seconds below which a foot does not come right before it lands, and keeps its place until it lifts again."""
+_USUAL_SWING = 0.4
+"""Seconds of a swing whose end is not recorded."""
+_STANDS = (4.0, 5.0)
+"""Seconds after a switch at which the left and the right foot of who still stands take a little step to come right."""
+_LITTLE_STEP = 0.5
+"""Seconds that this takes."""
+LONGEST = max(_STANDS) + _LITTLE_STEP
+"""Seconds after a switch at which both feet are right, whatever the body does."""
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_STANDING, _LATE, _SWINGING, _RIGHT = 0, 1, 2, 3
+"""What a foot does after a switch: stands where it stood; swings since before it; swings to its place; is there."""
+
+
+class FootTimes(NamedTuple):
+    """Times of both feet, left first, after n switches.
+
+    hold: (n, 2) seconds until which each foot keeps its offset. end: (n, 2) seconds at which it has lost it. forced:
+    (n, 2) whether it does so in a step of its own, as the body stands. cut: (n,) seconds from which the agent is gone.
+    """
+
+    hold: Floats
+    end: Floats
+    forced: NDArray[np.bool_]
+    cut: Floats
+
+
+def foot_times(recording: RecordedTracks, switches: Switches, some: Ints) -> FootTimes:
+    """Times of the feet after the switches ``some`` (n,), at least one."""
+    rate = recording.steps_per_second
+    shares, same, gone = _foot_phases(recording, switches, some)
+    times = switches.shown[some] / rate
+    standing = shares < STANCE
+    state = np.where(standing[0], _STANDING, _LATE)
+    hold = np.stack([times + seconds for seconds in _STANDS], axis=1)
+    end = hold + _LITTLE_STEP
+    for row in range(len(shares) - 1):
+        known = (same[row] & same[row + 1])[:, None]
+        ahead = np.mod(shares[row + 1] - shares[row], 1.0)
+        now = (times + row / rate)[:, None]
+        lifts = known & standing[row] & ~standing[row + 1]
+        lands = known & ~standing[row] & standing[row + 1]
+        part = np.clip(np.where(lifts, STANCE - shares[row], 1.0 - shares[row]) / np.maximum(ahead, 1e-9), 0.0, 1.0)
+        at = now + part / rate
+        # Lift: come right until it lands, or about then if that is not recorded.
+        begins = lifts & (state == _STANDING) & (at < hold)
+        hold, end = np.where(begins, at, hold), np.where(begins, at + _USUAL_SWING, end)
+        in_time = lands & (state == _LATE) & (at - times[:, None] >= _SHORTEST_SWING)
+        hold = np.where(in_time, times[:, None], hold)
+        end = np.where(in_time, np.minimum(at, times[:, None] + FADE), end)
+        landed = lands & (state == _SWINGING)
+        end = np.where(landed, np.maximum(at, hold + _SHORTEST_SWING), end)
+        state = np.where(begins, _SWINGING, np.where(in_time | landed, _RIGHT, state))
+        state = np.where(lands & (state == _LATE), _STANDING, state)
+    late = state == _LATE
+    hold, end = np.where(late, times[:, None], hold), np.where(late, times[:, None] + FADE, end)
+    cut = np.where(gone.any(axis=0), times + np.argmax(gone, axis=0) / rate, np.inf)
+    return FootTimes(hold, end, state == _STANDING, cut)
+
+
+def _foot_phases(
+    recording: RecordedTracks, switches: Switches, some: Ints
+) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
+    """Share of its cycle of each foot (T, n, 2) in the T steps from each switch on.
+
+    And (T, n) who has been on the new level until then, and who is absent.
+    """
+    rate = recording.steps_per_second
+    shown, agents, steered = switches.shown[some], switches.agents[some], switches.steered[some]
+    count = int(np.ceil(LONGEST * rate)) + 1
+    rows = slice(int(shown.min()), min(int(shown.max()) + count + 1, recording.steps))
+    columns = slice(int(agents.min()), int(agents.max()) + 1)
+    stretches = read_stretches(recording, rows, columns, np.arange(columns.stop - columns.start))
+    phase, node = recording.phase[rows, columns], recording.node[rows, columns]
+    levels = levels_of(recording.state[rows, columns], node, phase)
+    played = played_phases(recording, levels, node, recording.frame[rows, columns])
+    at = shown - rows.start + np.arange(count)[:, None]
+    inside = at < len(played)
+    at, column = np.minimum(at, len(played) - 1), agents - columns.start
+    level, own = levels[at, column], played[at, column]
+    # Steered gaits are those that are shown, which come in step with the nodes before.
+    key = stretches.columns * len(played) + stretches.firsts
+    found = np.searchsorted(key, column[steered] * len(played) + at[0, steered])
+    own[:, steered] = stretches.phases_at(found, np.minimum(at[:, steered], stretches.stops[found] - 1))
+    level[0, steered] = Level.STEERED
+    same = inside & (level == np.where(steered, Level.STEERED, Level.CAPTURED))
+    same = np.logical_and.accumulate(same, axis=0)
+    shares = np.mod(np.where(same, own, 0.0)[..., None] - np.array([0.0, 0.5]), 1.0)
+    return shares, same, level == Level.NOBODY

@@ -1,0 +1,92 @@
+"""Levels of agents, captured or steered, and the steps in which they switch from one to the other."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.constants import NONE
+from crowdsim.recording.columns import Column, RecordedTracks
+from crowdsim.recording.header import AgentState
+
+_STEPS_AT_ONCE = 256
+
+Ints = NDArray[np.int64]
+
+
+class Level(IntEnum):
+    """How an agent moves in one step."""
+
+    NOBODY = -1
+    CAPTURED = 0
+    STEERED = 1
+
+
+def levels_of(state: NDArray[Any], node: NDArray[Any], phase: NDArray[Any]) -> NDArray[np.int8]:
+    """Level of each agent, int8: STEERED if its phase is finite, else CAPTURED if it plays a node; NOBODY if absent."""
+    moves = np.where(np.asarray(node) != NONE, Level.CAPTURED, Level.NOBODY)
+    levels = np.where(np.isfinite(phase), Level.STEERED, moves)
+    return np.where(np.asarray(state) == AgentState.ABSENT, Level.NOBODY, levels).astype(np.int8)
+
+
+class LevelColumn:
+    """The column (steps, N) of levels, int8, which follows from others: only the part that is asked for is read."""
+
+    def __init__(self, state: Column, node: Column, phase: Column) -> None:
+        self._columns = state, node, phase
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return self._columns[0].shape
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        return np.dtype(np.int8)
+
+    def __getitem__(self, key: Any, /) -> Any:
+        return levels_of(*(column[key] for column in self._columns))
+
+    def __len__(self) -> int:
+        return len(self._columns[0])
+
+
+class Switches(NamedTuple):
+    """The S switches of a recording, by agent, then in order of time.
+
+    agents: (S,) int64. steps: (S,) int64, the first step on the new level. shown: (S,) int64, the step at whose time
+    playback goes over to the new level: the last captured step, as who stops playing a node may be at its end; or the
+    first captured one, as a node has no frame before. steered: (S,) bool, whether the new level is the steered one.
+    """
+
+    agents: Ints
+    steps: Ints
+    shown: Ints
+    steered: NDArray[np.bool_]
+
+    def last(self, agents: Ints, step: int | Ints) -> Ints:
+        """(n,) the latest switch of each of ``agents`` that is shown by ``step``; NONE if there is none."""
+        most = int(self.shown.max(initial=0)) + 2
+        numbers = np.append(NONE, self.agents * most + self.shown)
+        found = np.searchsorted(numbers, agents * most + np.minimum(step, most - 1), side="right") - 1
+        last: Ints = np.where(np.append(NONE, self.agents)[found] == agents, found - 1, NONE)
+        return last
+
+
+def find_switches(recording: RecordedTracks, levels: Column) -> Switches:
+    """All switches of a recording; none is looked for if its agents can only be on one level."""
+    parts: list[tuple[Ints, Ints, NDArray[np.bool_]]] = []
+    for first in range(1, recording.steps, _STEPS_AT_ONCE) if recording.header.motion.mixed else ():
+        rows = levels[first - 1 : min(first + _STEPS_AT_ONCE, recording.steps)]
+        old, new = rows[:-1], rows[1:]
+        step, agent = np.nonzero((old != new) & (old != Level.NOBODY) & (new != Level.NOBODY))
+        parts.append((agent, step + first, new[step, agent] == Level.STEERED))
+    none = np.zeros(0, np.int64)
+    agents, steps, steered = (
+        np.concatenate([part[k] for part in parts]) if parts else none.astype(bool if k == 2 else np.int64)
+        for k in range(3)
+    )
+    order = np.lexsort((steps, agents))
+    return Switches(agents[order], steps[order], (steps - steered)[order], steered[order])

@@ -1,0 +1,157 @@
+"""Stretches of steps in which agents are steered, and their gaits continued over captured steps before and after.
+
+A pose depends on track and phase for a cycle or two around it. Captured steps have the track; the phase goes on through
+them as fast as that of the nodes they play. Where both meet, gaits are brought in step: the steered one a little faster
+or slower for a while, so that feet that swing do not have to catch up at once.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.recording.columns import RecordedTracks
+from crowdsim.recording.levels import Level, levels_of
+
+CONTINUED = 2.0
+"""Seconds before and after a stretch over which it is continued: two cycles at a usual speed."""
+_QUICKEST = 2.4
+"""Cycles a second above which the phase of a node jumps from one frame to the next, as it may in a stand."""
+_IN_STEP = 0.8
+"""Seconds after a switch, and before one, in which a steered gait comes in step with nodes."""
+_OUT_OF_STEP = 0.2
+"""Cycles above which it does not: such differences occur between stands, in which no foot swings."""
+_USUAL = 0.9
+"""Cycles a second of who is steered for a single step."""
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Stretches(NamedTuple):
+    """S stretches of the columns of a part of a recording, column by column, in order of time.
+
+    columns: (S,) int64 agents of the part. firsts, ends: (S,) int64 rows in which each is shown as steered, the last
+    captured row before among them. begins, stops: (S,) int64 rows over which track and phase are known. phases:
+    float64 phases of these rows [cycles], one stretch after the other, each from ``starts`` (S,) int64 on.
+    """
+
+    columns: Ints
+    firsts: Ints
+    ends: Ints
+    begins: Ints
+    stops: Ints
+    starts: Ints
+    phases: Floats
+
+    def chosen(self, some: NDArray[np.bool_]) -> Stretches:
+        """Only some of the stretches, (S,)."""
+        columns, firsts, ends, begins, stops, starts = (values[some] for values in self[:-1])
+        return Stretches(columns, firsts, ends, begins, stops, starts, self.phases)
+
+    def phases_at(self, stretches: Ints, rows: Ints) -> Floats:
+        """(n,) phases of ``stretches`` (n,) in ``rows`` (n,)."""
+        at: Floats = self.phases[self.starts[stretches] + rows - self.begins[stretches]]
+        return at
+
+
+def read_stretches(recording: RecordedTracks, rows: slice, columns: slice, some: Ints) -> Stretches:
+    """All stretches of the agents ``some`` of ``columns`` in ``rows``."""
+    phase = recording.phase[rows, columns][:, some].astype(np.float64)
+    state = recording.state[rows, columns][:, some]
+    node = recording.node[rows, columns][:, some]
+    levels = levels_of(state, node, phase)
+    steered = levels == Level.STEERED
+    here, firsts, ends = _runs(steered)
+    if not recording.header.motion.mixed or not len(here):
+        counts = ends - firsts
+        starts = np.cumsum(counts) - counts
+        rows_of = np.arange(counts.sum()) - np.repeat(starts - firsts, counts)
+        return Stretches(here, firsts, ends, firsts, ends, starts, phase[rows_of, np.repeat(here, counts)])
+    rate = recording.steps_per_second
+    frame = recording.frame[rows, columns][:, some]
+    played = played_phases(recording, levels, node, frame)
+    gone = np.cumsum(phase_advances(levels, phase, played, rate), axis=0)
+    # Go on as long as the agent is there.
+    numbers = np.arange(len(levels))[:, None]
+    absent = levels == Level.NOBODY
+    since = np.maximum.accumulate(np.where(absent, numbers, -1), axis=0) + 1
+    until = np.minimum.accumulate(np.where(absent, numbers, len(levels))[::-1], axis=0)[::-1]
+    reach = round(CONTINUED * rate)
+    begins = np.maximum(firsts - reach, since[firsts, here])
+    stops = np.minimum(ends + reach, until[firsts, here])
+    counts = stops - begins
+    starts = np.cumsum(counts) - counts
+    rows_of = np.arange(counts.sum()) - np.repeat(starts - begins, counts)
+    of = np.repeat(here, counts)
+    at_first = np.repeat(firsts, counts)
+    phases = phase[at_first, of] + (gone[rows_of, of] - gone[at_first, of])
+    own = steered[rows_of, of] & (rows_of >= at_first) & (rows_of < np.repeat(ends, counts))
+    phases = np.where(own, phase[rows_of, of], phases)
+    stretches = Stretches(here, np.maximum(firsts - 1, begins), ends, begins, stops, starts, phases)
+    return _in_step(stretches, played, rows_of - at_first, np.repeat(ends, counts) - rows_of, rate)
+
+
+def _in_step(stretches: Stretches, played: Floats, since: Ints, until: Ints, rate: int) -> Stretches:
+    """Stretches whose phases are those of the nodes where they meet, and come back to their own within _IN_STEP.
+
+    since, until: (N,) rows from the first steered one, and to the first captured one after, of each row of phases.
+    """
+    counts = stretches.stops - stretches.begins
+    most = np.minimum(_IN_STEP * rate, 0.5 * (stretches.ends - stretches.firsts))
+    phases = stretches.phases.copy()
+    for meeting, far in ((stretches.firsts, since + 1), (stretches.ends, until)):
+        row = np.minimum(meeting, stretches.stops - 1)
+        off = played[row, stretches.columns] - stretches.phases_at(np.arange(len(row)), row)
+        off -= np.rint(off)
+        off = np.where(np.isfinite(off) & (np.abs(off) <= _OUT_OF_STEP), off, 0.0)
+        u = np.clip(far / np.repeat(most, counts), 0.0, 1.0)
+        phases += np.repeat(off, counts) * (1.0 - u * u * (3.0 - 2.0 * u))
+    # Who stands meanwhile does not step back: the phase waits.
+    apart = 1000.0 * np.repeat(np.arange(len(counts)), counts)
+    rising = phases - np.repeat(phases[stretches.starts], counts) + apart
+    lost = np.maximum.accumulate(rising) - rising
+    return stretches._replace(phases=np.where(lost > 0.0, phases + lost, phases))
+
+
+def played_phases(
+    recording: RecordedTracks, levels: NDArray[np.int8], node: NDArray[np.int32], frame: NDArray[np.int16]
+) -> Floats:
+    """Phases of the frames that are played, in [0, 1) cycles and of the shape of ``node``; nan if none is."""
+    motion = recording.header.motion
+    captured = levels == Level.CAPTURED
+    rows = motion.node_first[np.where(captured, node, 0)].astype(np.int64) + np.where(captured, frame, 0)
+    return np.where(captured, motion.pool_phases[rows].astype(np.float64), np.nan)
+
+
+def phase_advances(levels: NDArray[np.int8], phase: Floats, played: Floats, rate: int) -> Floats:
+    """By how much phases (rows, N) go on from the row before [cycles], whatever the levels; 0 in the first row.
+
+    phase: of steered agents. played: of captured ones, in [0, 1). From one level to the other the steered phase goes on
+    as in the step next to it.
+    """
+    ahead = np.zeros(levels.shape)
+    both = levels[1:] * 2 + levels[:-1]
+    steered = np.diff(phase, axis=0)
+    usual = _USUAL / rate
+    before = np.full(levels.shape, usual)
+    before[1:] = np.where(np.isfinite(steered), steered, usual)
+    after = np.append(before[1:], np.full((1, levels.shape[1]), usual), axis=0)
+    nodes = np.mod(played[1:] - played[:-1], 1.0)
+    nodes = np.where(nodes <= _QUICKEST / rate, nodes, 0.0)
+    ahead[1:] = np.select(
+        [both == 3, both == 2, both == 1, both == 0], [before[1:], after[1:], before[:-1], nodes], 0.0
+    )
+    present = (levels[1:] != Level.NOBODY) & (levels[:-1] != Level.NOBODY)
+    ahead[1:] = np.where(present, ahead[1:], 0.0)
+    return ahead
+
+
+def _runs(there: NDArray[np.bool_]) -> tuple[Ints, Ints, Ints]:
+    """Columns, first rows and ends of all runs of True in the columns of an array, column by column."""
+    edge = np.zeros((1, there.shape[1]), bool)
+    changes = np.diff(np.concatenate([edge, there, edge]).astype(np.int8), axis=0).T
+    columns, firsts = np.nonzero(changes > 0)
+    return columns, firsts, np.nonzero(changes < 0)[1]

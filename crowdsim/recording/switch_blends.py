@@ -1,0 +1,213 @@
+"""Bodies that have just switched from one level to the other: the new motion, and what is left of the old one."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.constants import CAPTURE_RATE, NONE
+from crowdsim.geometry.planar import wrap_angle
+from crowdsim.motion.clips.kinematics import conjugate, forward_kinematics, multiply
+from crowdsim.motion.graph.pose_kernels import pose_joints
+from crowdsim.recording.columns import RecordedPoses
+from crowdsim.recording.foot_times import LONGEST, FootTimes, foot_times
+from crowdsim.recording.header import RecordedFrame
+from crowdsim.recording.levels import Switches
+from crowdsim.recording.steered_poses import SteeredPoses
+from crowdsim.recording.switch_offsets import Body, Offsets, faded, offsets_between, with_feet
+from crowdsim.recording.track_blocks import BLOCK_TICKS, TICKS_PER_SECOND
+
+_BLOCKS_KEPT = 16
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class _Block(NamedTuple):
+    """Switches that are shown in one block of time: their numbers, ascending (n,), times of their feet, and offsets."""
+
+    numbers: Ints
+    feet: FootTimes
+    offsets: Offsets
+
+    def rows(self, numbers: Ints) -> Ints:
+        """(n,) where ``numbers`` are in the block."""
+        return np.searchsorted(self.numbers, numbers)
+
+
+class SwitchBlends:
+    """Blends bodies of a recording after their switches; what the last blocks of time need is kept.
+
+    The offset of a switch depends on the recording alone: on poses of both levels at its time, and on what was left
+    of the switch before. So poses are the same however one came to a time.
+    """
+
+    def __init__(self, recording: RecordedPoses, switches: Switches, steered: SteeredPoses) -> None:
+        self._recording = recording
+        self._switches = switches
+        self._steered = steered
+        self._skeleton = recording.header.motion.skeleton
+        rate = recording.steps_per_second
+        self._block_of = switches.shown * TICKS_PER_SECOND // rate // BLOCK_TICKS
+        self._blocks: dict[int, _Block] = {}
+
+    def poses(
+        self, time: float, step: int, frame: RecordedFrame, agents: Ints, steered: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.bool_], Floats, Floats]:
+        """Whom of ``agents`` (n,), all present, switches still change; world joints (m, J, 3), (m, J, 4) of these.
+
+        frame: what is to be seen at ``time`` seconds, the shown step of which is ``step``. steered: (n,) their level.
+        """
+        while len(self._blocks) > _BLOCKS_KEPT:
+            del self._blocks[next(iter(self._blocks))]
+        last = self._switches.last(agents, step)
+        changed = (last != NONE) & (time - self._times(last) < LONGEST)
+        changed[changed] = self._left(last[changed], time)
+        some, numbers = agents[changed], last[changed]
+        joints = self._skeleton.joint_count
+        body = Body(np.empty((len(some), 3)), np.empty((len(some), joints, 4)))
+        on_tracks = steered[changed]
+        if on_tracks.any():
+            body.roots[on_tracks], body.rotations[on_tracks] = self._steered.local(time, step, some[on_tracks])
+        if not on_tracks.all():
+            playing = some[~on_tracks]
+            track = np.stack([frame.x, frame.y, frame.heading], axis=1)[playing].astype(np.float64)
+            columns = frame.node[playing], frame.previous[playing], frame.frame[playing]
+            body.roots[~on_tracks], body.rotations[~on_tracks] = self._played(*columns, track)
+        if len(some):
+            body = faded(self._skeleton, body, self._offsets(numbers), time)
+        return changed, *forward_kinematics(self._skeleton, *body)
+
+    def _times(self, numbers: Ints) -> Floats:
+        """(n,) seconds at which switches are shown."""
+        times: Floats = self._switches.shown[numbers] / self._recording.steps_per_second
+        return times
+
+    def _left(self, numbers: Ints, time: float | Floats) -> NDArray[np.bool_]:
+        """(n,) whether something is left of switches at ``time`` seconds."""
+        left = np.zeros(len(numbers), bool)
+        times = np.broadcast_to(np.asarray(time, np.float64), left.shape)
+        for number in np.unique(self._block_of[numbers]).tolist():
+            mine = self._block_of[numbers] == number
+            block = self._block(number)
+            rows = block.rows(numbers[mine])
+            left[mine] = (times[mine] < block.offsets.until[rows]) & (times[mine] < block.feet.cut[rows])
+        return left
+
+    def _offsets(self, numbers: Ints) -> Offsets:
+        """Offsets of switches, in the order asked."""
+        parts, order = [], []
+        for number in np.unique(self._block_of[numbers]).tolist():
+            mine = np.flatnonzero(self._block_of[numbers] == number)
+            block = self._block(number)
+            parts.append(block.offsets.chosen(block.rows(numbers[mine])))
+            order.append(mine)
+        back = np.argsort(np.concatenate(order))
+        return Offsets(*(np.concatenate(values)[back] for values in zip(*parts, strict=True)))
+
+    def _block(self, number: int) -> _Block:
+        """All switches that are shown in a block of time."""
+        if number not in self._blocks:
+            numbers = np.flatnonzero(self._block_of == number)
+            feet = foot_times(self._recording, self._switches, numbers)
+            block = _Block(numbers, feet, _empty(self._times(numbers), feet, self._skeleton.joint_count))
+            self._blocks[number] = block
+            # In order of time, as what is left of the switch before counts.
+            shown = self._switches.shown[numbers]
+            for step in np.unique(shown).tolist():
+                rows = np.flatnonzero(shown == step)
+                again = self._before(numbers[rows]) & (self._switches.shown[numbers[rows] - 1] == step)
+                for some in (rows[~again], rows[again]):
+                    if len(some):
+                        self._fill(block, some, step)
+        return self._blocks[number]
+
+    def _before(self, numbers: Ints) -> NDArray[np.bool_]:
+        """(n,) whether the agent of each switch made another one before."""
+        agents = self._switches.agents
+        before: NDArray[np.bool_] = (numbers > 0) & (agents[numbers - 1] == agents[numbers])
+        return before
+
+    def _fill(self, block: _Block, rows: Ints, step: int) -> None:
+        """Measure the offsets of switches ``rows`` of a block, all of them shown at ``step``."""
+        numbers = block.numbers[rows]
+        agents, to_steered = self._switches.agents[numbers], self._switches.steered[numbers]
+        time, lapse = step / self._recording.steps_per_second, 1.0 / CAPTURE_RATE
+        count, joints = len(rows), self._skeleton.joint_count
+        old, old_later, new, new_later = (Body(np.empty((count, 3)), np.empty((count, joints, 4))) for _ in range(4))
+        back, ahead = np.full(count, -lapse), np.full(count, lapse)
+        # Captured bodies at the step, and a frame later or earlier.
+        now, later, seconds = self._played_at(step, agents)
+        for mine, body, other, lapses in ((to_steered, old, old_later, back), (~to_steered, new, new_later, ahead)):
+            _put(body, mine, now.chosen(mine))
+            _put(other, mine, later.chosen(mine))
+            lapses[mine] = seconds[mine]
+        # Steered bodies: the old ones until then, the new ones from then on.
+        for mine, body, other, at, way in (
+            (~to_steered, old, old_later, step - 1, -lapse),
+            (to_steered, new, new_later, step, lapse),
+        ):
+            if mine.any():
+                _put(body, mine, Body(*self._steered.local(time, at, agents[mine])))
+                _put(other, mine, Body(*self._steered.local(time + way, at, agents[mine])))
+        self._leave_rest(numbers, time, back, old, old_later)
+        times = np.full(count, time)
+        found = offsets_between(self._skeleton, times, (old, old_later), (new, new_later), (back, ahead))
+        found = with_feet(found, block.feet.hold[rows], block.feet.end[rows], block.feet.forced[rows])
+        for values, more in zip(block.offsets, found, strict=True):
+            values[rows] = more
+
+    def _leave_rest(self, numbers: Ints, time: float, lapses: Floats, body: Body, later: Body) -> None:
+        """Add what is left of the switches before to old motions, at ``time`` and ``lapses`` seconds later."""
+        earlier = self._before(numbers) & (time - self._times(numbers - 1) < LONGEST)
+        earlier[earlier] = self._left(numbers[earlier] - 1, time)
+        if earlier.any():
+            offsets = self._offsets(numbers[earlier] - 1)
+            _put(body, earlier, faded(self._skeleton, body.chosen(earlier), offsets, time))
+            _put(later, earlier, faded(self._skeleton, later.chosen(earlier), offsets, time + lapses[earlier]))
+
+    def _played_at(self, step: int, agents: Ints) -> tuple[Body, Body, Floats]:
+        """Captured bodies at ``step``, and in the next frame of their nodes, or the one before if there is none.
+
+        And (n,) seconds from the first to the second.
+        """
+        recording = self._recording
+        frame = recording.at_step(step)
+        beside = step + 1 if step + 1 < recording.steps else step - 1
+        other = recording.at_step(beside)
+        ends = recording.header.motion.node_frames[frame.node[agents]]
+        way = np.where(frame.frame[agents] < ends, 1, -1)
+        track = np.stack([frame.x, frame.y, frame.heading], axis=1)[agents].astype(np.float64)
+        moved = np.stack([other.x, other.y, other.heading], axis=1)[agents].astype(np.float64) - track
+        moved[:, 2] = wrap_angle(moved[:, 2])
+        moved *= (way * recording.steps_per_second / CAPTURE_RATE * (beside - step))[:, None]
+        columns = frame.node[agents], frame.previous[agents]
+        now = self._played(*columns, frame.frame[agents], track)
+        return now, self._played(*columns, frame.frame[agents] + way, track + moved), way / CAPTURE_RATE
+
+    def _played(self, node: Ints, previous: Ints, frame: Ints, track: Floats) -> Body:
+        """Captured bodies in frames of nodes."""
+        columns = (np.ascontiguousarray(values, np.int32) for values in (node, previous, frame))
+        joints = self._skeleton.joint_count
+        places, world = np.empty((len(track), joints, 3), np.float32), np.empty((len(track), joints, 4), np.float32)
+        pose_joints(self._recording.pose_table, *columns, track, places, world)
+        turns = world.astype(np.float64)
+        parents = self._skeleton.parents
+        rotations = turns.copy()
+        inner = np.flatnonzero(parents >= 0)
+        rotations[:, inner] = multiply(conjugate(turns[:, parents[inner]]), turns[:, inner])
+        return Body(places[:, int(np.argmin(parents))].astype(np.float64), rotations)
+
+
+def _put(into: Body, mine: NDArray[np.bool_], body: Body) -> None:
+    """Write bodies to where they belong."""
+    into.roots[mine], into.rotations[mine] = body.roots, body.rotations
+
+
+def _empty(times: Floats, feet: FootTimes, joints: int) -> Offsets:
+    """Offsets that are still to be measured."""
+    shapes = ((3,), (3,), (joints, 3), (joints, 3), (2, 3), (2, 3), (2,), (2, 3), (2,))
+    values = [np.zeros((len(times), *shape)) for shape in shapes]
+    return Offsets(*[times, *values[:8], feet.hold, feet.end, values[8]])

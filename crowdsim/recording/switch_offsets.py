@@ -1,0 +1,233 @@
+"""How a body goes over from one motion to another: the new motion plays, and what the old one differed by fades out.
+
+After D. Bollo, "Inertialization: high-performance animation transitions in Gears of War", GDC 2018: place and speed of
+the difference fade together, so that nothing jumps or stops at once. Feet that stand are not dragged along: each keeps
+its place until it lifts, and comes to that of the new motion in its swing.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.geometry.elementary import atan2, cos, sin
+from crowdsim.motion.clips.kinematics import (
+    Floats,
+    conjugate,
+    forward_kinematics,
+    multiply,
+    rotate,
+    rotation_vectors,
+    turns_of,
+)
+from crowdsim.motion.clips.leg_solver import Leg, bend_legs, missing_height, stretch
+from crowdsim.motion.clips.skeleton import Skeleton
+from crowdsim.motion.deformed.body_kernels import REACH
+
+FADE = 0.3
+"""Seconds over which the difference fades. Longer ones show the old motion's style longer on the new motion's steps."""
+
+_FASTEST = 1.5
+"""Speed of a difference that fades on [m/s], at most."""
+_FASTEST_TURN = 8.0
+"""Turn rate of a difference that fades on [rad/s], at most."""
+_OWN_STEP = 1.5
+"""Height that a foot is lifted if it is put right while its body stands, as a multiple of how far it moves."""
+_HIGHEST = 0.05
+"""Meters that it is lifted at most."""
+
+
+class Body(NamedTuple):
+    """Poses of n bodies: roots (n, 3) [m] and rotations (n, J, 4), each joint in its parent, the root in the world."""
+
+    roots: Floats
+    rotations: Floats
+
+    def chosen(self, some: NDArray[np.int64] | NDArray[np.bool_]) -> Body:
+        """Only some of the bodies."""
+        return Body(self.roots[some], self.rotations[some])
+
+
+class Feet(NamedTuple):
+    """Both feet of n bodies, left first: balls (n, 2, 3) [m], turns (n, 2, 4) world rotations of the ankle joints."""
+
+    balls: Floats
+    turns: Floats
+
+
+class Offsets(NamedTuple):
+    """What old motions differed by from new ones at n switches.
+
+    times: (n,) seconds of the switches. roots, root_speeds: (n, 3) [m], [m/s]. turns, turn_speeds: (n, J, 3) rotation
+    vectors of all joints [rad], [rad/s]. balls, ball_speeds: (n, 2, 3) [m], [m/s]; a foot that stands has no speed.
+    yaws: (n, 2) [rad] of the feet. tilts: (n, 2, 3) rotation vectors, what feet are turned by besides.
+    hold, end: (n, 2) seconds until which each foot keeps its offset, and at which it has lost it. rise: (n, 2) meters
+    that a foot is lifted meanwhile.
+    """
+
+    times: Floats
+    roots: Floats
+    root_speeds: Floats
+    turns: Floats
+    turn_speeds: Floats
+    balls: Floats
+    ball_speeds: Floats
+    yaws: Floats
+    tilts: Floats
+    hold: Floats
+    end: Floats
+    rise: Floats
+
+    def chosen(self, some: NDArray[np.int64]) -> Offsets:
+        """Only some of the offsets."""
+        return Offsets(*(values[some] for values in self))
+
+    @property
+    def until(self) -> Floats:
+        """(n,) seconds at which nothing is left of each."""
+        until: Floats = np.maximum(self.times + FADE, self.end.max(axis=1))
+        return until
+
+
+def offsets_between(
+    skeleton: Skeleton, times: Floats, old: tuple[Body, Body], new: tuple[Body, Body], lapse: tuple[Floats, Floats]
+) -> Offsets:
+    """What old motions differ by from new ones; times of the feet are still to be filled in.
+
+    times: (n,) seconds of the switches. old, new: poses then, and ``lapse`` (n,) seconds later, each in its motion.
+    """
+    speeds = []
+    for (body, later), seconds in zip((old, new), lapse, strict=True):
+        balls, later_balls = feet_of_body(skeleton, body).balls, feet_of_body(skeleton, later).balls
+        turned = rotation_vectors(multiply(later.rotations, conjugate(body.rotations)))
+        scale = 1.0 / seconds
+        speeds.append(
+            (
+                (later.roots - body.roots) * scale[:, None],
+                turned * scale[:, None, None],
+                (later_balls - balls) * scale[:, None, None],
+            )
+        )
+    root_speeds, turn_speeds, ball_speeds = (before - after for before, after in zip(*speeds, strict=True))
+    old_feet, new_feet = feet_of_body(skeleton, old[0]), feet_of_body(skeleton, new[0])
+    apart = multiply(old_feet.turns, conjugate(new_feet.turns))
+    yaws = 2.0 * atan2(np.where(apart[..., 0] < 0.0, -1.0, 1.0) * apart[..., 3], np.abs(apart[..., 0]))
+    none = np.zeros((len(times), 2))
+    return Offsets(
+        times=times,
+        roots=old[0].roots - new[0].roots,
+        root_speeds=_bounded(root_speeds, _FASTEST),
+        turns=rotation_vectors(multiply(old[0].rotations, conjugate(new[0].rotations))),
+        turn_speeds=_bounded(turn_speeds, _FASTEST_TURN),
+        balls=old_feet.balls - new_feet.balls,
+        ball_speeds=_bounded(ball_speeds, _FASTEST),
+        yaws=yaws,
+        tilts=rotation_vectors(multiply(apart, conjugate(_yaw_turns(yaws)))),
+        hold=none,
+        end=none,
+        rise=none,
+    )
+
+
+def with_feet(offsets: Offsets, hold: Floats, end: Floats, forced: NDArray[np.bool_]) -> Offsets:
+    """The offsets with the times of the feet, all (n, 2). forced: whether a foot is put right while its body stands."""
+    aside = np.sqrt(np.sum(offsets.balls[..., :2] * offsets.balls[..., :2], axis=-1))
+    stands = hold > offsets.times[:, None]
+    return offsets._replace(
+        hold=hold,
+        end=end,
+        rise=np.where(forced, np.minimum(_OWN_STEP * aside, _HIGHEST), 0.0),
+        ball_speeds=np.where(stands[..., None], 0.0, offsets.ball_speeds),
+    )
+
+
+def feet_of_body(skeleton: Skeleton, body: Body) -> Feet:
+    """Where the feet of bodies are."""
+    places, world = forward_kinematics(skeleton, body.roots, body.rotations)
+    ankles = [skeleton.joint(f"{side}_ankle") for side in ("left", "right")]
+    toes = [skeleton.roles.get(f"{side}_toe", ankle) for side, ankle in zip(("left", "right"), ankles, strict=True)]
+    return Feet(places[:, toes], world[:, ankles])
+
+
+def faded(skeleton: Skeleton, new: Body, offsets: Offsets, time: float | Floats) -> Body:
+    """Bodies of new motions at ``time`` seconds, with what is left of the old ones."""
+    since = np.maximum(time - offsets.times, 0.0)
+    keep, drift = _weights(since, np.full(len(since), FADE))
+    roots = new.roots + keep[:, None] * offsets.roots + drift[:, None] * offsets.root_speeds
+    left = keep[:, None, None] * offsets.turns + drift[:, None, None] * offsets.turn_speeds
+    rotations = multiply(turns_of(left), new.rotations)
+    targets, turns = _foot_targets(skeleton, new, offsets, time, keep)
+    return _on_feet(skeleton, new, Body(roots, rotations), targets, turns)
+
+
+def _foot_targets(
+    skeleton: Skeleton, new: Body, offsets: Offsets, time: float | Floats, keep: Floats
+) -> tuple[Floats, Floats]:
+    """Places of the ankles (n, 2, 3), and world rotations (n, 2, 4) of their joints."""
+    places, _ = forward_kinematics(skeleton, new.roots, new.rotations)
+    ankles = [skeleton.joint(f"{side}_ankle") for side in ("left", "right")]
+    feet = feet_of_body(skeleton, new)
+    now = np.broadcast_to(np.asarray(time, np.float64), offsets.times.shape)[:, None]
+    share, drift = _weights(np.maximum(now - offsets.hold, 0.0), offsets.end - offsets.hold)
+    u = np.clip((now - offsets.hold) / (offsets.end - offsets.hold), 0.0, 1.0)
+    moved = share[..., None] * offsets.balls + drift[..., None] * offsets.ball_speeds
+    # Heights and tilts are put right at once: no foot hangs over the floor.
+    moved[..., 2] = np.minimum(share, keep[:, None]) * offsets.balls[..., 2]
+    moved[..., 2] += offsets.rise * 16.0 * u * u * (1.0 - u) * (1.0 - u)
+    tilt = np.minimum(share, keep[:, None])[..., None] * offsets.tilts
+    turns = multiply(multiply(turns_of(tilt), _yaw_turns(share * offsets.yaws)), feet.turns)
+    # The foot turns about its ball.
+    back = rotate(multiply(turns, conjugate(feet.turns)), places[:, ankles] - feet.balls)
+    return feet.balls + moved + back, turns
+
+
+def _on_feet(skeleton: Skeleton, new: Body, body: Body, targets: Floats, turns: Floats) -> Body:
+    """Bodies whose legs end at ``targets`` (n, 2, 3), with rotations ``turns`` (n, 2, 4) of the ankle joints."""
+    places, world = forward_kinematics(skeleton, body.roots, body.rotations)
+    new_places, _ = forward_kinematics(skeleton, new.roots, new.rotations)
+    left = rotate(world[:, 0], np.array([0.0, 1.0, 0.0]))
+    joints = [[skeleton.joint(f"{side}_{part}") for part in ("hip", "knee", "ankle")] for side in ("left", "right")]
+    legs, most = [], []
+    for hip, knee, ankle in joints:
+        legs.append(Leg(places[:, hip], places[:, knee], places[:, ankle], world[:, hip], world[:, knee], left))
+        # A leg may be as straight as the motions have it.
+        alone = legs[-1]._replace(hips=new_places[:, hip], knees=new_places[:, knee], ankles=new_places[:, ankle])
+        most.append(np.maximum(np.maximum(stretch(alone), stretch(legs[-1])), REACH))
+    # The pelvis comes down if a leg does not reach.
+    lack = np.maximum(*(missing_height(leg, targets[:, k], most[k]) for k, leg in enumerate(legs)))
+    down = np.zeros_like(body.roots)
+    down[:, 2] = np.maximum(lack, 0.0)
+    rotations = body.rotations.copy()
+    for k, (hip, knee, ankle) in enumerate(joints):
+        leg = legs[k]._replace(hips=legs[k].hips - down, knees=legs[k].knees - down, ankles=legs[k].ankles - down)
+        thigh, shank = bend_legs(leg, targets[:, k], most[k])
+        rotations[:, hip] = multiply(conjugate(world[:, skeleton.parents[hip]]), thigh)
+        rotations[:, knee] = multiply(conjugate(thigh), shank)
+        rotations[:, ankle] = multiply(conjugate(shank), turns[:, k])
+    return Body(body.roots - down, rotations)
+
+
+def _weights(since: Floats, whole: Floats) -> tuple[Floats, Floats]:
+    """Shares of a difference and of its speed that are left after ``since`` of ``whole`` seconds.
+
+    Polynomials of the fifth degree that begin with the difference, its speed and no acceleration, and end at rest.
+    """
+    u = np.clip(since / whole, 0.0, 1.0)
+    keep = 1.0 - u * u * u * (10.0 + u * (6.0 * u - 15.0))
+    drift = whole * u * (1.0 + u * u * (-6.0 + u * (8.0 - 3.0 * u)))
+    return keep, drift
+
+
+def _bounded(vectors: Floats, most: float) -> Floats:
+    """Vectors (..., 3) that are no longer than ``most``."""
+    length = np.sqrt(np.sum(vectors * vectors, axis=-1, keepdims=True))
+    bounded: Floats = vectors * np.minimum(1.0, most / np.maximum(length, 1e-12))
+    return bounded
+
+
+def _yaw_turns(yaws: Floats) -> Floats:
+    """Rotations (..., 4) about the vertical."""
+    zero = np.zeros_like(yaws)
+    return np.stack([cos(0.5 * yaws), zero, zero, sin(0.5 * yaws)], axis=-1)

@@ -1,0 +1,192 @@
+"""Recordings of agents who switch between captured and steered, with small mismatches; no simulation behind them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from crowdsim.behaviors.entries import Entries, entry_origins, find_entries, node_phases
+from crowdsim.behaviors.gaits import gait_clips
+from crowdsim.behaviors.library import BehaviorSet
+from crowdsim.constants import NONE
+from crowdsim.geometry.planar import compose, wrap_angle
+from crowdsim.motion.deformed.phase_kernels import STAND, advance_phases, set_anchors
+from crowdsim.motion.graph.track_kernels import next_origin, track_pose
+from crowdsim.recording.header import (
+    AgentState,
+    BehaviorRecord,
+    GaitRecord,
+    LayerRecord,
+    MotionRecord,
+    RecordedFrame,
+    RecordingHeader,
+)
+from tests.support.small_recording import small_header
+from tests.support.steered_recording import write_frames
+
+STEP, FRAMES = 0.1, 6
+
+
+def mixed_motion(behaviors: BehaviorSet) -> MotionRecord:
+    """Nodes with their phases, and a gait for each behavior."""
+    graph = behaviors.graph
+    gaits = tuple(
+        GaitRecord(clip.name, clip.root_positions.astype(np.float32), clip.rotations.astype(np.float32))
+        for clip in gait_clips(behaviors)
+    )
+    return MotionRecord(
+        graph.skeleton,
+        graph.node_names,
+        graph.arrays.node_behavior,
+        graph.poses.node_first,
+        graph.poses.node_frames,
+        graph.poses.pool_root,
+        graph.poses.pool_rotations,
+        gaits,
+        node_phases(behaviors).astype(np.float32),
+    )
+
+
+def mixed_header(behaviors: BehaviorSet, agents: int) -> RecordingHeader:
+    header = small_header(agents, 10)
+    records = [BehaviorRecord(b.name, b.color, tuple(map(float, b.radii))) for b in behaviors.behaviors]
+    layers = (LayerRecord("body", 0.0, 2.0),)
+    return replace(header, layers=layers, behaviors=tuple(records), motion=mixed_motion(behaviors), solids=())
+
+
+@dataclass
+class Walk:
+    """How an agent goes. segments: seconds on each level in turn, captured first. turn: rad/s. phase_off: cycles and
+    place_off: meters by which a switch misses, at most; the place wears off within the first 0.3 s of the new level."""
+
+    segments: tuple[float, ...]
+    turn: float = 0.0
+    phase_off: float = 0.0
+    seed: int = 0
+    stands: bool = False
+
+
+class Walker:
+    """One agent that walks on nodes and on tracks in turn."""
+
+    def __init__(self, behaviors: BehaviorSet, entries: Entries, phases: np.ndarray, walk: Walk) -> None:
+        self.graph, self.entries, self.phases, self.walk = behaviors.graph.arrays, entries, phases, walk
+        self.random = np.random.default_rng(walk.seed)
+        self.behavior = len(behaviors.behaviors) - 1
+        self.walking = np.unique(entries.node[entries.first[-2] : entries.first[-1]])
+        self.pose = np.zeros(3)
+        self.enter(int(self.random.integers(entries.first[-2], entries.first[-1])))
+        self.velocity = np.array([float(entries.natural_speed[-1]), 0.0])
+
+    def enter(self, row: int) -> None:
+        entries = self.entries
+        self.node, self.frame, self.previous = int(entries.node[row]), int(entries.frame[row]), NONE
+        self.origin = entry_origins(entries, np.array([row]), self.pose[None])[0]
+        self.offset = np.zeros(3)
+
+    def stand(self) -> None:
+        """Enter the idle node."""
+        self.node, self.frame, self.previous = int(self.entries.idle_node[-1]), 0, NONE
+        self.origin, self.offset = self.pose.copy(), np.zeros(3)
+
+    def play(self) -> None:
+        graph = self.graph
+        old = self.pose.copy()
+        self.frame += FRAMES
+        last = int(graph.node_frames[self.node])
+        if self.frame >= last:
+            self._follow(self.frame - last)
+        self.pose = np.array(track_pose(graph, self.node, self.frame, *self.origin, *self.offset))
+        self.velocity = (self.pose[:2] - old[:2]) / STEP
+
+    def _follow(self, frame: int) -> None:
+        graph = self.graph
+        end = compose(self.origin, graph.node_motion[self.node])
+        edges = np.arange(graph.edge_start[self.node], graph.edge_start[self.node + 1])
+        if self.walk.stands:
+            edges = edges[graph.edge_target[edges] == self.node]
+        else:
+            edges = edges[np.isin(graph.edge_target[edges], self.walking)]
+        edge = int(self.random.choice(edges))
+        wanted = self.walk.turn * graph.node_frames[graph.edge_target[edge]] / 60.0
+        twist = float(np.clip(wanted, graph.edge_low[edge], graph.edge_high[edge]))
+        self.origin = np.array(next_origin(graph, edge, twist, *end))
+        self.offset = np.array([*(end - self.origin)[:2], wrap_angle(end[2] - self.origin[2])])
+        self.previous, self.node, self.frame = self.node, int(graph.edge_target[edge]), frame
+
+    def phase(self) -> float:
+        return float(self.phases[self.graph.node_track[self.node] + self.frame])
+
+    def nearest_entry(self, phase: float) -> int:
+        """The entry that fits best, with a phase that misses by up to what the walk asks for."""
+        entries = self.entries
+        rows = np.arange(entries.first[-2], entries.first[-1])
+        miss = phase + self.walk.phase_off * self.random.choice([-1.0, 1.0])
+        apart = np.abs(np.mod(entries.phase[rows] - miss + 0.5, 1.0) - 0.5)
+        speed = np.abs(entries.speed[rows] - np.hypot(*self.velocity))
+        return int(rows[np.argmin(apart + 0.1 * speed)])
+
+
+def switched_frames(behaviors: BehaviorSet, walks: list[Walk]) -> list[RecordedFrame]:
+    """Frames of agents who each take a walk."""
+    phases = node_phases(behaviors)
+    entries = find_entries(behaviors, gait_clips(behaviors), phases)
+    columns = [_columns(Walker(behaviors, entries, phases, walk)) for walk in walks]
+    steps = min(len(rows) for rows in columns)
+    table = np.array([rows[:steps] for rows in columns]).transpose(1, 2, 0)
+    behavior = np.full(len(walks), len(behaviors.behaviors) - 1)
+    moving = np.full(len(walks), AgentState.MOVING)
+    return [
+        RecordedFrame(x, 2.0 * np.arange(len(walks)) + y, h, *np.array([n, p, f]).astype(int), behavior, moving, phase)
+        for x, y, h, n, p, f, phase in table
+    ]
+
+
+def _columns(walker: Walker) -> list[tuple[float, ...]]:
+    """Rows of x, y, heading, node, previous, frame, phase."""
+    rows = []
+    walk = walker.walk
+    if walk.stands:
+        walker.stand()
+    for number, seconds in enumerate(walk.segments):
+        steered = number % 2 == 1
+        if steered:
+            off = walk.phase_off * walker.random.choice([-1.0, 1.0])
+            phase = np.array([STAND if walk.stands else walker.phase() + off])
+            anchor = np.empty((1, 3))
+            moving = walker.velocity[None] * (0.0 if walk.stands else 1.0)
+            set_anchors(walker.pose[None], moving, np.array([0.0]), phase, anchor)
+        elif number:
+            if walk.stands:
+                walker.stand()
+            else:
+                walker.enter(walker.nearest_entry(float(phase[0])))
+        for _ in range(round(seconds / STEP)):
+            if not steered:
+                walker.play()
+                rows.append((*walker.pose, walker.node, walker.previous, walker.frame, np.nan))
+                continue
+            _steer(walker)
+            moving = walker.velocity[None] * (0.0 if walk.stands else 1.0)
+            advance_phases(walker.pose[None], moving, np.array([walk.turn]), STEP, phase, anchor)
+            rows.append((*walker.pose, NONE, NONE, 0, phase[0]))
+    return rows
+
+
+def _steer(walker: Walker) -> None:
+    """Go on by a step: gently to the natural speed and into the turn, straight ahead of the body."""
+    if walker.walk.stands:
+        return
+    speed = np.hypot(*walker.velocity)
+    speed += np.clip(walker.entries.natural_speed[-1] - speed, -0.05, 0.05)
+    heading = walker.pose[2] + walker.walk.turn * STEP
+    way = np.arctan2(walker.velocity[1], walker.velocity[0])
+    way += 0.5 * float(wrap_angle(heading - way))
+    walker.velocity = speed * np.array([np.cos(way), np.sin(way)])
+    walker.pose = np.array([*(walker.pose[:2] + STEP * walker.velocity), heading])
+
+
+def write_switched(path: Path, behaviors: BehaviorSet, walks: list[Walk]) -> Path:
+    return write_frames(path, mixed_header(behaviors, len(walks)), switched_frames(behaviors, walks))
