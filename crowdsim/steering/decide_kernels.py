@@ -9,7 +9,7 @@ from crowdsim.jit import helper, kernel
 from crowdsim.steering.capsule_kernels import core_to_core
 from crowdsim.steering.direction_kernels import NEAR, TURNS, choose_direction
 from crowdsim.steering.look_kernels import MOST_NEAR
-from crowdsim.steering.wall_kernels import distance_at
+from crowdsim.steering.wall_kernels import distance_at, is_lane
 
 WANTED = np.dtype(
     [
@@ -168,11 +168,41 @@ def let_merge(rows, mine, near, count, rules, want):
 
 
 @helper
-def choose_speed(rows, mine, near, count, rules, ux, uy, want):
+def walks_in_file(rows, mine, near, count, walls, rules, opposed):
+    """Whether the agent follows somebody of its way through a lane in which two do not fit side by side.
+
+    The lane must have begun some way behind the agent. If others come towards it, or it is stuck, it does as it can.
+    """
+    if opposed > 0.0 or mine.stuck > rules.file_patience:
+        return False
+    if not is_lane(walls[1], mine.x, mine.y, mine.gx, mine.gy, rules.abreast):
+        return False
+    behind_x = mine.x - rules.lane * mine.gx
+    behind_y = mine.y - rules.lane * mine.gy
+    if not is_lane(walls[1], behind_x, behind_y, mine.gx, mine.gy, rules.abreast):
+        return False
+    for n in range(count):
+        seen = near[n]
+        other = rows[seen.row]
+        if seen.px * mine.gx + seen.py * mine.gy <= 0.0 or other.goal != mine.goal:
+            continue
+        if other.ix * mine.gx + other.iy * mine.gy <= 0.3:
+            continue
+        both = mine.half + mine.radius + seen.half + seen.radius
+        aside = abs(seen.px * mine.gy - seen.py * mine.gx)
+        if aside < rules.file_aside * both and gap_to(mine, seen) < rules.file_gap:
+            return True
+    return False
+
+
+@helper
+def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
     """Speed along ``(ux, uy)`` [m/s]: a time gap to whoever is ahead in the agent's swath, or pressing on if stuck."""
     slowdown = rules.turned_slowdown if mine.turn < 0.0 else rules.sideways_slowdown
     speed = mine.speed * (1.0 - slowdown * (1.0 - want.turn_cos))
     width = mine.half * want.turn_cos + mine.radius
+    headway = rules.file_headway if in_file else rules.headway
+    before = 1.0 if in_file else rules.swath_before
     led = False
     for n in range(count):
         seen = near[n]
@@ -182,14 +212,14 @@ def choose_speed(rows, mine, near, count, rules, ux, uy, want):
         own_way = other.goal == mine.goal
         share = rules.swath
         if own_way:
-            share = rules.swath_before if other.key < mine.key else rules.swath_behind
+            share = before if other.key < mine.key else rules.swath_behind
         both = width + seen.radius + seen.half * abs(seen.hx * ux + seen.hy * uy)
         aside = abs(seen.px * uy - seen.py * ux)
         if aside >= share * both:
             continue
         gap = gap_to(mine, seen)
         offset = aside / both
-        allowed = max(0.0, gap - rules.standoff + rules.offset_gain * offset * offset) / rules.headway
+        allowed = max(0.0, gap - rules.standoff + rules.offset_gain * offset * offset) / headway
         leading = max(0.0, seen.vx * ux + seen.vy * uy)
         speed = min(speed, allowed + rules.leader * leading * min(1.0, max(gap, 0.0) / rules.leader_gap))
         if gap < 0.4 and other.ix * mine.gx + other.iy * mine.gy > 0.3 and (not own_way or other.key < mine.key):
@@ -234,11 +264,12 @@ def follow_way(rows, mine, near, count, walls, rules, want):
         want.turn_cos = fixed_cos
         want.facing_x = mine.gx
         want.facing_y = mine.gy
-    ux, uy, turned = choose_direction(mine, near, count, walls, rules, ahead, fixed_cos)
+    in_file = walks_in_file(rows, mine, near, count, walls, rules, want.opposed)
+    ux, uy, turned = choose_direction(mine, near, count, walls, rules, ahead, fixed_cos, in_file)
     if mine.turn < 0.0:
         want.turn_cos = TURNS[turned, 0]
         want.turn_sin = TURNS[turned, 1]
-    speed = choose_speed(rows, mine, near, count, rules, ux, uy, want)
+    speed = choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want)
     want.vx = speed * ux
     want.vy = speed * uy
 

@@ -124,12 +124,13 @@ def score_directions(mine, near, count, walls, rules, ahead, turn_cos, extra_tur
 
 
 @helper
-def choose_direction(mine, near, count, walls, rules, ahead, fixed_cos):
+def choose_direction(mine, near, count, walls, rules, ahead, fixed_cos, in_file):
     """Direction in which an agent comes nearest to where it would be a horizon ahead, and how its shoulders are turned.
 
     The score of a direction is the squared distance between that place and the one it reaches [m2], plus what turning
     away from the present velocity, passing on the left and turning the shoulders cost. ``fixed_cos`` is the cosine of
-    the turn that a section asks for, or -1. Returns the unit vector and the number of the turn in :data:`TURNS`.
+    the turn that a section asks for, or -1. Nobody ``in_file`` turns the shoulders. Returns the unit vector and the
+    number of the turn in :data:`TURNS`.
     """
     worst = 1e9
     best = (worst, ahead[0], ahead[1], 0.0)
@@ -138,8 +139,8 @@ def choose_direction(mine, near, count, walls, rules, ahead, fixed_cos):
         return best[1], best[2], 0
     turned = 0
     best = score_directions(mine, near, count, walls, rules, ahead, 1.0, 0.0, best)
-    # If even the best way is short, try with the shoulders turned.
-    if best[3] <= rules.tight:
+    # If even the best way is short, try with the shoulders turned; in file nobody gets beside the next one so.
+    if best[3] <= rules.tight and not in_file:
         for turn in range(1, len(TURNS)):
             before = best[0]
             cost = rules.turn_cost * rules.horizon * (1.0 - TURNS[turn, 0])

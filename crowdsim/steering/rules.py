@@ -59,6 +59,19 @@ class Rules(NamedTuple):
     """The same towards those of the same goal who go first."""
     swath_behind: float = 0.0
     """The same towards those of the same goal who go after it."""
+    abreast: float = 0.9
+    """Room that two side by side need between walls. In lanes 0.05 m narrower than that, agents of one way walk in
+    file: they do not turn their shoulders to get beside each other, and heed the whole width of those who go first."""
+    lane: float = 2.5
+    """Length of the lane behind an agent from which on it does: those who come in side by side sort themselves."""
+    file_gap: float = 1.0
+    """Gap up to which an agent is in file behind somebody."""
+    file_aside: float = 0.5
+    """Distance of that one from the agent's way, as a share of both bodies' widths, up to which it is."""
+    file_headway: float = 0.75
+    """Time gap kept in file."""
+    file_patience: float = 0.5
+    """Time stuck after which an agent does not keep in file any more."""
     creep: float = 0.8
     """Speed [m/s] at which an agent that is stuck presses on."""
     creep_first: float = 1.2

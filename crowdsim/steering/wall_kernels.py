@@ -22,6 +22,9 @@ SPACING = 0.1
 _TOLERANCE = 0.04
 """By how much a way ahead may come nearer to a wall than a body is broad [m]: distances are rounded, and walls bend."""
 
+LANE_SPARE = 0.05
+"""By how much a lane has to be narrower than what fits side by side [m]: distances are rounded."""
+
 _LEAST_STRIDE = 0.05
 """Of a look along a way [m]."""
 
@@ -125,6 +128,20 @@ def distance_at(walls, x, y):
     low = walls.distances[j, i] * (1.0 - u) + walls.distances[j, i + 1] * u
     high = walls.distances[j + 1, i] * (1.0 - u) + walls.distances[j + 1, i + 1] * u
     return (low * (1.0 - v) + high * v) * UNIT
+
+
+@helper
+def is_lane(walls, x, y, ux, uy, width):
+    """Whether walls on both sides of a way along ``(ux, uy)`` leave less than ``width``, by LANE_SPARE or more [m].
+
+    A disc of that width that touches the nearer wall, beside the place, then reaches through the other one.
+    """
+    off = 0.5 * width - distance_at(walls, x, y)
+    if off <= 0.0:
+        return False
+    left = distance_at(walls, x - off * uy, y + off * ux)
+    right = distance_at(walls, x + off * uy, y - off * ux)
+    return max(left, right) < 0.5 * width - LANE_SPARE
 
 
 @helper

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from fractions import Fraction
 from itertools import combinations
 
@@ -153,12 +154,37 @@ def turned(vector: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
     )
 
 
-class Decision:
-    """What an agent wants in a place without walls, rule by rule; ``heeded`` are the rows that it heeds."""
+def passage_width(segments: NDArray[np.float64], place: NDArray[np.float64], way: NDArray[np.float64]) -> float:
+    """Room between the nearest walls straight to the left and to the right of a place [m]."""
+    left, right = math.inf, math.inf
+    across = turned(way, math.pi / 2)
+    for ax, ay, bx, by in segments:
+        first, second = np.array([ax, ay]) - place, np.array([bx, by]) - place
+        before, after = float(first @ way), float(second @ way)
+        if before * after <= 0.0 and before != after:
+            off = float((first + before / (before - after) * (second - first)) @ across)
+            left, right = (min(left, off), right) if off > 0.0 else (left, min(right, -off))
+    return left + right
 
-    def __init__(self, state: NDArray[np.void], me: int, heeded: list[int], rules: Rules) -> None:
+
+class Decision:
+    """What an agent wants, rule by rule; ``heeded`` are the rows that it heeds, ``walls`` float64[n, 4].
+
+    ``free_ahead`` is the way from (x, y) along (ux, uy) on which walls keep a width away, up to a distance.
+    """
+
+    def __init__(
+        self,
+        state: NDArray[np.void],
+        me: int,
+        heeded: list[int],
+        rules: Rules,
+        walls: NDArray[np.float64] | None = None,
+        free_ahead: Callable[..., float] | None = None,
+    ) -> None:
         self.state, self.mine, self.rules, self.me = state, state[me], rules, me
-        self.heeded = heeded
+        self.heeded, self.free_ahead = heeded, free_ahead
+        self.walls = np.empty((0, 4)) if walls is None else walls
         self.way = np.array([self.mine["gx"], self.mine["gy"]])
         self.goes = bool(self.way.any())
         self.key = self.mine["togo"] + rules.identity * self.mine["share"]
@@ -231,10 +257,29 @@ class Decision:
         size = np.hypot(*away)
         return None if size == 0.0 else self.rules.merge_speed * away / size
 
+    def in_file(self) -> bool:
+        rules, mine = self.rules, self.mine
+        place = np.array([mine["x"], mine["y"]])
+        narrow = all(
+            passage_width(self.walls, place - back * self.way, self.way) < rules.abreast - 0.05
+            for back in (0.0, rules.lane)
+        )
+        if not narrow or self.opposed > 0.0 or mine["stuck"] > rules.file_patience:
+            return False
+        for other in self.heeded:
+            row, apart = self.state[other], self.apart(other)
+            both = mine["half"] + mine["radius"] + row["half"] + row["radius"]
+            ahead = apart @ self.way > 0.0 and abs(cross(self.way, apart)) < rules.file_aside * both
+            own_way = row["goal"] == mine["goal"] and self.intent(other) @ self.way > 0.3
+            if ahead and own_way and gap(self.state, self.me, other) < rules.file_gap:
+                return True
+        return False
+
     def follow(self) -> NDArray[np.float64]:
         rules, mine = self.rules, self.mine
-        direct = min(mine["togo"] / rules.direct, 1.0)
-        angle = rules.keep_right * self.opposed * direct
+        to_the_right = wall_distance(self.walls, mine["x"] + 0.5 * self.way[1], mine["y"] - 0.5 * self.way[0])
+        room = min(max((to_the_right - rules.edge) / 0.3, 0.0), 1.0) * min(mine["togo"] / rules.direct, 1.0)
+        angle = rules.keep_right * self.opposed * room
         blocked = any(
             np.hypot(*self.apart(other)) < 1.0
             and self.apart(other) @ self.way > 0.0
@@ -242,10 +287,10 @@ class Decision:
             for other in self.heeded
         )
         if self.opposed > 0.0 and mine["stuck"] > 0.0 and blocked:
-            angle += rules.sidle * min(1.0, mine["stuck"]) * direct
+            angle += rules.sidle * min(1.0, mine["stuck"]) * room
         ahead = turned(self.way, -angle)
         best = self.best_direction(ahead, [0.0])
-        if best[2] <= rules.tight:
+        if best[2] <= rules.tight and not self.in_file():
             best = min(best, self.best_direction(ahead, [40.0, 75.0]), key=lambda each: each[0])
         _, direction, _, self.turn = best
         return self.speed(direction) * direction
@@ -261,6 +306,7 @@ class Decision:
                 width = mine["half"] * math.cos(turn) + mine["radius"]
                 others = self.state[[self.me, *self.heeded]]
                 way = free_way(others, 0, direction, width, horizon, tick=2e-3)
+                way = min(way, self.free_of_walls(direction, width))
                 score = horizon**2 + way**2 - 2.0 * horizon * way * math.cos(offset)
                 score += rules.turn_cost * horizon * (1.0 - math.cos(turn))
                 if pace > 0.1:
@@ -272,23 +318,32 @@ class Decision:
                 tried.append((score, direction, way, turn))
         return min(tried, key=lambda each: each[0])
 
+    def free_of_walls(self, direction: NDArray[np.float64], width: float) -> float:
+        if self.free_ahead is None:
+            return math.inf
+        farthest = self.rules.wall_horizon
+        way = self.free_ahead(self.mine["x"], self.mine["y"], *direction, width, farthest)
+        return way if way < farthest else math.inf
+
     def speed(self, direction: NDArray[np.float64]) -> float:
         rules, mine = self.rules, self.mine
         slowdown = rules.turned_slowdown if mine["turn"] < 0.0 else rules.sideways_slowdown
         speed = mine["speed"] * (1.0 - slowdown * (1.0 - math.cos(self.turn)))
+        in_file = self.in_file()
+        before, headway = (1.0, rules.file_headway) if in_file else (rules.swath_before, rules.headway)
         led = False
         for other in self.heeded:
             row, apart = self.state[other], self.apart(other)
             same = row["goal"] == mine["goal"]
             goes_first = row["key"] < mine["key"]
-            share = (rules.swath_before if goes_first else rules.swath_behind) if same else rules.swath
+            share = (before if goes_first else rules.swath_behind) if same else rules.swath
             both = mine["half"] * math.cos(self.turn) + mine["radius"] + row["radius"]
             both += row["half"] * abs(row["hx"] * direction[0] + row["hy"] * direction[1])
             aside = abs(cross(direction, apart))
             if apart @ direction <= 0.0 or aside >= share * both:
                 continue
             free = gap(self.state, self.me, other)
-            allowed = max(0.0, free - rules.standoff + rules.offset_gain * (aside / both) ** 2) / rules.headway
+            allowed = max(0.0, free - rules.standoff + rules.offset_gain * (aside / both) ** 2) / headway
             leading = max(0.0, row["vx"] * direction[0] + row["vy"] * direction[1])
             speed = min(speed, allowed + rules.leader * leading * min(1.0, max(free, 0.0) / rules.leader_gap))
             led |= free < 0.4 and self.intent(other) @ self.way > 0.3 and (not same or goes_first)

@@ -6,6 +6,7 @@ all change sides. Corridors without ends are in ``endless.py``.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from shapely.geometry.base import BaseGeometry
 
 from crowdsim.behaviors.behavior import list_behaviors
 from crowdsim.behaviors.library import load_behavior_set
+from crowdsim.constants import STEERING_RATE
 from crowdsim.library import library_folder
 from crowdsim.planning.query.requirements import Requirements
 from crowdsim.steering.guidance.field import asked_of
@@ -145,9 +147,14 @@ def run_from(
     need, asked = _needs()
     segments = outline_segments(drill.area)
     guidance = Guidance(build_ground([segments], need), [group.goal for group in drill.groups], asked)
+    followed = np.full(len(state), PLAIN, np.int32)
+    steps = itertools.count()
 
     def guide(state: State) -> None:
-        guidance.write(state, np.full(len(state), PLAIN, np.int32))
+        following = followed[state["id"]]
+        guidance.refresh_in_turn(next(steps), STEERING_RATE, state, following)
+        guidance.write(state, following)
+        followed[state["id"]] = following
 
     return walk(state, build_walls(segments), guide, drill.seconds, rules, threads, watch)
 

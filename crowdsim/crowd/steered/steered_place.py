@@ -27,12 +27,6 @@ from crowdsim.steering.walls import Walls
 KEPT_OFF = 0.02
 """Distance from a body at which nothing comes to stand [m]."""
 
-REFRESH_SECONDS = 4.0
-"""Time between two looks at how a crowd makes the ways to one goal dearer, at least [s]."""
-
-BOXES_A_SECOND = 50_000
-"""Boxes of fields made anew for that in a simulated second: large places look more seldom."""
-
 
 class SteeredPlace:
     """Walls and guidance, as they are now.
@@ -64,9 +58,7 @@ class SteeredPlace:
         ground = build_ground(self._walls.segments().layers, self._need)
         self.asked = asked_of(behaviors)
         self.guidance = Guidance(ground, goals, self.asked, threads=threads)
-        boxes = ground.columns * ground.rows
-        seconds = max(REFRESH_SECONDS / len(goals), boxes / BOXES_A_SECOND)
-        self._pause = max(round(seconds * steps_per_second), 1)
+        self._steps_per_second = steps_per_second
         # By the event, as the next one of the same thing may want another place.
         self._announced: dict[int, Footprints] = {}
         self._standing = _union([taken for taken in things if taken])
@@ -180,10 +172,7 @@ class SteeredPlace:
 
     def refresh(self, step: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
         """Look, if it is time, how the crowd makes the ways to one of the goals dearer."""
-        if step % self._pause == 0 and step > 0:
-            goal = step // self._pause % len(self.guidance.goals)
-            if (state["goal"] == goal).any():
-                self.guidance.refresh(goal, state, following)
+        self.guidance.refresh_in_turn(step, self._steps_per_second, state, following)
 
     def _footprints(self, movable: int, placing: Placing) -> Footprints:
         return footprints_of(self.agenda.timetable.movables[movable], self._layers, placing)

@@ -132,11 +132,12 @@ def price_of(ground, crowding, field, box, prices, chain):
 
 
 @kernel
-def change_where_it_pays(ground, crowding, old, new, places, share, prices, chain, changes):
+def change_where_it_pays(ground, crowding, old, new, places, weighing, prices, chain, changes):
     """Set ``changes`` (bool[n]) for agents at ``places`` (float64[n, 2]) whose way in ``new`` is that much cheaper.
 
     Both are paid in the present crowd: the old way as it leads, the new one as the field has it. An agent changes if
-    the new one costs less than ``share`` of the old one, or if only the new field has a way.
+    the new one costs less than ``weighing.share`` of the old one; if it costs less than ``weighing.around`` of it, and
+    the crowd on it less than ``weighing.jam`` of that on the old one; or if only the new field has a way.
     """
     for n in range(len(places)):
         changes[n] = False
@@ -146,4 +147,8 @@ def change_where_it_pays(ground, crowding, old, new, places, share, prices, chai
         if old.asks[box] < 0:
             changes[n] = True
             continue
-        changes[n] = float(new.cost[box]) < share * price_of(ground, crowding, old, box, prices, chain)
+        before = price_of(ground, crowding, old, box, prices, chain)
+        cost = float(new.cost[box])
+        # What the crowd costs, and narrow places, is what a way costs beyond its length.
+        quiet = cost - float(new.length[box]) < weighing.jam * (before - float(old.length[box]))
+        changes[n] = cost < (weighing.around if quiet else weighing.share) * before

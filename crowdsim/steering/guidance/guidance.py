@@ -17,6 +17,12 @@ from crowdsim.steering.guidance.ground_kernels import BOX
 
 Goal: TypeAlias = BaseGeometry | ArrayLike
 
+REFRESH_SECONDS = 4.0
+"""Time between two looks at how a crowd makes the ways to one goal dearer, at least [s]."""
+
+BOXES_A_SECOND = 50_000
+"""Boxes of fields made anew for that in a simulated second: large places look more seldom."""
+
 PLAIN = -1
 """In ``following``: the field of the place without its crowd, which everyone begins with."""
 
@@ -31,7 +37,12 @@ class Weighing(NamedTuple):
     cell: float = 0.5
     """Side of the cells in which the density is known [m]."""
     share: float = 0.6
-    """An agent changes to a way that costs less than this share of its own: to another door, not around others."""
+    """An agent changes to a way that costs less than this share of its own: to another door, not around others who wait
+    for the same one."""
+    around: float = 0.95
+    """The same for a way out of the crowd: around an open corner, others use what room there is."""
+    jam: float = 0.2
+    """A way leads out of the crowd if that costs less than this share there of what it costs on the own way."""
     kept: int = 3
     """Fields a goal that are kept at once, that of the empty place among them; who follows one that is not changes to
     the newest."""
@@ -113,6 +124,18 @@ class Guidance:
         self._fields = [{self._made: field} for field in fields]
         self._made += 1
 
+    def refresh_in_turn(
+        self, step: int, steps_per_second: int, state: NDArray[Any], following: NDArray[np.int32]
+    ) -> None:
+        """:meth:`refresh` one of the goals if it is time; each has its turn."""
+        boxes = self.ground.columns * self.ground.rows
+        seconds = max(REFRESH_SECONDS / len(self.goals), boxes / BOXES_A_SECOND)
+        pause = max(round(seconds * steps_per_second), 1)
+        if step % pause == 0 and step > 0:
+            goal = step // pause % len(self.goals)
+            if (state["goal"] == goal).any():
+                self.refresh(goal, state, following)
+
     def refresh(self, goal: int, state: NDArray[Any], following: NDArray[np.int32]) -> int:
         """Make a field of one goal in the crowd as it stands now; returns how many agents change to it.
 
@@ -142,7 +165,7 @@ class Guidance:
                 fields[old],
                 new,
                 places[agents],
-                self.weighing.share,
+                self.weighing,
                 prices,
                 np.empty(CHAIN, np.int64),
                 changes,

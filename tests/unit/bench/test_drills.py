@@ -115,10 +115,10 @@ def test_a_file_starts_in_order_without_touching(density):
     assert (np.abs(state["y"] - single_file.NARROW / 2.0) + state["half"] + 0.125 < single_file.NARROW / 2.0).all()
 
 
-def test_a_narrow_file_is_as_fast_as_measured_and_keeps_its_order(monkeypatch):
+def test_a_file_is_as_fast_as_measured_and_keeps_its_order(monkeypatch):
     monkeypatch.setattr(endless, "MEASURED", 20.0)
-    for density in (0.3, 1.9):
-        result = single_file.run_single_file(density, single_file.NARROW, 1)
+    for density, width in ((0.3, single_file.NARROW), (1.9, single_file.NARROW), (1.3, single_file.LANE)):
+        result = single_file.run_single_file(density, width, 1)
         low, high = single_file.BANDS[density]
         assert low < result.walked.speed < high
         assert result.overtaken == 0

@@ -33,6 +33,11 @@ def _free_ahead(walls, x, y, ux, uy, width, farthest):
     return wall_kernels.free_ahead(walls, x, y, ux, uy, width, farthest)
 
 
+@kernel
+def _is_lane(walls, x, y, ux, uy, width):
+    return wall_kernels.is_lane(walls, x, y, ux, uy, width)
+
+
 def _crowd(rng, count, side):
     state = agents(rng.uniform(0, side, (count, 2)), rng.uniform(-3, 3, count), np.arange(count) % 3, rng)
     speed = rng.uniform(0, 1.5, count)
@@ -121,3 +126,21 @@ def test_the_way_ahead_ends_at_walls():
     assert _free_ahead(walls, 2.85, 0.0, 1.0, 0.0, 0.3, 1.6) == 0.0
     assert _free_ahead(walls, 2.85, 0.0, -1.0, 0.0, 0.3, 1.6) == 1.6
     assert _free_ahead(walls, 2.85, 0.0, 0.0, 1.0, 0.3, 1.6) == 1.6
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_lanes_are_too_narrow_for_two(seed):
+    rng = np.random.default_rng(seed)
+    angle = rng.uniform(-math.pi, math.pi)
+    way, across = np.array([math.cos(angle), math.sin(angle)]), np.array([-math.sin(angle), math.cos(angle)])
+    for width in (0.6, 0.8, 0.83, 1.0, 1.2, 3.0):
+        ends = [side * 0.5 * width * across + end * way for side in (-1, 1) for end in (-9, 9)]
+        segments = np.reshape(ends, (2, 4))
+        walls = build_walls(segments)
+        for _ in range(40):
+            place = rng.uniform(-3.0, 3.0) * way + rng.uniform(-0.5, 0.5) * (width - 0.3) * across
+            room = reference.passage_width(segments, place, way)
+            assert room == pytest.approx(width)
+            assert _is_lane(walls, *place, *way, 0.9) == (room < 0.85)
+    one_wall = build_walls([[-9.0, 0.0, 9.0, 0.0]])
+    assert not _is_lane(one_wall, 0.0, 0.2, 1.0, 0.0, 0.9)

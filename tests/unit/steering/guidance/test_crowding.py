@@ -123,9 +123,31 @@ def test_only_those_change_whom_it_saves_two_fifths():
     assert guidance.newest(0) is not guidance.newest(1)
 
 
+def test_people_go_around_others_at_an_open_corner_but_not_before_a_door():
+    bend = shapely.box(0.0, 0.0, 20.0, 8.0).union(shapely.box(12.0, 0.0, 20.0, 16.0))
+    door = shapely.box(0.0, 0.0, 20.0, 16.0).difference(shapely.box(10.0, -1.0, 10.3, 17.0))
+    door = door.union(shapely.box(9.0, 7.4, 11.0, 8.6))
+    waiting = np.stack(np.meshgrid(np.arange(0.0, 2.0, 0.4), np.arange(0.0, 2.0, 0.4)), axis=-1).reshape(-1, 2)
+    for area, jam, goal, comes, changes in (
+        (bend, waiting + [12.1, 7.0], shapely.box(12.0, 15.0, 20.0, 16.0), [4.0, 2.0], 1),
+        (door, waiting + [8.2, 7.2], shapely.box(19.0, 0.0, 20.0, 16.0), [4.0, 9.0], 0),
+    ):
+        ground = ground_of([area, area])
+        guidance = Guidance(ground, [goal, [1.0, 1.0]], asked_of(BEHAVIORS))
+        state = rows_at(np.concatenate([[comes], jam]))
+        state["goal"][1:] = 1
+        following = np.full(len(state), PLAIN, np.int32)
+        guidance.write(state, following)
+        before = state["togo"][0]
+        assert guidance.refresh(0, state, following) == changes
+        guidance.write(state, following)
+        assert before <= state["togo"][0] < 1.2 * before
+        assert (state["togo"][0] > before) == bool(changes)
+
+
 def test_old_fields_are_given_up():
     ground = ground_of([TWO_DOORS, TWO_DOORS])
-    guidance = Guidance(ground, [GOAL], asked_of(BEHAVIORS), weighing=Weighing(kept=2))
+    guidance = Guidance(ground, [GOAL], asked_of(BEHAVIORS), weighing=Weighing(kept=2, around=0.0))
     state = rows_at([[2.0, 2.0]])
     following = np.full(1, PLAIN, np.int32)
     guidance.write(state, following)
