@@ -138,7 +138,7 @@ class MixedCrowd:
         agents = steered_agents(self.cast, steered.errands.middles, STEERING_RATE)
         nodes = captured_motion(assets)
         gaits = steered_motion(nodes.skeleton, steered.gaits).gaits
-        return record_header(scenario, assets.behaviors, agents, replace(nodes, gaits=gaits))
+        return record_header(scenario, assets.behaviors, agents, replace(nodes, gaits=gaits, pool_phases=self.switches.phases.astype(np.float32)))
 
     def frame(self) -> RecordedFrame:
         """The present step of all characters, those outside the world marked absent."""

@@ -72,8 +72,8 @@ class Switches:
     def __init__(self, captured: CapturedCrowd, steered: SteeredCrowd, levels: Levels) -> None:
         self._captured, self._steered, self._levels = captured, steered, levels
         behavior_set = steered.behavior_set
-        self._phases = node_phases(behavior_set)
-        self.entries: Entries = find_entries(behavior_set, steered.gaits, self._phases)
+        self.phases = node_phases(behavior_set)
+        self.entries: Entries = find_entries(behavior_set, steered.gaits, self.phases)
         self._preferred = slice(int(self.entries.first[-2]), int(self.entries.first[-1]))
         self.natural_speed = float(self.entries.natural_speed[-1])
         self._asked: dict[int, _Asked] = {}
@@ -109,7 +109,7 @@ class Switches:
             reached=reached,
             go_step=captured.step_count,
             pace=steered.cast.walkers.speeds[agents],
-            phase=self._phases[node_rows],
+            phase=self.phases[node_rows],
             anchor=view.pose[rows],
         )
         steered.errands.count_visits(captured.itineraries.reached)
