@@ -1,8 +1,8 @@
 """Where captured and steered motion meet: the phase of the gait in every node, and frames at which to enter nodes.
 
-A captured character that becomes steered begins with the phase of the frame it shows (:func:`node_phases`). A steered
-one that becomes captured enters a node at a frame with its own phase and speed (:func:`find_entries`), whose origin is
-such that its track goes on (:func:`entry_origins`).
+A captured character that becomes steered begins with the phase of the frame it shows (:func:`node_phases`), best if it
+walks or stands then (:func:`find_exits`). A steered one that becomes captured enters a node at a frame with its own
+phase and speed (:func:`find_entries`), whose origin is such that its track goes on (:func:`entry_origins`).
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from crowdsim.behaviors.library import BehaviorSet
 from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.errors import MotionError
-from crowdsim.geometry.elementary import cos, sin, tan
+from crowdsim.geometry.elementary import cos, hypot, sin, tan
 from crowdsim.geometry.planar import compose, invert
 from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.clips.kinematics import Floats, forward_kinematics
 from crowdsim.motion.deformed.clip_cycle import find_cycle
 from crowdsim.motion.deformed.clip_phases import clip_phases
+from crowdsim.motion.deformed.phase_kernels import STAND
 from crowdsim.motion.graph.assembly import clip_frames
 
 _LEAST_LEFT = 0.15
@@ -34,6 +35,11 @@ _MOST_ASIDE = np.radians(10.0)
 """Angle between where a body faces and goes, at most [rad]."""
 _MOST_TURN = 0.2
 """Turning, then and on average until the node ends, at most [rad/s]."""
+
+_WALKING = 0.7
+"""Share of the natural speed from which a body walks as a steered one does, and neither sets off nor comes to rest."""
+_AT_REST = 0.05
+"""Speed below which a body stands [m/s]."""
 
 Ints = NDArray[np.int32]
 
@@ -147,7 +153,7 @@ def find_entries(behavior_set: BehaviorSet, gaits: tuple[Clip, ...], phases: Flo
     behavior = arrays.node_behavior[nodes]
     left = arrays.node_frames[nodes] - frames
     velocity, turn = _movement(arrays.tracks, frames, left)
-    speed = np.sqrt(velocity[:, 0] * velocity[:, 0] + velocity[:, 1] * velocity[:, 1])
+    speed = hypot(velocity[:, 0], velocity[:, 1])
     # Straight ahead at the natural speed, now and until the node ends.
     wanted = natural[behavior]
     aheads = np.abs(velocity[:, 1]) <= tan(_MOST_ASIDE) * velocity[:, 0]
@@ -175,6 +181,38 @@ def find_entries(behavior_set: BehaviorSet, gaits: tuple[Clip, ...], phases: Flo
         natural_speed=natural,
         idle_node=_idle_nodes(behavior_set),
     )
+
+
+def find_exits(behavior_set: BehaviorSet, entries: Entries, phases: Floats) -> NDArray[np.bool_]:
+    """Frames at which a captured body may become steered without its feet being far from where steered ones stand.
+
+    It walks ahead, at 0.7 of the natural speed or more, or it stands on both feet. Who is setting off, coming to rest,
+    stepping sideways or turning on the spot does better to wait, a second at most.
+
+    Parameters
+    ----------
+    behavior_set : BehaviorSet
+        Behaviors with their graph.
+    entries : Entries
+        As of :func:`find_entries`.
+    phases : (P,) float64
+        As of :func:`node_phases`.
+
+    Returns
+    -------
+    (P,) bool
+        For each frame of every node, in the rows of ``phases``.
+    """
+    arrays = behavior_set.graph.arrays
+    nodes = np.repeat(np.arange(len(arrays.node_frames)), arrays.node_frames + 1)
+    frames = np.arange(len(nodes)) - arrays.node_track[nodes].astype(np.int64)
+    velocity, turn = _movement(arrays.tracks, frames, arrays.node_frames[nodes] - frames)
+    speed = hypot(velocity[:, 0], velocity[:, 1])
+    aside = np.abs(velocity[:, 1]) > tan(2.0 * _MOST_ASIDE) * velocity[:, 0]
+    walks = ~aside & (speed >= _WALKING * entries.natural_speed[arrays.node_behavior[nodes]])
+    stands = (np.abs(np.mod(phases, 0.5) - STAND) < 1e-9) & (speed < _AT_REST) & (np.abs(turn) < _MOST_TURN)
+    exits: NDArray[np.bool_] = walks | stands
+    return exits
 
 
 def entry_origins(entries: Entries, rows: NDArray[np.int64], poses: Floats) -> Floats:

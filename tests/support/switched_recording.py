@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from crowdsim.behaviors.entries import Entries, entry_origins, find_entries, node_phases
+from crowdsim.behaviors.entries import Entries, entry_origins, find_entries, find_exits, node_phases
 from crowdsim.behaviors.gaits import gait_clips
 from crowdsim.behaviors.library import BehaviorSet
 from crowdsim.constants import NONE
@@ -58,8 +58,11 @@ def mixed_header(behaviors: BehaviorSet, agents: int) -> RecordingHeader:
 
 @dataclass
 class Walk:
-    """How an agent goes. segments: seconds on each level in turn, captured first. turn: rad/s. phase_off: cycles and
-    place_off: meters by which a switch misses, at most; the place wears off within the first 0.3 s of the new level."""
+    """How an agent goes.
+
+    segments: seconds on each level in turn, captured first; a captured one lasts until a frame at which one may leave.
+    turn: rad/s. phase_off: cycles by which switches miss. stands: stand all the time.
+    """
 
     segments: tuple[float, ...]
     turn: float = 0.0
@@ -76,6 +79,7 @@ class Walker:
         self.random = np.random.default_rng(walk.seed)
         self.behavior = len(behaviors.behaviors) - 1
         self.walking = np.unique(entries.node[entries.first[-2] : entries.first[-1]])
+        self.exits = find_exits(behaviors, entries, phases)
         self.pose = np.zeros(3)
         self.enter(int(self.random.integers(entries.first[-2], entries.first[-1])))
         self.velocity = np.array([float(entries.natural_speed[-1]), 0.0])
@@ -118,6 +122,9 @@ class Walker:
 
     def phase(self) -> float:
         return float(self.phases[self.graph.node_track[self.node] + self.frame])
+
+    def may_leave(self) -> bool:
+        return bool(self.exits[self.graph.node_track[self.node] + self.frame])
 
     def nearest_entry(self, phase: float) -> int:
         """The entry that fits best, with a phase that misses by up to what the walk asks for."""
@@ -163,11 +170,14 @@ def _columns(walker: Walker) -> list[tuple[float, ...]]:
                 walker.stand()
             else:
                 walker.enter(walker.nearest_entry(float(phase[0])))
-        for _ in range(round(seconds / STEP)):
-            if not steered:
+        steps = round(seconds / STEP)
+        if not steered:
+            while steps > 0 or (number + 1 < len(walk.segments) and not walker.may_leave()):
                 walker.play()
                 rows.append((*walker.pose, walker.node, walker.previous, walker.frame, np.nan))
-                continue
+                steps -= 1
+            continue
+        for _ in range(steps):
             _steer(walker)
             moving = walker.velocity[None] * (0.0 if walk.stands else 1.0)
             advance_phases(walker.pose[None], moving, np.array([walk.turn]), STEP, phase, anchor)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crowdsim.behaviors.entries import entry_origins, find_entries, node_phases
+from crowdsim.behaviors.entries import entry_origins, find_entries, find_exits, node_phases
 from crowdsim.behaviors.gaits import gait_clips
 from crowdsim.behaviors.library import load_behavior_set
 from crowdsim.constants import NONE
@@ -64,6 +64,27 @@ def assert_sound(behaviors):
     for node in idle:
         row = arrays.node_track[node]
         np.testing.assert_array_equal(phases[row : row + arrays.node_frames[node] + 1], STAND)
+
+
+def assert_exits(behaviors):
+    phases, entries = found(behaviors)
+    exits = find_exits(behaviors, entries, phases)
+    arrays, names = behaviors.graph.arrays, behaviors.graph.node_names
+    assert exits.shape == phases.shape
+    assert exits[arrays.node_track[entries.node] + entries.frame].all()
+    for node, name in enumerate(names):
+        own = exits[arrays.node_track[node] :][: arrays.node_frames[node] + 1]
+        if arrays.node_idle[node]:
+            assert own.all(), name
+        if "turn_left_90" in name or "side_left:" in name:
+            assert own.mean() < 0.5, name
+    # The default set has many kinds of turns and short steps, which are none.
+    assert 0.25 < exits.mean() < 0.7
+
+
+@pytest.mark.parametrize("name", MANNERS)
+def test_bodies_leave_nodes_where_they_walk_or_stand(name):
+    assert_exits(behavior_set(name))
 
 
 @pytest.mark.parametrize("name", MANNERS)
