@@ -89,26 +89,39 @@ def node_phases(behavior_set: BehaviorSet) -> Floats:
     Raises
     ------
     MotionError
-        If two clips of a behavior have the same name, or none has that of a node.
+        If no clip of a behavior has the name of a node.
     """
-    clips: dict[tuple[int, str], Clip] = {}
+    clips: dict[tuple[int, str], list[Clip]] = {}
     for behavior, clip in _clips(behavior_set):
-        if clips.setdefault((behavior, clip.name), clip) is not clip:
-            name = behavior_set.behaviors[behavior].name
-            raise MotionError(f"two clips of behavior '{name}' are called '{clip.name}'; rename one of their files")
+        clips.setdefault((behavior, clip.name), []).append(clip)
     graph, arrays = behavior_set.graph, behavior_set.graph.arrays
     phases = np.empty(len(arrays.tracks))
-    of_clips: dict[tuple[int, str], Floats] = {}
+    of_clips: dict[tuple[int, str, int], Floats] = {}
     for node, node_name in enumerate(graph.node_names):
         name, first, last = clip_frames(node_name)
-        key = int(arrays.node_behavior[node]), name
-        if key not in clips:
-            raise MotionError(f"node '{node_name}' was cut from a clip that its behavior does not have")
-        if key not in of_clips:
-            of_clips[key] = clip_phases(clips[key])
         row = int(arrays.node_track[node])
-        phases[row : row + last - first + 1] = of_clips[key][first : last + 1]
+        rows = slice(row, row + last - first + 1)
+        behavior = int(arrays.node_behavior[node])
+        alike = clips.get((behavior, name), [])
+        if not alike:
+            raise MotionError(f"node '{node_name}' was cut from a clip that its behavior does not have")
+        # Clips of one name, as transitions from several behaviors to one may have, differ in their poses.
+        shown = graph.poses.pool_rotations[rows, 1:]
+        number = int(np.argmin([_difference(clip, first, last, shown) for clip in alike]))
+        key = behavior, name, number
+        if key not in of_clips:
+            of_clips[key] = clip_phases(alike[number])
+        phases[rows] = of_clips[key][first : last + 1]
     return phases
+
+
+def _difference(clip: Clip, first: int, last: int, shown: NDArray[np.float32]) -> float:
+    """How much the joints of some frames of a clip differ from those ``shown`` (F, J - 1, 4), each in its parent."""
+    own = clip.rotations[first : last + 1, 1:]
+    if own.shape != shown.shape:
+        return np.inf
+    # Quaternions of both signs are one rotation.
+    return float((1.0 - np.abs((own * shown).sum(axis=2))).sum())
 
 
 def _clips(behavior_set: BehaviorSet) -> Iterator[tuple[int, Clip]]:

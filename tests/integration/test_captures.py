@@ -56,7 +56,7 @@ def test_captured_walks_around_obstacles(shared: Path, tmp_path: Path) -> None:
     assert summary["arrived"] == summary["characters"] == 2
     assert summary["unreachable"] == {}
     assert min(summary["obstacle_margin"].values()) >= -0.01
-    assert summary["closest_pair"] > 0.7
+    assert summary["closest_pair"] is None or summary["closest_pair"] > 0.7
     assert summary["mean_time"] < 20.0
 
 

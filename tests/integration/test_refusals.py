@@ -10,4 +10,4 @@ def test_steps_longer_than_the_shortest_movement() -> None:
         crowdsim.ScenarioError,
         match=r"corridor\.yaml:\d+:\d+: steps_per_second: .*take more steps|--set.*take more steps",
     ):
-        crowdsim.Simulation(crowdsim.load_scenario("corridor", ["steps_per_second=1"]))
+        crowdsim.Simulation(crowdsim.load_scenario("corridor", ["steps_per_second=1", "agents.0.locomotion=captured"]))

@@ -24,6 +24,7 @@ from crowdsim.crowd.state.stands import stands_summary
 from crowdsim.crowd.state.state_hash import state_hash
 from crowdsim.crowd.state.timelines import StandingBodies
 from crowdsim.crowd.steered.steered_crowd import LEG_RADIUS, LOST_SECONDS, SteeredCrowd
+from crowdsim.crowd.systems.spawn import NO_MOTION
 from crowdsim.ecs.world import View
 from crowdsim.recording.header import AgentState, RecordedFrame, RecordingHeader
 from crowdsim.scenario.crowd_placement import captured_placement, place_crowd
@@ -138,7 +139,12 @@ class MixedCrowd:
         agents = steered_agents(self.cast, steered.errands.middles, STEERING_RATE)
         nodes = captured_motion(assets)
         gaits = steered_motion(nodes.skeleton, steered.gaits).gaits
-        return record_header(scenario, assets.behaviors, agents, replace(nodes, gaits=gaits, pool_phases=self.switches.phases.astype(np.float32)))
+        return record_header(
+            scenario,
+            assets.behaviors,
+            agents,
+            replace(nodes, gaits=gaits, pool_phases=self.switches.phases.astype(np.float32)),
+        )
 
     def frame(self) -> RecordedFrame:
         """The present step of all characters, those outside the world marked absent."""
@@ -182,9 +188,20 @@ class MixedCrowd:
 
     def _without_a_way(self) -> dict[str, str]:
         """Reasons for those who never came into the world as no motion was found for them."""
-        waits = ~self.levels.may_steer & (self.captured.spawning.spawned < 0)
-        found = sorted(self.captured.plans.unreachable.items())
-        return {str(agent): reason for agent, reason in found if waits[agent]}
+        outside = np.flatnonzero(self._has_no_way() & self._outside)
+        return {str(agent): self.captured.plans.unreachable[agent] for agent in outside.tolist()}
+
+    def _has_no_way(self) -> NDArray[np.bool_]:
+        """(n,) for whom no way to its goal was found, which steering would not find either."""
+        lost = np.zeros(self.count, np.bool_)
+        for agent, reason in self.captured.plans.unreachable.items():
+            lost[agent] = reason != NO_MOTION or not self.levels.may_steer[agent]
+        return lost
+
+    @property
+    def _outside(self) -> NDArray[np.bool_]:
+        """(n,) who has not come yet."""
+        return np.asarray((self.captured.spawning.spawned < 0) & (self.steered.entering.entered < 0))
 
     def _walks(self, view: View) -> NDArray[np.bool_]:
         """Which captured rows are on their way, and do not stand where they are to stand for a while or for good."""
@@ -197,8 +214,9 @@ class MixedCrowd:
     def _enter(self) -> None:
         """Let characters come in: captured where there is room, else steered."""
         captured, steered, step = self.captured, self.steered, self.step_count
-        outside = (captured.spawning.spawned < 0) & (steered.entering.entered < 0)
+        outside = self._outside
         late = step - self.cast.start_steps > PATIENCE_SECONDS * STEERING_RATE
+        late &= ~self._has_no_way()
         dense = self._comes_into_crowd(outside, step) | (self.cast.delay_steps > 0)
         walks_in = outside & self.levels.may_capture & ~(self.levels.may_steer & (late | dense))
         captured.spawning.spawn(captured.world.view(), walks_in, captured.choosing.bodies)

@@ -123,7 +123,9 @@ def test_who_cannot_pass_the_one_ahead_queues():
     first, alone = np.array([0]), np.array(places[:1])
     assert not levels.steer(first, alone, np.array([QUEUES_FOR[1] - 0.1])).any()
     assert levels.steer(first, alone, np.array([QUEUES_FOR[1]])).all()
-    assert levels.steer(np.array([1]), np.array(places[1:]), np.array([BLOCKED_FOR])).all(), "the first has nobody ahead"
+    assert levels.steer(np.array([1]), np.array(places[1:]), np.array([BLOCKED_FOR])).all(), (
+        "the first has nobody ahead"
+    )
 
 
 def test_a_crowd_steers():
