@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.behaviors.entries import Entries, entry_origins, find_entries, node_phases
+from crowdsim.behaviors.entries import Entries, entry_origins, find_entries, find_exits, node_phases
 from crowdsim.constants import NONE, STEERING_RATE
 from crowdsim.crowd.captured_crowd import CapturedCrowd
 from crowdsim.crowd.mixed.levels import Levels
@@ -33,6 +33,10 @@ CLEAR = 1e-3
 
 AT_LEAST = 2
 """Characters that may ask for captured motion in one step, however few there are."""
+
+IN_STEP_WITHIN = 1.0
+"""Time within which who wants to steer comes to a frame in which its feet are where steered ones stand, or does without
+[s]."""
 
 SHARE = 0.01
 """The same as a share of all who are in the world."""
@@ -76,7 +80,9 @@ class Switches:
         self.entries: Entries = find_entries(behavior_set, steered.gaits, self.phases)
         self._preferred = slice(int(self.entries.first[-2]), int(self.entries.first[-1]))
         self.natural_speed = float(self.entries.natural_speed[-1])
+        self._exits = find_exits(behavior_set, self.entries, self.phases)
         self._asked: dict[int, _Asked] = {}
+        self._wanted_since = np.zeros(captured.count, np.int64)
         self._tried = np.full(captured.count, -STEERING_RATE * 10, np.int64)
         self.counts = {"steered": 0, "captured": 0}
 
@@ -87,7 +93,7 @@ class Switches:
 
         ``velocities``: (m, 2) of the rows [m/s]; ``others``: the rows as steered ones see them.
         """
-        rows = np.flatnonzero(wanted)
+        rows = self._in_step(view, wanted)
         if not len(rows):
             return 0
         bodies = self._bodies(view, rows, velocities)
@@ -119,6 +125,14 @@ class Switches:
         self._changed(agents, captured.step_count)
         self.counts["steered"] += len(rows)
         return len(rows)
+
+    def _in_step(self, view: View, wanted: NDArray[np.bool_]) -> Ints:
+        """Those of ``wanted`` rows whose feet are where steered ones stand, or who have waited for that long enough."""
+        step, agents = self._captured.step_count, view.agent.astype(np.int64)
+        self._wanted_since[agents[~wanted]] = step
+        frames = self._captured.assets.graph.node_track[view.node] + view.frame
+        waited = step - self._wanted_since[agents] >= IN_STEP_WITHIN * STEERING_RATE
+        return np.flatnonzero(wanted & (self._exits[frames] | waited))
 
     def _bodies(self, view: View, rows: Ints, velocities: Floats) -> NDArray[np.void]:
         """Records (ROW) of captured rows as they begin to steer: no body reaches beyond the disc that it had."""
