@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from crowdsim.steering.commit_kernels import commit_rows
 from crowdsim.steering.decide_kernels import WANTED, decide_rows
 from crowdsim.steering.look_kernels import MOST_NEAR, look_rows
-from crowdsim.steering.row_kernels import CELL, ROW, gather_rows, sort_rows
+from crowdsim.steering.row_kernels import CELL, ROW, gather_rows, measure_rows, sort_rows
 from crowdsim.steering.rules import Rules
 from crowdsim.steering.walls import Walls
 
@@ -91,7 +91,6 @@ class Steering:
         count = len(state)
         if count == 0:
             return
-        require_finite(state)
         crowd = self.sort(state)
 
         # Everyone reads old rows only, so parts need not wait for each other.
@@ -106,13 +105,16 @@ class Steering:
         self.crowded += sum(map(run, firsts) if self._pool is None else self._pool.map(run, firsts))
 
     def sort(self, state: NDArray[Any], bounds: tuple[float, float, float, float] | None = None) -> SortedCrowd:
-        """Sort the agents by cells: of their own extent, or of ``bounds``, corners x and y of both [m]."""
+        """Sort the agents by cells: of their own extent, or of ``bounds``, corners x and y of both [m].
+
+        ValueError if agents are not finite or spread over more than :data:`MOST_CELLS` cells.
+        """
         count = len(state)
-        places = np.column_stack((state["x"], state["y"]))
-        if bounds is None:
-            corners = np.array([places.min(axis=0), places.max(axis=0)])
-        else:
-            corners = np.array(bounds).reshape(2, 2)
+        places = np.empty((count, 2))
+        wrong, *extent, broadest = measure_rows(state, places)
+        if wrong >= 0:
+            raise ValueError(_name_wrong(state[wrong]))
+        corners = np.array(extent if bounds is None else bounds).reshape(2, 2)
         low = np.floor(corners[0] / CELL) * CELL
         spread = np.floor((corners[1] - low) / CELL) + 1.0
         if not spread.prod() <= MOST_CELLS:
@@ -126,7 +128,7 @@ class Steering:
             order=np.empty(count, np.int32),
             near=np.empty((count, MOST_NEAR), np.int32),
             wanted=np.empty(count, WANTED),
-            broadest=float((state["half"] + state["radius"]).max(initial=0.0)),
+            broadest=broadest,
         )
         sort_rows(places, crowd.frame, crowd.starts, crowd.order, np.empty(count, np.int32))
         gather_rows(state, crowd.order, crowd.rows, places)
@@ -158,11 +160,8 @@ class Steering:
         )
 
 
-def require_finite(state: NDArray[Any]) -> None:
-    """Require finite places, headings, guidance and bodies; ValueError names the first agent that lacks one."""
-    for name in ("x", "y", "heading", "vx", "vy", "half", "speed", "gx", "gy", "togo"):
-        wrong = np.flatnonzero(~np.isfinite(state[name]))
-        if len(wrong):
-            raise ValueError(
-                f"'{name}' of agent {int(state['id'][wrong[0]])} is not a finite number; steering needs one"
-            )
+def _name_wrong(row: Any) -> str:
+    """What is not finite of an agent that steering cannot take."""
+    names = ("x", "y", "heading", "vx", "vy", "half", "speed", "gx", "gy", "togo")
+    name = next(each for each in names if not np.isfinite(row[each]))
+    return f"'{name}' of agent {int(row['id'])} is not a finite number; steering needs one"
