@@ -1,5 +1,7 @@
 """Rows of steered agents: sorted by the cells that they stand in, so that who is near is near in memory too."""
 
+import math
+
 import numpy as np
 
 from crowdsim.jit import kernel
@@ -38,6 +40,36 @@ ROW = np.dtype(
     align=True,
 )
 """What others read of an agent comes first: two to three lines of the processor's cache."""
+
+
+@kernel
+def measure_rows(state, places):
+    """Copy where agents are to ``places``, float64[n, 2] [m], and measure them in one pass.
+
+    Returns the first agent without finite place, heading, velocity, guidance and body, -1 if there is none; the lower
+    left and the upper right corner of all places [m]; and the largest half breadth [m], 0 if there is nobody.
+    """
+    wrong = -1
+    left = bottom = math.inf
+    right = top = -math.inf
+    broadest = 0.0
+    for agent in range(len(state)):
+        mine = state[agent]
+        x = mine.x
+        y = mine.y
+        places[agent, 0] = x
+        places[agent, 1] = y
+        left = min(left, x)
+        right = max(right, x)
+        bottom = min(bottom, y)
+        top = max(top, y)
+        broadest = max(broadest, mine.half + mine.radius)
+        # Infinity and nan times 0 are nan.
+        none = 0.0 * x + 0.0 * y + 0.0 * mine.heading + 0.0 * mine.vx + 0.0 * mine.vy
+        none += 0.0 * mine.half + 0.0 * mine.speed + 0.0 * mine.gx + 0.0 * mine.gy + 0.0 * mine.togo
+        if wrong < 0 and none != 0.0:
+            wrong = agent
+    return wrong, left, bottom, right, top, broadest
 
 
 @kernel

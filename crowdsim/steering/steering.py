@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from crowdsim.steering.commit_kernels import commit_rows
 from crowdsim.steering.decide_kernels import WANTED, decide_rows
 from crowdsim.steering.look_kernels import MOST_NEAR, look_rows
-from crowdsim.steering.row_kernels import CELL, ROW, gather_rows, sort_rows
+from crowdsim.steering.row_kernels import CELL, ROW, gather_rows, measure_rows, sort_rows
 from crowdsim.steering.rules import Rules
 from crowdsim.steering.walls import Walls
 from crowdsim.steering.ways import NOBODY_ELSE, Frame, ListedWays, Others, listed
@@ -93,9 +93,9 @@ class Steering:
         count = len(state)
         if count == 0:
             return
-        require_finite(state)
         crowd = self.sort(np.concatenate((state, others.rows)) if len(others.rows) else state)
-        ways = listed(others, crowd.frame, self._longest_reach(state))
+        reach = self._longest_reach(state) if len(others.segments) else 0.0
+        ways = listed(others, crowd.frame, reach)
         count = len(crowd.rows)
 
         # Everyone reads old rows only, so parts need not wait for each other.
@@ -110,12 +110,17 @@ class Steering:
         self.crowded += sum(map(run, firsts) if self._pool is None else self._pool.map(run, firsts))
 
     def sort(self, state: NDArray[Any], bounds: tuple[float, float, float, float] | None = None) -> SortedCrowd:
-        """Sort the agents by cells: of their own extent, or of ``bounds``, corners x and y of both [m]."""
+        """Sort the agents by cells: of their own extent, or of ``bounds``, corners x and y of both [m].
+
+        ValueError if agents are not finite or spread over more than :data:`MOST_CELLS` cells.
+        """
         count = len(state)
-        places = np.column_stack((state["x"], state["y"]))
-        if bounds is None:
-            bounds = (*places.min(axis=0).tolist(), *places.max(axis=0).tolist())
-        frame = frame_of(bounds)
+        places = np.empty((count, 2))
+        wrong, *extent, broadest = measure_rows(state, places)
+        if wrong >= 0:
+            raise ValueError(_name_wrong(state[wrong]))
+        left, bottom, right, top = extent if bounds is None else bounds
+        frame = frame_of((left, bottom, right, top))
         crowd = SortedCrowd(
             rows=np.empty(count, ROW),
             places=places,
@@ -124,7 +129,7 @@ class Steering:
             order=np.empty(count, np.int32),
             near=np.empty((count, MOST_NEAR), np.int32),
             wanted=np.empty(count, WANTED),
-            broadest=float((state["half"] + state["radius"]).max(initial=0.0)),
+            broadest=broadest,
         )
         sort_rows(places, crowd.frame, crowd.starts, crowd.order, np.empty(count, np.int32))
         gather_rows(state, crowd.order, crowd.rows, places)
@@ -176,11 +181,8 @@ def frame_of(bounds: tuple[float, float, float, float]) -> Frame:
     return float(low[0]), float(low[1]), int(spread[0]), int(spread[1])
 
 
-def require_finite(state: NDArray[Any]) -> None:
-    """Require finite places, headings, guidance and bodies; ValueError names the first agent that lacks one."""
-    for name in ("x", "y", "heading", "vx", "vy", "half", "speed", "gx", "gy", "togo"):
-        wrong = np.flatnonzero(~np.isfinite(state[name]))
-        if len(wrong):
-            raise ValueError(
-                f"'{name}' of agent {int(state['id'][wrong[0]])} is not a finite number; steering needs one"
-            )
+def _name_wrong(row: Any) -> str:
+    """What is not finite of an agent that steering cannot take."""
+    names = ("x", "y", "heading", "vx", "vy", "half", "speed", "gx", "gy", "togo")
+    name = next(each for each in names if not np.isfinite(row[each]))
+    return f"'{name}' of agent {int(row['id'])} is not a finite number; steering needs one"

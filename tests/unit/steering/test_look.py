@@ -11,7 +11,7 @@ from crowdsim.jit import kernel
 from crowdsim.steering import direction_kernels, wall_kernels
 from crowdsim.steering.direction_kernels import NEAR
 from crowdsim.steering.look_kernels import MOST_NEAR, look_rows
-from crowdsim.steering.row_kernels import ROW, gather_rows, sort_rows
+from crowdsim.steering.row_kernels import ROW, gather_rows, measure_rows, sort_rows
 from crowdsim.steering.rules import Rules
 from crowdsim.steering.walls import build_walls
 from tests.reference import steering_reference as reference
@@ -68,6 +68,27 @@ def test_cells_and_neighbors(count, side):
         expected = reference.nearest_agents(rows, me, reach, MOST_NEAR)
         assert near[me, : len(expected)].tolist() == expected
         assert len(expected) == MOST_NEAR or near[me, len(expected)] == -1
+
+
+@pytest.mark.parametrize("count", [0, 1, 50])
+def test_agents_are_measured(count):
+    state = _crowd(np.random.default_rng(count), count, 9.0)
+    expected = np.column_stack((state["x"], state["y"]))
+    places = np.empty((count, 2))
+    wrong, *corners, broadest = measure_rows(state, places)
+    assert wrong == -1
+    assert np.array_equal(places, expected)
+    assert np.array_equal(corners[:2], expected.min(axis=0, initial=np.inf))
+    assert np.array_equal(corners[2:], expected.max(axis=0, initial=-np.inf))
+    assert broadest == (state["half"] + state["radius"]).max(initial=0.0)
+
+
+@pytest.mark.parametrize("name", ["x", "y", "heading", "vx", "vy", "half", "speed", "gx", "gy", "togo"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_the_first_agent_that_is_not_finite_is_found(name, value):
+    state = _crowd(np.random.default_rng(1), 9, 9.0)
+    state[name][[4, 7]] = value
+    assert measure_rows(state, np.empty((9, 2)))[0] == 4
 
 
 @pytest.mark.parametrize("seed", range(5))
