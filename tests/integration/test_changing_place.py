@@ -309,7 +309,7 @@ def test_those_who_go_round_walk_through_their_goals_and_wait_where_asked(tmp_pa
         x, y, state = recording.x[:, 0], recording.y[:, 0], recording.state[:, 0]
         for goal in ((6.5, 1), (6.5, 5), (11, 5)):
             stood = (state == AgentState.WAITING) & (np.hypot(x - goal[0], y - goal[1]) < 0.5)
-            assert stood.sum() >= 3 * 30
+            assert stood.sum() >= 3 * recording.steps_per_second
         assert state[-1] == AgentState.ARRIVED
         assert np.hypot(x[-1] - 11, y[-1] - 1) < 0.5
 

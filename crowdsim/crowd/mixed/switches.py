@@ -21,6 +21,7 @@ from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
 from crowdsim.crowd.systems.choose_motion import Walker
 from crowdsim.ecs.world import View
 from crowdsim.geometry.elementary import cos, hypot, sin
+from crowdsim.motion.deformed.phase_kernels import set_anchors
 from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.recording.header import AgentState
 from crowdsim.scenario.crowd_placement import BODY_DEPTH
@@ -104,6 +105,8 @@ class Switches:
         reached = captured.itineraries.reached[agents]
         goals = steered.errands.goal(agents, reached)
         bodies["goal"] = goals
+        phases, anchors = self.phases[node_rows], view.pose[rows].copy()
+        set_anchors(view.pose[rows], velocities[rows], np.zeros(len(rows)), phases, anchors)
         steered.world.spawn_many(
             len(rows),
             agent=agents,
@@ -115,8 +118,8 @@ class Switches:
             reached=reached,
             go_step=captured.step_count,
             pace=steered.cast.walkers.speeds[agents],
-            phase=self.phases[node_rows],
-            anchor=view.pose[rows],
+            phase=phases,
+            anchor=anchors,
         )
         steered.errands.count_visits(captured.itineraries.reached)
         captured.world.remove(*view.id[rows].tolist())

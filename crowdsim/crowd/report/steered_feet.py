@@ -14,6 +14,7 @@ from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.clips.kinematics import forward_kinematics
 from crowdsim.motion.deformed.deformed_clip import deform_clip
 from crowdsim.motion.deformed.joined_tracks import smooth_tracks
+from crowdsim.motion.deformed.phase_kernels import STAND
 from crowdsim.motion.deformed.step_plan import plan_steps, pose_at
 from crowdsim.motion.graph.foot_contacts import feet_of, planted_steps, standing_moves
 
@@ -54,13 +55,14 @@ class SteeredFeet:
         if not tracks:
             return None, None
         clip = deform_clip(self._clip)
-        plan = plan_steps(clip, smooth_tracks(tracks))
-        # All of them begin with the left sole on the floor: so far is each point of a foot over its sole.
+        stands = np.tile([0.0, 0.0, 0.0, STAND], (SHORTEST, 1))
+        plan = plan_steps(clip, smooth_tracks([stands, *tracks]))
+        # One who stands has the left sole on the floor: so far is each point of a foot over its sole.
         first = forward_kinematics(clip.skeleton, *pose_at(clip, plan, np.zeros(1, np.int64), np.zeros(1)))
         flat = feet_of(clip.skeleton, *first)
         rest = replace(flat, lowest=flat.lowest[[0, 0]], ankles=flat.ankles[[0, 0]])
         speeds, lowest = [], np.inf
-        for body, track in enumerate(tracks):
+        for body, track in enumerate(tracks, start=1):
             times = np.arange(0.0, (len(track) - 1) / STEERING_RATE, 1.0 / CAPTURE_RATE)
             posed = forward_kinematics(clip.skeleton, *pose_at(clip, plan, np.full(len(times), body), times))
             feet = feet_of(clip.skeleton, *posed, like=rest)
