@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crowdsim.constants import NONE
 from crowdsim.crowd.search.affected import outdated
@@ -60,7 +61,8 @@ class Plans:
 
     on_route is called with (agent, route) for every route that is newly taken; unreachable holds the reason for agents
     to whose goal no path was found when they last asked; replans counts how often an edit made an agent plan anew.
-    lead: steps ahead of its need at which a plan is requested, if that can be told.
+    lead: steps ahead of its need at which a plan is requested, if that can be told. moved: how often somebody gave way.
+    set_out: (agents,) step in which each set out for its present goal.
     """
 
     assets: Assets
@@ -74,7 +76,12 @@ class Plans:
     motions: dict[int, MotionPlan] = field(default_factory=dict)
     routes: dict[int, AnnotatedPath] = field(default_factory=dict)
     unreachable: dict[int, str] = field(default_factory=dict)
+    moved: int = 0
+    set_out: NDArray[np.int64] = field(init=False)
     _joins: dict[int, Join | None] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.set_out = np.zeros(len(self.itineraries.cast.starts), np.int64)
 
     def request(self, agent: int, request: Request, join: Join | None = None) -> None:
         """Ask for a search for one agent, instead of the one that is under way; a slice of it begins with this step."""

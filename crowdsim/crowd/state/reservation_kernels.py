@@ -22,6 +22,12 @@ FOREVER = 9223372036854775807
 ELBOW_ROOM = 0.3
 """Meters beyond their discs that two characters at rest keep between them."""
 
+BLOCKED = -1
+"""No timeline, as its stop touches something."""
+
+TOO_LONG = -2
+"""No timeline, as it takes more slots than there are."""
+
 ROUNDING = 1e-9  # meters
 _STATIC_STRIDE = 4  # frames between two samples of the test against obstacles
 
@@ -75,6 +81,12 @@ def meets_anyone(me, timeline, start, gone, first_slot, radius, others):
 
     ``others`` are :class:`crowdsim.crowd.state.timelines.Timelines`; ``me`` is its own row, -1 for who is yet to enter.
     """
+    return next_met(me, timeline, start, gone, first_slot, radius, others, 0) >= 0
+
+
+@kernel
+def next_met(me, timeline, start, gone, first_slot, radius, others, begin):
+    """The first row from ``begin`` on that a candidate timeline meets, -1 if there is none; see :func:`meets_anyone`."""
     starts, gones, circles = others.timeline_start, others.gone_slot, others.timeline_circle
     reach = 0.0
     for k in range(len(timeline)):
@@ -82,7 +94,7 @@ def meets_anyone(me, timeline, start, gone, first_slot, radius, others):
         dy = timeline[k, 1] - timeline[0, 1]
         reach = max(reach, dx * dx + dy * dy)
     reach = math.sqrt(reach)
-    for other in range(len(starts)):
+    for other in range(begin, len(starts)):
         if other == me or gones[other] <= first_slot:
             continue
         distance = radius + others.body_radius[other]
@@ -97,8 +109,8 @@ def meets_anyone(me, timeline, start, gone, first_slot, radius, others):
         if not _within_reach(timeline[0], its, here, end, reach + distance + ELBOW_ROOM):
             continue
         if pair_meets(timeline, start, gone, its, starts[other], gones[other], first_slot, distance, me >= 0):
-            return True
-    return False
+            return other
+    return -1
 
 
 @helper
@@ -214,6 +226,31 @@ def _copy_chain(chain, to):
             to.blend_offsets[k, axis] = chain.blend_offsets[k, axis]
 
 
+@helper
+def lay_out(graph, obstacles, frame, clock, slot_frames, chain, draft, taken, leaves, timeline):
+    """Sample ``taken`` nodes of a chain and the stop behind them, if it does not leave the world there.
+
+    Returns the first slot at or after the end; BLOCKED where the stop touches something, TOO_LONG if so.
+    """
+    _copy_chain(chain, draft)
+    count = taken + 1
+    if not leaves:
+        # The stop behind the nodes taken, which nobody tested yet.
+        hints = np.full(len(obstacles.layers), np.int64(-1))
+        count = append_stop(graph, draft, taken + 1)
+        for c in range(taken + 1, count):
+            if not _node_is_free(graph, draft.nodes[c], draft.origins[c], draft.blend_offsets[c], obstacles, hints):
+                return BLOCKED
+        if count < 0:
+            return BLOCKED
+    ended = sample_chain(graph, draft, count, frame, clock, slot_frames, timeline)
+    if ended < 0:
+        return TOO_LONG
+    if len(obstacles.kept_free) and comes_near(timeline, obstacles.kept_free, obstacles.distance):
+        return BLOCKED
+    return ended
+
+
 @kernel
 def reserve(
     graph, obstacles, everyone, row, frame, clock, slot_frames, chain, draft, first, available, ends_plan, timeline
@@ -225,27 +262,15 @@ def reserve(
     leaves the world. ``obstacles`` and ``everyone`` (all rows) are as in :mod:`crowdsim.crowd.state.timelines`.
     Returns (nodes taken, gone slot), no nodes where there is none, and leaves the timeline in ``timeline`` (K, 2).
     """
-    hints = np.full(len(obstacles.layers), np.int64(-1))
     forever = np.int64(FOREVER)
     start = clock // slot_frames
     for taken in range(first, available + 1):
-        _copy_chain(chain, draft)
         leaves = ends_plan and taken == available
-        count = taken + 1
-        if not leaves:
-            # The stop behind the nodes taken, which nobody tested yet.
-            count = append_stop(graph, draft, taken + 1)
-            for c in range(taken + 1, count):
-                if not _node_is_free(graph, draft.nodes[c], draft.origins[c], draft.blend_offsets[c], obstacles, hints):
-                    count = -1
-                    break
-            if count < 0:
-                continue  # it cannot stand down after this node; perhaps it can after the next
-        ended = sample_chain(graph, draft, count, frame, clock, slot_frames, timeline)
-        if ended < 0:
+        ended = lay_out(graph, obstacles, frame, clock, slot_frames, chain, draft, taken, leaves, timeline)
+        if ended == TOO_LONG:
             break
-        if len(obstacles.kept_free) and comes_near(timeline, obstacles.kept_free, obstacles.distance):
-            continue
+        if ended < 0:
+            continue  # it cannot stand down after this node; perhaps it can after the next
         gone = ended if leaves else forever
         if not meets_anyone(row, timeline, start, gone, start, everyone.body_radius[row], everyone):
             return taken, gone

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.crowd.state.moves import Moves
 from crowdsim.ecs.world import View
 
 Floats = NDArray[np.float64]
@@ -57,3 +58,66 @@ class Obstacles(NamedTuple):
     """(M, 4) segments, x and y of both ends, of what is about to come."""
     distance: float
     """Meters that the track stays away from these."""
+
+
+class Standing(NamedTuple):
+    """What is known of all N rows when some of them are asked to give way."""
+
+    node: NDArray[np.int32]
+    """(N,) the node that each plays."""
+    origin: Floats
+    """(N, 3) where that started."""
+    goal: Floats
+    """(N, 2) meters."""
+    may_move: NDArray[np.bool_]
+    """(N,) whether it stands and has not decided in this step what to do."""
+    rank: NDArray[np.int64]
+    """(N,) who is asked gives way to a lower rank only."""
+
+
+class Trail(NamedTuple):
+    """Room for D rows that give way to each other, in the order in which they were asked; see ``give_way_kernels``."""
+
+    rows: NDArray[np.int32]
+    """(D,)"""
+    moves: NDArray[np.int32]
+    """(D,) the move that each tries."""
+    costs: Floats
+    """(D,) seconds, of that move."""
+    asked: NDArray[np.int32]
+    """(D,) how many others that move asks to give way."""
+    timeline: Floats
+    """(D + 1, K, 2) timelines as they were before; the last of all is of who asks first."""
+    timeline_circle: Floats
+    """(D + 1, 3)"""
+    timeline_start: NDArray[np.int64]
+    """(D + 1,)"""
+    gone_slot: NDArray[np.int64]
+    """(D + 1,)"""
+    candidate: Floats
+    """(K, 2) the timeline of the move that is tried."""
+    tries: NDArray[np.int64]
+    """(1,) moves that may still be tried in this step."""
+
+    @classmethod
+    def room(cls, depth: int, slots: int) -> Trail:
+        return cls(
+            np.zeros(depth, np.int32),
+            np.zeros(depth, np.int32),
+            np.zeros(depth),
+            np.zeros(depth, np.int32),
+            np.zeros((depth + 1, slots, 2)),
+            np.zeros((depth + 1, 3)),
+            np.zeros(depth + 1, np.int64),
+            np.zeros(depth + 1, np.int64),
+            np.zeros((slots, 2)),
+            np.zeros(1, np.int64),
+        )
+
+
+class Asking(NamedTuple):
+    """What it takes to ask others to give way."""
+
+    moves: Moves
+    standing: Standing
+    trail: Trail

@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from crowdsim.constants import NONE
 from crowdsim.crowd.search.plans import Join, Plans
 from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS
+from crowdsim.crowd.state.give_way_kernels import reserve_by_asking
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ROUNDING, append_stop, reserve
 from crowdsim.crowd.state.state_hash import digest_of
 from crowdsim.crowd.state.timelines import Chain, Obstacles, Timelines
 from crowdsim.crowd.systems.apply_events import KEPT_OFF, reserved_lines
+from crowdsim.crowd.systems.give_way import GivingWay
 from crowdsim.crowd.systems.replan import reach_goal
 from crowdsim.ecs.world import View
 from crowdsim.environment.layers import polygons_only
@@ -31,6 +33,9 @@ NODES_LEFT = 4
 
 NEAR_GOAL = 1.0
 """Meters from a goal to walk through at which it counts as reached where the last of the way is taken."""
+
+RETRY_SECONDS = 0.2
+"""Time between two tries of somebody who stands and waits for others to go on [s]."""
 
 _CHAIN = LOOKAHEAD + 8  # with the nodes of the stop behind them
 _NOTHING = np.empty((0, 4))
@@ -48,19 +53,32 @@ class Choosing:
     def __init__(self, plans: Plans) -> None:
         self.plans = plans
         self._looked_ahead: dict[int, NDArray[np.int32]] = {}
+        self._giving_way = GivingWay(plans)
+        self._retry_steps = max(round(RETRY_SECONDS * plans.assets.steps_per_second), 1)
         self._chain, self._draft = Chain.room(_CHAIN), Chain.room(_CHAIN)
         self._timeline = np.zeros((TIMELINE_SLOTS, 2))
 
     def choose(self, view: View) -> None:
-        """Choose for all rows, in order."""
-        assets = self.plans.assets
-        ending = view.frame + assets.frames_per_step >= assets.graph.node_frames[view.node]
-        for row in np.flatnonzero(ending & (view.next_node == NONE)):
-            self._choose(view, int(row))
+        """Choose for all rows, in order; then let those who were refused ask others to give way."""
+        assets, graph = self.plans.assets, self.plans.assets.graph
+        ending = view.frame + assets.frames_per_step >= graph.node_frames[view.node]
+        # Who waits does not play its idle node to the end, if the way is free before.
+        waits = graph.node_idle[view.node] & (view.blocked_since != NONE) & (view.state == AgentState.WAITING)
+        waits &= (self.plans.step + view.agent) % self._retry_steps == 0
+        self._giving_way.begin()
+        refused = []
+        for row in np.flatnonzero((ending | waits) & (view.next_node == NONE)).tolist():
+            if (ending[row] or int(view.agent[row]) in self.plans.motions) and not self._goes_on(view, row):
+                refused.append(row)
+        if refused:
+            ranks = self._giving_way.ranks(view)
+            for row in sorted(refused, key=lambda row: int(ranks[row])):
+                if view.next_node[row] == NONE and not self._asks(view, row) and ending[row]:
+                    self._rests(view, row)
 
-    def _choose(self, view: View, row: int) -> None:
-        graph = self.plans.assets.graph
-        agent, node, cursor = int(view.agent[row]), int(view.node[row]), int(view.cursor[row])
+    def _goes_on(self, view: View, row: int) -> bool:
+        """Choose for a row, unless it has a plan and cannot go on along it."""
+        agent, cursor = int(view.agent[row]), int(view.cursor[row])
         plan = self.plans.motions.get(agent)
         if plan is not None:
             if cursor in plan.passes:
@@ -70,27 +88,52 @@ class Choosing:
             following = cursor + 1
             if following < plan.count:
                 if following <= view.reserved[row] or self._extend(view, row, plan, following):
-                    view.state[row] = AgentState.MOVING
-                    view.blocked_since[row] = NONE
-                    node = int(plan.nodes[following])
-                    _take(view, row, node, plan.origins[following], plan.blend_offsets[following], following)
-                    self._look_ahead(view, row, plan, following)
-                    return
-                if self._walks_through(plan, agent) and _distance(view, row) < NEAR_GOAL:
-                    reach_goal(self.plans, view, row)
-                    self._abandon(view, row, agent)
-                elif view.blocked_since[row] == NONE:
-                    view.blocked_since[row] = self.plans.step
-            elif plan.arrives and not self.plans.itineraries.accepts(agent, self._end(view, row)):
+                    self._follow(view, row, plan, following)
+                    return True
+                return False
+            if plan.arrives and not self.plans.itineraries.accepts(agent, self._end(view, row)):
                 self._abandon(view, row, agent)
             elif plan.arrives:
                 if not self.plans.itineraries.is_last(agent):
                     reach_goal(self.plans, view, row)
                     self._abandon(view, row, agent)
                 elif not view.stays[row]:
-                    return  # it leaves the world at the end of this node
+                    return True  # it leaves the world at the end of this node
                 else:
                     view.state[row] = AgentState.ARRIVED
+        self._come_to_rest(view, row)
+        return True
+
+    def _follow(self, view: View, row: int, plan: MotionPlan, following: int) -> None:
+        """Enter the node ``following`` of a plan, which is reserved."""
+        view.state[row] = AgentState.MOVING
+        view.blocked_since[row] = NONE
+        view.frame[row] = self._frame(view, row)
+        _take(view, row, int(plan.nodes[following]), plan.origins[following], plan.blend_offsets[following], following)
+        self._look_ahead(view, row, plan, following)
+
+    def _asks(self, view: View, row: int) -> bool:
+        """Let a row that was refused go on along its plan, if those in its way can give way."""
+        plan, following = self.plans.motions[int(view.agent[row])], int(view.cursor[row]) + 1
+        if self.plans.environment.waited_for or not self._extend(view, row, plan, following, asks=True):
+            return False
+        self._follow(view, row, plan, following)
+        return True
+
+    def _rests(self, view: View, row: int) -> None:
+        """Let a row that was refused to the last wait, or stop and wait."""
+        agent = int(view.agent[row])
+        plan = self.plans.motions[agent]
+        if self._walks_through(plan, agent) and _distance(view, row) < NEAR_GOAL:
+            reach_goal(self.plans, view, row)
+            self._abandon(view, row, agent)
+        elif view.blocked_since[row] == NONE:
+            view.blocked_since[row] = self.plans.step
+        self._come_to_rest(view, row)
+
+    def _come_to_rest(self, view: View, row: int) -> None:
+        """Stop, or wait."""
+        graph, agent, node = self.plans.assets.graph, int(view.agent[row]), int(view.node[row])
         if graph.stop_edge[node] != NONE:
             self._abandon(view, row, agent)
             self._stop(view, row)
@@ -100,8 +143,11 @@ class Choosing:
         else:
             self._stand(view, row, agent)
 
-    def _extend(self, view: View, row: int, plan: MotionPlan, following: int) -> bool:
-        """Reserve the node ``following`` of the plan, and as many after it as it takes to be able to stop."""
+    def _extend(self, view: View, row: int, plan: MotionPlan, following: int, asks: bool = False) -> bool:
+        """Reserve the node ``following`` of the plan, and as many after it as it takes to be able to stop.
+
+        ``asks``: whether others are asked to give way.
+        """
         assets = self.plans.assets
         available = min(plan.count - following, LOOKAHEAD)
         chain = self._begin_chain(view, row)
@@ -116,12 +162,17 @@ class Choosing:
         kept_off = float(view.body_radius[row]) + KEPT_OFF
         obstacles = Obstacles(layers, assets.body_radii, self._kept_free(view, row), kept_off)
         everyone = Timelines.of(view)
-        now = row, int(view.frame[row]), clock, SLOT_FRAMES
-        taken, gone = reserve(
-            assets.graph, obstacles, everyone, *now, chain, self._draft, 1, available, leaves, self._timeline
-        )
+        now = row, self._frame(view, row), clock, SLOT_FRAMES
+        ahead_of = chain, self._draft, 1, available, leaves, self._timeline
+        if asks:
+            asking = self._giving_way.asking(view)
+            taken, gone, count = reserve_by_asking(assets.graph, obstacles, everyone, *now, *ahead_of, asking)
+            self._giving_way.move(view, count)
+        else:
+            taken, gone = reserve(assets.graph, obstacles, everyone, *now, *ahead_of)
         if not taken:
             return False
+        self._giving_way.decided(row)
         view.timeline[row] = self._timeline
         center = self._timeline[0]
         view.timeline_circle[row, :2] = center
@@ -131,6 +182,11 @@ class Choosing:
         view.gone_slot[row] = gone
         view.reserved[row] = following + taken - 1
         return True
+
+    def _frame(self, view: View, row: int) -> int:
+        """The frame of its node that a row goes on from: who waits can leave its idle node at once."""
+        frame, length = int(view.frame[row]), int(self.plans.assets.graph.node_frames[view.node[row]])
+        return frame if frame + self.plans.assets.frames_per_step >= length else length
 
     def _begin_chain(self, view: View, row: int) -> Chain:
         """The chain of the present node alone."""

@@ -95,6 +95,7 @@ class Spawning:
 
     def _spawn(self, agent: int, plan: MotionPlan, slot: int) -> None:
         node = plan.departure_node
+        self.plans.set_out[agent] = self.plans.step
         self.world.spawn(
             agent=agent,
             pose=plan.departure,
