@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowdsim.constants import NONE
 from crowdsim.crowd.search.affected import outdated
@@ -62,7 +61,6 @@ class Plans:
     on_route is called with (agent, route) for every route that is newly taken; unreachable holds the reason for agents
     to whose goal no path was found when they last asked; replans counts how often an edit made an agent plan anew.
     lead: steps ahead of its need at which a plan is requested, if that can be told. moved: how often somebody gave way.
-    set_out: (agents,) step in which each set out for its present goal.
     """
 
     assets: Assets
@@ -77,11 +75,11 @@ class Plans:
     routes: dict[int, AnnotatedPath] = field(default_factory=dict)
     unreachable: dict[int, str] = field(default_factory=dict)
     moved: int = 0
-    set_out: NDArray[np.int64] = field(init=False)
     _joins: dict[int, Join | None] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        self.set_out = np.zeros(len(self.itineraries.cast.starts), np.int64)
+    def rank(self, agent: int) -> int:
+        """Who sets out now for its goal comes behind all who did before, and those of lower numbers."""
+        return self.step * len(self.itineraries.cast.starts) + agent
 
     def request(self, agent: int, request: Request, join: Join | None = None) -> None:
         """Ask for a search for one agent, instead of the one that is under way; a slice of it begins with this step."""

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from crowdsim.constants import CAPTURE_RATE
-from crowdsim.crowd.state.reservation_kernels import FOREVER, ROUNDING, TOO_LONG, lay_out, next_met, sample_chain
+from crowdsim.crowd.state.reservation_kernels import FOREVER, ROUNDING, TOO_LONG, lay_out, nearest_of_way, next_met, sample_chain
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.planar_kernels import compose, wrap_angle
 from crowdsim.jit import helper, kernel
@@ -18,6 +18,9 @@ from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 
 DETOUR_COST = 1.0
 """Seconds that a meter away from its goal counts for who chooses where to give way."""
+
+IN_WAY_COST = 4.0
+"""Seconds that a meter within the way ahead of who asks counts for who chooses where to give way."""
 
 WANTED = 3
 """Continuations of a plan, each a node longer, for which others are asked to give way."""
@@ -48,19 +51,30 @@ def lay_move(graph, moves, move, node, origin, chain):
 
 
 @helper
-def _next_move(graph, moves, node, origin, goal, cost, move):
-    """The cheapest move that costs more than ``cost``, or as much and comes behind ``move``; -1 if there is none."""
+def _price_moves(graph, moves, node, origin, goal, way, width, costs):
+    """What every move of somebody costs: its time, the detour, and how far it ends within a way that others ask for."""
     x, y, h = node_end(graph, np.int64(node), origin[0], origin[1], origin[2])
     away = hypot(goal[0] - x, goal[1] - y)
+    for k in range(moves.begin[node], moves.begin[node + 1]):
+        ex, ey, _ = compose(x, y, h, moves.shift[k, 0], moves.shift[k, 1], moves.shift[k, 2])
+        off, _, _ = nearest_of_way(way, ex, ey)
+        cost = moves.frames[k] / CAPTURE_RATE + DETOUR_COST * (hypot(goal[0] - ex, goal[1] - ey) - away)
+        costs[k - moves.begin[node]] = cost + IN_WAY_COST * max(width - off, 0.0)
+
+
+@helper
+def _cheapest(moves, node, costs):
+    """The cheapest move that is left, which is struck out; -1 if there is none."""
     best = -1
     least = math.inf
     for k in range(moves.begin[node], moves.begin[node + 1]):
-        ex, ey, _ = compose(x, y, h, moves.shift[k, 0], moves.shift[k, 1], moves.shift[k, 2])
-        its = moves.frames[k] / CAPTURE_RATE + DETOUR_COST * (hypot(goal[0] - ex, goal[1] - ey) - away)
-        if its < least and (its > cost or (its == cost and k > move)):
+        cost = costs[k - moves.begin[node]]
+        if cost < least:
             best = k
-            least = its
-    return best, least
+            least = cost
+    if best >= 0:
+        costs[best - moves.begin[node]] = math.inf
+    return best
 
 
 @helper
@@ -173,13 +187,16 @@ def clear_way(graph, obstacles, everyone, me, timeline, gone, clock, slot_frames
     _save(everyone, me, trail, last)
     _put(everyone, me, timeline, slot, gone)
     level = 0
-    trail.costs[0], trail.moves[0] = -math.inf, -1
+    fresh = True
     while level < count:
         row = trail.rows[level]
         node, origin = standing.node[row], standing.origin[row]
-        move, cost = _next_move(
-            graph, moves, node, origin, standing.goal[row], trail.costs[level], trail.moves[level]
-        )
+        if fresh:
+            width = everyone.body_radius[me] + everyone.body_radius[row]
+            way, costs = standing.way[me], trail.costs[level]
+            _price_moves(graph, moves, node, origin, standing.goal[row], way, width, costs)
+        fresh = False
+        move = _cheapest(moves, node, trail.costs[level])
         if move < 0 or trail.tries[0] <= 0:
             # Nothing is left for this one: the one before tries something else.
             level -= 1
@@ -190,7 +207,7 @@ def clear_way(graph, obstacles, everyone, me, timeline, gone, clock, slot_frames
             count -= trail.asked[level]
             continue
         trail.tries[0] -= 1
-        trail.moves[level], trail.costs[level] = move, cost
+        trail.moves[level] = move
         nodes = lay_move(graph, moves, move, node, origin, draft)
         wait = graph.node_frames[node]  # it sets out at once
         if sample_chain(graph, draft, nodes, wait, clock, slot_frames, trail.candidate) < 0:
@@ -203,8 +220,7 @@ def clear_way(graph, obstacles, everyone, me, timeline, gone, clock, slot_frames
         trail.asked[level] = asked
         count += asked
         level += 1
-        if level < count:
-            trail.costs[level], trail.moves[level] = -math.inf, -1
+        fresh = True
     return count
 
 

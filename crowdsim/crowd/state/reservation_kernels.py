@@ -11,7 +11,7 @@ import numpy as np
 
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.planar_kernels import wrap_angle
-from crowdsim.geometry.segments_kernels import segment_segment_distance2
+from crowdsim.geometry.segments_kernels import point_segment_distance2, segment_segment_distance2
 from crowdsim.jit import helper, kernel
 from crowdsim.motion.graph.track_kernels import next_origin, node_end, track_pose
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
@@ -248,7 +248,82 @@ def lay_out(graph, obstacles, frame, clock, slot_frames, chain, draft, taken, le
         return TOO_LONG
     if len(obstacles.kept_free) and comes_near(timeline, obstacles.kept_free, obstacles.distance):
         return BLOCKED
+    if not leaves and stops_in_way(timeline, obstacles.ways, obstacles.way_width):
+        return BLOCKED
     return ended
+
+
+@helper
+def nearest_of_way(way, x, y):
+    """Distance from (x, y) to a polyline (P, 2), and the direction (not normed) of its nearest segment."""
+    least = math.inf
+    ux = uy = 0.0
+    for k in range(len(way) - 1):
+        ax, ay = way[k, 0], way[k, 1]
+        bx, by = way[k + 1, 0], way[k + 1, 1]
+        square = point_segment_distance2(x, y, ax, ay, bx, by)
+        if square < least:
+            least = square
+            ux, uy = bx - ax, by - ay
+    return math.sqrt(least), ux, uy
+
+
+@kernel
+def stops_in_way(timeline, ways, width):
+    """Whether a timeline (K, 2) ends nearer than ``width`` to one of ``ways`` (W, P, 2), and against it if it begins there."""
+    x, y = timeline[-1, 0], timeline[-1, 1]
+    for way in ways:
+        away, ux, uy = nearest_of_way(way, x, y)
+        if away < width:
+            before, _, _ = nearest_of_way(way, timeline[0, 0], timeline[0, 1])
+            if before >= width or (x - timeline[0, 0]) * ux + (y - timeline[0, 1]) * uy < 0.0:
+                return True
+    return False
+
+
+@kernel
+def lay_way(origins, following, pose, meters, out):
+    """Fill ``out`` (P, 2) with the way from ``pose`` through the origins (n, 3) of nodes from ``following`` on.
+
+    It ends ``meters`` ahead at the latest. Returns how far from its begin it leads at most.
+    """
+    out[0, 0], out[0, 1] = pose[0], pose[1]
+    farthest = 0.0
+    gone = 0.0
+    least = meters / (len(out) - 1)
+    k = 0
+    for node in range(following, len(origins)):
+        length = hypot(origins[node, 0] - out[k, 0], origins[node, 1] - out[k, 1])
+        if length < least and node + 1 < len(origins):
+            continue
+        k += 1
+        out[k, 0], out[k, 1] = origins[node, 0], origins[node, 1]
+        gone += length
+        farthest = max(farthest, hypot(out[k, 0] - pose[0], out[k, 1] - pose[1]))
+        if k + 1 == len(out) or gone > meters:
+            break
+    for rest in range(k + 1, len(out)):
+        out[rest, 0], out[rest, 1] = out[k, 0], out[k, 1]
+    return farthest
+
+
+@kernel
+def ways_before(row, ways, ranks, reach, out):
+    """Gather the ways (N, P, 2) of those with a lower rank than ``row`` that begin within ``reach`` of where its own does.
+
+    Fills ``out`` (W, P, 2), the rest is left out; returns how many there are.
+    """
+    count = 0
+    x, y = ways[row, 0, 0], ways[row, 0, 1]
+    for other in range(len(ways)):
+        if ranks[other] < ranks[row] and count < len(out):
+            # Not a number where there is none.
+            if hypot(ways[other, 0, 0] - x, ways[other, 0, 1] - y) < reach:
+                for k in range(ways.shape[1]):
+                    out[count, k, 0] = ways[other, k, 0]
+                    out[count, k, 1] = ways[other, k, 1]
+                count += 1
+    return count
 
 
 @kernel

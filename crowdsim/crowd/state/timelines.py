@@ -13,6 +13,9 @@ from crowdsim.ecs.world import View
 Floats = NDArray[np.float64]
 
 
+_NO_WAYS = np.empty((0, 2, 2))
+
+
 class Chain(NamedTuple):
     """Nodes one after the other, with room for more: where each starts, and the blend offset that fades from there."""
 
@@ -58,6 +61,10 @@ class Obstacles(NamedTuple):
     """(M, 4) segments, x and y of both ends, of what is about to come."""
     distance: float
     """Meters that the track stays away from these."""
+    ways: Floats = _NO_WAYS
+    """(W, P, 2) ways ahead of those who go first: nobody else stops there who is not there already."""
+    way_width: float = 0.0
+    """Meters from them where one may stop."""
 
 
 class Standing(NamedTuple):
@@ -69,6 +76,8 @@ class Standing(NamedTuple):
     """(N, 3) where that started."""
     goal: Floats
     """(N, 2) meters."""
+    way: Floats
+    """(N, P, 2) the way ahead of each."""
     may_move: NDArray[np.bool_]
     """(N,) whether it stands and has not decided in this step what to do."""
     rank: NDArray[np.int64]
@@ -83,7 +92,7 @@ class Trail(NamedTuple):
     moves: NDArray[np.int32]
     """(D,) the move that each tries."""
     costs: Floats
-    """(D,) seconds, of that move."""
+    """(D, M) seconds, of every move that is left to be tried."""
     asked: NDArray[np.int32]
     """(D,) how many others that move asks to give way."""
     timeline: Floats
@@ -100,11 +109,11 @@ class Trail(NamedTuple):
     """(1,) moves that may still be tried in this step."""
 
     @classmethod
-    def room(cls, depth: int, slots: int) -> Trail:
+    def room(cls, depth: int, slots: int, moves: int) -> Trail:
         return cls(
             np.zeros(depth, np.int32),
             np.zeros(depth, np.int32),
-            np.zeros(depth),
+            np.zeros((depth, moves)),
             np.zeros(depth, np.int32),
             np.zeros((depth + 1, slots, 2)),
             np.zeros((depth + 1, 3)),

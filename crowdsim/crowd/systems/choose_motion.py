@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from crowdsim.constants import NONE
 from crowdsim.crowd.search.plans import Join, Plans
-from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS
+from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS, WAY_POINTS
 from crowdsim.crowd.state.give_way_kernels import reserve_by_asking
 from crowdsim.crowd.state.motion_plan import MotionPlan
-from crowdsim.crowd.state.reservation_kernels import ROUNDING, append_stop, reserve
+from crowdsim.crowd.state.reservation_kernels import ROUNDING, append_stop, lay_way, reserve, ways_before
 from crowdsim.crowd.state.state_hash import digest_of
 from crowdsim.crowd.state.timelines import Chain, Obstacles, Timelines
 from crowdsim.crowd.systems.apply_events import KEPT_OFF, reserved_lines
@@ -34,8 +34,14 @@ NODES_LEFT = 4
 NEAR_GOAL = 1.0
 """Meters from a goal to walk through at which it counts as reached where the last of the way is taken."""
 
+WAYS = 32
+"""Ways of others that are kept free at once, of more than so many within reach those who came first."""
+
 RETRY_SECONDS = 0.2
 """Time between two tries of somebody who stands and waits for others to go on [s]."""
+
+WAY_METERS = 4.0
+"""How much of the way ahead others keep free, who may cross it but not stop there [m]."""
 
 _CHAIN = LOOKAHEAD + 8  # with the nodes of the stop behind them
 _NOTHING = np.empty((0, 4))
@@ -56,6 +62,7 @@ class Choosing:
         self._giving_way = GivingWay(plans)
         self._retry_steps = max(round(RETRY_SECONDS * plans.assets.steps_per_second), 1)
         self._chain, self._draft = Chain.room(_CHAIN), Chain.room(_CHAIN)
+        self._ways = np.empty((WAYS, WAY_POINTS, 2))
         self._timeline = np.zeros((TIMELINE_SLOTS, 2))
 
     def choose(self, view: View) -> None:
@@ -71,8 +78,7 @@ class Choosing:
             if (ending[row] or int(view.agent[row]) in self.plans.motions) and not self._goes_on(view, row):
                 refused.append(row)
         if refused:
-            ranks = self._giving_way.ranks(view)
-            for row in sorted(refused, key=lambda row: int(ranks[row])):
+            for row in sorted(refused, key=lambda row: int(view.rank[row])):
                 if view.next_node[row] == NONE and not self._asks(view, row) and ending[row]:
                     self._rests(view, row)
 
@@ -101,6 +107,7 @@ class Choosing:
                     return True  # it leaves the world at the end of this node
                 else:
                     view.state[row] = AgentState.ARRIVED
+                    view.rank[row] = np.iinfo(np.int64).max
         self._come_to_rest(view, row)
         return True
 
@@ -160,7 +167,8 @@ class Choosing:
         clock = self.plans.step * assets.frames_per_step
         layers = tuple(mesh.arrays for mesh in self.plans.environment.meshes)
         kept_off = float(view.body_radius[row]) + KEPT_OFF
-        obstacles = Obstacles(layers, assets.body_radii, self._kept_free(view, row), kept_off)
+        ways = self._ways_before(view, row, plan, following)
+        obstacles = Obstacles(layers, assets.body_radii, self._kept_free(view, row), kept_off, *ways)
         everyone = Timelines.of(view)
         now = row, self._frame(view, row), clock, SLOT_FRAMES
         ahead_of = chain, self._draft, 1, available, leaves, self._timeline
@@ -182,6 +190,13 @@ class Choosing:
         view.gone_slot[row] = gone
         view.reserved[row] = following + taken - 1
         return True
+
+    def _ways_before(self, view: View, row: int, plan: MotionPlan, following: int) -> tuple[NDArray[np.float64], float]:
+        """Tell the way ahead along a plan; ways (W, P, 2) of those who go first, and meters to keep off them."""
+        spread = lay_way(plan.origins, following, view.pose[row], WAY_METERS, view.way[row])
+        reach = 2.0 * WAY_METERS + spread
+        count = ways_before(row, view.way, view.rank, reach, self._ways)
+        return self._ways[:count], 2.0 * float(view.body_radius[row])
 
     def _frame(self, view: View, row: int) -> int:
         """The frame of its node that a row goes on from: who waits can leave its idle node at once."""
@@ -231,6 +246,7 @@ class Choosing:
     def _abandon(self, view: View, row: int, agent: int) -> None:
         self.plans.motions.pop(agent, None)
         view.cursor[row] = view.reserved[row] = NONE
+        view.way[row] = np.nan
 
     def _stop(self, view: View, row: int) -> None:
         """Enter the first node of the stop that was reserved with the present node."""

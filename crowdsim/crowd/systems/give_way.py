@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowdsim.constants import NONE
 from crowdsim.crowd.search.plans import Plans
@@ -31,7 +30,8 @@ class GivingWay:
 
     def __init__(self, plans: Plans) -> None:
         self.plans = plans
-        self._trail = Trail.room(DEPTH, TIMELINE_SLOTS)
+        moves = int(np.diff(plans.assets.moves.begin).max(initial=0))
+        self._trail = Trail.room(DEPTH, TIMELINE_SLOTS, moves)
         self._chain = Chain.room(MOVE_NODES + 1)
         self._left = 0
         self._standing: Standing | None = None
@@ -41,17 +41,11 @@ class GivingWay:
         self._left = TRIES_A_STEP
         self._standing = None
 
-    def ranks(self, view: View) -> NDArray[np.int64]:
-        """(N,) rank of every row, the lowest is asked by nobody: who set out first for its goal, then by number."""
-        agents = view.agent.astype(np.int64)
-        rank: NDArray[np.int64] = self.plans.set_out[agents] * np.int64(len(self.plans.set_out)) + agents
-        return np.where(view.state == AgentState.ARRIVED, np.iinfo(np.int64).max, rank)
-
     def asking(self, view: View) -> Asking:
         """What kernels take to ask others: who stands is told once a step."""
         if self._standing is None:
             may_move = self.plans.assets.graph.node_idle[view.node] & (view.next_node == NONE)
-            self._standing = Standing(view.node, view.origin, view.goal, may_move, self.ranks(view))
+            self._standing = Standing(view.node, view.origin, view.goal, view.way, may_move, view.rank)
         tries = min(self._left, TRIES)
         self._left -= tries
         self._trail.tries[0] = tries
@@ -88,6 +82,7 @@ class GivingWay:
         view.awaiting_plan[row] = False
         view.plan_digest[row] = plan.digest
         view.timeline_digest[row] = digest_of(view.timeline[row].tobytes())
+        view.way[row] = np.nan
         view.reserved[row] = plan.count - 1
         view.blocked_since[row] = NONE
         view.state[row] = AgentState.MOVING

@@ -95,7 +95,6 @@ class Spawning:
 
     def _spawn(self, agent: int, plan: MotionPlan, slot: int) -> None:
         node = plan.departure_node
-        self.plans.set_out[agent] = self.plans.step
         self.world.spawn(
             agent=agent,
             pose=plan.departure,
@@ -108,5 +107,6 @@ class Spawning:
             timeline_start=slot,
             body_radius=self.assets.personal_radius,
             goal=self.plans.itineraries.goal(agent),
+            rank=self.plans.rank(agent),
             stays=self.cast.stays[agent],
         )
