@@ -21,6 +21,9 @@ from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 
 
+_FOLLOWERS = 64  # ranks between two who set out one after the other: for those who go in the turn of the first
+
+
 class Join(NamedTuple):
     """Where a search begins that goes on from a plan while it is walked.
 
@@ -79,7 +82,7 @@ class Plans:
 
     def rank(self, agent: int) -> int:
         """Who sets out now for its goal comes behind all who did before, and those of lower numbers."""
-        return self.step * len(self.itineraries.cast.starts) + agent
+        return (self.step * len(self.itineraries.cast.starts) + agent) * _FOLLOWERS
 
     def request(self, agent: int, request: Request, join: Join | None = None) -> None:
         """Ask for a search for one agent, instead of the one that is under way; a slice of it begins with this step."""

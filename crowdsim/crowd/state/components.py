@@ -17,7 +17,7 @@ TIMELINE_SLOTS = 48
 WAY_POINTS = 8
 """Points of the way ahead that a character would like others not to stop in."""
 
-DIGESTED = ("timeline", "timeline_circle", "way", "rank")
+DIGESTED = ("timeline", "timeline_circle", "way", "rank", "turn")
 """Columns of which the state hash takes a digest in another column: they are long and seldom change, or follow."""
 
 HASHED_AS = {"blend_offset": "seam", "next_blend_offset": "next_seam"}
@@ -56,6 +56,7 @@ COLUMNS = (
     # What others are told: the way ahead (nan where there is none), and who goes first, the lowest of all.
     Column("way", np.float64, (WAY_POINTS, 2), np.nan),
     Column("rank", np.int64),
+    Column("turn", np.int64),  # the rank that it has of its own
     Column("goal", np.float64, (2,)),
     Column("stays", np.bool_),
 )

@@ -308,6 +308,29 @@ def lay_way(origins, following, pose, meters, out):
 
 
 @kernel
+def rank_behind(row, ways, ranks, width, reach):
+    """The rank of ``row`` behind the first of those on its way ahead who go the same way; a large one if there is none.
+
+    Whoever is at most ``reach`` ahead and ``width`` beside the way counts.
+    """
+    best = FOREVER
+    way = ways[row]
+    for other in range(len(ways)):
+        if other == row or ranks[other] >= best:
+            continue
+        x, y = ways[other, 0, 0], ways[other, 0, 1]
+        if not hypot(x - way[0, 0], y - way[0, 1]) < reach:
+            continue
+        off, ux, uy = nearest_of_way(way, x, y)
+        if off < width:
+            vx, vy = ways[other, 1, 0] - x, ways[other, 1, 1] - y
+            ahead = (x - way[0, 0]) * ux + (y - way[0, 1]) * uy
+            if ahead > 0.0 and vx * ux + vy * uy > 0.7 * hypot(vx, vy) * hypot(ux, uy):
+                best = ranks[other] + 1
+    return best
+
+
+@kernel
 def ways_before(row, ways, ranks, reach, out):
     """Gather the ways (N, P, 2) of those with a lower rank than ``row`` that begin within ``reach`` of where its own does.
 

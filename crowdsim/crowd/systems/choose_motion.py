@@ -13,7 +13,7 @@ from crowdsim.crowd.search.plans import Join, Plans
 from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS, WAY_POINTS
 from crowdsim.crowd.state.give_way_kernels import reserve_by_asking
 from crowdsim.crowd.state.motion_plan import MotionPlan
-from crowdsim.crowd.state.reservation_kernels import ROUNDING, append_stop, lay_way, reserve, ways_before
+from crowdsim.crowd.state.reservation_kernels import ROUNDING, append_stop, lay_way, rank_behind, reserve, ways_before
 from crowdsim.crowd.state.state_hash import digest_of
 from crowdsim.crowd.state.timelines import Chain, Obstacles, Timelines
 from crowdsim.crowd.systems.apply_events import KEPT_OFF, reserved_lines
@@ -33,6 +33,12 @@ NODES_LEFT = 4
 
 NEAR_GOAL = 1.0
 """Meters from a goal to walk through at which it counts as reached where the last of the way is taken."""
+
+BEHIND_METERS = 2.0
+"""How far behind somebody of the same way one goes in its turn, so that not everyone at a door makes its own [m]."""
+
+BEHIND_WIDTH = 0.6
+"""How far beside its way somebody may be to be followed so [m]."""
 
 WAYS = 32
 """Ways of others that are kept free at once, of more than so many within reach those who came first."""
@@ -107,7 +113,7 @@ class Choosing:
                     return True  # it leaves the world at the end of this node
                 else:
                     view.state[row] = AgentState.ARRIVED
-                    view.rank[row] = np.iinfo(np.int64).max
+                    view.rank[row] = view.turn[row] = np.iinfo(np.int64).max
         self._come_to_rest(view, row)
         return True
 
@@ -195,6 +201,7 @@ class Choosing:
         """Tell the way ahead along a plan; ways (W, P, 2) of those who go first, and meters to keep off them."""
         spread = lay_way(plan.origins, following, view.pose[row], WAY_METERS, view.way[row])
         reach = 2.0 * WAY_METERS + spread
+        view.rank[row] = min(view.turn[row], rank_behind(row, view.way, view.rank, BEHIND_WIDTH, BEHIND_METERS))
         count = ways_before(row, view.way, view.rank, reach, self._ways)
         return self._ways[:count], 2.0 * float(view.body_radius[row])
 

@@ -128,7 +128,7 @@ def reach_goal(plans: Plans, view: View, row: int) -> None:
     """Count the goal of a character as reached, from where it goes on, and give it the next."""
     agent = int(view.agent[row])
     seconds = plans.itineraries.reach(agent)
-    view.rank[row] = plans.rank(agent)
+    view.rank[row] = view.turn[row] = plans.rank(agent)
     view.goal[row] = plans.itineraries.goal(agent)
     view.retry_step[row] = plans.step + round(seconds * plans.assets.steps_per_second)
 

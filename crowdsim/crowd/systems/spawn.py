@@ -108,5 +108,6 @@ class Spawning:
             body_radius=self.assets.personal_radius,
             goal=self.plans.itineraries.goal(agent),
             rank=self.plans.rank(agent),
+            turn=self.plans.rank(agent),
             stays=self.cast.stays[agent],
         )
