@@ -22,8 +22,15 @@ DETOUR_COST = 1.0
 IN_WAY_COST = 4.0
 """Seconds that a meter within the way ahead of who asks counts for who chooses where to give way."""
 
+OTHER_WAY_COST = 2.0
+"""The same for the ways of others who go before that one."""
+
 WANTED = 3
 """Continuations of a plan, each a node longer, for which others are asked to give way."""
+
+OFF_WALLS = 0.1
+"""Clearance that a move ends with beyond that of the widest behavior, if there was as much before [m]: who stands close
+to a wall finds no motion that leads on."""
 
 _STRIDE = 6  # frames between two samples of the test against obstacles
 
@@ -51,15 +58,22 @@ def lay_move(graph, moves, move, node, origin, chain):
 
 
 @helper
-def _price_moves(graph, moves, node, origin, goal, way, width, costs):
-    """What every move of somebody costs: its time, the detour, and how far it ends within a way that others ask for."""
+def _price_moves(graph, moves, node, origin, goal, way, ways, width, strict, costs):
+    """What every move of somebody costs: its time, the detour, and how far it ends within ways that others ask for.
+
+    ``strict``: no move counts that ends in ``way``, the first of them.
+    """
     x, y, h = node_end(graph, np.int64(node), origin[0], origin[1], origin[2])
     away = hypot(goal[0] - x, goal[1] - y)
     for k in range(moves.begin[node], moves.begin[node + 1]):
         ex, ey, _ = compose(x, y, h, moves.shift[k, 0], moves.shift[k, 1], moves.shift[k, 2])
         off, _, _ = nearest_of_way(way, ex, ey)
         cost = moves.frames[k] / CAPTURE_RATE + DETOUR_COST * (hypot(goal[0] - ex, goal[1] - ey) - away)
-        costs[k - moves.begin[node]] = cost + IN_WAY_COST * max(width - off, 0.0)
+        cost += IN_WAY_COST * max(width - off, 0.0)
+        for other in ways:
+            its, _, _ = nearest_of_way(other, ex, ey)
+            cost += OTHER_WAY_COST * max(width - its, 0.0)
+        costs[k - moves.begin[node]] = math.inf if strict and off < width else cost
 
 
 @helper
@@ -85,14 +99,17 @@ def _move_is_free(graph, obstacles, chain, count):
         widest = 0.0
         for behavior in range(len(obstacles.radii)):
             widest = max(widest, obstacles.radii[behavior, k])
-        now, hints[k] = disc_clearance(mesh, chain.origins[0, 0], chain.origins[0, 1], widest, hints[k])
+        now, hints[k] = disc_clearance(mesh, chain.origins[0, 0], chain.origins[0, 1], widest + OFF_WALLS, hints[k])
         # The end first, as most that fail do there.
         for c in range(count - 1, 0, -1):
             node = chain.nodes[c]
-            need = max(obstacles.radii[graph.node_behavior[node], k], now - ROUNDING)
+            own = obstacles.radii[graph.node_behavior[node], k]
             o, s = chain.origins[c], chain.blend_offsets[c]
             frame = graph.node_frames[node]
+            ends = c == count - 1
             while frame >= 0:
+                need = max(own, min(now - ROUNDING, widest + OFF_WALLS if ends else widest))
+                ends = False
                 x, y, _ = track_pose(graph, np.int64(node), np.int64(frame), o[0], o[1], o[2], s[0], s[1], s[2])
                 distance, hints[k] = disc_clearance(mesh, x, y, need, hints[k])
                 if distance < need:
@@ -147,7 +164,8 @@ def _ask(everyone, standing, trail, pusher, me, timeline, gone, slot, level, cou
     """Ask all whom the timeline of ``me`` meets to give way, behind the ``count`` who are asked already.
 
     Those asked up to ``level`` have their new timelines, and ``pusher`` has; the others are about to move.
-    Returns how many are asked now, -1 where somebody cannot be.
+    Returns how many are asked now; -1 where somebody cannot be, -2 less a place of the trail where that one has a
+    timeline already.
     """
     asked = 0
     other = -1
@@ -160,7 +178,7 @@ def _ask(everyone, standing, trail, pusher, me, timeline, gone, slot, level, cou
             place += 1
         if place < count + asked:
             if place <= level:
-                return -1
+                return -2 - place
             continue
         if other == pusher or not standing.may_move[other] or standing.rank[other] <= standing.rank[pusher]:
             return -1
@@ -177,15 +195,41 @@ def clear_way(graph, obstacles, everyone, me, timeline, gone, clock, slot_frames
     ``asking`` is a :class:`crowdsim.crowd.state.timelines.Asking`: ``trail.rows`` of it give way by ``trail.moves``.
     All of them own the timelines of their moves then, or all the ones they had.
     """
-    moves, standing, trail = asking.moves, asking.standing, asking.trail
-    forever = np.int64(FOREVER)
+    standing, trail = asking.standing, asking.trail
     slot = clock // slot_frames
-    last = len(trail.rows)
     count = _ask(everyone, standing, trail, me, me, timeline, gone, slot, -1, 0)
     if count < 0:
         return -1
+    last = len(trail.rows)
     _save(everyone, me, trail, last)
     _put(everyone, me, timeline, slot, gone)
+    count = _let_move(graph, obstacles, everyone, me, count, False, clock, slot_frames, draft, asking)
+    if count < 0:
+        _put_back(everyone, me, trail, last)
+    return count
+
+
+@kernel
+def step_aside(graph, obstacles, everyone, me, row, clock, slot_frames, draft, asking):
+    """Let ``row`` step out of the way ahead of ``me``; returns how many move, -1 if it cannot: see :func:`clear_way`."""
+    asking.trail.rows[0] = row
+    return _let_move(graph, obstacles, everyone, me, 1, True, clock, slot_frames, draft, asking)
+
+
+@helper
+def _let_move(graph, obstacles, everyone, me, count, strict, clock, slot_frames, draft, asking):
+    """Find moves for the first ``count`` rows of the trail and all whom these ask in turn, one level a row.
+
+    Who finds none lets the last of those move otherwise who asked it or were in its way (conflict-directed
+    backjumping: P. Prosser, Computational Intelligence 9(3), 1993): ``trail.blame`` has a bit for each of these.
+    ``strict``: the first must leave the way of ``me``.
+    """
+    moves, standing, trail = asking.moves, asking.standing, asking.trail
+    forever = np.int64(FOREVER)
+    one = np.int64(1)
+    slot = clock // slot_frames
+    for first in range(count):
+        trail.parent[first] = -1
     level = 0
     fresh = True
     while level < count:
@@ -193,18 +237,27 @@ def clear_way(graph, obstacles, everyone, me, timeline, gone, clock, slot_frames
         node, origin = standing.node[row], standing.origin[row]
         if fresh:
             width = everyone.body_radius[me] + everyone.body_radius[row]
-            way, costs = standing.way[me], trail.costs[level]
-            _price_moves(graph, moves, node, origin, standing.goal[row], way, width, costs)
+            way, costs, must = standing.way[me], trail.costs[level], strict and level == 0
+            goal = standing.goal[row]
+            _price_moves(graph, moves, node, origin, goal, way, obstacles.ways, width, must, costs)
+            trail.blame[level] = one << trail.parent[level] if trail.parent[level] >= 0 else 0
         fresh = False
         move = _cheapest(moves, node, trail.costs[level])
         if move < 0 or trail.tries[0] <= 0:
-            # Nothing is left for this one: the one before tries something else.
-            level -= 1
-            if level < 0:
-                _put_back(everyone, me, trail, last)
+            blame = trail.blame[level] if trail.tries[0] > 0 else 0
+            back = level - 1
+            while back >= 0 and trail.tries[0] > 0 and not blame & (one << back):
+                back -= 1
+            # Undo all of the levels behind that one, and its own move.
+            for undone in range(level - 1, max(back, 0) - 1, -1):
+                _put_back(everyone, trail.rows[undone], trail, undone)
+                count -= trail.asked[undone]
+            if back < 0 or trail.tries[0] <= 0:
+                for undone in range(max(back, 0) - 1, -1, -1):
+                    _put_back(everyone, trail.rows[undone], trail, undone)
                 return -1
-            _put_back(everyone, trail.rows[level], trail, level)
-            count -= trail.asked[level]
+            trail.blame[back] |= blame & ~(one << back)
+            level = back
             continue
         trail.tries[0] -= 1
         trail.moves[level] = move
@@ -213,15 +266,31 @@ def clear_way(graph, obstacles, everyone, me, timeline, gone, clock, slot_frames
         if sample_chain(graph, draft, nodes, wait, clock, slot_frames, trail.candidate) < 0:
             continue
         asked = _ask(everyone, standing, trail, me, row, trail.candidate, forever, slot, level, count)
+        if asked < -1:
+            trail.blame[level] |= one << (-2 - asked)
         if asked < 0 or not _move_is_free(graph, obstacles, draft, nodes):
             continue
         _save(everyone, row, trail, level)
         _put(everyone, row, trail.candidate, slot, forever)
         trail.asked[level] = asked
+        for place in range(count, count + asked):
+            trail.parent[place] = level
         count += asked
         level += 1
         fresh = True
     return count
+
+
+@kernel
+def next_in_way(ways, ranks, may_move, me, pose, width, begin):
+    """The first row from ``begin`` on that stands in the way ahead of ``me`` and ranks behind it, -1 if there is none."""
+    way = ways[me]
+    for row in range(begin, len(ranks)):
+        if may_move[row] and ranks[row] > ranks[me]:
+            off, _, _ = nearest_of_way(way, pose[row, 0], pose[row, 1])
+            if off < width:
+                return row
+    return -1
 
 
 @kernel

@@ -19,7 +19,7 @@ from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 FOREVER = 9223372036854775807
 """The slot from which on a character is gone that never leaves."""
 
-ELBOW_ROOM = 0.3
+ELBOW_ROOM = 0.1
 """Meters beyond their discs that two characters at rest keep between them."""
 
 BLOCKED = -1

@@ -93,6 +93,10 @@ class Trail(NamedTuple):
     """(D,) the move that each tries."""
     costs: Floats
     """(D, M) seconds, of every move that is left to be tried."""
+    parent: NDArray[np.int32]
+    """(D,) the place of who asked each, -1 for the first of all."""
+    blame: NDArray[np.int64]
+    """(D,) a bit for every place whose move keeps this one from moving."""
     asked: NDArray[np.int32]
     """(D,) how many others that move asks to give way."""
     timeline: Floats
@@ -114,6 +118,8 @@ class Trail(NamedTuple):
             np.zeros(depth, np.int32),
             np.zeros(depth, np.int32),
             np.zeros((depth, moves)),
+            np.zeros(depth, np.int32),
+            np.zeros(depth, np.int64),
             np.zeros(depth, np.int32),
             np.zeros((depth + 1, slots, 2)),
             np.zeros((depth + 1, 3)),

@@ -40,6 +40,9 @@ BEHIND_METERS = 2.0
 BEHIND_WIDTH = 0.6
 """How far beside its way somebody may be to be followed so [m]."""
 
+WAY_ROOM = 0.2
+"""How much farther off the way of others than their bodies' radii one stops, so that they can give way [m]."""
+
 WAYS = 32
 """Ways of others that are kept free at once, of more than so many within reach those who came first."""
 
@@ -195,6 +198,8 @@ class Choosing:
         view.timeline_start[row] = clock // SLOT_FRAMES
         view.gone_slot[row] = gone
         view.reserved[row] = following + taken - 1
+        if not asks and not self.plans.environment.waited_for:
+            self._giving_way.clear_ahead(view, row, obstacles, self._draft)
         return True
 
     def _ways_before(self, view: View, row: int, plan: MotionPlan, following: int) -> tuple[NDArray[np.float64], float]:
@@ -203,7 +208,7 @@ class Choosing:
         reach = 2.0 * WAY_METERS + spread
         view.rank[row] = min(view.turn[row], rank_behind(row, view.way, view.rank, BEHIND_WIDTH, BEHIND_METERS))
         count = ways_before(row, view.way, view.rank, reach, self._ways)
-        return self._ways[:count], 2.0 * float(view.body_radius[row])
+        return self._ways[:count], 2.0 * float(view.body_radius[row]) + WAY_ROOM
 
     def _frame(self, view: View, row: int) -> int:
         """The frame of its node that a row goes on from: who waits can leave its idle node at once."""

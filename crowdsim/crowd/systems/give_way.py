@@ -6,22 +6,25 @@ import numpy as np
 
 from crowdsim.constants import NONE
 from crowdsim.crowd.search.plans import Plans
-from crowdsim.crowd.state.components import TIMELINE_SLOTS
-from crowdsim.crowd.state.give_way_kernels import lay_move
+from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS
+from crowdsim.crowd.state.give_way_kernels import lay_move, next_in_way, step_aside
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.moves import MOVE_NODES
 from crowdsim.crowd.state.state_hash import digest_of
-from crowdsim.crowd.state.timelines import Asking, Chain, Standing, Trail
+from crowdsim.crowd.state.timelines import Asking, Chain, Obstacles, Standing, Timelines, Trail
 from crowdsim.ecs.world import View
 from crowdsim.recording.header import AgentState
 
-DEPTH = 12
+DEPTH = 16
 """How many give way to one at most, one after the other."""
 
-TRIES = 400
+TRIES = 1000
 """Moves that are tried for one who asks."""
 
-TRIES_A_STEP = 4000
+TRIES_AHEAD = 100
+"""Moves that are tried to let one step aside before it is in the way."""
+
+TRIES_A_STEP = 6000
 """Moves that are tried in one step for all who ask."""
 
 
@@ -41,12 +44,12 @@ class GivingWay:
         self._left = TRIES_A_STEP
         self._standing = None
 
-    def asking(self, view: View) -> Asking:
+    def asking(self, view: View, most: int = TRIES) -> Asking:
         """What kernels take to ask others: who stands is told once a step."""
         if self._standing is None:
             may_move = self.plans.assets.graph.node_idle[view.node] & (view.next_node == NONE)
             self._standing = Standing(view.node, view.origin, view.goal, view.way, may_move, view.rank)
-        tries = min(self._left, TRIES)
+        tries = min(self._left, most)
         self._left -= tries
         self._trail.tries[0] = tries
         return Asking(self.plans.assets.moves, self._standing, self._trail)
@@ -56,9 +59,27 @@ class GivingWay:
         if self._standing is not None:
             self._standing.may_move[row] = False
 
+    def clear_ahead(self, view: View, row: int, obstacles: Obstacles, draft: Chain) -> None:
+        """Let those step aside who stand in the way ahead of a row that walks."""
+        assets = self.plans.assets
+        asking = self.asking(view, TRIES_AHEAD)
+        clock = self.plans.step * assets.frames_per_step
+        begin = 0
+        while True:
+            begin = next_in_way(view.way, view.rank, asking.standing.may_move, row, view.pose, 2.0 * view.body_radius[row], begin)
+            if begin < 0:
+                break
+            count = step_aside(assets.graph, obstacles, Timelines.of(view), row, begin, clock, SLOT_FRAMES, draft, asking)
+            self.move(view, count)
+            begin += 1
+            asking = self.asking(view, TRIES_AHEAD)
+        self._left += int(self._trail.tries[0])
+        self._trail.tries[0] = 0
+
     def move(self, view: View, count: int) -> None:
         """Let the first ``count`` rows of the trail set out on the moves they were asked for."""
         self._left += int(self._trail.tries[0])
+        self._trail.tries[0] = 0
         for place in range(count):
             self._set_out(view, int(self._trail.rows[place]), int(self._trail.moves[place]))
 
