@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from crowdsim.constants import CAPTURE_RATE
-from crowdsim.crowd.state.reservation_kernels import FOREVER, ROUNDING, TOO_LONG, lay_out, nearest_of_way, next_met, sample_chain
+from crowdsim.crowd.state.reservation_kernels import FOREVER, IN_WAY, ROUNDING, TOO_LONG, lay_out, near_any, nearest_of_way, next_met, sample_chain
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.planar_kernels import compose, wrap_angle
 from crowdsim.jit import helper, kernel
@@ -24,6 +24,9 @@ IN_WAY_COST = 4.0
 
 OTHER_WAY_COST = 2.0
 """The same for the ways of others who go before that one."""
+
+PASSAGE_COST = 3.0
+"""Seconds that a stand in a narrow passage counts for."""
 
 WANTED = 3
 """Continuations of a plan, each a node longer, for which others are asked to give way."""
@@ -58,7 +61,7 @@ def lay_move(graph, moves, move, node, origin, chain):
 
 
 @helper
-def _price_moves(graph, moves, node, origin, goal, way, ways, width, strict, costs):
+def _price_moves(graph, moves, node, origin, goal, way, obstacles, width, strict, costs):
     """What every move of somebody costs: its time, the detour, and how far it ends within ways that others ask for.
 
     ``strict``: no move counts that ends in ``way``, the first of them.
@@ -70,7 +73,9 @@ def _price_moves(graph, moves, node, origin, goal, way, ways, width, strict, cos
         off, _, _ = nearest_of_way(way, ex, ey)
         cost = moves.frames[k] / CAPTURE_RATE + DETOUR_COST * (hypot(goal[0] - ex, goal[1] - ey) - away)
         cost += IN_WAY_COST * max(width - off, 0.0)
-        for other in ways:
+        if near_any(obstacles.passages, ex, ey, obstacles.off_passages):
+            cost += PASSAGE_COST
+        for other in obstacles.ways:
             its, _, _ = nearest_of_way(other, ex, ey)
             cost += OTHER_WAY_COST * max(width - its, 0.0)
         costs[k - moves.begin[node]] = math.inf if strict and off < width else cost
@@ -239,7 +244,7 @@ def _let_move(graph, obstacles, everyone, me, count, strict, clock, slot_frames,
             width = everyone.body_radius[me] + everyone.body_radius[row]
             way, costs, must = standing.way[me], trail.costs[level], strict and level == 0
             goal = standing.goal[row]
-            _price_moves(graph, moves, node, origin, goal, way, obstacles.ways, width, must, costs)
+            _price_moves(graph, moves, node, origin, goal, way, obstacles, width, must, costs)
             trail.blame[level] = one << trail.parent[level] if trail.parent[level] >= 0 else 0
         fresh = False
         move = _cheapest(moves, node, trail.costs[level])
@@ -304,18 +309,21 @@ def reserve_by_asking(
     """
     forever = np.int64(FOREVER)
     tried = 0
-    for taken in range(first, available + 1):
-        leaves = ends_plan and taken == available
-        ended = lay_out(graph, obstacles, frame, clock, slot_frames, chain, draft, taken, leaves, timeline)
-        if ended == TOO_LONG:
-            break
-        if ended < 0:
-            continue
-        gone = ended if leaves else forever
-        count = clear_way(graph, obstacles, everyone, row, timeline, gone, clock, slot_frames, draft, asking)
-        if count >= 0:
-            return taken, gone, count
-        tried += 1
-        if tried == WANTED:
+    for tolerant in range(2):
+        stands = False
+        for taken in range(first, available + 1):
+            leaves = ends_plan and taken == available
+            found = lay_out(graph, obstacles, frame, clock, slot_frames, chain, draft, taken, leaves, tolerant, timeline)
+            if found == TOO_LONG or tried == WANTED:
+                break
+            stands = stands or found >= 0 or found == IN_WAY
+            if found < 0:
+                continue
+            gone = found if leaves else forever
+            count = clear_way(graph, obstacles, everyone, row, timeline, gone, clock, slot_frames, draft, asking)
+            if count >= 0:
+                return taken, gone, count
+            tried += 1
+        if stands:
             break
     return 0, forever, 0

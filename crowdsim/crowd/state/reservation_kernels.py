@@ -25,6 +25,12 @@ ELBOW_ROOM = 0.1
 BLOCKED = -1
 """No timeline, as its stop touches something."""
 
+NARROW = -3
+"""No timeline, as it ends in a narrow passage."""
+
+IN_WAY = -4
+"""No timeline, as it ends in the way of somebody who goes first."""
+
 TOO_LONG = -2
 """No timeline, as it takes more slots than there are."""
 
@@ -227,10 +233,11 @@ def _copy_chain(chain, to):
 
 
 @helper
-def lay_out(graph, obstacles, frame, clock, slot_frames, chain, draft, taken, leaves, timeline):
+def lay_out(graph, obstacles, frame, clock, slot_frames, chain, draft, taken, leaves, tolerant, timeline):
     """Sample ``taken`` nodes of a chain and the stop behind them, if it does not leave the world there.
 
-    Returns the first slot at or after the end; BLOCKED where the stop touches something, TOO_LONG if so.
+    Returns the first slot at or after the end; BLOCKED where the stop touches something, TOO_LONG, NARROW (unless
+    ``tolerant``) or IN_WAY if so.
     """
     _copy_chain(chain, draft)
     count = taken + 1
@@ -248,8 +255,10 @@ def lay_out(graph, obstacles, frame, clock, slot_frames, chain, draft, taken, le
         return TOO_LONG
     if len(obstacles.kept_free) and comes_near(timeline, obstacles.kept_free, obstacles.distance):
         return BLOCKED
+    if not (leaves or tolerant) and stops_in_passage(timeline, obstacles.passages, obstacles.off_passages):
+        return NARROW
     if not leaves and stops_in_way(timeline, obstacles.ways, obstacles.way_width):
-        return BLOCKED
+        return IN_WAY
     return ended
 
 
@@ -266,6 +275,24 @@ def nearest_of_way(way, x, y):
             least = square
             ux, uy = bx - ax, by - ay
     return math.sqrt(least), ux, uy
+
+
+@kernel
+def stops_in_passage(timeline, passages, distance):
+    """Whether a timeline (K, 2) ends nearer than ``distance`` to one of ``passages`` (S, 4), and does not begin so."""
+    return near_any(passages, timeline[-1, 0], timeline[-1, 1], distance) and not near_any(
+        passages, timeline[0, 0], timeline[0, 1], distance
+    )
+
+
+@helper
+def near_any(segments, x, y, distance):
+    """Whether (x, y) is nearer than ``distance`` to one of ``segments`` (M, 4)."""
+    for m in range(len(segments)):
+        s = segments[m]
+        if point_segment_distance2(x, y, s[0], s[1], s[2], s[3]) < distance * distance:
+            return True
+    return False
 
 
 @kernel
@@ -362,15 +389,20 @@ def reserve(
     """
     forever = np.int64(FOREVER)
     start = clock // slot_frames
-    for taken in range(first, available + 1):
-        leaves = ends_plan and taken == available
-        ended = lay_out(graph, obstacles, frame, clock, slot_frames, chain, draft, taken, leaves, timeline)
-        if ended == TOO_LONG:
+    for tolerant in range(2):
+        stands = False  # whether it could stand in a place that is not narrow, if nobody was there
+        for taken in range(first, available + 1):
+            leaves = ends_plan and taken == available
+            found = lay_out(graph, obstacles, frame, clock, slot_frames, chain, draft, taken, leaves, tolerant, timeline)
+            if found == TOO_LONG:
+                break
+            stands = stands or found >= 0 or found == IN_WAY
+            if found < 0:
+                continue  # it cannot stand down after this node; perhaps it can after the next
+            gone = found if leaves else forever
+            if not meets_anyone(row, timeline, start, gone, start, everyone.body_radius[row], everyone):
+                return taken, gone
+            # There may be no place to stand here, but one beyond whoever is in the way.
+        if stands:
             break
-        if ended < 0:
-            continue  # it cannot stand down after this node; perhaps it can after the next
-        gone = ended if leaves else forever
-        if not meets_anyone(row, timeline, start, gone, start, everyone.body_radius[row], everyone):
-            return taken, gone
-        # There may be no place to stand here, but one beyond whoever is in the way.
     return 0, forever

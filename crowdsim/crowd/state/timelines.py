@@ -65,6 +65,10 @@ class Obstacles(NamedTuple):
     """(W, P, 2) ways ahead of those who go first: nobody else stops there who is not there already."""
     way_width: float = 0.0
     """Meters from them where one may stop."""
+    passages: Floats = np.empty((0, 4))
+    """(S, 4) segments across narrow passages: nobody stops there who can stop before or behind."""
+    off_passages: float = 0.0
+    """Meters from them where one may stop."""
 
 
 class Standing(NamedTuple):

@@ -43,6 +43,9 @@ BEHIND_WIDTH = 0.6
 WAY_ROOM = 0.2
 """How much farther off the way of others than their bodies' radii one stops, so that they can give way [m]."""
 
+PASSAGE_BODIES = 2.0
+"""How far off a narrow passage one stops, in radii."""
+
 WAYS = 32
 """Ways of others that are kept free at once, of more than so many within reach those who came first."""
 
@@ -177,7 +180,8 @@ class Choosing:
         layers = tuple(mesh.arrays for mesh in self.plans.environment.meshes)
         kept_off = float(view.body_radius[row]) + KEPT_OFF
         ways = self._ways_before(view, row, plan, following)
-        obstacles = Obstacles(layers, assets.body_radii, self._kept_free(view, row), kept_off, *ways)
+        passages = self.plans.environment.passages, PASSAGE_BODIES * float(view.body_radius[row])
+        obstacles = Obstacles(layers, assets.body_radii, self._kept_free(view, row), kept_off, *ways, *passages)
         everyone = Timelines.of(view)
         now = row, self._frame(view, row), clock, SLOT_FRAMES
         ahead_of = chain, self._draft, 1, available, leaves, self._timeline
