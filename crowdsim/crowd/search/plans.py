@@ -64,6 +64,7 @@ class Plans:
     on_route is called with (agent, route) for every route that is newly taken; unreachable holds the reason for agents
     to whose goal no path was found when they last asked; replans counts how often an edit made an agent plan anew.
     lead: steps ahead of its need at which a plan is requested, if that can be told. moved: how often somebody gave way.
+    away: those who had arrived, gave way, and come back.
     """
 
     assets: Assets
@@ -78,6 +79,7 @@ class Plans:
     routes: dict[int, AnnotatedPath] = field(default_factory=dict)
     unreachable: dict[int, str] = field(default_factory=dict)
     moved: int = 0
+    away: set[int] = field(default_factory=set)
     _joins: dict[int, Join | None] = field(default_factory=dict)
 
     def rank(self, agent: int) -> int:

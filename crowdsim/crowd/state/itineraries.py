@@ -84,6 +84,10 @@ class Itineraries:
         self.reached[agent] += 1
         return 0.0 if last else float(self.cast.waits[agent])
 
+    def leave(self, agent: int) -> None:
+        """Count the place that was reached last as not reached: it was left to give way."""
+        self.reached[agent] -= 1
+
     def stands_summary(self) -> dict[str, float | int | None]:
         """How many came to stand at a place, and how far off it and the heading asked for they were at most."""
         off, turned = np.array(self.stood).reshape(-1, 2).T

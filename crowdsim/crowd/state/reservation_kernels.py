@@ -297,9 +297,15 @@ def near_any(segments, x, y, distance):
 
 @kernel
 def stops_in_way(timeline, ways, width):
-    """Whether a timeline (K, 2) ends nearer than ``width`` to one of ``ways`` (W, P, 2), and against it if it begins there."""
+    """Whether a timeline (K, 2) ends nearer than ``width`` to one of ``ways`` (W, P, 2).
+
+    Who is behind the begin of a way is not in it; nor who begins there already and does not go against it.
+    """
     x, y = timeline[-1, 0], timeline[-1, 1]
     for way in ways:
+        ax, ay = way[0, 0], way[0, 1]
+        if (x - ax) * (way[1, 0] - ax) + (y - ay) * (way[1, 1] - ay) < 0.0:
+            continue
         away, ux, uy = nearest_of_way(way, x, y)
         if away < width:
             before, _, _ = nearest_of_way(way, timeline[0, 0], timeline[0, 1])

@@ -43,8 +43,11 @@ BEHIND_WIDTH = 0.6
 WAY_ROOM = 0.2
 """How much farther off the way of others than their bodies' radii one stops, so that they can give way [m]."""
 
-PASSAGE_BODIES = 2.0
+PASSAGE_BODIES = 3.0
 """How far off a narrow passage one stops, in radii."""
+
+LONG_SECONDS = 5.0
+"""Time after which who waits lets others stop in its way, until it looks for a way around [s]."""
 
 WAYS = 32
 """Ways of others that are kept free at once, of more than so many within reach those who came first."""
@@ -91,8 +94,11 @@ class Choosing:
                 refused.append(row)
         if refused:
             for row in sorted(refused, key=lambda row: int(view.rank[row])):
-                if view.next_node[row] == NONE and not self._asks(view, row) and ending[row]:
-                    self._rests(view, row)
+                if view.next_node[row] == NONE and not self._asks(view, row):
+                    if self._waits_long(view, row):
+                        view.way[row] = np.nan  # those it waits for may need its way
+                    if ending[row]:
+                        self._rests(view, row)
 
     def _goes_on(self, view: View, row: int) -> bool:
         """Choose for a row, unless it has a plan and cannot go on along it."""
@@ -128,6 +134,10 @@ class Choosing:
         view.state[row] = AgentState.MOVING
         view.blocked_since[row] = NONE
         view.frame[row] = self._frame(view, row)
+        if view.awaiting_plan[row] and self.plans.assets.graph.node_idle[view.node[row]]:
+            # The way is free before one around was found.
+            self.plans.searches.drop(int(view.agent[row]))
+            view.awaiting_plan[row] = False
         _take(view, row, int(plan.nodes[following]), plan.origins[following], plan.blend_offsets[following], following)
         self._look_ahead(view, row, plan, following)
 
@@ -202,14 +212,15 @@ class Choosing:
         view.timeline_start[row] = clock // SLOT_FRAMES
         view.gone_slot[row] = gone
         view.reserved[row] = following + taken - 1
+        lay_way(plan.origins, following + taken, self._timeline[-1], WAY_METERS, view.way[row])
         if not asks and not self.plans.environment.waited_for:
             self._giving_way.clear_ahead(view, row, obstacles, self._draft)
         return True
 
     def _ways_before(self, view: View, row: int, plan: MotionPlan, following: int) -> tuple[NDArray[np.float64], float]:
         """Tell the way ahead along a plan; ways (W, P, 2) of those who go first, and meters to keep off them."""
-        spread = lay_way(plan.origins, following, view.pose[row], WAY_METERS, view.way[row])
-        reach = 2.0 * WAY_METERS + spread
+        lay_way(plan.origins, following, view.timeline[row, -1], WAY_METERS, view.way[row])
+        reach = 3.0 * WAY_METERS
         view.rank[row] = min(view.turn[row], rank_behind(row, view.way, view.rank, BEHIND_WIDTH, BEHIND_METERS))
         count = ways_before(row, view.way, view.rank, reach, self._ways)
         return self._ways[:count], 2.0 * float(view.body_radius[row]) + WAY_ROOM
@@ -218,6 +229,11 @@ class Choosing:
         """The frame of its node that a row goes on from: who waits can leave its idle node at once."""
         frame, length = int(view.frame[row]), int(self.plans.assets.graph.node_frames[view.node[row]])
         return frame if frame + self.plans.assets.frames_per_step >= length else length
+
+    def _waits_long(self, view: View, row: int) -> bool:
+        """Whether a row was refused for long; that begins anew where it looks for a way around."""
+        blocked = int(self.plans.step - view.blocked_since[row]) if view.blocked_since[row] != NONE else 0
+        return blocked >= LONG_SECONDS * self.plans.assets.steps_per_second
 
     def _begin_chain(self, view: View, row: int) -> Chain:
         """The chain of the present node alone."""

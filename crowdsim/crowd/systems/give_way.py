@@ -97,6 +97,11 @@ class GivingWay:
             blend_offsets=chain.blend_offsets[1:count].copy(),
             arrives=False,
         )
+        if view.state[row] == AgentState.ARRIVED:
+            # It comes back to where it stood.
+            plans.away.add(agent)
+            plans.itineraries.leave(agent)
+            view.rank[row] = view.turn[row] = plans.rank(agent)
         plans.searches.drop(agent)
         plans.motions[agent] = plan
         plans.moved += 1
