@@ -20,7 +20,6 @@ from crowdsim.errors import PathNotFound
 from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 
-
 _FOLLOWERS = 64  # ranks between two who set out one after the other: for those who go in the turn of the first
 
 

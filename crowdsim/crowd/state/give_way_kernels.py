@@ -9,7 +9,8 @@ import math
 import numpy as np
 
 from crowdsim.constants import CAPTURE_RATE
-from crowdsim.crowd.state.reservation_kernels import FOREVER, IN_WAY, ROUNDING, TOO_LONG, lay_out, near_any, nearest_of_way, next_met, sample_chain
+from crowdsim.crowd.state.reservation_kernels import IN_WAY, ROUNDING, TOO_LONG, lay_out, next_met, sample_chain
+from crowdsim.crowd.state.way_kernels import FOREVER, near_any, nearest_of_way
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.planar_kernels import compose, wrap_angle
 from crowdsim.jit import helper, kernel
@@ -45,7 +46,7 @@ def lay_move(graph, moves, move, node, origin, chain):
     for axis in range(3):
         chain.origins[0, axis] = origin[axis]
         chain.blend_offsets[0, axis] = 0.0
-    for k in range(moves.count[move]):
+    for k in range(moves.lengths[move]):
         o = chain.origins[k]
         edge = moves.edges[move, k]
         ex, ey, eh = node_end(graph, np.int64(chain.nodes[k]), o[0], o[1], o[2])
@@ -57,7 +58,7 @@ def lay_move(graph, moves, move, node, origin, chain):
         chain.blend_offsets[k + 1, 0] = ex - x
         chain.blend_offsets[k + 1, 1] = ey - y
         chain.blend_offsets[k + 1, 2] = wrap_angle(eh - h)
-    return moves.count[move] + 1
+    return moves.lengths[move] + 1
 
 
 @helper
@@ -216,7 +217,7 @@ def clear_way(graph, obstacles, everyone, me, timeline, gone, clock, slot_frames
 
 @kernel
 def step_aside(graph, obstacles, everyone, me, row, clock, slot_frames, draft, asking):
-    """Let ``row`` step out of the way ahead of ``me``; returns how many move, -1 if it cannot: see :func:`clear_way`."""
+    """Let ``row`` step out of the way ahead of ``me``; returns how many move, -1 if it cannot: see `clear_way`."""
     asking.trail.rows[0] = row
     return _let_move(graph, obstacles, everyone, me, 1, True, clock, slot_frames, draft, asking)
 
@@ -288,7 +289,7 @@ def _let_move(graph, obstacles, everyone, me, count, strict, clock, slot_frames,
 
 @kernel
 def next_in_way(ways, ranks, may_move, me, pose, width, begin):
-    """The first row from ``begin`` on that stands in the way ahead of ``me`` and ranks behind it, -1 if there is none."""
+    """The first row from ``begin`` on that stands in the way ahead of ``me`` and ranks behind it, or -1."""
     way = ways[me]
     for row in range(begin, len(ranks)):
         if may_move[row] and ranks[row] > ranks[me]:
@@ -300,7 +301,20 @@ def next_in_way(ways, ranks, may_move, me, pose, width, begin):
 
 @kernel
 def reserve_by_asking(
-    graph, obstacles, everyone, row, frame, clock, slot_frames, chain, draft, first, available, ends_plan, timeline, asking
+    graph,
+    obstacles,
+    everyone,
+    row,
+    frame,
+    clock,
+    slot_frames,
+    chain,
+    draft,
+    first,
+    available,
+    ends_plan,
+    timeline,
+    asking,
 ):
     """Find a continuation as ``reserve`` does, where those who stand in the way may be asked to give way.
 
@@ -313,7 +327,9 @@ def reserve_by_asking(
         stands = False
         for taken in range(first, available + 1):
             leaves = ends_plan and taken == available
-            found = lay_out(graph, obstacles, frame, clock, slot_frames, chain, draft, taken, leaves, tolerant, timeline)
+            found = lay_out(
+                graph, obstacles, frame, clock, slot_frames, chain, draft, taken, leaves, tolerant, timeline
+            )
             if found == TOO_LONG or tried == WANTED:
                 break
             stands = stands or found >= 0 or found == IN_WAY

@@ -34,13 +34,13 @@ _NOTABLE_STEP = 0.3  # meters: of what comes behind a turn
 class Moves(NamedTuple):
     """M moves, those from the same idle node one after the other, quickest first.
 
-    begin: (N + 1,) int32, moves ``begin[n]:begin[n + 1]`` set out from idle node n. count: (M,) int32 nodes of each.
+    begin: (N + 1,) int32, moves ``begin[n]:begin[n + 1]`` set out from idle node n. lengths: (M,) int32 nodes of each.
     edges: (M, MOVE_NODES) int32 edges to its nodes. twists: (M, MOVE_NODES) radians of extra rotation at each.
     shift: (M, 3) its end relative to its start. frames: (M,) int32.
     """
 
     begin: NDArray[np.int32]
-    count: NDArray[np.int32]
+    lengths: NDArray[np.int32]
     edges: NDArray[np.int32]
     twists: NDArray[np.float64]
     shift: NDArray[np.float64]
@@ -78,7 +78,7 @@ def moves_of(graph: GraphArrays) -> Moves:
         twists[row, : len(move.edges)] = move.twists
     return Moves(
         begin=begin,
-        count=np.array([len(move.edges) for move in rows], np.int32),
+        lengths=np.array([len(move.edges) for move in rows], np.int32),
         edges=edges,
         twists=twists,
         shift=np.array([move.end for move in rows], np.float64).reshape(-1, 3),

@@ -13,9 +13,10 @@ from crowdsim.crowd.search.plans import Join, Plans
 from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS, WAY_POINTS
 from crowdsim.crowd.state.give_way_kernels import reserve_by_asking
 from crowdsim.crowd.state.motion_plan import MotionPlan
-from crowdsim.crowd.state.reservation_kernels import ROUNDING, append_stop, lay_way, rank_behind, reserve, ways_before
+from crowdsim.crowd.state.reservation_kernels import ROUNDING, append_stop, reserve
 from crowdsim.crowd.state.state_hash import digest_of
 from crowdsim.crowd.state.timelines import Chain, Obstacles, Timelines
+from crowdsim.crowd.state.way_kernels import lay_way, rank_behind, ways_before
 from crowdsim.crowd.systems.apply_events import KEPT_OFF, reserved_lines
 from crowdsim.crowd.systems.give_way import GivingWay
 from crowdsim.crowd.systems.replan import reach_goal
@@ -88,10 +89,11 @@ class Choosing:
         waits = graph.node_idle[view.node] & (view.blocked_since != NONE) & (view.state == AgentState.WAITING)
         waits &= (self.plans.step + view.agent) % self._retry_steps == 0
         self._giving_way.begin()
-        refused = []
-        for row in np.flatnonzero((ending | waits) & (view.next_node == NONE)).tolist():
-            if (ending[row] or int(view.agent[row]) in self.plans.motions) and not self._goes_on(view, row):
-                refused.append(row)
+        refused = [
+            row
+            for row in np.flatnonzero((ending | waits) & (view.next_node == NONE)).tolist()
+            if (ending[row] or int(view.agent[row]) in self.plans.motions) and not self._goes_on(view, row)
+        ]
         if refused:
             for row in sorted(refused, key=lambda row: int(view.rank[row])):
                 if view.next_node[row] == NONE and not self._asks(view, row):

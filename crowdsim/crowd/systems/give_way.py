@@ -66,10 +66,14 @@ class GivingWay:
         clock = self.plans.step * assets.frames_per_step
         begin = 0
         while True:
-            begin = next_in_way(view.way, view.rank, asking.standing.may_move, row, view.pose, 2.0 * view.body_radius[row], begin)
+            begin = next_in_way(
+                view.way, view.rank, asking.standing.may_move, row, view.pose, 2.0 * view.body_radius[row], begin
+            )
             if begin < 0:
                 break
-            count = step_aside(assets.graph, obstacles, Timelines.of(view), row, begin, clock, SLOT_FRAMES, draft, asking)
+            count = step_aside(
+                assets.graph, obstacles, Timelines.of(view), row, begin, clock, SLOT_FRAMES, draft, asking
+            )
             self.move(view, count)
             begin += 1
             asking = self.asking(view, TRIES_AHEAD)

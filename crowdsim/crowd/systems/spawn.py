@@ -12,8 +12,9 @@ from shapely import Point
 from crowdsim.crowd.search.plans import Plans
 from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.state.motion_plan import MotionPlan
-from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM, FOREVER, meets_anyone
+from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM, meets_anyone
 from crowdsim.crowd.state.timelines import Timelines
+from crowdsim.crowd.state.way_kernels import FOREVER
 from crowdsim.crowd.systems.apply_events import KEPT_OFF
 from crowdsim.crowd.systems.replan import AT_GOAL
 from crowdsim.ecs.world import View, World

@@ -10,16 +10,15 @@ from crowdsim.crowd.state.components import SLOT_FRAMES
 from crowdsim.crowd.state.give_way_kernels import clear_way, lay_move, next_in_way, reserve_by_asking, step_aside
 from crowdsim.crowd.state.moves import LEAST_MOVE, MOVE_NODES, moves_of
 from crowdsim.crowd.state.passages import narrow_passages
-from crowdsim.crowd.state.reservation_kernels import (
+from crowdsim.crowd.state.reservation_kernels import next_met, pair_meets
+from crowdsim.crowd.state.timelines import Asking, Chain, Obstacles, Standing, Timelines, Trail
+from crowdsim.crowd.state.way_kernels import (
     lay_way,
-    next_met,
-    pair_meets,
     rank_behind,
     stops_in_passage,
     stops_in_way,
     ways_before,
 )
-from crowdsim.crowd.state.timelines import Asking, Chain, Obstacles, Standing, Timelines, Trail
 from crowdsim.geometry.planar import compose
 from crowdsim.navmesh.navmesh import NavMesh
 from tests.reference.crowd import FOREVER, off_way, walking_graph
@@ -35,9 +34,7 @@ def standing_crowd(spots: np.ndarray, headings: np.ndarray) -> tuple[Timelines, 
     count = len(spots)
     timeline = np.repeat(spots[:, None], SLOTS, axis=1)
     circles = np.column_stack([spots, np.zeros(count)])
-    everyone = Timelines(
-        timeline, np.zeros(count, np.int64), np.full(count, FOREVER), np.full(count, RADIUS), circles
-    )
+    everyone = Timelines(timeline, np.zeros(count, np.int64), np.full(count, FOREVER), np.full(count, RADIUS), circles)
     origin = np.column_stack([spots, headings])
     standing = Standing(
         np.zeros(count, np.int32),
