@@ -192,7 +192,9 @@ class Choosing:
         layers = tuple(mesh.arrays for mesh in self.plans.environment.meshes)
         kept_off = float(view.body_radius[row]) + KEPT_OFF
         ways = self._ways_before(view, row, plan, following)
-        passages = self.plans.environment.passages, PASSAGE_BODIES * float(view.body_radius[row])
+        # Who is alone hinders nobody.
+        narrow = self.plans.environment.passages if len(view.agent) > 1 else _NOTHING
+        passages = narrow, PASSAGE_BODIES * float(view.body_radius[row])
         obstacles = Obstacles(layers, assets.body_radii, self._kept_free(view, row), kept_off, *ways, *passages)
         everyone = Timelines.of(view)
         now = row, self._frame(view, row), clock, SLOT_FRAMES
