@@ -102,3 +102,13 @@ def timelines_meet(a, b, distance: float, first_slot: int) -> bool:
         if np.linalg.norm(at(a, slot) - at(b, slot)) < distance:
             return True
     return False
+
+
+def off_way(way: np.ndarray, point: np.ndarray) -> tuple[float, np.ndarray]:
+    """Distance from a point to a polyline (P, 2), and the nearest of its segments as a vector."""
+    best = np.inf, np.zeros(2)
+    for a, b in pairwise(way):
+        along = b - a
+        share = np.clip((point - a) @ along / max(along @ along, 1e-300), 0.0, 1.0)
+        best = min(best, (float(np.linalg.norm(a + share * along - point)), along), key=lambda entry: entry[0])
+    return best

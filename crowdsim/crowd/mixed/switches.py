@@ -209,6 +209,8 @@ class Switches:
             plan_digest=plan.digest,
             body_radius=radius,
             goal=itineraries.goal(agent),
+            rank=captured.plans.rank(agent),
+            turn=captured.plans.rank(agent),
             stays=stays,
             awaiting_plan=captured.searches.is_under_way(agent),
             **reserved,

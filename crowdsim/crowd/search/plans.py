@@ -20,6 +20,8 @@ from crowdsim.errors import PathNotFound
 from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 
+_FOLLOWERS = 64  # ranks between two who set out one after the other: for those who go in the turn of the first
+
 
 class Join(NamedTuple):
     """Where a search begins that goes on from a plan while it is walked.
@@ -60,7 +62,8 @@ class Plans:
 
     on_route is called with (agent, route) for every route that is newly taken; unreachable holds the reason for agents
     to whose goal no path was found when they last asked; replans counts how often an edit made an agent plan anew.
-    lead: steps ahead of its need at which a plan is requested, if that can be told.
+    lead: steps ahead of its need at which a plan is requested, if that can be told. moved: how often somebody gave way.
+    away: those who had arrived, gave way, and come back.
     """
 
     assets: Assets
@@ -74,7 +77,13 @@ class Plans:
     motions: dict[int, MotionPlan] = field(default_factory=dict)
     routes: dict[int, AnnotatedPath] = field(default_factory=dict)
     unreachable: dict[int, str] = field(default_factory=dict)
+    moved: int = 0
+    away: set[int] = field(default_factory=set)
     _joins: dict[int, Join | None] = field(default_factory=dict)
+
+    def rank(self, agent: int) -> int:
+        """Who sets out now for its goal comes behind all who did before, and those of lower numbers."""
+        return (self.step * len(self.itineraries.cast.starts) + agent) * _FOLLOWERS
 
     def request(self, agent: int, request: Request, join: Join | None = None, walks: bool = False) -> None:
         """Ask for a search for one agent, instead of the one that is under way; a slice of it begins with this step.
@@ -90,6 +99,7 @@ class Plans:
         self.searches.drop(agent)
         for table in (self.motions, self.routes, self.unreachable, self._joins):
             table.pop(agent, None)
+        self.away.discard(agent)
 
     def request_on(self, agent: int, join: Join, ahead: int) -> None:
         """Ask for the way on from ``join`` to the place that comes ``ahead`` after the present goal."""

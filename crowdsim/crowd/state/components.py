@@ -14,7 +14,10 @@ SLOT_FRAMES = CAPTURE_RATE // 5
 TIMELINE_SLOTS = 48
 """Samples of a reserved timeline: 9.6 s, longer than any few nodes and the stop after them."""
 
-DIGESTED = ("timeline", "timeline_circle")
+WAY_POINTS = 8
+"""Points of the way ahead that a character would like others not to stop in."""
+
+DIGESTED = ("timeline", "timeline_circle", "way", "rank", "turn")
 """Columns of which the state hash takes a digest in another column: they are long and seldom change, or follow."""
 
 HASHED_AS = {"blend_offset": "seam", "next_blend_offset": "next_seam"}
@@ -50,6 +53,10 @@ COLUMNS = (
     Column("timeline_start", np.int64),
     Column("gone_slot", np.int64, (), np.iinfo(np.int64).max),
     Column("body_radius", np.float64),
+    # What others are told: the way ahead (nan where there is none), and who goes first, the lowest of all.
+    Column("way", np.float64, (WAY_POINTS, 2), np.nan),
+    Column("rank", np.int64),
+    Column("turn", np.int64),  # the rank that it has of its own
     Column("goal", np.float64, (2,)),
     Column("stays", np.bool_),
 )

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.crowd.state.assets import Assets
+from crowdsim.crowd.state.passages import narrow_passages
 from crowdsim.environment.layers import ClearanceLayer, taken_between
 from crowdsim.navmesh.editing.obstacles import Handle
 from crowdsim.navmesh.navmesh import NavMesh
@@ -66,6 +67,7 @@ class EnvironmentState:
             self.meshes, assets.behaviors, areas=self.areas, planner=assets.planner, bodies=assets.bodies
         )
         self._growths = area_growths(assets.behaviors, len(free))
+        self._passages: tuple[int, NDArray[np.float64]] | None = None
         self._handles: list[list[tuple[NavMesh, Handle]]] = [[] for _ in self.assets.timetable.movables]
         self._placings: list[Placing | None] = [None] * len(self.assets.timetable.movables)
         for number, movable in enumerate(self.assets.timetable.movables):
@@ -76,6 +78,13 @@ class EnvironmentState:
     def revision(self) -> int:
         """How many edits there were."""
         return len(self.edits)
+
+    @property
+    def passages(self) -> NDArray[np.float64]:
+        """(S, 4) segments across passages in which two bodies cannot pass each other, as they are now."""
+        if self._passages is None or self._passages[0] != self.revision:
+            self._passages = self.revision, narrow_passages(self.meshes[0], 4.0 * self.assets.personal_radius)
+        return self._passages[1]
 
     def route(self, start: ArrayLike, goal: ArrayLike) -> AnnotatedPath:
         """A path for whoever goes from ``start`` to ``goal`` (x, y) now; PathNotFound where there is none."""

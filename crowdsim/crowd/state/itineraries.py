@@ -84,6 +84,10 @@ class Itineraries:
         self.reached[agent] += 1
         return 0.0 if last else float(self.cast.waits[agent])
 
+    def leave(self, agent: int) -> None:
+        """Count the place that was reached last as not reached: it was left to give way."""
+        self.reached[agent] -= 1
+
     def how_they_stood(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """How far off its place [m], and the heading asked for [rad] or nan, each was who came to stand at one."""
         off, turned = np.array(self.stood).reshape(-1, 2).T

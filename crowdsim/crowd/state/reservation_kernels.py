@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from crowdsim.crowd.state.body_kernels import meets_body
+from crowdsim.crowd.state.way_kernels import FOREVER, stops_in_passage, stops_in_way
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.geometry.segments_kernels import segment_segment_distance2
@@ -17,11 +18,20 @@ from crowdsim.jit import helper, kernel
 from crowdsim.motion.graph.track_kernels import next_origin, node_end, track_pose
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 
-FOREVER = 9223372036854775807
-"""The slot from which on a character is gone that never leaves."""
-
-ELBOW_ROOM = 0.3
+ELBOW_ROOM = 0.1
 """Meters beyond their discs that two characters at rest keep between them."""
+
+BLOCKED = -1
+"""No timeline, as its stop touches something."""
+
+NARROW = -3
+"""No timeline, as it ends in a narrow passage."""
+
+IN_WAY = -4
+"""No timeline, as it ends in the way of somebody who goes first."""
+
+TOO_LONG = -2
+"""No timeline, as it takes more slots than there are."""
 
 ROUNDING = 1e-9  # meters
 _STATIC_STRIDE = 4  # frames between two samples of the test against obstacles
@@ -76,6 +86,12 @@ def meets_anyone(me, timeline, start, gone, first_slot, radius, others):
 
     ``others`` are :class:`crowdsim.crowd.state.timelines.Timelines`; ``me`` is its own row, -1 for who is yet to enter.
     """
+    return next_met(me, timeline, start, gone, first_slot, radius, others, 0) >= 0
+
+
+@kernel
+def next_met(me, timeline, start, gone, first_slot, radius, others, begin):
+    """The first row from ``begin`` on that a candidate timeline meets, -1 if there is none: see `meets_anyone`."""
     starts, gones, circles = others.timeline_start, others.gone_slot, others.timeline_circle
     reach = 0.0
     for k in range(len(timeline)):
@@ -83,7 +99,7 @@ def meets_anyone(me, timeline, start, gone, first_slot, radius, others):
         dy = timeline[k, 1] - timeline[0, 1]
         reach = max(reach, dx * dx + dy * dy)
     reach = math.sqrt(reach)
-    for other in range(len(starts)):
+    for other in range(begin, len(starts)):
         if other == me or gones[other] <= first_slot:
             continue
         distance = radius + others.body_radius[other]
@@ -98,8 +114,8 @@ def meets_anyone(me, timeline, start, gone, first_slot, radius, others):
         if not _within_reach(timeline[0], its, here, end, reach + distance + ELBOW_ROOM):
             continue
         if pair_meets(timeline, start, gone, its, starts[other], gones[other], first_slot, distance, me >= 0):
-            return True
-    return False
+            return other
+    return -1
 
 
 @helper
@@ -215,6 +231,38 @@ def _copy_chain(chain, to):
             to.blend_offsets[k, axis] = chain.blend_offsets[k, axis]
 
 
+@helper
+def lay_out(graph, obstacles, frame, clock, slot_frames, chain, draft, taken, leaves, tolerant, timeline):
+    """Sample ``taken`` nodes of a chain and the stop behind them, if it does not leave the world there.
+
+    Returns the first slot at or after the end; BLOCKED where the stop touches something, TOO_LONG, NARROW (unless
+    ``tolerant``) or IN_WAY if so.
+    """
+    _copy_chain(chain, draft)
+    count = taken + 1
+    if not leaves:
+        # The stop behind the nodes taken, which nobody tested yet.
+        hints = np.full(len(obstacles.layers), np.int64(-1))
+        count = append_stop(graph, draft, taken + 1)
+        for c in range(taken + 1, count):
+            if not node_is_free(graph, draft.nodes[c], draft.origins[c], draft.blend_offsets[c], obstacles, hints):
+                return BLOCKED
+        if count < 0:
+            return BLOCKED
+    ended = sample_chain(graph, draft, count, frame, clock, slot_frames, timeline)
+    if ended < 0:
+        return TOO_LONG
+    if len(obstacles.kept_free) and comes_near(timeline, obstacles.kept_free, obstacles.distance):
+        return BLOCKED
+    if not (leaves or tolerant) and stops_in_passage(timeline, obstacles.passages, obstacles.off_passages):
+        return NARROW
+    if meets_body(obstacles.agent, timeline, obstacles.body_radius, obstacles.bodies):
+        return IN_WAY
+    if not leaves and stops_in_way(timeline, obstacles.ways, obstacles.way_width):
+        return IN_WAY
+    return ended
+
+
 @kernel
 def reserve(
     graph, obstacles, everyone, row, frame, clock, slot_frames, chain, draft, first, available, ends_plan, timeline
@@ -226,31 +274,24 @@ def reserve(
     leaves the world. ``obstacles`` and ``everyone`` (all rows) are as in :mod:`crowdsim.crowd.state.timelines`.
     Returns (nodes taken, gone slot), no nodes where there is none, and leaves the timeline in ``timeline`` (K, 2).
     """
-    hints = np.full(len(obstacles.layers), np.int64(-1))
     forever = np.int64(FOREVER)
     start = clock // slot_frames
-    for taken in range(first, available + 1):
-        _copy_chain(chain, draft)
-        leaves = ends_plan and taken == available
-        count = taken + 1
-        if not leaves:
-            # The stop behind the nodes taken, which nobody tested yet.
-            count = append_stop(graph, draft, taken + 1)
-            for c in range(taken + 1, count):
-                if not node_is_free(graph, draft.nodes[c], draft.origins[c], draft.blend_offsets[c], obstacles, hints):
-                    count = -1
-                    break
-            if count < 0:
+    for tolerant in range(2):
+        stands = False  # whether it could stand in a place that is not narrow, if nobody was there
+        for taken in range(first, available + 1):
+            leaves = ends_plan and taken == available
+            found = lay_out(
+                graph, obstacles, frame, clock, slot_frames, chain, draft, taken, leaves, tolerant, timeline
+            )
+            if found == TOO_LONG:
+                break
+            stands = stands or found >= 0 or found == IN_WAY
+            if found < 0:
                 continue  # it cannot stand down after this node; perhaps it can after the next
-        ended = sample_chain(graph, draft, count, frame, clock, slot_frames, timeline)
-        if ended < 0:
+            gone = found if leaves else forever
+            if not meets_anyone(row, timeline, start, gone, start, obstacles.body_radius, everyone):
+                return taken, gone
+            # There may be no place to stand here, but one beyond whoever is in the way.
+        if stands:
             break
-        if len(obstacles.kept_free) and comes_near(timeline, obstacles.kept_free, obstacles.distance):
-            continue
-        gone = ended if leaves else forever
-        if meets_body(obstacles.agent, timeline, obstacles.body_radius, obstacles.bodies):
-            continue
-        if not meets_anyone(row, timeline, start, gone, start, obstacles.body_radius, everyone):
-            return taken, gone
-        # There may be no place to stand here, but one beyond whoever is in the way.
     return 0, forever

@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 
 from crowdsim.constants import NONE
 from crowdsim.crowd.search.plans import Join, Plans
-from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS
+from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS, WAY_POINTS
+from crowdsim.crowd.state.give_way_kernels import reserve_by_asking
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ROUNDING, append_stop, node_is_free, reserve
 from crowdsim.crowd.state.state_hash import digest_of
 from crowdsim.crowd.state.timelines import NO_BODIES, Chain, Obstacles, StandingBodies, Timelines
+from crowdsim.crowd.state.way_kernels import lay_way, rank_behind, ways_before
 from crowdsim.crowd.systems.apply_events import KEPT_OFF, reserved_lines
+from crowdsim.crowd.systems.give_way import GivingWay
 from crowdsim.crowd.systems.replan import reach_goal
 from crowdsim.ecs.world import View
 from crowdsim.environment.layers import polygons_only
@@ -32,6 +35,30 @@ NODES_LEFT = 4
 
 NEAR_GOAL = 1.0
 """Meters from a goal to walk through at which it counts as reached where the last of the way is taken."""
+
+BEHIND_METERS = 2.0
+"""How far behind somebody of the same way one goes in its turn, so that not everyone at a door makes its own [m]."""
+
+BEHIND_WIDTH = 0.6
+"""How far beside its way somebody may be to be followed so [m]."""
+
+WAY_ROOM = 0.2
+"""How much farther off the way of others than their bodies' radii one stops, so that they can give way [m]."""
+
+PASSAGE_BODIES = 3.0
+"""How far off a narrow passage one stops, in radii."""
+
+LONG_SECONDS = 5.0
+"""Time after which who waits lets others stop in its way, until it looks for a way around [s]."""
+
+WAYS = 32
+"""Ways of others that are kept free at once, of more than so many within reach those who came first."""
+
+RETRY_SECONDS = 0.2
+"""Time between two tries of somebody who stands and waits for others to go on [s]."""
+
+WAY_METERS = 4.0
+"""How much of the way ahead others keep free, who may cross it but not stop there [m]."""
 
 _CHAIN = LOOKAHEAD + 8  # with the nodes of the stop behind them
 _NOTHING = np.empty((0, 4))
@@ -51,12 +78,13 @@ class Walker(NamedTuple):
     stays: bool
 
     @classmethod
-    def of(cls, view: View, row: int) -> Walker:
+    def of(cls, view: View, row: int, frame: int) -> Walker:
+        """The walker of a row, in a frame of its node."""
         return cls(
             row,
             int(view.agent[row]),
             int(view.node[row]),
-            int(view.frame[row]),
+            frame,
             view.origin[row],
             view.blend_offset[row],
             view.pose[row, :2],
@@ -79,19 +107,36 @@ class Choosing:
         self.bodies: StandingBodies = NO_BODIES
         """Those of steered characters, which stand as far as reservations know."""
         self._looked_ahead: dict[int, NDArray[np.int32]] = {}
+        self._giving_way = GivingWay(plans)
+        self._retry_steps = max(round(RETRY_SECONDS * plans.assets.steps_per_second), 1)
         self._chain, self._draft = Chain.room(_CHAIN), Chain.room(_CHAIN)
+        self._ways = np.empty((WAYS, WAY_POINTS, 2))
         self._timeline = np.zeros((TIMELINE_SLOTS, 2))
 
     def choose(self, view: View) -> None:
-        """Choose for all rows, in order."""
-        assets = self.plans.assets
-        ending = view.frame + assets.frames_per_step >= assets.graph.node_frames[view.node]
-        for row in np.flatnonzero(ending & (view.next_node == NONE)):
-            self._choose(view, int(row))
+        """Choose for all rows, in order; then let those who were refused ask others to give way."""
+        assets, graph = self.plans.assets, self.plans.assets.graph
+        ending = view.frame + assets.frames_per_step >= graph.node_frames[view.node]
+        # Who waits does not play its idle node to the end, if the way is free before.
+        waits = graph.node_idle[view.node] & (view.blocked_since != NONE) & (view.state == AgentState.WAITING)
+        waits &= (self.plans.step + view.agent) % self._retry_steps == 0
+        self._giving_way.begin()
+        refused = [
+            row
+            for row in np.flatnonzero((ending | waits) & (view.next_node == NONE)).tolist()
+            if (ending[row] or int(view.agent[row]) in self.plans.motions) and not self._goes_on(view, row)
+        ]
+        if refused:
+            for row in sorted(refused, key=lambda row: int(view.rank[row])):
+                if view.next_node[row] == NONE and not self._asks(view, row):
+                    if self._waits_long(view, row):
+                        view.way[row] = np.nan  # those it waits for may need its way
+                    if ending[row]:
+                        self._rests(view, row)
 
-    def _choose(self, view: View, row: int) -> None:
-        graph = self.plans.assets.graph
-        agent, node, cursor = int(view.agent[row]), int(view.node[row]), int(view.cursor[row])
+    def _goes_on(self, view: View, row: int) -> bool:
+        """Choose for a row, unless it has a plan and cannot go on along it."""
+        agent, cursor = int(view.agent[row]), int(view.cursor[row])
         plan = self.plans.motions.get(agent)
         if plan is not None:
             if cursor in plan.passes:
@@ -101,27 +146,57 @@ class Choosing:
             following = cursor + 1
             if following < plan.count:
                 if following <= view.reserved[row] or self._extend(view, row, plan, following):
-                    view.state[row] = AgentState.MOVING
-                    view.blocked_since[row] = NONE
-                    node = int(plan.nodes[following])
-                    _take(view, row, node, plan.origins[following], plan.blend_offsets[following], following)
-                    self._look_ahead(view, row, plan, following)
-                    return
-                if self._walks_through(plan, agent) and _distance(view, row) < NEAR_GOAL:
-                    reach_goal(self.plans, view, row)
-                    self._abandon(view, row, agent)
-                elif view.blocked_since[row] == NONE:
-                    view.blocked_since[row] = self.plans.step
-            elif plan.arrives and not self.plans.itineraries.accepts(agent, self._end(view, row)):
+                    self._follow(view, row, plan, following)
+                    return True
+                return False
+            if plan.arrives and not self.plans.itineraries.accepts(agent, self._end(view, row)):
                 self._abandon(view, row, agent)
             elif plan.arrives:
                 if not self.plans.itineraries.is_last(agent):
                     reach_goal(self.plans, view, row)
                     self._abandon(view, row, agent)
                 elif not view.stays[row]:
-                    return  # it leaves the world at the end of this node
+                    return True  # it leaves the world at the end of this node
                 else:
                     view.state[row] = AgentState.ARRIVED
+                    view.rank[row] = view.turn[row] = np.iinfo(np.int64).max
+        self._come_to_rest(view, row)
+        return True
+
+    def _follow(self, view: View, row: int, plan: MotionPlan, following: int) -> None:
+        """Enter the node ``following`` of a plan, which is reserved."""
+        view.state[row] = AgentState.MOVING
+        view.blocked_since[row] = NONE
+        view.frame[row] = self._frame(view, row)
+        if view.awaiting_plan[row] and self.plans.assets.graph.node_idle[view.node[row]]:
+            # The way is free before one around was found.
+            self.plans.searches.drop(int(view.agent[row]))
+            view.awaiting_plan[row] = False
+        _take(view, row, int(plan.nodes[following]), plan.origins[following], plan.blend_offsets[following], following)
+        self._look_ahead(view, row, plan, following)
+
+    def _asks(self, view: View, row: int) -> bool:
+        """Let a row that was refused go on along its plan, if those in its way can give way."""
+        plan, following = self.plans.motions[int(view.agent[row])], int(view.cursor[row]) + 1
+        if self.plans.environment.waited_for or not self._extend(view, row, plan, following, asks=True):
+            return False
+        self._follow(view, row, plan, following)
+        return True
+
+    def _rests(self, view: View, row: int) -> None:
+        """Let a row that was refused to the last wait, or stop and wait."""
+        agent = int(view.agent[row])
+        plan = self.plans.motions[agent]
+        if self._walks_through(plan, agent) and _distance(view, row) < NEAR_GOAL:
+            reach_goal(self.plans, view, row)
+            self._abandon(view, row, agent)
+        elif view.blocked_since[row] == NONE:
+            view.blocked_since[row] = self.plans.step
+        self._come_to_rest(view, row)
+
+    def _come_to_rest(self, view: View, row: int) -> None:
+        """Stop, or wait."""
+        graph, agent, node = self.plans.assets.graph, int(view.agent[row]), int(view.node[row])
         if graph.stop_edge[node] != NONE:
             self._abandon(view, row, agent)
             self._stop(view, row)
@@ -131,13 +206,24 @@ class Choosing:
         else:
             self._stand(view, row, agent)
 
-    def _extend(self, view: View, row: int, plan: MotionPlan, following: int) -> bool:
-        """Reserve the node ``following`` of the plan, and as many after it as it takes to be able to stop."""
-        found = self._reserve(view, Walker.of(view, row), plan, following)
+    def _extend(self, view: View, row: int, plan: MotionPlan, following: int, asks: bool = False) -> bool:
+        """Reserve the node ``following`` of the plan, and as many after it as it takes to be able to stop.
+
+        ``asks``: whether others are asked to give way.
+        """
+        walker = Walker.of(view, row, self._frame(view, row))
+        obstacles = self._obstacles(view, walker)
+        ways, width = self._ways_before(view, row, plan, following)
+        obstacles = obstacles._replace(ways=ways, way_width=width)
+        found = self._reserve(view, walker, plan, following, obstacles, asks)
         if found is None:
             return False
+        self._giving_way.decided(row)
         for name, value in found.items():
             getattr(view, name)[row] = value
+        lay_way(plan.origins, found["reserved"] + 1, self._timeline[-1], WAY_METERS, view.way[row])
+        if not asks and not self.plans.environment.waited_for:
+            self._giving_way.clear_ahead(view, row, obstacles, self._draft)
         return True
 
     def reserve_entry(self, view: View, walker: Walker) -> dict[str, Any] | None:
@@ -151,9 +237,11 @@ class Choosing:
         hints = np.full(len(obstacles.layers), NONE, np.int64)
         if plan.count == 0 or not node_is_free(graph, walker.node, walker.origin, nothing, obstacles, hints):
             return None
-        return self._reserve(view, walker, plan, 0)
+        return self._reserve(view, walker, plan, 0, obstacles)
 
-    def _reserve(self, view: View, walker: Walker, plan: MotionPlan, following: int) -> dict[str, Any] | None:
+    def _reserve(
+        self, view: View, walker: Walker, plan: MotionPlan, following: int, obstacles: Obstacles, asks: bool = False
+    ) -> dict[str, Any] | None:
         """The columns of a reservation from where a walker is to node ``following`` and a stand; None without room."""
         assets = self.plans.assets
         available = min(plan.count - following, LOOKAHEAD)
@@ -166,12 +254,15 @@ class Choosing:
         last = self.plans.itineraries.is_last(walker.agent, len(plan.passes))
         leaves = plan.arrives and last and not walker.stays and following + available == plan.count
         clock = self.plans.step * assets.frames_per_step
-        obstacles = self._obstacles(view, walker)
         everyone = Timelines.of(view)
         now = walker.row, walker.frame, clock, SLOT_FRAMES
-        taken, gone = reserve(
-            assets.graph, obstacles, everyone, *now, chain, self._draft, 1, available, leaves, self._timeline
-        )
+        ahead_of = chain, self._draft, 1, available, leaves, self._timeline
+        if asks:
+            asking = self._giving_way.asking(view)
+            taken, gone, count = reserve_by_asking(assets.graph, obstacles, everyone, *now, *ahead_of, asking)
+            self._giving_way.move(view, count)
+        else:
+            taken, gone = reserve(assets.graph, obstacles, everyone, *now, *ahead_of)
         if not taken:
             return None
         center = self._timeline[0]
@@ -186,6 +277,8 @@ class Choosing:
 
     def _obstacles(self, view: View, walker: Walker) -> Obstacles:
         """What a walker keeps clear of beside other captured characters."""
+        # Who is alone hinders nobody.
+        alone = len(view.agent) == (walker.row != NONE)
         return Obstacles(
             layers=tuple(mesh.arrays for mesh in self.plans.environment.meshes),
             radii=self.plans.assets.body_radii,
@@ -194,7 +287,27 @@ class Choosing:
             bodies=self.bodies,
             agent=walker.agent,
             body_radius=walker.body_radius,
+            passages=_NOTHING if alone else self.plans.environment.passages,
+            off_passages=PASSAGE_BODIES * walker.body_radius,
         )
+
+    def _ways_before(self, view: View, row: int, plan: MotionPlan, following: int) -> tuple[NDArray[np.float64], float]:
+        """Tell the way ahead along a plan; ways (W, P, 2) of those who go first, and meters to keep off them."""
+        lay_way(plan.origins, following, view.timeline[row, -1], WAY_METERS, view.way[row])
+        reach = 3.0 * WAY_METERS
+        view.rank[row] = min(view.turn[row], rank_behind(row, view.way, view.rank, BEHIND_WIDTH, BEHIND_METERS))
+        count = ways_before(row, view.way, view.rank, reach, self._ways)
+        return self._ways[:count], 2.0 * float(view.body_radius[row]) + WAY_ROOM
+
+    def _frame(self, view: View, row: int) -> int:
+        """The frame of its node that a row goes on from: who waits can leave its idle node at once."""
+        frame, length = int(view.frame[row]), int(self.plans.assets.graph.node_frames[view.node[row]])
+        return frame if frame + self.plans.assets.frames_per_step >= length else length
+
+    def _waits_long(self, view: View, row: int) -> bool:
+        """Whether a row was refused for long; that begins anew where it looks for a way around."""
+        blocked = int(self.plans.step - view.blocked_since[row]) if view.blocked_since[row] != NONE else 0
+        return blocked >= LONG_SECONDS * self.plans.assets.steps_per_second
 
     def _begin_chain(self, view: View, row: int) -> Chain:
         """The chain of the present node alone."""
@@ -239,6 +352,7 @@ class Choosing:
     def _abandon(self, view: View, row: int, agent: int) -> None:
         self.plans.motions.pop(agent, None)
         view.cursor[row] = view.reserved[row] = NONE
+        view.way[row] = np.nan
 
     def _stop(self, view: View, row: int) -> None:
         """Enter the first node of the stop that was reserved with the present node."""

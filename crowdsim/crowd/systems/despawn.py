@@ -38,6 +38,9 @@ class Despawning:
         for agent in view.agent[(view.state == AgentState.ARRIVED)].tolist():
             if self.arrived[agent] == NONE:
                 self._note(agent)
+            elif agent in self.plans.away:
+                self.plans.away.remove(agent)
+                self.plans.itineraries.reach(agent)
 
     def _note(self, agent: int) -> None:
         self.arrived[agent] = self.plans.step

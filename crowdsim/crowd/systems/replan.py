@@ -65,7 +65,7 @@ class Replanning:
             if agent in plans.motions:
                 if waits:
                     continue
-                del plans.motions[agent]
+                # It keeps its plan: it may be free to go before a way around is found.
                 view.blocked_since[row] = plans.step
                 around = _standing_near(view, row)
             elif self._is_there(view, row, agent):
@@ -82,6 +82,9 @@ class Replanning:
     def _hand_out(self, view: View, row: int, found: Found) -> None:
         """Give a plan to an agent that stands or has begun it; if there is none, let it stand a while."""
         plans, plan = self.plans, found.plan
+        if plan is None and found.over and not found.outdated and found.agent in plans.motions:
+            view.awaiting_plan[row] = False
+            return
         view.awaiting_plan[row] = plan is None and not found.over
         if found.first is None or plan is None:
             view.cursor[row] = view.reserved[row] = NONE
@@ -128,6 +131,7 @@ def reach_goal(plans: Plans, view: View, row: int) -> None:
     """Count the goal of a character as reached, from where it goes on, and give it the next."""
     agent = int(view.agent[row])
     seconds = plans.itineraries.reach(agent)
+    view.rank[row] = view.turn[row] = plans.rank(agent)
     view.goal[row] = plans.itineraries.goal(agent)
     view.retry_step[row] = plans.step + round(seconds * plans.assets.steps_per_second)
 

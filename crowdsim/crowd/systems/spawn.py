@@ -14,8 +14,9 @@ from crowdsim.crowd.search.plans import Plans
 from crowdsim.crowd.state.body_kernels import meets_body
 from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.state.motion_plan import MotionPlan
-from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM, FOREVER, meets_anyone
+from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM, meets_anyone
 from crowdsim.crowd.state.timelines import NO_BODIES, StandingBodies, Timelines
+from crowdsim.crowd.state.way_kernels import FOREVER
 from crowdsim.crowd.systems.apply_events import KEPT_OFF
 from crowdsim.crowd.systems.replan import AT_GOAL
 from crowdsim.ecs.world import View, World
@@ -122,5 +123,7 @@ class Spawning:
             timeline_start=slot,
             body_radius=self.assets.personal_radius,
             goal=self.plans.itineraries.goal(agent),
+            rank=self.plans.rank(agent),
+            turn=self.plans.rank(agent),
             stays=self.cast.stays[agent],
         )

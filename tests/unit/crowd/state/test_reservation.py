@@ -203,7 +203,7 @@ def test_one_stride_is_reserved_with_the_stop_behind_it() -> None:
 
 
 def test_more_strides_are_reserved_where_someone_stands_in_the_place_to_stop() -> None:
-    place = walked(1)[1] + np.array([0.4, -0.75])
+    place = walked(1)[1] + np.array([0.2, -0.65])
     taken, _, timeline = reserved(tuple(place))
     assert taken > 1
     assert timeline == pytest.approx(walked(taken)[0], abs=1e-12)

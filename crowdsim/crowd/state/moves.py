@@ -1,0 +1,139 @@
+"""Short motions from a stand to a stand: what somebody can do at once who is asked to give way."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.constants import CAPTURE_RATE, NONE
+from crowdsim.geometry.elementary import hypot
+from crowdsim.geometry.planar import wrap_angle
+from crowdsim.motion.graph.arrays import GraphArrays
+from crowdsim.motion.graph.track_kernels import next_origin, node_end
+
+MOVE_NODES = 6
+"""Nodes of a move at most."""
+
+MOVE_SECONDS = 4.5
+"""How long a move takes at most [s]: a turn about and a long step."""
+
+LEAST_MOVE = 0.15
+"""Length from which on a move makes room for others [m]; what is shorter only turns."""
+
+FARTHEST_MOVE = 1.3
+"""Length beyond which a motion is no small move any more [m]."""
+
+_CELL = 0.15  # meters: of moves that end in the same cell, turned much the same, the quickest is kept
+_TURNED = 0.8  # radians
+_NOTABLE_TURN = 0.2  # radians: less of extra rotation makes no other move
+_NOTABLE_STEP = 0.3  # meters: of what comes behind a turn
+
+
+class Moves(NamedTuple):
+    """M moves, those from the same idle node one after the other, quickest first.
+
+    begin: (N + 1,) int32, moves ``begin[n]:begin[n + 1]`` set out from idle node n. lengths: (M,) int32 nodes of each.
+    edges: (M, MOVE_NODES) int32 edges to its nodes. twists: (M, MOVE_NODES) radians of extra rotation at each.
+    shift: (M, 3) its end relative to its start. frames: (M,) int32.
+    """
+
+    begin: NDArray[np.int32]
+    lengths: NDArray[np.int32]
+    edges: NDArray[np.int32]
+    twists: NDArray[np.float64]
+    shift: NDArray[np.float64]
+    frames: NDArray[np.int32]
+
+
+class _Move(NamedTuple):
+    edges: tuple[int, ...]
+    twists: tuple[float, ...]
+    end: tuple[float, float, float]
+    last: int
+    frames: int
+
+    @property
+    def length(self) -> float:
+        return float(hypot(self.end[0], self.end[1]))
+
+
+def moves_of(graph: GraphArrays) -> Moves:
+    """All moves of a motion graph that make room, by the idle node they set out from.
+
+    One node that ends standing, or one and the stop behind it; twice the same; or a turn and one more. Which there
+    are depends on the clips: without side steps there are turns with steps behind them.
+    """
+    rows: list[_Move] = []
+    begin = np.zeros(len(graph.node_frames) + 1, np.int32)
+    for node in range(len(graph.node_frames)):
+        if graph.node_idle[node]:
+            rows += _moves_from(graph, node)
+        begin[node + 1] = len(rows)
+    edges = np.full((len(rows), MOVE_NODES), NONE, np.int32)
+    twists = np.zeros((len(rows), MOVE_NODES))
+    for row, move in enumerate(rows):
+        edges[row, : len(move.edges)] = move.edges
+        twists[row, : len(move.edges)] = move.twists
+    return Moves(
+        begin=begin,
+        lengths=np.array([len(move.edges) for move in rows], np.int32),
+        edges=edges,
+        twists=twists,
+        shift=np.array([move.end for move in rows], np.float64).reshape(-1, 3),
+        frames=np.array([move.frames for move in rows], np.int32),
+    )
+
+
+def _moves_from(graph: GraphArrays, idle: int) -> list[_Move]:
+    start = _Move((), (), (0.0, 0.0, 0.0), idle, 0)
+    steps = _steps(graph, start, twisted=True)
+    found = list(steps)
+    for first in steps:
+        if any(first.twists):
+            continue
+        turns = first.length < LEAST_MOVE
+        for move in _steps(graph, first, twisted=False):
+            further = float(hypot(move.end[0] - first.end[0], move.end[1] - first.end[1]))
+            if further > _NOTABLE_STEP if turns else graph.edge_target[move.edges[-1]] == first.last:
+                found.append(move)
+    best: dict[tuple[int, ...], _Move] = {}
+    for move in sorted(found, key=lambda m: (m.frames, m.edges, m.twists)):
+        if LEAST_MOVE <= move.length <= FARTHEST_MOVE:
+            cell = (round(move.end[0] / _CELL), round(move.end[1] / _CELL), round(move.end[2] / _TURNED))
+            best.setdefault(cell, move)
+    return list(best.values())
+
+
+def _steps(graph: GraphArrays, before: _Move, twisted: bool) -> list[_Move]:
+    """Every way to go on from the end of ``before`` by one node and the stop behind it."""
+    found = []
+    for edge in range(graph.edge_start[before.last], graph.edge_start[before.last + 1]):
+        if graph.node_idle[graph.edge_target[edge]]:
+            continue
+        low, high = float(graph.edge_low[edge]), float(graph.edge_high[edge])
+        for twist in (0.0, low, high) if twisted and high - low > _NOTABLE_TURN else (0.0,):
+            move: _Move | None = _with(graph, before, edge, twist)
+            while move is not None and graph.stop_edge[move.last] != NONE:
+                move = _with(graph, move, int(graph.stop_edge[move.last]), 0.0)
+            if move is not None and _may_idle(graph, move.last):
+                found.append(move)
+    return found
+
+
+def _with(graph: GraphArrays, move: _Move, edge: int, twist: float) -> _Move | None:
+    """A move and one node more; None where that is too long."""
+    node = int(graph.edge_target[edge])
+    frames = move.frames + int(graph.node_frames[node])
+    if len(move.edges) == MOVE_NODES or frames > MOVE_SECONDS * CAPTURE_RATE:
+        return None
+    x, y, heading = node_end(graph, node, *next_origin(graph, edge, twist, *move.end))
+    end = float(x), float(y), float(wrap_angle(heading))
+    return _Move((*move.edges, edge), (*move.twists, twist), end, node, frames)
+
+
+def _may_idle(graph: GraphArrays, node: int) -> bool:
+    """Whether one may wait where a node ends."""
+    after = graph.edge_target[graph.edge_start[node] : graph.edge_start[node + 1]]
+    return bool(graph.node_ends_standing[node] and graph.node_idle[after].any())

@@ -1,0 +1,131 @@
+"""Ways ahead that others keep free, passages in which nobody stops, and ranks that are handed on."""
+
+import math
+
+from crowdsim.geometry.elementary_kernels import hypot
+from crowdsim.geometry.segments_kernels import point_segment_distance2
+from crowdsim.jit import helper, kernel
+
+FOREVER = 9223372036854775807
+"""The slot from which on a character is gone that never leaves; a rank behind all others."""
+
+
+@helper
+def nearest_of_way(way, x, y):
+    """Distance from (x, y) to a polyline (P, 2), and the direction (not normed) of its nearest segment."""
+    least = math.inf
+    ux = uy = 0.0
+    for k in range(len(way) - 1):
+        ax, ay = way[k, 0], way[k, 1]
+        bx, by = way[k + 1, 0], way[k + 1, 1]
+        square = point_segment_distance2(x, y, ax, ay, bx, by)
+        if square < least:
+            least = square
+            ux, uy = bx - ax, by - ay
+    return math.sqrt(least), ux, uy
+
+
+@helper
+def near_any(segments, x, y, distance):
+    """Whether (x, y) is nearer than ``distance`` to one of ``segments`` (M, 4)."""
+    for m in range(len(segments)):
+        s = segments[m]
+        if point_segment_distance2(x, y, s[0], s[1], s[2], s[3]) < distance * distance:
+            return True
+    return False
+
+
+@kernel
+def stops_in_passage(timeline, passages, distance):
+    """Whether a timeline (K, 2) ends nearer than ``distance`` to one of ``passages`` (S, 4), and does not begin so."""
+    return near_any(passages, timeline[-1, 0], timeline[-1, 1], distance) and not near_any(
+        passages, timeline[0, 0], timeline[0, 1], distance
+    )
+
+
+@kernel
+def stops_in_way(timeline, ways, width):
+    """Whether a timeline (K, 2) ends nearer than ``width`` to one of ``ways`` (W, P, 2).
+
+    Who is behind the begin of a way is not in it; nor who begins there already and does not go against it.
+    """
+    x, y = timeline[-1, 0], timeline[-1, 1]
+    for way in ways:
+        ax, ay = way[0, 0], way[0, 1]
+        if (x - ax) * (way[1, 0] - ax) + (y - ay) * (way[1, 1] - ay) < 0.0:
+            continue
+        away, ux, uy = nearest_of_way(way, x, y)
+        if away < width:
+            before, _, _ = nearest_of_way(way, timeline[0, 0], timeline[0, 1])
+            if before >= width or (x - timeline[0, 0]) * ux + (y - timeline[0, 1]) * uy < 0.0:
+                return True
+    return False
+
+
+@kernel
+def lay_way(origins, following, pose, meters, out):
+    """Fill ``out`` (P, 2) with the way from ``pose`` through the origins (n, 3) of nodes from ``following`` on.
+
+    It ends ``meters`` ahead at the latest. Returns how far from its begin it leads at most.
+    """
+    out[0, 0], out[0, 1] = pose[0], pose[1]
+    farthest = 0.0
+    gone = 0.0
+    least = meters / (len(out) - 1)
+    k = 0
+    for node in range(following, len(origins)):
+        length = hypot(origins[node, 0] - out[k, 0], origins[node, 1] - out[k, 1])
+        if length < least and node + 1 < len(origins):
+            continue
+        k += 1
+        out[k, 0], out[k, 1] = origins[node, 0], origins[node, 1]
+        gone += length
+        farthest = max(farthest, hypot(out[k, 0] - pose[0], out[k, 1] - pose[1]))
+        if k + 1 == len(out) or gone > meters:
+            break
+    for rest in range(k + 1, len(out)):
+        out[rest, 0], out[rest, 1] = out[k, 0], out[k, 1]
+    return farthest
+
+
+@kernel
+def rank_behind(row, ways, ranks, width, reach):
+    """The rank of ``row`` behind the first of those on its way ahead who go the same way; a large one if there is none.
+
+    Whoever is at most ``reach`` ahead and ``width`` beside the way counts.
+    """
+    best = FOREVER
+    way = ways[row]
+    for other in range(len(ways)):
+        if other == row or ranks[other] >= best:
+            continue
+        x, y = ways[other, 0, 0], ways[other, 0, 1]
+        if not hypot(x - way[0, 0], y - way[0, 1]) < reach:
+            continue
+        off, ux, uy = nearest_of_way(way, x, y)
+        if off < width:
+            vx, vy = ways[other, 1, 0] - x, ways[other, 1, 1] - y
+            ahead = (x - way[0, 0]) * ux + (y - way[0, 1]) * uy
+            if ahead > 0.0 and vx * ux + vy * uy > 0.7 * hypot(vx, vy) * hypot(ux, uy):
+                best = ranks[other] + 1
+    return best
+
+
+@kernel
+def ways_before(row, ways, ranks, reach, out):
+    """Gather the ways (N, P, 2) of those with a lower rank than ``row`` that begin within ``reach`` of its own begin.
+
+    Fills ``out`` (W, P, 2), the rest is left out; returns how many there are.
+    """
+    count = 0
+    x, y = ways[row, 0, 0], ways[row, 0, 1]
+    for other in range(len(ways)):
+        if ranks[other] >= ranks[row] or count == len(out):
+            continue
+        # Not a number where there is none.
+        if hypot(ways[other, 0, 0] - x, ways[other, 0, 1] - y) < reach:
+            for k in range(ways.shape[1]):
+                out[count, k, 0] = ways[other, k, 0]
+                out[count, k, 1] = ways[other, k, 1]
+            count += 1
+    return count

@@ -1,0 +1,122 @@
+"""Who is refused asks those who stand in the way to give way, the one who set out first before all others."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from crowdsim.constants import NONE
+from crowdsim.crowd.search.plans import Plans
+from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS
+from crowdsim.crowd.state.give_way_kernels import lay_move, next_in_way, step_aside
+from crowdsim.crowd.state.motion_plan import MotionPlan
+from crowdsim.crowd.state.moves import MOVE_NODES
+from crowdsim.crowd.state.state_hash import digest_of
+from crowdsim.crowd.state.timelines import Asking, Chain, Obstacles, Standing, Timelines, Trail
+from crowdsim.ecs.world import View
+from crowdsim.recording.header import AgentState
+
+DEPTH = 16
+"""How many give way to one at most, one after the other."""
+
+TRIES = 1000
+"""Moves that are tried for one who asks."""
+
+TRIES_AHEAD = 100
+"""Moves that are tried to let one step aside before it is in the way."""
+
+TRIES_A_STEP = 6000
+"""Moves that are tried in one step for all who ask."""
+
+
+class GivingWay:
+    """Lets those who stand move out of the way, and keeps the order in which characters may ask for that."""
+
+    def __init__(self, plans: Plans) -> None:
+        self.plans = plans
+        moves = int(np.diff(plans.assets.moves.begin).max(initial=0))
+        self._trail = Trail.room(DEPTH, TIMELINE_SLOTS, moves)
+        self._chain = Chain.room(MOVE_NODES + 1)
+        self._left = 0
+        self._standing: Standing | None = None
+
+    def begin(self) -> None:
+        """Begin a step."""
+        self._left = TRIES_A_STEP
+        self._standing = None
+
+    def asking(self, view: View, most: int = TRIES) -> Asking:
+        """What kernels take to ask others: who stands is told once a step."""
+        if self._standing is None:
+            may_move = self.plans.assets.graph.node_idle[view.node] & (view.next_node == NONE)
+            self._standing = Standing(view.node, view.origin, view.goal, view.way, may_move, view.rank)
+        tries = min(self._left, most)
+        self._left -= tries
+        self._trail.tries[0] = tries
+        return Asking(self.plans.assets.moves, self._standing, self._trail)
+
+    def decided(self, row: int) -> None:
+        """Note that a row has chosen what to do in this step."""
+        if self._standing is not None:
+            self._standing.may_move[row] = False
+
+    def clear_ahead(self, view: View, row: int, obstacles: Obstacles, draft: Chain) -> None:
+        """Let those step aside who stand in the way ahead of a row that walks."""
+        assets = self.plans.assets
+        asking = self.asking(view, TRIES_AHEAD)
+        clock = self.plans.step * assets.frames_per_step
+        begin = 0
+        while True:
+            begin = next_in_way(
+                view.way, view.rank, asking.standing.may_move, row, view.pose, 2.0 * view.body_radius[row], begin
+            )
+            if begin < 0:
+                break
+            count = step_aside(
+                assets.graph, obstacles, Timelines.of(view), row, begin, clock, SLOT_FRAMES, draft, asking
+            )
+            self.move(view, count)
+            begin += 1
+            asking = self.asking(view, TRIES_AHEAD)
+        self._left += int(self._trail.tries[0])
+        self._trail.tries[0] = 0
+
+    def move(self, view: View, count: int) -> None:
+        """Let the first ``count`` rows of the trail set out on the moves they were asked for."""
+        self._left += int(self._trail.tries[0])
+        self._trail.tries[0] = 0
+        for place in range(count):
+            self._set_out(view, int(self._trail.rows[place]), int(self._trail.moves[place]))
+
+    def _set_out(self, view: View, row: int, move: int) -> None:
+        """Let a row that stands play a move at once, instead of the plan it has or looks for."""
+        plans, graph, chain = self.plans, self.plans.assets.graph, self._chain
+        agent, node = int(view.agent[row]), int(view.node[row])
+        count = lay_move(graph, plans.assets.moves, move, node, view.origin[row], chain)
+        plan = MotionPlan(
+            route=plans.routes[agent],
+            departure_node=node,
+            departure=view.origin[row].copy(),
+            nodes=chain.nodes[1:count].copy(),
+            origins=chain.origins[1:count].copy(),
+            blend_offsets=chain.blend_offsets[1:count].copy(),
+            arrives=False,
+        )
+        if view.state[row] == AgentState.ARRIVED:
+            # It comes back to where it stood.
+            plans.away.add(agent)
+            plans.itineraries.leave(agent)
+            view.rank[row] = view.turn[row] = plans.rank(agent)
+        plans.searches.drop(agent)
+        plans.motions[agent] = plan
+        plans.moved += 1
+        view.awaiting_plan[row] = False
+        view.plan_digest[row] = plan.digest
+        view.timeline_digest[row] = digest_of(view.timeline[row].tobytes())
+        view.way[row] = np.nan
+        view.reserved[row] = plan.count - 1
+        view.blocked_since[row] = NONE
+        view.state[row] = AgentState.MOVING
+        view.frame[row] = graph.node_frames[node]  # it leaves the idle node now
+        view.next_node[row], view.next_cursor[row] = plan.nodes[0], 0
+        view.next_origin[row], view.next_blend_offset[row] = plan.origins[0], plan.blend_offsets[0]
+        self.decided(row)

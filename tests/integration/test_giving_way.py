@@ -1,0 +1,94 @@
+"""Captured characters who meet give way to each other, and nobody ever comes nearer than reserved."""
+
+import numpy as np
+import pytest
+
+from crowdsim.crowd.captured_crowd import CapturedCrowd
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.crowd.state.components import SLOT_FRAMES
+from crowdsim.crowd.state.reservation_kernels import pair_meets
+from crowdsim.recording.header import AgentState
+from crowdsim.scenario.loader import parse_scenario
+
+HEAD = "crowdsim: 1\nname: giving_way\nseed: {seed}\nduration: {duration}\nfloor: {floor}\n"
+GROUP = "  - {{name: {name}, count: {count}, start: {{rectangle: {start}}}, goal: {{rectangle: {goal}}}{rest}}}\n"
+
+
+def corridor(width: float, seed: int) -> str:
+    half, off = width / 2, width / 2 - 0.36
+    west, east = [0.8, -off, 1.2, off], [10.8, -off, 11.2, off]
+    text = HEAD.format(seed=seed, duration=40, floor=f"{{rectangle: [0.0, {-half}, 12.0, {half}]}}") + "agents:\n"
+    text += GROUP.format(name="a", count=1, start=west, goal=east, rest="")
+    return text + GROUP.format(name="b", count=1, start=east, goal=west, rest="")
+
+
+def door(count: int, seed: int, rest: str = "") -> str:
+    west, east = [0.6, 0.6, 3.6, 4.4], [6.6, 0.6, 9.6, 4.4]
+    text = HEAD.format(seed=seed, duration=60, floor="{rectangle: [0.0, 0.0, 10.2, 5.0]}") + "obstacles:\n"
+    text += "  - {name: below, box: {min: [5.0, 0.0], max: [5.2, 2.0]}, top: 2.5}\n"
+    text += "  - {name: above, box: {min: [5.0, 3.0], max: [5.2, 5.0]}, top: 2.5}\nagents:\n"
+    text += GROUP.format(name="a", count=count, start=west, goal=east, rest=rest)
+    return text + GROUP.format(name="b", count=count, start=east, goal=west, rest=rest)
+
+
+def assert_nobody_meets(crowd: CapturedCrowd) -> None:
+    """Assert that no two reserved timelines meet from the present slot on, and that no two bodies are too near now."""
+    view = crowd.world.view()
+    slot = crowd.step_count * crowd.assets.frames_per_step // SLOT_FRAMES
+    for a in range(len(view.agent)):
+        for b in range(a):
+            distance = float(view.body_radius[a] + view.body_radius[b])
+            mine = view.timeline[a], view.timeline_start[a], view.gone_slot[a]
+            its = view.timeline[b], view.timeline_start[b], view.gone_slot[b]
+            assert not pair_meets(*mine, *its, slot, distance, True)
+            # Between two slots timelines are taken as linear, so tracks come a little nearer.
+            assert np.hypot(*(view.pose[a, :2] - view.pose[b, :2])) > distance - 0.03
+
+
+def run(text: str, workers: int = 1) -> tuple[int, float, int, int]:
+    """How many arrived, when the last did [s], how often somebody gave way, and the state hash."""
+    with Simulation(parse_scenario(text), workers) as simulation:
+        crowd = simulation.crowd
+        assert isinstance(crowd, CapturedCrowd)
+        while not simulation.finished:
+            simulation.step()
+            if simulation.step_count % 3 == 0:
+                assert_nobody_meets(crowd)
+        seconds = simulation.step_count / crowd.assets.steps_per_second
+        return simulation.arrived, seconds, crowd.plans.moved, crowd.hash
+
+
+@pytest.mark.parametrize("width", [1.6, 2.0, 3.0])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_two_who_meet_in_a_corridor_pass(width: float, seed: int) -> None:
+    arrived, seconds, _, _ = run(corridor(width, seed))
+    assert arrived == 2
+    assert seconds < 25
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_three_and_three_pass_a_door(seed: int) -> None:
+    arrived, seconds, moved, _ = run(door(3, seed))
+    assert arrived == 6
+    assert seconds < 40
+    assert moved > 0
+
+
+def test_who_gives_way_does_not_depend_on_the_number_of_workers() -> None:
+    assert run(door(3, 1)) == run(door(3, 1), workers=2)
+
+
+def test_who_had_arrived_gives_way_and_comes_back() -> None:
+    text = HEAD.format(seed=1, duration=40, floor="{rectangle: [0.0, -1.0, 12.0, 1.0]}") + "agents:\n"
+    text += "  - {name: a, count: 1, on_arrival: stay, start: {point: [1.0, 0.0]}, goal: {point: [4.0, 0.0]}}\n"
+    text += "  - {name: b, count: 1, start_time: 8.0, start: {point: [11.0, 0.0]}, goal: {point: [1.0, 0.0]}}\n"
+    with Simulation(parse_scenario(text), 1) as simulation:
+        crowd = simulation.crowd
+        assert isinstance(crowd, CapturedCrowd)
+        while simulation.step_count < simulation.step_limit and (crowd.arrived < 2 or crowd.plans.away):
+            simulation.step()
+        assert crowd.arrived == 2
+        assert crowd.plans.moved > 0
+        view = crowd.world.view()
+        assert view.state.tolist() == [AgentState.ARRIVED]
+        assert view.pose[0, :2] == pytest.approx([4.0, 0.0], abs=0.36)
