@@ -122,9 +122,13 @@ def test_a_graph_without_a_way_to_stand_has_no_entries():
         found(lost)
 
 
-def test_clips_of_one_name_are_refused():
+def test_clips_of_one_name_are_told_by_their_poses():
+    """As transitions from several behaviors to one may have it."""
     behaviors = behavior_set()
     frontal = behaviors.clips[-1]
-    twice = replace(frontal, clips=(*frontal.clips, replace(frontal.clips[0])))
-    with pytest.raises(MotionError, match="two clips of behavior 'frontal' are called 'walk'"):
-        node_phases(replace(behaviors, clips=(*behaviors.clips[:-1], twice)))
+    walk = frontal.clips[0]
+    other = replace(walk, rotations=walk.rotations[::-1].copy())
+    for both in ((other, *frontal.clips), (*frontal.clips, other)):
+        twice = replace(frontal, clips=both)
+        found = node_phases(replace(behaviors, clips=(*behaviors.clips[:-1], twice)))
+        np.testing.assert_array_equal(found, node_phases(behaviors))
