@@ -20,13 +20,11 @@ def gap_to_piece(row: Any, piece: np.ndarray) -> float:
     return segment_to_segment(core_of(row), piece[:4].reshape(2, 2)) - row["radius"] - piece[4]
 
 
-def company(
-    rows: np.ndarray, reach: tuple[float, float], narrow: float, wide: float
-) -> list[tuple[int, bool, float, float]]:
-    """For each record: others near, whether it follows somebody, and when somebody is within ``narrow``, ``wide``."""
+def company(rows: np.ndarray, reach: tuple[float, float], narrow: float, wide: float) -> list[tuple[int, float, float]]:
+    """For each record: others near, and when somebody is within ``narrow``, ``wide``."""
     found = []
     for me, mine in enumerate(rows):
-        near, follows, soon, soon_wide = 0, False, math.inf, math.inf
+        near, soon, soon_wide = 0, math.inf, math.inf
         way = np.array([mine["ix"], mine["iy"]])
         for number, other in enumerate(rows):
             if number == me:
@@ -36,7 +34,6 @@ def company(
                 continue
             near += np.hypot(*apart) < reach[0]
             same_way = way @ [other["ix"], other["iy"]] > 0.3
-            follows |= bool(same_way and apart @ way > 0.0)
             if way.any() and apart @ way <= 0.0:
                 continue
             relative = np.array([mine["vx"] - other["vx"], mine["vy"] - other["vy"]])
@@ -48,5 +45,5 @@ def company(
                 soon_wide = min(soon_wide, time)
             if least < narrow and not same_way:
                 soon = min(soon, time)
-        found.append((near, follows, soon, soon_wide))
+        found.append((near, soon, soon_wide))
     return found

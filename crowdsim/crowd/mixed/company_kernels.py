@@ -18,14 +18,13 @@ _SAME_WAY = 0.3
 
 
 @kernel
-def find_company(rows, starts, frame, order, walls, reach, narrow, wide, near, led, soon, soon_wide):
+def find_company(rows, starts, frame, order, walls, reach, narrow, wide, near, confined, soon, soon_wide):
     """Count who is within the first of ``reach``, and find when somebody within the second one comes near.
 
     Who comes from behind does not count, and for ``soon`` nobody does who goes the same way: it is followed.
     ``rows``: ROW[n] sorted by the cells of ``frame``; ``order``: int32[n], the number of each. ``reach``: both [m].
     ``narrow``, ``wide``: distances between centers that count as near [m]. ``near``: int64[n], gets how many there are.
-    ``led``: bool[n], gets whether somebody who goes the same way is ahead within the second, between ``walls`` (a
-    :class:`crowdsim.steering.walls.Walls`) that leave no room to pass.
+    ``confined``: bool[n], gets whether ``walls`` (a :class:`crowdsim.steering.walls.Walls`) leave no room to pass.
     ``soon``, ``soon_wide``: float64[n], get the times until somebody is nearest who then is within ``narrow`` and
     ``wide`` [s], infinite if nobody is; both go on as they do. All by number.
     """
@@ -36,7 +35,6 @@ def find_company(rows, starts, frame, order, walls, reach, narrow, wide, near, l
         goes = mine.ix != 0.0 or mine.iy != 0.0
         column, row = cell_of(frame, mine.x, mine.y)
         count = 0
-        follows = False
         first = math.inf
         first_wide = math.inf
         for j in range(max(row - cells, 0), min(row + cells + 1, frame[3])):
@@ -52,8 +50,6 @@ def find_company(rows, starts, frame, order, walls, reach, narrow, wide, near, l
                     count += 1
                 ahead = px * mine.ix + py * mine.iy
                 same_way = mine.ix * other.ix + mine.iy * other.iy > _SAME_WAY
-                if same_way and ahead > 0.0:
-                    follows = True
                 wx = mine.vx - other.vx
                 wy = mine.vy - other.vy
                 speed2 = wx * wx + wy * wy
@@ -70,6 +66,6 @@ def find_company(rows, starts, frame, order, walls, reach, narrow, wide, near, l
                     if miss2 < narrow * narrow and not same_way:
                         first = min(first, time)
         near[order[me]] = count
-        led[order[me]] = follows and distance_at(walls, mine.x, mine.y) < _NO_ROOM
+        confined[order[me]] = distance_at(walls, mine.x, mine.y) < _NO_ROOM
         soon[order[me]] = first
         soon_wide[order[me]] = first_wide

@@ -40,8 +40,8 @@ CALM_FOR = 4.0
 BLOCKED_FOR = 0.3
 """Time that its next step is refused before an auto character steers [s]."""
 
-QUEUES_FOR = 1.0, 8.0
-"""The same behind somebody whom it cannot pass, with others near and alone [s]."""
+QUEUES_FOR = 6.0
+"""The same where nobody can pass somebody else, and steering would hardly help [s]."""
 
 STAYS_FOR = 2.0
 """Time that a character stays on a level before it goes back [s]."""
@@ -57,7 +57,7 @@ class Levels:
     """Says who should change its level.
 
     may_steer, may_capture: (n,) what the groups of the n characters allow. changed: (n,) step of the last change, or of
-    entering. near, led, soon: (n,) company of those in the world, see :func:`find_company`.
+    entering. near, confined, soon: (n,) company of those in the world, see :func:`find_company`.
     """
 
     def __init__(self, cast: CrowdPlacement, favored: Neighborhood | None) -> None:
@@ -69,17 +69,18 @@ class Levels:
         self.changed = np.zeros(count, np.int64)
         self._calm_since = np.zeros(count, np.int64)
         self.near = np.zeros(count, np.int64)
-        self.led, self.soon = np.zeros(count, np.bool_), np.full(count, np.inf)
+        self.confined, self.soon = np.zeros(count, np.bool_), np.full(count, np.inf)
 
     def look_around(self, crowd: SortedCrowd, walls: Walls, step: int) -> None:
         """Find the company of all who are in the world, sorted by cells, between ``walls``."""
         count = len(crowd.rows)
-        near, led, soon, wide = np.zeros(count, np.int64), np.zeros(count, np.bool_), np.empty(count), np.empty(count)
+        near, confined = np.zeros(count, np.int64), np.zeros(count, np.bool_)
+        soon, wide = np.empty(count), np.empty(count)
         everybody = (crowd.rows, crowd.starts, crowd.frame, crowd.order)
-        find_company(*everybody, walls, (NEAR, SEEN), MEETS, PASSES, near, led, soon, wide)
+        find_company(*everybody, walls, (NEAR, SEEN), MEETS, PASSES, near, confined, soon, wide)
         agents = np.empty(count, np.int64)
         agents[crowd.order] = crowd.rows["id"]
-        self.near[agents], self.led[agents], self.soon[agents] = near, led, soon
+        self.near[agents], self.confined[agents], self.soon[agents] = near, confined, soon
         calm = (near <= EASED) & (wide > CALM_FOR)
         self._calm_since[agents[~calm]] = step
 
@@ -93,8 +94,7 @@ class Levels:
     def steer(self, agents: NDArray[np.int64], places: Floats, blocked: Floats) -> Bools:
         """Which of some captured characters should steer; ``blocked``, (k,): time that they have been refused [s]."""
         met = (self.near[agents] >= CROWDED) | (self.soon[agents] < MEETS_WITHIN)
-        queues = np.where(self.near[agents] > 1, *QUEUES_FOR)
-        refused = blocked >= np.where(self.led[agents], queues, BLOCKED_FOR)
+        refused = blocked >= np.where(self.confined[agents], QUEUES_FOR, BLOCKED_FOR)
         return np.asarray(self.may_steer[agents] & (refused | (met & ~self.is_favored(places))))
 
     def capture(self, agents: NDArray[np.int64], places: Floats, step: int) -> Bools:

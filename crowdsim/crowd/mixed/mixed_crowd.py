@@ -32,7 +32,7 @@ from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.timetable import Placing
 from crowdsim.steering.ways import Others
 
-PATIENCE_SECONDS = 2.0
+PATIENCE_SECONDS = 6.0
 """Time that an auto character waits for its first motion, or for room, before it comes steered [s]."""
 
 
@@ -49,6 +49,7 @@ class MixedCrowd:
         self.switches = Switches(self.captured, self.steered, self.levels)
         self.hash = 0
         self._before = np.full((self.count, 2), np.nan)
+        self._stands_since = np.zeros(self.count, np.int64)
         self.statistics = MixedStatistics(self.captured, self.steered)
 
     @property
@@ -98,8 +99,8 @@ class MixedCrowd:
         others = self._others(view)
         everybody = steered.steering.sort(self._everybody(others), steered.place.bounds)
         self.levels.look_around(everybody, steered.steering.walls[0], self.step_count)
-        blocked = np.where(view.blocked_since >= 0, self.step_count - view.blocked_since, 0) / STEERING_RATE
-        wanted = self.levels.steer(view.agent.astype(np.int64), view.pose[:, :2], blocked) & self._walks(view)
+        wanted = self.levels.steer(view.agent.astype(np.int64), view.pose[:, :2], self._refused(view))
+        wanted &= self._walks(view)
         if self.switches.to_steered(view, wanted, self._velocities(view), others):
             captured.world.apply_changes()
             steered.world.apply_changes()
@@ -211,6 +212,14 @@ class MixedCrowd:
         waits = itineraries.cast.waits[agents] > 0.0
         return np.asarray((view.state != AgentState.ARRIVED) & ~(stands & waits & (itineraries.reached[agents] > 0)))
 
+    def _refused(self, view: View) -> NDArray[np.float64]:
+        """(m,) time for which captured rows were refused, or have stood beyond a second for whatever reason [s]."""
+        step, agents = self.step_count, view.agent.astype(np.int64)
+        self._stands_since[agents[view.state != AgentState.WAITING]] = step
+        refused = np.where(view.blocked_since >= 0, step - view.blocked_since, 0)
+        stood = step - self._stands_since[agents] - STEERING_RATE
+        return np.asarray(np.maximum(refused, stood) / STEERING_RATE)
+
     def _enter(self) -> None:
         """Let characters come in: captured where there is room, else steered."""
         captured, steered, step = self.captured, self.steered, self.step_count
@@ -225,7 +234,7 @@ class MixedCrowd:
         steered.entering.enter(step, steered.steering, outside & ~walks_in & self.levels.may_steer, others)
         steered.world.apply_changes()
         came = np.flatnonzero(outside & ((captured.spawning.spawned == step) | (steered.entering.entered == step)))
-        self.levels.changed[came] = step
+        self.levels.changed[came] = self._stands_since[came] = step
         for agent in came[steered.entering.entered[came] == step].tolist():
             captured.plans.forget(agent)
 

@@ -116,6 +116,8 @@ class Spawning:
             pose=plan.departure,
             behavior=self.assets.graph.node_behavior[node],
             node=node,
+            # It has stood there before it is seen, and sets out at once.
+            frame=self.assets.graph.node_frames[node],
             origin=plan.departure,
             plan_digest=plan.digest,
             timeline=np.tile(plan.departure[:2], (TIMELINE_SLOTS, 1)),

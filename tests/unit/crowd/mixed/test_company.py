@@ -62,14 +62,16 @@ def test_company_is_what_the_twin_finds(seed):
     velocities = rng.normal(0.0, 1.0, (count, 2)) * (rng.random((count, 1)) < 0.8)
     state = walkers(rng.uniform(0.0, 14.0, (count, 2)), velocities)
     crowd = sorted_crowd(state)
-    near, led = np.zeros(count, np.int64), np.zeros(count, np.bool_)
+    near, confined = np.zeros(count, np.int64), np.zeros(count, np.bool_)
     soon, wide = np.empty(count), np.empty(count)
-    # A wall beside everybody leaves no room to pass.
-    walls = build_walls([[-1.0, y, 15.0, y] for y in np.arange(-1.0, 15.5, 0.5)])
+    walls = build_walls([[-1.0, 5.0, 15.0, 5.0]])
     everybody = (crowd.rows, crowd.starts, crowd.frame, crowd.order)
-    find_company(*everybody, walls, (NEAR, SEEN), MEETS, PASSES, near, led, soon, wide)
-    for k, (others, follows, first, first_wide) in enumerate(company(state, (NEAR, SEEN), MEETS, PASSES)):
-        assert (near[k], led[k]) == (others, follows)
+    find_company(*everybody, walls, (NEAR, SEEN), MEETS, PASSES, near, confined, soon, wide)
+    for k, (others, first, first_wide) in enumerate(company(state, (NEAR, SEEN), MEETS, PASSES)):
+        assert near[k] == others
+        assert (
+            confined[k] == pytest.approx(abs(state["y"][k] - 5.0) < 1.3) or abs(abs(state["y"][k] - 5.0) - 1.3) < 0.03
+        )
         assert soon[k] == pytest.approx(first)
         assert wide[k] == pytest.approx(first_wide)
 
@@ -114,18 +116,17 @@ def test_who_is_refused_steers_and_where_captured_motion_is_favored_only_then():
     assert levels.steer(np.arange(2), seen_by_camera, np.full(2, BLOCKED_FOR)).all()
 
 
-def test_who_cannot_pass_the_one_ahead_queues():
+def test_where_nobody_can_pass_characters_queue():
     levels = levels_of()
     places = [[10.0, 0.0], [12.0, 0.0]]
     corridor = build_walls([[0.0, -1.0, 20.0, -1.0], [0.0, 1.0, 20.0, 1.0]])
     crowd = sorted_crowd(walkers([*places, *APART], [[0.9, 0.0], [0.5, 0.0], *STILL]))
     levels.look_around(crowd, corridor, 0)
     first, alone = np.array([0]), np.array(places[:1])
-    assert not levels.steer(first, alone, np.array([QUEUES_FOR[1] - 0.1])).any()
-    assert levels.steer(first, alone, np.array([QUEUES_FOR[1]])).all()
-    assert levels.steer(np.array([1]), np.array(places[1:]), np.array([BLOCKED_FOR])).all(), (
-        "the first has nobody ahead"
-    )
+    assert not levels.steer(first, alone, np.array([QUEUES_FOR - 0.1])).any()
+    assert levels.steer(first, alone, np.array([QUEUES_FOR])).all()
+    look(levels, [*places, *APART], [[0.9, 0.0], [0.5, 0.0], *STILL])
+    assert levels.steer(first, alone, np.array([BLOCKED_FOR])).all(), "in the open it passes"
 
 
 def test_a_crowd_steers():
