@@ -128,7 +128,13 @@ def corridor(file: Path, recordings: Recordings) -> None:
 
 def corridor_lateral(file: Path, recordings: Recordings) -> None:
     """Somebody in the narrowest gap."""
-    shot(recordings.of("corridor"), file, 54.2, "follow", agent=5)
+    shot(recordings.of("corridor"), file, 54.2, "follow", agent=6)
+
+
+def levels(file: Path, recordings: Recordings) -> None:
+    """Who is captured, and who steers."""
+    shot(recordings.of("plaza"), file, 20.0, color_by="level")
+    write_small(file)
 
 
 def apartment_layers(file: Path, recordings: Recordings) -> None:
@@ -194,6 +200,7 @@ PICTURES: Mapping[str, Callable[[Path, Recordings], None]] = {
     "docs/images/corridor_lateral.png": corridor_lateral,
     "docs/images/apartment_layers.png": apartment_layers,
     "docs/images/counterflow.png": counterflow,
+    "docs/images/levels.png": levels,
     "docs/images/four_ways.png": four_ways,
     "docs/images/street.jpg": street,
     "docs/images/navmesh.png": navmesh,

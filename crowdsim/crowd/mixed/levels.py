@@ -40,7 +40,7 @@ CALM_FOR = 4.0
 BLOCKED_FOR = 0.3
 """Time that its next step is refused before an auto character steers [s]."""
 
-QUEUES_FOR = 6.0
+QUEUES_FOR = 12.0
 """The same where nobody can pass somebody else, and steering would hardly help [s]."""
 
 STAYS_FOR = 2.0
