@@ -20,9 +20,8 @@ from crowdsim.crowd.search.worker_pool import WorkerPool
 from crowdsim.crowd.state.assets import prepare
 from crowdsim.crowd.state.components import COLUMNS
 from crowdsim.crowd.state.environment import EnvironmentState, Footprints
-from crowdsim.crowd.state.itineraries import Itineraries
+from crowdsim.crowd.state.itineraries import Itineraries, stands_summary
 from crowdsim.crowd.state.motion_plan import Request
-from crowdsim.crowd.state.stands import stands_summary
 from crowdsim.crowd.state.state_hash import state_hash
 from crowdsim.crowd.systems.animate import animate
 from crowdsim.crowd.systems.apply_events import Events

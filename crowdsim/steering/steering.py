@@ -146,7 +146,8 @@ class Steering:
     def _longest_reach(self, state: NDArray[Any]) -> float:
         """Distance from its center that no body can reach beyond in a step [m]."""
         rules = self.rules
-        fastest = float(np.sqrt(state["vx"] ** 2 + state["vy"] ** 2).max()) + rules.acceleration * rules.step
+        pace = np.sqrt(state["vx"] * state["vx"] + state["vy"] * state["vy"])
+        fastest = float(pace.max()) + rules.acceleration * rules.step
         longest = float(np.maximum(state["half"], state["rest"]).max())
         return fastest * rules.step + longest * (2.0 + rules.turn_rate * rules.step) + float(state["radius"].max())
 

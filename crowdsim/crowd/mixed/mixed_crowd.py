@@ -20,7 +20,7 @@ from crowdsim.crowd.mixed.switches import Switches
 from crowdsim.crowd.report.recording_header import captured_motion, record_header, steered_agents, steered_motion
 from crowdsim.crowd.state.assets import load_behaviors
 from crowdsim.crowd.state.environment import Footprints
-from crowdsim.crowd.state.stands import stands_summary
+from crowdsim.crowd.state.itineraries import stands_summary
 from crowdsim.crowd.state.state_hash import state_hash
 from crowdsim.crowd.state.timelines import StandingBodies
 from crowdsim.crowd.steered.steered_crowd import LEG_RADIUS, LOST_SECONDS, SteeredCrowd
@@ -215,7 +215,8 @@ class MixedCrowd:
     def _refused(self, view: View) -> NDArray[np.float64]:
         """(m,) time for which captured rows were refused, or have stood beyond a second for whatever reason [s]."""
         step, agents = self.step_count, view.agent.astype(np.int64)
-        self._stands_since[agents[view.state != AgentState.WAITING]] = step
+        walks = view.state != AgentState.WAITING
+        self._stands_since[agents[walks]] = step
         refused = np.where(view.blocked_since >= 0, step - view.blocked_since, 0)
         stood = step - self._stands_since[agents] - STEERING_RATE
         return np.asarray(np.maximum(refused, stood) / STEERING_RATE)

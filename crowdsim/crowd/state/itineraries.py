@@ -100,3 +100,14 @@ class Itineraries:
             if self.cast.rounds[agent] != 1:
                 laps[group] = laps.get(group, 0) + int(self.reached[agent]) // len(self.cast.goals[agent])
         return laps
+
+
+def stands_summary(off: NDArray[np.float64], turned: NDArray[np.float64]) -> dict[str, float | int | None]:
+    """How many stood at a place, and how far off it [m] and the heading asked for [rad, nan for any] they were."""
+    turned = np.degrees(turned[~np.isnan(turned)])
+    return {
+        "stood": len(off),
+        "off_goal_p95": float(np.quantile(off, 0.95)) if len(off) else None,
+        "off_goal_most": float(off.max()) if len(off) else None,
+        "off_heading_most": float(turned.max()) if len(turned) else None,
+    }

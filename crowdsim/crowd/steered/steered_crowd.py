@@ -13,7 +13,7 @@ from crowdsim.crowd.crowd import Route
 from crowdsim.crowd.report.recording_header import record_header, steered_agents, steered_motion
 from crowdsim.crowd.report.steered_statistics import SteeredStatistics
 from crowdsim.crowd.state.assets import load_behaviors
-from crowdsim.crowd.state.stands import stands_summary
+from crowdsim.crowd.state.itineraries import stands_summary
 from crowdsim.crowd.state.state_hash import state_hash
 from crowdsim.crowd.steered.components import COLUMNS, Errand
 from crowdsim.crowd.steered.entering import Entering

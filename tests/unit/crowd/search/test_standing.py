@@ -13,10 +13,9 @@ from crowdsim.crowd.search.standing import attempts
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.crowd.state.assets import Assets, prepare
 from crowdsim.crowd.state.environment import EnvironmentState
-from crowdsim.crowd.state.itineraries import TRIES, Itineraries
+from crowdsim.crowd.state.itineraries import TRIES, Itineraries, stands_summary
 from crowdsim.crowd.state.motion_plan import Request
 from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM
-from crowdsim.crowd.state.stands import stands_summary
 from crowdsim.following.follower.path_follower import FollowOptions
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.scenario.loader import parse_scenario
