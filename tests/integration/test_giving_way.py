@@ -83,8 +83,10 @@ def test_who_gives_way_does_not_depend_on_the_number_of_workers() -> None:
 
 def test_who_had_arrived_gives_way_and_comes_back() -> None:
     text = HEAD.format(seed=1, duration=40, floor="{rectangle: [0.0, -1.0, 12.0, 1.0]}") + "agents:\n"
-    text += "  - {locomotion: captured, name: a, count: 1, on_arrival: stay, start: {point: [1.0, 0.0]}, goal: {point: [4.0, 0.0]}}\n"
-    text += "  - {locomotion: captured, name: b, count: 1, start_time: 8.0, start: {point: [11.0, 0.0]}, goal: {point: [1.0, 0.0]}}\n"
+    text += "  - {locomotion: captured, name: a, count: 1, on_arrival: stay, "
+    text += "start: {point: [1.0, 0.0]}, goal: {point: [4.0, 0.0]}}\n"
+    text += "  - {locomotion: captured, name: b, count: 1, start_time: 8.0, "
+    text += "start: {point: [11.0, 0.0]}, goal: {point: [1.0, 0.0]}}\n"
     with Simulation(parse_scenario(text), 1) as simulation:
         crowd = simulation.crowd
         assert isinstance(crowd, CapturedCrowd)
