@@ -124,7 +124,7 @@ class CapturedCrowd:
     def react(self, view: View, in_the_way: Callable[[Footprints], bool] = lambda _: False) -> list[int]:
         """Let events happen where nobody is in their way, and hand plans out; returns the numbers of those events.
 
-        ``in_the_way`` says whether somebody is who is not captured.
+        ``in_the_way`` says whether a character that is not captured stands where a thing is to come.
         """
         happened = self.events.apply(view, in_the_way)
         # What searches came to is handed out one step after they began, so that the number of workers never shows.

@@ -46,7 +46,7 @@ class SingleFileResult:
 
     walked: EndlessResult
     overtaken: int
-    """People who at the end are behind whoever was next behind them at the start."""
+    """People whom the next person behind them has passed by the end of the run."""
 
 
 def run_single_file(density: float, width: float, seed: int, rules: Rules | None = None) -> SingleFileResult:

@@ -11,7 +11,7 @@ _SLOWEST = 0.15
 """Relative speed below which nobody comes near [m/s]."""
 
 _NO_ROOM = 1.3
-"""Distance to walls within which nobody passes somebody else [m]."""
+"""Nearer to a wall than this, a character has no room to pass another one [m]."""
 
 _SAME_WAY = 0.3
 """Cosine between where two mean to go from which on one follows the other."""
@@ -19,14 +19,18 @@ _SAME_WAY = 0.3
 
 @kernel
 def find_company(rows, starts, frame, order, walls, reach, narrow, wide, near, confined, soon, soon_wide):
-    """Count who is within the first of ``reach``, and find when somebody within the second one comes near.
+    """For each character, count the others near it, and predict when another one passes close by.
 
-    Who comes from behind does not count, and for ``soon`` nobody does who goes the same way: it is followed.
-    ``rows``: ROW[n] sorted by the cells of ``frame``; ``order``: int32[n], the number of each. ``reach``: both [m].
-    ``narrow``, ``wide``: distances between centers that count as near [m]. ``near``: int64[n], gets how many there are.
-    ``confined``: bool[n], gets whether ``walls`` (a :class:`crowdsim.steering.walls.Walls`) leave no room to pass.
-    ``soon``, ``soon_wide``: float64[n], get the times until somebody is nearest who then is within ``narrow`` and
-    ``wide`` [s], infinite if nobody is; both go on as they do. All by number.
+    The prediction takes both to keep their velocities. It leaves out others behind the character.
+
+    Inputs. ``rows``: ROW[n], sorted by the cells of ``frame``. ``order``: int32[n], the number of each row.
+    ``walls``: a :class:`crowdsim.steering.walls.Walls`. ``reach``: two distances [m]; others within the first are
+    counted, others within the second are looked at. ``narrow``, ``wide``: two distances between centers [m].
+
+    Outputs, in the order of the numbers. ``near``: int64[n], how many others are counted. ``confined``: bool[n],
+    whether a wall leaves no room to pass. ``soon``: float64[n], time until the first other one that comes within
+    ``narrow`` is nearest [s], infinite if none does; others that go the same way are left out, as they can be
+    followed. ``soon_wide``: float64[n], the same for ``wide``, with those that go the same way.
     """
     few, far = reach
     cells = math.ceil(far / CELL)
@@ -48,6 +52,8 @@ def find_company(rows, starts, frame, order, walls, reach, narrow, wide, near, c
                     continue
                 if square < few * few:
                     count += 1
+
+                # Leave out whoever does not come nearer, or is behind.
                 ahead = px * mine.ix + py * mine.iy
                 same_way = mine.ix * other.ix + mine.iy * other.iy > _SAME_WAY
                 wx = mine.vx - other.vx
@@ -58,7 +64,8 @@ def find_company(rows, starts, frame, order, walls, reach, narrow, wide, near, c
                     continue
                 if goes and ahead <= 0.0:
                     continue
-                # Both go straight on: this far apart, and then, they are nearest.
+
+                # Time and square of the distance at which both are nearest if they keep their velocities.
                 time = closing / speed2
                 miss2 = max(square - closing * time, 0.0)
                 if miss2 < wide * wide:

@@ -40,7 +40,7 @@ class Events:
     def apply(self, view: View, in_the_way: Callable[[Footprints], bool] = lambda _: False) -> list[int]:
         """Let what is due happen, where nobody is in the way; returns the numbers of the events that did.
 
-        ``in_the_way`` says whether somebody is who is not in ``view``.
+        ``in_the_way`` says whether a character that is not in ``view`` stands where a thing is to come.
         """
         plans, environment, agenda = self.plans, self.plans.environment, self._agenda
         if not agenda.collect(plans.step):
