@@ -4,8 +4,13 @@ import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 ROOT = Path(__file__).parents[1]
+
+# The first example compiles kernels, so none is timed; the same ones are tried on every machine.
+settings.register_profile("crowdsim", deadline=None, derandomize=True)
+settings.load_profile("crowdsim")
 
 
 @pytest.fixture(scope="session")

@@ -5,10 +5,11 @@ import pytest
 
 from crowdsim.crowd.captured_crowd import CapturedCrowd
 from crowdsim.crowd.simulation import Simulation
-from crowdsim.crowd.state.components import SLOT_FRAMES
+from crowdsim.crowd.state.components import CORE, RADIUS, SLOT_FRAMES
 from crowdsim.crowd.state.reservation_kernels import pair_meets
 from crowdsim.recording.header import AgentState
 from crowdsim.scenario.loader import parse_scenario
+from tests.reference.crowd import discs_along, discs_at
 
 HEAD = "crowdsim: 1\nname: giving_way\nseed: {seed}\nduration: {duration}\nfloor: {floor}\n"
 GROUP = (
@@ -35,8 +36,11 @@ def door(count: int, seed: int, rest: str = "") -> str:
 
 
 def assert_nobody_meets(crowd: CapturedCrowd) -> None:
-    """Assert that no two reserved timelines meet from the present slot on, and that no two bodies are too near now."""
-    view = crowd.world.view()
+    """Assert that no two reserved timelines meet from the present slot on, and that no two bodies touch now."""
+    view, breadths = crowd.world.view(), crowd.assets.breadths
+    bodies = discs_along(view.pose[:, :2], 0.0)
+    bodies[:, RADIUS], half = breadths[view.behavior].T
+    bodies[:, CORE], bodies[:, CORE + 1] = -half * np.sin(view.pose[:, 2]), half * np.cos(view.pose[:, 2])
     slot = crowd.step_count * crowd.assets.frames_per_step // SLOT_FRAMES
     for a in range(len(view.agent)):
         for b in range(a):
@@ -44,8 +48,11 @@ def assert_nobody_meets(crowd: CapturedCrowd) -> None:
             mine = view.timeline[a], view.timeline_start[a], view.gone_slot[a]
             its = view.timeline[b], view.timeline_start[b], view.gone_slot[b]
             assert not pair_meets(*mine, *its, slot, distance, True)
-            # Between two slots timelines are taken as linear, so tracks come a little nearer.
-            assert np.hypot(*(view.pose[a, :2] - view.pose[b, :2])) > distance - 0.03
+            # Between two slots timelines are taken as linear, so bodies come a little nearer.
+            mine_now, my_radius = discs_at((bodies[a : a + 1], 0, 0), 0)
+            its_now, its_radius = discs_at((bodies[b : b + 1], 0, 0), 0)
+            gap = np.linalg.norm(mine_now[:, None] - its_now, axis=-1).min() - my_radius - its_radius
+            assert gap > -0.03
 
 
 def run(text: str, workers: int = 1) -> tuple[int, float, int, int]:

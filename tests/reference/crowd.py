@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from crowdsim.crowd.state.components import CORE, RADIUS, SAMPLE
 from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.motion.graph.arrays import GraphArrays
@@ -78,28 +79,44 @@ def pose_at(
     raise AssertionError("a chain has at least one node")
 
 
-def timelines_meet(a, b, distance: float, first_slot: int) -> bool:
-    """Dense sampling of two timelines (positions (K, 2), start, gone) that come closer than ``distance``."""
+def discs_along(tracks: np.ndarray, radius: float) -> np.ndarray:
+    """Samples of a timeline (..., 5) of who goes along tracks (..., 2) as a disc [m]."""
+    samples = np.zeros((*tracks.shape[:-1], SAMPLE))
+    samples[..., :2], samples[..., RADIUS] = tracks, radius
+    return samples
 
-    def at(timeline, slot: float) -> np.ndarray:
-        positions, start, _ = timeline
-        u = np.clip(slot - start, 0, len(positions) - 1)
-        low = int(np.floor(u))
-        high = min(low + 1, len(positions) - 1)
-        return positions[low] + (u - low) * (positions[high] - positions[low])
+
+def discs_at(timeline, slot: float) -> tuple[np.ndarray, float]:
+    """Middles (3, 2) of the discs of a body at a slot, and their radius: of the broader sample beside it."""
+    samples, start, _ = timeline
+    u = np.clip(slot - start, 0, len(samples) - 1)
+    low = int(np.floor(u))
+    high = min(low + 1, len(samples) - 1)
+    at = samples[low] + (u - low) * (samples[high] - samples[low])
+    radius = max(samples[low, RADIUS], samples[high, RADIUS]) if u > low else samples[low, RADIUS]
+    return at[:2] + np.array([[-1.0], [0.0], [1.0]]) * at[CORE : CORE + 2], float(radius)
+
+
+def timelines_meet(a, b, first_slot: int, at_rest: float, room: float = 0.0) -> bool:
+    """Dense sampling of two timelines (samples (K, 5), start, gone): whether the gap is ever less than ``room``."""
+
+    def gap(slot: float) -> float:
+        mine, my_radius = discs_at(a, slot)
+        its, its_radius = discs_at(b, slot)
+        return float(np.linalg.norm(mine[:, None] - its, axis=-1).min() - my_radius - its_radius)
 
     last = max(a[1] + len(a[0]), b[1] + len(b[0]))
     if first_slot >= min(a[2], b[2]):
         return False
-    now = np.linalg.norm(at(a, first_slot) - at(b, first_slot))
-    at_rest = np.linalg.norm(a[0][-1] - b[0][-1])
-    if min(a[2], b[2]) == FOREVER and at_rest < min(distance + ELBOW_ROOM, now - 1e-6):
+    now = np.linalg.norm(discs_at(a, first_slot)[0][1] - discs_at(b, first_slot)[0][1])
+    rest = np.linalg.norm(a[0][-1, :2] - b[0][-1, :2])
+    if min(a[2], b[2]) == FOREVER and rest < min(at_rest + ELBOW_ROOM, now - 1e-6):
         return True
-    distance = min(distance, now - 1e-6)
+    least = min(gap(first_slot) - 1e-6, 0.0) + room
     for slot in np.arange(first_slot, last, 0.01):
         if np.floor(slot) >= min(a[2], b[2]):
             return False
-        if np.linalg.norm(at(a, slot) - at(b, slot)) < distance:
+        if gap(slot) < least:
             return True
     return False
 

@@ -256,7 +256,8 @@ class MixedCrowd:
         """Captured characters as steered ones see them."""
         itineraries, steered = self.captured.itineraries, self.steered
         velocities, walkers = self._velocities(view), self.cast.walkers
-        return seen(view, velocities, self.step_count, itineraries, steered.errands, walkers, steered.place.guidance)
+        errands, guidance, breadths = steered.errands, steered.place.guidance, self.captured.assets.breadths
+        return seen(view, velocities, self.step_count, itineraries, errands, walkers, guidance, breadths)
 
     def _velocities(self, view: View) -> NDArray[np.float64]:
         """(m, 2) velocities of captured rows in the step before [m/s]; 0 for those who have just come."""

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE, STEERING_RATE
-from crowdsim.crowd.state.components import SLOT_FRAMES
+from crowdsim.crowd.state.components import RADIUS, SLOT_FRAMES
 from crowdsim.crowd.state.itineraries import Itineraries
 from crowdsim.crowd.steered.components import NO_GOAL
 from crowdsim.crowd.steered.errands import Errands
@@ -37,14 +37,18 @@ def seen(
     errands: Errands,
     walkers: Walkers,
     guidance: Guidance,
+    breadths: NDArray[np.float64],
 ) -> Others:
-    """Captured characters of ``view``, who move at ``velocities``, (m, 2) [m/s]."""
+    """Captured characters of ``view``, who move at ``velocities``, (m, 2) [m/s].
+
+    breadths: (B, 2) bodies by behavior [m]: see :attr:`crowdsim.crowd.state.assets.Assets.breadths`.
+    """
     agents = view.agent.astype(np.int64)
     rows = np.zeros(len(agents), ROW)
     rows["x"], rows["y"], rows["heading"] = view.pose.T
     rows["hx"], rows["hy"] = cos(rows["heading"]), sin(rows["heading"])
     rows["vx"], rows["vy"] = velocities.T
-    rows["radius"] = view.body_radius
+    rows["radius"], rows["half"] = breadths[view.behavior].T
     stays = view.state == AgentState.ARRIVED
     rows["goal"] = np.where(stays, NO_GOAL, errands.goal(agents, itineraries.reached[agents]))
     rows["share"] = walkers.shares[agents]
@@ -67,18 +71,21 @@ def seen(
 
 def _reserved(view: View, step: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Pieces of reserved timelines from now on, with the radii of the discs, and whose each is."""
-    timeline = view.timeline
+    timeline, bodies = view.timeline[..., :2], view.timeline[..., RADIUS:]
     last = timeline.shape[1] - 1
     first = np.clip(now_slot(step) - view.timeline_start, 0, last)
     begins, ends = timeline[:, :-1], timeline[:, 1:]
     ahead = np.arange(last) >= first[:, None]
     pieces = ahead & (begins != ends).any(axis=2)
-    owners, slots = np.nonzero(pieces)
-    moving = np.concatenate([begins[owners, slots], ends[owners, slots]], axis=1)
+    walking, slots = np.nonzero(pieces)
+    moving = np.concatenate([begins[walking, slots], ends[walking, slots]], axis=1)
     # Where each comes to a stand; it may be all that is left.
     rests = np.concatenate([timeline[:, last], timeline[:, last]], axis=1)
-    owners = np.concatenate([owners, np.arange(len(timeline))])
-    radii = view.body_radius[owners] + TRACK_ROOM
+    owners = np.concatenate([walking, np.arange(len(timeline))])
+    # Discs that hold the capsules, as broad as at the broader end of a piece.
+    discs = bodies[..., 0] + hypot(bodies[..., 1], bodies[..., 2])
+    broader = np.maximum(discs[:, :-1], discs[:, 1:])[walking, slots]
+    radii = np.concatenate([broader, discs[:, last]]) + TRACK_ROOM
     return np.column_stack([np.concatenate([moving, rests]), radii]), owners
 
 

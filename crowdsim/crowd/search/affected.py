@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.crowd.state.assets import Assets
+from crowdsim.crowd.state.components import SAMPLE
 from crowdsim.crowd.state.environment import Edit, Footprints
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import sample_chain
@@ -34,10 +35,11 @@ def first_taken(assets: Assets, plan: MotionPlan, first: int, taken: Footprints)
     if float(shapely.distance(shapely.points(origins[:, :2]), ground).min()) > reach:
         return plan.count
     frames = graph.node_frames[nodes].astype(np.int64)
-    out = np.empty((int(frames.sum()) // _STRIDE + 2, 2))
-    sample_chain(graph, Chain(nodes, origins, plan.blend_offsets[first:]), len(nodes), 0, 0, _STRIDE, out)
+    out = np.empty((int(frames.sum()) // _STRIDE + 2, SAMPLE))
+    chain = Chain(nodes, origins, plan.blend_offsets[first:])
+    sample_chain(graph, chain, len(nodes), assets.breadths, 0, 0, _STRIDE, out)
     owner = np.minimum(np.searchsorted(np.cumsum(frames), _STRIDE * np.arange(len(out)), side="right"), len(nodes) - 1)
-    pieces = shapely.linestrings(np.stack([out[:-1], out[1:]], axis=1))
+    pieces = shapely.linestrings(np.stack([out[:-1, :2], out[1:, :2]], axis=1))
     radii = assets.body_radii[graph.node_behavior[nodes]]
     radii = np.maximum(radii[owner[:-1]], radii[owner[1:]])
     hit = np.zeros(len(pieces), np.bool_)

@@ -258,17 +258,23 @@ class MotionSearch:
         return None
 
     def _passing(self) -> Generator[MotionPlan, None, MotionPlan | None]:
-        """A motion to the goal that keeps clear of the places ``request.around``, or None."""
+        """A motion to the goal that keeps clear of those who stand ``around``, or None."""
         assets, environment, request = self.assets, self.environment, self.request
-        legs = environment.meshes[0]
-        radius = 2.0 * assets.personal_radius + PASSING_ROOM - float(assets.body_radii[:, 0].max())
         turn = np.arange(_RING) * 2.0 * np.pi / _RING
-        ring = radius * np.stack([cos(turn), sin(turn)], axis=1)
-        points = (request.around[:, None] + ring).reshape(-1, 2)
-        points = points[legs.clearances(points, 1.0) > _OFF_WALLS]
-        if not len(points):
+        ring = np.stack([cos(turn), sin(turn)], axis=1)
+        x, y, heading = request.around.T
+        half = assets.breadths[request.postures, 1]
+        core = half[:, None] * np.stack([-sin(heading), cos(heading)], axis=1)
+        middles = np.stack([x, y], axis=1) + np.array([-1.0, 0.0, 1.0])[:, None, None] * core
+        meshes = []
+        for mesh, radii in zip(environment.meshes, assets.body_radii.T, strict=True):
+            # On each layer as broad as they stand there.
+            rings = (radii[request.postures] + PASSING_ROOM)[:, None, None] * ring
+            points = (middles[:, :, None] + rings).reshape(-1, 2)
+            points = points[mesh.clearances(points, 1.0) > _OFF_WALLS]
+            meshes.append(mesh.with_points(points) if len(points) else mesh)
+        if all(mesh is before for mesh, before in zip(meshes, environment.meshes, strict=True)):
             return None
-        meshes = (legs.with_points(points), *environment.meshes[1:])
         # Not over a roadmap, which would be made for this one plan.
         query = Planner(meshes, assets.behaviors).query(request.position, request.goal)
         route = cheapest_uniform(query).path

@@ -18,6 +18,7 @@ from crowdsim.errors import MotionError, ScenarioError
 from crowdsim.following.follower.path_follower import Character
 from crowdsim.following.maps.map_file import maps_in_file
 from crowdsim.following.maps.motion_maps import MotionMaps
+from crowdsim.geometry.elementary import sin
 from crowdsim.jit import cache_folder
 from crowdsim.motion.graph.arrays import GraphArrays
 from crowdsim.motion.graph.motion_graph import MotionGraph
@@ -26,6 +27,9 @@ from crowdsim.planning.baselines.collision_scene import CollisionScene
 from crowdsim.planning.query.requirements import Requirements
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.timetable import Timetable
+
+SIDEWAYS = 0.7
+"""Sine of the angle between where a body faces and where it goes from which on it goes sideways."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +63,24 @@ class Assets:
         return np.ascontiguousarray([behavior.radii for behavior in self.behaviors], np.float64)
 
     @cached_property
+    def breadths(self) -> NDArray[np.float64]:
+        """(B, 2) meters, the body towards others in each behavior: radius of a capsule, and half its core.
+
+        The core lies across the direction that the body faces. Who faces ahead, arms held in or not, is a disc; who
+        walks sideways is as narrow as the behavior and as long as the widest. A behavior in which nobody can come to
+        rest counts as the widest, as who stops in it stands otherwise.
+        """
+        breadths = np.zeros((len(self.behaviors), 2))
+        breadths[:, 0] = self.body_radii.max(axis=1)
+        sideways = np.array([np.abs(sin(np.array(b.facings))).min() > SIDEWAYS for b in self.behaviors])
+        breadths[sideways, 1] = self.personal_radius - breadths[sideways, 0]
+        ends = np.flatnonzero(self.graph.node_ends_standing)
+        after = np.array([self.idle_after(int(node)) for node in ends], np.int64)
+        rests = (after != NONE) & (self.graph.node_behavior[after] == self.graph.node_behavior[ends])
+        breadths[self.graph.node_behavior[ends[~rests]]] = self.personal_radius, 0.0
+        return breadths
+
+    @cached_property
     def need(self) -> Requirements:
         """The clearances with which paths are planned."""
         return Requirements.of(self.behaviors, len(self.layers), TRACKING_MARGIN)
@@ -79,6 +101,12 @@ class Assets:
     def personal_radius(self) -> float:
         """Radius of the disc that encloses a body whatever it does: that of the widest behavior."""
         return float(self.body_radii.max())
+
+    @property
+    def passing_width(self) -> float:
+        """Meters that somebody needs who passes another who stands, both facing along the way, one with its arms in."""
+        facing = self.body_radii.max(axis=1)[self.breadths[:, 1] == 0.0]
+        return 2.0 * (self.personal_radius + float(facing.min()))
 
     @cached_property
     def idle_nodes(self) -> NDArray[np.int32]:

@@ -1,5 +1,7 @@
 """Whether a timeline that is to be reserved meets the bodies of steered characters, as they stand now."""
 
+from crowdsim.crowd.state.components import CORE, RADIUS
+from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import kernel
 from crowdsim.steering.capsule_kernels import core_to_segment
 from crowdsim.steering.look_kernels import cell_of, rows_beside
@@ -9,15 +11,14 @@ BODY_ROOM = 0.01
 
 
 @kernel
-def meets_body(agent, timeline, radius, bodies):
-    """Whether a disc of ``radius`` [m] that goes along a timeline (K, 2) comes within BODY_ROOM of a body.
+def meets_body(agent, timeline, bodies):
+    """Whether who goes along a timeline (K, 5) comes within BODY_ROOM of a body; discs are taken that hold capsules.
 
     ``bodies`` are :class:`crowdsim.crowd.state.timelines.StandingBodies`; that of ``agent`` itself does not count.
     """
     rows, starts, frame, broadest = bodies.rows, bodies.starts, bodies.frame, bodies.broadest
     if len(rows) == 0:
         return False
-    far = radius + broadest + BODY_ROOM
     for k in range(len(timeline)):
         # Every piece, and the end as a point; what is parked is looked at once.
         last = min(k + 1, len(timeline) - 1)
@@ -25,6 +26,11 @@ def meets_body(agent, timeline, radius, bodies):
         bx, by = timeline[last, 0], timeline[last, 1]
         if k > 0 and ax == bx and ay == by:
             continue
+        radius = max(timeline[k, RADIUS], timeline[last, RADIUS])
+        radius += max(
+            hypot(timeline[k, CORE], timeline[k, CORE + 1]), hypot(timeline[last, CORE], timeline[last, CORE + 1])
+        )
+        far = radius + broadest + BODY_ROOM
         low, bottom = cell_of(frame, min(ax, bx) - far, min(ay, by) - far)
         high, top = cell_of(frame, max(ax, bx) + far, max(ay, by) + far)
         middle = (low + high) // 2

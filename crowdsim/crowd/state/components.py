@@ -14,6 +14,15 @@ SLOT_FRAMES = CAPTURE_RATE // 5
 TIMELINE_SLOTS = 48
 """Samples of a reserved timeline: 9.6 s, longer than any few nodes and the stop after them."""
 
+SAMPLE = 5
+"""Values of each: x and y of the track; the body there as a capsule, its radius and half its core (x, y) [m]."""
+
+RADIUS = 2
+"""Place of the radius in a sample."""
+
+CORE = 3
+"""Place of the x of half the core, from the middle to one end; its y is behind it."""
+
 WAY_POINTS = 8
 """Points of the way ahead that a character would like others not to stop in."""
 
@@ -46,13 +55,13 @@ COLUMNS = (
     Column("awaiting_plan", np.bool_),
     Column("blocked_since", np.int64, (), NONE),  # step of the first refusal in a row, -1 while nothing is refused
     Column("retry_step", np.int64),
-    # The reserved timeline: track positions every SLOT_FRAMES frames from a slot on, then parked or gone.
-    Column("timeline", np.float64, (TIMELINE_SLOTS, 2)),
+    # The reserved timeline: tracks and bodies every SLOT_FRAMES frames from a slot on, then parked or gone.
+    Column("timeline", np.float64, (TIMELINE_SLOTS, SAMPLE)),
     Column("timeline_circle", np.float64, (3,)),  # x, y, radius: holds all of it
     Column("timeline_digest", np.uint64),
     Column("timeline_start", np.int64),
     Column("gone_slot", np.int64, (), np.iinfo(np.int64).max),
-    Column("body_radius", np.float64),
+    Column("body_radius", np.float64),  # of a disc that holds the body whatever it does
     # What others are told: the way ahead (nan where there is none), and who goes first, the lowest of all.
     Column("way", np.float64, (WAY_POINTS, 2), np.nan),
     Column("rank", np.int64),

@@ -83,7 +83,7 @@ class EnvironmentState:
     def passages(self) -> NDArray[np.float64]:
         """(S, 4) segments across passages in which two bodies cannot pass each other, as they are now."""
         if self._passages is None or self._passages[0] != self.revision:
-            self._passages = self.revision, narrow_passages(self.meshes[0], 4.0 * self.assets.personal_radius)
+            self._passages = self.revision, narrow_passages(self.meshes[0], self.assets.passing_width)
         return self._passages[1]
 
     def route(self, start: ArrayLike, goal: ArrayLike) -> AnnotatedPath:

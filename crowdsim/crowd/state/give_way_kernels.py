@@ -133,8 +133,8 @@ def _put(everyone, row, timeline, start, gone):
         dx = timeline[k, 0] - timeline[0, 0]
         dy = timeline[k, 1] - timeline[0, 1]
         reach = max(reach, dx * dx + dy * dy)
-        everyone.timeline[row, k, 0] = timeline[k, 0]
-        everyone.timeline[row, k, 1] = timeline[k, 1]
+        for axis in range(timeline.shape[1]):
+            everyone.timeline[row, k, axis] = timeline[k, axis]
     everyone.timeline_circle[row, 0] = timeline[0, 0]
     everyone.timeline_circle[row, 1] = timeline[0, 1]
     everyone.timeline_circle[row, 2] = math.sqrt(reach) + ROUNDING
@@ -146,8 +146,8 @@ def _put(everyone, row, timeline, start, gone):
 def _save(everyone, row, trail, place):
     """Keep the timeline of a row, to be put back."""
     for k in range(everyone.timeline.shape[1]):
-        trail.timeline[place, k, 0] = everyone.timeline[row, k, 0]
-        trail.timeline[place, k, 1] = everyone.timeline[row, k, 1]
+        for axis in range(everyone.timeline.shape[2]):
+            trail.timeline[place, k, axis] = everyone.timeline[row, k, axis]
     trail.timeline_start[place] = everyone.timeline_start[row]
     trail.gone_slot[place] = everyone.gone_slot[row]
     for axis in range(3):
@@ -158,8 +158,8 @@ def _save(everyone, row, trail, place):
 def _put_back(everyone, row, trail, place):
     """Undo :func:`_put` by what :func:`_save` kept."""
     for k in range(everyone.timeline.shape[1]):
-        everyone.timeline[row, k, 0] = trail.timeline[place, k, 0]
-        everyone.timeline[row, k, 1] = trail.timeline[place, k, 1]
+        for axis in range(everyone.timeline.shape[2]):
+            everyone.timeline[row, k, axis] = trail.timeline[place, k, axis]
     everyone.timeline_start[row] = trail.timeline_start[place]
     everyone.gone_slot[row] = trail.gone_slot[place]
     for axis in range(3):
@@ -270,7 +270,7 @@ def _let_move(graph, obstacles, everyone, me, count, strict, clock, slot_frames,
         trail.moves[level] = move
         nodes = lay_move(graph, moves, move, node, origin, draft)
         wait = graph.node_frames[node]  # it sets out at once
-        if sample_chain(graph, draft, nodes, wait, clock, slot_frames, trail.candidate) < 0:
+        if sample_chain(graph, draft, nodes, obstacles.breadths, wait, clock, slot_frames, trail.candidate) < 0:
             continue
         asked = _ask(everyone, standing, trail, me, row, trail.candidate, forever, slot, level, count)
         if asked < -1:
@@ -278,7 +278,7 @@ def _let_move(graph, obstacles, everyone, me, count, strict, clock, slot_frames,
         if asked < 0 or not _move_is_free(graph, obstacles, draft, nodes):
             continue
         # Steered bodies give way to nobody's moves.
-        if meets_body(-1, trail.candidate, everyone.body_radius[row], obstacles.bodies):
+        if meets_body(-1, trail.candidate, obstacles.bodies):
             continue
         _save(everyone, row, trail, level)
         _put(everyone, row, trail.candidate, slot, forever)

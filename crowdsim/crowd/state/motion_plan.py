@@ -21,7 +21,8 @@ class Request:
 
     position, goal: (2,) meters. stays: whether the motion must end standing. departure: the node behind which the
     motion begins and the pose (3,) that started from, or None before the character entered the world. route: the path
-    it follows already, or None to plan one. around: (k, 2) places of others who stand in the way and to be passed.
+    it follows already, or None to plan one. around: (k, 3) poses of others who stand in the way and
+    are to be passed; postures: (k,) the behavior that each stands in.
     heading: radians to face at the goal, None where any will do; within: meters from it to be reached, if that can be:
     both of those who stand there.
     """
@@ -31,7 +32,8 @@ class Request:
     stays: bool
     departure: Departure | None = None
     route: AnnotatedPath | None = None
-    around: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+    around: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+    postures: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, np.int32))
     heading: float | None = None
     within: float = STAND_WITHIN
 

@@ -1,8 +1,9 @@
 """Reserved timelines: where a character will be until it stands, and whether two of them ever meet.
 
-A timeline samples track positions at the world's slots (every ``slot_frames`` frames of the global frame
-clock) from ``start`` on; after its last sample the character stays there, or is gone from ``gone`` on.
-Between samples positions are taken as linear.
+A timeline samples track and body at the world's slots (every ``slot_frames`` frames of the global frame clock) from
+``start`` on; after its last sample the character stays there, or is gone from ``gone`` on. Between samples positions
+are taken as linear. A body is as broad as its behavior: less where arms are held in, a capsule along the way where it
+goes sideways.
 """
 
 import math
@@ -10,8 +11,9 @@ import math
 import numpy as np
 
 from crowdsim.crowd.state.body_kernels import meets_body
+from crowdsim.crowd.state.components import CORE, RADIUS
 from crowdsim.crowd.state.way_kernels import FOREVER, stops_in_passage, stops_in_way
-from crowdsim.geometry.elementary_kernels import hypot
+from crowdsim.geometry.elementary_kernels import cos, hypot, sin
 from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.geometry.segments_kernels import segment_segment_distance2
 from crowdsim.jit import helper, kernel
@@ -37,23 +39,53 @@ ROUNDING = 1e-9  # meters
 _STATIC_STRIDE = 4  # frames between two samples of the test against obstacles
 
 
-@kernel
-def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, distance, present):
-    """Whether two timelines come closer than ``distance`` at or after ``first_slot``.
+@helper
+def _moving_gap(a, i, j, b, k, m):
+    """Least gap of two bodies [m] that go from samples ``i`` and ``k`` of their timelines to ``j`` and ``m``.
 
-    a, b: (K, 2) positions. Exact for the piecewise linear motion, to the end of time. Where both are ``present``
-    in the world and closer already, they may move as long as they never come closer still, or they could never part.
-    Where both come to rest they keep ELBOW_ROOM more, so that either can turn on the spot.
+    Capsules are taken as three discs each. A piece is as broad as the broader of its ends.
+    """
+    radii = max(a[i, RADIUS], a[j, RADIUS]) + max(b[k, RADIUS], b[m, RADIUS])
+    my_discs = a[i, CORE] != 0.0 or a[i, CORE + 1] != 0.0 or a[j, CORE] != 0.0 or a[j, CORE + 1] != 0.0
+    its_discs = b[k, CORE] != 0.0 or b[k, CORE + 1] != 0.0 or b[m, CORE] != 0.0 or b[m, CORE + 1] != 0.0
+    mine = 1 if my_discs else 0
+    its = 1 if its_discs else 0
+    least = math.inf
+    for p in range(-mine, mine + 1):
+        for q in range(-its, its + 1):
+            # One disc as the other sees it: a point that moves along a segment.
+            dx = a[i, 0] + p * a[i, CORE] - b[k, 0] - q * b[k, CORE]
+            dy = a[i, 1] + p * a[i, CORE + 1] - b[k, 1] - q * b[k, CORE + 1]
+            ex = a[j, 0] + p * a[j, CORE] - b[m, 0] - q * b[m, CORE] - dx
+            ey = a[j, 1] + p * a[j, CORE + 1] - b[m, 1] - q * b[m, CORE + 1] - dy
+            square = ex * ex + ey * ey
+            t = 0.0
+            if square > 0.0:
+                t = min(max(-(dx * ex + dy * ey) / square, 0.0), 1.0)
+            cx = dx + t * ex
+            cy = dy + t * ey
+            least = min(least, cx * cx + cy * cy)
+    return math.sqrt(least) - radii
+
+
+@kernel
+def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, present):
+    """Whether two bodies touch along their timelines at or after ``first_slot``, or come to rest too near.
+
+    a, b: (K, 5) samples. Exact for the piecewise linear motion of their discs, to the end of time. Where both come to
+    rest their tracks are ``at_rest`` + ELBOW_ROOM apart [m], so that either can turn on the spot. Where both are
+    ``present`` in the world and closer already, they may move as long as they never come closer still, or they could
+    never part.
     """
     if first_slot >= a_gone or first_slot >= b_gone:
         return False
     ia = min(max(first_slot - a_start, 0), len(a) - 1)
     ib = min(max(first_slot - b_start, 0), len(b) - 1)
-    apart = distance + ELBOW_ROOM
+    apart = at_rest + ELBOW_ROOM
+    overlap = 0.0
     if present:
-        now = hypot(a[ia, 0] - b[ib, 0], a[ia, 1] - b[ib, 1])
-        apart = min(apart, now - ROUNDING)
-        distance = max(min(distance, now - ROUNDING), 0.0)
+        apart = min(apart, hypot(a[ia, 0] - b[ib, 0], a[ia, 1] - b[ib, 1]) - ROUNDING)
+        overlap = min(_moving_gap(a, ia, ia, b, ib, ib) - ROUNDING, 0.0)
     rest = hypot(a[-1, 0] - b[-1, 0], a[-1, 1] - b[-1, 1])
     if rest < apart and min(a_gone, b_gone) == FOREVER:
         return True
@@ -65,17 +97,7 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, distance, pre
         ja = min(max(slot + 1 - a_start, 0), len(a) - 1)
         ib = min(max(slot - b_start, 0), len(b) - 1)
         jb = min(max(slot + 1 - b_start, 0), len(b) - 1)
-        dx = a[ia, 0] - b[ib, 0]
-        dy = a[ia, 1] - b[ib, 1]
-        ex = a[ja, 0] - b[jb, 0] - dx
-        ey = a[ja, 1] - b[jb, 1] - dy
-        square = ex * ex + ey * ey
-        t = 0.0
-        if square > 0.0:
-            t = min(max(-(dx * ex + dy * ey) / square, 0.0), 1.0)
-        cx = dx + t * ex
-        cy = dy + t * ey
-        if cx * cx + cy * cy < distance * distance:
+        if _moving_gap(a, ia, ja, b, ib, jb) < overlap:
             return True
     return False
 
@@ -172,12 +194,24 @@ def append_stop(graph, chain, count):
     return count
 
 
-@kernel
-def sample_chain(graph, chain, count, frame, clock, slot_frames, out):
-    """Track positions of a chain, whose first node is ``frame`` frames old at the frame ``clock``, at the slots.
+@helper
+def _set_sample(out, k, x, y, heading, breadth):
+    """Put track and body into a sample: the core lies across the direction that the body faces."""
+    out[k, 0] = x
+    out[k, 1] = y
+    out[k, RADIUS] = breadth[0]
+    half = breadth[1]
+    out[k, CORE] = -half * sin(heading) if half > 0.0 else 0.0
+    out[k, CORE + 1] = half * cos(heading) if half > 0.0 else 0.0
 
-    Fills ``out`` (K, 2) from slot ``clock // slot_frames`` on; past the end of the chain it stays there. Returns
-    the first slot at or after the end of the chain, or -1 if the chain is longer than ``out``.
+
+@kernel
+def sample_chain(graph, chain, count, breadths, frame, clock, slot_frames, out):
+    """Tracks and bodies of a chain, whose first node is ``frame`` frames old at the frame ``clock``, at the slots.
+
+    ``breadths`` (B, 2) as in :class:`crowdsim.crowd.state.timelines.Obstacles`. Fills ``out`` (K, 5) from slot
+    ``clock // slot_frames`` on, the first sample with the body as it is now; past the end of the chain it stays there.
+    Returns the first slot at or after the end of the chain, or -1 if the chain is longer than ``out``.
     """
     nodes, origins, blend_offsets = chain.nodes, chain.origins, chain.blend_offsets
     k = 0
@@ -186,31 +220,34 @@ def sample_chain(graph, chain, count, frame, clock, slot_frames, out):
     for c in range(count):
         node = nodes[c]
         frames = graph.node_frames[node]
-        while k < len(out) and slot * slot_frames < begin + frames:
-            at = max(slot * slot_frames, clock) - begin
+        breadth = breadths[graph.node_behavior[node]]
+        before = k
+        while k < len(out) and (slot * slot_frames < begin + frames or k == 0):
+            at = min(max(slot * slot_frames, clock) - begin, frames)
             o = origins[c]
             s = blend_offsets[c]
-            x, y, _ = track_pose(graph, np.int64(node), np.int64(at), o[0], o[1], o[2], s[0], s[1], s[2])
-            out[k, 0] = x
-            out[k, 1] = y
+            x, y, h = track_pose(graph, np.int64(node), np.int64(at), o[0], o[1], o[2], s[0], s[1], s[2])
+            _set_sample(out, k, x, y, h, breadth)
             k += 1
             slot += 1
+        if k == before and k > 0:
+            # It begins and ends between two samples.
+            out[k - 1, RADIUS] = max(out[k - 1, RADIUS], breadth[0] + breadth[1])
         begin += frames
     if k == len(out):
         return -1
     ended = slot
     o = origins[count - 1]
-    x, y, _ = node_end(graph, np.int64(nodes[count - 1]), o[0], o[1], o[2])
+    x, y, h = node_end(graph, np.int64(nodes[count - 1]), o[0], o[1], o[2])
     while k < len(out):
-        out[k, 0] = x
-        out[k, 1] = y
+        _set_sample(out, k, x, y, h, breadths[graph.node_behavior[nodes[count - 1]]])
         k += 1
     return ended
 
 
 @kernel
 def comes_near(timeline, segments, distance):
-    """Whether a polyline (K, 2) comes closer than ``distance`` to one of ``segments`` (M, 4): x, y of both ends."""
+    """Whether a timeline (K, 5) comes closer than ``distance`` to one of ``segments`` (M, 4): x, y of both ends."""
     square = distance * distance
     for k in range(len(timeline) - 1):
         ax, ay, bx, by = timeline[k, 0], timeline[k, 1], timeline[k + 1, 0], timeline[k + 1, 1]
@@ -249,14 +286,14 @@ def lay_out(graph, obstacles, frame, clock, slot_frames, chain, draft, taken, le
                 return BLOCKED
         if count < 0:
             return BLOCKED
-    ended = sample_chain(graph, draft, count, frame, clock, slot_frames, timeline)
+    ended = sample_chain(graph, draft, count, obstacles.breadths, frame, clock, slot_frames, timeline)
     if ended < 0:
         return TOO_LONG
     if len(obstacles.kept_free) and comes_near(timeline, obstacles.kept_free, obstacles.distance):
         return BLOCKED
     if not (leaves or tolerant) and stops_in_passage(timeline, obstacles.passages, obstacles.off_passages):
         return NARROW
-    if meets_body(obstacles.agent, timeline, obstacles.body_radius, obstacles.bodies):
+    if meets_body(obstacles.agent, timeline, obstacles.bodies):
         return IN_WAY
     if not leaves and stops_in_way(timeline, obstacles.ways, obstacles.way_width):
         return IN_WAY
@@ -272,7 +309,7 @@ def reserve(
     Entry 0 of ``chain`` is the present node, entries 1 to ``available`` the next nodes of the plan; at least ``first``
     of them must be taken. ``draft`` is a chain of as much room to work in. ``ends_plan`` says that the last of them
     leaves the world. ``obstacles`` and ``everyone`` (all rows) are as in :mod:`crowdsim.crowd.state.timelines`.
-    Returns (nodes taken, gone slot), no nodes where there is none, and leaves the timeline in ``timeline`` (K, 2).
+    Returns (nodes taken, gone slot), no nodes where there is none, and leaves the timeline in ``timeline`` (K, 5).
     """
     forever = np.int64(FOREVER)
     start = clock // slot_frames

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.crowd.state.components import SAMPLE
 from crowdsim.crowd.state.moves import Moves
 from crowdsim.ecs.world import View
 from crowdsim.steering.row_kernels import ROW
@@ -36,15 +37,15 @@ class Timelines(NamedTuple):
     """The reserved timelines of all N rows."""
 
     timeline: Floats
-    """(N, K, 2) track positions at the slots."""
+    """(N, K, 5) tracks and bodies at the slots: see :data:`crowdsim.crowd.state.components.SAMPLE`."""
     timeline_start: NDArray[np.int64]
     """(N,) slot of the first of them."""
     gone_slot: NDArray[np.int64]
     """(N,) slot from which on the row is gone."""
     body_radius: Floats
-    """(N,) meters."""
+    """(N,) meters, of a disc that holds the body whatever it does."""
     timeline_circle: Floats
-    """(N, 3) x, y and radius of a circle that holds all of a row's timeline, so that most are soon dismissed."""
+    """(N, 3) x, y and radius of a circle that holds all tracks of a timeline, so that most are soon dismissed."""
 
     @classmethod
     def of(cls, view: View) -> Timelines:
@@ -74,6 +75,9 @@ class Obstacles(NamedTuple):
     """Kernel arrays of the mesh of each layer."""
     radii: Floats
     """(B, layers) meters, the radius of the body in each behavior."""
+    breadths: Floats
+    """(B, 2) meters, the body towards others in each behavior: radius of its capsule and half the length of its core,
+    which lies across the direction that the body faces."""
     kept_free: Floats
     """(M, 4) segments, x and y of both ends, of what is about to come."""
     distance: float
@@ -83,7 +87,7 @@ class Obstacles(NamedTuple):
     agent: int
     """Whose own body among these does not count."""
     body_radius: float
-    """Meters, of the disc that others keep clear of."""
+    """Meters, of the disc that holds the body whatever it does."""
     ways: Floats = _NO_WAYS
     """(W, P, 2) ways ahead of those who go first: nobody else stops there who is not there already."""
     way_width: float = 0.0
@@ -127,7 +131,7 @@ class Trail(NamedTuple):
     asked: NDArray[np.int32]
     """(D,) how many others that move asks to give way."""
     timeline: Floats
-    """(D + 1, K, 2) timelines as they were before; the last of all is of who asks first."""
+    """(D + 1, K, 5) timelines as they were before; the last of all is of who asks first."""
     timeline_circle: Floats
     """(D + 1, 3)"""
     timeline_start: NDArray[np.int64]
@@ -135,7 +139,7 @@ class Trail(NamedTuple):
     gone_slot: NDArray[np.int64]
     """(D + 1,)"""
     candidate: Floats
-    """(K, 2) the timeline of the move that is tried."""
+    """(K, 5) the timeline of the move that is tried."""
     tries: NDArray[np.int64]
     """(1,) moves that may still be tried in this step."""
 
@@ -148,11 +152,11 @@ class Trail(NamedTuple):
             np.zeros(depth, np.int32),
             np.zeros(depth, np.int64),
             np.zeros(depth, np.int32),
-            np.zeros((depth + 1, slots, 2)),
+            np.zeros((depth + 1, slots, SAMPLE)),
             np.zeros((depth + 1, 3)),
             np.zeros(depth + 1, np.int64),
             np.zeros(depth + 1, np.int64),
-            np.zeros((slots, 2)),
+            np.zeros((slots, SAMPLE)),
             np.zeros(1, np.int64),
         )
 

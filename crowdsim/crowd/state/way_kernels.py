@@ -37,7 +37,7 @@ def near_any(segments, x, y, distance):
 
 @kernel
 def stops_in_passage(timeline, passages, distance):
-    """Whether a timeline (K, 2) ends nearer than ``distance`` to one of ``passages`` (S, 4), and does not begin so."""
+    """Whether a timeline (K, 5) ends nearer than ``distance`` to one of ``passages`` (S, 4), and does not begin so."""
     return near_any(passages, timeline[-1, 0], timeline[-1, 1], distance) and not near_any(
         passages, timeline[0, 0], timeline[0, 1], distance
     )
@@ -45,7 +45,7 @@ def stops_in_passage(timeline, passages, distance):
 
 @kernel
 def stops_in_way(timeline, ways, width):
-    """Whether a timeline (K, 2) ends nearer than ``width`` to one of ``ways`` (W, P, 2).
+    """Whether a timeline (K, 5) ends nearer than ``width`` to one of ``ways`` (W, P, 2).
 
     Who is behind the begin of a way is not in it; nor who begins there already and does not go against it.
     """

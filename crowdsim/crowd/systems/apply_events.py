@@ -80,7 +80,7 @@ def reserved_lines(view: View, slot: int) -> NDArray[Any]:
     last = view.timeline.shape[1] - 1
     first = np.clip(slot - view.timeline_start, 0, last)
     ahead = np.minimum(first[:, None] + np.arange(last + 1), last)
-    lines: NDArray[Any] = shapely.linestrings(np.take_along_axis(view.timeline, ahead[:, :, None], axis=1))
+    lines: NDArray[Any] = shapely.linestrings(np.take_along_axis(view.timeline[..., :2], ahead[:, :, None], axis=1))
     return lines
 
 

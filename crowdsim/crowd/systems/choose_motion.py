@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from crowdsim.constants import NONE
 from crowdsim.crowd.search.plans import Join, Plans
-from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS, WAY_POINTS
+from crowdsim.crowd.state.components import SAMPLE, SLOT_FRAMES, TIMELINE_SLOTS, WAY_POINTS
 from crowdsim.crowd.state.give_way_kernels import reserve_by_asking
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ROUNDING, append_stop, node_is_free, reserve
@@ -111,7 +111,7 @@ class Choosing:
         self._retry_steps = max(round(RETRY_SECONDS * plans.assets.steps_per_second), 1)
         self._chain, self._draft = Chain.room(_CHAIN), Chain.room(_CHAIN)
         self._ways = np.empty((WAYS, WAY_POINTS, 2))
-        self._timeline = np.zeros((TIMELINE_SLOTS, 2))
+        self._timeline = np.zeros((TIMELINE_SLOTS, SAMPLE))
 
     def choose(self, view: View) -> None:
         """Choose for all rows, in order; then let those who were refused ask others to give way."""
@@ -265,10 +265,10 @@ class Choosing:
             taken, gone = reserve(assets.graph, obstacles, everyone, *now, *ahead_of)
         if not taken:
             return None
-        center = self._timeline[0]
+        tracks = self._timeline[:, :2]
         return {
             "timeline": self._timeline,
-            "timeline_circle": np.array([*center, hypot(*(self._timeline - center).T).max() + ROUNDING]),
+            "timeline_circle": np.array([*tracks[0], hypot(*(tracks - tracks[0]).T).max() + ROUNDING]),
             "timeline_digest": digest_of(self._timeline.tobytes()),
             "timeline_start": clock // SLOT_FRAMES,
             "gone_slot": gone,
@@ -282,6 +282,7 @@ class Choosing:
         return Obstacles(
             layers=tuple(mesh.arrays for mesh in self.plans.environment.meshes),
             radii=self.plans.assets.body_radii,
+            breadths=self.plans.assets.breadths,
             kept_free=self._kept_free(view, walker),
             distance=walker.body_radius + KEPT_OFF,
             bodies=self.bodies,

@@ -61,13 +61,13 @@ class Replanning:
         patient = (view.blocked_since < 0) | (blocked < PATIENCE_SECONDS * assets.steps_per_second)
         rows = np.flatnonzero(waiting & ~view.awaiting_plan & (view.retry_step <= plans.step))
         for row, agent, waits in zip(rows.tolist(), view.agent[rows].tolist(), patient[rows].tolist(), strict=True):
-            around = np.empty((0, 2))
+            near = np.empty(0, np.int64)
             if agent in plans.motions:
                 if waits:
                     continue
                 # It keeps its plan: it may be free to go before a way around is found.
                 view.blocked_since[row] = plans.step
-                around = _standing_near(view, row)
+                near = _standing_near(view, row)
             elif self._is_there(view, row, agent):
                 reach_goal(plans, view, row)
                 continue
@@ -77,7 +77,8 @@ class Replanning:
             route = plans.routes.get(agent)
             if route is not None and (route.points[-1] != request.goal).any():
                 route = None
-            plans.request(agent, replace(request, route=route, around=around))
+            postures = assets.graph.node_behavior[view.node[near]]
+            plans.request(agent, replace(request, route=route, around=view.pose[near].copy(), postures=postures))
 
     def _hand_out(self, view: View, row: int, found: Found) -> None:
         """Give a plan to an agent that stands or has begun it; if there is none, let it stand a while."""
@@ -136,8 +137,8 @@ def reach_goal(plans: Plans, view: View, row: int) -> None:
     view.retry_step[row] = plans.step + round(seconds * plans.assets.steps_per_second)
 
 
-def _standing_near(view: View, row: int) -> NDArray[np.float64]:
-    """(k, 2) places of the others who stand within NEARBY meters."""
-    others = (view.state != AgentState.MOVING) & (np.arange(len(view.agent)) != row)
-    positions = view.pose[others, :2]
-    return np.asarray(positions[hypot(*(positions - view.pose[row, :2]).T) < NEARBY])
+def _standing_near(view: View, row: int) -> NDArray[np.int64]:
+    """(k,) rows of the others who stand within NEARBY meters."""
+    near = (view.state != AgentState.MOVING) & (hypot(*(view.pose[:, :2] - view.pose[row, :2]).T) < NEARBY)
+    near[row] = False
+    return np.flatnonzero(near)

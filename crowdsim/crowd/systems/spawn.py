@@ -12,7 +12,7 @@ from shapely import Point
 from crowdsim.constants import NONE
 from crowdsim.crowd.search.plans import Plans
 from crowdsim.crowd.state.body_kernels import meets_body
-from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS
+from crowdsim.crowd.state.components import RADIUS, SAMPLE, SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM, meets_anyone
 from crowdsim.crowd.state.timelines import NO_BODIES, StandingBodies, Timelines
@@ -42,7 +42,8 @@ class Spawning:
     def __post_init__(self) -> None:
         self.assets, self.cast = self.plans.assets, self.plans.itineraries.cast
         self.spawned = np.full(len(self.cast.starts), -1, np.int64)
-        self._parked = np.empty((TIMELINE_SLOTS, 2))
+        self._parked = np.zeros((TIMELINE_SLOTS, SAMPLE))
+        self._parked[:, RADIUS] = self.assets.personal_radius
         # Timelines have no finer steps.
         self._pause = max(SLOT_FRAMES // self.assets.frames_per_step, 1)
 
@@ -83,8 +84,8 @@ class Spawning:
             return False
         if any(distance(position, other) < 2.0 * radius + ELBOW_ROOM for other in taken):
             return False
-        self._parked[:] = position
-        if meets_body(NONE, self._parked, radius, bodies):
+        self._parked[:, :2] = position
+        if meets_body(NONE, self._parked, bodies):
             return False
         return not meets_anyone(-1, self._parked, slot, FOREVER, slot, radius, Timelines.of(view))
 
@@ -111,6 +112,7 @@ class Spawning:
 
     def _spawn(self, agent: int, plan: MotionPlan, slot: int) -> None:
         node = plan.departure_node
+        self._parked[:, :2] = plan.departure[:2]
         self.world.spawn(
             agent=agent,
             pose=plan.departure,
@@ -120,7 +122,7 @@ class Spawning:
             frame=self.assets.graph.node_frames[node],
             origin=plan.departure,
             plan_digest=plan.digest,
-            timeline=np.tile(plan.departure[:2], (TIMELINE_SLOTS, 1)),
+            timeline=self._parked.copy(),
             timeline_circle=np.array([*plan.departure[:2], 0.0]),
             timeline_start=slot,
             body_radius=self.assets.personal_radius,

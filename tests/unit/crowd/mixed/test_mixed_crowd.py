@@ -46,9 +46,10 @@ def crowd_of(text: str, workers: int = 2) -> tuple[Simulation, MixedCrowd]:
 
 
 def gaps(crowd: MixedCrowd) -> tuple[float, float]:
-    """Least gap between two steered bodies, and between one and the disc of a captured character as it is [m]."""
+    """Least gap between two steered bodies, and between one and a disc that holds a captured one [m]."""
     rows, played = crowd.steered.world.column("row"), crowd.captured.world.view()
-    discs = np.column_stack([played.pose[:, :2], played.pose[:, :2], played.body_radius])
+    radii = crowd.captured.assets.breadths[played.behavior].sum(axis=1)
+    discs = np.column_stack([played.pose[:, :2], played.pose[:, :2], radii])
     steered = [
         segment_to_segment(core_of(a), core_of(b)) - a["radius"] - b["radius"]
         for k, a in enumerate(rows)

@@ -7,6 +7,7 @@ from crowdsim.crowd.state.body_kernels import BODY_ROOM, meets_body
 from crowdsim.crowd.state.timelines import NO_BODIES, StandingBodies
 from crowdsim.steering.steering import Steering
 from crowdsim.steering.walls import build_walls
+from tests.reference.crowd import discs_along
 from tests.reference.mixed_crowd import gap_to_piece
 from tests.support.steered import agents
 
@@ -38,11 +39,11 @@ def test_timelines_meet_bodies_as_the_twin_says(seed):
         steps[rng.integers(0, 12) :] = 0.0
         timeline = rng.uniform(0.0, 10.0, 2) + np.cumsum(steps, axis=0)
         agent = int(rng.integers(-1, 60))
-        found = bool(meets_body(agent, timeline, RADIUS, bodies))
+        found = bool(meets_body(agent, discs_along(timeline, RADIUS), bodies))
         assert found == meets(agent, timeline, state)
         answers.add(found)
     assert answers == {True, False}
 
 
 def test_where_nobody_steers_nobody_is_met():
-    assert not meets_body(-1, np.zeros((48, 2)), RADIUS, NO_BODIES)
+    assert not meets_body(-1, np.zeros((48, 5)), NO_BODIES)

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crowdsim.constants import NONE
-from crowdsim.crowd.state.components import SLOT_FRAMES
+from crowdsim.crowd.state.components import SAMPLE, SLOT_FRAMES
 from crowdsim.crowd.state.give_way_kernels import clear_way, lay_move, next_in_way, reserve_by_asking, step_aside
 from crowdsim.crowd.state.moves import LEAST_MOVE, MOVE_NODES, moves_of
 from crowdsim.crowd.state.passages import narrow_passages
@@ -22,7 +22,7 @@ from crowdsim.crowd.state.way_kernels import (
 )
 from crowdsim.geometry.planar import compose
 from crowdsim.navmesh.navmesh import NavMesh
-from tests.reference.crowd import FOREVER, off_way, walking_graph
+from tests.reference.crowd import FOREVER, discs_along, off_way, walking_graph
 
 GRAPH = walking_graph()
 MOVES = moves_of(GRAPH)
@@ -33,7 +33,7 @@ SLOTS = 48
 def standing_crowd(spots: np.ndarray, headings: np.ndarray) -> tuple[Timelines, Standing, np.ndarray]:
     """Rows that stand for good, ranked in their order, and where they stand (N, 3)."""
     count = len(spots)
-    timeline = np.repeat(spots[:, None], SLOTS, axis=1)
+    timeline = discs_along(np.repeat(spots[:, None], SLOTS, axis=1), RADIUS)
     circles = np.column_stack([spots, np.zeros(count)])
     everyone = Timelines(timeline, np.zeros(count, np.int64), np.full(count, FOREVER), np.full(count, RADIUS), circles)
     origin = np.column_stack([spots, headings])
@@ -50,7 +50,8 @@ def standing_crowd(spots: np.ndarray, headings: np.ndarray) -> tuple[Timelines, 
 
 def room(side: float) -> Obstacles:
     mesh = NavMesh(shapely.box(-side, -side, side, side))
-    return Obstacles((mesh.arrays,), np.array([[RADIUS]]), np.empty((0, 4)), 0.0, NO_BODIES, NONE, RADIUS)
+    radii, breadths = np.array([[RADIUS]]), np.array([[RADIUS, 0.0]])
+    return Obstacles((mesh.arrays,), radii, breadths, np.empty((0, 4)), 0.0, NO_BODIES, NONE, RADIUS)
 
 
 def asking(standing: Standing, tries: int = 500) -> Asking:
@@ -61,7 +62,8 @@ def asking(standing: Standing, tries: int = 500) -> Asking:
 
 def through(x: float, until: float) -> np.ndarray:
     """A timeline that walks along y = 0 from ``x`` to ``until`` and stands there."""
-    return np.column_stack([np.minimum(x + 0.25 * np.arange(SLOTS), until), np.zeros(SLOTS)])
+    tracks = np.column_stack([np.minimum(x + 0.25 * np.arange(SLOTS), until), np.zeros(SLOTS)])
+    return discs_along(tracks, RADIUS)
 
 
 def nobody_meets(everyone: Timelines, first: int = 0) -> bool:
@@ -132,7 +134,7 @@ def test_who_is_asked_early_leaves_the_way_or_stays() -> None:
     for heading, leaves in ((np.pi / 2, True), (0.0, False)):
         everyone, standing, _ = standing_crowd(np.array([[-2.0, 0.0], [0.0, 0.0]]), np.array([0.0, heading]))
         standing.way[0] = np.column_stack([np.linspace(-2.0, 2.0, 8), np.zeros(8)])
-        pose = np.column_stack([everyone.timeline[:, 0], np.zeros(2)])
+        pose = np.column_stack([everyone.timeline[:, 0, :2], np.zeros(2)])
         found = next_in_way(standing.way, standing.rank, standing.may_move, 0, pose, 2 * RADIUS, 0)
         assert found == 1
         assert next_in_way(standing.way, standing.rank, standing.may_move, 0, pose, 2 * RADIUS, 2) == -1
@@ -148,7 +150,7 @@ def test_reserving_by_asking_clears_what_reserving_alone_does_not() -> None:
     chain = Chain.room(20)
     chain.origins[0] = origin[0]
     lay_move(GRAPH, MOVES, int(MOVES.begin[0]), 0, origin[0], chain)
-    ask, timeline = asking(standing), np.zeros((SLOTS, 2))
+    ask, timeline = asking(standing), np.zeros((SLOTS, SAMPLE))
     frame = int(GRAPH.node_frames[0])
     found = reserve_by_asking(
         GRAPH, room(5.0), everyone, 0, frame, 0, SLOT_FRAMES, chain, Chain.room(20), 1, 1, False, timeline, ask
