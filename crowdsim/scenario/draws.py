@@ -78,7 +78,7 @@ def _unbounded(spread: Spread, probabilities: Floats) -> Floats:
 
 
 def _share_below(spread: Spread, bound: float) -> float:
-    """Share of a spread without its bounds that lies below ``bound``, by halving the interval of shares where need be."""
+    """Share of a spread without its bounds that lies below ``bound``, by halving intervals where need be."""
     low, high = 0.0, 1.0
     if math.isinf(bound):
         return low if bound < 0.0 else high
