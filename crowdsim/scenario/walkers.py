@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.geometry.elementary import cos, log
+from crowdsim.scenario.draws import draw_spread
 from crowdsim.scenario.schema.schema import ScenarioFields
-from crowdsim.scenario.schema.spreads import Spread
 
 _SPEED_STREAM, _BREADTH_STREAM, _DELAY_STREAM, _SHARE_STREAM = 3, 4, 5, 6
-
-_ROUNDS = 100
-"""How often values out of bounds are drawn anew before they are set to the nearest bound."""
 
 Floats = NDArray[np.float64]
 
@@ -46,25 +41,3 @@ def draw_walkers(keys: ScenarioFields, number: int, count: int) -> Walkers:
         draw_spread(group.delay, count, stream(_DELAY_STREAM)),
         stream(_SHARE_STREAM).random(count),
     )
-
-
-def draw_spread(spread: Spread, count: int, generator: np.random.Generator) -> Floats:
-    """Draw (count,) values: normal ones, those out of bounds anew (a truncated normal distribution).
-
-    Box and Muller's transformation of uniform draws, with elementary functions that give the same bits everywhere.
-    """
-    values = np.full(count, spread.mean)
-    if spread.sd == 0.0:
-        return values
-    low = -math.inf if spread.min is None else spread.min
-    high = math.inf if spread.max is None else spread.max
-    left = np.arange(count)
-    for _ in range(_ROUNDS):
-        first, second = generator.random((2, len(left)))
-        normal = np.sqrt(-2.0 * log(1.0 - first)) * cos(2.0 * math.pi * second)
-        values[left] = spread.mean + spread.sd * normal
-        left = left[(values[left] < low) | (values[left] > high)]
-        if not len(left):
-            return values
-    values[left] = np.minimum(np.maximum(values[left], low), high)
-    return values

@@ -7,9 +7,10 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from crowdsim.errors import ScenarioError
+from crowdsim.scenario.draws import draw_spread
 from crowdsim.scenario.loader import parse_scenario
 from crowdsim.scenario.schema.spreads import Spread
-from crowdsim.scenario.walkers import draw_spread, draw_walkers
+from crowdsim.scenario.walkers import draw_walkers
 from tests.support.steered_scenes import steered_scene
 
 FLOOR = "{rectangle: [0, 0, 60, 60]}"
@@ -72,12 +73,19 @@ def test_each_quantity_has_a_stream_of_its_own() -> None:
         ("speed: {mean: 1, sd: -1}", r"agents\.0\.speed\.sd: must be at least 0"),
         ("speed: {mean: 1, min: 2}", r"'min' \(2\) must not be above 'mean' \(1\)"),
         ("speed: {mean: 1, max: 0.5}", r"'max' \(0\.5\) must not be below 'mean' \(1\)"),
-        ("breadth: {sd: 1}", r"agents\.0\.breadth\.mean: this key is required and missing"),
+        ("breadth: {sd: 1}", r"agents\.0\.breadth: give exactly one of mean, uniform, .*; found none"),
         ("delay: {mean: 1, men: 2}", r"agents\.0\.delay\.men: unknown key; did you mean 'mean'\?"),
         (
             "delay: soon",
-            r"agents\.0\.delay: expected a mapping with keys among mean, sd, min, max, got the text 'soon'",
+            r"agents\.0\.delay: expected a mapping with keys among mean, sd, uniform, .* got the text 'soon'",
         ),
+        ("delay: {uniform: [9, 1]}", r"'uniform' is \[least, most\], got \[9, 1\]"),
+        ("speed: {uniform: [1, 9]}", r"'uniform' must be from 0\.1 to 3, got 9"),
+        ("delay: {uniform: [1, 9], sd: 2}", r"'sd' goes with 'mean', not with 'uniform'"),
+        ("delay: {gamma: {shape: 1}}", r"agents\.0\.delay\.gamma\.scale: this key is required and missing"),
+        ("speed: {table: imo}", r"there is no table 'imo'; there are: imo_passengers"),
+        ("speed: {mix: [{uniform: [1, 2]}]}", r"agents\.0\.speed\.mix\.0\.share: this key is required and missing"),
+        ("speed: {mix: [{share: 1, mean: 4}]}", r"'mean' must be from 0\.1 to 3, got 4"),
         ("delay: -1", r"'mean' must be from 0 to 1e\+06, got -1"),
     ],
 )

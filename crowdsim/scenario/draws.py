@@ -1,0 +1,108 @@
+"""Draws from the spreads of a scenario, with elementary functions that give the same bits on any processor."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.geometry.elementary import cos, log
+from crowdsim.geometry.quantiles import (
+    gamma_quantile,
+    gamma_share,
+    lognormal_quantile,
+    normal_quantile,
+    weibull_quantile,
+)
+from crowdsim.scenario.schema.spreads import Spread
+
+_ROUNDS = 100
+"""How often values out of bounds are drawn anew before they are set to the nearest bound."""
+
+_LEAST = 2.0**-53
+"""Probabilities are at least this far from 0 and 1."""
+
+Floats = NDArray[np.float64]
+
+
+def draw_spread(spread: Spread, count: int, generator: np.random.Generator) -> Floats:
+    """Draw (count,) values, all within the bounds."""
+    if spread.mean is not None and spread.sd == 0.0:
+        return np.full(count, spread.mean)
+    if spread.stratified:
+        return quantiles(spread, (generator.permutation(count) + generator.random(count)) / max(count, 1))
+    if spread.mean is not None:
+        return _draw_normal(spread, count, generator)
+    return quantiles(spread, generator.random(count))
+
+
+def quantiles(spread: Spread, probabilities: Floats) -> Floats:
+    """Values below which such shares of what lies within the bounds of ``spread`` are, probabilities in [0, 1]."""
+    low = -math.inf if spread.min is None else spread.min
+    high = math.inf if spread.max is None else spread.max
+    parts = spread.parts()
+    if parts:
+        # One draw says which part, and what is left of it says where in that part.
+        ends = np.cumsum([part.share for part in parts])
+        at = probabilities * ends[-1]
+        which = np.minimum(np.searchsorted(ends, at, side="right"), len(parts) - 1)
+        values = np.empty(len(probabilities))
+        for number, part in enumerate(parts):
+            mine = which == number
+            inside = (at[mine] - (ends[number] - part.share)) / part.share
+            least = low if part.min is None else max(part.min, low)
+            most = high if part.max is None else min(part.max, high)
+            within = part.model_copy(update={"min": least, "max": most})
+            values[mine] = quantiles(within, np.clip(inside, 0.0, 1.0))
+        return values
+    first, last = _share_below(spread, low), _share_below(spread, high)
+    inside = first + (last - first) * probabilities
+    return np.minimum(np.maximum(_unbounded(spread, inside), low), high)
+
+
+def _unbounded(spread: Spread, probabilities: Floats) -> Floats:
+    """Quantiles of a spread without its bounds."""
+    probabilities = np.clip(probabilities, _LEAST, 1.0 - _LEAST)
+    if spread.uniform is not None:
+        least, most = spread.uniform
+        return least + (most - least) * probabilities
+    if spread.lognormal is not None:
+        return lognormal_quantile(probabilities, spread.lognormal.mu, spread.lognormal.sigma)
+    if spread.gamma is not None:
+        return gamma_quantile(probabilities, spread.gamma.shape, spread.gamma.scale)
+    if spread.weibull is not None:
+        return weibull_quantile(probabilities, spread.weibull.shape, spread.weibull.scale)
+    assert spread.mean is not None
+    return spread.mean + spread.sd * normal_quantile(probabilities)
+
+
+def _share_below(spread: Spread, bound: float) -> float:
+    """Share of a spread without its bounds that lies below ``bound``, by halving intervals where need be."""
+    low, high = 0.0, 1.0
+    if math.isinf(bound):
+        return low if bound < 0.0 else high
+    if spread.gamma is not None:
+        return float(gamma_share(np.array([bound / spread.gamma.scale]), spread.gamma.shape)[0]) if bound > 0.0 else 0.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if _unbounded(spread, np.array([middle]))[0] < bound else (low, middle)
+    return high if high == 1.0 else low
+
+
+def _draw_normal(spread: Spread, count: int, generator: np.random.Generator) -> Floats:
+    """Normal values, those out of bounds drawn anew: Box and Muller's transformation of uniform draws."""
+    assert spread.mean is not None
+    values = np.full(count, spread.mean)
+    low = -math.inf if spread.min is None else spread.min
+    high = math.inf if spread.max is None else spread.max
+    left = np.arange(count)
+    for _ in range(_ROUNDS):
+        first, second = generator.random((2, len(left)))
+        normal = np.sqrt(-2.0 * log(1.0 - first)) * cos(2.0 * math.pi * second)
+        values[left] = spread.mean + spread.sd * normal
+        left = left[(values[left] < low) | (values[left] > high)]
+        if not len(left):
+            return values
+    values[left] = np.minimum(np.maximum(values[left], low), high)
+    return values
