@@ -63,7 +63,7 @@ def rows_of_line(near, line, low, high):
 
 @helper
 def insert_row(found, count, row, most):
-    """Insert a row into the first ``count`` of ``found``, which ascend; ``most`` are kept. Returns how many there are."""
+    """Insert a row into the first ``count`` of ``found``, which ascend; ``most`` are kept. Returns how many are."""
     if count == most:
         if count == 0 or row > found[count - 1]:
             return count

@@ -49,14 +49,19 @@ class Neighbors(NamedTuple):
         circles: (N, 3) x, y and radius of circles that hold their timelines; radii: (N,) of their bodies; ways:
         (N, P, 2), not a number where there is none.
         """
-        count = len(places)
         places = np.ascontiguousarray(places)
-        frame = _frame_of(*extent(places))
-        order, starts = np.empty(count, np.int32), np.empty(frame[2] * frame[3] + 1, np.int64)
-        sort_rows(places, frame, starts, order, np.empty(count, np.int32))
+        order, starts, frame = sorted_places(places)
         spread = np.zeros(3)
         measure_spread(places, circles, radii, np.empty((0, 2, 2)) if ways is None else ways, spread)
-        return cls(order, starts, frame, places, spread, np.empty(count, np.int32))
+        return cls(order, starts, frame, places, spread, np.empty(len(places), np.int32))
+
+
+def sorted_places(places: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.int64], Frame]:
+    """Rows at ``places`` (N, 2) cell by cell, where cells begin in that order, and their frame."""
+    frame = _frame_of(*extent(places))
+    order, starts = np.empty(len(places), np.int32), np.empty(frame[2] * frame[3] + 1, np.int64)
+    sort_rows(places, frame, starts, order, np.empty(len(places), np.int32))
+    return order, starts, frame
 
 
 def _frame_of(left: float, bottom: float, right: float, top: float) -> Frame:
