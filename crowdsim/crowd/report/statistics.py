@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from crowdsim.crowd.near.neighbors import sorted_places
 from crowdsim.crowd.report.foot_statistics import FootStatistics
 from crowdsim.crowd.report.measure_kernels import closest_pair, obstacle_margin
 from crowdsim.crowd.state.assets import Assets
@@ -55,7 +56,8 @@ class Statistics:
         present = np.flatnonzero(state != AgentState.ABSENT)
         pose = np.column_stack([frame.x, frame.y, frame.heading])[present]
         behavior = np.asarray(frame.behavior, np.int32)[present]
-        self.closest = min(self.closest, closest_pair(pose))
+        places = np.ascontiguousarray(pose[:, :2])
+        self.closest = min(self.closest, closest_pair(places, *sorted_places(places), self.closest))
         for layer, mesh in enumerate(self.environment.meshes):
             radii = np.ascontiguousarray(self.assets.body_radii[:, layer])
             self.margin[layer] = min(

@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from crowdsim.constants import CAPTURE_RATE
+from crowdsim.crowd.near.neighbor_kernels import cells_within, rows_of_line, widen
 from crowdsim.crowd.state.body_kernels import meets_body
 from crowdsim.crowd.state.reservation_kernels import IN_WAY, ROUNDING, TOO_LONG, lay_out, next_met, sample_chain
 from crowdsim.crowd.state.way_kernels import FOREVER, near_any, nearest_of_way
@@ -140,6 +141,7 @@ def _put(everyone, row, timeline, start, gone):
     everyone.timeline_circle[row, 2] = math.sqrt(reach) + ROUNDING
     everyone.timeline_start[row] = start
     everyone.gone_slot[row] = gone
+    widen(everyone.near, row, everyone.timeline_circle[row])
 
 
 @helper
@@ -292,15 +294,31 @@ def _let_move(graph, obstacles, everyone, me, count, strict, clock, slot_frames,
 
 
 @kernel
-def next_in_way(ways, ranks, may_move, me, pose, width, begin):
-    """The first row from ``begin`` on that stands in the way ahead of ``me`` and ranks behind it, or -1."""
+def next_in_way(ways, ranks, may_move, me, pose, width, begin, near):
+    """The first row from ``begin`` on that stands in the way ahead of ``me`` and ranks behind it, or -1.
+
+    ``near``: the rows by cells.
+    """
     way = ways[me]
-    for row in range(begin, len(ranks)):
-        if may_move[row] and ranks[row] > ranks[me]:
-            off, _, _ = nearest_of_way(way, pose[row, 0], pose[row, 1])
-            if off < width:
-                return row
-    return -1
+    left = right = way[0, 0]
+    bottom = top = way[0, 1]
+    if math.isnan(left):
+        return -1
+    for k in range(1, len(way)):
+        left, right = min(left, way[k, 0]), max(right, way[k, 0])
+        bottom, top = min(bottom, way[k, 1]), max(top, way[k, 1])
+    best = -1
+    low, high, first, last = cells_within(near, left, bottom, right, top, width)
+    for line in range(first, last + 1):
+        number, after = rows_of_line(near, line, low, high)
+        while number < after:
+            row = near.order[number]
+            number += 1
+            if begin <= row and (best < 0 or row < best) and may_move[row] and ranks[row] > ranks[me]:
+                off, _, _ = nearest_of_way(way, pose[row, 0], pose[row, 1])
+                if off < width:
+                    best = row
+    return best
 
 
 @kernel

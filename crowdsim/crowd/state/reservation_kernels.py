@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from crowdsim.crowd.near.neighbor_kernels import cells_within, insert_row, rows_of_line
 from crowdsim.crowd.state.body_kernels import meets_body
 from crowdsim.crowd.state.components import CORE, RADIUS
 from crowdsim.crowd.state.way_kernels import FOREVER, stops_in_passage, stops_in_way
@@ -121,15 +122,27 @@ def next_met(me, timeline, start, gone, first_slot, radius, others, begin):
         dy = timeline[k, 1] - timeline[0, 1]
         reach = max(reach, dx * dx + dy * dy)
     reach = math.sqrt(reach)
-    for other in range(begin, len(starts)):
-        if other == me or gones[other] <= first_slot:
-            continue
+    # Gather those whose circles are within reach, in the order of their numbers.
+    near, x, y = others.near, timeline[0, 0], timeline[0, 1]
+    found = near.found
+    count = 0
+    farthest = reach + radius + near.spread[0] + near.spread[2] + ELBOW_ROOM
+    low, high, first, last = cells_within(near, x, y, x, y, farthest)
+    for line in range(first, last + 1):
+        number, after = rows_of_line(near, line, low, high)
+        while number < after:
+            other = near.order[number]
+            number += 1
+            if other < begin or other == me or gones[other] <= first_slot:
+                continue
+            dx = circles[other, 0] - x
+            dy = circles[other, 1] - y
+            far = circles[other, 2] + reach + (radius + others.body_radius[other]) + ELBOW_ROOM
+            if dx * dx + dy * dy <= far * far:
+                count = insert_row(found, count, other, len(found))
+    for number in range(count):
+        other = found[number]
         distance = radius + others.body_radius[other]
-        dx = circles[other, 0] - timeline[0, 0]
-        dy = circles[other, 1] - timeline[0, 1]
-        far = circles[other, 2] + reach + distance + ELBOW_ROOM
-        if dx * dx + dy * dy > far * far:
-            continue
         here = min(max(first_slot - starts[other], 0), others.timeline.shape[1] - 1)
         end = others.timeline.shape[1] - 1
         its = others.timeline[other]

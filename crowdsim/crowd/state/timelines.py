@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.crowd.near.neighbors import Neighbors
 from crowdsim.crowd.state.components import SAMPLE
 from crowdsim.crowd.state.moves import Moves
 from crowdsim.ecs.world import View
@@ -46,10 +47,12 @@ class Timelines(NamedTuple):
     """(N,) meters, of a disc that holds the body whatever it does."""
     timeline_circle: Floats
     """(N, 3) x, y and radius of a circle that holds all tracks of a timeline, so that most are soon dismissed."""
+    near: Neighbors
+    """The rows by cells."""
 
     @classmethod
-    def of(cls, view: View) -> Timelines:
-        return cls(*(getattr(view, name) for name in cls._fields))
+    def of(cls, view: View, near: Neighbors) -> Timelines:
+        return cls(view.timeline, view.timeline_start, view.gone_slot, view.body_radius, view.timeline_circle, near)
 
 
 class StandingBodies(NamedTuple):

@@ -2,6 +2,7 @@
 
 import math
 
+from crowdsim.crowd.near.neighbor_kernels import cells_within, insert_row, rows_of_line
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
@@ -89,43 +90,58 @@ def lay_way(origins, following, pose, meters, out):
 
 
 @kernel
-def rank_behind(row, ways, ranks, width, reach):
+def rank_behind(row, ways, ranks, width, reach, near):
     """The rank of ``row`` behind the first of those on its way ahead who go the same way; a large one if there is none.
 
-    Whoever is at most ``reach`` ahead and ``width`` beside the way counts.
+    Whoever is at most ``reach`` ahead and ``width`` beside the way counts. ``near``: the rows by cells.
     """
     best = FOREVER
     way = ways[row]
-    for other in range(len(ways)):
-        if other == row or ranks[other] >= best:
-            continue
-        x, y = ways[other, 0, 0], ways[other, 0, 1]
-        if not hypot(x - way[0, 0], y - way[0, 1]) < reach:
-            continue
-        off, ux, uy = nearest_of_way(way, x, y)
-        if off < width:
-            vx, vy = ways[other, 1, 0] - x, ways[other, 1, 1] - y
-            ahead = (x - way[0, 0]) * ux + (y - way[0, 1]) * uy
-            if ahead > 0.0 and vx * ux + vy * uy > 0.7 * hypot(vx, vy) * hypot(ux, uy):
-                best = ranks[other] + 1
+    ox, oy = way[0, 0], way[0, 1]
+    if math.isnan(ox):
+        return best
+    low, high, first, last = cells_within(near, ox, oy, ox, oy, reach + near.spread[1])
+    for line in range(first, last + 1):
+        number, after = rows_of_line(near, line, low, high)
+        while number < after:
+            other = near.order[number]
+            number += 1
+            if other == row or ranks[other] >= best:
+                continue
+            x, y = ways[other, 0, 0], ways[other, 0, 1]
+            if not hypot(x - ox, y - oy) < reach:
+                continue
+            off, ux, uy = nearest_of_way(way, x, y)
+            if off < width:
+                vx, vy = ways[other, 1, 0] - x, ways[other, 1, 1] - y
+                ahead = (x - ox) * ux + (y - oy) * uy
+                if ahead > 0.0 and vx * ux + vy * uy > 0.7 * hypot(vx, vy) * hypot(ux, uy):
+                    best = ranks[other] + 1
     return best
 
 
 @kernel
-def ways_before(row, ways, ranks, reach, out):
+def ways_before(row, ways, ranks, reach, near, out):
     """Gather the ways (N, P, 2) of those with a lower rank than ``row`` that begin within ``reach`` of its own begin.
 
-    Fills ``out`` (W, P, 2), the rest is left out; returns how many there are.
+    Fills ``out`` (W, P, 2) with those of the lowest numbers; returns how many there are. ``near``: the rows by cells.
     """
-    count = 0
     x, y = ways[row, 0, 0], ways[row, 0, 1]
-    for other in range(len(ways)):
-        if ranks[other] >= ranks[row] or count == len(out):
-            continue
-        # Not a number where there is none.
-        if hypot(ways[other, 0, 0] - x, ways[other, 0, 1] - y) < reach:
-            for k in range(ways.shape[1]):
-                out[count, k, 0] = ways[other, k, 0]
-                out[count, k, 1] = ways[other, k, 1]
-            count += 1
+    if math.isnan(x):
+        return 0
+    count = 0
+    low, high, first, last = cells_within(near, x, y, x, y, reach + near.spread[1])
+    for line in range(first, last + 1):
+        number, after = rows_of_line(near, line, low, high)
+        while number < after:
+            other = near.order[number]
+            number += 1
+            # Not a number where there is none.
+            if ranks[other] < ranks[row] and hypot(ways[other, 0, 0] - x, ways[other, 0, 1] - y) < reach:
+                count = insert_row(near.found, count, other, min(len(out), len(near.found)))
+    for number in range(count):
+        its = ways[near.found[number]]
+        for k in range(ways.shape[1]):
+            out[number, k, 0] = its[k, 0]
+            out[number, k, 1] = its[k, 1]
     return count

@@ -10,6 +10,8 @@ import shapely
 from numpy.typing import NDArray
 
 from crowdsim.constants import NONE
+from crowdsim.crowd.near.neighbor_kernels import widen
+from crowdsim.crowd.near.neighbors import Neighbors
 from crowdsim.crowd.search.plans import Join, Plans
 from crowdsim.crowd.state.components import SAMPLE, SLOT_FRAMES, TIMELINE_SLOTS, WAY_POINTS
 from crowdsim.crowd.state.give_way_kernels import reserve_by_asking
@@ -106,6 +108,7 @@ class Choosing:
         self.plans = plans
         self.bodies: StandingBodies = NO_BODIES
         """Those of steered characters, which stand as far as reservations know."""
+        self._near: tuple[View, Neighbors] | None = None
         self._looked_ahead: dict[int, NDArray[np.int32]] = {}
         self._giving_way = GivingWay(plans)
         self._retry_steps = max(round(RETRY_SECONDS * plans.assets.steps_per_second), 1)
@@ -116,6 +119,7 @@ class Choosing:
     def choose(self, view: View) -> None:
         """Choose for all rows, in order; then let those who were refused ask others to give way."""
         assets, graph = self.plans.assets, self.plans.assets.graph
+        self._near = None
         ending = view.frame + assets.frames_per_step >= graph.node_frames[view.node]
         # Who waits does not play its idle node to the end, if the way is free before.
         waits = graph.node_idle[view.node] & (view.blocked_since != NONE) & (view.state == AgentState.WAITING)
@@ -221,9 +225,10 @@ class Choosing:
         self._giving_way.decided(row)
         for name, value in found.items():
             getattr(view, name)[row] = value
+        widen(self._neighbors(view), row, view.timeline_circle[row])
         lay_way(plan.origins, found["reserved"] + 1, self._timeline[-1], WAY_METERS, view.way[row])
         if not asks and not self.plans.environment.waited_for:
-            self._giving_way.clear_ahead(view, row, obstacles, self._draft)
+            self._giving_way.clear_ahead(view, row, obstacles, self._draft, self._neighbors(view))
         return True
 
     def reserve_entry(self, view: View, walker: Walker) -> dict[str, Any] | None:
@@ -254,7 +259,7 @@ class Choosing:
         last = self.plans.itineraries.is_last(walker.agent, len(plan.passes))
         leaves = plan.arrives and last and not walker.stays and following + available == plan.count
         clock = self.plans.step * assets.frames_per_step
-        everyone = Timelines.of(view)
+        everyone = Timelines.of(view, self._neighbors(view))
         now = walker.row, walker.frame, clock, SLOT_FRAMES
         ahead_of = chain, self._draft, 1, available, leaves, self._timeline
         if asks:
@@ -295,10 +300,16 @@ class Choosing:
     def _ways_before(self, view: View, row: int, plan: MotionPlan, following: int) -> tuple[NDArray[np.float64], float]:
         """Tell the way ahead along a plan; ways (W, P, 2) of those who go first, and meters to keep off them."""
         lay_way(plan.origins, following, view.timeline[row, -1], WAY_METERS, view.way[row])
-        reach = 3.0 * WAY_METERS
-        view.rank[row] = min(view.turn[row], rank_behind(row, view.way, view.rank, BEHIND_WIDTH, BEHIND_METERS))
-        count = ways_before(row, view.way, view.rank, reach, self._ways)
+        near, reach = self._neighbors(view), 3.0 * WAY_METERS
+        view.rank[row] = min(view.turn[row], rank_behind(row, view.way, view.rank, BEHIND_WIDTH, BEHIND_METERS, near))
+        count = ways_before(row, view.way, view.rank, reach, near, self._ways)
         return self._ways[:count], 2.0 * float(view.body_radius[row]) + WAY_ROOM
+
+    def _neighbors(self, view: View) -> Neighbors:
+        """The rows by cells, of a view that lasts until they move, come or go."""
+        if self._near is None or self._near[0] is not view:
+            self._near = view, Neighbors.of(view.pose[:, :2], view.timeline_circle, view.body_radius, view.way)
+        return self._near[1]
 
     def _frame(self, view: View, row: int) -> int:
         """The frame of its node that a row goes on from: who waits can leave its idle node at once."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from crowdsim.constants import NONE
+from crowdsim.crowd.near.neighbors import Neighbors
 from crowdsim.crowd.search.plans import Plans
 from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.state.give_way_kernels import lay_move, next_in_way, step_aside
@@ -59,20 +60,19 @@ class GivingWay:
         if self._standing is not None:
             self._standing.may_move[row] = False
 
-    def clear_ahead(self, view: View, row: int, obstacles: Obstacles, draft: Chain) -> None:
-        """Let those step aside who stand in the way ahead of a row that walks."""
+    def clear_ahead(self, view: View, row: int, obstacles: Obstacles, draft: Chain, near: Neighbors) -> None:
+        """Let those step aside who stand in the way ahead of a row that walks; ``near``: the rows by cells."""
         assets = self.plans.assets
         asking = self.asking(view, TRIES_AHEAD)
         clock = self.plans.step * assets.frames_per_step
+        ahead = view.way, view.rank, asking.standing.may_move, row, view.pose, 2.0 * view.body_radius[row]
         begin = 0
         while True:
-            begin = next_in_way(
-                view.way, view.rank, asking.standing.may_move, row, view.pose, 2.0 * view.body_radius[row], begin
-            )
+            begin = next_in_way(*ahead, begin, near)
             if begin < 0:
                 break
             count = step_aside(
-                assets.graph, obstacles, Timelines.of(view), row, begin, clock, SLOT_FRAMES, draft, asking
+                assets.graph, obstacles, Timelines.of(view, near), row, begin, clock, SLOT_FRAMES, draft, asking
             )
             self.move(view, count)
             begin += 1

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from shapely import Point
 
 from crowdsim.constants import NONE
+from crowdsim.crowd.near.neighbors import Neighbors
 from crowdsim.crowd.search.plans import Plans
 from crowdsim.crowd.state.body_kernels import meets_body
 from crowdsim.crowd.state.components import RADIUS, SAMPLE, SLOT_FRAMES, TIMELINE_SLOTS
@@ -54,15 +55,19 @@ class Spawning:
         """
         step = self.plans.step
         slot = step * self.assets.frames_per_step // SLOT_FRAMES
+        everyone: Timelines | None = None
         taken: list[NDArray[np.float64]] = []
-        near = (self.spawned < 0) & (self.cast.start_steps - self.plans.lead <= step)
-        for agent in np.flatnonzero(near if wanted is None else near & wanted).tolist():
+        soon = (self.spawned < 0) & (self.cast.start_steps - self.plans.lead <= step)
+        for agent in np.flatnonzero(soon if wanted is None else soon & wanted).tolist():
             plan = self.plans.motions.get(agent)
             if plan is None:
                 self._ask(agent)
             elif max(self.cast.start_steps[agent], self.refused.get(agent, -self._pause) + self._pause) <= step:
                 position = plan.departure[:2]
-                if self._is_free(view, position, taken, slot, bodies):
+                if everyone is None:
+                    near = Neighbors.of(view.pose[:, :2], view.timeline_circle, view.body_radius)
+                    everyone = Timelines.of(view, near)
+                if self._is_free(everyone, position, taken, slot, bodies):
                     self._spawn(agent, plan, slot)
                     self.spawned[agent] = step
                     taken.append(position)
@@ -71,7 +76,7 @@ class Spawning:
 
     def _is_free(
         self,
-        view: View,
+        everyone: Timelines,
         position: NDArray[np.float64],
         taken: list[NDArray[np.float64]],
         slot: int,
@@ -87,7 +92,7 @@ class Spawning:
         self._parked[:, :2] = position
         if meets_body(NONE, self._parked, bodies):
             return False
-        return not meets_anyone(-1, self._parked, slot, FOREVER, slot, radius, Timelines.of(view))
+        return not meets_anyone(-1, self._parked, slot, FOREVER, slot, radius, everyone)
 
     def _ask(self, agent: int) -> None:
         """Request the way of an agent that has none, unless a search is under way or failed."""

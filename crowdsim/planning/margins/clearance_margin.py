@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.geometry.elementary import hypot
+from crowdsim.navmesh.clearance.sweep_kernels import are_free
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, arc_lengths
 from crowdsim.planning.query.query import Query
 from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
@@ -33,6 +34,9 @@ MARGIN_WORTH = 0.03
 _CHORD = 0.01
 """Meters of clearance that shifted stations have left, for the straight pieces between them."""
 
+_ROOMY = 1e-6
+"""Meters by which a path must be roomier than asked for to be left alone at once: places on it are rounded."""
+
 _ROUNDS = 4
 _STAY = len(SHIFTS) // 2
 
@@ -40,6 +44,11 @@ _STAY = len(SHIFTS) // 2
 def with_clearance_margin(query: Query, path: AnnotatedPath) -> AnnotatedPath:
     """The same way with more clearance where there is some: through the middle of gaps, wide around corners."""
     if path.length < 2.0 * STATION:
+        return path
+    # Where all is roomy there is nothing to gain: one sweep tells most of these, and costs next to nothing.
+    pieces = np.concatenate([path.points[:-1], path.points[1:]], axis=1)
+    layers = tuple([mesh.arrays for mesh in query.meshes])
+    if are_free(layers, query.need.radii.max(axis=0) + MARGIN + _ROOMY, pieces):
         return path
     arc = np.linspace(0.0, path.length, int(np.ceil(path.length / STATION)) + 1)
     along = path.at(arc + STATION) - path.at(arc - STATION)

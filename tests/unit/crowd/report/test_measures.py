@@ -4,20 +4,25 @@ import numpy as np
 import pytest
 import shapely
 
+from crowdsim.crowd.near.neighbors import sorted_places
 from crowdsim.crowd.report.measure_kernels import closest_pair, obstacle_margin
 from crowdsim.navmesh.navmesh import NavMesh
 
 
-@pytest.mark.parametrize("count", [2, 3, 20])
+@pytest.mark.parametrize("count", [2, 3, 20, 400])
 def test_closest_pair_is_the_smallest_of_all_distances(count: int) -> None:
-    pose = np.random.default_rng(count).uniform(-5, 5, (count, 3))
-    between = np.linalg.norm(pose[:, None, :2] - pose[None, :, :2], axis=-1) + np.diag([np.inf] * count)
-    assert closest_pair(pose) == pytest.approx(between.min())
+    places = np.random.default_rng(count).uniform(-5, 5, (count, 2))
+    between = np.linalg.norm(places[:, None] - places[None], axis=-1) + np.diag([np.inf] * count)
+    least = between.min()
+    for limit in (np.inf, 1.5 * least, 1.01 * least):
+        assert closest_pair(places, *sorted_places(places), limit) == pytest.approx(least)
+    assert closest_pair(places, *sorted_places(places), 0.5 * least) >= least * (1.0 - 1e-12)
 
 
 def test_alone_there_is_no_closest_pair() -> None:
-    assert closest_pair(np.zeros((1, 3))) == np.inf
-    assert closest_pair(np.zeros((0, 3))) == np.inf
+    for count in (0, 1):
+        places = np.zeros((count, 2))
+        assert closest_pair(places, *sorted_places(places), np.inf) == np.inf
 
 
 def test_obstacle_margin_is_what_shapely_measures() -> None:

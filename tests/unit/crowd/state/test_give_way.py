@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from crowdsim.constants import NONE
+from crowdsim.crowd.near.neighbors import Neighbors
 from crowdsim.crowd.state.components import SAMPLE, SLOT_FRAMES
 from crowdsim.crowd.state.give_way_kernels import clear_way, lay_move, next_in_way, reserve_by_asking, step_aside
 from crowdsim.crowd.state.moves import LEAST_MOVE, MOVE_NODES, moves_of
@@ -35,7 +36,9 @@ def standing_crowd(spots: np.ndarray, headings: np.ndarray) -> tuple[Timelines, 
     count = len(spots)
     timeline = discs_along(np.repeat(spots[:, None], SLOTS, axis=1), RADIUS)
     circles = np.column_stack([spots, np.zeros(count)])
-    everyone = Timelines(timeline, np.zeros(count, np.int64), np.full(count, FOREVER), np.full(count, RADIUS), circles)
+    radii = np.full(count, RADIUS)
+    near = Neighbors.of(spots, circles, radii)
+    everyone = Timelines(timeline, np.zeros(count, np.int64), np.full(count, FOREVER), radii, circles, near)
     origin = np.column_stack([spots, headings])
     standing = Standing(
         np.zeros(count, np.int32),
@@ -103,12 +106,12 @@ def test_either_all_give_way_and_meet_nobody_or_nothing_changes(seed: int) -> No
     spots = np.array([[0.0, 0.0], [1.2, 0.0], *rng.uniform(-2.2, 2.2, (4, 2))])
     everyone, standing, _ = standing_crowd(spots, rng.uniform(-3, 3, len(spots)))
     standing.may_move[rng.integers(1, 6)] = rng.random() < 0.5
-    before = [column.copy() for column in everyone]
+    before = [column.copy() for column in everyone[:-1]]
     ask = asking(standing, int(rng.integers(0, 60)))
     want = through(0.0, float(rng.uniform(0.5, 2.5)))
     count = clear_way(GRAPH, room(3.0), everyone, 0, want, FOREVER, 0, SLOT_FRAMES, Chain.room(20), ask)
     if count < 0:
-        for column, old in zip(everyone, before, strict=True):
+        for column, old in zip(everyone[:-1], before, strict=True):
             np.testing.assert_array_equal(column, old)
         return
     np.testing.assert_array_equal(everyone.timeline[0], want)
@@ -135,9 +138,9 @@ def test_who_is_asked_early_leaves_the_way_or_stays() -> None:
         everyone, standing, _ = standing_crowd(np.array([[-2.0, 0.0], [0.0, 0.0]]), np.array([0.0, heading]))
         standing.way[0] = np.column_stack([np.linspace(-2.0, 2.0, 8), np.zeros(8)])
         pose = np.column_stack([everyone.timeline[:, 0, :2], np.zeros(2)])
-        found = next_in_way(standing.way, standing.rank, standing.may_move, 0, pose, 2 * RADIUS, 0)
+        found = next_in_way(standing.way, standing.rank, standing.may_move, 0, pose, 2 * RADIUS, 0, everyone.near)
         assert found == 1
-        assert next_in_way(standing.way, standing.rank, standing.may_move, 0, pose, 2 * RADIUS, 2) == -1
+        assert next_in_way(standing.way, standing.rank, standing.may_move, 0, pose, 2 * RADIUS, 2, everyone.near) == -1
         ask = asking(standing)
         count = step_aside(GRAPH, room(4.0), everyone, 0, 1, 0, SLOT_FRAMES, Chain.room(20), ask)
         # The toy graph walks ahead only.
@@ -213,14 +216,18 @@ def test_ranks_and_ways_of_those_before() -> None:
     for row, x in enumerate((0.0, 1.0, -1.0)):
         ways[row] = np.column_stack([x + np.linspace(0, 4, 8), np.zeros(8)])
     ranks = np.array([640, 64, 128, 1], np.int64)
-    assert rank_behind(0, ways, ranks, 0.6, 2.0) == 65, "who is ahead goes the same way"
-    assert rank_behind(1, ways, ranks, 0.6, 2.0) == FOREVER, "nobody is ahead"
+    places = np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 3.0]])
+    circles = np.column_stack([places, np.full(4, 5.0)])
+    near = Neighbors.of(places, circles, np.full(4, RADIUS), ways)
+    assert rank_behind(0, ways, ranks, 0.6, 2.0, near) == 65, "who is ahead goes the same way"
+    assert rank_behind(1, ways, ranks, 0.6, 2.0, near) == FOREVER, "nobody is ahead"
     ways[1] = ways[1, ::-1]
-    assert rank_behind(0, ways, ranks, 0.6, 9.0) == FOREVER, "it comes the other way"
+    near = Neighbors.of(places, circles, np.full(4, RADIUS), ways)
+    assert rank_behind(0, ways, ranks, 0.6, 9.0, near) == FOREVER, "it comes the other way"
     out = np.empty((8, 8, 2))
-    assert ways_before(0, ways, ranks, 9.0, out) == 2, "who has no way is left out"
+    assert ways_before(0, ways, ranks, 9.0, near, out) == 2, "who has no way is left out"
     np.testing.assert_array_equal(out[:2], ways[[1, 2]])
-    assert ways_before(0, ways, ranks, 9.0, out[:1]) == 1
+    assert ways_before(0, ways, ranks, 9.0, near, out[:1]) == 1
 
 
 def test_a_door_is_a_narrow_passage_and_a_corner_is_none() -> None:

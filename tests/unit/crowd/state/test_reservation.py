@@ -6,6 +6,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from crowdsim.crowd.near.neighbors import Neighbors
 from crowdsim.crowd.state.components import CORE, RADIUS, SAMPLE, SLOT_FRAMES
 from crowdsim.crowd.state.reservation_kernels import (
     append_stop,
@@ -76,15 +77,21 @@ def circles_of(timelines: np.ndarray) -> np.ndarray:
     return np.column_stack([tracks[:, 0], reach])
 
 
+def timelines_of(timelines: np.ndarray, starts: np.ndarray, gones: np.ndarray, radii: np.ndarray) -> Timelines:
+    circles = circles_of(timelines)
+    near = Neighbors.of(timelines[:, 0, :2], circles, radii)
+    return Timelines(timelines, starts, gones, radii, circles, near)
+
+
 def test_meets_anyone_skips_itself_and_finds_the_far_traveler() -> None:
     timelines = discs_along(np.zeros((3, 5, 2)), 0.3)
     timelines[1, :, 0] = 9.0
     timelines[2, :, 0] = [12, 9, 6, 3, 0.4]
     starts, gones, radii = np.zeros(3, np.int64), np.full(3, FOREVER), np.full(3, 0.3)
-    everyone = Timelines(timelines, starts, gones, radii, circles_of(timelines))
+    everyone = timelines_of(timelines, starts, gones, radii)
     assert meets_anyone(0, timelines[0], 0, FOREVER, 0, 0.3, everyone)
     timelines[2, :, 0] += 0.5
-    everyone = everyone._replace(timeline_circle=circles_of(timelines))
+    everyone = timelines_of(timelines, starts, gones, radii)
     assert not meets_anyone(0, timelines[0], 0, FOREVER, 0, 0.3, everyone)
 
 
@@ -100,7 +107,7 @@ def test_circles_dismiss_nobody_who_is_met(seed: int, slot: int) -> None:
         for k in range(1, 6)
         if gones[k] > slot
     )
-    everyone = Timelines(timelines, starts, gones, radii, circles_of(timelines))
+    everyone = timelines_of(timelines, starts, gones, radii)
     found = meets_anyone(0, timelines[0], 0, FOREVER, slot, radii[0], everyone)
     assert found == met
 
@@ -214,7 +221,7 @@ def reserved(other: tuple[float, float], room: shapely.Polygon | None = None, ke
     radii, breadths = np.array([[0.2, 0.3]]), np.array([[0.3, 0.0]])
     obstacles = Obstacles((mesh, mesh), radii, breadths, kept_free, 0.35, NO_BODIES, 0, 0.3)
     starts, gones, radii = np.zeros(2, np.int64), np.full(2, FOREVER), np.full(2, 0.3)
-    everyone = Timelines(timelines, starts, gones, radii, circles_of(timelines))
+    everyone = timelines_of(timelines, starts, gones, radii)
     draft = Chain.room(12)
     taken, gone = reserve(GRAPH, obstacles, everyone, 0, 0, 0, SLOT_FRAMES, chain, draft, 1, 3, False, out)
     return taken, gone, out[:, :2]

@@ -1,0 +1,1 @@
+"""Who is near: captured characters sorted by cells."""
