@@ -65,8 +65,9 @@ class Replanning:
             if agent in plans.motions:
                 if waits:
                     continue
-                # It keeps its plan: it may be free to go before a way around is found.
+                # It keeps its plan: it may be free to go before a way around is found. As it cannot go first, others do.
                 view.blocked_since[row] = plans.step
+                view.rank[row] = view.turn[row] = plans.rank(agent)
                 near = _standing_near(view, row)
             elif self._is_there(view, row, agent):
                 reach_goal(plans, view, row)
