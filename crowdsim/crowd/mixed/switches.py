@@ -18,7 +18,7 @@ from crowdsim.crowd.captured_crowd import CapturedCrowd
 from crowdsim.crowd.mixed.levels import Levels
 from crowdsim.crowd.steered.components import Errand
 from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
-from crowdsim.crowd.systems.choose_motion import Walker
+from crowdsim.crowd.systems.going_on import Walker
 from crowdsim.ecs.world import View
 from crowdsim.geometry.elementary import cos, hypot, sin
 from crowdsim.motion.deformed.phase_kernels import set_anchors

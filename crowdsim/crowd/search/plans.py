@@ -11,6 +11,7 @@ import numpy as np
 from crowdsim.constants import NONE
 from crowdsim.crowd.search.affected import outdated
 from crowdsim.crowd.search.motion_search import MotionSearch
+from crowdsim.crowd.search.plan_table import Motions
 from crowdsim.crowd.search.scheduler import Ongoing, Searches
 from crowdsim.crowd.state.assets import Assets
 from crowdsim.crowd.state.environment import EnvironmentState
@@ -74,12 +75,15 @@ class Plans:
     lead: int
     step: int = 0
     replans: int = 0
-    motions: dict[int, MotionPlan] = field(default_factory=dict)
+    motions: Motions = field(init=False)
     routes: dict[int, AnnotatedPath] = field(default_factory=dict)
     unreachable: dict[int, str] = field(default_factory=dict)
     moved: int = 0
     away: set[int] = field(default_factory=set)
     _joins: dict[int, Join | None] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.motions = Motions(len(self.itineraries.cast.starts))
 
     def rank(self, agent: int) -> int:
         """Who sets out now for its goal comes behind all who did before, and those of lower numbers."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import shapely
@@ -13,7 +13,7 @@ from crowdsim.constants import NONE
 from crowdsim.crowd.near.neighbor_kernels import widen
 from crowdsim.crowd.near.neighbors import Neighbors
 from crowdsim.crowd.search.plans import Join, Plans
-from crowdsim.crowd.state.components import SAMPLE, SLOT_FRAMES, TIMELINE_SLOTS, WAY_POINTS
+from crowdsim.crowd.state.components import SLOT_FRAMES
 from crowdsim.crowd.state.give_way_kernels import reserve_by_asking
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ROUNDING, append_stop, node_is_free, reserve
@@ -21,7 +21,23 @@ from crowdsim.crowd.state.state_hash import digest_of
 from crowdsim.crowd.state.timelines import NO_BODIES, Chain, Obstacles, StandingBodies, Timelines
 from crowdsim.crowd.state.way_kernels import lay_way, rank_behind, ways_before
 from crowdsim.crowd.systems.apply_events import KEPT_OFF, reserved_lines
+from crowdsim.crowd.systems.choose_kernels import (
+    ALL_DONE,
+    BEHIND_METERS,
+    BEHIND_WIDTH,
+    EXTENDED,
+    LOOKAHEAD,
+    MAKE_ROOM,
+    NODES_LEFT,
+    OTHERWISE,
+    REFUSED,
+    WAY_METERS,
+    WAY_REACH,
+    WAY_ROOM,
+    go_on,
+)
 from crowdsim.crowd.systems.give_way import GivingWay
+from crowdsim.crowd.systems.going_on import Errands, Room, Rows, Walker, take
 from crowdsim.crowd.systems.replan import reach_goal
 from crowdsim.ecs.world import View
 from crowdsim.environment.layers import polygons_only
@@ -29,23 +45,8 @@ from crowdsim.geometry.elementary import distance, hypot
 from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.recording.header import AgentState
 
-LOOKAHEAD = 12
-"""Nodes of the plan considered at once, where a character cannot stand down after fewer."""
-
-NODES_LEFT = 4
-"""Nodes before the end of a plan at which the way on is looked for, of those who walk through their goal."""
-
 NEAR_GOAL = 1.0
 """Meters from a goal to walk through at which it counts as reached where the last of the way is taken."""
-
-BEHIND_METERS = 2.0
-"""How far behind somebody of the same way one goes in its turn, so that not everyone at a door makes its own [m]."""
-
-BEHIND_WIDTH = 0.6
-"""How far beside its way somebody may be to be followed so [m]."""
-
-WAY_ROOM = 0.2
-"""How much farther off the way of others than their bodies' radii one stops, so that they can give way [m]."""
 
 PASSAGE_BODIES = 3.0
 """How far off a narrow passage one stops, in radii."""
@@ -53,46 +54,10 @@ PASSAGE_BODIES = 3.0
 LONG_SECONDS = 5.0
 """Time after which who waits lets others stop in its way, until it looks for a way around [s]."""
 
-WAYS = 32
-"""Ways of others that are kept free at once, of more than so many within reach those who came first."""
-
 RETRY_SECONDS = 0.2
 """Time between two tries of somebody who stands and waits for others to go on [s]."""
 
-WAY_METERS = 4.0
-"""How much of the way ahead others keep free, who may cross it but not stop there [m]."""
-
-_CHAIN = LOOKAHEAD + 8  # with the nodes of the stop behind them
 _NOTHING = np.empty((0, 4))
-
-
-class Walker(NamedTuple):
-    """Who is to reserve: its row, NONE if it is yet to come, and the node that it plays."""
-
-    row: int
-    agent: int
-    node: int
-    frame: int
-    origin: NDArray[np.float64]
-    blend_offset: NDArray[np.float64]
-    place: NDArray[np.float64]
-    body_radius: float
-    stays: bool
-
-    @classmethod
-    def of(cls, view: View, row: int, frame: int) -> Walker:
-        """The walker of a row, in a frame of its node."""
-        return cls(
-            row,
-            int(view.agent[row]),
-            int(view.node[row]),
-            frame,
-            view.origin[row],
-            view.blend_offset[row],
-            view.pose[row, :2],
-            float(view.body_radius[row]),
-            bool(view.stays[row]),
-        )
 
 
 class Choosing:
@@ -112,9 +77,8 @@ class Choosing:
         self._looked_ahead: dict[int, NDArray[np.int32]] = {}
         self._giving_way = GivingWay(plans)
         self._retry_steps = max(round(RETRY_SECONDS * plans.assets.steps_per_second), 1)
-        self._chain, self._draft = Chain.room(_CHAIN), Chain.room(_CHAIN)
-        self._ways = np.empty((WAYS, WAY_POINTS, 2))
-        self._timeline = np.zeros((TIMELINE_SLOTS, SAMPLE))
+        self._errands = Errands.of(plans.itineraries)
+        self._room = Room.make()
 
     def choose(self, view: View) -> None:
         """Choose for all rows, in order; then let those who were refused ask others to give way."""
@@ -124,19 +88,46 @@ class Choosing:
         # Who waits does not play its idle node to the end, if the way is free before.
         waits = graph.node_idle[view.node] & (view.blocked_since != NONE) & (view.state == AgentState.WAITING)
         waits &= (self.plans.step + view.agent) % self._retry_steps == 0
-        self._giving_way.begin()
-        refused = [
-            row
-            for row in np.flatnonzero((ending | waits) & (view.next_node == NONE)).tolist()
-            if (ending[row] or int(view.agent[row]) in self.plans.motions) and not self._goes_on(view, row)
-        ]
-        if refused:
-            for row in sorted(refused, key=lambda row: int(view.rank[row])):
-                if view.next_node[row] == NONE and not self._asks(view, row):
-                    if self._waits_long(view, row):
-                        view.way[row] = np.nan  # those it waits for may need its way
-                    if ending[row]:
-                        self._rests(view, row)
+        self._room = self._room.begin(len(view.agent), bool(self.plans.environment.waited_for))
+        self._giving_way.begin(self._room)
+        refused = self._go_on(view, np.flatnonzero((ending | waits) & (view.next_node == NONE)))
+        for row in sorted(refused, key=lambda row: (int(view.rank[row]), row)):
+            if view.next_node[row] == NONE and not self._asks(view, row):
+                if self._waits_long(view, row):
+                    view.way[row] = np.nan  # those it waits for may need its way
+                if ending[row]:
+                    self._rests(view, row)
+
+    def _go_on(self, view: View, chosen: NDArray[np.int64]) -> list[int]:
+        """Let rows go on one after the other; returns those that have a plan and cannot go on along it."""
+        if not len(chosen):
+            return []
+        plans, room = self.plans, self._room
+        refused: list[int] = []
+        assets, rows, obstacles = plans.assets, Rows.of(view), self._obstacles_of_any(view)
+        everyone = Timelines.of(view, self._neighbors(view))
+        constant = plans.motions.table, self._errands, obstacles, everyone, room
+        clock = plans.step, assets.frames_per_step, SLOT_FRAMES
+        number = 0
+        while True:
+            room.counts[EXTENDED] = 0
+            number, wanted = go_on(assets.graph, rows, chosen, number, *constant, *clock)
+            for row in room.extended[: room.counts[EXTENDED]].tolist():
+                view.timeline_digest[row] = digest_of(view.timeline[row].tobytes())
+            if wanted == ALL_DONE:
+                refused += room.refused[: room.counts[REFUSED]].tolist()
+                return refused
+            row = int(chosen[number])
+            if wanted == OTHERWISE:
+                if not self._goes_on(view, row):
+                    refused.append(row)
+            elif wanted == MAKE_ROOM:
+                obstacles = self._obstacles(view, Walker.of(view, row, self._frame(view, row)))
+                self._clear_ahead(view, row, obstacles)
+                self._follow(view, row)
+            else:
+                self._followed(view, row, int(view.next_cursor[row]))
+            number += 1
 
     def _goes_on(self, view: View, row: int) -> bool:
         """Choose for a row, unless it has a plan and cannot go on along it."""
@@ -150,7 +141,7 @@ class Choosing:
             following = cursor + 1
             if following < plan.count:
                 if following <= view.reserved[row] or self._extend(view, row, plan, following):
-                    self._follow(view, row, plan, following)
+                    self._follow(view, row)
                     return True
                 return False
             if plan.arrives and not self.plans.itineraries.accepts(agent, self._end(view, row)):
@@ -167,24 +158,29 @@ class Choosing:
         self._come_to_rest(view, row)
         return True
 
-    def _follow(self, view: View, row: int, plan: MotionPlan, following: int) -> None:
-        """Enter the node ``following`` of a plan, which is reserved."""
+    def _follow(self, view: View, row: int) -> None:
+        """Enter the next node of its plan, which is reserved."""
+        plan, following = self.plans.motions[int(view.agent[row])], int(view.cursor[row]) + 1
         view.state[row] = AgentState.MOVING
         view.blocked_since[row] = NONE
         view.frame[row] = self._frame(view, row)
+        take(view, row, int(plan.nodes[following]), plan.origins[following], plan.blend_offsets[following], following)
+        self._followed(view, row, following)
+
+    def _followed(self, view: View, row: int, following: int) -> None:
+        """End the search for a way around of a row that enters a node of its plan, and look for the way on from it."""
         if view.awaiting_plan[row] and self.plans.assets.graph.node_idle[view.node[row]]:
             # The way is free before one around was found.
             self.plans.searches.drop(int(view.agent[row]))
             view.awaiting_plan[row] = False
-        _take(view, row, int(plan.nodes[following]), plan.origins[following], plan.blend_offsets[following], following)
-        self._look_ahead(view, row, plan, following)
+        self._look_ahead(view, row, self.plans.motions[int(view.agent[row])], following)
 
     def _asks(self, view: View, row: int) -> bool:
         """Let a row that was refused go on along its plan, if those in its way can give way."""
         plan, following = self.plans.motions[int(view.agent[row])], int(view.cursor[row]) + 1
         if self.plans.environment.waited_for or not self._extend(view, row, plan, following, asks=True):
             return False
-        self._follow(view, row, plan, following)
+        self._follow(view, row)
         return True
 
     def _rests(self, view: View, row: int) -> None:
@@ -206,7 +202,7 @@ class Choosing:
             self._stop(view, row)
         elif graph.node_idle[node]:
             view.state[row] = max(view.state[row], AgentState.WAITING)
-            _take(view, row, node, view.origin[row], np.zeros(3))
+            take(view, row, node, view.origin[row], np.zeros(3))
         else:
             self._stand(view, row, agent)
 
@@ -217,8 +213,8 @@ class Choosing:
         """
         walker = Walker.of(view, row, self._frame(view, row))
         obstacles = self._obstacles(view, walker)
-        ways, width = self._ways_before(view, row, plan, following)
-        obstacles = obstacles._replace(ways=ways, way_width=width)
+        self._find_ways(view, row, plan, following)
+        obstacles = self._with_ways(obstacles)
         found = self._reserve(view, walker, plan, following, obstacles, asks)
         if found is None:
             return False
@@ -226,10 +222,14 @@ class Choosing:
         for name, value in found.items():
             getattr(view, name)[row] = value
         widen(self._neighbors(view), row, view.timeline_circle[row])
-        lay_way(plan.origins, found["reserved"] + 1, self._timeline[-1], WAY_METERS, view.way[row])
+        lay_way(plan.origins, found["reserved"] + 1, self._room.timeline[-1], WAY_METERS, view.way[row])
         if not asks and not self.plans.environment.waited_for:
-            self._giving_way.clear_ahead(view, row, obstacles, self._draft, self._neighbors(view))
+            self._clear_ahead(view, row, obstacles)
         return True
+
+    def _clear_ahead(self, view: View, row: int, obstacles: Obstacles) -> None:
+        """Let those step aside who stand in the way ahead of a row that has just reserved."""
+        self._giving_way.clear_ahead(view, row, self._with_ways(obstacles), self._room.draft, self._neighbors(view))
 
     def reserve_entry(self, view: View, walker: Walker) -> dict[str, Any] | None:
         """Reserve the beginning of the plan of a character that comes into the world in the midst of a node.
@@ -250,7 +250,7 @@ class Choosing:
         """The columns of a reservation from where a walker is to node ``following`` and a stand; None without room."""
         assets = self.plans.assets
         available = min(plan.count - following, LOOKAHEAD)
-        chain = self._chain
+        chain, timeline = self._room.chain, self._room.timeline
         chain.nodes[0], chain.origins[0], chain.blend_offsets[0] = walker.node, walker.origin, walker.blend_offset
         ahead, until = slice(following, following + available), available + 1
         chain.nodes[1:until] = plan.nodes[ahead]
@@ -261,7 +261,7 @@ class Choosing:
         clock = self.plans.step * assets.frames_per_step
         everyone = Timelines.of(view, self._neighbors(view))
         now = walker.row, walker.frame, clock, SLOT_FRAMES
-        ahead_of = chain, self._draft, 1, available, leaves, self._timeline
+        ahead_of = chain, self._room.draft, 1, available, leaves, timeline
         if asks:
             asking = self._giving_way.asking(view)
             taken, gone, count = reserve_by_asking(assets.graph, obstacles, everyone, *now, *ahead_of, asking)
@@ -270,17 +270,17 @@ class Choosing:
             taken, gone = reserve(assets.graph, obstacles, everyone, *now, *ahead_of)
         if not taken:
             return None
-        tracks = self._timeline[:, :2]
+        tracks = timeline[:, :2]
         return {
-            "timeline": self._timeline,
+            "timeline": timeline,
             "timeline_circle": np.array([*tracks[0], hypot(*(tracks - tracks[0]).T).max() + ROUNDING]),
-            "timeline_digest": digest_of(self._timeline.tobytes()),
+            "timeline_digest": digest_of(timeline.tobytes()),
             "timeline_start": clock // SLOT_FRAMES,
             "gone_slot": gone,
             "reserved": following + taken - 1,
         }
 
-    def _obstacles(self, view: View, walker: Walker) -> Obstacles:
+    def _obstacles(self, view: View, walker: Walker, kept_free: NDArray[np.float64] | None = None) -> Obstacles:
         """What a walker keeps clear of beside other captured characters."""
         # Who is alone hinders nobody.
         alone = len(view.agent) == (walker.row != NONE)
@@ -288,7 +288,7 @@ class Choosing:
             layers=tuple(mesh.arrays for mesh in self.plans.environment.meshes),
             radii=self.plans.assets.body_radii,
             breadths=self.plans.assets.breadths,
-            kept_free=self._kept_free(view, walker),
+            kept_free=self._kept_free(view, walker) if kept_free is None else kept_free,
             distance=walker.body_radius + KEPT_OFF,
             bodies=self.bodies,
             agent=walker.agent,
@@ -297,19 +297,28 @@ class Choosing:
             off_passages=PASSAGE_BODIES * walker.body_radius,
         )
 
-    def _ways_before(self, view: View, row: int, plan: MotionPlan, following: int) -> tuple[NDArray[np.float64], float]:
-        """Tell the way ahead along a plan; ways (W, P, 2) of those who go first, and meters to keep off them."""
+    def _find_ways(self, view: View, row: int, plan: MotionPlan, following: int) -> None:
+        """Tell the way ahead along a plan, and note the ways of those who go first."""
         lay_way(plan.origins, following, view.timeline[row, -1], WAY_METERS, view.way[row])
-        near, reach = self._neighbors(view), 3.0 * WAY_METERS
+        near, room = self._neighbors(view), self._room
         view.rank[row] = min(view.turn[row], rank_behind(row, view.way, view.rank, BEHIND_WIDTH, BEHIND_METERS, near))
-        count = ways_before(row, view.way, view.rank, reach, near, self._ways)
-        return self._ways[:count], 2.0 * float(view.body_radius[row]) + WAY_ROOM
+        room.ways_count[0] = ways_before(row, view.way, view.rank, WAY_REACH, near, room.ways)
+
+    def _with_ways(self, obstacles: Obstacles) -> Obstacles:
+        """Obstacles with the ways that were noted last, which their body keeps off."""
+        ways = self._room.ways[: self._room.ways_count[0]]
+        return obstacles._replace(ways=ways, way_width=2.0 * obstacles.body_radius + WAY_ROOM)
 
     def _neighbors(self, view: View) -> Neighbors:
         """The rows by cells, of a view that lasts until they move, come or go."""
         if self._near is None or self._near[0] is not view:
             self._near = view, Neighbors.of(view.pose[:, :2], view.timeline_circle, view.body_radius, view.way)
         return self._near[1]
+
+    def _obstacles_of_any(self, view: View) -> Obstacles:
+        """What the kernel makes the obstacles of each row of: distances in radii of its body."""
+        anybody = Walker(0, NONE, 0, 0, _NOTHING, _NOTHING, _NOTHING, 1.0, False)
+        return self._obstacles(view, anybody, _NOTHING)
 
     def _frame(self, view: View, row: int) -> int:
         """The frame of its node that a row goes on from: who waits can leave its idle node at once."""
@@ -323,7 +332,7 @@ class Choosing:
 
     def _begin_chain(self, view: View, row: int) -> Chain:
         """The chain of the present node alone."""
-        chain = self._chain
+        chain = self._room.chain
         chain.nodes[0], chain.origins[0], chain.blend_offsets[0] = (
             view.node[row],
             view.origin[row],
@@ -370,7 +379,7 @@ class Choosing:
         """Enter the first node of the stop that was reserved with the present node."""
         chain = self._begin_chain(view, row)
         append_stop(self.plans.assets.graph, chain, 1)
-        _take(view, row, int(chain.nodes[1]), chain.origins[1], chain.blend_offsets[1])
+        take(view, row, int(chain.nodes[1]), chain.origins[1], chain.blend_offsets[1])
 
     def _stand(self, view: View, row: int, agent: int) -> None:
         """Wait where the node ends: in an idle node if one may follow, else on the node's last frame."""
@@ -380,7 +389,7 @@ class Choosing:
             return
         self._abandon(view, row, agent)
         view.state[row] = max(view.state[row], AgentState.WAITING)
-        _take(view, row, idle, self._end(view, row), np.zeros(3))
+        take(view, row, idle, self._end(view, row), np.zeros(3))
 
     def _end(self, view: View, row: int) -> NDArray[np.float64]:
         """Where the present node ends (3,)."""
@@ -390,12 +399,3 @@ class Choosing:
 def _distance(view: View, row: int) -> float:
     """Meters to the goal."""
     return distance(view.goal[row], view.pose[row, :2])
-
-
-def _take(
-    view: View, row: int, node: int, origin: NDArray[np.float64], blend_offset: NDArray[np.float64], cursor: int = NONE
-) -> None:
-    view.next_node[row] = node
-    view.next_origin[row] = origin
-    view.next_blend_offset[row] = blend_offset
-    view.next_cursor[row] = cursor

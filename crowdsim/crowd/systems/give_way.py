@@ -13,6 +13,7 @@ from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.moves import MOVE_NODES
 from crowdsim.crowd.state.state_hash import digest_of
 from crowdsim.crowd.state.timelines import Asking, Chain, Obstacles, Standing, Timelines, Trail
+from crowdsim.crowd.systems.going_on import Room
 from crowdsim.ecs.world import View
 from crowdsim.recording.header import AgentState
 
@@ -38,27 +39,29 @@ class GivingWay:
         self._trail = Trail.room(DEPTH, TIMELINE_SLOTS, moves)
         self._chain = Chain.room(MOVE_NODES + 1)
         self._left = 0
-        self._standing: Standing | None = None
+        self._room = Room.make()
 
-    def begin(self) -> None:
-        """Begin a step."""
+    def begin(self, room: Room) -> None:
+        """Begin a step; ``room`` holds who may be asked."""
         self._left = TRIES_A_STEP
-        self._standing = None
+        self._room = room
 
     def asking(self, view: View, most: int = TRIES) -> Asking:
         """What kernels take to ask others: who stands is told once a step."""
-        if self._standing is None:
-            may_move = self.plans.assets.graph.node_idle[view.node] & (view.next_node == NONE)
-            self._standing = Standing(view.node, view.origin, view.goal, view.way, may_move, view.rank)
+        room = self._room
+        if not room.noted[0]:
+            room.noted[0] = True
+            room.may_move[:] = self.plans.assets.graph.node_idle[view.node] & (view.next_node == NONE)
+        standing = Standing(view.node, view.origin, view.goal, view.way, room.may_move, view.rank)
         tries = min(self._left, most)
         self._left -= tries
         self._trail.tries[0] = tries
-        return Asking(self.plans.assets.moves, self._standing, self._trail)
+        return Asking(self.plans.assets.moves, standing, self._trail)
 
     def decided(self, row: int) -> None:
         """Note that a row has chosen what to do in this step."""
-        if self._standing is not None:
-            self._standing.may_move[row] = False
+        if self._room.noted[0]:
+            self._room.may_move[row] = False
 
     def clear_ahead(self, view: View, row: int, obstacles: Obstacles, draft: Chain, near: Neighbors) -> None:
         """Let those step aside who stand in the way ahead of a row that walks; ``near``: the rows by cells."""

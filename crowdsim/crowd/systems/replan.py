@@ -65,7 +65,7 @@ class Replanning:
             if agent in plans.motions:
                 if waits:
                     continue
-                # It keeps its plan: it may be free to go before a way around is found. As it cannot go first, others do.
+                # It keeps its plan: it may be free to go before a way around is found. Others go first.
                 view.blocked_since[row] = plans.step
                 view.rank[row] = view.turn[row] = plans.rank(agent)
                 near = _standing_near(view, row)

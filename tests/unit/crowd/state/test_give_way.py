@@ -180,6 +180,7 @@ def test_who_is_met_is_told_one_by_one(seed: int) -> None:
 
 
 @given(st.integers(0, 10_000))
+@settings(deadline=None)
 def test_stops_in_ways_and_passages_are_told_by_their_distance(seed: int) -> None:
     rng = np.random.default_rng(seed)
     ways = np.cumsum(rng.normal(0, 0.6, (3, 8, 2)), axis=1)

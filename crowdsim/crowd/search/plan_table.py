@@ -1,0 +1,70 @@
+"""The plans of all characters, and where kernels find them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, MutableMapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.constants import NONE
+from crowdsim.crowd.state.motion_plan import MotionPlan
+
+NO_PASS = np.iinfo(np.int32).max
+"""Stands for the first node at whose end a goal is passed where there is none."""
+
+
+class PlanTable(NamedTuple):
+    """A row for each of n characters, whether in the world or not."""
+
+    places: NDArray[np.int64]
+    """(n, 3) addresses of the nodes, origins and blend offsets of its plan; the plan keeps these arrays alive."""
+    nodes: NDArray[np.int32]
+    """(n,) how many nodes it has, NONE without a plan."""
+    first_pass: NDArray[np.int32]
+    """(n,) the first node at whose end an earlier goal is passed, NO_PASS without any."""
+    passes: NDArray[np.int32]
+    """(n,) how many of these there are."""
+    arrives: NDArray[np.bool_]
+    """(n,)"""
+
+
+class Motions(MutableMapping[int, MotionPlan]):
+    """The plan of every character that has one, each also in a row of ``table``."""
+
+    def __init__(self, count: int) -> None:
+        self._plans: dict[int, MotionPlan] = {}
+        self.table = PlanTable(
+            np.zeros((count, 3), np.int64),
+            np.full(count, NONE, np.int32),
+            np.full(count, NO_PASS, np.int32),
+            np.zeros(count, np.int32),
+            np.zeros(count, np.bool_),
+        )
+
+    def __getitem__(self, agent: int) -> MotionPlan:
+        return self._plans[agent]
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._plans)
+
+    def __len__(self) -> int:
+        return len(self._plans)
+
+    def __setitem__(self, agent: int, plan: MotionPlan) -> None:
+        table = self.table
+        arrays: list[NDArray[Any]] = [plan.nodes, plan.origins, plan.blend_offsets]
+        for array, dtype in zip(arrays, (np.int32, np.float64, np.float64), strict=True):
+            if array.dtype != dtype or not array.flags.c_contiguous:
+                raise TypeError(f"kernels read plans of contiguous arrays of int32 and float64, not {array.dtype}")
+        self._plans[agent] = plan
+        table.places[agent] = [array.__array_interface__["data"][0] for array in arrays]
+        table.nodes[agent] = plan.count
+        table.first_pass[agent] = min(plan.passes, default=NO_PASS)
+        table.passes[agent] = len(plan.passes)
+        table.arrives[agent] = plan.arrives
+
+    def __delitem__(self, agent: int) -> None:
+        del self._plans[agent]
+        self.table.nodes[agent] = NONE
