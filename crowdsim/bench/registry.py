@@ -40,7 +40,7 @@ _BENCHES = {
     ),
     "crowd": (
         "crowdsim.bench.crowds.crowd",
-        "steered crowds of 100 to 100,000: an agent's step by stage, beside RVO2, whole runs, and bodies shown",
+        "crowds: steered ones of 100 to 100,000, captured of 30 to 10,000, and mixed: a step by stage; bodies shown",
     ),
     "drills": (
         "crowdsim.bench.crowds.drill_table",

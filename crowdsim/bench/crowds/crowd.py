@@ -1,6 +1,7 @@
-"""Steered crowds of all sizes: what a step costs, alone and with all that a run has, and how many bodies can be shown.
+"""Crowds of all sizes: what a step costs, alone and with all that a run has, and how many bodies can be shown.
 
-Beside RVO2 where its sources are given, in the same run. Figures are medians over steps.
+Steered ones beside RVO2 where its sources are given, in the same run; captured ones by stage, and a mixed crowd, as
+:mod:`crowdsim.bench.crowds.levels` says. Figures of steered ones are medians over steps.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from crowdsim.bench.crowds.levels import level_figures
 from crowdsim.bench.crowds.rvo2 import Rvo2
 from crowdsim.bench.crowds.shown_bodies import frames_a_second
 from crowdsim.bench.crowds.step_times import step_row
@@ -18,11 +20,22 @@ from crowdsim.bench.registry import Measurement
 CROWDS = ((100, 0.25), (1000, 0.25), (10_000, 0.25), (10_000, 1.0), (10_000, 3.0), (100_000, 0.25))
 """Agents, and agents/m2."""
 
+LEVELS = (30, 300, 3000, 10_000)
+"""Captured characters."""
+
+MIXED = 3000
+"""Characters of the mixed crowd."""
+
 SIMULATED, POSED = 24_000, 2_000
 """Agents simulated, and bodies of them posed."""
 
 
-def measure(rvo2: Path | None = None, crowds: tuple[tuple[int, float], ...] = CROWDS) -> Measurement:
+def measure(
+    rvo2: Path | None = None,
+    crowds: tuple[tuple[int, float], ...] = CROWDS,
+    levels: tuple[int, ...] = LEVELS,
+    mixed: int = MIXED,
+) -> Measurement:
     """Time crowds of many sizes; ``rvo2``: folder of the sources of RVO2."""
     rows: list[dict[str, Any]] = []
     figures = {"frames_a_second": round(frames_a_second(SIMULATED, POSED), 1)}
@@ -34,4 +47,6 @@ def measure(rvo2: Path | None = None, crowds: tuple[tuple[int, float], ...] = CR
             for key, value in row.items():
                 if key not in ("agents", "density") and value is not None:
                     figures[f"{agents}_at_{density:g}_{key}"] = float(value)
-    return Measurement(rows, figures, ("frames_a_second",))
+        found = level_figures(levels, mixed, Path(folder))
+    told = ("choose_ms", "search_ms", "whole_ms", "steps_a_second", "admitted_in_second", "times_a_tenfold")
+    return Measurement(rows, figures | found, ("frames_a_second", *(name for name in found if name.endswith(told))))

@@ -1,11 +1,12 @@
-"""The benchmark of steered crowds, on a few agents."""
+"""The benchmark of crowds, on a few agents."""
 
 import json
 
 import numpy as np
 import pytest
 
-from crowdsim.bench.crowds import crowd, shown_bodies, step_times, whole_runs
+from crowdsim.bench.crowds import crowd, levels, shown_bodies, step_times, whole_runs
+from crowdsim.crowd.captured_crowd import CapturedCrowd
 
 
 @pytest.fixture(scope="module")
@@ -16,7 +17,9 @@ def measured():
         patch.setattr(shown_bodies, "STEPS", 4)
         patch.setattr(crowd, "SIMULATED", 60)
         patch.setattr(crowd, "POSED", 12)
-        yield crowd.measure(crowds=((30, 0.25), (60, 3.0)))
+        patch.setattr(levels, "STEPS", 8)
+        patch.setattr(levels, "SETTLING", 40)
+        yield crowd.measure(crowds=((30, 0.25), (60, 3.0)), levels=(12, 40), mixed=30)
 
 
 def test_a_row_for_each_crowd(measured):
@@ -43,3 +46,28 @@ def test_figures_are_plain_numbers(measured):
     assert json.loads(json.dumps(measured.figures)) == measured.figures
     assert not np.isnan(list(measured.figures.values())).any()
     assert measured.figures["frames_a_second"] > 0.0
+
+
+def test_levels_of_captured_characters_are_told_by_stage(measured):
+    figures = measured.figures
+    for agents in (12, 40):
+        stages = sum(figures[f"captured_{agents}_{name}_ms"] for name in levels.STAGES)
+        assert figures[f"captured_{agents}_whole_ms"] == pytest.approx(stages, abs=0.02)
+        assert figures[f"captured_{agents}_choose_ms"] > 0.0
+        assert 0.5 * agents < figures[f"captured_{agents}_admitted_in_second"] <= figures[f"captured_{agents}_present"]
+        assert figures[f"captured_{agents}_present"] <= agents
+    assert figures["captured_12_to_40_times_a_tenfold"] > 1.0
+    assert 0.0 < figures["mixed_30_captured_share"] <= 1.0
+    assert set(measured.headline) <= set(figures)
+
+
+def test_a_step_by_stage_is_the_step_of_the_crowd():
+    hashes = []
+    for step in (levels.staged_step, lambda crowd: (crowd.advance(), crowd.end_step())):
+        scenario, cast = levels.captured_square(20)
+        run = CapturedCrowd(scenario, 1, None, cast)
+        for _ in range(60):
+            step(run)
+        hashes.append(run.hash)
+        run.close()
+    assert hashes[0] == hashes[1]
