@@ -187,7 +187,7 @@ class Choosing:
         """Let a row that was refused to the last wait, or stop and wait."""
         agent = int(view.agent[row])
         plan = self.plans.motions[agent]
-        if self._walks_through(plan, agent) and _distance(view, row) < NEAR_GOAL:
+        if self._walks_through(plan, agent) and distance(view.goal[row], view.pose[row, :2]) < NEAR_GOAL:
             reach_goal(self.plans, view, row)
             self._abandon(view, row, agent)
         elif view.blocked_since[row] == NONE:
@@ -394,8 +394,3 @@ class Choosing:
     def _end(self, view: View, row: int) -> NDArray[np.float64]:
         """Where the present node ends (3,)."""
         return np.array(node_end(self.plans.assets.graph, int(view.node[row]), *view.origin[row]))
-
-
-def _distance(view: View, row: int) -> float:
-    """Meters to the goal."""
-    return distance(view.goal[row], view.pose[row, :2])
