@@ -29,20 +29,21 @@ def chain_with(joints: Floats, end: Floats, turns: Floats) -> tuple[Floats, Floa
     return moved[:-1], np.array([*moved[-1], wrap_angle(end[2] + float(np.sum(turns)))])
 
 
-def slow_bend(joints: Floats, limits: Floats, end: Floats, goal: Floats, sweeps: int) -> tuple[Floats, Floats]:
-    """Turns (K,) and end (3,) after ``sweeps`` of cyclic coordinate descent; the goal has no heading.
+def slow_bend(joints: Floats, limits: Floats, end: Floats, goal: Floats) -> tuple[Floats, Floats, float]:
+    """Turns (K,) and end (3,) after one sweep of cyclic coordinate descent; the goal has no heading.
 
     Every joint turns the end into its own line to the goal, as far as its limits (K, 2) allow, from the base on; what
-    comes after it is turned point by point.
+    comes after it is turned point by point. Last, how near to a half turn, which has no sign, a joint came, in radians.
     """
     turns = np.zeros(len(joints))
-    for _ in range(sweeps):
-        for j in range(len(joints)):
-            places, tip = chain_with(joints, end, turns)
-            at = complex(*places[j])
-            wanted = np.angle((complex(*goal[:2]) - at) / (complex(*tip[:2]) - at))
-            turns[j] = np.clip(turns[j] + wanted, *limits[j])
-    return turns, chain_with(joints, end, turns)[1]
+    widest = 0.0
+    for j in range(len(joints)):
+        places, tip = chain_with(joints, end, turns)
+        at = complex(*places[j])
+        wanted = float(np.angle((complex(*goal[:2]) - at) / (complex(*tip[:2]) - at)))
+        widest = max(widest, abs(wanted))
+        turns[j] = np.clip(turns[j] + wanted, *limits[j])
+    return turns, chain_with(joints, end, turns)[1], math.pi - widest
 
 
 def shortest_motion(
