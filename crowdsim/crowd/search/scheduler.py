@@ -16,13 +16,14 @@ from crowdsim.crowd.search.worker_pool import WorkerPool
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.errors import PathNotFound
 
-BRANCHES_PER_STEP = 8 * SLICE_BRANCHES
+BRANCHES_PER_STEP = 36 * SLICE_BRANCHES
 """Candidate branches that all slices of a step lay together, about, so that a step stays short however many searches
-there are. What the last slice lays beyond that is taken from the next step."""
+there are: a thousand first searches of 10 m a second at 30 steps a second. What the last slice lays beyond that is
+taken from the next step."""
 
-PATIENT_SHARE = 0.25
-"""Largest share of a step's branches for detours around others. All other searches go first: an agent that needs a
-detour stands already, and in a dense crowd most of these searches fail."""
+PATIENT_BRANCHES = 2 * SLICE_BRANCHES
+"""Most of a step's branches for detours around others, and of these no more than a fourth of all. All other searches go
+first: an agent that needs a detour stands already, and in a dense crowd most of these searches fail."""
 
 LONGEST_SLICE = 6 * SLICE_BRANCHES
 """Candidate branches that a slice lays at most. Each slice of a search is twice as long as the one before: few searches
@@ -124,7 +125,7 @@ class Searches:
             ranks[search.rank].append((agent, search))
         walking, standing, patient = (iter(rank) for rank in ranks)
         self._left = min(self._left, 0) + self.each_step
-        share = int(PATIENT_SHARE * self.each_step)
+        share = min(PATIENT_BRANCHES, self.each_step // 4)
         spared = min(share, self._left) if ranks[2] else 0
         half = self._left // 2 if ranks[1] else spared
         for queue, rest in ((walking, half), (standing, spared), (walking, spared)):

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from crowdsim.crowd.search.motion_search import MOTION_WORK, ROUTE_WORK
 from crowdsim.crowd.search.scheduler import Searches
 from crowdsim.crowd.search.worker_pool import WorkerPool
 from crowdsim.errors import PathNotFound
@@ -106,3 +107,12 @@ def test_what_was_handed_out_is_noted_of_searches_under_way_alone(searches: Sear
     searches.submit(0, 0, lambda agent, search: seen.append((search.handed, search.first)))
     assert seen == [(nodes, 2)]
     assert searches.summary()["first_movement_ms_median"] is None
+
+
+def test_a_thousand_first_searches_of_ten_meters_begin_in_a_second_of_thirty_steps() -> None:
+    beginning = ROUTE_WORK[0] + 10 * (ROUTE_WORK[1] + MOTION_WORK)
+    with WorkerPool[Any](2, latency=1) as pool:
+        searches = Searches(pool)
+        for agent in range(1500):
+            searches.begin(agent, Counted(1, beginning))
+        assert sum(len(run(searches, step)) for step in range(31)) >= 1000
