@@ -16,6 +16,7 @@ from crowdsim.behaviors.entries import Entries, entry_origins, find_entries, fin
 from crowdsim.constants import NONE, STEERING_RATE
 from crowdsim.crowd.captured_crowd import CapturedCrowd
 from crowdsim.crowd.mixed.levels import Levels
+from crowdsim.crowd.state.timelines import Playback
 from crowdsim.crowd.steered.components import Errand
 from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
 from crowdsim.crowd.systems.going_on import Walker
@@ -192,7 +193,8 @@ class Switches:
         itineraries, assets = captured.itineraries, captured.assets
         place = np.array([state["x"], state["y"]])
         radius, stays = assets.personal_radius, bool(captured.cast.stays[agent])
-        walker = Walker(NONE, agent, node, frame, asked.origin, np.zeros(3), place, radius, stays)
+        playback = Playback.natural(captured.step_count, assets.frames_per_step)
+        walker = Walker(NONE, agent, node, frame, playback, asked.origin, np.zeros(3), place, radius, stays)
         reserved = captured.choosing.reserve_entry(captured.world.view(), walker)
         if reserved is None:
             return False

@@ -12,7 +12,7 @@ from crowdsim.crowd.state.components import SAMPLE
 from crowdsim.crowd.state.environment import Edit, Footprints
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import sample_chain
-from crowdsim.crowd.state.timelines import Chain
+from crowdsim.crowd.state.timelines import Chain, Playback
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, points_at
 from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 
@@ -37,7 +37,8 @@ def first_taken(assets: Assets, plan: MotionPlan, first: int, taken: Footprints)
     frames = graph.node_frames[nodes].astype(np.int64)
     out = np.empty((int(frames.sum()) // _STRIDE + 2, SAMPLE))
     chain = Chain(nodes, origins, plan.blend_offsets[first:])
-    sample_chain(graph, chain, len(nodes), assets.breadths, 0, 0, _STRIDE, out)
+    playback = Playback.natural(0, _STRIDE)._replace(slot_frames=_STRIDE)
+    sample_chain(graph, chain, len(nodes), assets.breadths, 0, playback, out)
     owner = np.minimum(np.searchsorted(np.cumsum(frames), _STRIDE * np.arange(len(out)), side="right"), len(nodes) - 1)
     pieces = shapely.linestrings(np.stack([out[:-1, :2], out[1:, :2]], axis=1))
     radii = assets.body_radii[graph.node_behavior[nodes]]

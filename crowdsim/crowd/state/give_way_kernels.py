@@ -11,7 +11,15 @@ import numpy as np
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.crowd.near.neighbor_kernels import cells_within, rows_of_line, widen
 from crowdsim.crowd.state.body_kernels import meets_body
-from crowdsim.crowd.state.reservation_kernels import IN_WAY, ROUNDING, TOO_LONG, lay_out, next_met, sample_chain
+from crowdsim.crowd.state.reservation_kernels import (
+    IN_WAY,
+    ROUNDING,
+    TOO_LONG,
+    from_stand,
+    lay_out,
+    next_met,
+    sample_chain,
+)
 from crowdsim.crowd.state.way_kernels import FOREVER, near_any, nearest_of_way
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.planar_kernels import compose, wrap_angle
@@ -198,35 +206,35 @@ def _ask(everyone, standing, trail, pusher, me, timeline, gone, slot, level, cou
 
 
 @kernel
-def clear_way(graph, obstacles, everyone, me, timeline, gone, clock, slot_frames, draft, asking):
+def clear_way(graph, obstacles, everyone, me, timeline, gone, playback, draft, asking):
     """Let ``me`` own a timeline, if all who are in its way can give way; returns how many do, -1 if not.
 
     ``asking`` is a :class:`crowdsim.crowd.state.timelines.Asking`: ``trail.rows`` of it give way by ``trail.moves``.
     All of them own the timelines of their moves then, or all the ones they had.
     """
     standing, trail = asking.standing, asking.trail
-    slot = clock // slot_frames
+    slot = playback.clock // playback.slot_frames
     count = _ask(everyone, standing, trail, me, me, timeline, gone, slot, -1, 0)
     if count < 0:
         return -1
     last = len(trail.rows)
     _save(everyone, me, trail, last)
     _put(everyone, me, timeline, slot, gone)
-    count = _let_move(graph, obstacles, everyone, me, count, False, clock, slot_frames, draft, asking)
+    count = _let_move(graph, obstacles, everyone, me, count, False, playback, draft, asking)
     if count < 0:
         _put_back(everyone, me, trail, last)
     return count
 
 
 @kernel
-def step_aside(graph, obstacles, everyone, me, row, clock, slot_frames, draft, asking):
+def step_aside(graph, obstacles, everyone, me, row, playback, draft, asking):
     """Let ``row`` step out of the way ahead of ``me``; returns how many move, -1 if it cannot: see `clear_way`."""
     asking.trail.rows[0] = row
-    return _let_move(graph, obstacles, everyone, me, 1, True, clock, slot_frames, draft, asking)
+    return _let_move(graph, obstacles, everyone, me, 1, True, playback, draft, asking)
 
 
 @helper
-def _let_move(graph, obstacles, everyone, me, count, strict, clock, slot_frames, draft, asking):
+def _let_move(graph, obstacles, everyone, me, count, strict, playback, draft, asking):
     """Find moves for the first ``count`` rows of the trail and all whom these ask in turn, one level a row.
 
     Who finds none lets the last of those move otherwise who asked it or were in its way (conflict-directed
@@ -236,7 +244,8 @@ def _let_move(graph, obstacles, everyone, me, count, strict, clock, slot_frames,
     moves, standing, trail = asking.moves, asking.standing, asking.trail
     forever = np.int64(FOREVER)
     one = np.int64(1)
-    slot = clock // slot_frames
+    slot = playback.clock // playback.slot_frames
+    natural = from_stand(playback)
     for first in range(count):
         trail.parent[first] = -1
     level = 0
@@ -272,7 +281,7 @@ def _let_move(graph, obstacles, everyone, me, count, strict, clock, slot_frames,
         trail.moves[level] = move
         nodes = lay_move(graph, moves, move, node, origin, draft)
         wait = graph.node_frames[node]  # it sets out at once
-        if sample_chain(graph, draft, nodes, obstacles.breadths, wait, clock, slot_frames, trail.candidate) < 0:
+        if sample_chain(graph, draft, nodes, obstacles.breadths, wait, natural, trail.candidate) < 0:
             continue
         asked = _ask(everyone, standing, trail, me, row, trail.candidate, forever, slot, level, count)
         if asked < -1:
@@ -328,8 +337,7 @@ def reserve_by_asking(
     everyone,
     row,
     frame,
-    clock,
-    slot_frames,
+    playback,
     chain,
     draft,
     first,
@@ -349,16 +357,14 @@ def reserve_by_asking(
         stands = False
         for taken in range(first, available + 1):
             leaves = ends_plan and taken == available
-            found = lay_out(
-                graph, obstacles, frame, clock, slot_frames, chain, draft, taken, leaves, tolerant, timeline
-            )
+            found = lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tolerant, timeline)
             if found == TOO_LONG or tried == WANTED:
                 break
             stands = stands or found >= 0 or found == IN_WAY
             if found < 0:
                 continue
             gone = found if leaves else forever
-            count = clear_way(graph, obstacles, everyone, row, timeline, gone, clock, slot_frames, draft, asking)
+            count = clear_way(graph, obstacles, everyone, row, timeline, gone, playback, draft, asking)
             if count >= 0:
                 return taken, gone, count
             tried += 1

@@ -13,11 +13,13 @@ import numpy as np
 from crowdsim.crowd.near.neighbor_kernels import cells_within, insert_row, rows_of_line
 from crowdsim.crowd.state.body_kernels import meets_body
 from crowdsim.crowd.state.components import CORE, RADIUS
+from crowdsim.crowd.state.timelines import Playback
 from crowdsim.crowd.state.way_kernels import FOREVER, stops_in_passage, stops_in_way
 from crowdsim.geometry.elementary_kernels import cos, hypot, sin
 from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.geometry.segments_kernels import segment_segment_distance2
 from crowdsim.jit import helper, kernel
+from crowdsim.motion.graph.playback_kernels import FRAME_TICKS, frames_after
 from crowdsim.motion.graph.track_kernels import next_origin, node_end, track_pose
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 
@@ -218,31 +220,41 @@ def _set_sample(out, k, x, y, heading, breadth):
     out[k, CORE + 1] = half * cos(heading) if half > 0.0 else 0.0
 
 
-@kernel
-def sample_chain(graph, chain, count, breadths, frame, clock, slot_frames, out):
-    """Tracks and bodies of a chain, whose first node is ``frame`` frames old at the frame ``clock``, at the slots.
+@helper
+def from_stand(playback):
+    """The playback of somebody who sets out now, at the natural rate."""
+    rate = np.int64(FRAME_TICKS * playback.step_frames)
+    return Playback(playback.clock, playback.slot_frames, playback.step_frames, playback.ramp, np.int64(0), rate, rate)
 
-    ``breadths`` (B, 2) as in :class:`crowdsim.crowd.state.timelines.Obstacles`. Fills ``out`` (K, 5) from slot
-    ``clock // slot_frames`` on, the first sample with the body as it is now; past the end of the chain it stays there.
+
+@kernel
+def sample_chain(graph, chain, count, breadths, frame, playback, out):
+    """Tracks and bodies of a chain at the slots, whose first node is ``frame`` frames old now.
+
+    ``breadths`` (B, 2) and ``playback`` as in :mod:`crowdsim.crowd.state.timelines`. Fills ``out`` (K, 5) from the
+    present slot on, the first sample with the body as it is now; past the end of the chain it stays there.
     Returns the first slot at or after the end of the chain, or -1 if the chain is longer than ``out``.
     """
     nodes, origins, blend_offsets = chain.nodes, chain.origins, chain.blend_offsets
+    clock, slot_frames = playback.clock, playback.slot_frames
     k = 0
-    begin = clock - frame  # global frame at which the current node of the chain started
+    begin = np.int64(0)  # frames of the chain up to the current node
     slot = clock // slot_frames
+    played = np.int64(frame)  # frames of the chain at the slot
     for c in range(count):
         node = nodes[c]
         frames = graph.node_frames[node]
         breadth = breadths[graph.node_behavior[node]]
         before = k
-        while k < len(out) and (slot * slot_frames < begin + frames or k == 0):
-            at = min(max(slot * slot_frames, clock) - begin, frames)
+        while k < len(out) and (played < begin + frames or k == 0):
+            at = min(played - begin, frames)
             o = origins[c]
             s = blend_offsets[c]
             x, y, h = track_pose(graph, np.int64(node), np.int64(at), o[0], o[1], o[2], s[0], s[1], s[2])
             _set_sample(out, k, x, y, h, breadth)
             k += 1
             slot += 1
+            played = frame + frames_after(playback, slot * slot_frames - clock)
         if k == before and k > 0:
             # It begins and ends between two samples.
             out[k - 1, RADIUS] = max(out[k - 1, RADIUS], breadth[0] + breadth[1])
@@ -282,7 +294,7 @@ def _copy_chain(chain, to):
 
 
 @helper
-def lay_out(graph, obstacles, frame, clock, slot_frames, chain, draft, taken, leaves, tolerant, timeline):
+def lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tolerant, timeline):
     """Sample ``taken`` nodes of a chain and the stop behind them, if it does not leave the world there.
 
     Returns the first slot at or after the end; BLOCKED where the stop touches something, TOO_LONG, NARROW (unless
@@ -299,7 +311,7 @@ def lay_out(graph, obstacles, frame, clock, slot_frames, chain, draft, taken, le
                 return BLOCKED
         if count < 0:
             return BLOCKED
-    ended = sample_chain(graph, draft, count, obstacles.breadths, frame, clock, slot_frames, timeline)
+    ended = sample_chain(graph, draft, count, obstacles.breadths, frame, playback, timeline)
     if ended < 0:
         return TOO_LONG
     if len(obstacles.kept_free) and comes_near(timeline, obstacles.kept_free, obstacles.distance):
@@ -314,9 +326,7 @@ def lay_out(graph, obstacles, frame, clock, slot_frames, chain, draft, taken, le
 
 
 @kernel
-def reserve(
-    graph, obstacles, everyone, row, frame, clock, slot_frames, chain, draft, first, available, ends_plan, timeline
-):
+def reserve(graph, obstacles, everyone, row, frame, playback, chain, draft, first, available, ends_plan, timeline):
     """Find the shortest continuation that ends standing, touches nothing and meets no one.
 
     Entry 0 of ``chain`` is the present node, entries 1 to ``available`` the next nodes of the plan; at least ``first``
@@ -325,14 +335,12 @@ def reserve(
     Returns (nodes taken, gone slot), no nodes where there is none, and leaves the timeline in ``timeline`` (K, 5).
     """
     forever = np.int64(FOREVER)
-    start = clock // slot_frames
+    start = playback.clock // playback.slot_frames
     for tolerant in range(2):
         stands = False  # whether it could stand in a place that is not narrow, if nobody was there
         for taken in range(first, available + 1):
             leaves = ends_plan and taken == available
-            found = lay_out(
-                graph, obstacles, frame, clock, slot_frames, chain, draft, taken, leaves, tolerant, timeline
-            )
+            found = lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tolerant, timeline)
             if found == TOO_LONG:
                 break
             stands = stands or found >= 0 or found == IN_WAY

@@ -7,14 +7,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.constants import CAPTURE_RATE
 from crowdsim.crowd.near.neighbors import Neighbors
-from crowdsim.crowd.state.components import SAMPLE
+from crowdsim.crowd.state.components import SAMPLE, SLOT_FRAMES
 from crowdsim.crowd.state.moves import Moves
 from crowdsim.ecs.world import View
+from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
 from crowdsim.steering.row_kernels import ROW
 
 Floats = NDArray[np.float64]
 
+RAMP = 1
+"""Change of the rate at which nodes are played in a second, in natural rates."""
 
 _NO_WAYS = np.empty((0, 2, 2))
 
@@ -32,6 +36,32 @@ class Chain(NamedTuple):
     @classmethod
     def room(cls, count: int) -> Chain:
         return cls(np.zeros(count, np.int32), np.zeros((count, 3)), np.zeros((count, 3)))
+
+
+class Playback(NamedTuple):
+    """When and how fast a chain is played from now on; see :mod:`crowdsim.motion.graph.playback_kernels`."""
+
+    clock: int
+    """Frames of the world's clock until now."""
+    slot_frames: int
+    """Frames between two samples of a timeline."""
+    step_frames: int
+    """Frames of a step."""
+    ramp: int
+    """Ticks by which the rate changes in a step at most."""
+    part: int
+    """Ticks of a frame that are played already."""
+    rate: int
+    """Ticks in the step before."""
+    wanted: int
+    """Ticks a step that it goes over to."""
+
+    @classmethod
+    def natural(cls, step: int, step_frames: int) -> Playback:
+        """As captured, from ``step`` on."""
+        rate = FRAME_TICKS * step_frames
+        ramp = max(RAMP * rate * step_frames // CAPTURE_RATE, 1)
+        return cls(step * step_frames, SLOT_FRAMES, step_frames, ramp, 0, rate, rate)
 
 
 class Timelines(NamedTuple):

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.crowd.state.assets import Assets
+from crowdsim.crowd.state.timelines import Playback
 from crowdsim.crowd.systems.animate_kernels import advance
 from crowdsim.ecs.world import View
 
@@ -18,6 +19,9 @@ class Playing(NamedTuple):
     node: NDArray[np.int32]
     previous: NDArray[np.int32]
     frame: NDArray[np.int32]
+    part: NDArray[np.int32]
+    rate: NDArray[np.int32]
+    wanted_rate: NDArray[np.int32]
     origin: NDArray[np.float64]
     blend_offset: NDArray[np.float64]
     next_node: NDArray[np.int32]
@@ -31,4 +35,5 @@ class Playing(NamedTuple):
 
 def animate(assets: Assets, view: View) -> None:
     """Advance frames, blend offsets and poses of all rows."""
-    advance(assets.graph, assets.frames_per_step, Playing(*(getattr(view, name) for name in Playing._fields)))
+    ramp = Playback.natural(0, assets.frames_per_step).ramp
+    advance(assets.graph, ramp, Playing(*(getattr(view, name) for name in Playing._fields)))

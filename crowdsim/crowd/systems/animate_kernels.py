@@ -3,19 +3,24 @@
 import numpy as np
 
 from crowdsim.jit import kernel
+from crowdsim.motion.graph.playback_kernels import FRAME_TICKS, next_rate
 from crowdsim.motion.graph.track_kernels import track_pose
 
 
 @kernel
-def advance(graph, frames, rows):
-    """Advance every row by ``frames`` frames, into its next node where the present one ends.
+def advance(graph, ramp, rows):
+    """Advance every row by a step, into its next node where the present one ends.
 
-    ``rows`` are a :class:`crowdsim.crowd.systems.animate.Playing`. One without a next node stays on the last frame of
-    its node. ``next_node`` is -1 again after it was entered.
+    The rate of each changes by ``ramp`` ticks at most. ``rows`` are a :class:`crowdsim.crowd.systems.animate.Playing`.
+    One without a next node stays on the last frame of its node. ``next_node`` is -1 again after it was entered.
     """
     node, frame, origin, blend_offset, next_node = rows.node, rows.frame, rows.origin, rows.blend_offset, rows.next_node
     for i in range(len(node)):
-        at = frame[i] + frames
+        # The frames of a step are whole, what is left of a frame counts in the next.
+        rows.rate[i] = next_rate(rows.rate[i], rows.wanted_rate[i], ramp)
+        ticks = rows.part[i] + rows.rate[i]
+        rows.part[i] = ticks % FRAME_TICKS
+        at = frame[i] + ticks // FRAME_TICKS
         length = graph.node_frames[node[i]]
         if at >= length:
             if next_node[i] >= 0:

@@ -17,6 +17,7 @@ from crowdsim.crowd.state.agenda import Agenda
 from crowdsim.crowd.state.components import SLOT_FRAMES
 from crowdsim.crowd.state.environment import Edit, Footprints
 from crowdsim.ecs.world import View
+from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
 
 KEPT_OFF = TRACKING_MARGIN
 """Clearance that an agent keeps from the outline of what is about to come, beyond its body [m]."""
@@ -180,9 +181,8 @@ class _AffectedAgents:
         after = int(view.cursor[row])
         end = max(min(clear, plan.count), int(view.reserved[row]) + 1)
         left = int(lengths[after]) - int(view.frame[row])
-        while after + 1 < end and (
-            after < view.reserved[row] or left <= (plans.lead + 1) * self.assets.frames_per_step
-        ):
+        fastest = max(int(view.rate[row]), int(view.wanted_rate[row]))
+        while after + 1 < end and (after < view.reserved[row] or left * FRAME_TICKS <= (plans.lead + 1) * fastest):
             after += 1
             left += int(lengths[after])
         return after

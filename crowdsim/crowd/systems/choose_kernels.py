@@ -5,11 +5,12 @@ import numpy as np
 from crowdsim.constants import NONE
 from crowdsim.crowd.near.neighbor_kernels import widen
 from crowdsim.crowd.state.give_way_kernels import next_in_way
-from crowdsim.crowd.state.reservation_kernels import ROUNDING, reserve
-from crowdsim.crowd.state.timelines import Obstacles
-from crowdsim.crowd.state.way_kernels import lay_way, rank_behind, ways_before
+from crowdsim.crowd.state.reservation_kernels import ROUNDING, lay_out, meets_anyone, reserve
+from crowdsim.crowd.state.timelines import Obstacles, Playback
+from crowdsim.crowd.state.way_kernels import FOREVER, lay_way, rank_behind, ways_before
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import array_at, helper, kernel
+from crowdsim.motion.graph.playback_kernels import FRAME_TICKS, next_rate
 from crowdsim.recording.header import AgentState
 
 LOOKAHEAD = 12
@@ -23,6 +24,12 @@ BEHIND_METERS = 2.0
 
 BEHIND_WIDTH = 0.6
 """How far beside its way somebody may be to be followed so [m]."""
+
+SLOWEST = 0.6
+"""Slowest rate at which nodes are played, as a share of the natural one."""
+
+AHEAD_SECONDS = 0.4
+"""Time before the end of its node from which on a character reserves ahead, or slows down [s]."""
 
 WAY_ROOM = 0.2
 """How much farther off the way of others than their bodies' radii one stops, so that they can give way [m]."""
@@ -60,11 +67,39 @@ def plan_of(table, agent):
     )
 
 
-@helper
-def frame_of(graph, rows, row, frames_per_step):
-    """The frame of its node that a row goes on from: who waits can leave its idle node at once."""
-    length = graph.node_frames[rows.node[row]]
-    return rows.frame[row] if rows.frame[row] + frames_per_step >= length else length
+@kernel
+def frame_of(graph, rows, row, playback):
+    """The frame of its node that a row goes on from, and whether it leaves its node in this step.
+
+    Who waits can leave its idle node at once, from the end of it.
+    """
+    length = np.int64(graph.node_frames[rows.node[row]])
+    frame = np.int64(rows.frame[row])
+    ticks = rows.part[row] + next_rate(rows.rate[row], rows.wanted_rate[row], playback.ramp)
+    if frame + ticks // FRAME_TICKS >= length:
+        return frame, True
+    return (length, True) if graph.node_idle[rows.node[row]] else (frame, False)
+
+
+@kernel
+def playback_of(graph, rows, row, playback, wanted):
+    """How a row plays its nodes from now on, at a rate that goes over to ``wanted``; who stands sets out afresh."""
+    stands = graph.node_idle[rows.node[row]]
+    return Playback(
+        playback.clock,
+        playback.slot_frames,
+        playback.step_frames,
+        playback.ramp,
+        np.int64(0 if stands else rows.part[row]),
+        np.int64(playback.rate if stands else rows.rate[row]),
+        np.int64(wanted),
+    )
+
+
+@kernel
+def slowest(playback):
+    """The slowest rate of all, in ticks a step; ``playback`` is natural."""
+    return np.int64(SLOWEST * playback.rate)
 
 
 @helper
@@ -90,12 +125,53 @@ def note_standing(graph, rows, room):
 
 
 @helper
-def reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, clock, slot_frames, frame):
-    """Reserve the next nodes of a row's plan, as many as it takes to be able to stop; returns whether it has."""
+def own(obstacles, rows, row, ways):
+    """Obstacles of a row's body, of those of a body with a radius of 1 m."""
+    radius = rows.body_radius[row]
+    return Obstacles(
+        obstacles.layers,
+        obstacles.radii,
+        obstacles.breadths,
+        obstacles.kept_free,
+        obstacles.distance,
+        obstacles.bodies,
+        np.int64(rows.agent[row]),
+        radius,
+        ways,
+        2.0 * radius + WAY_ROOM,
+        obstacles.passages,
+        obstacles.off_passages * radius,
+    )
+
+
+@helper
+def own_timeline(rows, row, timeline, gone, playback, everyone):
+    """Let a row own a new timeline, which it plays so."""
+    circle = rows.timeline_circle[row]
+    circle[0], circle[1] = timeline[0, 0], timeline[0, 1]
+    reach = 0.0
+    for k in range(len(timeline)):
+        for axis in range(timeline.shape[1]):
+            rows.timeline[row, k, axis] = timeline[k, axis]
+        reach = max(reach, hypot(timeline[k, 0] - timeline[0, 0], timeline[k, 1] - timeline[0, 1]))
+    circle[2] = reach + ROUNDING
+    rows.timeline_start[row] = playback.clock // playback.slot_frames
+    rows.gone_slot[row] = gone
+    rows.part[row] = playback.part
+    rows.rate[row] = playback.rate
+    rows.wanted_rate[row] = playback.wanted
+    widen(everyone.near, row, circle)
+
+
+@helper
+def reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, playback, frame):
+    """Reserve the next nodes of a row's plan, as many as it takes to be able to stop; returns whether it has.
+
+    It walks slower if it cannot go on as it does, so that it need not stop behind those who walk ahead.
+    """
     agent = np.int64(rows.agent[row])
     following = np.int64(rows.cursor[row]) + 1
     nodes, origins, blend_offsets = plan_of(table, agent)
-    radius = rows.body_radius[row]
 
     # Tell the way ahead, and look whose ways are to be kept free.
     way, timeline = rows.way[row], room.timeline
@@ -103,20 +179,7 @@ def reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, cloc
     behind = rank_behind(row, rows.way, rows.rank, BEHIND_WIDTH, BEHIND_METERS, everyone.near)
     rows.rank[row] = min(rows.turn[row], behind)
     room.ways_count[0] = ways_before(row, rows.way, rows.rank, WAY_REACH, everyone.near, room.ways)
-    kept_clear = Obstacles(
-        obstacles.layers,
-        obstacles.radii,
-        obstacles.breadths,
-        obstacles.kept_free,
-        obstacles.distance,
-        obstacles.bodies,
-        agent,
-        radius,
-        room.ways[: room.ways_count[0]],
-        2.0 * radius + WAY_ROOM,
-        obstacles.passages,
-        obstacles.off_passages * radius,
-    )
+    kept_clear = own(obstacles, rows, row, room.ways[: room.ways_count[0]])
 
     # The present node, then those of the plan.
     chain = room.chain
@@ -132,26 +195,48 @@ def reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, cloc
             chain.blend_offsets[k + 1, axis] = blend_offsets[following + k, axis]
     leaves = table.arrives[agent] and following + available == len(nodes)
     leaves = leaves and is_last(table, errands, agent) and not rows.stays[row]
-    taken, gone = reserve(
-        graph, kept_clear, everyone, row, frame, clock, slot_frames, chain, room.draft, 1, available, leaves, timeline
-    )
+    taken = 0
+    gone = np.int64(0)
+    mine = playback_of(graph, rows, row, playback, playback.rate)
+    for wanted in (playback.rate, slowest(playback)):
+        mine = playback_of(graph, rows, row, playback, wanted)
+        taken, gone = reserve(
+            graph, kept_clear, everyone, row, frame, mine, chain, room.draft, 1, available, leaves, timeline
+        )
+        if taken > 0:
+            break
     if taken == 0:
         return False
 
     # It owns the new timeline, and its way leads on from there.
-    circle = rows.timeline_circle[row]
-    circle[0], circle[1] = timeline[0, 0], timeline[0, 1]
-    reach = 0.0
-    for k in range(len(timeline)):
-        for axis in range(timeline.shape[1]):
-            rows.timeline[row, k, axis] = timeline[k, axis]
-        reach = max(reach, hypot(timeline[k, 0] - timeline[0, 0], timeline[k, 1] - timeline[0, 1]))
-    circle[2] = reach + ROUNDING
-    rows.timeline_start[row] = clock // slot_frames
-    rows.gone_slot[row] = gone
+    own_timeline(rows, row, timeline, gone, mine, everyone)
     rows.reserved[row] = following + taken - 1
-    widen(everyone.near, row, circle)
     lay_way(origins, following + taken, timeline[-1], WAY_METERS, way)
+    return True
+
+
+@kernel
+def slow_down(graph, rows, row, obstacles, everyone, room, playback, frame):
+    """Let a row play what is left of its node, and the stop behind it, slower, if nobody minds; returns whether.
+
+    ``obstacles``: those of its own body. ``playback`` is natural.
+    """
+    slow = slowest(playback)
+    if rows.wanted_rate[row] <= slow:
+        return False
+    mine = playback_of(graph, rows, row, playback, slow)
+    chain, start = room.chain, playback.clock // playback.slot_frames
+    chain.nodes[0] = rows.node[row]
+    for axis in range(3):
+        chain.origins[0, axis] = rows.origin[row, axis]
+        chain.blend_offsets[0, axis] = rows.blend_offset[row, axis]
+    none, tolerant = np.int64(0), np.int64(1)
+    if lay_out(graph, obstacles, frame, mine, chain, room.draft, none, False, tolerant, room.timeline) < 0:
+        return False
+    forever, radius = np.int64(FOREVER), rows.body_radius[row]
+    if meets_anyone(row, room.timeline, start, forever, start, radius, everyone):
+        return False
+    own_timeline(rows, row, room.timeline, forever, mine, everyone)
     return True
 
 
@@ -176,29 +261,39 @@ def follow(graph, rows, row, table, errands, frame):
 
 
 @kernel
-def go_on(graph, rows, chosen, begin, table, errands, obstacles, everyone, room, step, frames_per_step, slot_frames):
+def go_on(graph, rows, chosen, begin, table, errands, obstacles, everyone, room, playback):
     """Let ``chosen`` rows, from number ``begin`` of them on, go on along their plans, one after the other.
 
+    Those whose node does not end yet reserve ahead, and slow down if they cannot.
+
     ``rows``, ``errands`` and ``room`` are of :mod:`crowdsim.crowd.systems.going_on`; ``obstacles`` are those of a body
-    with a radius of 1 m. Returns (number, what is to be done about it by whoever calls) of the first row
-    that takes more than arrays; and (the count of them, ALL_DONE) in the end.
+    with a radius of 1 m; ``playback`` is natural. Returns (number, what is to be done about it by whoever calls) of the
+    first row that takes more than arrays; and (the count of them, ALL_DONE) in the end.
     """
-    clock = step * frames_per_step
     for number in range(begin, len(chosen)):
         row = chosen[number]
         agent = np.int64(rows.agent[row])
         following = np.int64(rows.cursor[row]) + 1
-        frame = np.int64(frame_of(graph, rows, row, frames_per_step))
+        frame, leaves = frame_of(graph, rows, row, playback)
         if table.nodes[agent] < 0:
-            if rows.frame[row] + frames_per_step < graph.node_frames[rows.node[row]]:
+            if not leaves or frame > rows.frame[row]:
                 continue  # it waits, for what is yet to be found
             return number, OTHERWISE
         if following > table.first_pass[agent] or following >= table.nodes[agent]:
+            if not leaves:
+                continue
             return number, OTHERWISE
         if following > rows.reserved[row]:
             if room.reserves_otherwise:
                 return number, OTHERWISE
-            if not reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, clock, slot_frames, frame):
+            if not reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, playback, frame):
+                if not leaves:
+                    if slow_down(
+                        graph, rows, row, own(obstacles, rows, row, room.ways[:0]), everyone, room, playback, frame
+                    ):
+                        room.extended[room.counts[EXTENDED]] = row
+                        room.counts[EXTENDED] += 1
+                    continue
                 room.refused[room.counts[REFUSED]] = row
                 room.counts[REFUSED] += 1
                 continue
@@ -210,6 +305,6 @@ def go_on(graph, rows, chosen, begin, table, errands, obstacles, everyone, room,
             wide = 2.0 * rows.body_radius[row]
             if next_in_way(rows.way, rows.rank, room.may_move, row, rows.pose, wide, 0, everyone.near) >= 0:
                 return number, MAKE_ROOM
-        if follow(graph, rows, row, table, errands, frame):
+        if leaves and follow(graph, rows, row, table, errands, frame):
             return number, BEHIND_IT
     return len(chosen), ALL_DONE

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from crowdsim.constants import NONE
+from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.crowd.near.neighbor_kernels import widen
 from crowdsim.crowd.near.neighbors import Neighbors
 from crowdsim.crowd.search.plans import Join, Plans
@@ -18,10 +18,11 @@ from crowdsim.crowd.state.give_way_kernels import reserve_by_asking
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ROUNDING, append_stop, node_is_free, reserve
 from crowdsim.crowd.state.state_hash import digest_of
-from crowdsim.crowd.state.timelines import NO_BODIES, Chain, Obstacles, StandingBodies, Timelines
+from crowdsim.crowd.state.timelines import NO_BODIES, Chain, Obstacles, Playback, StandingBodies, Timelines
 from crowdsim.crowd.state.way_kernels import lay_way, rank_behind, ways_before
 from crowdsim.crowd.systems.apply_events import KEPT_OFF, reserved_lines
 from crowdsim.crowd.systems.choose_kernels import (
+    AHEAD_SECONDS,
     ALL_DONE,
     BEHIND_METERS,
     BEHIND_WIDTH,
@@ -35,6 +36,8 @@ from crowdsim.crowd.systems.choose_kernels import (
     WAY_REACH,
     WAY_ROOM,
     go_on,
+    slow_down,
+    slowest,
 )
 from crowdsim.crowd.systems.give_way import GivingWay
 from crowdsim.crowd.systems.going_on import Errands, Room, Rows, Walker, take
@@ -42,6 +45,7 @@ from crowdsim.crowd.systems.replan import reach_goal
 from crowdsim.ecs.world import View
 from crowdsim.environment.layers import polygons_only
 from crowdsim.geometry.elementary import distance, hypot
+from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
 from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.recording.header import AgentState
 
@@ -56,6 +60,9 @@ LONG_SECONDS = 5.0
 
 RETRY_SECONDS = 0.2
 """Time between two tries of somebody who stands and waits for others to go on [s]."""
+
+AHEAD_RETRY_SECONDS = 0.1
+"""Time between two tries of somebody who walks to reserve ahead [s]."""
 
 _NOTHING = np.empty((0, 4))
 
@@ -77,6 +84,8 @@ class Choosing:
         self._looked_ahead: dict[int, NDArray[np.int32]] = {}
         self._giving_way = GivingWay(plans)
         self._retry_steps = max(round(RETRY_SECONDS * plans.assets.steps_per_second), 1)
+        self._ahead_steps = max(round(AHEAD_RETRY_SECONDS * plans.assets.steps_per_second), 1)
+        self._playback = Playback.natural(0, plans.assets.frames_per_step)
         self._errands = Errands.of(plans.itineraries)
         self._room = Room.make()
 
@@ -84,13 +93,21 @@ class Choosing:
         """Choose for all rows, in order; then let those who were refused ask others to give way."""
         assets, graph = self.plans.assets, self.plans.assets.graph
         self._near = None
-        ending = view.frame + assets.frames_per_step >= graph.node_frames[view.node]
+        self._playback = Playback.natural(self.plans.step, assets.frames_per_step)
+        rate, ramp = view.rate, self._playback.ramp
+        rate = rate + np.clip(view.wanted_rate - rate, -ramp, ramp)
+        left = graph.node_frames[view.node] - view.frame
+        ending = (view.part + rate) // FRAME_TICKS >= left
         # Who waits does not play its idle node to the end, if the way is free before.
         waits = graph.node_idle[view.node] & (view.blocked_since != NONE) & (view.state == AgentState.WAITING)
         waits &= (self.plans.step + view.agent) % self._retry_steps == 0
+        # Who comes near the end of all that it has reserved reserves ahead, or slows down.
+        soon = (view.cursor >= 0) & (view.reserved == view.cursor) & ~graph.node_idle[view.node]
+        soon &= left <= AHEAD_SECONDS * CAPTURE_RATE
+        soon &= (self.plans.step + view.agent) % self._ahead_steps == 0
         self._room = self._room.begin(len(view.agent), bool(self.plans.environment.waited_for))
         self._giving_way.begin(self._room)
-        refused = self._go_on(view, np.flatnonzero((ending | waits) & (view.next_node == NONE)))
+        refused = self._go_on(view, np.flatnonzero((ending | waits | soon) & (view.next_node == NONE)))
         for row in sorted(refused, key=lambda row: (int(view.rank[row]), row)):
             if view.next_node[row] == NONE and not self._asks(view, row):
                 if self._waits_long(view, row):
@@ -107,11 +124,10 @@ class Choosing:
         assets, rows, obstacles = plans.assets, Rows.of(view), self._obstacles_of_any(view)
         everyone = Timelines.of(view, self._neighbors(view))
         constant = plans.motions.table, self._errands, obstacles, everyone, room
-        clock = plans.step, assets.frames_per_step, SLOT_FRAMES
         number = 0
         while True:
             room.counts[EXTENDED] = 0
-            number, wanted = go_on(assets.graph, rows, chosen, number, *constant, *clock)
+            number, wanted = go_on(assets.graph, rows, chosen, number, *constant, self._playback)
             for row in room.extended[: room.counts[EXTENDED]].tolist():
                 view.timeline_digest[row] = digest_of(view.timeline[row].tobytes())
             if wanted == ALL_DONE:
@@ -122,9 +138,10 @@ class Choosing:
                 if not self._goes_on(view, row):
                     refused.append(row)
             elif wanted == MAKE_ROOM:
-                obstacles = self._obstacles(view, Walker.of(view, row, self._frame(view, row)))
-                self._clear_ahead(view, row, obstacles)
-                self._follow(view, row)
+                walker = self._walker(view, row)
+                self._clear_ahead(view, row, self._obstacles(view, walker))
+                if walker.leaves:
+                    self._follow(view, row)
             else:
                 self._followed(view, row, int(view.next_cursor[row]))
             number += 1
@@ -133,6 +150,10 @@ class Choosing:
         """Choose for a row, unless it has a plan and cannot go on along it."""
         agent, cursor = int(view.agent[row]), int(view.cursor[row])
         plan = self.plans.motions.get(agent)
+        walker = self._walker(view, row)
+        if not walker.leaves:
+            self._goes_ahead(view, walker, plan)
+            return True
         if plan is not None:
             if cursor in plan.passes:
                 plan = replace(plan, passes=tuple(p for p in plan.passes if p != cursor))
@@ -158,12 +179,25 @@ class Choosing:
         self._come_to_rest(view, row)
         return True
 
+    def _goes_ahead(self, view: View, walker: Walker, plan: MotionPlan | None) -> None:
+        """Let a walker reserve before its node ends, or slow down if it cannot."""
+        row = walker.row
+        following = int(view.cursor[row]) + 1
+        if plan is None or following >= plan.count or any(passed < following for passed in plan.passes):
+            return
+        if following <= view.reserved[row] or self._extend(view, row, plan, following):
+            return
+        obstacles, everyone = self._obstacles(view, walker), Timelines.of(view, self._neighbors(view))
+        now = self._room, self._playback, walker.frame
+        if slow_down(self.plans.assets.graph, Rows.of(view), row, obstacles, everyone, *now):
+            view.timeline_digest[row] = digest_of(view.timeline[row].tobytes())
+
     def _follow(self, view: View, row: int) -> None:
         """Enter the next node of its plan, which is reserved."""
         plan, following = self.plans.motions[int(view.agent[row])], int(view.cursor[row]) + 1
         view.state[row] = AgentState.MOVING
         view.blocked_since[row] = NONE
-        view.frame[row] = self._frame(view, row)
+        view.frame[row] = self._walker(view, row).frame
         take(view, row, int(plan.nodes[following]), plan.origins[following], plan.blend_offsets[following], following)
         self._followed(view, row, following)
 
@@ -211,11 +245,14 @@ class Choosing:
 
         ``asks``: whether others are asked to give way.
         """
-        walker = Walker.of(view, row, self._frame(view, row))
+        walker = self._walker(view, row)
         obstacles = self._obstacles(view, walker)
         self._find_ways(view, row, plan, following)
         obstacles = self._with_ways(obstacles)
         found = self._reserve(view, walker, plan, following, obstacles, asks)
+        if found is None and not asks:
+            slower = walker.playback._replace(wanted=int(slowest(self._playback)))
+            found = self._reserve(view, walker._replace(playback=slower), plan, following, obstacles)
         if found is None:
             return False
         self._giving_way.decided(row)
@@ -258,9 +295,8 @@ class Choosing:
         chain.blend_offsets[1:until] = plan.blend_offsets[ahead]
         last = self.plans.itineraries.is_last(walker.agent, len(plan.passes))
         leaves = plan.arrives and last and not walker.stays and following + available == plan.count
-        clock = self.plans.step * assets.frames_per_step
         everyone = Timelines.of(view, self._neighbors(view))
-        now = walker.row, walker.frame, clock, SLOT_FRAMES
+        now = walker.row, walker.frame, walker.playback
         ahead_of = chain, self._room.draft, 1, available, leaves, timeline
         if asks:
             asking = self._giving_way.asking(view)
@@ -275,8 +311,11 @@ class Choosing:
             "timeline": timeline,
             "timeline_circle": np.array([*tracks[0], hypot(*(tracks - tracks[0]).T).max() + ROUNDING]),
             "timeline_digest": digest_of(timeline.tobytes()),
-            "timeline_start": clock // SLOT_FRAMES,
+            "timeline_start": walker.playback.clock // SLOT_FRAMES,
             "gone_slot": gone,
+            "part": walker.playback.part,
+            "rate": walker.playback.rate,
+            "wanted_rate": walker.playback.wanted,
             "reserved": following + taken - 1,
         }
 
@@ -317,13 +356,11 @@ class Choosing:
 
     def _obstacles_of_any(self, view: View) -> Obstacles:
         """What the kernel makes the obstacles of each row of: distances in radii of its body."""
-        anybody = Walker(0, NONE, 0, 0, _NOTHING, _NOTHING, _NOTHING, 1.0, False)
+        anybody = Walker(0, NONE, 0, 0, self._playback, _NOTHING, _NOTHING, _NOTHING, 1.0, False)
         return self._obstacles(view, anybody, _NOTHING)
 
-    def _frame(self, view: View, row: int) -> int:
-        """The frame of its node that a row goes on from: who waits can leave its idle node at once."""
-        frame, length = int(view.frame[row]), int(self.plans.assets.graph.node_frames[view.node[row]])
-        return frame if frame + self.plans.assets.frames_per_step >= length else length
+    def _walker(self, view: View, row: int) -> Walker:
+        return Walker.of(self.plans.assets.graph, view, row, self._playback)
 
     def _waits_long(self, view: View, row: int) -> bool:
         """Whether a row was refused for long; that begins anew where it looks for a way around."""

@@ -7,12 +7,12 @@ import numpy as np
 from crowdsim.constants import NONE
 from crowdsim.crowd.near.neighbors import Neighbors
 from crowdsim.crowd.search.plans import Plans
-from crowdsim.crowd.state.components import SLOT_FRAMES, TIMELINE_SLOTS
+from crowdsim.crowd.state.components import TIMELINE_SLOTS
 from crowdsim.crowd.state.give_way_kernels import lay_move, next_in_way, step_aside
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.moves import MOVE_NODES
 from crowdsim.crowd.state.state_hash import digest_of
-from crowdsim.crowd.state.timelines import Asking, Chain, Obstacles, Standing, Timelines, Trail
+from crowdsim.crowd.state.timelines import Asking, Chain, Obstacles, Playback, Standing, Timelines, Trail
 from crowdsim.crowd.systems.going_on import Room
 from crowdsim.ecs.world import View
 from crowdsim.recording.header import AgentState
@@ -67,16 +67,14 @@ class GivingWay:
         """Let those step aside who stand in the way ahead of a row that walks; ``near``: the rows by cells."""
         assets = self.plans.assets
         asking = self.asking(view, TRIES_AHEAD)
-        clock = self.plans.step * assets.frames_per_step
+        now = Playback.natural(self.plans.step, assets.frames_per_step)
         ahead = view.way, view.rank, asking.standing.may_move, row, view.pose, 2.0 * view.body_radius[row]
         begin = 0
         while True:
             begin = next_in_way(*ahead, begin, near)
             if begin < 0:
                 break
-            count = step_aside(
-                assets.graph, obstacles, Timelines.of(view, near), row, begin, clock, SLOT_FRAMES, draft, asking
-            )
+            count = step_aside(assets.graph, obstacles, Timelines.of(view, near), row, begin, now, draft, asking)
             self.move(view, count)
             begin += 1
             asking = self.asking(view, TRIES_AHEAD)
@@ -120,6 +118,8 @@ class GivingWay:
         view.blocked_since[row] = NONE
         view.state[row] = AgentState.MOVING
         view.frame[row] = graph.node_frames[node]  # it leaves the idle node now
+        view.part[row] = 0
+        view.rate[row] = view.wanted_rate[row] = Playback.natural(plans.step, plans.assets.frames_per_step).rate
         view.next_node[row], view.next_cursor[row] = plan.nodes[0], 0
         view.next_origin[row], view.next_blend_offset[row] = plan.origins[0], plan.blend_offsets[0]
         self.decided(row)

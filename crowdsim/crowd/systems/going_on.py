@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from crowdsim.constants import NONE
 from crowdsim.crowd.state.components import SAMPLE, TIMELINE_SLOTS, WAY_POINTS
 from crowdsim.crowd.state.itineraries import Itineraries
-from crowdsim.crowd.state.timelines import Chain
-from crowdsim.crowd.systems.choose_kernels import LOOKAHEAD
+from crowdsim.crowd.state.timelines import Chain, Playback
+from crowdsim.crowd.systems.choose_kernels import LOOKAHEAD, frame_of, playback_of
 from crowdsim.ecs.world import View
+from crowdsim.motion.graph.arrays import GraphArrays
 
 WAYS = 32
 """Ways of others that are kept free at once, of more than so many within reach those who came first."""
@@ -33,6 +34,9 @@ class Rows(NamedTuple):
     pose: Floats
     node: Ints
     frame: Ints
+    part: Ints
+    rate: Ints
+    wanted_rate: Ints
     origin: Floats
     blend_offset: Floats
     next_node: Ints
@@ -59,31 +63,38 @@ class Rows(NamedTuple):
 
 
 class Walker(NamedTuple):
-    """Who is to reserve: its row, NONE if it is yet to come, and the node that it plays."""
+    """Who is to reserve: its row, NONE if it is yet to come, and the node that it plays, and how."""
 
     row: int
     agent: int
     node: int
     frame: int
+    playback: Playback
     origin: NDArray[np.float64]
     blend_offset: NDArray[np.float64]
     place: NDArray[np.float64]
     body_radius: float
     stays: bool
+    leaves: bool = True
+    """Whether its node ends in this step, or it can leave it."""
 
     @classmethod
-    def of(cls, view: View, row: int, frame: int) -> Walker:
-        """The walker of a row, in a frame of its node."""
+    def of(cls, graph: GraphArrays, view: View, row: int, natural: Playback) -> Walker:
+        """The walker of a row."""
+        rows = Rows.of(view)
+        frame, leaves = frame_of(graph, rows, row, natural)
         return cls(
             row,
             int(view.agent[row]),
             int(view.node[row]),
-            frame,
+            int(frame),
+            Playback(*(int(value) for value in playback_of(graph, rows, row, natural, natural.rate))),
             view.origin[row],
             view.blend_offset[row],
             view.pose[row, :2],
             float(view.body_radius[row]),
             bool(view.stays[row]),
+            bool(leaves),
         )
 
 
