@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from crowdsim.behaviors.behavior import Behavior
 from crowdsim.behaviors.library import BehaviorSet, load_behavior_set
 from crowdsim.constants import CAPTURE_RATE, NONE, TRACKING_MARGIN
-from crowdsim.crowd.state.moves import Moves, moves_of
 from crowdsim.environment.layers import ClearanceLayer
 from crowdsim.errors import MotionError, ScenarioError
 from crowdsim.following.follower.path_follower import Character
@@ -115,11 +114,6 @@ class Assets:
         for node in np.flatnonzero(self.graph.node_idle)[::-1]:
             nodes[self.graph.node_behavior[node]] = node
         return nodes
-
-    @cached_property
-    def moves(self) -> Moves:
-        """What somebody who stands can do to give way."""
-        return moves_of(self.graph)
 
     def idle_after(self, node: int) -> int:
         """Idle node that may follow ``node``, of the same behavior if there is one; -1 where there is none."""

@@ -3,8 +3,8 @@
 import numpy as np
 
 from crowdsim.constants import NONE
+from crowdsim.crowd.giving_way.give_way_kernels import next_in_way
 from crowdsim.crowd.near.neighbor_kernels import widen
-from crowdsim.crowd.state.give_way_kernels import next_in_way
 from crowdsim.crowd.state.reservation_kernels import ROUNDING, lay_out, meets_anyone, reserve
 from crowdsim.crowd.state.timelines import Obstacles, Playback
 from crowdsim.crowd.state.way_kernels import FOREVER, lay_way, rank_behind, ways_before

@@ -10,11 +10,11 @@ import shapely
 from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE, NONE
+from crowdsim.crowd.giving_way.give_way_kernels import reserve_by_asking
 from crowdsim.crowd.near.neighbor_kernels import widen
 from crowdsim.crowd.near.neighbors import Neighbors
 from crowdsim.crowd.search.plans import Join, Plans
 from crowdsim.crowd.state.components import SLOT_FRAMES
-from crowdsim.crowd.state.give_way_kernels import reserve_by_asking
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ROUNDING, append_stop, node_is_free, reserve
 from crowdsim.crowd.state.state_hash import digest_of
@@ -57,6 +57,9 @@ PASSAGE_BODIES = 3.0
 
 LONG_SECONDS = 5.0
 """Time after which who waits lets others stop in its way, until it looks for a way around [s]."""
+
+ASIDE_SECONDS = 3.0
+"""Time after which who waits in a narrow place steps close to a wall [s]."""
 
 RETRY_SECONDS = 0.2
 """Time between two tries of somebody who stands and waits for others to go on [s]."""
@@ -110,7 +113,9 @@ class Choosing:
         refused = self._go_on(view, np.flatnonzero((ending | waits | soon) & (view.next_node == NONE)))
         for row in sorted(refused, key=lambda row: (int(view.rank[row]), row)):
             if view.next_node[row] == NONE and not self._asks(view, row):
-                if self._waits_long(view, row):
+                if self._waits(view, row, ASIDE_SECONDS) and self._steps_aside(view, row):
+                    continue
+                if self._waits(view, row, LONG_SECONDS):
                     view.way[row] = np.nan  # those it waits for may need its way
                 if ending[row]:
                     self._rests(view, row)
@@ -362,10 +367,17 @@ class Choosing:
     def _walker(self, view: View, row: int) -> Walker:
         return Walker.of(self.plans.assets.graph, view, row, self._playback)
 
-    def _waits_long(self, view: View, row: int) -> bool:
-        """Whether a row was refused for long; that begins anew where it looks for a way around."""
+    def _waits(self, view: View, row: int, seconds: float) -> bool:
+        """Whether a row was refused for so long; that begins anew where it looks for a way around."""
         blocked = int(self.plans.step - view.blocked_since[row]) if view.blocked_since[row] != NONE else 0
-        return blocked >= LONG_SECONDS * self.plans.assets.steps_per_second
+        return blocked >= seconds * self.plans.assets.steps_per_second
+
+    def _steps_aside(self, view: View, row: int) -> bool:
+        """Let a row that stands step to a wall, so that others can pass."""
+        if self.plans.environment.waited_for or not self.plans.assets.graph.node_idle[view.node[row]]:
+            return False
+        obstacles = self._obstacles(view, self._walker(view, row))
+        return self._giving_way.step_to_wall(view, row, obstacles, self._room.draft, self._neighbors(view))
 
     def _begin_chain(self, view: View, row: int) -> Chain:
         """The chain of the present node alone."""

@@ -5,14 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from crowdsim.constants import NONE
+from crowdsim.crowd.giving_way.aside_kernels import step_to_wall
+from crowdsim.crowd.giving_way.asking import Asking, Standing, Trail
+from crowdsim.crowd.giving_way.give_way_kernels import lay_move, next_in_way, step_aside
+from crowdsim.crowd.giving_way.moves import MOVE_NODES, moves_of
 from crowdsim.crowd.near.neighbors import Neighbors
 from crowdsim.crowd.search.plans import Plans
 from crowdsim.crowd.state.components import TIMELINE_SLOTS
-from crowdsim.crowd.state.give_way_kernels import lay_move, next_in_way, step_aside
 from crowdsim.crowd.state.motion_plan import MotionPlan
-from crowdsim.crowd.state.moves import MOVE_NODES
 from crowdsim.crowd.state.state_hash import digest_of
-from crowdsim.crowd.state.timelines import Asking, Chain, Obstacles, Playback, Standing, Timelines, Trail
+from crowdsim.crowd.state.timelines import Chain, Obstacles, Playback, Timelines
 from crowdsim.crowd.systems.going_on import Room
 from crowdsim.ecs.world import View
 from crowdsim.recording.header import AgentState
@@ -35,8 +37,8 @@ class GivingWay:
 
     def __init__(self, plans: Plans) -> None:
         self.plans = plans
-        moves = int(np.diff(plans.assets.moves.begin).max(initial=0))
-        self._trail = Trail.room(DEPTH, TIMELINE_SLOTS, moves)
+        self._moves = moves_of(plans.assets.graph)
+        self._trail = Trail.room(DEPTH, TIMELINE_SLOTS, int(np.diff(self._moves.begin).max(initial=0)))
         self._chain = Chain.room(MOVE_NODES + 1)
         self._left = 0
         self._room = Room.make()
@@ -56,7 +58,7 @@ class GivingWay:
         tries = min(self._left, most)
         self._left -= tries
         self._trail.tries[0] = tries
-        return Asking(self.plans.assets.moves, standing, self._trail)
+        return Asking(self._moves, standing, self._trail)
 
     def decided(self, row: int) -> None:
         """Note that a row has chosen what to do in this step."""
@@ -81,6 +83,14 @@ class GivingWay:
         self._left += int(self._trail.tries[0])
         self._trail.tries[0] = 0
 
+    def step_to_wall(self, view: View, row: int, obstacles: Obstacles, draft: Chain, near: Neighbors) -> bool:
+        """Let a row that waits step close to a wall, if that makes room for others; ``near``: the rows by cells."""
+        graph, asking = self.plans.assets.graph, self.asking(view)
+        now = Playback.natural(self.plans.step, self.plans.assets.frames_per_step)
+        steps = bool(step_to_wall(graph, obstacles, Timelines.of(view, near), row, now, draft, asking))
+        self.move(view, int(steps))
+        return steps
+
     def move(self, view: View, count: int) -> None:
         """Let the first ``count`` rows of the trail set out on the moves they were asked for."""
         self._left += int(self._trail.tries[0])
@@ -92,7 +102,7 @@ class GivingWay:
         """Let a row that stands play a move at once, instead of the plan it has or looks for."""
         plans, graph, chain = self.plans, self.plans.assets.graph, self._chain
         agent, node = int(view.agent[row]), int(view.node[row])
-        count = lay_move(graph, plans.assets.moves, move, node, view.origin[row], chain)
+        count = lay_move(graph, self._moves, move, node, view.origin[row], chain)
         plan = MotionPlan(
             route=plans.routes[agent],
             departure_node=node,

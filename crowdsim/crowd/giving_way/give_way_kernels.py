@@ -108,14 +108,17 @@ def _cheapest(moves, node, costs):
 
 
 @helper
-def _move_is_free(graph, obstacles, chain, count):
-    """Whether a body keeps clear of all layers along a move, as widely as its widest behavior if it stands so now."""
+def move_is_free(graph, obstacles, chain, count, off_walls):
+    """Whether a body keeps clear of all layers along a move, as widely as its widest behavior if it stands so now.
+
+    It ends ``off_walls`` farther off [m], if there was as much before.
+    """
     hints = np.full(len(obstacles.layers), np.int64(-1))
     for k, mesh in enumerate(obstacles.layers):
         widest = 0.0
         for behavior in range(len(obstacles.radii)):
             widest = max(widest, obstacles.radii[behavior, k])
-        now, hints[k] = disc_clearance(mesh, chain.origins[0, 0], chain.origins[0, 1], widest + OFF_WALLS, hints[k])
+        now, hints[k] = disc_clearance(mesh, chain.origins[0, 0], chain.origins[0, 1], widest + off_walls, hints[k])
         # The end first, as most that fail do there.
         for c in range(count - 1, 0, -1):
             node = chain.nodes[c]
@@ -124,7 +127,7 @@ def _move_is_free(graph, obstacles, chain, count):
             frame = graph.node_frames[node]
             ends = c == count - 1
             while frame >= 0:
-                need = max(own, min(now - ROUNDING, widest + OFF_WALLS if ends else widest))
+                need = max(own, min(now - ROUNDING, widest + off_walls if ends else widest))
                 ends = False
                 x, y, _ = track_pose(graph, np.int64(node), np.int64(frame), o[0], o[1], o[2], s[0], s[1], s[2])
                 distance, hints[k] = disc_clearance(mesh, x, y, need, hints[k])
@@ -135,7 +138,7 @@ def _move_is_free(graph, obstacles, chain, count):
 
 
 @helper
-def _put(everyone, row, timeline, start, gone):
+def own(everyone, row, timeline, start, gone):
     """Let a row own a timeline."""
     reach = 0.0
     for k in range(len(timeline)):
@@ -166,7 +169,7 @@ def _save(everyone, row, trail, place):
 
 @helper
 def _put_back(everyone, row, trail, place):
-    """Undo :func:`_put` by what :func:`_save` kept."""
+    """Undo :func:`own` by what :func:`_save` kept."""
     for k in range(everyone.timeline.shape[1]):
         for axis in range(everyone.timeline.shape[2]):
             everyone.timeline[row, k, axis] = trail.timeline[place, k, axis]
@@ -209,7 +212,7 @@ def _ask(everyone, standing, trail, pusher, me, timeline, gone, slot, level, cou
 def clear_way(graph, obstacles, everyone, me, timeline, gone, playback, draft, asking):
     """Let ``me`` own a timeline, if all who are in its way can give way; returns how many do, -1 if not.
 
-    ``asking`` is a :class:`crowdsim.crowd.state.timelines.Asking`: ``trail.rows`` of it give way by ``trail.moves``.
+    ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`: ``trail.rows`` of it give way by ``trail.moves``.
     All of them own the timelines of their moves then, or all the ones they had.
     """
     standing, trail = asking.standing, asking.trail
@@ -219,7 +222,7 @@ def clear_way(graph, obstacles, everyone, me, timeline, gone, playback, draft, a
         return -1
     last = len(trail.rows)
     _save(everyone, me, trail, last)
-    _put(everyone, me, timeline, slot, gone)
+    own(everyone, me, timeline, slot, gone)
     count = _let_move(graph, obstacles, everyone, me, count, False, playback, draft, asking)
     if count < 0:
         _put_back(everyone, me, trail, last)
@@ -286,13 +289,13 @@ def _let_move(graph, obstacles, everyone, me, count, strict, playback, draft, as
         asked = _ask(everyone, standing, trail, me, row, trail.candidate, forever, slot, level, count)
         if asked < -1:
             trail.blame[level] |= one << (-2 - asked)
-        if asked < 0 or not _move_is_free(graph, obstacles, draft, nodes):
+        if asked < 0 or not move_is_free(graph, obstacles, draft, nodes, OFF_WALLS):
             continue
         # Steered bodies give way to nobody's moves.
         if meets_body(-1, trail.candidate, obstacles.bodies):
             continue
         _save(everyone, row, trail, level)
-        _put(everyone, row, trail.candidate, slot, forever)
+        own(everyone, row, trail.candidate, slot, forever)
         trail.asked[level] = asked
         for place in range(count, count + asked):
             trail.parent[place] = level

@@ -1,0 +1,1 @@
+"""How those who stand give way to those who walk."""

@@ -1,0 +1,125 @@
+"""Who has waited for long in a narrow place steps close to a wall, so that there is a way past it."""
+
+import math
+
+import numpy as np
+
+from crowdsim.constants import CAPTURE_RATE
+from crowdsim.crowd.giving_way.give_way_kernels import DETOUR_COST, lay_move, move_is_free, own
+from crowdsim.crowd.near.neighbor_kernels import cells_within, rows_of_line
+from crowdsim.crowd.state.body_kernels import meets_body
+from crowdsim.crowd.state.reservation_kernels import ROUNDING, meets_anyone, sample_chain
+from crowdsim.crowd.state.way_kernels import FOREVER
+from crowdsim.geometry.elementary_kernels import hypot
+from crowdsim.geometry.planar_kernels import compose
+from crowdsim.jit import helper, kernel
+from crowdsim.motion.graph.track_kernels import node_end
+from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
+
+NARROW_ROOM = 0.6
+"""Room between a body and a wall up to which a place counts as narrow [m]."""
+
+WORTH = 0.1
+"""Room that a step to a wall must give to those who pass at least [m]."""
+
+ROOM_COST = 10.0
+"""Seconds that a meter of room left to the wall counts for."""
+
+LEFT_COST = 2.0
+"""Seconds that a step to the left counts for: who meets another steps to the right."""
+
+SAME_SIDE_COST = 20.0
+"""Seconds that a meter counts for that others who stand near do not leave to walk past both."""
+
+NEAR = 1.5
+"""Distance within which others count as near [m]."""
+
+
+@helper
+def room_beside(obstacles, x, y):
+    """Room between the widest body at a place and the nearest wall of any layer, NARROW_ROOM at most [m]."""
+    room = NARROW_ROOM
+    for k, mesh in enumerate(obstacles.layers):
+        widest = 0.0
+        for behavior in range(len(obstacles.radii)):
+            widest = max(widest, obstacles.radii[behavior, k])
+        distance, _ = disc_clearance(mesh, x, y, widest + NARROW_ROOM, np.int64(-1))
+        room = min(room, distance - widest)
+    return room
+
+
+@helper
+def lacking_between(everyone, row, x, y, dx, dy):
+    """How much the lane of a row that stands at (x, y) lacks to the next to lie beside those of others near [m].
+
+    (dx, dy): unit vector along the lanes.
+    """
+    low, high, first, last = cells_within(everyone.near, x, y, x, y, NEAR)
+    lacking = 0.0
+    for line in range(first, last + 1):
+        number, after = rows_of_line(everyone.near, line, low, high)
+        while number < after:
+            other = everyone.near.order[number]
+            number += 1
+            ox, oy = everyone.timeline[other, -1, 0] - x, everyone.timeline[other, -1, 1] - y
+            if other != row and hypot(ox, oy) < NEAR:
+                lacking = max(lacking, everyone.body_radius[row] + everyone.body_radius[other] - abs(dx * oy - dy * ox))
+    return lacking
+
+
+@kernel
+def step_to_wall(graph, obstacles, everyone, row, playback, draft, asking):
+    """Let a row that stands step to a wall, to the right if it can; returns whether it does.
+
+    ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`: the first of ``trail.moves`` is the one taken,
+    whose timeline the row owns then. ``playback`` is natural.
+    """
+    moves, standing, trail = asking.moves, asking.standing, asking.trail
+    node, origin, goal = standing.node[row], standing.origin[row], standing.goal[row]
+    x, y, h = node_end(graph, np.int64(node), origin[0], origin[1], origin[2])
+    room = room_beside(obstacles, x, y)
+    if room >= NARROW_ROOM:
+        return False
+
+    # Price all moves that end closer to a wall.
+    away = hypot(goal[0] - x, goal[1] - y)
+    dx, dy = (goal[0] - x) / max(away, ROUNDING), (goal[1] - y) / max(away, ROUNDING)
+    first, count = moves.begin[node], moves.begin[node + 1] - moves.begin[node]
+    costs = trail.costs[0]
+    for k in range(count):
+        shift = moves.shift[first + k]
+        ex, ey, _ = compose(x, y, h, shift[0], shift[1], shift[2])
+        left = room_beside(obstacles, ex, ey)
+        costs[k] = math.inf
+        if 0.0 <= left <= room - WORTH:
+            costs[k] = moves.frames[first + k] / CAPTURE_RATE + ROOM_COST * left
+            costs[k] += DETOUR_COST * (hypot(goal[0] - ex, goal[1] - ey) - away)
+            costs[k] += SAME_SIDE_COST * lacking_between(everyone, row, ex, ey, dx, dy)
+            if shift[1] > 0.0:
+                costs[k] += LEFT_COST
+
+    # Take the cheapest that touches nothing and meets nobody.
+    slot = playback.clock // playback.slot_frames
+    forever = np.int64(FOREVER)
+    wait = graph.node_frames[node]  # it sets out at once
+    for _ in range(count):
+        best = 0
+        for k in range(1, count):
+            if costs[k] < costs[best]:
+                best = k
+        if costs[best] == math.inf:
+            return False
+        costs[best] = math.inf
+        nodes = lay_move(graph, moves, first + best, node, origin, draft)
+        if sample_chain(graph, draft, nodes, obstacles.breadths, wait, playback, trail.candidate) < 0:
+            continue
+        radius = everyone.body_radius[row]
+        if meets_anyone(row, trail.candidate, slot, forever, slot, radius, everyone):
+            continue
+        if meets_body(-1, trail.candidate, obstacles.bodies) or not move_is_free(graph, obstacles, draft, nodes, 0.0):
+            continue
+        own(everyone, row, trail.candidate, slot, forever)
+        trail.rows[0] = row
+        trail.moves[0] = first + best
+        return True
+    return False
