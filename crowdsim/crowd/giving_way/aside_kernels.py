@@ -8,6 +8,7 @@ from crowdsim.constants import CAPTURE_RATE
 from crowdsim.crowd.giving_way.give_way_kernels import DETOUR_COST, lay_move, move_is_free, own
 from crowdsim.crowd.near.neighbor_kernels import cells_within, rows_of_line
 from crowdsim.crowd.state.body_kernels import meets_body
+from crowdsim.crowd.state.components import RADIUS
 from crowdsim.crowd.state.reservation_kernels import ROUNDING, meets_anyone, sample_chain
 from crowdsim.crowd.state.way_kernels import FOREVER
 from crowdsim.geometry.elementary_kernels import hypot
@@ -18,6 +19,9 @@ from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 
 NARROW_ROOM = 0.6
 """Room between a body and a wall up to which a place counts as narrow [m]."""
+
+LEFT_ROOM = 0.05
+"""Room that is left to the wall: who stands closer finds no motion that leads on [m]."""
 
 WORTH = 0.1
 """Room that a step to a wall must give to those who pass at least [m]."""
@@ -31,8 +35,17 @@ LEFT_COST = 2.0
 SAME_SIDE_COST = 20.0
 """Seconds that a meter counts for that others who stand near do not leave to walk past both."""
 
-NEAR = 1.5
-"""Distance within which others count as near [m]."""
+NEAR = 1.2
+"""Distance within which others are too near to turn and walk past [m]."""
+
+POSTURE_COST = 20.0
+"""Seconds that a meter of breadth counts for in which it stands then."""
+
+NEAR_COST = 4.0
+"""Seconds that a meter counts for that others are nearer than that."""
+
+FARTHER = 0.2
+"""How much farther off them a step that leads no closer to a wall must end [m]."""
 
 
 @helper
@@ -49,27 +62,32 @@ def room_beside(obstacles, x, y):
 
 
 @helper
-def lacking_between(everyone, row, x, y, dx, dy):
-    """How much the lane of a row that stands at (x, y) lacks to the next to lie beside those of others near [m].
+def look_beside(everyone, row, x, y, dx, dy, radius):
+    """What others near leave to a row that stands at (x, y) with a body of ``radius``.
 
+    Returns how much its lane lacks to lie beside theirs, and how far off the nearest is, NEAR at most [m].
     (dx, dy): unit vector along the lanes.
     """
     low, high, first, last = cells_within(everyone.near, x, y, x, y, NEAR)
     lacking = 0.0
+    gap = NEAR
     for line in range(first, last + 1):
         number, after = rows_of_line(everyone.near, line, low, high)
         while number < after:
             other = everyone.near.order[number]
             number += 1
             ox, oy = everyone.timeline[other, -1, 0] - x, everyone.timeline[other, -1, 1] - y
-            if other != row and hypot(ox, oy) < NEAR:
-                lacking = max(lacking, everyone.body_radius[row] + everyone.body_radius[other] - abs(dx * oy - dy * ox))
-    return lacking
+            away = hypot(ox, oy)
+            if other != row and away < NEAR:
+                between = abs(dx * oy - dy * ox)
+                lacking = max(lacking, radius + everyone.timeline[other, -1, RADIUS] - between)
+                gap = min(gap, away)
+    return lacking, gap
 
 
 @kernel
 def step_to_wall(graph, obstacles, everyone, row, playback, draft, asking):
-    """Let a row that stands step to a wall, to the right if it can; returns whether it does.
+    """Let a row that stands step to a wall, to the right if it can, or back along it; returns whether it does.
 
     ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`: the first of ``trail.moves`` is the one taken,
     whose timeline the row owns then. ``playback`` is natural.
@@ -81,9 +99,10 @@ def step_to_wall(graph, obstacles, everyone, row, playback, draft, asking):
     if room >= NARROW_ROOM:
         return False
 
-    # Price all moves that end closer to a wall.
+    # Price all moves that end closer to a wall, or as close to it and farther off others.
     away = hypot(goal[0] - x, goal[1] - y)
     dx, dy = (goal[0] - x) / max(away, ROUNDING), (goal[1] - y) / max(away, ROUNDING)
+    _, near = look_beside(everyone, row, x, y, dx, dy, 0.0)
     first, count = moves.begin[node], moves.begin[node + 1] - moves.begin[node]
     costs = trail.costs[0]
     for k in range(count):
@@ -91,10 +110,13 @@ def step_to_wall(graph, obstacles, everyone, row, playback, draft, asking):
         ex, ey, _ = compose(x, y, h, shift[0], shift[1], shift[2])
         left = room_beside(obstacles, ex, ey)
         costs[k] = math.inf
-        if 0.0 <= left <= room - WORTH:
+        last = graph.edge_target[moves.edges[first + k, moves.lengths[first + k] - 1]]
+        radius = obstacles.breadths[graph.node_behavior[last], 0]
+        lacking, gap = look_beside(everyone, row, ex, ey, dx, dy, radius)
+        if left >= LEFT_ROOM and (left <= room - WORTH or (left <= room and gap >= near + FARTHER)):
             costs[k] = moves.frames[first + k] / CAPTURE_RATE + ROOM_COST * left
             costs[k] += DETOUR_COST * (hypot(goal[0] - ex, goal[1] - ey) - away)
-            costs[k] += SAME_SIDE_COST * lacking_between(everyone, row, ex, ey, dx, dy)
+            costs[k] += SAME_SIDE_COST * lacking + NEAR_COST * (NEAR - gap) + POSTURE_COST * radius
             if shift[1] > 0.0:
                 costs[k] += LEFT_COST
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crowdsim.constants import NONE
 from crowdsim.crowd.search.affected import outdated
@@ -21,6 +22,7 @@ from crowdsim.errors import PathNotFound
 from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 
+_LONG_AGO = -(10**9)
 _FOLLOWERS = 64  # ranks between two who set out one after the other: for those who go in the turn of the first
 
 
@@ -64,7 +66,8 @@ class Plans:
     on_route is called with (agent, route) for every route that is newly taken; unreachable holds the reason for agents
     to whose goal no path was found when they last asked; replans counts how often an edit made an agent plan anew.
     lead: steps ahead of its need at which a plan is requested, if that can be told. moved: how often somebody gave way.
-    away: those who had arrived, gave way, and come back.
+    away: those who had arrived, gave way, and come back. looked_around: step in which each last had reason to look for
+    ways around those who stand near.
     """
 
     assets: Assets
@@ -80,9 +83,11 @@ class Plans:
     unreachable: dict[int, str] = field(default_factory=dict)
     moved: int = 0
     away: set[int] = field(default_factory=set)
+    looked_around: NDArray[np.int64] = field(init=False)
     _joins: dict[int, Join | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        self.looked_around = np.full(len(self.itineraries.cast.starts), _LONG_AGO, np.int64)
         self.motions = Motions(len(self.itineraries.cast.starts))
 
     def rank(self, agent: int) -> int:

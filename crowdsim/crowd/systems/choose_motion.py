@@ -41,7 +41,7 @@ from crowdsim.crowd.systems.choose_kernels import (
 )
 from crowdsim.crowd.systems.give_way import GivingWay
 from crowdsim.crowd.systems.going_on import Errands, Room, Rows, Walker, take
-from crowdsim.crowd.systems.replan import reach_goal
+from crowdsim.crowd.systems.replan import reach_goal, standing_near
 from crowdsim.ecs.world import View
 from crowdsim.environment.layers import polygons_only
 from crowdsim.geometry.elementary import distance, hypot
@@ -377,7 +377,11 @@ class Choosing:
         if self.plans.environment.waited_for or not self.plans.assets.graph.node_idle[view.node[row]]:
             return False
         obstacles = self._obstacles(view, self._walker(view, row))
-        return self._giving_way.step_to_wall(view, row, obstacles, self._room.draft, self._neighbors(view))
+        if not self._giving_way.step_to_wall(view, row, obstacles, self._room.draft, self._neighbors(view)):
+            return False
+        # Now there may be a way past each other.
+        self.plans.looked_around[view.agent[[row, *standing_near(view, row)]]] = self.plans.step
+        return True
 
     def _begin_chain(self, view: View, row: int) -> Chain:
         """The chain of the present node alone."""

@@ -19,6 +19,12 @@ RETRY_SECONDS = 2.0
 PATIENCE_SECONDS = 8.0
 """Time that an agent waits for others before it looks for a way around those who stand near [s]."""
 
+LOOKING_SECONDS = 20.0
+"""Time after that in which it looks for ways around whenever it plans [s]."""
+
+IMPATIENCE_SECONDS = 2.0
+"""Time that it waits meanwhile before it looks again [s]."""
+
 NEARBY = 2.5
 """Distance within which others count as near [m]."""
 
@@ -57,8 +63,11 @@ class Replanning:
                 self._hand_out(view, row, found)
 
         waiting = (view.state == AgentState.WAITING) & assets.graph.node_idle[view.node]
+        rate = assets.steps_per_second
         blocked = plans.step - view.blocked_since
-        patient = (view.blocked_since < 0) | (blocked < PATIENCE_SECONDS * assets.steps_per_second)
+        looks = plans.step - plans.looked_around[view.agent] < LOOKING_SECONDS * rate
+        patience = np.where(looks, IMPATIENCE_SECONDS, PATIENCE_SECONDS) * rate
+        patient = (view.blocked_since < 0) | (blocked < patience)
         rows = np.flatnonzero(waiting & ~view.awaiting_plan & (view.retry_step <= plans.step))
         for row, agent, waits in zip(rows.tolist(), view.agent[rows].tolist(), patient[rows].tolist(), strict=True):
             near = np.empty(0, np.int64)
@@ -67,11 +76,15 @@ class Replanning:
                     continue
                 # It keeps its plan: it may be free to go before a way around is found. Others go first.
                 view.blocked_since[row] = plans.step
-                view.rank[row] = view.turn[row] = plans.rank(agent)
-                near = _standing_near(view, row)
+                if not looks[row]:
+                    view.rank[row] = view.turn[row] = plans.rank(agent)
+                    plans.looked_around[agent] = plans.step
+                near = standing_near(view, row)
             elif self._is_there(view, row, agent):
                 reach_goal(plans, view, row)
                 continue
+            elif looks[row]:
+                near = standing_near(view, row)
             view.awaiting_plan[row] = True
             departure = int(view.node[row]), view.origin[row].copy()
             request = plans.itineraries.request(agent, view.pose[row, :2].copy(), departure=departure)
@@ -138,7 +151,7 @@ def reach_goal(plans: Plans, view: View, row: int) -> None:
     view.retry_step[row] = plans.step + round(seconds * plans.assets.steps_per_second)
 
 
-def _standing_near(view: View, row: int) -> NDArray[np.int64]:
+def standing_near(view: View, row: int) -> NDArray[np.int64]:
     """(k,) rows of the others who stand within NEARBY meters."""
     near = (view.state != AgentState.MOVING) & (hypot(*(view.pose[:, :2] - view.pose[row, :2]).T) < NEARBY)
     near[row] = False
