@@ -106,13 +106,13 @@ class MixedCrowd:
             steered.world.apply_changes()
 
         # Who has room goes over to the motion that was found for it; then others come in.
-        self.captured.choosing.bodies = self._bodies()
+        self.captured.choosing.surroundings.bodies = self._bodies()
         self.switches.to_captured(steered.world.view())
         steered.world.apply_changes()
         self._enter()
 
         # Captured ones reserve what keeps clear of all steered bodies as they stand; these keep clear of that.
-        captured.choosing.bodies = self._bodies()
+        captured.choosing.surroundings.bodies = self._bodies()
         self._note_places()
         captured.act()
         steered.act(self._others(captured.world.view()))
@@ -229,7 +229,7 @@ class MixedCrowd:
         late &= ~self._has_no_way()
         dense = self._comes_into_crowd(outside, step) | (self.cast.delay_steps > 0)
         walks_in = outside & self.levels.may_capture & ~(self.levels.may_steer & (late | dense))
-        captured.spawning.spawn(captured.world.view(), walks_in, captured.choosing.bodies)
+        captured.spawning.spawn(captured.world.view(), walks_in, captured.choosing.surroundings.bodies)
         captured.world.apply_changes()
         others = self._others(captured.world.view())
         steered.entering.enter(step, steered.steering, outside & ~walks_in & self.levels.may_steer, others)

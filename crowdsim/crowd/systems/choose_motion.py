@@ -6,21 +6,18 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.crowd.giving_way.give_way_kernels import reserve_by_asking
 from crowdsim.crowd.near.neighbor_kernels import widen
-from crowdsim.crowd.near.neighbors import Neighbors
 from crowdsim.crowd.search.plans import Join, Plans
 from crowdsim.crowd.state.components import SLOT_FRAMES
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ROUNDING, append_stop, node_is_free, reserve
 from crowdsim.crowd.state.state_hash import digest_of
-from crowdsim.crowd.state.timelines import NO_BODIES, Chain, Obstacles, Playback, StandingBodies, Timelines
+from crowdsim.crowd.state.timelines import Chain, Obstacles, Playback
 from crowdsim.crowd.state.way_kernels import lay_way, rank_behind, ways_before
-from crowdsim.crowd.systems.apply_events import KEPT_OFF, reserved_lines
 from crowdsim.crowd.systems.choose_kernels import (
     AHEAD_SECONDS,
     ALL_DONE,
@@ -34,7 +31,6 @@ from crowdsim.crowd.systems.choose_kernels import (
     REFUSED,
     WAY_METERS,
     WAY_REACH,
-    WAY_ROOM,
     go_on,
     slow_down,
     slowest,
@@ -42,8 +38,8 @@ from crowdsim.crowd.systems.choose_kernels import (
 from crowdsim.crowd.systems.give_way import GivingWay
 from crowdsim.crowd.systems.going_on import Errands, Room, Rows, Walker, take
 from crowdsim.crowd.systems.replan import reach_goal, standing_near
+from crowdsim.crowd.systems.surroundings import Surroundings
 from crowdsim.ecs.world import View
-from crowdsim.environment.layers import polygons_only
 from crowdsim.geometry.elementary import distance, hypot
 from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
 from crowdsim.motion.graph.track_kernels import node_end
@@ -51,9 +47,6 @@ from crowdsim.recording.header import AgentState
 
 NEAR_GOAL = 1.0
 """Meters from a goal to walk through at which it counts as reached where the last of the way is taken."""
-
-PASSAGE_BODIES = 3.0
-"""How far off a narrow passage one stops, in radii."""
 
 LONG_SECONDS = 5.0
 """Time after which who waits lets others stop in its way, until it looks for a way around [s]."""
@@ -67,8 +60,6 @@ RETRY_SECONDS = 0.2
 AHEAD_RETRY_SECONDS = 0.1
 """Time between two tries of somebody who walks to reserve ahead [s]."""
 
-_NOTHING = np.empty((0, 4))
-
 
 class Choosing:
     """Picks the next node of everyone whose node ends in this step.
@@ -81,9 +72,7 @@ class Choosing:
 
     def __init__(self, plans: Plans) -> None:
         self.plans = plans
-        self.bodies: StandingBodies = NO_BODIES
-        """Those of steered characters, which stand as far as reservations know."""
-        self._near: tuple[View, Neighbors] | None = None
+        self.surroundings = Surroundings(plans)
         self._looked_ahead: dict[int, NDArray[np.int32]] = {}
         self._giving_way = GivingWay(plans)
         self._retry_steps = max(round(RETRY_SECONDS * plans.assets.steps_per_second), 1)
@@ -95,7 +84,7 @@ class Choosing:
     def choose(self, view: View) -> None:
         """Choose for all rows, in order; then let those who were refused ask others to give way."""
         assets, graph = self.plans.assets, self.plans.assets.graph
-        self._near = None
+        self.surroundings.begin()
         self._playback = Playback.natural(self.plans.step, assets.frames_per_step)
         rate, ramp = view.rate, self._playback.ramp
         rate = rate + np.clip(view.wanted_rate - rate, -ramp, ramp)
@@ -126,8 +115,8 @@ class Choosing:
             return []
         plans, room = self.plans, self._room
         refused: list[int] = []
-        assets, rows, obstacles = plans.assets, Rows.of(view), self._obstacles_of_any(view)
-        everyone = Timelines.of(view, self._neighbors(view))
+        assets, rows, obstacles = plans.assets, Rows.of(view), self.surroundings.of_any(view, self._playback)
+        everyone = self.surroundings.everyone(view)
         constant = plans.motions.table, self._errands, obstacles, everyone, room
         number = 0
         while True:
@@ -144,7 +133,7 @@ class Choosing:
                     refused.append(row)
             elif wanted == MAKE_ROOM:
                 walker = self._walker(view, row)
-                self._clear_ahead(view, row, self._obstacles(view, walker))
+                self._clear_ahead(view, row, self.surroundings.obstacles(view, walker))
                 if walker.leaves:
                     self._follow(view, row)
             else:
@@ -192,7 +181,7 @@ class Choosing:
             return
         if following <= view.reserved[row] or self._extend(view, row, plan, following):
             return
-        obstacles, everyone = self._obstacles(view, walker), Timelines.of(view, self._neighbors(view))
+        obstacles, everyone = self.surroundings.obstacles(view, walker), self.surroundings.everyone(view)
         now = self._room, self._playback, walker.frame
         if slow_down(self.plans.assets.graph, Rows.of(view), row, obstacles, everyone, *now):
             view.timeline_digest[row] = digest_of(view.timeline[row].tobytes())
@@ -251,9 +240,9 @@ class Choosing:
         ``asks``: whether others are asked to give way.
         """
         walker = self._walker(view, row)
-        obstacles = self._obstacles(view, walker)
+        obstacles = self.surroundings.obstacles(view, walker)
         self._find_ways(view, row, plan, following)
-        obstacles = self._with_ways(obstacles)
+        obstacles = self.surroundings.with_ways(obstacles, self._room)
         found = self._reserve(view, walker, plan, following, obstacles, asks)
         if found is None and not asks:
             slower = walker.playback._replace(wanted=int(slowest(self._playback)))
@@ -263,7 +252,7 @@ class Choosing:
         self._giving_way.decided(row)
         for name, value in found.items():
             getattr(view, name)[row] = value
-        widen(self._neighbors(view), row, view.timeline_circle[row])
+        widen(self.surroundings.neighbors(view), row, view.timeline_circle[row])
         lay_way(plan.origins, found["reserved"] + 1, self._room.timeline[-1], WAY_METERS, view.way[row])
         if not asks and not self.plans.environment.waited_for:
             self._clear_ahead(view, row, obstacles)
@@ -271,7 +260,13 @@ class Choosing:
 
     def _clear_ahead(self, view: View, row: int, obstacles: Obstacles) -> None:
         """Let those step aside who stand in the way ahead of a row that has just reserved."""
-        self._giving_way.clear_ahead(view, row, self._with_ways(obstacles), self._room.draft, self._neighbors(view))
+        self._giving_way.clear_ahead(
+            view,
+            row,
+            self.surroundings.with_ways(obstacles, self._room),
+            self._room.draft,
+            self.surroundings.neighbors(view),
+        )
 
     def reserve_entry(self, view: View, walker: Walker) -> dict[str, Any] | None:
         """Reserve the beginning of the plan of a character that comes into the world in the midst of a node.
@@ -279,7 +274,7 @@ class Choosing:
         Returns the columns of its reservation; None if there is no room.
         """
         plan = self.plans.motions[walker.agent]
-        obstacles = self._obstacles(view, walker)
+        obstacles = self.surroundings.obstacles(view, walker)
         graph, nothing = self.plans.assets.graph, np.zeros(3)
         hints = np.full(len(obstacles.layers), NONE, np.int64)
         if plan.count == 0 or not node_is_free(graph, walker.node, walker.origin, nothing, obstacles, hints):
@@ -300,7 +295,7 @@ class Choosing:
         chain.blend_offsets[1:until] = plan.blend_offsets[ahead]
         last = self.plans.itineraries.is_last(walker.agent, len(plan.passes))
         leaves = plan.arrives and last and not walker.stays and following + available == plan.count
-        everyone = Timelines.of(view, self._neighbors(view))
+        everyone = self.surroundings.everyone(view)
         now = walker.row, walker.frame, walker.playback
         ahead_of = chain, self._room.draft, 1, available, leaves, timeline
         if asks:
@@ -324,45 +319,12 @@ class Choosing:
             "reserved": following + taken - 1,
         }
 
-    def _obstacles(self, view: View, walker: Walker, kept_free: NDArray[np.float64] | None = None) -> Obstacles:
-        """What a walker keeps clear of beside other captured characters."""
-        # Who is alone hinders nobody.
-        alone = len(view.agent) == (walker.row != NONE)
-        return Obstacles(
-            layers=tuple(mesh.arrays for mesh in self.plans.environment.meshes),
-            radii=self.plans.assets.body_radii,
-            breadths=self.plans.assets.breadths,
-            kept_free=self._kept_free(view, walker) if kept_free is None else kept_free,
-            distance=walker.body_radius + KEPT_OFF,
-            bodies=self.bodies,
-            agent=walker.agent,
-            body_radius=walker.body_radius,
-            passages=_NOTHING if alone else self.plans.environment.passages,
-            off_passages=PASSAGE_BODIES * walker.body_radius,
-        )
-
     def _find_ways(self, view: View, row: int, plan: MotionPlan, following: int) -> None:
         """Tell the way ahead along a plan, and note the ways of those who go first."""
         lay_way(plan.origins, following, view.timeline[row, -1], WAY_METERS, view.way[row])
-        near, room = self._neighbors(view), self._room
+        near, room = self.surroundings.neighbors(view), self._room
         view.rank[row] = min(view.turn[row], rank_behind(row, view.way, view.rank, BEHIND_WIDTH, BEHIND_METERS, near))
         room.ways_count[0] = ways_before(row, view.way, view.rank, WAY_REACH, near, room.ways)
-
-    def _with_ways(self, obstacles: Obstacles) -> Obstacles:
-        """Obstacles with the ways that were noted last, which their body keeps off."""
-        ways = self._room.ways[: self._room.ways_count[0]]
-        return obstacles._replace(ways=ways, way_width=2.0 * obstacles.body_radius + WAY_ROOM)
-
-    def _neighbors(self, view: View) -> Neighbors:
-        """The rows by cells, of a view that lasts until they move, come or go."""
-        if self._near is None or self._near[0] is not view:
-            self._near = view, Neighbors.of(view.pose[:, :2], view.timeline_circle, view.body_radius, view.way)
-        return self._near[1]
-
-    def _obstacles_of_any(self, view: View) -> Obstacles:
-        """What the kernel makes the obstacles of each row of: distances in radii of its body."""
-        anybody = Walker(0, NONE, 0, 0, self._playback, _NOTHING, _NOTHING, _NOTHING, 1.0, False)
-        return self._obstacles(view, anybody, _NOTHING)
 
     def _walker(self, view: View, row: int) -> Walker:
         return Walker.of(self.plans.assets.graph, view, row, self._playback)
@@ -376,8 +338,8 @@ class Choosing:
         """Let a row that stands step to a wall, so that others can pass."""
         if self.plans.environment.waited_for or not self.plans.assets.graph.node_idle[view.node[row]]:
             return False
-        obstacles = self._obstacles(view, self._walker(view, row))
-        if not self._giving_way.step_to_wall(view, row, obstacles, self._room.draft, self._neighbors(view)):
+        obstacles = self.surroundings.obstacles(view, self._walker(view, row))
+        if not self._giving_way.step_to_wall(view, row, obstacles, self._room.draft, self.surroundings.neighbors(view)):
             return False
         # Now there may be a way past each other.
         self.plans.looked_around[view.agent[[row, *standing_near(view, row)]]] = self.plans.step
@@ -392,21 +354,6 @@ class Choosing:
             view.blend_offset[row],
         )
         return chain
-
-    def _kept_free(self, view: View, walker: Walker) -> NDArray[np.float64]:
-        """Outlines (M, 4) of what is about to come and that a character must not enter: it is not there already."""
-        waited_for = self.plans.environment.waited_for
-        if not waited_for:
-            return _NOTHING
-        slot = self.plans.step * self.plans.assets.frames_per_step // SLOT_FRAMES
-        line = shapely.Point(walker.place) if walker.row == NONE else reserved_lines(view, slot)[walker.row]
-        distance = walker.body_radius + KEPT_OFF
-        segments = [_NOTHING]
-        for part in (part for outline in waited_for for part in polygons_only(outline).geoms):
-            if part.distance(line) >= distance:
-                rings = [shapely.get_coordinates(ring) for ring in (part.exterior, *part.interiors)]
-                segments += [np.concatenate([ring[:-1], ring[1:]], axis=1) for ring in rings]
-        return np.concatenate(segments)
 
     def _walks_through(self, plan: MotionPlan, agent: int) -> bool:
         """Whether a plan ends at a goal that its character leaves at once for the next."""
