@@ -328,8 +328,13 @@ def _between(
     old: RecordedFrame, new: RecordedFrame, share: float, node_frames: NDArray[np.int32], steps_per_second: int
 ) -> RecordedFrame:
     """The frame ``share`` (0, 1) of a step from ``old`` to ``new``."""
-    advance = CAPTURE_RATE // steps_per_second
-    shown = round(share * advance)
+    natural = CAPTURE_RATE // steps_per_second
+    last = np.append(node_frames, 0)[old.node]
+    # Nodes may be played slower or faster. Who leaves an idle node skips what is left of it.
+    same = (new.node == old.node) & (new.frame >= old.frame)
+    advance = np.where(same, new.frame - old.frame, last - old.frame + new.frame)
+    advance = np.where(same | (2 * advance <= 3 * natural), advance, natural)
+    shown = np.rint(share * advance).astype(np.int64)
     moving = (old.state == AgentState.MOVING) | (old.state == AgentState.WAITING)
     both = moving & (new.state != AgentState.ABSENT)
 
@@ -342,8 +347,6 @@ def _between(
     # Still in the old node, or in the new one already, where what is left of the step is subtracted.
     reached = old.frame + shown
     left = new.frame - (advance - shown)
-    same = (new.node == old.node) & (new.frame >= old.frame)
-    last = np.append(node_frames, 0)[old.node]
     entered = both & ~same & (reached > last) & (left >= 0)
     frame = np.where(same, np.minimum(reached, new.frame), np.minimum(reached, last))
     frame = np.where(both, frame, old.frame)

@@ -8,8 +8,10 @@ import numpy as np
 
 from crowdsim.crowd.state.components import CORE, RADIUS, SAMPLE
 from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM
+from crowdsim.crowd.state.timelines import Playback
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.motion.graph.arrays import GraphArrays
+from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
 from crowdsim.motion.graph.track_kernels import BLEND_FRAMES
 
 FOREVER = int(np.iinfo(np.int64).max)
@@ -77,6 +79,17 @@ def pose_at(
             return pose + (1.0 - u * u * (3.0 - 2.0 * u)) * blend_offset
         frame -= length
     raise AssertionError("a chain has at least one node")
+
+
+def frames_played(playback: Playback, steps: int) -> list[int]:
+    """Frames of its chain that are played after 0, 1, 2, ... steps."""
+    rate, ticks, played = playback.rate, playback.part, [0]
+    for _ in range(steps):
+        change = playback.wanted - rate
+        rate += max(min(change, playback.ramp), -playback.ramp)
+        ticks += rate
+        played.append(ticks // FRAME_TICKS)
+    return played
 
 
 def discs_along(tracks: np.ndarray, radius: float) -> np.ndarray:

@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from crowdsim.crowd.systems.choose_kernels import ALL_DONE, OTHERWISE
+from crowdsim.crowd.systems.choose_kernels import ALL_DONE, OTHERWISE, frame_of
 
 
 def go_on_in_python(graph: Any, rows: Any, chosen: np.ndarray, begin: int, table: Any, *rest: Any) -> tuple[int, int]:
     """The next row that has a plan, or whose node ends; the arguments are those of `go_on`."""
-    frames_per_step = rest[-2]
+    playback = rest[-1]
     for number in range(begin, len(chosen)):
         row = chosen[number]
-        ends = rows.frame[row] + frames_per_step >= graph.node_frames[rows.node[row]]
-        if ends or table.nodes[rows.agent[row]] >= 0:
+        frame, leaves = frame_of(graph, rows, row, playback)
+        if (leaves and frame == rows.frame[row]) or table.nodes[rows.agent[row]] >= 0:
             return number, OTHERWISE
     return len(chosen), ALL_DONE

@@ -11,10 +11,10 @@ from crowdsim.crowd.giving_way.asking import Asking, Standing, Trail
 from crowdsim.crowd.giving_way.give_way_kernels import clear_way, lay_move, next_in_way, reserve_by_asking, step_aside
 from crowdsim.crowd.giving_way.moves import LEAST_MOVE, MOVE_NODES, moves_of
 from crowdsim.crowd.near.neighbors import Neighbors
-from crowdsim.crowd.state.components import SAMPLE, SLOT_FRAMES
+from crowdsim.crowd.state.components import SAMPLE
 from crowdsim.crowd.state.passages import narrow_passages
 from crowdsim.crowd.state.reservation_kernels import next_met, pair_meets
-from crowdsim.crowd.state.timelines import NO_BODIES, Chain, Obstacles, Timelines
+from crowdsim.crowd.state.timelines import NO_BODIES, Chain, Obstacles, Playback, Timelines
 from crowdsim.crowd.state.way_kernels import (
     lay_way,
     rank_behind,
@@ -29,6 +29,7 @@ from tests.reference.crowd import FOREVER, discs_along, off_way, walking_graph
 GRAPH = walking_graph()
 MOVES = moves_of(GRAPH)
 RADIUS = 0.3
+NOW = Playback.natural(0, 2)
 SLOTS = 48
 
 
@@ -110,7 +111,7 @@ def test_either_all_give_way_and_meet_nobody_or_nothing_changes(seed: int) -> No
     before = [column.copy() for column in everyone[:-1]]
     ask = asking(standing, int(rng.integers(0, 60)))
     want = through(0.0, float(rng.uniform(0.5, 2.5)))
-    count = clear_way(GRAPH, room(3.0), everyone, 0, want, FOREVER, 0, SLOT_FRAMES, Chain.room(20), ask)
+    count = clear_way(GRAPH, room(3.0), everyone, 0, want, FOREVER, NOW, Chain.room(20), ask)
     if count < 0:
         for column, old in zip(everyone[:-1], before, strict=True):
             np.testing.assert_array_equal(column, old)
@@ -128,10 +129,10 @@ def test_either_all_give_way_and_meet_nobody_or_nothing_changes(seed: int) -> No
 def test_who_stands_in_the_way_walks_on_and_nobody_gives_way_to_who_ranks_behind() -> None:
     everyone, standing, _ = standing_crowd(np.array([[0.0, 0.0], [1.4, 0.0]]), np.array([0.0, 1.5]))
     want, draft = through(0.0, 0.75), Chain.room(20)
-    assert clear_way(GRAPH, room(4.0), everyone, 0, want, FOREVER, 0, SLOT_FRAMES, draft, asking(standing)) == 1
+    assert clear_way(GRAPH, room(4.0), everyone, 0, want, FOREVER, NOW, draft, asking(standing)) == 1
     everyone, standing, _ = standing_crowd(np.array([[0.0, 0.0], [1.4, 0.0]]), np.array([0.0, 1.5]))
     standing.rank[:] = [1, 0]
-    assert clear_way(GRAPH, room(4.0), everyone, 0, want, FOREVER, 0, SLOT_FRAMES, draft, asking(standing)) == -1
+    assert clear_way(GRAPH, room(4.0), everyone, 0, want, FOREVER, NOW, draft, asking(standing)) == -1
 
 
 def test_who_is_asked_early_leaves_the_way_or_stays() -> None:
@@ -143,7 +144,7 @@ def test_who_is_asked_early_leaves_the_way_or_stays() -> None:
         assert found == 1
         assert next_in_way(standing.way, standing.rank, standing.may_move, 0, pose, 2 * RADIUS, 2, everyone.near) == -1
         ask = asking(standing)
-        count = step_aside(GRAPH, room(4.0), everyone, 0, 1, 0, SLOT_FRAMES, Chain.room(20), ask)
+        count = step_aside(GRAPH, room(4.0), everyone, 0, 1, NOW, Chain.room(20), ask)
         # The toy graph walks ahead only.
         assert (count == 1) == leaves
         assert (abs(everyone.timeline[1, -1, 1]) >= 2 * RADIUS) == leaves
@@ -157,7 +158,7 @@ def test_reserving_by_asking_clears_what_reserving_alone_does_not() -> None:
     ask, timeline = asking(standing), np.zeros((SLOTS, SAMPLE))
     frame = int(GRAPH.node_frames[0])
     found = reserve_by_asking(
-        GRAPH, room(5.0), everyone, 0, frame, 0, SLOT_FRAMES, chain, Chain.room(20), 1, 1, False, timeline, ask
+        GRAPH, room(5.0), everyone, 0, frame, NOW, chain, Chain.room(20), 1, 1, False, timeline, ask
     )
     assert found == (1, FOREVER, 1)
     np.testing.assert_array_equal(everyone.timeline[0], timeline)

@@ -16,16 +16,21 @@ from crowdsim.crowd.state.reservation_kernels import (
     reserve,
     sample_chain,
 )
-from crowdsim.crowd.state.timelines import NO_BODIES, Chain, Obstacles, Timelines
+from crowdsim.crowd.state.timelines import NO_BODIES, Chain, Obstacles, Playback, Timelines
 from crowdsim.crowd.systems.animate import Playing
 from crowdsim.crowd.systems.animate_kernels import advance
 from crowdsim.navmesh.navmesh import NavMesh
-from tests.reference.crowd import FOREVER, chain_of, discs_along, pose_at, timelines_meet, walking_graph
+from tests.reference.crowd import FOREVER, chain_of, discs_along, frames_played, pose_at, timelines_meet, walking_graph
 
 GRAPH = walking_graph()
 START = np.array([0.3, -0.2, 0.4])
 NOTHING = np.empty((0, 4))
 SIDEWAYS = np.array([[0.2, 0.1]])
+
+
+def natural(clock: int) -> Playback:
+    """As captured from the frame ``clock`` on, in steps of a frame."""
+    return Playback.natural(clock, 1)
 
 
 def random_timeline(rng: np.random.Generator):
@@ -118,7 +123,7 @@ def test_a_sampled_chain_is_where_the_chain_will_be(frame: int, clock: int) -> N
     origins, blend_offsets = chain_of(GRAPH, nodes, START)
     out = np.zeros((40, SAMPLE))
     chain = Chain(np.array(nodes, np.int32), origins, blend_offsets)
-    ended = sample_chain(GRAPH, chain, 4, SIDEWAYS, frame, clock, SLOT_FRAMES, out)
+    ended = sample_chain(GRAPH, chain, 4, SIDEWAYS, frame, natural(clock), out)
     total = int(GRAPH.node_frames[nodes].sum())
     assert (ended - 1) * SLOT_FRAMES < clock + total - frame <= ended * SLOT_FRAMES
     for k, found in enumerate(out):
@@ -126,6 +131,25 @@ def test_a_sampled_chain_is_where_the_chain_will_be(frame: int, clock: int) -> N
         x, y, heading = pose_at(GRAPH, nodes, origins, blend_offsets, frame + later)
         core = -0.1 * np.sin(heading), 0.1 * np.cos(heading)
         assert found == pytest.approx([x, y, 0.2, *core], abs=1e-12)
+
+
+@pytest.mark.parametrize("wanted", [0.6, 0.83, 1.15])
+@pytest.mark.parametrize("step_frames", [2, 6])
+def test_a_chain_played_slower_or_faster_is_where_it_was_promised(step_frames: int, wanted: float) -> None:
+    nodes = [1, 2, 2, 3]
+    origins, blend_offsets = chain_of(GRAPH, nodes, START)
+    step = 5 * SLOT_FRAMES // step_frames
+    playback = Playback.natural(step, step_frames)
+    playback = playback._replace(part=20, wanted=int(wanted * playback.rate))
+    out = np.zeros((60, SAMPLE))
+    assert (
+        sample_chain(GRAPH, Chain(np.array(nodes, np.int32), origins, blend_offsets), 4, SIDEWAYS, 3, playback, out) > 0
+    )
+    played = frames_played(playback, 60 * SLOT_FRAMES // step_frames)
+    for k, found in enumerate(out):
+        x, y, _ = pose_at(GRAPH, nodes, origins, blend_offsets, 3 + played[k * SLOT_FRAMES // step_frames])
+        assert found[:2] == pytest.approx([x, y], abs=1e-12)
+    assert out[-1] == pytest.approx(out[-2], abs=0.0), "it stands in the end"
 
 
 def test_the_first_sample_is_as_broad_as_now_and_short_nodes_count() -> None:
@@ -138,19 +162,19 @@ def test_the_first_sample_is_as_broad_as_now_and_short_nodes_count() -> None:
     out = np.zeros((40, SAMPLE))
     # The first node ends just now.
     clock = 10 * SLOT_FRAMES
-    assert sample_chain(graph, chain, 2, breadths, int(frames[2]), clock, SLOT_FRAMES, out) > 0
+    assert sample_chain(graph, chain, 2, breadths, int(frames[2]), natural(clock), out) > 0
     assert out[0, RADIUS] == 0.3
     assert out[1, RADIUS] == 0.2
     # The second begins a frame behind a sample and ends before the next.
     chain = Chain(np.array([1, 2, 3], np.int32), *chain_of(graph, [1, 2, 3], START))
     clock = 10 * SLOT_FRAMES - (int(frames[1]) - 1) % SLOT_FRAMES
-    assert sample_chain(graph, chain, 3, breadths, 0, clock, SLOT_FRAMES, out) > 0
+    assert sample_chain(graph, chain, 3, breadths, 0, natural(clock), out) > 0
     assert 0.4 in out[:, RADIUS], "a disc that holds the capsule"
 
 
 def test_a_chain_longer_than_its_timeline_is_refused() -> None:
     chain = Chain(np.array([2, 2, 2], np.int32), *chain_of(GRAPH, [2, 2, 2], START))
-    assert sample_chain(GRAPH, chain, 3, SIDEWAYS, 0, 0, SLOT_FRAMES, np.zeros((10, SAMPLE))) == -1
+    assert sample_chain(GRAPH, chain, 3, SIDEWAYS, 0, natural(0), np.zeros((10, SAMPLE))) == -1
 
 
 def test_the_stop_behind_a_chain_follows_the_stop_edges() -> None:
@@ -166,42 +190,40 @@ def test_the_stop_behind_a_chain_follows_the_stop_edges() -> None:
 
 
 @pytest.mark.parametrize("frames", [1, 2, 5])
-def test_advancing_plays_a_chain_frame_by_frame(frames: int) -> None:
+@pytest.mark.parametrize("wanted", [1.0, 0.6, 1.15])
+def test_advancing_plays_a_chain_frame_by_frame(frames: int, wanted: float) -> None:
     chain = [1, 2, 3]
     origins, blend_offsets = chain_of(GRAPH, chain, START)
-    node, previous, frame = np.array([1], np.int32), np.array([-1], np.int32), np.array([0], np.int32)
-    origin, blend_offset, pose = START[None].copy(), np.zeros((1, 3)), np.zeros((1, 3))
-    next_node, cursor, next_cursor = np.array([-1], np.int32), np.array([0], np.int32), np.array([-1], np.int32)
-    next_origin, next_blend_offset, behavior = np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1, np.int32)
+    playback = Playback.natural(0, frames)
+    playback = playback._replace(wanted=int(wanted * playback.rate))
     rows = Playing(
-        node,
-        previous,
-        frame,
-        origin,
-        blend_offset,
-        next_node,
-        next_origin,
-        next_blend_offset,
-        next_cursor,
-        cursor,
-        behavior,
-        pose,
+        node=np.array([1], np.int32),
+        previous=np.array([-1], np.int32),
+        frame=np.array([0], np.int32),
+        part=np.array([0], np.int32),
+        rate=np.array([playback.rate], np.int32),
+        wanted_rate=np.array([playback.wanted], np.int32),
+        origin=START[None].copy(),
+        blend_offset=np.zeros((1, 3)),
+        next_node=np.array([-1], np.int32),
+        next_origin=np.zeros((1, 3)),
+        next_blend_offset=np.zeros((1, 3)),
+        next_cursor=np.array([-1], np.int32),
+        cursor=np.array([0], np.int32),
+        behavior=np.zeros(1, np.int32),
+        pose=np.zeros((1, 3)),
     )
-    place, played = 0, 0
-    for _ in range(int(GRAPH.node_frames[chain].sum()) // frames + 3):
-        if frame[0] + frames >= GRAPH.node_frames[node[0]] and next_node[0] < 0 and place + 1 < len(chain):
+    place = 0
+    steps = int(GRAPH.node_frames[chain].sum() / (0.5 * frames))
+    for played in frames_played(playback, steps)[1:]:
+        if rows.next_node[0] < 0 and place + 1 < len(chain):
             place += 1
-            next_node[0], next_origin[0], next_blend_offset[0], next_cursor[0] = (
-                chain[place],
-                origins[place],
-                blend_offsets[place],
-                place,
-            )
-        advance(GRAPH, frames, rows)
-        played += frames
-        assert pose[0] == pytest.approx(pose_at(GRAPH, chain, origins, blend_offsets, played), abs=1e-12)
-    assert (node[0], previous[0], cursor[0]) == (3, 2, 2)
-    assert frame[0] == GRAPH.node_frames[3]
+            rows.next_node[0], rows.next_origin[0] = chain[place], origins[place]
+            rows.next_blend_offset[0], rows.next_cursor[0] = blend_offsets[place], place
+        advance(GRAPH, playback.ramp, rows)
+        assert rows.pose[0] == pytest.approx(pose_at(GRAPH, chain, origins, blend_offsets, played), abs=1e-12)
+    assert (rows.node[0], rows.previous[0], rows.cursor[0]) == (3, 2, 2)
+    assert rows.frame[0] == GRAPH.node_frames[3]
 
 
 def reserved(other: tuple[float, float], room: shapely.Polygon | None = None, kept_free: np.ndarray = NOTHING):
@@ -223,7 +245,7 @@ def reserved(other: tuple[float, float], room: shapely.Polygon | None = None, ke
     starts, gones, radii = np.zeros(2, np.int64), np.full(2, FOREVER), np.full(2, 0.3)
     everyone = timelines_of(timelines, starts, gones, radii)
     draft = Chain.room(12)
-    taken, gone = reserve(GRAPH, obstacles, everyone, 0, 0, 0, SLOT_FRAMES, chain, draft, 1, 3, False, out)
+    taken, gone = reserve(GRAPH, obstacles, everyone, 0, 0, natural(0), chain, draft, 1, 3, False, out)
     return taken, gone, out[:, :2]
 
 
