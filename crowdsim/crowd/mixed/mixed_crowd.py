@@ -27,7 +27,7 @@ from crowdsim.crowd.steered.steered_crowd import LEG_RADIUS, LOST_SECONDS, Steer
 from crowdsim.crowd.systems.spawn import NO_MOTION
 from crowdsim.ecs.world import View
 from crowdsim.recording.header import AgentState, RecordedFrame, RecordingHeader
-from crowdsim.scenario.crowd_placement import captured_placement, place_crowd
+from crowdsim.scenario.crowd_placement import CrowdPlacement, captured_placement, place_crowd
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.timetable import Placing
 from crowdsim.steering.ways import Others
@@ -37,10 +37,19 @@ PATIENCE_SECONDS = 6.0
 
 
 class MixedCrowd:
-    """The characters of a scenario on both levels; ``workers`` threads share them, and the result never shows it."""
+    """The characters of a scenario on both levels; ``workers`` threads share them, and the result never shows it.
 
-    def __init__(self, scenario: Scenario, workers: int, preparing: Callable[[int, int], None] | None) -> None:
-        self.cast = place_crowd(scenario)
+    ``cast``: who they are, where the scenario shall not draw them.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        workers: int,
+        preparing: Callable[[int, int], None] | None,
+        cast: CrowdPlacement | None = None,
+    ) -> None:
+        self.cast = place_crowd(scenario) if cast is None else cast
         behavior_set = load_behaviors(scenario)
         placement = captured_placement(self.cast)
         self.captured = CapturedCrowd(scenario, workers, preparing, placement, behavior_set)
@@ -97,7 +106,7 @@ class MixedCrowd:
 
         # Who meets others steers; what it had reserved is free.
         others = self._others(view)
-        everybody = steered.steering.sort(self._everybody(others), steered.place.bounds)
+        everybody = steered.steering.sort(self._with_steered(others), steered.place.bounds)
         self.levels.look_around(everybody, steered.steering.walls[0], self.step_count)
         wanted = self.levels.steer(view.agent.astype(np.int64), view.pose[:, :2], self._refused(view))
         wanted &= self._walks(view)
@@ -155,7 +164,7 @@ class MixedCrowd:
 
     def measure(self, frame: RecordedFrame) -> None:
         """Take the present step into the statistics."""
-        self.statistics.add(self._everybody(self._others(self.captured.world.view())))
+        self.statistics.add(self.everybody())
 
     def summary(self) -> dict[str, Any]:
         """What the run is summed up by."""
@@ -272,8 +281,11 @@ class MixedCrowd:
         ):
             self._before[agents] = places
 
-    def _everybody(self, others: Others) -> NDArray[Any]:
+    def everybody(self) -> NDArray[Any]:
         """Records (ROW) of all who are in the world, the steered ones first."""
+        return self._with_steered(self._others(self.captured.world.view()))
+
+    def _with_steered(self, others: Others) -> NDArray[Any]:
         return np.concatenate((self.steered.world.column("row"), others.rows))
 
     def _bodies(self) -> StandingBodies:
