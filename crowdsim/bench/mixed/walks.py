@@ -10,9 +10,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from crowdsim.bench.crowds.drills import Drill, Group, State, make_agents
+from crowdsim.bench.crowds.drills import Drill, State
 from crowdsim.constants import STEERING_RATE
 from crowdsim.crowd.mixed.mixed_crowd import MixedCrowd
+from crowdsim.crowd.report.steered_statistics import CENTER_LIMIT
 from crowdsim.recording.header import AgentState
 from crowdsim.scenario.crowd_placement import CrowdPlacement, place_crowd
 from crowdsim.scenario.loader import parse_scenario
@@ -39,12 +40,14 @@ _GROUP = "  - {{name: g{number}, count: {count}, start: {{rectangle: {start}}}, 
 class MixedResult:
     """What came of a walk.
 
-    arrived: (n,) when each arrived [s], nan for those who did not. captured: share of the way walked captured. stood:
-    share of the time in the world in which people on their way walked slower than 0.1 m/s. gap: least between bodies
-    [m]. agent_steps: steps that people took.
+    arrived: (n,) when each arrived [s], nan for those who did not. times: (n,) the same from coming in on. captured:
+    share of the way walked captured. stood: share of the time in the world in which people on their way walked slower
+    than 0.1 m/s. gap: least between bodies [m], CENTER_LIMIT if none is
+    less. agent_steps: steps that people took.
     """
 
     arrived: NDArray[np.float64]
+    times: NDArray[np.float64]
     captured: float
     stood: float
     gap: float
@@ -76,12 +79,14 @@ def cast_of(scenario: Scenario, state: State) -> CrowdPlacement:
     return drawn._replace(starts=places, headings=state["heading"].copy(), walkers=walkers)
 
 
-def walk_mixed(scenario: Scenario, cast: CrowdPlacement | None = None, watch: Watch | None = None) -> MixedResult:
-    """Walk to the end of a scenario."""
+def walk_mixed(
+    scenario: Scenario, cast: CrowdPlacement | None = None, watch: Watch | None = None, seconds: float | None = None
+) -> MixedResult:
+    """Walk to the end of a scenario; ``seconds``: the time after which that is, if not its own."""
     crowd = MixedCrowd(scenario, 2, None, cast)
     slow = present = 0
     try:
-        for step in range(round(scenario.duration * STEERING_RATE)):
+        for step in range(round((scenario.duration if seconds is None else seconds) * STEERING_RATE)):
             crowd.advance()
             frame = crowd.frame()
             crowd.measure(frame)
@@ -90,20 +95,22 @@ def walk_mixed(scenario: Scenario, cast: CrowdPlacement | None = None, watch: Wa
             going = rows["goal"] >= 0
             slow += int((np.hypot(rows["vx"], rows["vy"])[going] < 0.1).sum())
             present += int((np.asarray(frame.state) != AgentState.ABSENT).sum())
+            crowd.end_step()
             if watch is not None:
                 watch((step + 1) / STEERING_RATE, crowd)
-            crowd.end_step()
             if crowd.finished:
                 break
         summary = crowd.summary()
     finally:
         crowd.close()
     arrivals = crowd.arrivals
+    times = (arrivals - crowd.entered) / STEERING_RATE
     gap = summary["closest_bodies"]
     return MixedResult(
         np.where(arrivals >= 0, (arrivals + 1) / STEERING_RATE, np.nan),
+        np.where(arrivals >= 0, times, np.nan),
         summary["level_share"]["captured"],
         slow / max(present, 1),
-        np.inf if gap is None else gap,
+        CENTER_LIMIT if gap is None else gap,
         present,
     )

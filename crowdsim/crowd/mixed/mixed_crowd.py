@@ -77,6 +77,11 @@ class MixedCrowd:
         return np.maximum(self.captured.despawning.arrived, self.steered.errands.arrived)
 
     @property
+    def entered(self) -> NDArray[np.int64]:
+        """(n,) step in which each character came in, NONE before."""
+        return np.maximum(self.captured.spawning.spawned, self.steered.entering.entered)
+
+    @property
     def arrived(self) -> int:
         """Characters that reached their last goal so far."""
         return int((self.arrivals >= 0).sum())
@@ -171,9 +176,8 @@ class MixedCrowd:
         captured, steered = self.captured, self.steered
         view, world = steered.world.view(), captured.world.view()
         arrived = self.arrivals
-        entered = np.maximum(captured.spawning.spawned, steered.entering.entered)
         done = arrived >= 0
-        times = (arrived - entered)[done] / STEERING_RATE
+        times = (arrived - self.entered)[done] / STEERING_RATE
         stands = zip(captured.itineraries.how_they_stood(), steered.errands.how_they_stood(view), strict=True)
         return {
             "characters": self.count,
@@ -211,7 +215,7 @@ class MixedCrowd:
     @property
     def _outside(self) -> NDArray[np.bool_]:
         """(n,) who has not come yet."""
-        return np.asarray((self.captured.spawning.spawned < 0) & (self.steered.entering.entered < 0))
+        return np.asarray(self.entered < 0)
 
     def _walks(self, view: View) -> NDArray[np.bool_]:
         """Which captured rows are on their way, and do not stand where they are to stand for a while or for good."""
@@ -283,7 +287,11 @@ class MixedCrowd:
 
     def everybody(self) -> NDArray[Any]:
         """Records (ROW) of all who are in the world, the steered ones first."""
-        return self._with_steered(self._others(self.captured.world.view()))
+        return self._with_steered(self.captured_as_seen())
+
+    def captured_as_seen(self) -> Others:
+        """Captured characters as steered ones see them, with what is left of their reserved ways."""
+        return self._others(self.captured.world.view())
 
     def _with_steered(self, others: Others) -> NDArray[Any]:
         return np.concatenate((self.steered.world.column("row"), others.rows))
