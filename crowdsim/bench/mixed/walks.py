@@ -42,8 +42,7 @@ class MixedResult:
 
     arrived: (n,) when each arrived [s], nan for those who did not. times: (n,) the same from coming in on. captured:
     share of the way walked captured. stood: share of the time in the world in which people on their way walked slower
-    than 0.1 m/s. gap: least between bodies [m], CENTER_LIMIT if none is
-    less. agent_steps: steps that people took.
+    than 0.1 m/s. gap: least between bodies [m], CENTER_LIMIT if none is less. agent_steps: steps that people took.
     """
 
     arrived: NDArray[np.float64]
