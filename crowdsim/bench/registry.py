@@ -46,6 +46,18 @@ _BENCHES = {
         "crowdsim.bench.crowds.drill_table",
         "steered crowds: counterflow, doors, crossings, necks, circles, endless corridors: arrivals, flow and speed",
     ),
+    "auto-drills": (
+        "crowdsim.bench.mixed.cases",
+        "the same drills walked by auto characters, beside steered ones and their bars",
+    ),
+    "auto-square": (
+        "crowdsim.bench.mixed.square",
+        "a thousand auto characters on squares: arrivals beside JuPedSim (an extra), least gaps in a million steps",
+    ),
+    "auto-shares": (
+        "crowdsim.bench.mixed.shares",
+        "built-in scenarios, seeds 1 to 5: captured share of the way, standing, time beside walking alone",
+    ),
     "motion-maps": (
         "crowdsim.bench.motions.motion_maps",
         "motion maps: size, success and time by depth, beside A*; lengths, bodies and arrivals",

@@ -164,12 +164,8 @@ def run_circle(count: int, seed: int, *, rules: Rules | None = None, threads: in
 
     There are no walls, so the way is the straight line, as fields have it in the open.
     """
-    rng = np.random.default_rng(seed)
-    radius = CIRCLE_SPACING * count / (2.0 * math.pi)
-    angles = 2.0 * math.pi * (np.arange(count) + rng.uniform(-0.1, 0.1, count)) / count
-    places = radius * np.column_stack((np.cos(angles), np.sin(angles)))
-    state = make_agents(rng, places, np.arange(count), -places)
-    state["speed"] = SPEED
+    state = circle_state(count, seed)
+    places = np.column_stack((state["x"], state["y"]))
 
     def guide(state: State) -> None:
         ahead = -places[state["id"]] - np.column_stack((state["x"], state["y"]))
@@ -177,7 +173,7 @@ def run_circle(count: int, seed: int, *, rules: Rules | None = None, threads: in
         state["togo"] = np.where(apart < THERE, 0.0, apart)
         state["gx"], state["gy"] = (ahead / np.maximum(apart, THERE)[:, None]).T
 
-    free = (2.0 * radius - THERE) / SPEED
+    free = (CIRCLE_SPACING * count / math.pi - THERE) / SPEED
     return walk(state, build_walls(np.empty((0, 4))), guide, 10.0 * free, rules, threads), free
 
 
@@ -210,13 +206,24 @@ def walk(
     return DrillResult(arrived, float(np.quantile(np.concatenate(changes), 0.95)))
 
 
+def circle_state(count: int, seed: int) -> State:
+    """Agents on a circle who look at the opposite points, each with a goal of its own."""
+    rng = np.random.default_rng(seed)
+    radius = CIRCLE_SPACING * count / (2.0 * math.pi)
+    angles = 2.0 * math.pi * (np.arange(count) + rng.uniform(-0.1, 0.1, count)) / count
+    places = radius * np.column_stack((np.cos(angles), np.sin(angles)))
+    state = make_agents(rng, places, np.arange(count), -places)
+    state["speed"] = SPEED
+    return state
+
+
 def draw_agents(drill: Drill, seed: int) -> State:
     """Agents at random places of their groups' rectangles, none nearer to another than 0.52 m.
 
     Breadths are N(0.46, 0.03) m within [0.38, 0.55], speeds N(1.34, 0.26) m/s within [0.5, 2.2] (Weidmann 1993).
     """
     rng = np.random.default_rng(seed)
-    places = np.concatenate([_scatter(rng, group.count, group.start) for group in drill.groups])
+    places = np.concatenate([scatter(rng, group.count, group.start) for group in drill.groups])
     goals = np.repeat(np.arange(len(drill.groups)), [group.count for group in drill.groups])
     middles = np.array([[group.goal.centroid.x, group.goal.centroid.y] for group in drill.groups])[goals]
     return make_agents(rng, places, goals, middles - places)
@@ -241,7 +248,7 @@ def make_agents(
     return state
 
 
-def _scatter(
+def scatter(
     rng: np.random.Generator, count: int, within: tuple[float, float, float, float], apart: float = 0.52
 ) -> NDArray[np.float64]:
     cells: dict[tuple[int, int], list[NDArray[np.float64]]] = {}

@@ -27,7 +27,7 @@ from crowdsim.crowd.steered.steered_crowd import LEG_RADIUS, LOST_SECONDS, Steer
 from crowdsim.crowd.systems.spawn import NO_MOTION
 from crowdsim.ecs.world import View
 from crowdsim.recording.header import AgentState, RecordedFrame, RecordingHeader
-from crowdsim.scenario.crowd_placement import captured_placement, place_crowd
+from crowdsim.scenario.crowd_placement import CrowdPlacement, captured_placement, place_crowd
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.timetable import Placing
 from crowdsim.steering.ways import Others
@@ -37,10 +37,19 @@ PATIENCE_SECONDS = 6.0
 
 
 class MixedCrowd:
-    """The characters of a scenario on both levels; ``workers`` threads share them, and the result never shows it."""
+    """The characters of a scenario on both levels; ``workers`` threads share them, and the result never shows it.
 
-    def __init__(self, scenario: Scenario, workers: int, preparing: Callable[[int, int], None] | None) -> None:
-        self.cast = place_crowd(scenario)
+    ``cast``: who they are, where the scenario shall not draw them.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        workers: int,
+        preparing: Callable[[int, int], None] | None,
+        cast: CrowdPlacement | None = None,
+    ) -> None:
+        self.cast = place_crowd(scenario) if cast is None else cast
         behavior_set = load_behaviors(scenario)
         placement = captured_placement(self.cast)
         self.captured = CapturedCrowd(scenario, workers, preparing, placement, behavior_set)
@@ -66,6 +75,11 @@ class MixedCrowd:
     def arrivals(self) -> NDArray[np.int64]:
         """(n,) step in which each character came to its last goal, NONE before."""
         return np.maximum(self.captured.despawning.arrived, self.steered.errands.arrived)
+
+    @property
+    def entered(self) -> NDArray[np.int64]:
+        """(n,) step in which each character came in, NONE before."""
+        return np.maximum(self.captured.spawning.spawned, self.steered.entering.entered)
 
     @property
     def arrived(self) -> int:
@@ -97,7 +111,7 @@ class MixedCrowd:
 
         # Who meets others steers; what it had reserved is free.
         others = self._others(view)
-        everybody = steered.steering.sort(self._everybody(others), steered.place.bounds)
+        everybody = steered.steering.sort(self._with_steered(others), steered.place.bounds)
         self.levels.look_around(everybody, steered.steering.walls[0], self.step_count)
         wanted = self.levels.steer(view.agent.astype(np.int64), view.pose[:, :2], self._refused(view))
         wanted &= self._walks(view)
@@ -155,16 +169,15 @@ class MixedCrowd:
 
     def measure(self, frame: RecordedFrame) -> None:
         """Take the present step into the statistics."""
-        self.statistics.add(self._everybody(self._others(self.captured.world.view())))
+        self.statistics.add(self.everybody())
 
     def summary(self) -> dict[str, Any]:
         """What the run is summed up by."""
         captured, steered = self.captured, self.steered
         view, world = steered.world.view(), captured.world.view()
         arrived = self.arrivals
-        entered = np.maximum(captured.spawning.spawned, steered.entering.entered)
         done = arrived >= 0
-        times = (arrived - entered)[done] / STEERING_RATE
+        times = (arrived - self.entered)[done] / STEERING_RATE
         stands = zip(captured.itineraries.how_they_stood(), steered.errands.how_they_stood(view), strict=True)
         return {
             "characters": self.count,
@@ -202,7 +215,7 @@ class MixedCrowd:
     @property
     def _outside(self) -> NDArray[np.bool_]:
         """(n,) who has not come yet."""
-        return np.asarray((self.captured.spawning.spawned < 0) & (self.steered.entering.entered < 0))
+        return np.asarray(self.entered < 0)
 
     def _walks(self, view: View) -> NDArray[np.bool_]:
         """Which captured rows are on their way, and do not stand where they are to stand for a while or for good."""
@@ -272,8 +285,15 @@ class MixedCrowd:
         ):
             self._before[agents] = places
 
-    def _everybody(self, others: Others) -> NDArray[Any]:
+    def everybody(self) -> NDArray[Any]:
         """Records (ROW) of all who are in the world, the steered ones first."""
+        return self._with_steered(self.captured_as_seen())
+
+    def captured_as_seen(self) -> Others:
+        """Captured characters as steered ones see them, with what is left of their reserved ways."""
+        return self._others(self.captured.world.view())
+
+    def _with_steered(self, others: Others) -> NDArray[Any]:
         return np.concatenate((self.steered.world.column("row"), others.rows))
 
     def _bodies(self) -> StandingBodies:

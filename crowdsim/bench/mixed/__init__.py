@@ -1,0 +1,1 @@
+"""Benchmarks of both levels of locomotion in one crowd."""

@@ -1,0 +1,225 @@
+"""Every drill of steered crowds, walked steered and auto by the same people: what came of both, beside the bar.
+
+Corridors without ends, in which agents are copied from end to end, are not among them: nobody can own a reserved way
+beyond an end. ``oval.py`` has tracks instead.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely import box, contains_xy
+
+from crowdsim.bench.crowds.drill_table import BOTTLENECKS, CIRCLES, DRILLS, LEAST_FLOW
+from crowdsim.bench.crowds.drills import (
+    CIRCLE_SPACING,
+    SPEED,
+    Drill,
+    DrillResult,
+    Group,
+    circle_state,
+    door,
+    draw_agents,
+    run_circle,
+    run_drill,
+)
+from crowdsim.bench.crowds.rimea import (
+    CORNER,
+    CORNER_SECONDS,
+    NECKS,
+    TRANSIT,
+    QueueWatch,
+    run_corner,
+    run_queue,
+    transit,
+    transit_time,
+)
+from crowdsim.bench.crowds.rimea_corner import (
+    INNER,
+    OUTER,
+    AroundResult,
+    around_corner,
+    draw_crowd,
+    run_around,
+    straight,
+)
+from crowdsim.bench.mixed.walks import MixedResult, Watch, cast_of, scenario_of, walk_mixed
+from crowdsim.bench.registry import Measurement
+from crowdsim.crowd.mixed.mixed_crowd import MixedCrowd
+
+SEEDS = (501, 502, 503)
+"""Of those that steered drills are held to."""
+
+WALKED = ((door(3, 1.0), 20.0), *DRILLS)
+"""Drills, and the time after which all have to have arrived [s]."""
+
+AROUND = 500
+"""People around a corner, 20 m wide (RiMEA 15)."""
+
+KEYS = ("case", "bar", "steered", "auto", "failed", "missing", "captured", "stood", "least_gap")
+"""Columns: the worst of all seeds, steered and auto; runs of auto ones that fail; who of them did not arrive; shares of
+their way that was captured, and of their time that they stood; the least gap between two bodies [m]."""
+
+Floats = NDArray[np.float64]
+
+
+def walk_auto(drill: Drill, state: Any, watch: Watch | None = None) -> MixedResult:
+    """The people of a state through a drill, auto; a row's goal is the number of its group."""
+    scenario = scenario_of(drill)
+    return walk_mixed(scenario, cast_of(scenario, state), watch)
+
+
+def _row(
+    case: str, bar: str, steered: str, auto: str, failed: Sequence[bool], results: Sequence[MixedResult]
+) -> dict[str, Any]:
+    return {
+        "case": case,
+        "bar": bar,
+        "steered": steered,
+        "auto": auto,
+        "failed": int(sum(failed)),
+        "missing": int(sum(np.isnan(result.arrived).sum() for result in results)),
+        "captured": round(float(np.mean([result.captured for result in results])), 3),
+        "stood": round(float(np.mean([result.stood for result in results])), 3),
+        "least_gap": min(result.gap for result in results),
+    }
+
+
+def _last(arrived: Floats) -> float:
+    """When the last one of those arrived that did [s]."""
+    return float(np.max(arrived, where=np.isfinite(arrived), initial=0.0))
+
+
+def _late(arrived: Floats, seconds: float) -> bool:
+    return bool(np.isnan(arrived).any()) or _last(arrived) > seconds
+
+
+def walked(drill: Drill, seconds: float) -> dict[str, Any]:
+    """A drill in which all have to have arrived by some time [s]."""
+    results = [walk_auto(drill, draw_agents(drill, seed)) for seed in SEEDS]
+    steered = max(_last(run_drill(drill, seed).arrived) for seed in SEEDS)
+    auto = max(_last(result.arrived) for result in results)
+    failed = [_late(result.arrived, seconds) for result in results]
+    return _row(drill.name, f"{seconds:g} s", f"{steered:.1f} s", f"{auto:.1f} s", failed, results)
+
+
+def neck(drill: Drill, width: float) -> dict[str, Any]:
+    """A bottleneck, whose flow counts."""
+    results = [walk_auto(drill, draw_agents(drill, seed)) for seed in SEEDS]
+    flows = [DrillResult(result.arrived, 0.0).flow() / width for result in results]
+    failed = [bool(np.isnan(r.arrived).any()) or flow < LEAST_FLOW for r, flow in zip(results, flows, strict=True)]
+    steered = min(run_drill(drill, seed).flow() / width for seed in SEEDS)
+    return _row(drill.name, f"{LEAST_FLOW} /m/s", f"{steered:.2f} /m/s", f"{min(flows):.2f} /m/s", failed, results)
+
+
+def circle(count: int, most: float) -> dict[str, Any]:
+    """All change sides, and may take so many times as long as one who is alone."""
+    results, steered, free = [], [], 0.0
+    for seed in SEEDS:
+        there, free = run_circle(count, seed)
+        steered.append(_last(there.arrived) / free)
+        state = circle_state(count, seed)
+        state["goal"] = np.arange(count)
+        edge = CIRCLE_SPACING * count / (2.0 * math.pi) + 3.0
+        square = box(-edge, -edge, edge, edge)
+        # Where they start and go is told by the state and by ``goals``.
+        groups = (Group(1, square.bounds, square),) * count
+        drill = Drill(f"circle of {count}", square, groups, 4.0 * free + 20.0)
+        goals = [f"{{point: [{-row['x']}, {-row['y']}]}}" for row in state]
+        scenario = scenario_of(drill, seed, goals)
+        results.append(walk_mixed(scenario, cast_of(scenario, state)))
+    auto = [_last(result.arrived) / free for result in results]
+    failed = [_late(result.arrived, most * free) for result in results]
+    return _row(
+        f"circle of {count}, alone {free:.1f} s at {SPEED} m/s",
+        f"{most:g} times",
+        f"{max(steered):.2f} times",
+        f"{max(auto):.2f} times",
+        failed,
+        results,
+    )
+
+
+def alone() -> dict[str, Any]:
+    """RiMEA 1."""
+    results, times = [], []
+    for seed in SEEDS:
+        drill, state, clock = transit(seed)
+        results.append(walk_auto(drill, state, _shown(clock.watch)))
+        times.append(clock.time)
+    failed = [not TRANSIT[0] <= time <= TRANSIT[1] for time in times]
+    steered = max(transit_time(seed) for seed in SEEDS)
+    bar = f"{TRANSIT[0]:g} to {TRANSIT[1]:g} s"
+    return _row("40 m alone (RiMEA 1)", bar, f"{steered:.1f} s", f"{max(times):.1f} s", failed, results)
+
+
+def _shown(watch: Callable[[float, Any], None]) -> Watch:
+    """Shows everybody to who watches steered drills; one record nowhere once all have left."""
+
+    def show(time: float, crowd: MixedCrowd) -> None:
+        rows = crowd.everybody()
+        if not len(rows):
+            rows = np.zeros(1, rows.dtype)
+            rows["x"] = math.nan
+        watch(time, rows)
+
+    return show
+
+
+def around_the_corner() -> dict[str, Any]:
+    """RiMEA 6."""
+    results, outside = [], []
+    for seed in SEEDS:
+        counts: list[int] = []
+
+        def watch(_: float, rows: Any, counts: list[int] = counts) -> None:
+            counts.append(int((~contains_xy(CORNER.area, rows["x"], rows["y"])).sum()))
+
+        results.append(walk_auto(CORNER, draw_agents(CORNER, seed), _shown(watch)))
+        outside.append(sum(counts))
+    failed = [_late(r.arrived, CORNER_SECONDS) or wrong > 0 for r, wrong in zip(results, outside, strict=True)]
+    steered = max(_last(run_corner(seed)[0].arrived) for seed in SEEDS)
+    auto = max(_last(result.arrived) for result in results)
+    bar = f"{CORNER_SECONDS:g} s, none in a wall"
+    return _row("corner (RiMEA 6)", bar, f"{steered:.1f} s", f"{auto:.1f} s, {sum(outside)} in walls", failed, results)
+
+
+def two_necks() -> dict[str, Any]:
+    """RiMEA 12."""
+    results, queues = [], []
+    for seed in SEEDS:
+        watch = QueueWatch()
+        results.append(walk_auto(NECKS, draw_agents(NECKS, seed), _shown(watch.watch)))
+        queues.append(watch.result(DrillResult(results[-1].arrived, 0.0)))
+    failed = [not q.queues_first() or bool(np.isnan(q.drill.arrived).any()) for q in queues]
+    steered = sum(run_queue(seed).queues_first() for seed in SEEDS)
+    yes = sum(queue.queues_first() for queue in queues)
+    told = f"of {len(SEEDS)} runs"
+    bar = "wait before the first one only"
+    return _row("two necks of 1 m (RiMEA 12)", bar, f"{steered} {told}", f"{yes} {told}", failed, results)
+
+
+def large_corner(seed: int = SEEDS[0]) -> dict[str, Any]:
+    """RiMEA 15, one seed, as it has three corridors of many."""
+    state = draw_crowd(seed, AROUND)
+    results = [walk_auto(drill, state) for drill in (straight(INNER), around_corner(), straight(OUTER))]
+    auto = AroundResult(*(DrillResult(result.arrived, 0.0) for result in results))
+    there = run_around(seed, AROUND)
+    steered, mixed = (", ".join(f"{time:.1f}" for time in run.lasts()) + " s" for run in (there, auto))
+    case, bar = "large crowd around a corner (RiMEA 15)", "between both straight ones"
+    return _row(case, bar, steered, mixed, [not auto.lies_between()], results)
+
+
+def measure() -> Measurement:
+    """Walk all cases with all seeds."""
+    rows = [walked(drill, seconds) for drill, seconds in WALKED]
+    rows += [neck(drill, width) for drill, width in BOTTLENECKS]
+    rows += [circle(count, most) for count, most in CIRCLES.items()]
+    rows += [alone(), around_the_corner(), two_necks(), large_corner()]
+    figures = {f"{row['case']} {key}": float(row[key]) for row in rows for key in KEYS[4:]}
+    figures["failed"] = float(sum(row["failed"] for row in rows))
+    return Measurement(rows, figures, ("failed",))

@@ -1,0 +1,163 @@
+"""How near bodies of both levels come to each other, at several times in every step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from crowdsim.constants import CAPTURE_RATE, STEERING_RATE
+from crowdsim.crowd.mixed.mixed_crowd import MixedCrowd
+from crowdsim.crowd.mixed.seen import TRACK_ROOM
+from crowdsim.crowd.state.components import CORE, RADIUS, SLOT_FRAMES
+from crowdsim.geometry.planar import wrap_angle
+
+TIMES = (0.2, 0.4, 0.6, 0.8, 1.0)
+"""Parts of a step at which bodies are looked at."""
+
+FAR = 1.0
+"""Gap beyond which pairs are not looked at [m]; what nobody comes nearer to is told as this."""
+
+KINDS = ("steered_steered", "steered_captured", "captured_captured")
+
+Floats = NDArray[np.float64]
+
+
+class LeastGaps:
+    """Least gaps so far.
+
+    gaps: [m] by kind of pair, as bodies are: capsules of steered ones, those of their behaviors of captured ones.
+    reserved: [m] least gap between two captured bodies as they have reserved their ways, which goes straight from one
+    sample to the next. ahead: [m] least gap between a steered body and all that is left of a reserved way.
+    agent_steps: how many bodies were looked at, each step once; captured_steps: those that were captured.
+    """
+
+    def __init__(self) -> None:
+        self.gaps = dict.fromkeys(KINDS, FAR)
+        self.reserved = self.ahead = FAR
+        self.agent_steps = self.captured_steps = 0
+        self._before: NDArray[Any] | None = None
+        self._late: dict[int, tuple[int, float]] = {}
+
+    def watch(self, _: float, crowd: MixedCrowd) -> None:
+        """Take in one step, after which this is called."""
+        others = crowd.captured_as_seen()
+        rows, captured = crowd.everybody(), len(others.rows)
+        kind = np.repeat([0, 1], [len(rows) - captured, captured])
+        self.agent_steps += len(rows)
+        self.captured_steps += captured
+        for part in TIMES:
+            now = rows if part == 1.0 else _between(self._before, rows, part)
+            self._bodies(now, kind if part == 1.0 else kind[np.isin(rows["id"], now["id"])])
+        self._ways(crowd)
+        steered = rows[kind == 0]
+        if len(steered) and len(others.segments):
+            self._ahead(steered, others.segments)
+        self._before = rows
+
+    def _bodies(self, rows: NDArray[Any], kind: NDArray[np.int64]) -> None:
+        """All pairs of bodies that are near each other."""
+        pairs = _near(np.column_stack((rows["x"], rows["y"])))
+        begin, end = _cores(rows)
+        radii = rows["radius"]
+        for number, name in enumerate(KINDS):
+            first, second = pairs[kind[pairs].sum(axis=1) == number].T
+            gap = core_gaps(begin[first], end[first], begin[second], end[second]) - radii[first] - radii[second]
+            self.gaps[name] = min(self.gaps[name], float(gap.min(initial=FAR)))
+
+    def _ways(self, crowd: MixedCrowd) -> None:
+        """Captured bodies as reserved in the step taken, or in one before."""
+        view, step = crowd.captured.world.view(), crowd.step_count - 1
+        frames = CAPTURE_RATE // STEERING_RATE
+        late = (step * frames) % SLOT_FRAMES / SLOT_FRAMES
+        agents = view.agent.tolist()
+        digests = zip(agents, view.timeline_digest.tolist(), strict=True)
+        self._late = {
+            agent: self._late[agent] if self._late.get(agent, (None,))[0] == digest else (digest, late)
+            for agent, digest in digests
+        }
+        first_late = np.array([self._late[agent][1] for agent in agents])
+        for part in TIMES:
+            at = (step + part) * frames / SLOT_FRAMES - view.timeline_start
+            last = view.timeline.shape[1] - 1
+            here = np.clip(np.floor(at).astype(np.int64), 0, last)
+            there = np.minimum(here + 1, last)
+            rows = np.arange(len(here))
+            # What was reserved within a slot begins where its body was then, not where the slot began.
+            begun = np.where(here == 0, first_late, 0.0)
+            share = np.clip((at - here - begun) / (1.0 - begun), 0.0, 1.0)[:, None]
+            sample = view.timeline[rows, here] * (1.0 - share) + view.timeline[rows, there] * share
+            core = sample[:, CORE : CORE + 2]
+            first, second = _near(sample[:, :2]).T
+            begin, end, radii = sample[:, :2] - core, sample[:, :2] + core, sample[:, RADIUS]
+            gap = core_gaps(begin[first], end[first], begin[second], end[second]) - radii[first] - radii[second]
+            self.reserved = min(self.reserved, float(gap.min(initial=FAR)))
+
+    def _ahead(self, steered: NDArray[Any], segments: Floats) -> None:
+        """Steered bodies against all pieces of reserved ways from now on."""
+        middles = 0.5 * (segments[:, :2] + segments[:, 2:4])
+        longest = 0.5 * float(np.hypot(*(segments[:, 2:4] - segments[:, :2]).T).max())
+        reach = longest + 2.0 * FAR
+        near = cKDTree(np.column_stack((steered["x"], steered["y"]))).query_ball_point(middles, reach)
+        piece = np.repeat(np.arange(len(near)), [len(each) for each in near])
+        body = np.concatenate([np.array(each, np.int64) for each in near])
+        begin, end = _cores(steered)
+        apart = core_gaps(begin[body], end[body], segments[piece, :2], segments[piece, 2:4])
+        gap = apart - steered["radius"][body] - (segments[piece, 4] - TRACK_ROOM)
+        self.ahead = min(self.ahead, float(gap.min(initial=FAR)))
+
+
+def _between(before: NDArray[Any] | None, rows: NDArray[Any], part: float) -> NDArray[Any]:
+    """Bodies on their way from one step to the next, of those who were there before; each in the shape of the later."""
+    if before is None:
+        return rows[:0]
+    _, old, new = np.intersect1d(before["id"], rows["id"], return_indices=True)
+    new = np.sort(new)
+    old = np.argsort(before["id"])[np.searchsorted(np.sort(before["id"]), rows["id"][new])]
+    now = rows[new].copy()
+    for name in ("x", "y"):
+        now[name] = (1.0 - part) * before[name][old] + part * now[name]
+    heading = before["heading"][old] + part * wrap_angle(now["heading"] - before["heading"][old])
+    now["hx"], now["hy"] = np.cos(heading), np.sin(heading)
+    same = before["radius"][old] == now["radius"]
+    now["half"] = np.where(same, (1.0 - part) * before["half"][old] + part * now["half"], now["half"])
+    return now
+
+
+def _near(places: Floats) -> NDArray[np.int64]:
+    """Pairs of places that are near each other."""
+    return cKDTree(places).query_pairs(FAR, output_type="ndarray").astype(np.int64) if len(places) else _NO_PAIRS
+
+
+_NO_PAIRS = np.zeros((0, 2), np.int64)
+
+
+def _cores(rows: NDArray[Any]) -> tuple[Floats, Floats]:
+    """Both ends of the cores of bodies, which lie across their headings."""
+    middles = np.column_stack((rows["x"], rows["y"]))
+    across = np.column_stack((-rows["hy"], rows["hx"])) * rows["half"][:, None]
+    return middles - across, middles + across
+
+
+def core_gaps(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
+    """Distances between segments from ``a`` to ``b`` and from ``c`` to ``d``, each (k, 2) [m]."""
+    ends = [_off(a, c, d), _off(b, c, d), _off(c, a, b), _off(d, a, b)]
+    apart = np.minimum.reduce(ends)
+    crosses = (_side(a, b, c) * _side(a, b, d) < 0.0) & (_side(c, d, a) * _side(c, d, b) < 0.0)
+    return np.where(crosses, 0.0, apart)
+
+
+def _off(point: Floats, begin: Floats, end: Floats) -> Floats:
+    """Distances of points from segments."""
+    along = end - begin
+    square = np.maximum((along * along).sum(axis=1), 1e-300)
+    share = np.clip(((point - begin) * along).sum(axis=1) / square, 0.0, 1.0)
+    return np.asarray(np.hypot(*(point - begin - share[:, None] * along).T))
+
+
+def _side(begin: Floats, end: Floats, point: Floats) -> Floats:
+    """Twice the areas of triangles, positive where a point lies to the left of a line."""
+    u, v = end - begin, point - begin
+    return np.asarray(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])

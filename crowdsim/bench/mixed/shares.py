@@ -1,0 +1,101 @@
+"""Built-in scenarios with several seeds: how much of the way is walked captured, who stands, and what company costs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from crowdsim.bench.mixed.walks import MixedResult, walk_mixed
+from crowdsim.bench.registry import Measurement
+from crowdsim.constants import STEERING_RATE
+from crowdsim.crowd.mixed.mixed_crowd import MixedCrowd
+from crowdsim.scenario.crowd_placement import place_crowd
+from crowdsim.scenario.loader import load_scenario
+from crowdsim.scenario.scenario import Scenario
+
+SEEDS = (1, 2, 3, 4, 5)
+
+ALONE_SECONDS = 40.0
+"""Time between two who come in one after the other [s]: more than anybody takes alone."""
+
+
+@dataclass(frozen=True)
+class Bar:
+    """What a scenario is held to; None where it is not."""
+
+    captured: float | None = None
+    """Least share of the way that is captured."""
+    stood: float | None = None
+    """Largest share of the time on the way that people stand."""
+    times_alone: float | None = None
+    """How many times as long as alone they may take, in the mean."""
+
+
+BARS = {
+    "plaza": Bar(stood=0.10, times_alone=1.3),
+    "crossing": Bar(stood=0.10),
+    "bottleneck": Bar(),
+    "clutter": Bar(captured=0.95),
+    "corridor": Bar(captured=0.95),
+    "apartment": Bar(captured=0.95),
+}
+"""By name of the scenario."""
+
+
+def times_alone(scenario: Scenario) -> MixedResult:
+    """The same people from and to the same places, each in the world alone."""
+    cast = place_crowd(scenario)
+    steps = round(ALONE_SECONDS * STEERING_RATE)
+    alone = cast._replace(start_steps=np.arange(cast.head_count, dtype=np.int64) * steps)
+    most = 0
+
+    def watch(_: float, crowd: MixedCrowd) -> None:
+        nonlocal most
+        most = max(most, len(crowd.everybody()))
+
+    result = walk_mixed(scenario, alone, watch, ALONE_SECONDS * cast.head_count)
+    if most > 1:
+        raise AssertionError(f"{scenario.name}: somebody takes more than {ALONE_SECONDS:g} s alone")
+    return result
+
+
+def share_row(name: str, seed: int) -> dict[str, Any]:
+    """What came of a scenario with a seed."""
+    scenario = load_scenario(name, (f"seed={seed}", f"steps_per_second={STEERING_RATE}"))
+    bar = BARS[name]
+    result = walk_mixed(scenario)
+    ratio = None
+    if bar.times_alone is not None:
+        ratio = round(float(np.nanmean(result.times) / np.nanmean(times_alone(scenario).times)), 3)
+    missing = int(np.isnan(result.arrived).sum())
+    failed = missing > 0
+    failed |= bar.captured is not None and result.captured < bar.captured
+    failed |= bar.stood is not None and result.stood > bar.stood
+    failed |= bar.times_alone is not None and ratio is not None and ratio > bar.times_alone
+    return {
+        "scenario": name,
+        "seed": seed,
+        "failed": int(failed),
+        "missing": missing,
+        "captured": round(result.captured, 3),
+        "stood": round(result.stood, 3),
+        "mean_s": round(float(np.nanmean(result.times)), 2),
+        "last_s": round(float(np.nanmax(result.arrived)), 1),
+        "times_alone": ratio,
+        "least_gap": result.gap,
+    }
+
+
+def measure() -> Measurement:
+    """Run all scenarios with all seeds."""
+    rows = [share_row(name, seed) for name in BARS for seed in SEEDS]
+    figures = {
+        f"{row['scenario']}_{row['seed']}_{key}": float(value)
+        for row in rows
+        for key, value in row.items()
+        if key not in ("scenario", "seed") and value is not None
+    }
+    figures["failed"] = float(sum(row["failed"] for row in rows))
+    return Measurement(rows, figures, ("failed",))

@@ -1,0 +1,143 @@
+"""A thousand auto characters on a square: whether all arrive, how long it takes beside JuPedSim, how near they come."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from shapely import Polygon, box
+
+from crowdsim.bench.crowds.drills import Drill, Group, State, make_agents, scatter
+from crowdsim.bench.mixed.gaps import LeastGaps
+from crowdsim.bench.mixed.jupedsim_crowd import require_jupedsim, walk_anticipating
+from crowdsim.bench.mixed.walks import cast_of, scenario_of, walk_mixed
+from crowdsim.bench.registry import Measurement
+
+COUNT = 1000
+"""People on the square."""
+
+DENSITIES = (0.1, 0.3, 0.6, 1.0)
+"""People/m2."""
+
+SEEDS = (1,)
+
+SLOWER = 1.5
+"""Times as long as in JuPedSim that the last one may take, where all arrive there."""
+
+PIECES = 8
+"""Parts of each side, each a goal: JuPedSim heads for the middle of one, people here for its nearest point."""
+
+APART = 0.6
+"""Distance of two at the start, at least [m]."""
+
+OFF_EDGE = 0.35
+"""Distance from the edge at the start [m]."""
+
+SLOWEST = 0.5
+"""Of all speeds that are drawn [m/s]."""
+
+
+@dataclass(frozen=True)
+class Square:
+    """A square of people who want to its four sides, as a drill; its groups are those of one goal."""
+
+    drill: Drill
+    state: State
+
+    @property
+    def goals(self) -> tuple[Polygon, ...]:
+        """By group."""
+        return tuple(group.goal for group in self.drill.groups)
+
+
+def draw_square(count: int, density: float, seed: int) -> Square:
+    """People all over a square, a quarter of them on the way to each side, to the part of it that is straight ahead.
+
+    Nobody begins in the strip of its side.
+    """
+    rng = np.random.default_rng(seed)
+    side = math.sqrt(count / density)
+    deep = max(0.05 * side, 1.5)
+    places = scatter(rng, count, (OFF_EDGE, OFF_EDGE, side - OFF_EDGE, side - OFF_EDGE), APART)
+    ways = np.arange(count) % 4  # east, west, north, south
+    ahead = np.where(ways % 2 == 0, side - places[np.arange(count), ways // 2], places[np.arange(count), ways // 2])
+    # Who stands in the strip of its side wants to the other one.
+    ways = np.where(ahead < deep + 1.0, ways ^ 1, ways)
+    along = np.where(ways < 2, places[:, 1], places[:, 0])
+    number = ways * PIECES + np.clip((along / side * PIECES).astype(np.int64), 0, PIECES - 1)
+    used, goals = np.unique(number, return_inverse=True)
+    order = np.argsort(goals, kind="stable")
+    whole = (OFF_EDGE, OFF_EDGE, side - OFF_EDGE, side - OFF_EDGE)
+    groups = tuple(
+        Group(int((goals == k).sum()), whole, _strip(int(piece), side, deep)) for k, piece in enumerate(used)
+    )
+    facing = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])[ways]
+    state = make_agents(rng, places[order], goals[order], facing[order])
+    seconds = 60.0 + 3.0 * side / SLOWEST
+    drill = Drill(f"square of {count} at {density:g} /m2", box(0.0, 0.0, side, side), groups, seconds)
+    return Square(drill, state)
+
+
+def _strip(piece: int, side: float, deep: float) -> Polygon:
+    """Part of the strip along a side, the strips numbered as ways."""
+    way, part = divmod(piece, PIECES)
+    low, high = part * side / PIECES, (part + 1) * side / PIECES
+    near, far = ((side - deep, side - 0.1), (0.1, deep))[way % 2]
+    low, high = max(low, 0.1), min(high, side - 0.1)
+    return box(near, low, far, high) if way < 2 else box(low, near, high, far)
+
+
+def square_row(count: int, density: float, seed: int) -> tuple[dict[str, Any], LeastGaps]:
+    """Who arrives when, here and in JuPedSim, and how near bodies come."""
+    square = draw_square(count, density, seed)
+    scenario = scenario_of(square.drill, seed)
+    gaps = LeastGaps()
+    result = walk_mixed(scenario, cast_of(scenario, square.state), gaps.watch)
+    theirs = walk_anticipating(square.state, square.drill.area, square.goals, square.drill.seconds, seed)
+    missing, missing_there = int(np.isnan(result.arrived).sum()), int(np.isnan(theirs).sum())
+    last, last_there = _last(result.arrived), _last(theirs)
+    failed = missing > 0 or (missing_there == 0 and last > SLOWER * last_there)
+    row = {
+        "people": count,
+        "density": density,
+        "seed": seed,
+        "failed": int(failed),
+        "missing": missing,
+        "last_s": round(last, 1),
+        "mean_s": round(float(np.nanmean(result.arrived)), 1),
+        "jupedsim_missing": missing_there,
+        "jupedsim_last_s": round(last_there, 1),
+        "jupedsim_mean_s": round(float(np.nanmean(theirs)), 1),
+        "captured": round(result.captured, 3),
+        "agent_steps": gaps.agent_steps,
+        "captured_steps": gaps.captured_steps,
+        **{f"{kind}_gap": gap for kind, gap in gaps.gaps.items()},
+        "reserved_gap": gaps.reserved,
+        "ahead_gap": gaps.ahead,
+    }
+    return row, gaps
+
+
+def _last(arrived: Any) -> float:
+    return float(np.max(arrived, where=np.isfinite(arrived), initial=0.0))
+
+
+def measure() -> Measurement:
+    """Walk all squares with all seeds."""
+    require_jupedsim()
+    rows, figures = [], {"agent_steps": 0.0}
+    least: dict[str, float] = {}
+    for density in DENSITIES:
+        for seed in SEEDS:
+            row, _ = square_row(COUNT, density, seed)
+            rows.append(row)
+            figures["agent_steps"] += row["agent_steps"]
+            for key, value in row.items():
+                if key.endswith("_gap"):
+                    least[key] = min(least.get(key, math.inf), value)
+                elif key not in ("people", "density", "seed"):
+                    figures[f"{density:g}_seed_{seed}_{key}"] = float(value)
+    figures |= least
+    return Measurement(rows, figures, ("agent_steps", *least))

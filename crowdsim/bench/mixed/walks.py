@@ -1,0 +1,115 @@
+"""Drills of steered crowds walked by auto characters: the same people at the same places, on both levels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from crowdsim.bench.crowds.drills import Drill, State
+from crowdsim.constants import STEERING_RATE
+from crowdsim.crowd.mixed.mixed_crowd import MixedCrowd
+from crowdsim.crowd.report.steered_statistics import CENTER_LIMIT
+from crowdsim.recording.header import AgentState
+from crowdsim.scenario.crowd_placement import CrowdPlacement, place_crowd
+from crowdsim.scenario.loader import parse_scenario
+from crowdsim.scenario.scenario import Scenario
+from crowdsim.scenario.walkers import Walkers
+
+Watch: TypeAlias = Callable[[float, MixedCrowd], None]
+"""Is shown the time [s] and the crowd after each step."""
+
+_SCENARIO = """\
+crowdsim: 1
+name: drill
+seed: {seed}
+duration: {seconds}
+steps_per_second: 10
+floor: {{polygon: {floor}}}
+agents:
+{groups}
+"""
+_GROUP = "  - {{name: g{number}, count: {count}, start: {{rectangle: {start}}}, goal: {goal}}}\n"
+
+
+@dataclass(frozen=True)
+class MixedResult:
+    """What came of a walk.
+
+    arrived: (n,) when each arrived [s], nan for those who did not. times: (n,) the same from coming in on. captured:
+    share of the way walked captured. stood: share of the time in the world in which people on their way walked slower
+    than 0.1 m/s. gap: least between bodies [m], CENTER_LIMIT if none is less. agent_steps: steps that people took.
+    """
+
+    arrived: NDArray[np.float64]
+    times: NDArray[np.float64]
+    captured: float
+    stood: float
+    gap: float
+    agent_steps: int
+
+
+def scenario_of(drill: Drill, seed: int = 1, goals: list[str] | None = None) -> Scenario:
+    """A drill as a scenario of auto characters; ``goals``: those of its groups as text, where they are no polygons."""
+    texts = [_polygon(group.goal) for group in drill.groups] if goals is None else goals
+    groups = "".join(
+        _GROUP.format(number=number, count=group.count, start=list(group.start), goal=text)
+        for number, (group, text) in enumerate(zip(drill.groups, texts, strict=True))
+    )
+    ring = shapely.get_coordinates(drill.area.exterior)[:-1].tolist()
+    return parse_scenario(_SCENARIO.format(seed=seed, seconds=drill.seconds, floor=ring, groups=groups))
+
+
+def _polygon(region: Any) -> str:
+    return f"{{polygon: {shapely.get_coordinates(region.exterior)[:-1].tolist()}}}"
+
+
+def cast_of(scenario: Scenario, state: State) -> CrowdPlacement:
+    """The people of ``state``, in the order of the groups of the scenario, with spots at its goals."""
+    drawn = place_crowd(scenario)
+    walkers = Walkers(
+        state["speed"].copy(), 2.0 * (state["half"] + state["radius"]), np.zeros(len(state)), state["share"].copy()
+    )
+    places = np.column_stack((state["x"], state["y"]))
+    return drawn._replace(starts=places, headings=state["heading"].copy(), walkers=walkers)
+
+
+def walk_mixed(
+    scenario: Scenario, cast: CrowdPlacement | None = None, watch: Watch | None = None, seconds: float | None = None
+) -> MixedResult:
+    """Walk to the end of a scenario; ``seconds``: the time after which that is, if not its own."""
+    crowd = MixedCrowd(scenario, 2, None, cast)
+    slow = present = 0
+    try:
+        for step in range(round((scenario.duration if seconds is None else seconds) * STEERING_RATE)):
+            crowd.advance()
+            frame = crowd.frame()
+            crowd.measure(frame)
+            crowd.new_routes()
+            rows = crowd.everybody()
+            going = rows["goal"] >= 0
+            slow += int((np.hypot(rows["vx"], rows["vy"])[going] < 0.1).sum())
+            present += int((np.asarray(frame.state) != AgentState.ABSENT).sum())
+            crowd.end_step()
+            if watch is not None:
+                watch((step + 1) / STEERING_RATE, crowd)
+            if crowd.finished:
+                break
+        summary = crowd.summary()
+    finally:
+        crowd.close()
+    arrivals = crowd.arrivals
+    times = (arrivals - crowd.entered) / STEERING_RATE
+    gap = summary["closest_bodies"]
+    return MixedResult(
+        np.where(arrivals >= 0, (arrivals + 1) / STEERING_RATE, np.nan),
+        np.where(arrivals >= 0, times, np.nan),
+        summary["level_share"]["captured"],
+        slow / max(present, 1),
+        CENTER_LIMIT if gap is None else gap,
+        present,
+    )

@@ -1,0 +1,131 @@
+"""Benchmarks of both levels in one crowd, on few people."""
+
+import json
+import sys
+
+import numpy as np
+import pytest
+
+from crowdsim.bench.crowds import drills
+from crowdsim.bench.mixed import cases, shares, square
+from crowdsim.bench.mixed.gaps import FAR, KINDS, LeastGaps, core_gaps
+from crowdsim.bench.mixed.jupedsim_crowd import RADIUS, walk_anticipating
+from crowdsim.bench.mixed.walks import cast_of, scenario_of, walk_mixed
+from crowdsim.errors import CrowdSimError
+from crowdsim.scenario.loader import parse_scenario
+from tests.reference.steering_reference import segment_to_segment
+
+TWO = """\
+crowdsim: 1
+name: two
+seed: 1
+duration: 60
+steps_per_second: 10
+floor: {rectangle: [0, 0, 14, 6]}
+agents:
+  - {name: east, count: 1, start: {point: [1, 3]}, goal: {point: [13, 3]}}
+  - {name: west, count: 1, start: {point: [13, 3.2]}, goal: {point: [1, 3.2]}}
+"""
+
+
+def test_distances_of_cores_are_those_of_the_twin():
+    ends = np.random.default_rng(1).normal(0.0, 0.5, (4, 300, 2))
+    ends[1, :20] = ends[0, :20]
+    ends[3, 10:30] = ends[2, 10:30]
+    found = core_gaps(*ends)
+    for k, gap in enumerate(found):
+        assert gap == pytest.approx(segment_to_segment(ends[:2, k], ends[2:, k]), abs=1e-12)
+    assert (found == 0.0).sum() > 10
+
+
+@pytest.fixture(scope="module")
+def crossed():
+    """Twelve who cross each other on a square."""
+    drawn = square.draw_square(12, 0.2, 1)
+    scenario, gaps = scenario_of(drawn.drill), LeastGaps()
+    return drawn, walk_mixed(scenario, cast_of(scenario, drawn.state), gaps.watch), gaps
+
+
+def test_people_of_a_square_go_straight_ahead_to_sides_that_they_are_not_at(crossed):
+    drawn, result, _ = crossed
+    places = np.column_stack((drawn.state["x"], drawn.state["y"]))
+    apart = np.hypot(*(places[:, None] - places).T) + 9.0 * np.eye(12)
+    assert apart.min() > max(square.APART, 2.0 * RADIUS)
+    assert sum(group.count for group in drawn.drill.groups) == 12
+    for place, goal in zip(places, drawn.state["goal"], strict=True):
+        left, bottom, right, top = drawn.goals[goal].bounds
+        assert left - 0.2 <= place[0] <= right + 0.2 or bottom - 0.2 <= place[1] <= top + 0.2
+        assert not (left <= place[0] <= right and bottom <= place[1] <= top)
+    assert np.isfinite(result.arrived).all()
+
+
+def test_gaps_are_taken_of_all_kinds_of_pairs(crossed):
+    _, result, gaps = crossed
+    assert gaps.agent_steps == pytest.approx(result.agent_steps, abs=12)
+    assert 0 < gaps.captured_steps < gaps.agent_steps
+    assert set(gaps.gaps) == set(KINDS)
+    assert 0.0 < min(gaps.gaps["steered_steered"], gaps.gaps["steered_captured"]) < FAR
+    assert 0.0 < gaps.ahead < FAR
+    # What is looked at more often comes out no farther apart.
+    assert min(gaps.gaps.values()) <= result.gap + 1e-9
+
+
+def test_gaps_are_found_where_bodies_overlap(crossed):
+    drawn, *_ = crossed
+    gaps = LeastGaps()
+    scenario = scenario_of(drawn.drill)
+
+    def watch(time, crowd):
+        rows = crowd.steered.world.column("row")
+        if len(rows) > 1:
+            rows["x"][1], rows["y"][1] = rows["x"][0] + 0.1, rows["y"][0]
+            gaps.watch(time, crowd)
+            raise StopIteration
+
+    with pytest.raises(StopIteration):
+        walk_mixed(scenario, cast_of(scenario, drawn.state), watch)
+    assert gaps.gaps["steered_steered"] < 0.0
+
+
+def test_a_case_says_what_came_of_steered_and_of_auto_people(monkeypatch):
+    monkeypatch.setattr(cases, "SEEDS", (1,))
+    row = cases.walked(drills.door(2, 1.2), 40.0)
+    assert tuple(row) == cases.KEYS
+    assert (row["failed"], row["missing"]) == (0, 0)
+    assert cases.walked(drills.door(2, 1.2), 1.0)["failed"] == 1
+    assert cases.circle(6, 20.0)["failed"] == 0
+    alone = cases.alone()
+    assert alone["failed"] == 0
+    assert alone["captured"] == 1.0
+
+
+def test_who_is_alone_takes_no_longer_than_in_company():
+    scenario = parse_scenario(TWO)
+    alone, both = shares.times_alone(scenario), walk_mixed(scenario)
+    assert np.isfinite(alone.times).all()
+    assert alone.captured == 1.0
+    assert (alone.times <= both.times + 1.0).all()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(shares, "ALONE_SECONDS", 2.0)
+        with pytest.raises(AssertionError, match="more than 2 s alone"):
+            shares.times_alone(scenario)
+
+
+def test_without_jupedsim_its_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "jupedsim", None)
+    with pytest.raises(CrowdSimError, match=r"pip install 'crowdsim\[jupedsim\]'"):
+        square.measure()
+
+
+def test_a_square_is_walked_here_and_in_jupedsim(monkeypatch):
+    pytest.importorskip("jupedsim")
+    monkeypatch.setattr(square, "COUNT", 8)
+    monkeypatch.setattr(square, "DENSITIES", (0.2,))
+    measured = square.measure()
+    (row,) = measured.rows
+    assert (row["failed"], row["missing"], row["jupedsim_missing"]) == (0, 0, 0)
+    assert json.loads(json.dumps(measured.figures)) == measured.figures
+    assert set(measured.headline) <= set(measured.figures)
+    drawn = square.draw_square(8, 0.2, 1)
+    theirs = walk_anticipating(drawn.state, drawn.drill.area, drawn.goals, 0.5)
+    assert np.isnan(theirs).all(), "nobody can be there by then"
