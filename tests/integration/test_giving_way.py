@@ -21,7 +21,7 @@ GROUP = (
 def corridor(width: float, seed: int) -> str:
     half, off = width / 2, width / 2 - 0.36
     west, east = [0.8, -off, 1.2, off], [10.8, -off, 11.2, off]
-    text = HEAD.format(seed=seed, duration=40, floor=f"{{rectangle: [0.0, {-half}, 12.0, {half}]}}") + "agents:\n"
+    text = HEAD.format(seed=seed, duration=60, floor=f"{{rectangle: [0.0, {-half}, 12.0, {half}]}}") + "agents:\n"
     text += GROUP.format(name="a", count=1, start=west, goal=east, rest="")
     return text + GROUP.format(name="b", count=1, start=east, goal=west, rest="")
 
@@ -74,6 +74,14 @@ def test_two_who_meet_in_a_corridor_pass(width: float, seed: int) -> None:
     arrived, seconds, _, _ = run(corridor(width, seed))
     assert arrived == 2
     assert seconds < 25
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_two_who_meet_where_only_one_can_walk_ahead_step_to_the_walls_and_pass(seed: int) -> None:
+    arrived, seconds, moved, _ = run(corridor(1.2, seed))
+    assert arrived == 2
+    assert moved > 0
+    assert seconds < 50
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

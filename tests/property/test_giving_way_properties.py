@@ -3,28 +3,22 @@
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 from crowdsim.constants import NONE
+from crowdsim.crowd.giving_way.aside_kernels import step_to_wall
+from crowdsim.crowd.giving_way.asking import Asking, Standing, Trail
+from crowdsim.crowd.giving_way.give_way_kernels import clear_way, step_aside
+from crowdsim.crowd.giving_way.moves import moves_of
 from crowdsim.crowd.near.neighbors import Neighbors
 from crowdsim.crowd.state.components import SLOT_FRAMES
-from crowdsim.crowd.state.give_way_kernels import clear_way, step_aside
-from crowdsim.crowd.state.moves import moves_of
 from crowdsim.crowd.state.reservation_kernels import pair_meets
-from crowdsim.crowd.state.timelines import (
-    NO_BODIES,
-    Asking,
-    Chain,
-    Obstacles,
-    Standing,
-    StandingBodies,
-    Timelines,
-    Trail,
-)
+from crowdsim.crowd.state.timelines import NO_BODIES, Chain, Obstacles, Playback, StandingBodies, Timelines
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.steering.steering import Steering
 from crowdsim.steering.walls import build_walls
+from tests.reference.aside import step_to_wall_slow
 from tests.reference.crowd import FOREVER, discs_along, walking_graph
 from tests.reference.giving_way import Scene, give_way, leave_way, moves_in_order, play
 from tests.support.steered import agents
@@ -123,7 +117,7 @@ def require_the_same(scene: Scene, before: list[np.ndarray], count: int, ask: As
 def compare(rng: np.random.Generator, scene: Scene, aside: int | None) -> list[tuple[int, int]] | None:
     """Hold the kernels to the twin; returns what both find."""
     before, draft, ask = columns_of(scene.everyone), Chain.room(20), asking(scene, ENOUGH)
-    rest = scene.clock, SLOT_FRAMES, draft, ask
+    rest = Playback.natural(scene.clock, 1), draft, ask
     kept = scene._replace(everyone=Timelines(*columns_of(scene.everyone), scene.everyone.near))
     if aside is not None:
         found = leave_way(kept, 0, aside)
@@ -203,7 +197,17 @@ def test_who_may_try_few_moves_finds_the_same_or_nothing(seed: int, tries: int) 
     before, want = columns_of(scene.everyone), walk(rng, spots)
     kept = scene._replace(everyone=Timelines(*columns_of(scene.everyone), scene.everyone.near))
     ask = asking(scene, tries)
-    call = GRAPH, scene.obstacles, scene.everyone, 0, want, FOREVER, scene.clock, SLOT_FRAMES, Chain.room(20), ask
+    call = (
+        GRAPH,
+        scene.obstacles,
+        scene.everyone,
+        0,
+        want,
+        FOREVER,
+        Playback.natural(scene.clock, 1),
+        Chain.room(20),
+        ask,
+    )
     count = clear_way(*call)
     assert 0 <= ask.trail.tries[0] <= tries
     require_the_same(scene, before, count, ask, give_way(kept, 0, want, FOREVER) if count >= 0 else None)
@@ -224,3 +228,20 @@ def test_who_finds_a_move_meets_nobody(seed: int) -> None:
     owned |= {row: (play(scene, row, move)[0], slot, FOREVER) for row, move in found}
     for row in [0, *(row for row, _ in found)]:
         assert not any(pair_meets(*owned[row], *owned[k], slot, 2 * RADIUS, True) for k in owned if k != row)
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=80)
+def test_who_waits_steps_to_the_wall_that_the_twin_says(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    half = (6.0, float(rng.uniform(0.4, 1.2)))
+    count = int(rng.integers(1, 4))
+    spots = np.column_stack([0.9 * np.arange(count), rng.uniform(-1, 1, count) * max(half[1] - RADIUS, 0.0)])
+    scene = scene_of(rng, spots + rng.normal(0.0, 0.05, (count, 2)), rng.uniform(-3, 3, count), half)
+    before, ask = columns_of(scene.everyone), asking(scene, ENOUGH)
+    move = step_to_wall_slow(scene._replace(everyone=Timelines(*before, scene.everyone.near)), 0)
+    now = Playback.natural(scene.clock, 1)
+    steps = step_to_wall(GRAPH, scene.obstacles, scene.everyone, 0, now, Chain.room(20), ask)
+    assert steps == (move != -1)
+    event(f"steps: {steps}")
+    require_the_same(scene, before, int(steps) or -1, ask, [(0, move)] if steps else None)

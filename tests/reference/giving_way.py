@@ -12,18 +12,19 @@ import numpy as np
 import shapely
 
 from crowdsim.constants import CAPTURE_RATE
-from crowdsim.crowd.state.body_kernels import BODY_ROOM
-from crowdsim.crowd.state.components import CORE, RADIUS, SAMPLE, SLOT_FRAMES
-from crowdsim.crowd.state.give_way_kernels import (
+from crowdsim.crowd.giving_way.asking import Standing
+from crowdsim.crowd.giving_way.give_way_kernels import (
     DETOUR_COST,
     IN_WAY_COST,
     OFF_WALLS,
     OTHER_WAY_COST,
     PASSAGE_COST,
 )
-from crowdsim.crowd.state.moves import Moves
+from crowdsim.crowd.giving_way.moves import Moves
+from crowdsim.crowd.state.body_kernels import BODY_ROOM
+from crowdsim.crowd.state.components import CORE, RADIUS, SAMPLE, SLOT_FRAMES
 from crowdsim.crowd.state.reservation_kernels import pair_meets
-from crowdsim.crowd.state.timelines import Obstacles, Standing, Timelines
+from crowdsim.crowd.state.timelines import Obstacles, Timelines
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.motion.graph.arrays import GraphArrays
 from crowdsim.motion.graph.track_kernels import BLEND_FRAMES, next_origin
@@ -74,7 +75,7 @@ def _let_move(scene, me, trail, owned, moved, strict):
     for move in moves_in_order(scene, me, row, strict and not moved):
         timeline, poses = play(scene, row, move)
         asked = _asked(scene, me, row, (timeline, scene.clock // SLOT_FRAMES, FOREVER), owned, trail)
-        if asked is None or not _is_clear(scene, row, poses) or _meets_body(scene, timeline):
+        if asked is None or not is_clear(scene, row, poses) or meets_body(scene, timeline):
             continue
         its = {row: (timeline, scene.clock // SLOT_FRAMES, FOREVER)}
         found = _let_move(scene, me, trail + asked, owned | its, moved | {row: move}, strict)
@@ -163,7 +164,7 @@ def play(scene: Scene, row: int, move: int) -> tuple[np.ndarray, list[np.ndarray
     return timeline, poses
 
 
-def _is_clear(scene: Scene, row: int, poses: list[np.ndarray]) -> bool:
+def is_clear(scene: Scene, row: int, poses: list[np.ndarray], off_walls: float = OFF_WALLS) -> bool:
     """Whether poses, the last one first, keep the widest clearance, and more at the end if the row had more."""
     own = float(scene.obstacles.radii.max())
 
@@ -171,12 +172,12 @@ def _is_clear(scene: Scene, row: int, poses: list[np.ndarray]) -> bool:
         place = shapely.Point(pose[:2])
         return scene.floor.exterior.distance(place) if scene.floor.contains(place) else 0.0
 
-    before = min(clearance(scene.standing.origin[row]), own + OFF_WALLS)
+    before = min(clearance(scene.standing.origin[row]), own + off_walls)
     at_end = max(own, before - _ROUNDING)
     return clearance(poses[0]) >= at_end and all(clearance(pose) >= own for pose in poses)
 
 
-def _meets_body(scene: Scene, timeline: np.ndarray) -> bool:
+def meets_body(scene: Scene, timeline: np.ndarray) -> bool:
     """Whether a timeline comes too near to a steered body."""
     for here, there in zip(timeline, [*timeline[1:], timeline[-1]], strict=True):
         radius = max(np.hypot(*each[CORE : CORE + 2]) for each in (here, there)) + max(here[RADIUS], there[RADIUS])

@@ -96,7 +96,7 @@ def step_to_wall(graph, obstacles, everyone, row, playback, draft, asking):
     node, origin, goal = standing.node[row], standing.origin[row], standing.goal[row]
     x, y, h = node_end(graph, np.int64(node), origin[0], origin[1], origin[2])
     room = room_beside(obstacles, x, y)
-    if room >= NARROW_ROOM:
+    if room >= NARROW_ROOM - ROUNDING:
         return False
 
     # Price all moves that end closer to a wall, or as close to it and farther off others.
