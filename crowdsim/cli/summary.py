@@ -32,6 +32,7 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("mean time to arrive", _quantity(summary["mean_time"], "{:.1f} s")),
         ("share of the way", _shares(summary["behavior_share"])),
         *((f"  in {area}", _shares(shares)) for area, shares in areas.items()),
+        *_measured_rows(summary),
         *_level_rows(summary),
         ("closest two, center to center", _quantity(summary["closest_pair"], "{:.3f} m")),
         *([("  body to body", f"{summary['closest_bodies']:.3f} m")] if summary.get("closest_bodies") else []),
@@ -54,6 +55,20 @@ def _level_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("  captured and steered", text),
         ("  changes of level", f"{switches['steered']} to steered, {switches['captured']} to captured"),
     ]
+
+
+def _measured_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Density and speed in the areas, passages and flow at the lines."""
+    rows = []
+    for name, area in summary["areas"].items():
+        density, most = (_quantity(area[key], "{:.2f}") for key in ("density", "density_most"))
+        rows.append((f"density in {name}", f"{density} /m2, {most} at most; {_quantity(area['speed'], '{:.2f} m/s')}"))
+    for name, line in summary["lines"].items():
+        text = f"{line['to_left']} to the left, {line['to_right']} to the right"
+        if line["flow"] is not None:
+            text += f"; {line['flow']:.2f} /s, {line['flow_per_m']:.2f} /(m s)"
+        rows.append((f"passages at {name}", text))
+    return rows
 
 
 def _event_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:

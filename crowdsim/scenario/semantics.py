@@ -25,6 +25,7 @@ def _duplicate_names(keys: ScenarioFields) -> list[Complaint]:
         "layers": [layer.name for layer in keys.bands],
         "agents": [group.name for group in keys.agents],
         "areas": [area.name for area in keys.areas],
+        "lines": [line.name for line in keys.lines],
     }
     complaints: list[Complaint] = []
     for key, names in named.items():
@@ -91,6 +92,12 @@ def _matches(folder: Path, pattern: str) -> bool:
 
 def _times(keys: ScenarioFields) -> list[Complaint]:
     complaints: list[Complaint] = []
+    measured = [(("areas", number), area.start_time) for number, area in enumerate(keys.areas)]
+    measured += [(("lines", number), line.start_time) for number, line in enumerate(keys.lines)]
+    for path, begins in measured:
+        if begins >= keys.duration:
+            message = f"the run ends at {keys.duration:g} s, before measuring begins at {begins:g} s"
+            complaints.append(((*path, "start_time"), message))
     for number, group in enumerate(keys.agents):
         if group.rate is not None:
             for key, time in (("start_time", group.start_time), ("until", group.until or 0.0)):

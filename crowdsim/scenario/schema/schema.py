@@ -6,14 +6,15 @@ import json
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from crowdsim.constants import CAPTURE_RATE, STEERING_RATE
 from crowdsim.environment.layers import LEGS, TORSO
 from crowdsim.scenario.schema.agents import AgentGroup, Motion
 from crowdsim.scenario.schema.environment import Clutter, Floor, Layer, Obstacle
 from crowdsim.scenario.schema.events import Door, Event
-from crowdsim.scenario.schema.values import Extent, Name, Pair, Part, Region, one_of
+from crowdsim.scenario.schema.measured import Area, Line
+from crowdsim.scenario.schema.values import Extent, Name, Pair, Part
 
 FORMAT_VERSION = 1
 
@@ -21,19 +22,6 @@ CAPTURED_RATE = 30
 """Steps a second where all characters are captured and nothing else is asked for."""
 
 DEFAULT_BEHAVIORS = ("lateral", "arm_constrained", "frontal")
-
-
-class Area(Region):
-    """A named part of the floor for which shares of behaviors are reported."""
-
-    model_config = ConfigDict(json_schema_extra=one_of(("rectangle",), ("circle",), ("polygon",)))
-    name: Name
-
-    @model_validator(mode="after")
-    def _check_extent(self) -> Area:
-        if self.point is not None:
-            raise ValueError("an area needs an extent; give rectangle, circle or polygon")
-        return self
 
 
 class Neighborhood(Part):
@@ -68,6 +56,7 @@ class ScenarioFields(Part):
     motion: Motion = Motion(set="default")
     agents: Annotated[tuple[AgentGroup, ...], Field(strict=False, min_length=1)]
     areas: Annotated[tuple[Area, ...], Field(strict=False)] = ()
+    lines: Annotated[tuple[Line, ...], Field(strict=False)] = ()
     captured_near: Neighborhood | None = None
 
     @model_validator(mode="before")
