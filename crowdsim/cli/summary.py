@@ -25,6 +25,7 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         *([("  still waiting at the end", str(summary["waiting"]))] if summary["waiting"] else []),
         *((f"  no way for character {agent}", reason) for agent, reason in summary["unreachable"].items()),
         *((f"rounds of {group}", str(count)) for group, count in summary["laps"].items()),
+        *((f"left through {name}", _left(exit_)) for name, exit_ in summary["exits"].items()),
         *_event_rows(summary),
         *_stand_rows(summary["stands"]),
         *([_search_row(summary["searches"])] if summary["searches"] else []),
@@ -55,6 +56,11 @@ def _level_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("  captured and steered", text),
         ("  changes of level", f"{switches['steered']} to steered, {switches['captured']} to captured"),
     ]
+
+
+def _left(exit_: Mapping[str, Any]) -> str:
+    """How many left through an exit, and until when."""
+    return str(exit_["left"]) if exit_["last"] is None else f"{exit_['left']}, the last one at {exit_['last']:.1f} s"
 
 
 def _measured_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:

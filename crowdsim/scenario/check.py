@@ -42,8 +42,8 @@ def check_scenario(scenario: Scenario) -> list[str]:
         elif solids and not any(solid.footprint.intersects(floor) for solid in met):
             warn(path, f"'{name}' lies off the floor and has no effect")
     for number, group in enumerate(scenario.agents):
-        for key, region in ((("start",), group.start), *group.regions()):
-            if not floor.covers(region.shape()):
+        for key, shape in ((("start",), group.start.shape()), *scenario.destinations(group)):
+            if not floor.covers(shape):
                 what = "start" if key == ("start",) else "goal"
                 warn(
                     ("agents", number, *key), f"part of the {what} of '{group.name}' lies off the floor and is not used"

@@ -15,7 +15,14 @@ from crowdsim.yamlfile.messages import nearest
 
 def key_complaints(keys: ScenarioFields, folder: Path) -> list[Complaint]:
     """Keys that contradict each other, the library, or what is in ``folder``."""
-    return [*_duplicate_names(keys), *_behaviors(keys), *_captures(keys, folder), *_times(keys), *_locomotion(keys)]
+    return [
+        *_duplicate_names(keys),
+        *_behaviors(keys),
+        *_captures(keys, folder),
+        *_times(keys),
+        *_locomotion(keys),
+        *_exits(keys),
+    ]
 
 
 def _duplicate_names(keys: ScenarioFields) -> list[Complaint]:
@@ -24,6 +31,7 @@ def _duplicate_names(keys: ScenarioFields) -> list[Complaint]:
         "doors": [door.name for door in keys.doors],
         "layers": [layer.name for layer in keys.bands],
         "agents": [group.name for group in keys.agents],
+        "exits": [each.name for each in keys.exits],
         "areas": [area.name for area in keys.areas],
         "lines": [line.name for line in keys.lines],
     }
@@ -126,4 +134,26 @@ def _locomotion(keys: ScenarioFields) -> list[Complaint]:
     if keys.captured_near is not None and "auto" not in keys.locomotions():
         message = "no group moves 'auto'; give one 'locomotion: auto', or drop this key"
         complaints.append((("captured_near",), message))
+    return complaints
+
+
+def _exits(keys: ScenarioFields) -> list[Complaint]:
+    """Exits that groups name and the file does not have, and groups that can go to none."""
+    complaints: list[Complaint] = []
+    known = [each.name for each in keys.exits]
+    for number, group in enumerate(keys.agents):
+        if group.exits is None:
+            continue
+        path: tuple[str | int, ...] = ("agents", number, "exits")
+        if group.locomotion == "captured":
+            message = "captured characters go to a 'goal'; give this group 'locomotion: auto' or 'steered'"
+            complaints.append((path, message))
+        if not known:
+            complaints.append((path, "this file has no exits; list them under 'exits', each with a name and a region"))
+            continue
+        for place, name in enumerate(() if group.exits == "all" else group.exits):
+            if name not in known:
+                key = name if isinstance(group.exits, dict) else place
+                message = f"there is no exit '{name}'; {nearest(name, known, 'the exits are')}"
+                complaints.append(((*path, key), message))
     return complaints

@@ -172,6 +172,7 @@ class MixedCrowd:
             "waiting": int((world.state == AgentState.WAITING).sum()) + steered.waiting,
             "unreachable": {**self._without_a_way(), **steered.unreachable},
             "laps": steered.errands.laps(),
+            "exits": steered.exits_used(arrived),
             "stands": stands_summary(*(np.concatenate(both) for both in stands)),
             "events": captured.events.report(),
             "replans": captured.plans.replans,

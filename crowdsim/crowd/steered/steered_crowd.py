@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crowdsim.behaviors.gaits import gait_clips
 from crowdsim.behaviors.library import BehaviorSet
@@ -18,6 +19,7 @@ from crowdsim.crowd.state.state_hash import state_hash
 from crowdsim.crowd.steered.components import COLUMNS, Errand
 from crowdsim.crowd.steered.entering import Entering
 from crowdsim.crowd.steered.errands import Errands
+from crowdsim.crowd.steered.exits import ExitChoice, exits_summary
 from crowdsim.crowd.steered.gait import walk_on
 from crowdsim.crowd.steered.steered_place import SteeredPlace
 from crowdsim.ecs.world import World
@@ -53,8 +55,10 @@ class SteeredCrowd:
         self.place = SteeredPlace(scenario.environment, self.cast.goals, behaviors, STEERING_RATE, threads)
         self.world = World(COLUMNS)
         self.steering = Steering(*self.place.walls, leg_radius=LEG_RADIUS, threads=threads)
-        self.errands = Errands(self.cast, STEERING_RATE)
-        self.entering = Entering(self.world, self.place, self.cast, self.errands)
+        free = scenario.environment.layers[0].free
+        self.exits = ExitChoice(self.cast, free, self.place.guidance, STEERING_RATE)
+        self.errands = Errands(self.cast, self.exits, STEERING_RATE)
+        self.entering = Entering(self.world, self.place, self.cast, self.exits, self.errands)
         self.gaits = gait_clips(self.behavior_set)
         self.statistics = SteeredStatistics(
             behaviors,
@@ -123,6 +127,7 @@ class SteeredCrowd:
         view = world.view()
         place.refresh(self._step, view.row, view.following)
         self.errands.set_out(view, self._step)
+        self.exits.consider(view, self._step)
         place.guidance.write(view.row, view.following)
         leaves = self.errands.update(view, self._step)
         place.lead_out(view.row, np.flatnonzero(view.lost_since != NONE))
@@ -179,6 +184,12 @@ class SteeredCrowd:
             phase=spread(view.phase, np.nan, np.float32),
         )
 
+    def exits_used(self, arrived: NDArray[np.int64]) -> dict[str, Any]:
+        """How many left through each exit; ``arrived``, (n,): step in which each character did, NONE for not yet."""
+        names, numbers = zip(*self.cast.exits.items(), strict=True) if self.cast.exits else ((), ())
+        goals = self.errands.last_goals()
+        return exits_summary(names, np.array(numbers, np.int32), goals, arrived, STEERING_RATE)
+
     def measure(self, frame: RecordedFrame) -> None:
         """Take the present step into the statistics."""
         self.statistics.add(self.world.view(), self.steering)
@@ -195,6 +206,7 @@ class SteeredCrowd:
             "waiting": self.waiting,
             "unreachable": self.unreachable,
             "laps": self.errands.laps(),
+            "exits": self.exits_used(arrived),
             "stands": stands_summary(*self.errands.how_they_stood(view)),
             "events": self.place.agenda.report(),
             "replans": 0,

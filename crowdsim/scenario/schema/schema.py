@@ -7,12 +7,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
+from shapely import MultiPolygon, Point, Polygon, union_all
 
 from crowdsim.constants import CAPTURE_RATE, STEERING_RATE
 from crowdsim.environment.layers import LEGS, TORSO
 from crowdsim.scenario.schema.agents import AgentGroup, Motion
 from crowdsim.scenario.schema.environment import Clutter, Floor, Layer, Obstacle
 from crowdsim.scenario.schema.events import Door, Event
+from crowdsim.scenario.schema.exits import Exit
 from crowdsim.scenario.schema.measured import Area, Line
 from crowdsim.scenario.schema.values import Extent, Name, Pair, Part
 
@@ -55,6 +57,7 @@ class ScenarioFields(Part):
     planner: Literal["layered", "greedy_literal", "collision3d"] = "layered"
     motion: Motion = Motion(set="default")
     agents: Annotated[tuple[AgentGroup, ...], Field(strict=False, min_length=1)]
+    exits: Annotated[tuple[Exit, ...], Field(strict=False)] = ()
     areas: Annotated[tuple[Area, ...], Field(strict=False)] = ()
     lines: Annotated[tuple[Line, ...], Field(strict=False)] = ()
     captured_near: Neighborhood | None = None
@@ -89,7 +92,18 @@ class ScenarioFields(Part):
 
     def locomotions(self) -> set[str]:
         """How the groups move."""
-        return {group.locomotion for group in self.agents}
+        return {group.level for group in self.agents}
+
+    def exits_of(self, group: AgentGroup) -> list[int]:
+        """Numbers of the exits of a group, in the order of the file."""
+        named = group.exits or ()
+        return [number for number, each in enumerate(self.exits) if named == "all" or each.name in named]
+
+    def destinations(self, group: AgentGroup) -> list[tuple[tuple[str | int, ...], Polygon | MultiPolygon | Point]]:
+        """Where a group goes to in turn, each with its place in the group; its exits count as one place."""
+        if group.exits is not None:
+            return [(("exits",), union_all([self.exits[number].shape() for number in self.exits_of(group)]))]
+        return [(key, goal.shape()) for key, goal in group.regions()]
 
     @property
     def steers(self) -> bool:

@@ -12,6 +12,7 @@ SUMMARY = {
     "waiting": 1,
     "unreachable": {"1": "no path: too narrow"},
     "laps": {"guards": 7},
+    "exits": {"north": {"left": 2, "last": 8.25}, "south": {"left": 0, "last": None}},
     "events": [
         {"event": "close 'front'", "at": 4.0, "outcome": "happened", "late": 2.5},
         {"event": "open 'front'", "at": 9.0, "outcome": "happened", "late": 0.0},
@@ -66,6 +67,8 @@ def test_the_summary_is_shown_with_units():
     assert rows["  no way for character 1"] == "no path: too narrow"
     assert rows["body to obstacle, torso"] == "0.062 m"
     assert rows["rounds of guards"] == "7"
+    assert rows["left through north"] == "2, the last one at 8.2 s"
+    assert rows["left through south"] == "0"
     assert rows["events"] == "2 of 3 that were due happened"
     assert rows["  close 'front' at 4 s"] == "2.5 s late: somebody was in the way"
     assert rows["  insert 'crate' at 11.5 s"] == "never: somebody was in the way to the end"

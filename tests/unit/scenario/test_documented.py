@@ -23,7 +23,7 @@ def test_the_whole_scenario_is_valid_and_shows_every_action():
 
 
 def test_the_steered_group_is_valid():
-    _, agents, *_ = BLOCKS
+    agents = next(block for block in BLOCKS if "name: visitors\n    locomotion: steered" in block)
     head = "crowdsim: 1\nname: a\nseed: 1\nduration: 60\nfloor: {rectangle: [0, 0, 100, 20]}\n"
     scenario = parse_scenario(head + agents)
     assert check_scenario(scenario) == []
@@ -31,8 +31,17 @@ def test_the_steered_group_is_valid():
     assert scenario.steps_per_second == 10
 
 
+def test_the_exits_are_valid():
+    exits = next(block for block in BLOCKS if "exits:" in block)
+    head = "crowdsim: 1\nname: a\nseed: 1\nduration: 60\nfloor: {rectangle: [0, 0, 20, 9]}\n"
+    scenario = parse_scenario(head + exits)
+    assert check_scenario(scenario) == []
+    assert [each.name for each in scenario.exits] == ["west", "east"]
+    assert scenario.agents[1].exits == {"west": 1.0, "east": 4.0}
+
+
 def test_the_measured_places_are_valid():
-    body, _, places = BLOCKS
+    body, places = BLOCKS[0], BLOCKS[-1]
     scenario = parse_scenario(body + places)
     assert [area.name for area in scenario.areas] == ["before the door"]
     assert [line.points for line in scenario.lines] == [((10.0, 4.5), (10.0, 5.5))]

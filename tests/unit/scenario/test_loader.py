@@ -194,7 +194,7 @@ def test_a_good_file_has_its_values_and_defaults():
         ("on_arrival: leave", "interval: 20", "4:11: duration: 60 s end before the last of 'guests' starts at 60 s"),
         ("[1, 1, 3, 4]", "[11, 1, 13, 4]", "17:12: agents.0.start: lies off the floor"),
         ("[1, 1, 3, 4]", "[10, 1, 13, 4]", "17:12: agents.0.start: lies off the floor"),
-        ("[1, 1, 3, 4]", "[9.8, 1, 13, 4]", "17:12: agents.0.start: no spot with 0.27 m of free floor around it"),
+        ("[1, 1, 3, 4]", "[9.8, 1, 13, 4]", "17:12: agents.0.start: no spot with 0.26 m of free floor around it"),
         (
             "{rectangle: [1, 1, 3, 4]}",
             "{point: [4.1, 1]}",
@@ -203,7 +203,7 @@ def test_a_good_file_has_its_values_and_defaults():
         (
             "{rectangle: [1, 1, 3, 4]}",
             "{point: [0.2, 1]}",
-            "17:12: agents.0.start: no spot with 0.27 m of free floor aro",
+            "17:12: agents.0.start: no spot with 0.26 m of free floor aro",
         ),
         (
             "{rectangle: [1, 1, 3, 4]}",
