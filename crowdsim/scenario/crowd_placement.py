@@ -206,7 +206,7 @@ class _Drawing:
         for step, rows in _rows_by_step(steps):
             taken = np.concatenate([np.empty((0, 2)), *self._starting[step]])
             spots = np.empty((0, 2))
-            if group.level != "steered":
+            if group.level != "steered" and self.keys.floor.periodic is None:
                 spots = scatter_spots(region, room, len(rows), CAPTURED_APART, taken, generator)
             if len(spots) < len(rows):
                 spots = scatter_spots(region, room, len(rows), broadest + SPARE, taken, generator)
@@ -240,6 +240,8 @@ class _Drawing:
                 return None
         radius = 0.5 * float(walkers.breadths.max())
         for k, (key, goal) in enumerate(regions):
+            if goal.along is not None:
+                continue
             last = k == len(regions) - 1
             region = goal.shape()
             room = self._room(number, key, region, radius)

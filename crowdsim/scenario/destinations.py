@@ -1,4 +1,4 @@
-"""Where the characters of a group go: regions of goals in turn, or exits to choose among."""
+"""Where the characters of a group go: regions in turn, exits to choose among, ways without end."""
 
 from __future__ import annotations
 
@@ -26,6 +26,9 @@ EXIT_ROOM = 0.15
 
 EXIT_REACH = 0.25
 """Distance within which an exit that has no such room is reached [m]."""
+
+END_DEPTH = 0.5
+"""Of the region that those go to who walk along an axis without end [m]; they never come there."""
 
 Floats = NDArray[np.float64]
 
@@ -75,7 +78,7 @@ class Destinations:
         """The itinerary of a group."""
         goals, headings = [], []
         for _, goal in group.regions():
-            region = goal.shape()
+            region = goal.shape() if goal.along is None else self._end_of(goal.along)
             if isinstance(region, Point):
                 region = circle_around((region.x, region.y), POINT_REACHED)
             goals.append(self._number_of(region))
@@ -101,6 +104,17 @@ class Destinations:
         """Number of a region among the goals, of which each is there once."""
         key = shapely.to_wkb(shapely.normalize(region))
         return self._numbers.setdefault(key, (len(self._numbers), region))[0]
+
+    def _end_of(self, along: str) -> Polygon:
+        """End of the floor as it goes on once more beyond its end along an axis."""
+        xmin, ymin, xmax, ymax = self._keys.floor.bounds
+        end = {
+            "+x": (2.0 * xmax - xmin - END_DEPTH, ymin, 2.0 * xmax - xmin, ymax),
+            "-x": (2.0 * xmin - xmax, ymin, 2.0 * xmin - xmax + END_DEPTH, ymax),
+            "+y": (xmin, 2.0 * ymax - ymin - END_DEPTH, xmax, 2.0 * ymax - ymin),
+            "-y": (xmin, 2.0 * ymin - ymax, xmax, 2.0 * ymin - ymax + END_DEPTH),
+        }
+        return shapely.box(*end[along])
 
     def exit_region(self, number: int) -> Polygon:
         """The region of an exit; of one that is so shallow that no body has its center in it, what is just before."""
@@ -128,4 +142,4 @@ class Destinations:
         """Regions that a group goes to, those of its exits as one."""
         if group.exits is not None:
             return [shape for _, shape in self._keys.destinations(group)]
-        return [goal.shape() for _, goal in group.regions()]
+        return [goal.shape() if goal.along is None else self._end_of(goal.along) for _, goal in group.regions()]

@@ -22,6 +22,7 @@ def key_complaints(keys: ScenarioFields, folder: Path) -> list[Complaint]:
         *_times(keys),
         *_locomotion(keys),
         *_exits(keys),
+        *_periodic(keys),
     ]
 
 
@@ -156,4 +157,30 @@ def _exits(keys: ScenarioFields) -> list[Complaint]:
                 key = name if isinstance(group.exits, dict) else place
                 message = f"there is no exit '{name}'; {nearest(name, known, 'the exits are')}"
                 complaints.append(((*path, key), message))
+    return complaints
+
+
+def _periodic(keys: ScenarioFields) -> list[Complaint]:
+    """What a floor without ends does not go with, and ways without end on a floor that has ends."""
+    complaints: list[Complaint] = []
+    for number, group in enumerate(keys.agents):
+        path: tuple[str | int, ...] = ("agents", number)
+        if keys.floor.periodic is not None and group.locomotion == "captured":
+            message = "captured characters need a floor with ends; give 'locomotion: auto' or 'steered'"
+            complaints.append(((*path, "locomotion"), message))
+        for key, goal in group.regions():
+            if goal.along is None:
+                continue
+            if goal.along[1] != keys.floor.periodic:
+                message = f"the floor ends along {goal.along[1]}; give it 'periodic: {goal.along[1]}', or name a region"
+                complaints.append(((*path, *key, "along"), message))
+            elif group.on_arrival == "stay" or group.wait > 0.0 or goal.heading is not None:
+                message = "nobody arrives on a way without end; drop 'on_arrival', 'wait' and 'heading'"
+                complaints.append(((*path, *key), message))
+    if keys.floor.periodic is not None:
+        complaints += [
+            ((key,), f"a periodic floor has no '{key}'; drop them, or 'periodic'")
+            for key in ("doors", "events", "captured_near")
+            if getattr(keys, key)
+        ]
     return complaints

@@ -47,6 +47,7 @@ class MixedCrowd:
         self.steered = SteeredCrowd(scenario, workers, self.cast, behavior_set)
         self.levels = Levels(self.cast, scenario.captured_near)
         self.switches = Switches(self.captured, self.steered, self.levels)
+        self.levels.keep_paces(self.switches.natural_speed)
         self.hash = 0
         self._before = np.full((self.count, 2), np.nan)
         self._stands_since = np.zeros(self.count, np.int64)

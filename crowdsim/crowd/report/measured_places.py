@@ -35,6 +35,7 @@ class MeasuredPlaces:
         for shape in self._shapes:
             shapely.prepare(shape)
         self._pieces = [np.array(line.points) for line in scenario.lines]
+        self._span = np.array(scenario.span)
         self._window = round(SPEED_SECONDS * self._rate)
         self._places: list[Floats] = []
         self._counts: list[list[int]] = [[] for _ in self._areas]
@@ -50,12 +51,12 @@ class MeasuredPlaces:
         places[np.asarray(frame.state) == AgentState.ABSENT] = np.nan
         self._count(places)
         if self._places:
-            self._cross(self._places[-1], places)
+            self._cross(places - self._way(self._places[-1], places), places)
         self._places.append(places)
         since = self._places[0]
         if len(self._places) > self._window:
             self._places.pop(0)
-            pace = hypot(*(places - since).T) / SPEED_SECONDS
+            pace = hypot(*self._way(since, places).T) / SPEED_SECONDS
         else:
             pace = np.full(len(places), np.nan)
         for number, shape in enumerate(self._shapes):
@@ -110,6 +111,13 @@ class MeasuredPlaces:
                 "flow_per_m": None if flow is None else flow / crossings.length,
             }
         return {"areas": areas, "lines": lines}
+
+    def _way(self, before: Floats, after: Floats) -> Floats:
+        """Straight ways between places; across the ends of a periodic floor if that is shorter."""
+        way: Floats = after - before
+        for axis in np.flatnonzero(self._span > 0.0):
+            way[:, axis] -= np.rint(way[:, axis] / self._span[axis]) * self._span[axis]
+        return way
 
     def _count(self, places: Floats) -> None:
         for number, shape in enumerate(self._shapes):

@@ -11,6 +11,7 @@ from crowdsim.crowd.steered.components import NO_GOAL, Errand
 from crowdsim.crowd.steered.entering_kernels import ROOM, admit
 from crowdsim.crowd.steered.errands import Errands
 from crowdsim.crowd.steered.exits import ExitChoice
+from crowdsim.crowd.steered.seam import Seam
 from crowdsim.crowd.steered.steered_place import SteeredPlace
 from crowdsim.ecs.world import World
 from crowdsim.geometry.elementary import atan2, cos, sin
@@ -31,8 +32,9 @@ class Entering:
     """
 
     def __init__(
-        self, world: World, place: SteeredPlace, cast: CrowdPlacement, exits: ExitChoice, errands: Errands
+        self, world: World, place: SteeredPlace, cast: CrowdPlacement, exits: ExitChoice, errands: Errands, seam: Seam
     ) -> None:
+        self._seam = seam
         self._world, self._place, self._cast, self._errands, self._exits = world, place, cast, errands, exits
         self.entered = np.full(cast.head_count, -1, np.int64)
         self.shut_out = np.zeros(0, np.int64)
@@ -60,7 +62,7 @@ class Entering:
             return
         due = due[np.argsort(cast.start_steps[due], kind="stable")]
         coming = self._rows(due)
-        sorted_crowd = steering.sort(self._world.column("row"), self._place.bounds)
+        sorted_crowd = steering.sort(self._seam.with_copies(self._world.column("row")), self._place.bounds)
         crowd = (sorted_crowd.rows, sorted_crowd.starts, sorted_crowd.frame)
         ways = listed(others, sorted_crowd.frame, self._broadest + ROOM)
         clear = clear_of(ways, sorted_crowd.frame, coming, ROOM)

@@ -61,9 +61,16 @@ _STEERED_KEYS = ("speed", "breadth", "delay")
 
 
 class Goal(Region):
-    """A place to go to, and where to face for those who stand there."""
+    """A place to go to, and where to face for those who stand there; or a way ``along`` an axis without end."""
 
+    model_config = ConfigDict(
+        json_schema_extra=one_of(("rectangle",), ("point",), ("circle",), ("polygon",), ("along",))
+    )
     heading: Degrees | None = None
+    along: Literal["+x", "-x", "+y", "-y"] | None = None
+
+    def _kinds(self) -> tuple[str, ...]:
+        return (*super()._kinds(), "along")
 
 
 class AgentGroup(Part):
@@ -131,6 +138,10 @@ class AgentGroup(Part):
         if self.exits is None:
             if "choice" in self.model_fields_set:
                 raise ValueError("'choice' is among exits; give 'exits' with it, or drop it")
+            if len(self.goals or ()) > 1 and any(goal.along is not None for goal in self.goals or ()):
+                raise ValueError("a way along an axis has no end; give it as the only 'goal'")
+            if self.locomotion == "captured" and self.goal is not None and self.goal.along is not None:
+                raise ValueError("captured characters go to a region; give 'locomotion: auto' or 'steered'")
             return
         if isinstance(self.exits, dict) and "choice" in self.model_fields_set:
             raise ValueError("these 'exits' are assigned by their shares; drop 'choice', or list names only")
@@ -159,8 +170,9 @@ class AgentGroup(Part):
 
     @property
     def level(self) -> str:
-        """How the characters move: their ``locomotion``, but ``auto`` ones who choose among exits steer."""
-        return "steered" if self.locomotion == "auto" and self.exits is not None else self.locomotion
+        """How the characters move: their ``locomotion``, but ``auto`` ones steer where captured motion cannot go."""
+        endless = any(goal.along is not None for _, goal in self.regions())
+        return "steered" if self.locomotion == "auto" and (self.exits is not None or endless) else self.locomotion
 
     def regions(self) -> list[tuple[tuple[str | int, ...], Goal]]:
         """The goals in order, each with its place in the group: ``("goals", 1)``; none of who goes to an exit."""

@@ -92,7 +92,13 @@ class ScenarioFields(Part):
 
     def locomotions(self) -> set[str]:
         """How the groups move."""
-        return {group.level for group in self.agents}
+        periodic = self.floor.periodic is not None
+        return {"steered" if periodic and group.level == "auto" else group.level for group in self.agents}
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Way along x and y after which the floor begins again [m]; 0 where it ends."""
+        return self.floor.span
 
     def exits_of(self, group: AgentGroup) -> list[int]:
         """Numbers of the exits of a group, in the order of the file."""
@@ -100,10 +106,13 @@ class ScenarioFields(Part):
         return [number for number, each in enumerate(self.exits) if named == "all" or each.name in named]
 
     def destinations(self, group: AgentGroup) -> list[tuple[tuple[str | int, ...], Polygon | MultiPolygon | Point]]:
-        """Where a group goes to in turn, each with its place in the group; its exits count as one place."""
+        """Where a group goes to in turn, each with its place in the group.
+
+        Exits count as one place, and ways without end as none.
+        """
         if group.exits is not None:
             return [(("exits",), union_all([self.exits[number].shape() for number in self.exits_of(group)]))]
-        return [(key, goal.shape()) for key, goal in group.regions()]
+        return [(key, goal.shape()) for key, goal in group.regions() if goal.along is None]
 
     @property
     def steers(self) -> bool:
