@@ -12,6 +12,9 @@ import typer
 from crowdsim.cli.options import Debug, Json
 from crowdsim.cli.run import require_writable
 
+FAILED = 4
+"""Exit code if a test failed."""
+
 
 def validate(
     names: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Tests to run; none runs all.")] = None,
@@ -32,7 +35,7 @@ def validate(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Run tests of evacuation guidelines and measured diagrams; ends with 1 if any fails."""
+    """Run tests of evacuation guidelines and measured diagrams; the exit code is 4 if any fails."""
     from crowdsim.cli.tables import print_rows, print_table
     from crowdsim.errors import CrowdSimError
     from crowdsim.validate import report
@@ -89,4 +92,4 @@ def validate(
             + (f"; failed: {', '.join(failed)}" if failed else "")
         )
     if not all(outcome.passed for outcome in outcomes):
-        raise typer.Exit(1)
+        raise typer.Exit(FAILED)

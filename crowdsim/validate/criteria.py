@@ -43,9 +43,9 @@ def transit(case: str, begin: str, end: str, least: float, most: float, source: 
     return judge
 
 
-def all_leave(case: str, most: float, source: str) -> Criterion:
-    """All leave, within a time [s]."""
-    return lambda runs: [Finding(f"last one out, {case}", runs[case].last, "s", 0.0, most, source)]
+def all_leave(case: str, most: float, source: str, least: float = 0.0) -> Criterion:
+    """All leave, within a time, and not before another one [s]."""
+    return lambda runs: [Finding(f"last one out, {case}", runs[case].last, "s", least, most, source)]
 
 
 def nobody_in_walls(case: str, source: str) -> Criterion:

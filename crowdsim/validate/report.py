@@ -96,18 +96,21 @@ def as_markdown(outcomes: Sequence[Outcome], locomotion: str) -> str:
         "Made by `crowdsim validate --seeds "
         f"{len(seeds)} --locomotion {locomotion} --markdown docs/validation.md`: do not edit by hand.",
         "",
-        f"{passed} of {len(outcomes)} tests pass: every figure of each of the seeds {_span(seeds)} is in its band.",
+        f"{passed} of {len(outcomes)} tests pass: every figure is in its band with each seed ({_span(seeds)}).",
         f"Characters are `{locomotion}` ([levels.md](levels.md)). A figure that is not known, as somebody stayed,",
-        "is `nan` or `inf` and does not pass.",
+        "is `nan` or `inf` and does not pass. `crowdsim validate NAME --html OUT.html` draws the ways of a run,",
+        "`--list` names the tests, `--jobs` is how many runs go on at once, `--json` gives everything with the hash of",
+        "each run. The exit code is 4 if a test fails.",
         "",
     ]
     for outcome in outcomes:
         verdict = "passed" if outcome.passed else "**failed**"
-        text += [f"## {outcome.test.name}: {outcome.test.title}", "", f"{outcome.test.source}. {verdict}", ""]
+        text += [f"## {outcome.test.name}: {outcome.test.title}", "", f"{outcome.test.source}: {verdict}.", ""]
+        text += [outcome.test.meaning, ""]
         text += ["| figure | least | median | most | band | in it | from |", "|---|---|---|---|---|---|---|"]
         for row in rows_of([outcome]):
             text.append("| " + " | ".join(row[column] for column in COLUMNS[1:]) + " |")
-        text += ["", *([outcome.test.note, ""] if outcome.test.note else [])]
+        text.append("")
     text += ["## Not run", "", "| test | what it is about | why not |", "|---|---|---|"]
     text += [f"| {missing.source} | {missing.title} | {missing.reason} |" for missing in MISSING]
     return "\n".join(text) + "\n"
@@ -121,7 +124,7 @@ def as_html(outcomes: Sequence[Outcome], locomotion: str, pictures: Path) -> str
         parts.append(
             f"<h2 class='{verdict}'>{html.escape(f'{outcome.test.name}: {outcome.test.title}, {verdict}')}</h2>"
         )
-        parts.append(f"<p>{html.escape(outcome.test.source)}</p>")
+        parts.append(f"<p>{html.escape(f'{outcome.test.source}. {outcome.test.meaning}')}</p>")
         head = "".join(f"<th>{column}</th>" for column in COLUMNS[1:])
         body = "".join(
             "<tr>" + "".join(f"<td>{html.escape(row[column])}</td>" for column in COLUMNS[1:]) + "</tr>"

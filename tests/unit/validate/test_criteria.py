@@ -67,6 +67,7 @@ def test_the_last_one_who_leaves_counts_and_who_stays_fails() -> None:
     test = criteria.all_leave("run", 12.0, "x")
     assert judged(test, run=made_up()) == [(12.0, True)]
     assert judged(test, run=made_up(left=np.array([1.0, 2.0, 12.5]))) == [(12.5, False)]
+    assert judged(criteria.all_leave("run", 20.0, "x", 12.5), run=made_up()) == [(12.0, False)]
     assert criteria.all_leave("run", 1e6, "x")({"run": made_up(left=np.array([1.0, np.nan, 2.0]))})[0].value == np.inf
 
 

@@ -1,6 +1,7 @@
 """The tests of guidelines can be run, say where they are from, and come out the same every time."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from crowdsim.validate.observed import SET_OUT, observe
 from crowdsim.validate.running import judge, load_case, run_case
 from crowdsim.validate.suite import FOLDER, MISSING, TESTS, find_tests
 
+DOCS = Path(__file__).parents[3] / "docs" / "validation.md"
 PLAIN = CliRunner()
 
 
@@ -38,6 +40,13 @@ def test_names_are_told_from_each_other_and_sources_are_named() -> None:
         assert test.source
         assert test.criteria
     assert all(missing.reason for missing in MISSING)
+
+
+def test_the_page_of_the_docs_has_every_test_and_what_is_not_run() -> None:
+    page = DOCS.read_text(encoding="utf-8")
+    assert set(re.findall(r"^## ([\w-]+):", page, re.M)) == {test.name for test in TESTS}
+    for missing in MISSING:
+        assert f"| {missing.source} | {missing.title} | {missing.reason} |" in page
 
 
 def test_a_run_is_observed_as_a_slow_look_at_its_recording_has_it(tmp_path: Path) -> None:
