@@ -25,6 +25,7 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         *([("  still waiting at the end", str(summary["waiting"]))] if summary["waiting"] else []),
         *((f"  no way for character {agent}", reason) for agent, reason in summary["unreachable"].items()),
         *((f"rounds of {group}", str(count)) for group, count in summary["laps"].items()),
+        *((f"left through {name}", _left(exit_)) for name, exit_ in summary["exits"].items()),
         *_event_rows(summary),
         *_stand_rows(summary["stands"]),
         *([_search_row(summary["searches"])] if summary["searches"] else []),
@@ -33,6 +34,7 @@ def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("share of the way", _shares(summary["behavior_share"])),
         *((f"  in {area}", _shares(shares)) for area, shares in areas.items()),
         *_level_rows(summary),
+        *_measured_rows(summary),
         ("closest two, center to center", _quantity(summary["closest_pair"], "{:.3f} m")),
         *([("  body to body", f"{summary['closest_bodies']:.3f} m")] if summary.get("closest_bodies") else []),
         *((f"body to obstacle, {layer}", _quantity(margin, "{:.3f} m")) for layer, margin in margins.items()),
@@ -54,6 +56,25 @@ def _level_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("  captured and steered", text),
         ("  changes of level", f"{switches['steered']} to steered, {switches['captured']} to captured"),
     ]
+
+
+def _left(exit_: Mapping[str, Any]) -> str:
+    """How many left through an exit, and until when."""
+    return str(exit_["left"]) if exit_["last"] is None else f"{exit_['left']}, the last one at {exit_['last']:.1f} s"
+
+
+def _measured_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Density and speed in the areas, passages and flow at the lines."""
+    rows = []
+    for name, area in summary["areas"].items():
+        density, most = (_quantity(area[key], "{:.2f}") for key in ("density", "density_most"))
+        rows.append((f"density in {name}", f"{density} /m2, {most} at most; {_quantity(area['speed'], '{:.2f} m/s')}"))
+    for name, line in summary["lines"].items():
+        text = f"{line['to_left']} to the left, {line['to_right']} to the right"
+        if line["flow"] is not None:
+            text += f"; {line['flow']:.2f} /s, {line['flow_per_m']:.2f} /(m s)"
+        rows.append((f"passages at {name}", text))
+    return rows
 
 
 def _event_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -192,6 +192,7 @@ class CapturedCrowd:
             "waiting": int((self.world.column("state") == AgentState.WAITING).sum()),
             "unreachable": {str(agent): reason for agent, reason in sorted(self.plans.unreachable.items())},
             "laps": self.itineraries.laps(),
+            "exits": {},
             "stands": stands_summary(*self.itineraries.how_they_stood()),
             "events": self.events.report(),
             "replans": self.plans.replans,

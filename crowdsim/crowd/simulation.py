@@ -10,6 +10,7 @@ from pathlib import Path
 from crowdsim.crowd.captured_crowd import CapturedCrowd
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.mixed.mixed_crowd import MixedCrowd
+from crowdsim.crowd.report.measured_places import MeasuredPlaces
 from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
 from crowdsim.errors import CrowdSimError
 from crowdsim.recording.reader import Recording
@@ -85,6 +86,7 @@ class Simulation:
         crowd, rate = self.crowd, self.scenario.steps_per_second
         with self, RecordingWriter(output, crowd.header(self.scenario)) as writer:
             before: list[Placing | None] = [None] * len(self.scenario.environment.timetable.movables)
+            places = MeasuredPlaces(self.scenario)
             started = time.perf_counter()
             while not self.finished:
                 crowd.advance()
@@ -94,11 +96,13 @@ class Simulation:
                 frame = crowd.frame()
                 writer.append(frame, crowd.hash)
                 crowd.measure(frame)
+                places.add(frame)
                 crowd.end_step()
                 if progress is not None:
                     progress(self.step_count, self.step_limit, self)
             seconds = time.perf_counter() - started
-            writer.finish({**crowd.summary(), "real_time_factor": self.step_count / rate / seconds})
+            measures = {**places.summary(), "real_time_factor": self.step_count / rate / seconds}
+            writer.finish({**crowd.summary(), **measures}, places.measured())
         return Recording.open(Path(output))
 
     def _require_open(self) -> None:

@@ -33,6 +33,7 @@ from crowdsim.recording.header import (
 )
 from crowdsim.recording.header_file import read_header, read_versions
 from crowdsim.recording.levels import Level, LevelColumn, Switches, find_switches
+from crowdsim.recording.measured import Measured, read_measured
 
 if TYPE_CHECKING:
     from crowdsim.motion.graph.pose_table import PoseTable
@@ -62,6 +63,7 @@ class Recording:
     header: RecordingHeader
     versions: dict[str, str]
     summary: dict[str, Any]
+    measured: Measured
     x: Column
     y: Column
     heading: Column
@@ -81,6 +83,7 @@ class Recording:
         self.header = read_header(file)
         self.versions = read_versions(file)
         self.summary = json.loads(file["summary"].asstr()[()])
+        self.measured = read_measured(file)
         columns = file["steps"]
         shape = (columns["state_hash"].shape[0], self.header.agents.count)
         stored = stored_columns(self.header.motion)

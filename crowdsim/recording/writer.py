@@ -25,6 +25,7 @@ from crowdsim.recording.header import (
     stored_columns,
 )
 from crowdsim.recording.header_file import write_header
+from crowdsim.recording.measured import Measured, write_measured
 
 MOST_STEPS_HELD = 64
 """Steps held in memory, and in one compressed chunk of the file, at most."""
@@ -156,12 +157,14 @@ class RecordingWriter:
         for name, value in (("movable", movable), ("step", self._steps), ("footprint", footprint or "")):
             _extend(group[name], np.array([value], group[name].dtype))
 
-    def finish(self, summary: Mapping[str, Any]) -> None:
-        """Write what is left and ``summary`` (anything JSON can hold), and give the file its name."""
+    def finish(self, summary: Mapping[str, Any], measured: Measured | None = None) -> None:
+        """Write what is left, ``summary`` (anything JSON can hold) and what was measured; give the file its name."""
         file = self._open_file()
         self._flush()
         text = json.dumps(dict(summary), default=_plain)
         try:
+            if measured is not None:
+                write_measured(file, measured)
             file.create_dataset("summary", data=text, dtype=h5py.string_dtype("utf-8"))
             file.attrs["finished"] = True
             file.close()

@@ -42,13 +42,15 @@ def check_scenario(scenario: Scenario) -> list[str]:
         elif solids and not any(solid.footprint.intersects(floor) for solid in met):
             warn(path, f"'{name}' lies off the floor and has no effect")
     for number, group in enumerate(scenario.agents):
-        for key, region in ((("start",), group.start), *group.regions()):
-            if not floor.covers(region.shape()):
+        for key, shape in ((("start",), group.start.shape()), *scenario.destinations(group)):
+            if not floor.covers(shape):
                 what = "start" if key == ("start",) else "goal"
                 warn(
                     ("agents", number, *key), f"part of the {what} of '{group.name}' lies off the floor and is not used"
                 )
-    for number, area in enumerate(scenario.areas):
-        if not area.shape().intersects(floor):
-            warn(("areas", number), f"'{area.name}' lies off the floor; nobody will be counted in it")
+    measured = [("areas", number, area.name, area.shape()) for number, area in enumerate(scenario.areas)]
+    measured += [("lines", number, line.name, line.shape()) for number, line in enumerate(scenario.lines)]
+    for kind, number, name, shape in measured:
+        if not shape.intersects(floor):
+            warn((kind, number), f"'{name}' lies off the floor; nobody will be counted there")
     return warnings

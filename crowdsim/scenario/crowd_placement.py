@@ -10,11 +10,11 @@ import shapely
 from numpy.typing import NDArray
 from shapely import MultiPolygon, Point, Polygon
 
-from crowdsim.environment.solids import circle_around
 from crowdsim.environment.spots import arrange_spots, meets, scatter_spots
 from crowdsim.errors import ScenarioError
 from crowdsim.geometry.elementary import atan2
 from crowdsim.scenario.arrivals import start_times
+from crowdsim.scenario.destinations import Destinations, Itinerary
 from crowdsim.scenario.environment import Environment
 from crowdsim.scenario.placement import (
     NOMINAL_RADIUS,
@@ -33,9 +33,6 @@ from crowdsim.steering.row_kernels import CELL
 from crowdsim.steering.steering import MOST_CELLS
 from crowdsim.yamlfile.document import Complaint
 
-POINT_REACHED = 0.25
-"""Distance from a point to go to within which it is reached [m]."""
-
 BODY_DEPTH = 0.25
 """From chest to back [m]."""
 
@@ -45,30 +42,9 @@ SPARE = 0.02
 CAPTURED_APART = 0.9
 """Between the centers of two who start in one step, so that both may begin captured, if there is room [m]."""
 
-_START_STREAM, _GOAL_STREAM = 0, 1
+_START_STREAM, _GOAL_STREAM, _EXIT_STREAM = 0, 1, 7
 
 Floats = NDArray[np.float64]
-
-
-class Itinerary(NamedTuple):
-    """Where the characters of a group go: k places in turn.
-
-    Attributes
-    ----------
-    goals : (k,) int32, numbers of goals
-    rounds : how many times over; NONE for as long as the run lasts
-    wait : seconds they stand at each place but the last
-    stays : whether they stay at the last one
-    headings : (k,) radians to face there, nan where any will do
-    stand_within : meters from their spot within which they come to stand
-    """
-
-    goals: NDArray[np.int32]
-    rounds: int
-    wait: float
-    stays: bool
-    headings: Floats
-    stand_within: float
 
 
 class CrowdPlacement(NamedTuple):
@@ -87,6 +63,9 @@ class CrowdPlacement(NamedTuple):
     spots : (n, k, 2) float64, where each stands in the region of a goal at which it stands, or walks to in captured
         motion; else nan
     locomotions : of the groups
+    paced : of the groups, whether the file says how fast they walk
+    assigned : (n,) int32, number of the goal that is assigned to each, NONE for no one
+    exits : numbers of the goals that exits are, by name; those to which no group goes are missing
     """
 
     names: tuple[str, ...]
@@ -100,6 +79,9 @@ class CrowdPlacement(NamedTuple):
     itineraries: tuple[Itinerary, ...]
     spots: Floats
     locomotions: tuple[str, ...]
+    paced: tuple[bool, ...]
+    assigned: NDArray[np.int32]
+    exits: dict[str, int]
 
     @property
     def head_count(self) -> int:
@@ -150,11 +132,13 @@ class _Drawing:
         self._rooms: dict[float, list[MultiPolygon]] = {}
         self._starting: defaultdict[int, list[Floats]] = defaultdict(list)
         self._standing: list[Floats] = []
-        self._goals: dict[bytes, tuple[int, Polygon]] = {}
+        self._destinations = Destinations(keys, environment)
         self._names: list[str] = []
         self._locomotions: list[str] = []
+        self._paced: list[bool] = []
         self._itineraries: list[Itinerary] = []
         self._parts: list[tuple[Floats, Floats, NDArray[np.int64], Walkers, Floats]] = []
+        self._assigned: list[NDArray[np.int32]] = []
 
     def add_group(self, number: int) -> None:
         """Draw the characters of a group, unless something is wrong with it."""
@@ -170,8 +154,13 @@ class _Drawing:
         if starts is None or spots is None:
             return
         self._names.append(group.name)
-        self._locomotions.append(group.locomotion)
-        self._itineraries.append(self._itinerary(group))
+        self._locomotions.append(group.level)
+        self._paced.append("speed" in group.model_fields_set)
+        itinerary = self._destinations.itinerary(group)
+        self._itineraries.append(itinerary)
+        self._assigned.append(
+            self._destinations.assign(group, itinerary, len(steps), self._generator(number, _EXIT_STREAM))
+        )
         self._parts.append((starts, headings, steps, walkers, spots))
 
     def placement(self) -> CrowdPlacement:
@@ -192,28 +181,13 @@ class _Drawing:
             start_steps=np.concatenate([np.empty(0, np.int64), *(part[2] for part in self._parts)]),
             delay_steps=np.rint(walkers.delays * self.keys.steps_per_second).astype(np.int64),
             walkers=walkers,
-            goals=tuple(goal for _, goal in self._goals.values()),
+            goals=self._destinations.goals,
             itineraries=tuple(self._itineraries),
             spots=spots,
             locomotions=tuple(self._locomotions),
-        )
-
-    def _itinerary(self, group: AgentGroup) -> Itinerary:
-        goals, headings = [], []
-        for _, goal in group.regions():
-            region = goal.shape()
-            if isinstance(region, Point):
-                region = circle_around((region.x, region.y), POINT_REACHED)
-            key = shapely.to_wkb(shapely.normalize(region))
-            goals.append(self._goals.setdefault(key, (len(self._goals), region))[0])
-            headings.append(np.nan if goal.heading is None else np.radians(goal.heading))
-        return Itinerary(
-            np.array(goals, np.int32),
-            group.rounds,
-            group.wait,
-            group.on_arrival == "stay",
-            np.array(headings, np.float64),
-            group.stand_within,
+            paced=tuple(self._paced),
+            assigned=np.concatenate([np.zeros(0, np.int32), *self._assigned]),
+            exits=self._destinations.exits,
         )
 
     def _draw_starts(
@@ -232,7 +206,7 @@ class _Drawing:
         for step, rows in _rows_by_step(steps):
             taken = np.concatenate([np.empty((0, 2)), *self._starting[step]])
             spots = np.empty((0, 2))
-            if group.locomotion != "steered":
+            if group.level != "steered" and self.keys.floor.periodic is None:
                 spots = scatter_spots(region, room, len(rows), CAPTURED_APART, taken, generator)
             if len(spots) < len(rows):
                 spots = scatter_spots(region, room, len(rows), broadest + SPARE, taken, generator)
@@ -242,8 +216,8 @@ class _Drawing:
                 spots = np.concatenate([spots, more])
             elif len(spots) < len(rows) and not isinstance(region, Point):
                 # Too many to start at random: in rows, which face where they go.
-                toward = shapely.get_coordinates(group.regions()[0][1].shape().centroid)[0]
-                away = toward - shapely.get_coordinates(region.centroid)[0]
+                first = self._destinations.regions_of(group)[0]
+                away = shapely.get_coordinates(first.centroid)[0] - shapely.get_coordinates(region.centroid)[0]
                 headings[rows] = atan2(away[1], away[0])
                 apart = (broadest + SPARE, BODY_DEPTH + SPARE)
                 spots = arrange_spots(region, room, len(rows), apart, float(headings[rows[0]]), taken, generator)
@@ -258,9 +232,16 @@ class _Drawing:
     def _draw_spots(self, number: int, group: AgentGroup, count: int, walkers: Walkers) -> Floats | None:
         """(n, k, 2) spots to stand at in the regions of goals, nan where nobody stands; None if there is no room."""
         regions = group.regions()
-        spots = np.full((count, len(regions), 2), np.nan)
+        spots = np.full((count, max(len(regions), 1), 2), np.nan)
+        for exit_number in self.keys.exits_of(group):
+            if not meets(self._destinations.exit_region(exit_number), self.environment.fixed_layers[0].free):
+                message = "lies off the floor, or inside of an obstacle"
+                self.complaints.append((("exits", exit_number), message))
+                return None
         radius = 0.5 * float(walkers.breadths.max())
         for k, (key, goal) in enumerate(regions):
+            if goal.along is not None:
+                continue
             last = k == len(regions) - 1
             region = goal.shape()
             room = self._room(number, key, region, radius)
@@ -268,7 +249,7 @@ class _Drawing:
                 return None
             stays = last and group.on_arrival == "stay"
             stands = stays or (group.wait > 0.0 and (not last or group.rounds != 1))
-            if not stands and group.locomotion == "steered":
+            if not stands and group.level == "steered":
                 continue
             generator = self._generator(number, _GOAL_STREAM, *([k] if k else []))
             if not stays:
@@ -293,7 +274,7 @@ class _Drawing:
         Captured characters need as much as they are planned with.
         """
         radii = {"steered": [radius], "captured": [max(radius, NOMINAL_RADIUS)], "auto": [NOMINAL_RADIUS, radius]}
-        for least in radii[self.keys.agents[number].locomotion]:
+        for least in radii[self.keys.agents[number].level]:
             if least not in self._rooms:
                 self._rooms[least] = rooms_around(self.keys, self.environment, least)
             room = next((room for room in self._rooms[least] if meets(region, room)), None)

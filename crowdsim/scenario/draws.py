@@ -7,7 +7,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.geometry.elementary import cos, log
 from crowdsim.geometry.quantiles import (
     gamma_quantile,
     gamma_share,
@@ -17,9 +16,6 @@ from crowdsim.geometry.quantiles import (
 )
 from crowdsim.scenario.schema.spreads import Spread
 
-_ROUNDS = 100
-"""How often values out of bounds are drawn anew before they are set to the nearest bound."""
-
 _LEAST = 2.0**-53
 """Probabilities are at least this far from 0 and 1."""
 
@@ -27,13 +23,15 @@ Floats = NDArray[np.float64]
 
 
 def draw_spread(spread: Spread, count: int, generator: np.random.Generator) -> Floats:
-    """Draw (count,) values, all within the bounds."""
+    """Draw (count,) values, all within the bounds.
+
+    Unless they are stratified, a value depends on the generator and on its place in the order alone: the first ten of
+    ten are the first ten of a hundred.
+    """
     if spread.mean is not None and spread.sd == 0.0:
         return np.full(count, spread.mean)
     if spread.stratified:
         return quantiles(spread, (generator.permutation(count) + generator.random(count)) / max(count, 1))
-    if spread.mean is not None:
-        return _draw_normal(spread, count, generator)
     return quantiles(spread, generator.random(count))
 
 
@@ -88,21 +86,3 @@ def _share_below(spread: Spread, bound: float) -> float:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if _unbounded(spread, np.array([middle]))[0] < bound else (low, middle)
     return high if high == 1.0 else low
-
-
-def _draw_normal(spread: Spread, count: int, generator: np.random.Generator) -> Floats:
-    """Normal values, those out of bounds drawn anew: Box and Muller's transformation of uniform draws."""
-    assert spread.mean is not None
-    values = np.full(count, spread.mean)
-    low = -math.inf if spread.min is None else spread.min
-    high = math.inf if spread.max is None else spread.max
-    left = np.arange(count)
-    for _ in range(_ROUNDS):
-        first, second = generator.random((2, len(left)))
-        normal = np.sqrt(-2.0 * log(1.0 - first)) * cos(2.0 * math.pi * second)
-        values[left] = spread.mean + spread.sd * normal
-        left = left[(values[left] < low) | (values[left] > high)]
-        if not len(left):
-            return values
-    values[left] = np.minimum(np.maximum(values[left], low), high)
-    return values

@@ -15,7 +15,15 @@ from crowdsim.yamlfile.messages import nearest
 
 def key_complaints(keys: ScenarioFields, folder: Path) -> list[Complaint]:
     """Keys that contradict each other, the library, or what is in ``folder``."""
-    return [*_duplicate_names(keys), *_behaviors(keys), *_captures(keys, folder), *_times(keys), *_locomotion(keys)]
+    return [
+        *_duplicate_names(keys),
+        *_behaviors(keys),
+        *_captures(keys, folder),
+        *_times(keys),
+        *_locomotion(keys),
+        *_exits(keys),
+        *_periodic(keys),
+    ]
 
 
 def _duplicate_names(keys: ScenarioFields) -> list[Complaint]:
@@ -24,7 +32,9 @@ def _duplicate_names(keys: ScenarioFields) -> list[Complaint]:
         "doors": [door.name for door in keys.doors],
         "layers": [layer.name for layer in keys.bands],
         "agents": [group.name for group in keys.agents],
+        "exits": [each.name for each in keys.exits],
         "areas": [area.name for area in keys.areas],
+        "lines": [line.name for line in keys.lines],
     }
     complaints: list[Complaint] = []
     for key, names in named.items():
@@ -91,6 +101,12 @@ def _matches(folder: Path, pattern: str) -> bool:
 
 def _times(keys: ScenarioFields) -> list[Complaint]:
     complaints: list[Complaint] = []
+    measured = [(("areas", number), area.start_time) for number, area in enumerate(keys.areas)]
+    measured += [(("lines", number), line.start_time) for number, line in enumerate(keys.lines)]
+    for path, begins in measured:
+        if begins >= keys.duration:
+            message = f"the run ends at {keys.duration:g} s, before measuring begins at {begins:g} s"
+            complaints.append(((*path, "start_time"), message))
     for number, group in enumerate(keys.agents):
         if group.rate is not None:
             for key, time in (("start_time", group.start_time), ("until", group.until or 0.0)):
@@ -119,4 +135,52 @@ def _locomotion(keys: ScenarioFields) -> list[Complaint]:
     if keys.captured_near is not None and "auto" not in keys.locomotions():
         message = "no group moves 'auto'; give one 'locomotion: auto', or drop this key"
         complaints.append((("captured_near",), message))
+    return complaints
+
+
+def _exits(keys: ScenarioFields) -> list[Complaint]:
+    """Exits that groups name and the file does not have, and groups that can go to none."""
+    complaints: list[Complaint] = []
+    known = [each.name for each in keys.exits]
+    for number, group in enumerate(keys.agents):
+        if group.exits is None:
+            continue
+        path: tuple[str | int, ...] = ("agents", number, "exits")
+        if group.locomotion == "captured":
+            message = "captured characters go to a 'goal'; give this group 'locomotion: auto' or 'steered'"
+            complaints.append((path, message))
+        if not known:
+            complaints.append((path, "this file has no exits; list them under 'exits', each with a name and a region"))
+            continue
+        for place, name in enumerate(() if group.exits == "all" else group.exits):
+            if name not in known:
+                key = name if isinstance(group.exits, dict) else place
+                message = f"there is no exit '{name}'; {nearest(name, known, 'the exits are')}"
+                complaints.append(((*path, key), message))
+    return complaints
+
+
+def _periodic(keys: ScenarioFields) -> list[Complaint]:
+    """What a floor without ends does not go with, and ways without end on a floor that has ends."""
+    complaints: list[Complaint] = []
+    for number, group in enumerate(keys.agents):
+        path: tuple[str | int, ...] = ("agents", number)
+        if keys.floor.periodic is not None and group.locomotion == "captured":
+            message = "captured characters need a floor with ends; give 'locomotion: auto' or 'steered'"
+            complaints.append(((*path, "locomotion"), message))
+        for key, goal in group.regions():
+            if goal.along is None:
+                continue
+            if goal.along[1] != keys.floor.periodic:
+                message = f"the floor ends along {goal.along[1]}; give it 'periodic: {goal.along[1]}', or name a region"
+                complaints.append(((*path, *key, "along"), message))
+            elif group.on_arrival == "stay" or group.wait > 0.0 or goal.heading is not None:
+                message = "nobody arrives on a way without end; drop 'on_arrival', 'wait' and 'heading'"
+                complaints.append(((*path, *key), message))
+    if keys.floor.periodic is not None:
+        complaints += [
+            ((key,), f"a periodic floor has no '{key}'; drop them, or 'periodic'")
+            for key in ("doors", "events", "captured_near")
+            if getattr(keys, key)
+        ]
     return complaints

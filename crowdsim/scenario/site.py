@@ -176,7 +176,7 @@ class _Reader:
     def _draw_clutter(self, floor: Polygon | MultiPolygon) -> None:
         clutter = self.keys.clutter
         assert clutter is not None
-        regions = [[group.start.shape(), *(r.shape() for _, r in group.regions())] for group in self.keys.agents]
+        regions = [[g.start.shape(), *(shape for _, shape in self.keys.destinations(g))] for g in self.keys.agents]
         ends = shapely.union_all([buffered(region, _KEPT_CLEAR) for group in regions for region in group])
         standing = [solid.footprint for solids in self.solids.values() for solid in solids]
         free = floor.difference(shapely.union_all(standing))

@@ -18,7 +18,6 @@ from crowdsim.bench.crowds.drills import (
     run_drill,
 )
 from crowdsim.bench.crowds.endless import BOTH_WAYS, ONE_WAY, EndlessResult, run_endless
-from crowdsim.bench.crowds.rimea import CORNER_SECONDS, TRANSIT, run_corner, run_queue, transit_time
 from crowdsim.bench.crowds.rimea_corner import run_around
 from crowdsim.bench.crowds.single_file import BANDS, LANE, NARROW, run_single_file
 from crowdsim.bench.registry import Measurement
@@ -58,7 +57,7 @@ def measure() -> Measurement:
     rows += [_endless(density, False) for density in ONE_WAY]
     rows += [_endless(density, True) for density in BOTH_WAYS]
     rows += [_single_file(density, width) for width in (NARROW, LANE) for density in BANDS]
-    rows += [_transit(), _corner(), _queue(), *_around()]
+    rows += _around()
     figures = {f"{row['drill']} {key}": float(row[key]) for row in rows for key in KEYS[2:] if row[key] is not None}
     return Measurement(rows, figures)
 
@@ -132,25 +131,6 @@ def _measured(name: str, results: Sequence[EndlessResult], band: tuple[float, fl
         speed_most=round(max(speeds), 3),
         acceleration_p95=round(max(result.acceleration for result in results), 2),
     )
-
-
-def _transit() -> dict[str, Any]:
-    times = [transit_time(seed) for seed in SEEDS]
-    failed = [not TRANSIT[0] <= time <= TRANSIT[1] for time in times]
-    median = round(float(np.median(times)), 2)
-    return _row("40 m alone (RiMEA 1)", failed, last_s=round(max(times), 2), last_s_median=median)
-
-
-def _corner() -> dict[str, Any]:
-    runs = [run_corner(seed) for seed in SEEDS]
-    failed = [_is_late(result, CORNER_SECONDS) or outside > 0 for result, outside in runs]
-    return _row("corner (RiMEA 6)", failed, **_arrivals([result for result, _ in runs]))
-
-
-def _queue() -> dict[str, Any]:
-    runs = [run_queue(seed) for seed in SEEDS]
-    failed = [not run.queues_first() or bool(np.isnan(run.drill.arrived).any()) for run in runs]
-    return _row("two necks of 1 m (RiMEA 12)", failed, **_arrivals([run.drill for run in runs]))
 
 
 def _around() -> list[dict[str, Any]]:

@@ -46,8 +46,6 @@ THERE = 0.3
 State = NDArray[Any]
 Guide: TypeAlias = Callable[[State], None]
 """Writes gx, gy, togo, turn and held of all agents; togo is 0 for those who have arrived."""
-Watch: TypeAlias = Callable[[float, State], None]
-"""Is shown the time [s] and the agents after each step, before those leave that have arrived."""
 
 
 @cache
@@ -133,16 +131,12 @@ def crossing(each: int) -> Drill:
     return Drill(f"crossing of 4 x {each}", area, groups, 120.0)
 
 
-def run_drill(
-    drill: Drill, seed: int, *, rules: Rules | None = None, threads: int = 1, watch: Watch | None = None
-) -> DrillResult:
+def run_drill(drill: Drill, seed: int, *, rules: Rules | None = None, threads: int = 1) -> DrillResult:
     """Walk through a drill; the seed draws places, breadths and speeds."""
-    return run_from(drill, draw_agents(drill, seed), rules=rules, threads=threads, watch=watch)
+    return run_from(drill, draw_agents(drill, seed), rules=rules, threads=threads)
 
 
-def run_from(
-    drill: Drill, state: State, *, rules: Rules | None = None, threads: int = 1, watch: Watch | None = None
-) -> DrillResult:
+def run_from(drill: Drill, state: State, *, rules: Rules | None = None, threads: int = 1) -> DrillResult:
     """Walk through a drill from a state; a row's goal is the number of its group, its id the number of the row."""
     need, asked = _needs()
     segments = outline_segments(drill.area)
@@ -156,7 +150,7 @@ def run_from(
         guidance.write(state, following)
         followed[state["id"]] = following
 
-    return walk(state, build_walls(segments), guide, drill.seconds, rules, threads, watch)
+    return walk(state, build_walls(segments), guide, drill.seconds, rules, threads)
 
 
 def run_circle(count: int, seed: int, *, rules: Rules | None = None, threads: int = 1) -> tuple[DrillResult, float]:
@@ -184,7 +178,6 @@ def walk(
     seconds: float,
     rules: Rules | None = None,
     threads: int = 1,
-    watch: Watch | None = None,
 ) -> DrillResult:
     """Step agents until all have arrived; who has arrived leaves."""
     arrived = np.full(len(state), np.nan)
@@ -196,8 +189,6 @@ def walk(
             before = state[["vx", "vy"]].copy()
             steering.step(state)
             changes.append(np.hypot(state["vx"] - before["vx"], state["vy"] - before["vy"]) / dt)
-            if watch is not None:
-                watch((step + 1) * dt, state)
             there = state["togo"] == 0.0
             arrived[state["id"][there]] = (step + 1) * dt
             state = state[~there]

@@ -49,6 +49,9 @@ STAYS_FOR = 2.0
 FAVORED = 1.0
 """The same where captured motion is favored [s]."""
 
+PACE_OFF = 0.03
+"""Share by which a speed that is asked for may differ from that of captured motion."""
+
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
@@ -64,12 +67,19 @@ class Levels:
         kinds = np.array(cast.locomotions)[cast.group]
         self.may_steer = kinds != "captured"
         self.may_capture = kinds != "steered"
+        self._paced = np.array(cast.paced)[cast.group] & (kinds == "auto")
+        self._speeds = cast.walkers.speeds
         self._favored = favored
         count = cast.head_count
         self.changed = np.zeros(count, np.int64)
         self._calm_since = np.zeros(count, np.int64)
         self.near = np.zeros(count, np.int64)
         self.confined, self.soon = np.zeros(count, np.bool_), np.full(count, np.inf)
+
+    def keep_paces(self, natural_speed: float) -> None:
+        """Let those steer for good whose file says how fast they walk, if captured motion is not as fast [m/s]."""
+        off = np.abs(self._speeds - natural_speed) > PACE_OFF * natural_speed
+        self.may_capture &= ~(self._paced & off)
 
     def look_around(self, crowd: SortedCrowd, walls: Walls, step: int) -> None:
         """Find the company of all who are in the world, sorted by cells, between ``walls``."""

@@ -56,6 +56,7 @@ class MixedCrowd:
         self.steered = SteeredCrowd(scenario, workers, self.cast, behavior_set)
         self.levels = Levels(self.cast, scenario.captured_near)
         self.switches = Switches(self.captured, self.steered, self.levels)
+        self.levels.keep_paces(self.switches.natural_speed)
         self.hash = 0
         self._before = np.full((self.count, 2), np.nan)
         self._stands_since = np.zeros(self.count, np.int64)
@@ -185,6 +186,7 @@ class MixedCrowd:
             "waiting": int((world.state == AgentState.WAITING).sum()) + steered.waiting,
             "unreachable": {**self._without_a_way(), **steered.unreachable},
             "laps": steered.errands.laps(),
+            "exits": steered.exits_used(arrived),
             "stands": stands_summary(*(np.concatenate(both) for both in stands)),
             "events": captured.events.report(),
             "replans": captured.plans.replans,

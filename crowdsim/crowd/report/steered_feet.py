@@ -27,6 +27,9 @@ SHORTEST = 20
 LONGEST = 600
 """Steps of a track that are kept."""
 
+JUMPS = 2.0
+"""Way in a step beyond which a character did not walk it [m]."""
+
 Floats = NDArray[np.float64]
 
 
@@ -36,14 +39,19 @@ class SteeredFeet:
     def __init__(self, clip: Clip) -> None:
         self._clip = clip
         self._tracks: dict[int, list[Floats]] = {}
+        self._ended: list[list[Floats]] = []
 
     def add(self, view: View) -> None:
         """Take in one step."""
         for row in np.flatnonzero(view.agent < SAMPLED).tolist():
             # Who comes back to steering has another id, and another track.
+            state = view.row[row]
             track = self._tracks.setdefault(int(view.id[row]), [])
+            if track and hypot(track[-1][0] - state["x"], track[-1][1] - state["y"]) > JUMPS:
+                # At the other end of a periodic floor it begins another one.
+                self._ended.append(track)
+                track = self._tracks[int(view.id[row])] = []
             if len(track) < LONGEST:
-                state = view.row[row]
                 track.append(np.array([state["x"], state["y"], state["heading"], view.phase[row]]))
 
     def measure(self) -> tuple[float | None, float | None]:
@@ -51,7 +59,7 @@ class SteeredFeet:
 
         A point of a foot is planted as in clips: slow, low and for a while (`planted_steps`).
         """
-        tracks = [np.array(track) for track in self._tracks.values() if len(track) >= SHORTEST]
+        tracks = [np.array(track) for track in (*self._ended, *self._tracks.values()) if len(track) >= SHORTEST]
         if not tracks:
             return None, None
         clip = deform_clip(self._clip)

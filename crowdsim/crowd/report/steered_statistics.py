@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from crowdsim.behaviors.behavior import Behavior
 from crowdsim.constants import STEERING_RATE
@@ -40,8 +41,8 @@ class SteeredStatistics:
         self.gap = self.centers = np.inf
         self._margins = [GAP_LIMIT, GAP_LIMIT]
 
-    def add(self, view: View, steering: Steering) -> None:
-        """Take in one step."""
+    def add(self, view: View, everybody: NDArray[Any], steering: Steering) -> None:
+        """Take in one step; ``everybody`` (ROW) are those of ``view``, and copies of them beyond periodic ends."""
         rows = view.row
         if not len(rows):
             return
@@ -52,7 +53,7 @@ class SteeredStatistics:
         for row, area in enumerate(self._areas.values(), start=1):
             inside = shapely.contains_xy(area, rows["x"], rows["y"])
             self.way[row] += np.bincount(view.behavior[inside], gone[inside], kinds)
-        crowd = steering.sort(rows)
+        crowd = steering.sort(everybody)
         sorted_rows = (crowd.rows, crowd.places, crowd.starts, crowd.frame)
         gap, centers = closest_bodies(sorted_rows, crowd.broadest, CENTER_LIMIT)
         self.gap, self.centers = min(self.gap, gap), min(self.centers, centers)

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from crowdsim.crowd.steered.components import NO_GOAL, Errand
 from crowdsim.crowd.steered.entering_kernels import ROOM, admit
 from crowdsim.crowd.steered.errands import Errands
+from crowdsim.crowd.steered.exits import ExitChoice
+from crowdsim.crowd.steered.seam import Seam
 from crowdsim.crowd.steered.steered_place import SteeredPlace
 from crowdsim.ecs.world import World
 from crowdsim.geometry.elementary import atan2, cos, sin
@@ -29,8 +31,11 @@ class Entering:
     come and in whose place a thing stands.
     """
 
-    def __init__(self, world: World, place: SteeredPlace, cast: CrowdPlacement, errands: Errands) -> None:
-        self._world, self._place, self._cast, self._errands = world, place, cast, errands
+    def __init__(
+        self, world: World, place: SteeredPlace, cast: CrowdPlacement, exits: ExitChoice, errands: Errands, seam: Seam
+    ) -> None:
+        self._seam = seam
+        self._world, self._place, self._cast, self._errands, self._exits = world, place, cast, errands, exits
         self.entered = np.full(cast.head_count, -1, np.int64)
         self.shut_out = np.zeros(0, np.int64)
         self._broadest = 0.5 * float(cast.walkers.breadths.max(initial=0.0))
@@ -57,7 +62,7 @@ class Entering:
             return
         due = due[np.argsort(cast.start_steps[due], kind="stable")]
         coming = self._rows(due)
-        sorted_crowd = steering.sort(self._world.column("row"), self._place.bounds)
+        sorted_crowd = steering.sort(self._seam.with_copies(self._world.column("row")), self._place.bounds)
         crowd = (sorted_crowd.rows, sorted_crowd.starts, sorted_crowd.frame)
         ways = listed(others, sorted_crowd.frame, self._broadest + ROOM)
         clear = clear_of(ways, sorted_crowd.frame, coming, ROOM)
@@ -94,6 +99,7 @@ class Entering:
         rows["half"] = rows["rest"] = 0.5 * (cast.walkers.breadths[agents] - BODY_DEPTH)
         rows["speed"] = cast.walkers.speeds[agents]
         rows["share"] = cast.walkers.shares[agents]
+        self._exits.enter(agents, rows)
         rows["goal"] = self._errands.goal(agents, np.zeros(len(agents), np.int64))
         rows["id"] = agents
         self._place.guidance.write(rows, np.full(len(agents), PLAIN, np.int32))

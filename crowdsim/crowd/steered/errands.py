@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from crowdsim.constants import NONE
 from crowdsim.crowd.steered.components import NO_GOAL, Errand
+from crowdsim.crowd.steered.exits import ExitChoice
 from crowdsim.ecs.world import View
 from crowdsim.geometry.elementary import cos, hypot, sin
 from crowdsim.geometry.planar import wrap_angle
@@ -53,8 +54,8 @@ class Errands:
     arrived: (n,) step in which each came to its last place, -1 before. middles: (m, 2) points in the regions [m].
     """
 
-    def __init__(self, cast: CrowdPlacement, steps_per_second: int) -> None:
-        self._cast = cast
+    def __init__(self, cast: CrowdPlacement, exits: ExitChoice, steps_per_second: int) -> None:
+        self._cast, self._exits = cast, exits
         most = max(len(itinerary.goals) for itinerary in cast.itineraries)
         groups = cast.itineraries
         self._goals = np.full((len(groups), most), NONE, np.int32)
@@ -66,6 +67,7 @@ class Errands:
         self._places = np.array([len(itinerary.goals) for itinerary in groups], np.int64)
         self._last = np.array([it.rounds * len(it.goals) if it.rounds != NONE else NONE for it in groups], np.int64)
         self._waits = np.array([round(itinerary.wait * steps_per_second) for itinerary in groups], np.int64)
+        self._has_exits = np.array([bool(itinerary.choice) for itinerary in groups], np.bool_)
         self._stays = np.array([itinerary.stays for itinerary in groups], np.bool_)
         self._within = np.array([itinerary.stand_within for itinerary in groups])
         self.middles = shapely.get_coordinates([region.representative_point() for region in cast.goals])
@@ -78,7 +80,15 @@ class Errands:
     def goal(self, agents: NDArray[np.int64], reached: NDArray[np.int64]) -> NDArray[np.int32]:
         """Number of the goal of agents that have been to so many places."""
         group = self._cast.group[agents]
-        return np.asarray(self._goals[group, reached % self._places[group]])
+        place = reached % self._places[group]
+        goals = self._goals[group, place]
+        at_exit = self._has_exits[group] & (place == self._places[group] - 1)
+        goals[at_exit] = self._exits.goals[agents[at_exit]]
+        return np.asarray(goals)
+
+    def last_goals(self) -> NDArray[np.int32]:
+        """(n,) numbers of the goals that characters go to at last."""
+        return self.goal(np.arange(self._cast.head_count), self._places[self._cast.group] - 1)
 
     def set_out(self, view: View, step: int) -> None:
         """Let those go on whose time it is: before guidance is written."""
@@ -144,6 +154,7 @@ class Errands:
         stands = np.where(last, self._stays[group], self._waits[group] > 0)
         leaves = there[last & ~stands]
         self.arrived[agents[last & ~stands]] = step
+        self._exits.leave(view.goal[leaves])
         self._visits[agents[last & ~stands]] += 1
         takes_place = there[stands]
         view.errand[takes_place] = Errand.TAKES_PLACE

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crowdsim.behaviors.gaits import gait_clips
 from crowdsim.behaviors.library import BehaviorSet
@@ -18,7 +19,9 @@ from crowdsim.crowd.state.state_hash import state_hash
 from crowdsim.crowd.steered.components import COLUMNS, Errand
 from crowdsim.crowd.steered.entering import Entering
 from crowdsim.crowd.steered.errands import Errands
+from crowdsim.crowd.steered.exits import ExitChoice, exits_summary
 from crowdsim.crowd.steered.gait import walk_on
+from crowdsim.crowd.steered.seam import Seam, laid_three_times
 from crowdsim.crowd.steered.steered_place import SteeredPlace
 from crowdsim.ecs.world import World
 from crowdsim.recording.header import AgentState, RecordedFrame, RecordingHeader
@@ -50,11 +53,16 @@ class SteeredCrowd:
         self.behavior_set = load_behaviors(scenario) if behavior_set is None else behavior_set
         behaviors = self.behavior_set.behaviors
         self.cast = place_crowd(scenario) if cast is None else cast
-        self.place = SteeredPlace(scenario.environment, self.cast.goals, behaviors, STEERING_RATE, threads)
+        environment = laid_three_times(scenario.environment, scenario.span)
+        self.place = SteeredPlace(environment, self.cast.goals, behaviors, STEERING_RATE, threads)
         self.world = World(COLUMNS)
         self.steering = Steering(*self.place.walls, leg_radius=LEG_RADIUS, threads=threads)
-        self.errands = Errands(self.cast, STEERING_RATE)
-        self.entering = Entering(self.world, self.place, self.cast, self.errands)
+        free = scenario.environment.layers[0].free
+        self.exits = ExitChoice(self.cast, free, self.place.guidance, STEERING_RATE)
+        self.errands = Errands(self.cast, self.exits, STEERING_RATE)
+        self.seam = Seam(scenario, self.place.guidance)
+        self.entering = Entering(self.world, self.place, self.cast, self.exits, self.errands, self.seam)
+        self._wrapped = np.zeros(0, np.int64)
         self.gaits = gait_clips(self.behavior_set)
         self.statistics = SteeredStatistics(
             behaviors,
@@ -123,6 +131,7 @@ class SteeredCrowd:
         view = world.view()
         place.refresh(self._step, view.row, view.following)
         self.errands.set_out(view, self._step)
+        self.exits.consider(view, self._step)
         place.guidance.write(view.row, view.following)
         leaves = self.errands.update(view, self._step)
         place.lead_out(view.row, np.flatnonzero(view.lost_since != NONE))
@@ -133,8 +142,11 @@ class SteeredCrowd:
         # Everyone takes a step.
         view = world.view()
         before = view.row["heading"].copy()
-        self.steering.step(view.row, others)
+        everybody = self.seam.with_copies(view.row)
+        self.steering.step(everybody, others)
+        view.row[:] = everybody[: len(view.row)]
         walk_on(view, before, place.asked)
+        self._wrapped = self.seam.wrap(view)
 
     def end_step(self) -> None:
         """Count the step."""
@@ -161,6 +173,9 @@ class SteeredCrowd:
     def frame(self) -> RecordedFrame:
         """The present step of all characters, those outside the world marked absent."""
         view, rows = self.world.view(), self.world.column("row")
+        # Who came in at the other end is not shown on its way there.
+        state = view.state.copy()
+        state[self._wrapped] = AgentState.ABSENT
 
         def spread(values: Any, absent: float, dtype: Any) -> Any:
             column = np.full(self.count, absent, dtype)
@@ -175,13 +190,20 @@ class SteeredCrowd:
             previous=np.full(self.count, NONE, np.int32),
             frame=np.zeros(self.count, np.int16),
             behavior=spread(view.behavior, NONE, np.int8),
-            state=spread(view.state, AgentState.ABSENT, np.int8),
+            state=spread(state, AgentState.ABSENT, np.int8),
             phase=spread(view.phase, np.nan, np.float32),
         )
 
+    def exits_used(self, arrived: NDArray[np.int64]) -> dict[str, Any]:
+        """How many left through each exit; ``arrived``, (n,): step in which each character did, NONE for not yet."""
+        names, numbers = zip(*self.cast.exits.items(), strict=True) if self.cast.exits else ((), ())
+        goals = self.errands.last_goals()
+        return exits_summary(names, np.array(numbers, np.int32), goals, arrived, STEERING_RATE)
+
     def measure(self, frame: RecordedFrame) -> None:
         """Take the present step into the statistics."""
-        self.statistics.add(self.world.view(), self.steering)
+        view = self.world.view()
+        self.statistics.add(view, self.seam.with_copies(view.row), self.steering)
 
     def summary(self) -> dict[str, Any]:
         """What the run is summed up by."""
@@ -195,6 +217,7 @@ class SteeredCrowd:
             "waiting": self.waiting,
             "unreachable": self.unreachable,
             "laps": self.errands.laps(),
+            "exits": self.exits_used(arrived),
             "stands": stands_summary(*self.errands.how_they_stood(view)),
             "events": self.place.agenda.report(),
             "replans": 0,

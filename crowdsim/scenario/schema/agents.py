@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, ConfigDict, Field, WithJsonSchema, model_validator
 
 from crowdsim.constants import NONE
+from crowdsim.scenario.schema.exits import Choice, Exits
 from crowdsim.scenario.schema.spreads import Breadth, Delay, Spread, WalkingSpeed
 from crowdsim.scenario.schema.values import Degrees, FileText, Name, Part, Region, Seconds, one_of
 
@@ -46,7 +47,7 @@ Repeat = Annotated[
 
 
 def _one_goal_and_some_agents(schema: dict[str, Any]) -> None:
-    schema["oneOf"] = [{"required": ["goal"]}, {"required": ["goals"]}]
+    schema["oneOf"] = [{"required": [key]} for key in ("goal", "goals", "exits")]
     schema["anyOf"] = [{"required": ["count"]}, {"required": ["rate"]}]
 
 
@@ -60,9 +61,16 @@ _STEERED_KEYS = ("speed", "breadth", "delay")
 
 
 class Goal(Region):
-    """A place to go to, and where to face for those who stand there."""
+    """A place to go to, and where to face for those who stand there; or a way ``along`` an axis without end."""
 
+    model_config = ConfigDict(
+        json_schema_extra=one_of(("rectangle",), ("point",), ("circle",), ("polygon",), ("along",))
+    )
     heading: Degrees | None = None
+    along: Literal["+x", "-x", "+y", "-y"] | None = None
+
+    def _kinds(self) -> tuple[str, ...]:
+        return (*super()._kinds(), "along")
 
 
 class AgentGroup(Part):
@@ -70,7 +78,8 @@ class AgentGroup(Part):
 
     ``count`` of them start ``interval`` seconds after each other; or a source lets in ``rate`` a second until ``until``
     (at most ``count``). They go to their ``goal``, or to each of ``goals`` in turn, ``repeat`` times over, and stand
-    ``wait`` seconds at all but the last, within ``stand_within`` meters of them.
+    ``wait`` seconds at all but the last, within ``stand_within`` meters of them; or they leave through one of
+    ``exits``, by ``choice`` or as it is assigned to them.
 
     ``locomotion``: captured characters play motion that is searched for each of them; steered ones decide ten times a
     second, and their bodies follow; ``auto`` ones are captured while they have room, and steered where they meet
@@ -86,6 +95,8 @@ class AgentGroup(Part):
     start: Region
     goal: Goal | None = None
     goals: Annotated[tuple[Goal, ...], Field(strict=False, min_length=1)] | None = None
+    exits: Exits | None = None
+    choice: Choice = "nearest"
     repeat: Repeat = 1
     wait: Seconds = 0.0
     start_time: Seconds = 0.0
@@ -100,7 +111,7 @@ class AgentGroup(Part):
 
     @model_validator(mode="after")
     def _check(self) -> AgentGroup:
-        self.only("goal", "goals")
+        self.only("goal", "goals", "exits")
         if self.count is None and self.rate is None:
             raise ValueError("give 'count' for so many characters, or 'rate' for a source of them")
         if self.rate is None:
@@ -119,11 +130,29 @@ class AgentGroup(Part):
                     raise ValueError(
                         f"'{key}' is about steered characters; give 'locomotion: auto' or 'steered', or drop it"
                     )
+        self._check_exits()
         self._check_stands()
         return self
 
+    def _check_exits(self) -> None:
+        if self.exits is None:
+            if "choice" in self.model_fields_set:
+                raise ValueError("'choice' is among exits; give 'exits' with it, or drop it")
+            if len(self.goals or ()) > 1 and any(goal.along is not None for goal in self.goals or ()):
+                raise ValueError("a way along an axis has no end; give it as the only 'goal'")
+            if self.locomotion == "captured" and self.goal is not None and self.goal.along is not None:
+                raise ValueError("captured characters go to a region; give 'locomotion: auto' or 'steered'")
+            return
+        if isinstance(self.exits, dict) and "choice" in self.model_fields_set:
+            raise ValueError("these 'exits' are assigned by their shares; drop 'choice', or list names only")
+        for key in ("on_arrival", "wait"):
+            if getattr(self, key) not in ("leave", 0.0):
+                raise ValueError(f"who goes to an exit leaves there; drop '{key}', or give a 'goal'")
+
     def _check_stands(self) -> None:
         regions = self.regions()
+        if not regions:
+            return
         stands = [self.wait > 0.0] * len(regions)
         stands[-1] = self.on_arrival == "stay" or (self.wait > 0.0 and self.rounds != 1)
         if "stand_within" in self.model_fields_set and not any(stands):
@@ -139,8 +168,14 @@ class AgentGroup(Part):
         """How many times over the goals are gone to; NONE for as long as the run lasts."""
         return NONE if self.repeat == "forever" else int(self.repeat)
 
+    @property
+    def level(self) -> str:
+        """How the characters move: their ``locomotion``, but ``auto`` ones steer where captured motion cannot go."""
+        endless = any(goal.along is not None for _, goal in self.regions())
+        return "steered" if self.locomotion == "auto" and (self.exits is not None or endless) else self.locomotion
+
     def regions(self) -> list[tuple[tuple[str | int, ...], Goal]]:
-        """The goals in order, each with its place in the group: ``("goals", 1)``."""
+        """The goals in order, each with its place in the group: ``("goals", 1)``; none of who goes to an exit."""
         if self.goal is not None:
             return [(("goal",), self.goal)]
         return [(("goals", number), region) for number, region in enumerate(self.goals or ())]

@@ -52,8 +52,15 @@ Density = Annotated[
 ]
 
 
+LEAST_SPAN = 10.0
+"""Length of a periodic floor at least [m]: nobody is to see oneself ahead."""
+
+
 class Floor(Part):
-    """The walkable floor before anything stands on it: drawn, read from a file, or found in the obstacles."""
+    """The walkable floor before anything stands on it: drawn, read from a file, or found in the obstacles.
+
+    ``periodic``: who leaves it at its end along that axis comes in at the other one.
+    """
 
     model_config = ConfigDict(json_schema_extra=one_of(("rectangle",), ("polygon",), ("file",), ("derive",)))
     rectangle: Rectangle | None = None
@@ -63,15 +70,38 @@ class Floor(Part):
     units: Name | None = None
     derive: Literal[True] | None = None
     height: Length | None = None
+    periodic: Literal["x", "y"] | None = None
 
     @model_validator(mode="after")
     def _check(self) -> Floor:
+        if self.periodic is not None and self.rectangle is None and self.polygon is None:
+            raise ValueError(
+                "'periodic' is of a floor that the scenario draws; give 'rectangle' or 'polygon', or drop it"
+            )
+        if max(self.span) > 0.0 and max(self.span) < LEAST_SPAN:
+            raise ValueError(f"a periodic floor is {LEAST_SPAN:g} m long at least, this one {max(self.span):g} m")
         if self.only("rectangle", "polygon", "file", "derive") != "file":
             if self.drawing_layer is not None:
                 raise ValueError("'drawing_layer' is the layer of a drawing; give its 'file' with it, or drop it")
             if self.units is not None:
                 raise ValueError("'units' are those of a file; give the 'file' with them, or drop them")
         return self
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Way along x and y after which the floor begins again [m]; 0 where it ends."""
+        if self.periodic is None:
+            return 0.0, 0.0
+        xmin, ymin, xmax, ymax = self.bounds
+        return (xmax - xmin, 0.0) if self.periodic == "x" else (0.0, ymax - ymin)
+
+    @property
+    def bounds(self) -> Rectangle:
+        """Least x and y, greatest x and y of a floor that is drawn [m]."""
+        if self.rectangle is not None:
+            return self.rectangle
+        xs, ys = zip(*(self.polygon or ()), strict=True)
+        return min(xs), min(ys), max(xs), max(ys)
 
 
 class Box(Part):

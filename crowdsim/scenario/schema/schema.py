@@ -6,14 +6,17 @@ import json
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
+from shapely import MultiPolygon, Point, Polygon, union_all
 
 from crowdsim.constants import CAPTURE_RATE, STEERING_RATE
 from crowdsim.environment.layers import LEGS, TORSO
 from crowdsim.scenario.schema.agents import AgentGroup, Motion
 from crowdsim.scenario.schema.environment import Clutter, Floor, Layer, Obstacle
 from crowdsim.scenario.schema.events import Door, Event
-from crowdsim.scenario.schema.values import Extent, Name, Pair, Part, Region, one_of
+from crowdsim.scenario.schema.exits import Exit
+from crowdsim.scenario.schema.measured import Area, Line
+from crowdsim.scenario.schema.values import Extent, Name, Pair, Part
 
 FORMAT_VERSION = 1
 
@@ -21,19 +24,6 @@ CAPTURED_RATE = 30
 """Steps a second where all characters are captured and nothing else is asked for."""
 
 DEFAULT_BEHAVIORS = ("lateral", "arm_constrained", "frontal")
-
-
-class Area(Region):
-    """A named part of the floor for which shares of behaviors are reported."""
-
-    model_config = ConfigDict(json_schema_extra=one_of(("rectangle",), ("circle",), ("polygon",)))
-    name: Name
-
-    @model_validator(mode="after")
-    def _check_extent(self) -> Area:
-        if self.point is not None:
-            raise ValueError("an area needs an extent; give rectangle, circle or polygon")
-        return self
 
 
 class Neighborhood(Part):
@@ -67,7 +57,9 @@ class ScenarioFields(Part):
     planner: Literal["layered", "greedy_literal", "collision3d"] = "layered"
     motion: Motion = Motion(set="default")
     agents: Annotated[tuple[AgentGroup, ...], Field(strict=False, min_length=1)]
+    exits: Annotated[tuple[Exit, ...], Field(strict=False)] = ()
     areas: Annotated[tuple[Area, ...], Field(strict=False)] = ()
+    lines: Annotated[tuple[Line, ...], Field(strict=False)] = ()
     captured_near: Neighborhood | None = None
 
     @model_validator(mode="before")
@@ -100,7 +92,27 @@ class ScenarioFields(Part):
 
     def locomotions(self) -> set[str]:
         """How the groups move."""
-        return {group.locomotion for group in self.agents}
+        periodic = self.floor.periodic is not None
+        return {"steered" if periodic and group.level == "auto" else group.level for group in self.agents}
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Way along x and y after which the floor begins again [m]; 0 where it ends."""
+        return self.floor.span
+
+    def exits_of(self, group: AgentGroup) -> list[int]:
+        """Numbers of the exits of a group, in the order of the file."""
+        named = group.exits or ()
+        return [number for number, each in enumerate(self.exits) if named == "all" or each.name in named]
+
+    def destinations(self, group: AgentGroup) -> list[tuple[tuple[str | int, ...], Polygon | MultiPolygon | Point]]:
+        """Where a group goes to in turn, each with its place in the group.
+
+        Exits count as one place, and ways without end as none.
+        """
+        if group.exits is not None:
+            return [(("exits",), union_all([self.exits[number].shape() for number in self.exits_of(group)]))]
+        return [(key, goal.shape()) for key, goal in group.regions() if goal.along is None]
 
     @property
     def steers(self) -> bool:

@@ -88,8 +88,11 @@ class Region(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Region:
-        self.only("rectangle", "point", "circle", "polygon")
+        self.only(*self._kinds())
         return self
+
+    def _kinds(self) -> tuple[str, ...]:
+        return ("rectangle", "point", "circle", "polygon")
 
     def shape(self) -> Polygon | Point:
         """The region as a polygon, or as a point."""

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.steering.guidance.crowding_kernels import CHAIN, add_agents, change_where_it_pays, set_load
-from crowdsim.steering.guidance.field import BOX_ROW, Field, guide, solve_field
+from crowdsim.steering.guidance.field import BOX_ROW, Field, guide, solve_field, ways
 from crowdsim.steering.guidance.ground import NOBODY, Crowding, Ground
 from crowdsim.steering.guidance.ground_kernels import BOX
 
@@ -116,6 +116,11 @@ class Guidance:
     def newest(self, goal: int) -> Field:
         """The newest field of a goal."""
         return self._fields[goal][max(self._fields[goal])]
+
+    def lengths(self, goal: int, places: ArrayLike) -> NDArray[np.float64]:
+        """Lengths (k,) of the ways from places, float64[k, 2], to a goal in the empty place [m]; infinite for none."""
+        fields = self._fields[goal]
+        return ways(self.ground, fields[min(fields)], places).length
 
     def rebuild(self, ground: Ground, crowding: Crowding = NOBODY) -> None:
         """Take the place as it is now: all fields are made anew, and everybody follows these."""

@@ -12,6 +12,7 @@ SUMMARY = {
     "waiting": 1,
     "unreachable": {"1": "no path: too narrow"},
     "laps": {"guards": 7},
+    "exits": {"north": {"left": 2, "last": 8.25}, "south": {"left": 0, "last": None}},
     "events": [
         {"event": "close 'front'", "at": 4.0, "outcome": "happened", "late": 2.5},
         {"event": "open 'front'", "at": 9.0, "outcome": "happened", "late": 0.0},
@@ -35,6 +36,14 @@ SUMMARY = {
         "gap": {"frontal": 0.0, "arm_constrained": 0.0, "lateral": 1.0},
         "attic": {"frontal": 0.0},
     },
+    "areas": {
+        "gap": {"density": 0.5, "density_most": 2.25, "speed": 1.125},
+        "attic": {"density": 0.0, "density_most": 0.0, "speed": None},
+    },
+    "lines": {
+        "door": {"to_left": 3, "to_right": 40, "flow": 1.5, "flow_per_m": 1.25},
+        "window": {"to_left": 0, "to_right": 1, "flow": None, "flow_per_m": None},
+    },
     "closest_pair": 0.7125,
     "obstacle_margin": {"legs": 0.05, "torso": 0.0625},
     "stance_foot_speed": 0.03,
@@ -50,10 +59,16 @@ def test_the_summary_is_shown_with_units():
     assert rows["mean time to arrive"] == "8.2 s"
     assert rows["share of the way"] == "frontal 50%, arm_constrained 25%, lateral 25%"
     assert rows["  in gap"] == "lateral 100%"
+    assert rows["density in gap"] == "0.50 /m2, 2.25 at most; 1.12 m/s"
+    assert rows["density in attic"] == "0.00 /m2, 0.00 at most; none"
+    assert rows["passages at door"] == "3 to the left, 40 to the right; 1.50 /s, 1.25 /(m s)"
+    assert rows["passages at window"] == "0 to the left, 1 to the right"
     assert rows["  in attic"] == "nobody went here"
     assert rows["  no way for character 1"] == "no path: too narrow"
     assert rows["body to obstacle, torso"] == "0.062 m"
     assert rows["rounds of guards"] == "7"
+    assert rows["left through north"] == "2, the last one at 8.2 s"
+    assert rows["left through south"] == "0"
     assert rows["events"] == "2 of 3 that were due happened"
     assert rows["  close 'front' at 4 s"] == "2.5 s late: somebody was in the way"
     assert rows["  insert 'crate' at 11.5 s"] == "never: somebody was in the way to the end"

@@ -80,7 +80,10 @@ def test_everyone_from_a_source_is_placed():
             "17:13: agents.0.repeat: expected a whole number from 1 to 100000, or forever",
         ),
         ("count: 2\n    repeat: 0", "17:13: agents.0.repeat: expected a whole number from 1"),
-        ("count: 2\n    goals: [{point: [1, 1]}]", "15:5: agents.0: give exactly one of goal, goals; found 'goal' and"),
+        (
+            "count: 2\n    goals: [{point: [1, 1]}]",
+            "15:5: agents.0: give exactly one of goal, goals, exits; found 'goal' and",
+        ),
     ],
 )
 def test_a_source_or_sequence_that_cannot_be_is_refused_with_its_line(keys, line):

@@ -8,25 +8,46 @@ from crowdsim.scenario.loader import parse_scenario
 from crowdsim.scenario.schema.agents import AgentGroup
 from crowdsim.scenario.schema.environment import Clutter, Floor, Layer, Mesh, Obstacle, Opening, Plan, Wall
 from crowdsim.scenario.schema.events import ACTIONS
+from crowdsim.scenario.schema.measured import Area, Line
+from crowdsim.scenario.schema.values import Region
 
 TEXT = (Path(__file__).parents[3] / "docs" / "scenarios.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```yaml\n(.*?)^```", TEXT, re.M | re.S)
 
 
 def test_the_whole_scenario_is_valid_and_shows_every_action():
-    body, _ = BLOCKS
+    body, *_ = BLOCKS
     scenario = parse_scenario(body)
     assert check_scenario(scenario) == []
     assert {event.action for event in scenario.events} == set(ACTIONS)
 
 
 def test_the_steered_group_is_valid():
-    _, agents = BLOCKS
+    agents = next(block for block in BLOCKS if "name: visitors\n    locomotion: steered" in block)
     head = "crowdsim: 1\nname: a\nseed: 1\nduration: 60\nfloor: {rectangle: [0, 0, 100, 20]}\n"
     scenario = parse_scenario(head + agents)
     assert check_scenario(scenario) == []
     assert scenario.locomotions() == {"steered"}
     assert scenario.steps_per_second == 10
+
+
+def test_the_exits_are_valid():
+    exits = next(block for block in BLOCKS if "exits:" in block)
+    head = "crowdsim: 1\nname: a\nseed: 1\nduration: 60\nfloor: {rectangle: [0, 0, 20, 9]}\n"
+    scenario = parse_scenario(head + exits)
+    assert check_scenario(scenario) == []
+    assert [each.name for each in scenario.exits] == ["west", "east"]
+    assert scenario.agents[1].exits == {"west": 1.0, "east": 4.0}
+
+
+def test_the_measured_places_are_valid():
+    body, places = BLOCKS[0], BLOCKS[-1]
+    scenario = parse_scenario(body + places)
+    assert [area.name for area in scenario.areas] == ["before the door"]
+    assert [line.points for line in scenario.lines] == [((10.0, 4.5), (10.0, 5.5))]
+    for model in (Area, Line):
+        for key in set(model.model_fields) - set(Region.model_fields):
+            assert re.search(rf"`{key}`|{key}: ", TEXT[TEXT.index("## What is measured") :]), f"{model.__name__}: {key}"
 
 
 def test_every_key_of_a_group_is_described():

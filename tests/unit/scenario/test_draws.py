@@ -40,6 +40,13 @@ def test_independent_values_have_the_distribution(kind: str, seed: int) -> None:
     assert stats.kstest(drawn, asked.cdf).pvalue > 0.05
 
 
+@pytest.mark.parametrize("kind", ASKED)
+def test_what_a_character_draws_does_not_depend_on_how_many_come_after_it(kind: str) -> None:
+    spread = Spread.model_validate(ASKED[kind][0])
+    few, many = (draw_spread(spread, count, np.random.default_rng(7)) for count in (10, 1000))
+    np.testing.assert_array_equal(few, many[:10])
+
+
 @pytest.mark.parametrize("stratified", [True, False])
 def test_bounds_cut_a_distribution_and_leave_its_shape(stratified: bool) -> None:
     # Response times of MSC.1/Circ.1533 by night: from 400 to 700 s.

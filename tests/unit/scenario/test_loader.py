@@ -169,12 +169,32 @@ def test_a_good_file_has_its_values_and_defaults():
         ),
         ("motion: {set: default}", "layers: []", "13:9: layers: expected at least 1 entry, got 0"),
         ("rectangle: [4, 2, 6, 4]", "point: [4, 2]", "21:5: areas.0: an area needs an extent"),
+        (
+            "areas:",
+            "lines:\n  - {name: a, points: [[1, 1], [1, 1]]}\nareas:",
+            "21:23: lines.0.points: two points of a line lie on each other: [1, 1]",
+        ),
+        (
+            "areas:",
+            "lines:\n  - {name: a, points: [[1, 1]]}\nareas:",
+            "21:23: lines.0.points: expected at least 2 entries, got 1",
+        ),
+        (
+            "[4, 2, 6, 4]",
+            "[4, 2, 6, 4], start_time: 5, until: 5",
+            "21:5: areas.0: 'until' (5 s) must lie after 'start_time' (5 s)",
+        ),
+        (
+            "[4, 2, 6, 4]",
+            "[4, 2, 6, 4], start_time: 60",
+            "21:57: areas.0.start_time: the run ends at 60 s, before measuring begins at 60 s",
+        ),
         # what the schema cannot see
         ("name: pole", "name: wall", "9:12: obstacles.1.name: the name 'wall' is taken by obstacles.0"),
         ("on_arrival: leave", "interval: 20", "4:11: duration: 60 s end before the last of 'guests' starts at 60 s"),
         ("[1, 1, 3, 4]", "[11, 1, 13, 4]", "17:12: agents.0.start: lies off the floor"),
         ("[1, 1, 3, 4]", "[10, 1, 13, 4]", "17:12: agents.0.start: lies off the floor"),
-        ("[1, 1, 3, 4]", "[9.8, 1, 13, 4]", "17:12: agents.0.start: no spot with 0.27 m of free floor around it"),
+        ("[1, 1, 3, 4]", "[9.8, 1, 13, 4]", "17:12: agents.0.start: no spot with 0.26 m of free floor around it"),
         (
             "{rectangle: [1, 1, 3, 4]}",
             "{point: [4.1, 1]}",
@@ -183,7 +203,7 @@ def test_a_good_file_has_its_values_and_defaults():
         (
             "{rectangle: [1, 1, 3, 4]}",
             "{point: [0.2, 1]}",
-            "17:12: agents.0.start: no spot with 0.27 m of free floor aro",
+            "17:12: agents.0.start: no spot with 0.26 m of free floor aro",
         ),
         (
             "{rectangle: [1, 1, 3, 4]}",

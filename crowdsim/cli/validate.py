@@ -1,0 +1,95 @@
+"""``crowdsim validate``."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from crowdsim.cli.options import Debug, Json
+from crowdsim.cli.run import require_writable
+
+FAILED = 4
+"""Exit code if a test failed."""
+
+
+def validate(
+    names: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Tests to run; none runs all.")] = None,
+    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Runs of every scenario, with seeds from 1 on.")] = 1,
+    jobs: Annotated[int, typer.Option(min=1, max=256, help="Runs at once, each in a process of its own.")] = 2,
+    locomotion: Annotated[
+        Literal["auto", "steered"], typer.Option(help="How the characters of all groups move.")
+    ] = "auto",
+    page: Annotated[
+        Path | None, typer.Option("--html", metavar="OUT.html", help="Write a report with pictures.")
+    ] = None,
+    markdown: Annotated[
+        Path | None, typer.Option(metavar="OUT.md", help="Write the tables as a page of Markdown.")
+    ] = None,
+    listed: Annotated[
+        bool, typer.Option("--list", help="List the tests, and those that are not run, and why.")
+    ] = False,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Run tests of evacuation guidelines and measured diagrams; the exit code is 4 if any fails."""
+    from crowdsim.cli.tables import print_rows, print_table
+    from crowdsim.errors import CrowdSimError
+    from crowdsim.validate import report
+    from crowdsim.validate.running import run_tests
+    from crowdsim.validate.suite import MISSING, TESTS, find_tests
+    from crowdsim.whole_files import whole_file
+    from crowdsim.yamlfile.messages import nearest
+
+    if listed:
+        if as_json:
+            typer.echo(json.dumps({test.name: f"{test.title} ({test.source})" for test in TESTS}))
+            return
+        print_table([(test.name, f"{test.title} ({test.source})") for test in TESTS])
+        typer.echo()
+        print_table([(missing.source, f"{missing.title}: {missing.reason}") for missing in MISSING])
+        return
+    known = [test.name for test in TESTS]
+    for name in names or ():
+        if name not in known:
+            raise CrowdSimError(f"there is no test '{name}'; {nearest(name, known, 'the tests are')}")
+
+    # What cannot be written is refused before all is run.
+    for file, suffix in ((page, ".html"), (markdown, ".md")):
+        if file is not None:
+            require_writable(file)
+            if file.suffix != suffix:
+                raise CrowdSimError(f"cannot write {file}: its name has to end with {suffix}")
+
+    def progress(done: int, total: int, what: str) -> None:
+        typer.echo(f"{done} of {total}: {what}", err=True)
+
+    with tempfile.TemporaryDirectory() as folder:
+        outcomes = run_tests(
+            find_tests(names or []),
+            range(1, seeds + 1),
+            locomotion,
+            jobs=jobs,
+            pictures=None if page is None else Path(folder),
+            progress=progress,
+        )
+        if page is not None:
+            with whole_file(page, (".html",), "reports") as written:
+                written.write_text(report.as_html(outcomes, locomotion, Path(folder)), encoding="utf-8")
+    if markdown is not None:
+        with whole_file(markdown, (".md",), "tables") as written:
+            written.write_text(report.as_markdown(outcomes, locomotion), encoding="utf-8")
+    if as_json:
+        typer.echo(json.dumps(report.as_json(outcomes, locomotion)))
+    else:
+        print_rows(report.rows_of(outcomes))
+        failed = [outcome.test.name for outcome in outcomes if not outcome.passed]
+        typer.echo(
+            f"\n{len(outcomes) - len(failed)} of {len(outcomes)} tests passed"
+            + (f"; failed: {', '.join(failed)}" if failed else "")
+        )
+    if not all(outcome.passed for outcome in outcomes):
+        raise typer.Exit(FAILED)

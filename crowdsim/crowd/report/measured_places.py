@@ -1,0 +1,159 @@
+"""What a run measures at the lines and in the areas that its scenario names."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from crowdsim.geometry.elementary import hypot
+from crowdsim.recording.header import AgentState, RecordedFrame
+from crowdsim.recording.measured import AreaSeries, Crossings, Measured
+from crowdsim.scenario.scenario import Scenario
+
+SPEED_SECONDS = 1.0
+"""Speeds are those of the way between two places so far apart in time [s]: bodies sway within a step."""
+
+LEAST_CROSSINGS = 20
+"""Crossings below which a line has no flow."""
+
+Floats = NDArray[np.float64]
+
+
+class MeasuredPlaces:
+    """Counts who is in the areas and who crosses the lines, step by step."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._rate = scenario.steps_per_second
+        self._areas, self._lines = scenario.areas, scenario.lines
+        self._shapes = [area.shape() for area in scenario.areas]
+        free = scenario.environment.layers[0].free
+        self._sizes = [float(shape.intersection(free).area) for shape in self._shapes]
+        for shape in self._shapes:
+            shapely.prepare(shape)
+        self._pieces = [np.array(line.points) for line in scenario.lines]
+        self._span = np.array(scenario.span)
+        self._window = round(SPEED_SECONDS * self._rate)
+        self._places: list[Floats] = []
+        self._counts: list[list[int]] = [[] for _ in self._areas]
+        self._speeds: list[list[float]] = [[] for _ in self._areas]
+        self._crossed: list[list[tuple[NDArray[np.int64], Floats, NDArray[np.bool_]]]] = [[] for _ in self._lines]
+        self._step = 0
+
+    def add(self, frame: RecordedFrame) -> None:
+        """Take in one step of all agents."""
+        if not self._areas and not self._lines:
+            return
+        places = np.column_stack((frame.x, frame.y)).astype(np.float64)
+        places[np.asarray(frame.state) == AgentState.ABSENT] = np.nan
+        self._count(places)
+        if self._places:
+            self._cross(places - self._way(self._places[-1], places), places)
+        self._places.append(places)
+        since = self._places[0]
+        if len(self._places) > self._window:
+            self._places.pop(0)
+            pace = hypot(*self._way(since, places).T) / SPEED_SECONDS
+        else:
+            pace = np.full(len(places), np.nan)
+        for number, shape in enumerate(self._shapes):
+            inside = pace[shapely.contains_xy(shape, places) & ~np.isnan(pace)]
+            self._speeds[number].append(float(inside.mean()) if len(inside) else np.nan)
+        self._step += 1
+
+    def measured(self) -> Measured:
+        """All that was measured, for the recording."""
+        areas = {
+            area.name: AreaSeries(size, np.array(count, np.int32), np.array(speed, np.float32))
+            for area, size, count, speed in zip(self._areas, self._sizes, self._counts, self._speeds, strict=True)
+        }
+        lines = {}
+        for line, parts in zip(self._lines, self._crossed, strict=True):
+            agents = np.concatenate([np.zeros(0, np.int64), *(part[0] for part in parts)])
+            times = np.concatenate([np.zeros(0), *(part[1] for part in parts)])
+            to_left = np.concatenate([np.zeros(0, np.bool_), *(part[2] for part in parts)])
+            order = np.lexsort((agents, times))
+            lines[line.name] = Crossings(
+                line.shape().length, agents[order].astype(np.int32), times[order], to_left[order]
+            )
+        return Measured(areas, lines)
+
+    def summary(self) -> dict[str, Any]:
+        """The figures under the names that ``crowdsim run --json`` prints."""
+        measured = self.measured()
+        areas, lines = {}, {}
+        for area in self._areas:
+            series = measured.areas[area.name]
+            times = np.arange(len(series.count)) / self._rate
+            during = (times >= area.start_time) & (times < (np.inf if area.until is None else area.until))
+            count, speed = series.count[during], series.speed[during]
+            walked = speed[~np.isnan(speed)].astype(np.float64)
+            areas[area.name] = {
+                "density": float(count.mean() / series.size) if len(count) and series.size > 0.0 else None,
+                "density_most": float(count.max() / series.size) if len(count) and series.size > 0.0 else None,
+                "speed": float(walked.mean()) if len(walked) else None,
+            }
+        for line in self._lines:
+            crossings = measured.lines[line.name]
+            during = (crossings.time >= line.start_time) & (
+                crossings.time < (np.inf if line.until is None else line.until)
+            )
+            left = int(crossings.to_left[during].sum())
+            right = int(during.sum()) - left
+            flow = flow_of(crossings.time[during & (crossings.to_left == (left > right))])
+            lines[line.name] = {
+                "to_left": left,
+                "to_right": right,
+                "flow": flow,
+                "flow_per_m": None if flow is None else flow / crossings.length,
+            }
+        return {"areas": areas, "lines": lines}
+
+    def _way(self, before: Floats, after: Floats) -> Floats:
+        """Straight ways between places; across the ends of a periodic floor if that is shorter."""
+        way: Floats = after - before
+        for axis in np.flatnonzero(self._span > 0.0):
+            way[:, axis] -= np.rint(way[:, axis] / self._span[axis]) * self._span[axis]
+        return way
+
+    def _count(self, places: Floats) -> None:
+        for number, shape in enumerate(self._shapes):
+            self._counts[number].append(int(shapely.contains_xy(shape, places).sum()))
+
+    def _cross(self, before: Floats, after: Floats) -> None:
+        """Note who crossed which line on the straight way between two steps."""
+        for number, points in enumerate(self._pieces):
+            for first, second in itertools.pairwise(points):
+                agents, share, to_left = crossings_of(before, after, first, second)
+                times = (self._step - 1 + share) / self._rate
+                self._crossed[number].append((agents, times, to_left))
+
+
+def crossings_of(
+    before: Floats, after: Floats, first: Floats, second: Floats
+) -> tuple[NDArray[np.int64], Floats, NDArray[np.bool_]]:
+    """Who, of those who go straight from (n, 2) places to others, crosses a line between two points.
+
+    Returns their numbers, the share of the way at which each does, and whether it then is on the left of who goes from
+    the first point to the second. Nobody counts who is in no place (nan). A place on the line is on its left.
+    """
+    ux, uy = second - first
+    left = [ux * (at[:, 1] - first[1]) - uy * (at[:, 0] - first[0]) for at in (before, after)]
+    crosses = ((left[0] >= 0.0) != (left[1] >= 0.0)) & ~np.isnan(left[0]) & ~np.isnan(left[1])
+    agents = np.flatnonzero(crosses)
+    share = left[0][agents] / (left[0][agents] - left[1][agents])
+    at = before[agents] + share[:, None] * (after[agents] - before[agents])
+    along = (ux * (at[:, 0] - first[0]) + uy * (at[:, 1] - first[1])) / (ux * ux + uy * uy)
+    hits = (along >= 0.0) & (along < 1.0)
+    return agents[hits], share[hits], left[1][agents[hits]] >= 0.0
+
+
+def flow_of(times: Floats) -> float | None:
+    """Crossings a second between the first and the last tenth of ascending times, None if they are few."""
+    few = len(times) // 10
+    if len(times) < LEAST_CROSSINGS or times[-few - 1] <= times[few]:
+        return None
+    return float((len(times) - 2 * few) / (times[-few - 1] - times[few]))

@@ -1,0 +1,90 @@
+"""Floors without ends: who leaves at one end comes in at the other, and both ends see each other.
+
+The place is laid out three times, one copy beside the other; characters are on the middle one. In each step those near
+an end are copied beyond the other end, and the copies are forgotten. As everybody reads the rows from before the step
+only, characters step as if the floor had no ends, and nobody touches anybody across them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.affinity import translate
+
+from crowdsim.ecs.world import View
+from crowdsim.environment.layers import ClearanceLayer, polygons_only
+from crowdsim.scenario.environment import Environment
+from crowdsim.scenario.scenario import Scenario
+from crowdsim.steering.guidance.guidance import PLAIN, Guidance
+
+AHEAD = 4.0
+"""Distance from an end within which characters are seen beyond the other one [m]: more than anybody looks."""
+
+_SNAPPED = 1e-9
+"""Grid on which the edges of two copies of the floor meet [m]."""
+
+
+def laid_three_times(environment: Environment, span: tuple[float, float]) -> Environment:
+    """An environment that goes on once more beyond both ends of a periodic floor; the same if it has ends."""
+    if span == (0.0, 0.0):
+        return environment
+
+    def repeated(layer: ClearanceLayer) -> ClearanceLayer:
+        copies = [translate(layer.free, k * span[0], k * span[1]) for k in (-1, 0, 1)]
+        return replace(layer, free=polygons_only(shapely.union_all(copies, grid_size=_SNAPPED)))
+
+    return environment._replace(
+        layers=tuple(map(repeated, environment.layers)), fixed_layers=tuple(map(repeated, environment.fixed_layers))
+    )
+
+
+class Seam:
+    """Where both ends of a periodic floor meet; of a floor with ends, it does nothing."""
+
+    def __init__(self, scenario: Scenario, guidance: Guidance) -> None:
+        self._guidance = guidance
+        self._name = scenario.floor.periodic
+        if self._name is not None:
+            xmin, ymin, xmax, ymax = scenario.floor.bounds
+            self._axis = 0 if self._name == "x" else 1
+            self._low, self._high = ((xmin, xmax), (ymin, ymax))[self._axis]
+            self._span = self._high - self._low
+
+    def with_copies(self, rows: NDArray[Any]) -> NDArray[Any]:
+        """Rows (ROW), and behind them copies of those near an end, as they are beyond the other one."""
+        if self._name is None:
+            return rows
+        at = rows[self._name]
+        beyond, before = rows[at < self._low + AHEAD], rows[at >= self._high - AHEAD]
+        beyond[self._name] += self._span
+        before[self._name] -= self._span
+        copies = np.concatenate((beyond, before))
+        most = int(rows["id"].max(initial=0)) + 1
+        copies["id"] += np.repeat((most, 2 * most), (len(beyond), len(before)))
+        self._guide(copies)
+        return np.concatenate((rows, copies))
+
+    def wrap(self, view: View) -> NDArray[np.int64]:
+        """Bring those who have left at one end to the other one; returns their rows."""
+        if self._name is None:
+            return np.zeros(0, np.int64)
+        at = view.row[self._name]
+        left = np.flatnonzero((at < self._low) | (at >= self._high))
+        by = np.where(at[left] < self._low, self._span, -self._span)
+        moved = view.row[left]
+        moved[self._name] += by
+        self._guide(moved)
+        view.row[left] = moved
+        view.anchor[left, self._axis] += by
+        return left
+
+    def _guide(self, rows: NDArray[Any]) -> None:
+        """Write the ways of rows that were shifted; the order in which they go moves with what they have to go."""
+        before = rows["togo"].copy()
+        walks = rows["goal"] >= 0
+        self._guidance.write(rows, np.full(len(rows), PLAIN, np.int32))
+        rows["key"][walks] += (rows["togo"] - before)[walks]

@@ -1,0 +1,63 @@
+"""Keys of a scenario file about what is measured: areas and lines on the floor."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Annotated
+
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
+from shapely import LineString
+
+from crowdsim.environment.solids import MIN_EXTENT
+from crowdsim.scenario.schema.values import Name, Pair, Part, Region, Seconds, one_of
+
+
+def _check_times(start_time: float, until: float | None) -> None:
+    if until is not None and until <= start_time:
+        raise ValueError(f"'until' ({until:g} s) must lie after 'start_time' ({start_time:g} s)")
+
+
+class Area(Region):
+    """A named part of the floor in which density, speed and shares of behaviors are measured.
+
+    Density and speed are means from ``start_time`` on until ``until``.
+    """
+
+    model_config = ConfigDict(json_schema_extra=one_of(("rectangle",), ("circle",), ("polygon",)))
+    name: Name
+    start_time: Seconds = 0.0
+    until: Seconds | None = None
+
+    @model_validator(mode="after")
+    def _check_extent(self) -> Area:
+        if self.point is not None:
+            raise ValueError("an area needs an extent; give rectangle, circle or polygon")
+        _check_times(self.start_time, self.until)
+        return self
+
+
+def _checked_points(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    for first, second in itertools.pairwise(points):
+        if max(abs(first[0] - second[0]), abs(first[1] - second[1])) < MIN_EXTENT:
+            raise ValueError(f"two points of a line lie on each other: [{first[0]:g}, {first[1]:g}]")
+    return points
+
+
+class Line(Part):
+    """A named line through ``points``, at which those who cross it from ``start_time`` on until ``until`` count."""
+
+    name: Name
+    points: Annotated[
+        tuple[Pair, ...], Field(strict=False, min_length=2, max_length=1000), AfterValidator(_checked_points)
+    ]
+    start_time: Seconds = 0.0
+    until: Seconds | None = None
+
+    @model_validator(mode="after")
+    def _check(self) -> Line:
+        _check_times(self.start_time, self.until)
+        return self
+
+    def shape(self) -> LineString:
+        """The line on the floor."""
+        return LineString(self.points)

@@ -1,0 +1,246 @@
+"""Criteria: small functions from what runs showed to figures beside their bands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.validate.observed import Observed
+
+Runs: TypeAlias = Mapping[str, Observed]
+"""The runs of a test with one seed, by the names of its cases."""
+
+
+class Finding(NamedTuple):
+    """A figure, and the band in which it has to lie."""
+
+    what: str
+    value: float
+    unit: str
+    least: float
+    most: float
+    source: str
+
+    @property
+    def passed(self) -> bool:
+        """Whether the figure is within its band; one that is not known is not."""
+        return bool(self.least <= self.value <= self.most)
+
+
+Criterion: TypeAlias = Callable[[Runs], Sequence[Finding]]
+
+
+def transit(case: str, begin: str, end: str, least: float, most: float, source: str) -> Criterion:
+    """Time between two lines of everyone in a case [s]; the figure farthest from the middle of the band counts."""
+
+    def judge(runs: Runs) -> list[Finding]:
+        times = runs[case].times_at(end) - runs[case].times_at(begin)
+        return [Finding("time between the lines", _worst(times, least, most), "s", least, most, source)]
+
+    return judge
+
+
+def all_leave(case: str, most: float, source: str, least: float = 0.0) -> Criterion:
+    """All leave, within a time, and not before another one [s]."""
+    return lambda runs: [Finding(f"last one out, {case}", runs[case].last, "s", least, most, source)]
+
+
+def nobody_in_walls(case: str, source: str) -> Criterion:
+    """No center off the floor, and no body in a wall [m]."""
+
+    def judge(runs: Runs) -> list[Finding]:
+        run = runs[case]
+        margins = [value for value in run.summary["obstacle_margin"].values() if value is not None]
+        return [
+            Finding("centers off the floor", float(run.outside), "", 0.0, 0.0, source),
+            Finding("body to wall, least", min(margins), "m", -0.001, np.inf, source),
+        ]
+
+    return judge
+
+
+def on_time(case: str, tolerance: float, source: str) -> Criterion:
+    """Everybody sets out at the time drawn for it [s]."""
+
+    def judge(runs: Runs) -> list[Finding]:
+        off = np.abs(runs[case].set_out - runs[case].delays).max()
+        return [Finding("set out off the time drawn, most", float(off), "s", 0.0, tolerance, source)]
+
+    return judge
+
+
+def uniform_delays(case: str, first: float, last: float, source: str) -> Criterion:
+    """Times drawn are uniform: the probability of the Kolmogorov-Smirnov test."""
+
+    def judge(runs: Runs) -> list[Finding]:
+        from scipy.stats import kstest
+
+        chance = float(kstest(runs[case].delays, "uniform", (first, last - first)).pvalue)
+        return [Finding("Kolmogorov-Smirnov p of the times", chance, "", 0.05, 1.0, source)]
+
+    return judge
+
+
+def speeds_as_drawn(case: str, begin: str, end: str, way: float, tolerance: float, source: str) -> Criterion:
+    """Everybody walks as fast as drawn between two lines ``way`` [m] apart, within a share."""
+
+    def judge(runs: Runs) -> list[Finding]:
+        run = runs[case]
+        walked = way / (run.times_at(end) - run.times_at(begin))
+        off = np.abs(walked / run.speeds - 1.0)
+        return [
+            Finding("speed walked off that drawn, median", float(np.median(off)), "", 0.0, tolerance, source),
+            Finding(
+                "the same, mean speeds", float(abs(walked.mean() / run.speeds.mean() - 1.0)), "", 0.0, tolerance, source
+            ),
+        ]
+
+    return judge
+
+
+def ratio(more: str, less: str, least: float, most: float, source: str) -> Criterion:
+    """How many times as long it takes until all have left one case as until all have left another."""
+    return lambda runs: [
+        Finding(f"time, {more} / {less}", _ratio(runs[more].last, runs[less].last), "", least, most, source)
+    ]
+
+
+def queue_before_the_first(case: str, areas: tuple[str, str], source: str) -> Criterion:
+    """More wait before the first of two necks than before the second: peaks, and means of the ten largest counts."""
+
+    def judge(runs: Runs) -> list[Finding]:
+        first, second = (np.sort(runs[case].measured.areas[name].count)[::-1][:10] for name in areas)
+        return [
+            Finding("most before the second neck", float(second[0]), "", 0.0, float(first[0]) - 1.0, source),
+            Finding("ten largest counts there, mean", float(second.mean()), "", 0.0, float(first.mean()) - 0.1, source),
+        ]
+
+    return judge
+
+
+def flow(case: str, line: str, least: float, most: float, source: str) -> Criterion:
+    """Flow across a line [1/s]."""
+    return lambda runs: [Finding(f"flow, {case}", flow_of(runs[case], line), "/s", least, most, source)]
+
+
+def no_more_flow_behind(case: str, lines: tuple[str, str], source: str) -> Criterion:
+    """The second line lets no more through than the first [1/s]."""
+
+    def judge(runs: Runs) -> list[Finding]:
+        first, second = (flow_of(runs[case], line) for line in lines)
+        return [Finding("flow at the first neck less that at the second", first - second, "/s", -0.05, np.inf, source)]
+
+    return judge
+
+
+def flow_grows(cases: Sequence[str], line: str, source: str) -> Criterion:
+    """The flow grows from case to case [1/s]: the least difference."""
+
+    def judge(runs: Runs) -> list[Finding]:
+        flows = [flow_of(runs[case], line) for case in cases]
+        return [Finding("flow, least growth with the width", float(np.diff(flows).min()), "/s", 0.0, np.inf, source)]
+
+    return judge
+
+
+def flow_per_meter(case: str, line: str, least: float, source: str) -> Criterion:
+    """Flow across a line for each meter of it [1/(m s)]."""
+
+    def judge(runs: Runs) -> list[Finding]:
+        length = runs[case].measured.lines[line].length
+        value = flow_of(runs[case], line) / length
+        return [Finding(f"flow for each meter, {case}", value, "/(m s)", least, np.inf, source)]
+
+    return judge
+
+
+def times_grow(cases: Sequence[str], line: str, group: str, source: str) -> Criterion:
+    """The time until the last of a group crosses a line grows from case to case [s]: the least difference."""
+
+    def judge(runs: Runs) -> list[Finding]:
+        times = np.array([float(runs[case].times_at(line, group).max()) for case in cases])
+        findings = [
+            Finding(f"last one across, {case}", time, "s", 0.0, np.inf, source)
+            for case, time in zip(cases, times.tolist(), strict=True)
+        ]
+        return [*findings, Finding("least growth", float(np.diff(times).min()), "s", 0.0, np.inf, source)]
+
+    return judge
+
+
+def speed_in(case: str, area: str, band: tuple[float, float], source: str) -> Criterion:
+    """Mean speed in an area [m/s]."""
+
+    def judge(runs: Runs) -> list[Finding]:
+        value = runs[case].summary["areas"][area]["speed"]
+        return [Finding(f"speed, {case}", float("nan") if value is None else value, "m/s", *band, source)]
+
+    return judge
+
+
+def speed_at_density(case: str, area: str, bands: Sequence[tuple[float, float, float]], source: str) -> Criterion:
+    """Mean speed in an area [m/s], in the band of the density that was measured there.
+
+    bands : density [1/m2], least and greatest speed [m/s], by density.
+    """
+    densities, least, most = np.array(bands).T
+
+    def judge(runs: Runs) -> list[Finding]:
+        seen = runs[case].summary["areas"][area]
+        value, density = (float("nan") if seen[key] is None else float(seen[key]) for key in ("speed", "density"))
+        low, high = (float(np.interp(density, densities, each)) for each in (least, most))
+        return [Finding(f"speed, {case}", value, "m/s", low, high, source)]
+
+    return judge
+
+
+def leaves_through(case: str, assigned: Mapping[str, int], source: str) -> Criterion:
+    """So many leave through each exit."""
+
+    def judge(runs: Runs) -> list[Finding]:
+        used = runs[case].summary["exits"]
+        return [
+            Finding(f"left through {name}", float(used[name]["left"]), "", float(count), float(count), source)
+            for name, count in assigned.items()
+        ]
+
+    return judge
+
+
+def both_exits(case: str, near: str, far: str, source: str) -> Criterion:
+    """The far exit is used, and the near one by more."""
+
+    def judge(runs: Runs) -> list[Finding]:
+        used = {name: float(runs[case].summary["exits"][name]["left"]) for name in (near, far)}
+        return [Finding(f"left through {far}", used[far], "", 1.0, used[near], source)]
+
+    return judge
+
+
+def close_to_best(case: str, fixed: Sequence[str], share: float, source: str) -> Criterion:
+    """The time until all have left, beside that of the best of fixed splits."""
+
+    def judge(runs: Runs) -> list[Finding]:
+        best = min(runs[split].last for split in fixed)
+        return [Finding("time, chosen / best fixed split", _ratio(runs[case].last, best), "", 0.0, share, source)]
+
+    return judge
+
+
+def flow_of(run: Observed, line: str) -> float:
+    """Flow across a line [1/s]; nan if too few cross it."""
+    value = run.summary["lines"][line]["flow"]
+    return float("nan") if value is None else float(value)
+
+
+def _ratio(more: float, less: float) -> float:
+    return more / less if np.isfinite(more) and np.isfinite(less) and less > 0.0 else float("nan")
+
+
+def _worst(values: NDArray[np.float64], least: float, most: float) -> float:
+    """The value farthest from the middle of a band; nan if any is not known."""
+    off = np.abs(values - 0.5 * (least + most))
+    return float("nan") if np.isnan(off).any() else float(values[int(np.argmax(off))])

@@ -1,0 +1,163 @@
+"""Outcomes as rows of a table, JSON, a page of HTML, and a page of the docs."""
+
+from __future__ import annotations
+
+import base64
+import html
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from crowdsim.validate.criteria import Finding
+from crowdsim.validate.running import Outcome
+from crowdsim.validate.suite import MISSING
+
+COLUMNS = ("test", "figure", "least", "median", "most", "band", "passed", "source")
+
+
+def rows_of(outcomes: Sequence[Outcome]) -> list[dict[str, str]]:
+    """A row for each figure: its least, median and greatest value over the seeds, and how many are in the band."""
+    rows = []
+    for outcome in outcomes:
+        for findings in outcome.findings:
+            first = findings[0]
+            values = np.array([finding.value for finding in findings])
+            known = bool(np.isfinite(values).all())
+            middle = float(np.median(values)) if known else math.nan
+            cells = (_number(float(values.min())), _number(middle), _number(float(values.max())))
+            passed = sum(finding.passed for finding in findings)
+            unit = f" [{first.unit}]" if first.unit else ""
+            row = (
+                outcome.test.name,
+                first.what + unit,
+                *cells,
+                band_of(findings),
+                f"{passed} of {len(findings)}",
+                first.source,
+            )
+            rows.append(dict(zip(COLUMNS, row, strict=True)))
+    return rows
+
+
+def band_of(findings: Sequence[Finding]) -> str:
+    """The band of a figure; of bands that depend on the seed, the widest ends."""
+    least, most = min(finding.least for finding in findings), max(finding.most for finding in findings)
+    if math.isinf(most):
+        return f"at least {_number(least)}"
+    if least == most:
+        return _number(least)
+    return f"{_number(least)} to {_number(most)}"
+
+
+def as_json(outcomes: Sequence[Outcome], locomotion: str) -> dict[str, Any]:
+    """Everything, for programs; figures that are not known or without end are None."""
+
+    def figure(findings: Sequence[Finding]) -> dict[str, Any]:
+        first = findings[0]
+        return {
+            "what": first.what,
+            "unit": first.unit,
+            "source": first.source,
+            "values": [_plain(finding.value) for finding in findings],
+            "least": [_plain(finding.least) for finding in findings],
+            "most": [_plain(finding.most) for finding in findings],
+            "passed": [finding.passed for finding in findings],
+        }
+
+    return {
+        "locomotion": locomotion,
+        "tests": [
+            {
+                "name": outcome.test.name,
+                "title": outcome.test.title,
+                "source": outcome.test.source,
+                "passed": outcome.passed,
+                "seeds": list(outcome.seeds),
+                "seconds": round(outcome.seconds, 1),
+                "figures": [figure(findings) for findings in outcome.findings],
+                "state_hashes": {case: list(hashes) for case, hashes in outcome.hashes.items()},
+            }
+            for outcome in outcomes
+        ],
+        "missing": [missing._asdict() for missing in MISSING],
+    }
+
+
+def as_markdown(outcomes: Sequence[Outcome], locomotion: str) -> str:
+    """The page of the docs."""
+    seeds = outcomes[0].seeds
+    passed = sum(outcome.passed for outcome in outcomes)
+    text = [
+        "# Validation",
+        "",
+        "Made by `crowdsim validate --seeds "
+        f"{len(seeds)} --locomotion {locomotion} --markdown docs/validation.md`: do not edit by hand.",
+        "",
+        f"{passed} of {len(outcomes)} tests pass: every figure is in its band with each seed ({_span(seeds)}).",
+        f"Characters are `{locomotion}` ([levels.md](levels.md)). A figure that is not known, as somebody stayed,",
+        "is `nan` or `inf` and does not pass. `crowdsim validate NAME --html OUT.html` draws the ways of a run,",
+        "`--list` names the tests, `--jobs` is how many runs go on at once, `--json` gives everything with the hash of",
+        "each run. The exit code is 4 if a test fails.",
+        "",
+    ]
+    for outcome in outcomes:
+        verdict = "passed" if outcome.passed else "**failed**"
+        text += [f"## {outcome.test.name}: {outcome.test.title}", "", f"{outcome.test.source}: {verdict}.", ""]
+        text += [outcome.test.meaning, ""]
+        text += ["| figure | least | median | most | band | in it | from |", "|---|---|---|---|---|---|---|"]
+        for row in rows_of([outcome]):
+            text.append("| " + " | ".join(row[column] for column in COLUMNS[1:]) + " |")
+        text.append("")
+    text += ["## Not run", "", "| test | what it is about | why not |", "|---|---|---|"]
+    text += [f"| {missing.source} | {missing.title} | {missing.reason} |" for missing in MISSING]
+    return "\n".join(text) + "\n"
+
+
+def as_html(outcomes: Sequence[Outcome], locomotion: str, pictures: Path) -> str:
+    """One page with the pictures in it."""
+    parts = [f"<h1>Validation, {html.escape(locomotion)} characters, seeds {_span(outcomes[0].seeds)}</h1>"]
+    for outcome in outcomes:
+        verdict = "passed" if outcome.passed else "failed"
+        parts.append(
+            f"<h2 class='{verdict}'>{html.escape(f'{outcome.test.name}: {outcome.test.title}, {verdict}')}</h2>"
+        )
+        parts.append(f"<p>{html.escape(f'{outcome.test.source}. {outcome.test.meaning}')}</p>")
+        head = "".join(f"<th>{column}</th>" for column in COLUMNS[1:])
+        body = "".join(
+            "<tr>" + "".join(f"<td>{html.escape(row[column])}</td>" for column in COLUMNS[1:]) + "</tr>"
+            for row in rows_of([outcome])
+        )
+        parts.append(f"<table><tr>{head}</tr>{body}</table>")
+        picture = base64.b64encode((pictures / f"{outcome.test.name}.png").read_bytes()).decode("ascii")
+        parts.append(
+            f"<img alt='ways of {html.escape(outcome.test.cases[0].name)}' src='data:image/png;base64,{picture}'>"
+        )
+    missing = "".join(
+        "<tr>" + "".join(f"<td>{html.escape(part)}</td>" for part in missing) + "</tr>" for missing in MISSING
+    )
+    parts.append(f"<h2>Not run</h2><table>{missing}</table>")
+    style = (
+        "body{font-family:sans-serif;max-width:70em;margin:2em auto}table{border-collapse:collapse}"
+        "td,th{border:1px solid #ccc;padding:.2em .5em;text-align:left}.failed{color:#b00}.passed{color:#060}"
+    )
+    return (
+        "<!doctype html><html lang='en'><head><meta charset='utf-8'><title>crowdsim validate</title>"
+        f"<style>{style}</style></head><body>{''.join(parts)}</body></html>\n"
+    )
+
+
+def _span(seeds: Sequence[int]) -> str:
+    return str(seeds[0]) if len(seeds) == 1 else f"{seeds[0]} to {seeds[-1]}"
+
+
+def _number(value: float) -> str:
+    if not math.isfinite(value):
+        return str(value)
+    return f"{value:.0f}" if value == round(value) else f"{value:.3g}"
+
+
+def _plain(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,113 @@
+"""Runs the scenarios of tests with several seeds, in processes beside each other, and judges them."""
+
+from __future__ import annotations
+
+import multiprocessing
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import NamedTuple
+
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.recording.reader import Recording
+from crowdsim.scenario.loader import load_scenario
+from crowdsim.scenario.scenario import Scenario
+from crowdsim.validate.criteria import Finding
+from crowdsim.validate.observed import Observed, observe
+from crowdsim.validate.pictures import draw_run
+from crowdsim.validate.suite import FOLDER, Case, Test
+
+Progress = Callable[[int, int, str], None]
+
+
+class Outcome(NamedTuple):
+    """How a test came out.
+
+    findings : of every criterion in the order of the test, one for each seed
+    hashes : of the final states, by case and seed
+    seconds : that all runs of it took together
+    """
+
+    test: Test
+    seeds: tuple[int, ...]
+    findings: tuple[tuple[Finding, ...], ...]
+    hashes: dict[str, tuple[str, ...]]
+    seconds: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether every figure of every seed is within its band."""
+        return all(finding.passed for row in self.findings for finding in row)
+
+
+def run_tests(
+    tests: Sequence[Test],
+    seeds: Sequence[int],
+    locomotion: str,
+    *,
+    jobs: int = 1,
+    pictures: Path | None = None,
+    progress: Progress | None = None,
+) -> list[Outcome]:
+    """Run all cases of tests with all seeds, ``jobs`` of them at once.
+
+    A picture of the first case of each test with the first seed is written to the folder ``pictures`` if there is one.
+    ``progress(done, all, what)`` is called after each run.
+    """
+    tasks = [(test, case, seed) for test in tests for case in test.cases for seed in seeds]
+    found: dict[tuple[str, str, int], Observed] = {}
+    # Kernels are threads' business; a process of its own for each run keeps them apart.
+    with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
+        waiting = {}
+        for test, case, seed in tasks:
+            picture = None
+            if pictures is not None and case is test.cases[0] and seed == seeds[0]:
+                picture = pictures / f"{test.name}.png"
+            waiting[pool.submit(run_case, case, seed, locomotion, picture)] = (test.name, case.name, seed)
+        for done, future in enumerate(as_completed(waiting), start=1):
+            name, case_name, seed = waiting[future]
+            found[(name, case_name, seed)] = future.result()
+            if progress is not None:
+                progress(done, len(tasks), f"{name}, {case_name}, seed {seed}")
+    return [judge(test, seeds, found) for test in tests]
+
+
+def judge(test: Test, seeds: Sequence[int], found: dict[tuple[str, str, int], Observed]) -> Outcome:
+    """Hold what was observed against the criteria of a test."""
+    by_seed = []
+    for seed in seeds:
+        runs = {case.name: found[(test.name, case.name, seed)] for case in test.cases}
+        by_seed.append([finding for criterion in test.criteria for finding in criterion(runs)])
+    hashes = {
+        case.name: tuple(str(found[(test.name, case.name, seed)].summary["state_hash"]) for seed in seeds)
+        for case in test.cases
+    }
+    seconds = sum(found[(test.name, case.name, seed)].seconds for case in test.cases for seed in seeds)
+    return Outcome(test, tuple(seeds), tuple(zip(*by_seed, strict=True)), hashes, seconds)
+
+
+def load_case(case: Case, seed: int, locomotion: str) -> Scenario:
+    """The scenario of a case, all of whose groups move as asked."""
+    file = FOLDER / f"{case.scenario}.yaml"
+    changes = [f"seed={seed}", *case.changes]
+    groups = len(load_scenario(file, changes).agents)
+    return load_scenario(file, [*changes, *(f"agents.{k}.locomotion={locomotion}" for k in range(groups))])
+
+
+def run_case(case: Case, seed: int, locomotion: str, picture: Path | None = None) -> Observed:
+    """Run a case in this process."""
+    scenario = load_case(case, seed, locomotion)
+    with tempfile.TemporaryDirectory() as folder:
+        started = time.perf_counter()
+        with Simulation(scenario, workers=1).run(Path(folder) / "run.h5") as recording:
+            seconds = time.perf_counter() - started
+            if picture is not None:
+                _draw(scenario, recording, picture)
+            return observe(scenario, recording, seconds)
+
+
+def _draw(scenario: Scenario, recording: Recording, picture: Path) -> None:
+    picture.parent.mkdir(parents=True, exist_ok=True)
+    draw_run(scenario, recording, picture)

@@ -1,0 +1,281 @@
+"""The tests: which scenarios each runs, what it asks of them, and where that is from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from crowdsim.validate import criteria
+from crowdsim.validate.criteria import Criterion
+
+FOLDER = Path(__file__).parent / "scenarios"
+
+RIMEA = "RiMEA 4.1.1"
+IMO = "IMO MSC.1/Circ.1533"
+
+
+class Case(NamedTuple):
+    """A scenario of the folder, and entries of it that are replaced."""
+
+    name: str
+    scenario: str
+    changes: tuple[str, ...] = ()
+
+
+class Test(NamedTuple):
+    """A test of a guideline; ``meaning``: what it says of a crowd that passes."""
+
+    name: str
+    title: str
+    source: str
+    cases: tuple[Case, ...]
+    criteria: tuple[Criterion, ...]
+    meaning: str
+
+
+class Missing(NamedTuple):
+    """A test that is not run, and why."""
+
+    source: str
+    title: str
+    reason: str
+
+
+_WIDTHS = {
+    "0.8 m": ("rimea_12d_080", 1.04, 2.08),
+    "1.2 m": ("rimea_12d_120", 1.56, 3.12),
+    "2.0 m": ("rimea_12d_200", 2.6, 5.2),
+}
+"""Scenario, and band of the flow [1/s], by the width of the neck."""
+
+_AGAINST = (0, 10, 50, 100)
+
+_SPEEDS = (
+    (0.25, 1.155, 1.624),
+    (0.5, 1.168, 1.594),
+    (0.75, 1.080, 1.575),
+    (1.0, 0.938, 1.469),
+    (1.5, 0.844, 1.298),
+    (1.75, 0.509, 1.125),
+    (2.0, 0.486, 1.019),
+    (2.25, 0.412, 0.903),
+    (2.5, 0.347, 0.675),
+    (2.75, 0.315, 0.585),
+    (3.0, 0.291, 0.490),
+    (3.25, 0.287, 0.463),
+)
+"""Density [1/m2], and 5 % and 95 % of the speeds [m/s] of people who walk one way through corridors."""
+
+_ONE_WAY_SOURCE = "HERMES experiments (Zhang et al. 2011), runs uo-*, classic method of PedPy 1.5.1"
+
+_ONE_WAY = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
+"""Densities in the corridor without ends, whose floor has 52 m2 [1/m2]."""
+
+_FILE_SPEEDS = (
+    (0.0989, 0.9607, 1.483),
+    (0.2989, 0.8395, 1.4725),
+    (0.4989, 0.7083, 1.3887),
+    (0.6989, 0.5978, 1.3053),
+    (0.8989, 0.4475, 1.1008),
+    (1.0989, 0.3157, 0.8395),
+    (1.2989, 0.1872, 0.6077),
+)
+"""Density in single file [1/m], and 10 % and 90 % of the speeds [m/s] measured at it."""
+
+_RING = 17.3
+"""Length of the ring along the middle of its lane [m]."""
+
+_IN_RING = (4, 8, 13, 16, 20)
+"""Numbers of people in the ring."""
+
+_DOORS = "1.4 to 2.0 persons a second and meter of the doors, and the way"
+
+_FILE_SOURCE = f"{RIMEA}, test 16; Seyfried et al. 2005"
+
+
+def _one_way(density: float) -> Case:
+    return Case(f"{density:g} /m2", "rimea_04", (f"agents.0.count={round(52 * density)}",))
+
+
+def _ring(count: int) -> Case:
+    shares = [count // 4 + (number < count % 4) for number in range(4)]
+    return Case(f"{count} people", "rimea_16", tuple(f"agents.{k}.count={share}" for k, share in enumerate(shares)))
+
+
+def _ring_band(count: int) -> tuple[float, float]:
+    """Band of the mean speed of so many people in the ring [m/s]."""
+    density, least, most = np.array(_FILE_SPEEDS).T
+    at = count / _RING
+    return float(np.interp(at, density, least)), float(np.interp(at, density, most))
+
+
+def _counterflow(count: int) -> Case:
+    if count == 0:
+        return Case("none against", "imo_08_one_way")
+    return Case(f"{count} against", "imo_08_both_ways", (f"agents.1.count={count}",))
+
+
+TESTS = (
+    Test(
+        "rimea-1",
+        "speed in a corridor",
+        f"{RIMEA}, test 1",
+        (Case("corridor", "rimea_01"),),
+        (criteria.transit("corridor", "begin", "end", 26.0, 34.0, f"{RIMEA}, test 1: 1.33 m/s less or more 5 %"),),
+        "Somebody alone is as fast as asked for.",
+    ),
+    Test(
+        "rimea-4",
+        "fundamental diagram, one way",
+        f"{RIMEA}, test 4",
+        tuple(_one_way(density) for density in _ONE_WAY),
+        tuple(
+            criteria.speed_at_density(_one_way(density).name, "middle", _SPEEDS, _ONE_WAY_SOURCE)
+            for density in _ONE_WAY
+        ),
+        "The denser, the slower, as people are. The band is that of the density found in the area, which is not "
+        "quite the one asked for; speeds are stratified, as the mean of 26 drawn at random varies as much as the "
+        "band is wide. Measured bands end at 3.25 /m2. People in a corridor without ends steer, whatever is asked for.",
+    ),
+    Test(
+        "rimea-5",
+        "times of reaction",
+        f"{RIMEA}, test 5; IMO 5; NIST Verif.1.1; ISO 20414 test 1",
+        (Case("room", "rimea_05"),),
+        (
+            criteria.on_time("room", 0.5, f"{RIMEA}, test 5"),
+            criteria.uniform_delays("room", 10.0, 100.0, "NIST TN 1822, Verif.1.1"),
+            criteria.all_leave("room", 130.0, f"{RIMEA}, test 5"),
+        ),
+        "Who waits does not set out early, nor does it wait for others; a way of 0.3 m counts as having set out.",
+    ),
+    Test(
+        "rimea-6",
+        "around a corner",
+        f"{RIMEA}, test 6; IMO 6; NIST Verif.2.3; ISO 20414 test 4",
+        (Case("corner", "rimea_06"),),
+        (
+            criteria.all_leave("corner", 60.0, f"{RIMEA}, test 6"),
+            criteria.nobody_in_walls("corner", f"{RIMEA}, test 6"),
+        ),
+        "Nobody cuts the corner through the wall, and nobody gets stuck at it.",
+    ),
+    Test(
+        "rimea-7",
+        "speeds of a population",
+        f"{RIMEA}, test 7",
+        (Case("lanes", "rimea_07"),),
+        (criteria.speeds_as_drawn("lanes", "begin", "end", 40.0, 0.03, f"{RIMEA}, test 7; 3 % is ours"),),
+        "What is drawn is what is walked. Neighbors are 1 m apart on average, so that some are held up.",
+    ),
+    Test(
+        "rimea-9",
+        "a hall with four doors, and with two",
+        f"{RIMEA}, test 9; IMO 9",
+        (Case("four doors", "rimea_09"), Case("two doors", "rimea_09", ("agents.0.exits=[door 3, door 4]",))),
+        (
+            criteria.ratio("two doors", "four doors", 1.6, 2.4, f"{RIMEA}, test 9: about twice; band of JuPedSim"),
+            criteria.all_leave("four doors", 185.0, _DOORS, 120.0),
+            criteria.all_leave("two doors", 365.0, _DOORS, 245.0),
+        ),
+        "Doors bound how fast a hall empties: with half as many it takes twice as long.",
+    ),
+    Test(
+        "rimea-10",
+        "assigned exits",
+        f"{RIMEA}, test 10",
+        (Case("cabins", "rimea_10"),),
+        (
+            criteria.leaves_through("cabins", {"main": 18, "secondary": 5}, f"{RIMEA}, test 10"),
+            criteria.all_leave("cabins", 120.0, f"{RIMEA}, test 10"),
+        ),
+        "Who is assigned an exit goes there, though another one may be nearer. There are eight cabins, where the "
+        "guideline has twelve.",
+    ),
+    Test(
+        "rimea-11",
+        "choice of an exit",
+        f"{RIMEA}, test 11",
+        (
+            Case("chosen", "rimea_11"),
+            Case("half each", "rimea_11_fixed"),
+            Case("three of five near", "rimea_11_fixed", ("agents.0.exits={near: 3, far: 2}",)),
+        ),
+        (
+            criteria.both_exits("chosen", "near", "far", f"{RIMEA}, test 11: both are used, the nearer one more"),
+            criteria.close_to_best("chosen", ("half each", "three of five near"), 1.15, "ours"),
+        ),
+        "With a queue at the near exit, some go to the far one. There are 300 people, where the guideline has 1,000; "
+        "in the splits beside it, who goes where is drawn at random, so that people cross each other.",
+    ),
+    Test(
+        "rimea-12",
+        "two necks, one behind the other",
+        f"{RIMEA}, test 12",
+        (Case("necks", "rimea_12"),),
+        (
+            criteria.queue_before_the_first("necks", ("before the first", "before the second"), f"{RIMEA}, test 12"),
+            criteria.no_more_flow_behind("necks", ("first neck", "second neck"), f"{RIMEA}, test 12"),
+            criteria.flow("necks", "first neck", 1.4, 2.5, "measured in necks of 1 m: Kretz 2006, Seyfried 2009"),
+        ),
+        "What comes through a neck comes through another one of the same width: nobody waits there.",
+    ),
+    Test(
+        "rimea-12d",
+        "necks of several widths",
+        f"{RIMEA}, test 12d",
+        tuple(Case(width, scenario) for width, (scenario, _, _) in _WIDTHS.items()),
+        (
+            *(
+                criteria.flow(width, "neck", least, most, "Kretz 2006, Seyfried 2009, Daamen 2010")
+                for width, (_, least, most) in _WIDTHS.items()
+            ),
+            criteria.flow_grows(tuple(_WIDTHS), "neck", f"{RIMEA}, test 12d"),
+            *(criteria.flow_per_meter(width, "neck", 1.3, "ours") for width in _WIDTHS),
+        ),
+        "The wider a neck, the more come through.",
+    ),
+    Test(
+        "rimea-16",
+        "single file in a ring",
+        _FILE_SOURCE,
+        tuple(_ring(count) for count in _IN_RING),
+        tuple(criteria.speed_in(_ring(count).name, "ring", _ring_band(count), _FILE_SOURCE) for count in _IN_RING),
+        "The denser the file, the slower. Alone, people walk as those of the experiment did, 1.24 m/s, sd 0.15; with "
+        "the usual speeds, 1.34 m/s, sd 0.26, four are led by a slow one at 0.877 m/s, and miss their band (seed 1).",
+    ),
+    Test(
+        "imo-8",
+        "counterflow in a corridor",
+        f"{IMO}, test 8; NIST Verif.2.8; ISO 20414 test 6",
+        tuple(_counterflow(count) for count in _AGAINST),
+        (
+            criteria.times_grow(
+                tuple(_counterflow(count).name for count in _AGAINST), "behind the corridor", "people", f"{IMO}, test 8"
+            ),
+            *(criteria.all_leave(_counterflow(count).name, 400.0, f"{IMO}, test 8") for count in _AGAINST),
+        ),
+        "The more come towards them, the longer people take; nobody is stuck for good.",
+    ),
+)
+
+MISSING = (
+    Missing(f"{RIMEA}, tests 2, 3 and 13", "speed and queues on stairs", "floors have no stairs yet"),
+    Missing(
+        f"{RIMEA}, test 8",
+        "analysis of parameters",
+        "it has no criterion: it asks to report how results depend on parameters",
+    ),
+    Missing(f"{RIMEA}, test 14", "choice of a route over floors", "there is one floor"),
+    Missing(f"{RIMEA}, test 15", "a large crowd around a corner", "run by crowdsim bench drills"),
+    Missing(f"{IMO}, tests 2, 3 and 11", "stairs up and down", "floors have no stairs yet"),
+    Missing("NIST TN 1822 and ISO 20414", "all but the tests named above", "not written as scenarios yet"),
+)
+
+
+def find_tests(names: list[str]) -> list[Test]:
+    """Tests by their names; all if none is named. KeyError for a name that is none."""
+    known = {test.name: test for test in TESTS}
+    return [known[name] for name in names] if names else list(TESTS)
