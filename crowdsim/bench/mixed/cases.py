@@ -1,18 +1,18 @@
 """Every drill of steered crowds, walked steered and auto by the same people: what came of both, beside the bar.
 
 Corridors without ends, in which agents are copied from end to end, are not among them: nobody can own a reserved way
-beyond an end. ``oval.py`` has tracks instead.
+beyond an end. Tests of RiMEA are walked in auto by ``crowdsim validate``, but for the large corner.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from shapely import box, contains_xy
+from shapely import box
 
 from crowdsim.bench.crowds.drill_table import BOTTLENECKS, CIRCLES, DRILLS, LEAST_FLOW
 from crowdsim.bench.crowds.drills import (
@@ -27,17 +27,6 @@ from crowdsim.bench.crowds.drills import (
     run_circle,
     run_drill,
 )
-from crowdsim.bench.crowds.rimea import (
-    CORNER,
-    CORNER_SECONDS,
-    NECKS,
-    TRANSIT,
-    QueueWatch,
-    run_corner,
-    run_queue,
-    transit,
-    transit_time,
-)
 from crowdsim.bench.crowds.rimea_corner import (
     INNER,
     OUTER,
@@ -49,7 +38,6 @@ from crowdsim.bench.crowds.rimea_corner import (
 )
 from crowdsim.bench.mixed.walks import MixedResult, Watch, cast_of, scenario_of, walk_mixed
 from crowdsim.bench.registry import Measurement
-from crowdsim.crowd.mixed.mixed_crowd import MixedCrowd
 
 SEEDS = (501, 502, 503)
 """Of those that steered drills are held to."""
@@ -144,65 +132,6 @@ def circle(count: int, most: float) -> dict[str, Any]:
     )
 
 
-def alone() -> dict[str, Any]:
-    """RiMEA 1."""
-    results, times = [], []
-    for seed in SEEDS:
-        drill, state, clock = transit(seed)
-        results.append(walk_auto(drill, state, _shown(clock.watch)))
-        times.append(clock.time)
-    failed = [not TRANSIT[0] <= time <= TRANSIT[1] for time in times]
-    steered = max(transit_time(seed) for seed in SEEDS)
-    bar = f"{TRANSIT[0]:g} to {TRANSIT[1]:g} s"
-    return _row("40 m alone (RiMEA 1)", bar, f"{steered:.1f} s", f"{max(times):.1f} s", failed, results)
-
-
-def _shown(watch: Callable[[float, Any], None]) -> Watch:
-    """Shows everybody to who watches steered drills; one record nowhere once all have left."""
-
-    def show(time: float, crowd: MixedCrowd) -> None:
-        rows = crowd.everybody()
-        if not len(rows):
-            rows = np.zeros(1, rows.dtype)
-            rows["x"] = math.nan
-        watch(time, rows)
-
-    return show
-
-
-def around_the_corner() -> dict[str, Any]:
-    """RiMEA 6."""
-    results, outside = [], []
-    for seed in SEEDS:
-        counts: list[int] = []
-
-        def watch(_: float, rows: Any, counts: list[int] = counts) -> None:
-            counts.append(int((~contains_xy(CORNER.area, rows["x"], rows["y"])).sum()))
-
-        results.append(walk_auto(CORNER, draw_agents(CORNER, seed), _shown(watch)))
-        outside.append(sum(counts))
-    failed = [_late(r.arrived, CORNER_SECONDS) or wrong > 0 for r, wrong in zip(results, outside, strict=True)]
-    steered = max(_last(run_corner(seed)[0].arrived) for seed in SEEDS)
-    auto = max(_last(result.arrived) for result in results)
-    bar = f"{CORNER_SECONDS:g} s, none in a wall"
-    return _row("corner (RiMEA 6)", bar, f"{steered:.1f} s", f"{auto:.1f} s, {sum(outside)} in walls", failed, results)
-
-
-def two_necks() -> dict[str, Any]:
-    """RiMEA 12."""
-    results, queues = [], []
-    for seed in SEEDS:
-        watch = QueueWatch()
-        results.append(walk_auto(NECKS, draw_agents(NECKS, seed), _shown(watch.watch)))
-        queues.append(watch.result(DrillResult(results[-1].arrived, 0.0)))
-    failed = [not q.queues_first() or bool(np.isnan(q.drill.arrived).any()) for q in queues]
-    steered = sum(run_queue(seed).queues_first() for seed in SEEDS)
-    yes = sum(queue.queues_first() for queue in queues)
-    told = f"of {len(SEEDS)} runs"
-    bar = "wait before the first one only"
-    return _row("two necks of 1 m (RiMEA 12)", bar, f"{steered} {told}", f"{yes} {told}", failed, results)
-
-
 def large_corner(seed: int = SEEDS[0]) -> dict[str, Any]:
     """RiMEA 15, one seed, as it has three corridors of many."""
     state = draw_crowd(seed, AROUND)
@@ -219,7 +148,7 @@ def measure() -> Measurement:
     rows = [walked(drill, seconds) for drill, seconds in WALKED]
     rows += [neck(drill, width) for drill, width in BOTTLENECKS]
     rows += [circle(count, most) for count, most in CIRCLES.items()]
-    rows += [alone(), around_the_corner(), two_necks(), large_corner()]
+    rows.append(large_corner())
     figures = {f"{row['case']} {key}": float(row[key]) for row in rows for key in KEYS[4:]}
     figures["failed"] = float(sum(row["failed"] for row in rows))
     return Measurement(rows, figures, ("failed",))

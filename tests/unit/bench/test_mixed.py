@@ -94,9 +94,6 @@ def test_a_case_says_what_came_of_steered_and_of_auto_people(monkeypatch):
     assert (row["failed"], row["missing"]) == (0, 0)
     assert cases.walked(drills.door(2, 1.2), 1.0)["failed"] == 1
     assert cases.circle(6, 20.0)["failed"] == 0
-    alone = cases.alone()
-    assert alone["failed"] == 0
-    assert alone["captured"] == 1.0
 
 
 def test_who_is_alone_takes_no_longer_than_in_company():
