@@ -46,6 +46,10 @@ _BENCHES = {
         "crowdsim.bench.crowds.drill_table",
         "steered crowds: counterflow, doors, crossings, necks, circles, endless corridors: arrivals, flow and speed",
     ),
+    "robustness": (
+        "crowdsim.bench.faults.robustness",
+        "random faults in scenarios, clips, recordings, caches and edits: read, refused, made anew, or failed",
+    ),
     "motion-maps": (
         "crowdsim.bench.motions.motion_maps",
         "motion maps: size, success and time by depth, beside A*; lengths, bodies and arrivals",

@@ -12,11 +12,23 @@ from typing import TYPE_CHECKING, Any, Self
 
 import h5py
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.errors import CrowdSimError, RecordingError
 from crowdsim.geometry.planar import wrap_angle
+from crowdsim.recording.checks import (
+    AGAIN,
+    UNREADABLE,
+    CheckedColumn,
+    check_frames,
+    check_header,
+    check_paths,
+    check_place,
+    column_ranges,
+    require_readable,
+)
 from crowdsim.recording.columns import Column, ConstantColumn
 from crowdsim.recording.header import (
     COLUMN_TYPES,
@@ -33,6 +45,7 @@ from crowdsim.recording.header import (
 )
 from crowdsim.recording.header_file import read_header, read_versions
 from crowdsim.recording.levels import Level, LevelColumn, Switches, find_switches
+from crowdsim.whole_files import require_regular
 
 if TYPE_CHECKING:
     from crowdsim.motion.graph.pose_table import PoseTable
@@ -45,8 +58,6 @@ _STEPS_AT_ONCE = 256
 
 _CACHED = 16_000_000
 """Bytes of a column that stay unpacked, at most: a step of 100,000 agents lies in chunks of 4 MB."""
-
-_AGAIN = "run the scenario again to the end"
 
 
 class Recording:
@@ -79,16 +90,21 @@ class Recording:
         self._file = file
         self._stays: dict[int, tuple[int, int] | None] = {}
         self.header = read_header(file)
+        check_header(self.header)
+        check_place(self.header)
         self.versions = read_versions(file)
-        self.summary = json.loads(file["summary"].asstr()[()])
+        self.summary = dict(json.loads(file["summary"].asstr()[()]))
         columns = file["steps"]
+        ranges = column_ranges(self.header)
         shape = (columns["state_hash"].shape[0], self.header.agents.count)
         stored = stored_columns(self.header.motion)
         for name, dtype in COLUMN_TYPES.items():
             column = columns[name] if name in stored else ConstantColumn(shape, dtype, LEFT_OUT[name])
-            if column.shape != shape:
-                raise RecordingError(f"{path}: steps/{name} has shape {column.shape}, not {shape}; {_AGAIN}")
-            setattr(self, name, column)
+            if column.shape != shape or column.dtype != np.dtype(dtype):
+                raise RecordingError(
+                    f"{path}: steps/{name} has shape {column.shape} of {column.dtype}, not {shape} of {dtype}; {AGAIN}"
+                )
+            setattr(self, name, CheckedColumn(path, name, column, *ranges.get(name, (-np.inf, np.inf))))
         self.state_hash = columns["state_hash"]
         self.levels = LevelColumn(self.state, self.node, self.phase)
 
@@ -97,23 +113,31 @@ class Recording:
         """Open ``path``; RecordingError where it is missing, unfinished, damaged, foreign or of a newer version."""
         path = Path(path)
         if path.suffix == ".part":
-            raise RecordingError(f"{path} is unfinished: its run was stopped or has not ended yet; {_AGAIN}")
+            raise RecordingError(
+                f"{path} is unfinished: its run was stopped or has not ended yet; see 'crowdsim recover {path}'"
+            )
+        require_regular(path, RecordingError, 1 << 60)
         if not path.is_file():
             raise RecordingError(f"there is no recording {path}; write one with 'crowdsim run SCENARIO -o {path}'")
         try:
             # A finished file never changes, and locks fail on read-only and network folders.
             file = h5py.File(path, "r", locking=False, rdcc_nbytes=_CACHED)
         except OSError:
-            raise RecordingError(f"{path} is not a crowdsim recording, or is cut short; {_AGAIN}") from None
+            raise RecordingError(f"{path} is not a crowdsim recording, or is cut short; {AGAIN}") from None
         try:
             _check_kind(path, file)
+            require_readable(file, path.stat().st_size)
             return cls(path, file)
-        except CrowdSimError:
+        except (CrowdSimError, *UNREADABLE) as error:
             file.close()
-            raise
-        except (KeyError, OSError, RuntimeError, TypeError, ValueError) as error:
-            file.close()
-            raise RecordingError(f"{path} is damaged ({error}); {_AGAIN}") from None
+            if str(error).startswith(str(path)):
+                raise
+            raise RecordingError(f"{path} is damaged ({error}); {AGAIN}") from None
+
+    @property
+    def complete(self) -> bool:
+        """Whether the run came to its end; False for what was recovered of a killed one."""
+        return bool(self.summary.get("complete", True))
 
     def close(self) -> None:
         """Close the file; the header, versions and summary stay readable."""
@@ -164,13 +188,16 @@ class Recording:
     def paths(self) -> tuple[PlannedPath, ...]:
         """All planned paths in the order in which they were planned."""
         group = self._file["paths"]
-        points, behaviors = group["points"][:], group["behaviors"][:]
-        ends = np.cumsum(group["count"][:])
-        rows = zip(group["agent"][:], group["step"][:], ends - group["count"][:], ends, strict=True)
-        return tuple(
-            PlannedPath(int(agent), int(step), points[first:end], behaviors[first:end])
-            for agent, step, first, end in rows
-        )
+        try:
+            points, behaviors, counts, agents = (group[name][:] for name in ("points", "behaviors", "count", "agent"))
+            ends = check_paths(counts, agents, points, self.header)
+            rows = zip(agents, group["step"][:], ends - counts, ends, strict=True)
+            return tuple(
+                PlannedPath(int(agent), int(step), points[first:end], behaviors[first:end])
+                for agent, step, first, end in rows
+            )
+        except (RecordingError, *UNREADABLE) as error:
+            raise RecordingError(f"{self.path} is damaged ({error}); {AGAIN}") from None
 
     def paths_at(self, time: float) -> tuple[PlannedPath, ...]:
         """The path each agent follows at ``time`` seconds, the latest planned by then, in agent order."""
@@ -184,8 +211,15 @@ class Recording:
         if "changes" not in self._file:
             return ()
         group = self._file["changes"]
-        rows = zip(group["movable"][:], group["step"][:], group["footprint"].asstr()[:], strict=True)
-        return tuple(MovableChange(int(movable), int(step), footprint or None) for movable, step, footprint in rows)
+        try:
+            rows = zip(group["movable"][:], group["step"][:], group["footprint"].asstr()[:], strict=True)
+            changes = tuple(MovableChange(int(movable), int(step), shape or None) for movable, step, shape in rows)
+            shapely.from_wkt([change.footprint for change in changes])
+            if any(change.movable not in range(len(self.header.movables)) for change in changes):
+                raise ValueError("changes of what is not there")
+        except UNREADABLE as error:
+            raise RecordingError(f"{self.path} is damaged ({error}); {AGAIN}") from None
+        return changes
 
     def movables_at(self, time: float) -> tuple[SolidRecord, ...]:
         """The movables that are there at ``time`` seconds, where they stand then, in the order of the header."""
@@ -205,7 +239,9 @@ class Recording:
         """Row ``step`` as arrays (N,); RecordingError outside the recording."""
         if not 0 <= step < self.steps:
             raise RecordingError(f"{self.path} has steps 0 to {self.steps - 1}; there is no step {step}")
-        return RecordedFrame(*(getattr(self, name)[step] for name in RecordedFrame._fields))
+        frame = RecordedFrame(*(getattr(self, name)[step] for name in RecordedFrame._fields))
+        check_frames(self.path, self.header.motion, frame)
+        return frame
 
     def at_time(self, time: float) -> RecordedFrame:
         """What was to be seen at ``time`` seconds, between steps too, as arrays (N,).
@@ -321,7 +357,7 @@ def _check_kind(path: Path, file: h5py.File) -> None:
             f"{path} has format version {version}, this crowdsim reads up to {FORMAT_VERSION}; update crowdsim"
         )
     if not file.attrs["finished"]:
-        raise RecordingError(f"{path} is unfinished: its run was stopped; {_AGAIN}")
+        raise RecordingError(f"{path} is unfinished: its run was stopped; {AGAIN}")
 
 
 def _between(
