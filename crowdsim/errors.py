@@ -67,6 +67,10 @@ class GeometryWarning(UserWarning):
     """A polygon is used as given but looks like a mistake, such as one not drawn in meters."""
 
 
+class CacheWarning(UserWarning):
+    """Something that was kept from an earlier run is damaged, and made anew."""
+
+
 class PathNotFound(CrowdSimError):
     """No path of the wanted clearance joins start and goal."""
 

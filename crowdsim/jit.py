@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import tempfile
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -19,6 +18,8 @@ from typing import Any
 import numba
 from numba import njit, types
 from numba.extending import intrinsic
+
+from crowdsim.cache_place import cache_base, temporary_base
 
 __all__ = ["array_at", "cache_folder", "helper", "is_cold", "kernel"]
 
@@ -46,16 +47,14 @@ def _sources_key(kind: str) -> str:
 
 
 def _choose_cache_folder(kind: str) -> Path:
-    asked = os.environ.get("CROWDSIM_CACHE")
-    base = Path(asked) if asked else Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")).expanduser() / "crowdsim"
-    folder = base / "kernels" / _sources_key(kind)
+    folder = cache_base() / "kernels" / _sources_key(kind)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / f".probe-{os.getpid()}"
         probe.touch()
         probe.unlink()
     except OSError:
-        folder = Path(tempfile.gettempdir()) / f"crowdsim-{os.getuid()}" / "kernels" / folder.name
+        folder = temporary_base() / "kernels" / folder.name
         folder.mkdir(parents=True, exist_ok=True)
     return folder
 

@@ -6,12 +6,16 @@ docs/design.md gives what each part gains, and the command that measures it.
 
 from __future__ import annotations
 
+import hashlib
+import pickle
+import warnings
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numba import njit, types
 from numba.core import cgutils, ir
+from numba.core.caching import IndexDataCacheFile
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import PassManager, register_pass
@@ -20,10 +24,13 @@ from numba.core.typed_passes import NativeLowering
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
+from crowdsim.errors import CacheWarning
+
 _OVERRIDDEN = (
     (Lower, ("pre_lower", "lower_assign", "delvar")),
     (NativeLowering, ("lowering_class",)),
     (CompilerBase, ("define_pipelines",)),
+    (IndexDataCacheFile, ("_load_index", "_save_index", "_load_data", "_save_data", "_open_for_write", "_dump")),
     (JITCodeLibrary, ("codegen", "get_pointer_to_function", "_optimize_final_module", "_finalize_final_module")),
 )
 """What the classes below replace; where numba lacks one of them, it would be replaced in vain."""
@@ -113,10 +120,58 @@ class _HelperCompiler(_KernelCompiler):
         return super().define_pipelines()
 
 
+class _CheckedCacheFile(IndexDataCacheFile):
+    """Compiled kernels with checksums: what is damaged is compiled anew, with a warning, instead of run."""
+
+    def _load_index(self) -> Any:
+        try:
+            data = self._checked(self._index_path)
+            if data is None:
+                return {}
+            version, stamp, overloads = pickle.loads(data)
+        except FileNotFoundError:
+            return {}
+        return overloads if version == self._version and stamp == self._source_stamp else {}
+
+    def _save_index(self, overloads: Any) -> None:
+        self._write(self._index_path, self._dump((self._version, self._source_stamp, overloads)))
+
+    def _load_data(self, name: str) -> Any:
+        data = self._checked(self._data_path(name))
+        if data is None:
+            raise OSError("damaged")  # numba compiles anew then
+        return pickle.loads(data)
+
+    def _save_data(self, name: str, data: Any) -> None:
+        self._write(self._data_path(name), self._dump(data))
+
+    def _write(self, path: str, data: bytes) -> None:
+        with self._open_for_write(path) as file:
+            file.write(hashlib.sha256(data).digest() + data)
+
+    def _checked(self, path: str) -> bytes | None:
+        """What was written, or None if that is not what the file holds."""
+        with open(path, "rb") as file:
+            content = file.read()
+        if hashlib.sha256(content[32:]).digest() == content[:32]:
+            return content[32:]
+        warnings.warn(f"a compiled kernel that was kept is damaged and made anew: {path}", CacheWarning, stacklevel=2)
+        return None
+
+
 def borrowing_kernel(**options: Any) -> Callable[..., Any]:
     """`njit` with ``options``, of a kernel that counts no references to its arguments."""
     decorator: Callable[..., Any] = njit(pipeline_class=_KernelCompiler, **options)
-    return decorator
+
+    def decorated(function: Callable[..., Any]) -> Any:
+        dispatcher = decorator(function)
+        if options.get("cache"):
+            kept = dispatcher._cache
+            stamp = kept._impl.locator.get_source_stamp()
+            kept._cache_file = _CheckedCacheFile(kept._cache_path, kept._impl.filename_base, stamp)
+        return dispatcher
+
+    return decorated
 
 
 def linked_helper(function: Callable[..., Any], **options: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Files that appear under their name only when they are complete."""
+"""Files that appear under their name only when they are complete, and files that are read whole."""
 
 from __future__ import annotations
 
@@ -9,6 +9,20 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from crowdsim.errors import CrowdSimError
+
+MOST_BYTES = 1_000_000_000
+"""Bytes of a file that is read whole, at most."""
+
+
+def require_regular(path: Path, kind: type[CrowdSimError], most: int = MOST_BYTES) -> None:
+    """Raise ``kind`` for a device or a pipe, which may never end, and for a file that is too large."""
+    if not path.exists():
+        return
+    if not path.is_file():
+        what = "a folder" if path.is_dir() else "no regular file"
+        raise kind(f"{path}: cannot be read, as it is {what}; give the name of a file")
+    if path.stat().st_size > most:
+        raise kind(f"{path}: is larger than {most // 1_000_000} MB; is it the right one?")
 
 
 @contextmanager
@@ -21,6 +35,8 @@ def whole_file(path: str | os.PathLike[str], suffixes: Sequence[str], what: str)
     if file.suffix.lower() not in suffixes:
         names = ", ".join(suffixes[:-1]) + f" or {suffixes[-1]}" if len(suffixes) > 1 else suffixes[0]
         raise CrowdSimError(f"{file}: {what} are written as {names}; choose such a name")
+    if file.exists() and not file.is_file():
+        raise CrowdSimError(f"cannot write {file}: it is no regular file; choose another name")
     if not file.parent.is_dir():
         raise CrowdSimError(f"the folder {file.parent} does not exist; make it first")
     handle, written = tempfile.mkstemp(suffix=file.suffix, prefix=f".{file.stem}-", dir=file.parent)

@@ -58,6 +58,10 @@ _BENCHES = {
         "crowdsim.bench.mixed.shares",
         "built-in scenarios, seeds 1 to 5: captured share of the way, standing, time beside walking alone",
     ),
+    "robustness": (
+        "crowdsim.bench.faults.robustness",
+        "random faults in scenarios, clips, recordings, caches and edits: read, refused, made anew, or failed",
+    ),
     "motion-maps": (
         "crowdsim.bench.motions.motion_maps",
         "motion maps: size, success and time by depth, beside A*; lengths, bodies and arrivals",

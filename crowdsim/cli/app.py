@@ -15,13 +15,14 @@ from crowdsim.cli.motion import motion
 from crowdsim.cli.motion_coverage import coverage
 from crowdsim.cli.plan import plan
 from crowdsim.cli.play import play
+from crowdsim.cli.recover import recover
 from crowdsim.cli.run import check, run
 from crowdsim.cli.validate import validate
 
 app = typer.Typer(
     cls=Commands, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False, add_completion=True
 )
-for command in (run, check, play, plan, scenarios, behaviors, bench, validate, doctor):
+for command in (run, check, play, recover, plan, scenarios, behaviors, bench, validate, doctor):
     app.command()(command)
 motion.command()(coverage)
 app.add_typer(motion, name="motion")

@@ -1,23 +1,60 @@
 """What the user sees when a command fails: the one place that turns exceptions into a message and an exit code.
 
-0 done, 2 bad input or usage, 3 nothing here can draw, 130 interrupted, 1 a bug. A traceback only with ``--debug``.
+0 done, 2 bad input or usage, 3 nothing here can draw, 4 nobody could arrive, 130 interrupted, 143 terminated, 1 a bug.
+A traceback only with ``--debug``.
 """
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
-from typing import Any
+import threading
+import warnings
+from types import FrameType
+from typing import Any, TextIO
 
 import typer
 from typer.core import TyperGroup
 
-from crowdsim.errors import CrowdSimError
+from crowdsim.errors import CacheWarning, CrowdSimError, GeometryWarning
 
 BAD_INPUT = 2
 BUG = 1
+NOBODY_ARRIVED = 4
 INTERRUPTED = 130
+TERMINATED = 143
 _DEBUG = "crowdsim.debug"
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM: whatever a command does ends as it does by Ctrl-C, but for the exit code."""
+
+
+def _terminate_as_interrupted() -> None:
+    def terminate(number: int, frame: FrameType | None) -> None:
+        raise Terminated
+
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, terminate)
+
+
+def _show_warning(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """A line for the warnings of crowdsim, which are meant for users; the others as ever."""
+    if issubclass(category, CacheWarning | GeometryWarning):
+        typer.echo(f"warning: {message}", err=True)
+    else:
+        _usual_warning(message, category, filename, lineno, file, line)
+
+
+_usual_warning = warnings.showwarning
 
 
 def remember_debug(context: typer.Context, wanted: bool) -> bool:
@@ -31,6 +68,8 @@ class Commands(TyperGroup):
     """The group of all commands; shows what they raise."""
 
     def invoke(self, ctx: Any) -> Any:
+        _terminate_as_interrupted()
+        warnings.showwarning = _show_warning
         try:
             result = super().invoke(ctx)
             sys.stdout.flush()
@@ -53,6 +92,8 @@ class Commands(TyperGroup):
 
 def describe(error: BaseException) -> tuple[str, int]:
     """Message and exit code of an error."""
+    if isinstance(error, Terminated):
+        return str(error) or "terminated", TERMINATED
     if isinstance(error, KeyboardInterrupt):
         return str(error) or "interrupted", INTERRUPTED
     if isinstance(error, CrowdSimError):

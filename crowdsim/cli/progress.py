@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, Self
 
 import typer
 
+from crowdsim.cli.errors_shown import Terminated
+
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
@@ -34,15 +36,16 @@ class RunProgress:
     """A bar where stderr is a terminal; elsewhere nothing but one line when kernels have to be compiled.
 
     Used as a context manager. ``step`` has the form ``Simulation.run`` calls back. After ``begin_steps`` a first Ctrl-C
-    ends the run at the end of its step: a KeyboardInterrupt in the midst of locks and callbacks can be lost or leave
-    them shut.
+    or SIGTERM ends the run at the end of its step: a KeyboardInterrupt in the midst of locks and callbacks can be lost
+    or leave them shut.
     """
 
     def __init__(self, title: str) -> None:
         self._title = title
         self._compiled = 0
         self._steps = (0, 0)
-        self._interrupted = self._stepping = False
+        self._interrupted: KeyboardInterrupt | None = None
+        self._stepping = False
 
     @property
     def steps_done(self) -> int:
@@ -62,6 +65,9 @@ class RunProgress:
         self._heeds_interrupts = signal.getsignal(signal.SIGINT) is signal.default_int_handler
         if self._heeds_interrupts:
             signal.signal(signal.SIGINT, self._interrupt)
+        self._terminates = signal.getsignal(signal.SIGTERM)
+        if callable(self._terminates):
+            signal.signal(signal.SIGTERM, self._terminate)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -69,6 +75,8 @@ class RunProgress:
 
         if self._heeds_interrupts:
             signal.signal(signal.SIGINT, signal.default_int_handler)
+        if callable(self._terminates):
+            signal.signal(signal.SIGTERM, self._terminates)
         event.unregister("numba:compile", self._watcher)
         self._bar.stop()
 
@@ -86,14 +94,19 @@ class RunProgress:
     def step(self, step: int, steps: int, simulation: Any) -> None:
         """Show that ``step`` of ``steps`` is done; KeyboardInterrupt where Ctrl-C asked for it."""
         if self._interrupted:
-            raise KeyboardInterrupt
+            raise self._interrupted
         self._steps = (step, steps)
         self._bar.update(self._task, completed=step, total=steps, description=self._title)
 
     def _interrupt(self, number: int, frame: FrameType | None) -> None:
         if self._interrupted or not self._stepping:
             raise KeyboardInterrupt
-        self._interrupted = True
+        self._interrupted = KeyboardInterrupt()
+
+    def _terminate(self, number: int, frame: FrameType | None) -> None:
+        if not self._stepping:
+            raise Terminated
+        self._interrupted = Terminated()
 
     def _compiling(self, event: Any) -> None:
         """numba calls this when the cache does not hold a kernel, and not once it does."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from crowdsim.cli.errors_shown import NOBODY_ARRIVED, Terminated
 from crowdsim.cli.options import Debug, Json, Overrides, Scenario
 from crowdsim.errors import CrowdSimError
 
@@ -31,7 +32,7 @@ def run(
 ) -> None:
     """Simulate a scenario, record it and sum it up."""
     from crowdsim.cli.progress import RunProgress
-    from crowdsim.cli.summary import summary_rows
+    from crowdsim.cli.summary import nobody_arrived, summary_rows
     from crowdsim.cli.tables import print_table
     from crowdsim.scenario.loader import load_scenario
 
@@ -50,13 +51,18 @@ def run(
             progress.begin_steps()
             with simulation.run(file, progress=progress.step) as recording:
                 summary = {**recording.summary, "recording": str(file)}
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"interrupted at step {progress.steps_done}; {file} was not written") from None
+        except KeyboardInterrupt as stop:
+            what = "terminated" if isinstance(stop, Terminated) else "interrupted"
+            raise type(stop)(f"{what} at step {progress.steps_done}; {file} was not written") from None
 
     if as_json:
         typer.echo(json.dumps(summary))
     else:
         print_table(summary_rows(summary))
+    why = nobody_arrived(summary)
+    if why is not None:
+        typer.echo(f"nobody arrived: {why}", err=True)
+        raise typer.Exit(NOBODY_ARRIVED)
 
 
 def _file_name(name: str) -> str:
@@ -69,6 +75,8 @@ def require_writable(file: Path) -> None:
     folder = file.parent
     if file.is_dir():
         raise CrowdSimError(f"cannot write {file}: it is a folder; name a file in it")
+    if file.exists() and not file.is_file():
+        raise CrowdSimError(f"cannot write {file}: it is no regular file; choose another name with -o")
     if not folder.is_dir():
         raise CrowdSimError(f"cannot write {file}: the folder {folder} does not exist; create it first")
     if not os.access(folder, os.W_OK) or (file.exists() and not os.access(file, os.W_OK)):

@@ -15,6 +15,18 @@ _NEVER = {
 }
 
 
+def nobody_arrived(summary: Mapping[str, Any]) -> str | None:
+    """Why nobody arrived and nobody could have, had the run been longer; None if somebody arrived or was on the way."""
+    count, lost, waiting = summary["characters"], summary["unreachable"], summary["waiting"] or 0
+    if summary["arrived"] or any(summary["laps"].values()):
+        return None
+    if lost and len(lost) + waiting >= count:
+        return f"no way for {len(lost)} of {count} characters, {waiting} still waited; {next(iter(lost.values()))}"
+    if summary["lowest_foot"] is None:
+        return f"no character came in within {summary['steps']} steps; see their times, and who stands where they start"
+    return None
+
+
 def summary_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Rows (label, value) of a run's summary."""
     areas = summary["behavior_share_by_area"]

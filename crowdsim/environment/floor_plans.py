@@ -19,10 +19,14 @@ from crowdsim.environment.solids import MIN_EXTENT, Solid
 from crowdsim.environment.units import meters_per_unit
 from crowdsim.errors import GeometryError, PlaceError
 from crowdsim.geometry.polygons import LARGE_EXTENT, buffered, clean_polygon
+from crowdsim.whole_files import require_regular
 
 WALL_THICKNESS = 0.10
 WALL_HEIGHT = 2.5
 """Meters, of walls that a plan draws as lines."""
+
+_MOST_TEXT = 100_000_000
+"""Bytes of a .wkt file."""
 
 _JOINT = 1e-3
 """Meters by which ends of lines that are meant to meet may be apart."""
@@ -89,12 +93,14 @@ def read_floor_plan(
     if file.suffix.lower() == ".wkt":
         return _read_wkt(file, 1.0 if units is None else meters_per_unit(units))
     if file.suffix.lower() == ".dxf":
+        require_regular(file, PlaceError)
         drawing = read_dxf(file, layers, floor_layer, units)
         return _built(file, drawing, floor_layer, thickness, bottom, top)
     raise PlaceError(f"{file}: files ending in '{file.suffix}' cannot be read as floor plans; known are .wkt, .dxf")
 
 
 def _read_wkt(file: Path, meters: float) -> FloorPlan:
+    require_regular(file, PlaceError, _MOST_TEXT)
     try:
         text = file.read_text(encoding="utf-8-sig").strip()
     except OSError as error:

@@ -19,6 +19,7 @@ from crowdsim.environment.units import doubt_about_height, meters_per_unit
 from crowdsim.errors import GeometryError, PlaceError
 from crowdsim.geometry import planar
 from crowdsim.geometry.products import dot
+from crowdsim.whole_files import require_regular
 
 Floats = NDArray[np.float64]
 
@@ -117,6 +118,7 @@ def _check_arguments(up: str | None, scale: float, rotation: float, position: tu
 
 
 def _content(file: Path) -> bytes:
+    require_regular(file, PlaceError)
     try:
         content = file.read_bytes()
     except OSError as error:

@@ -14,6 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from crowdsim.cache_place import cache_base
 from crowdsim.errors import DrawingUnavailable
 
 _WINDOW_VARIABLE = "VTK_DEFAULT_OPENGL_WINDOW"
@@ -143,9 +144,7 @@ def _situation() -> str:
 
 
 def _memory_file() -> Path:
-    asked = os.environ.get("CROWDSIM_CACHE")
-    base = Path(asked) if asked else Path(os.environ.get("XDG_CACHE_HOME", "~/.cache")).expanduser() / "crowdsim"
-    return base / "drawing.json"
+    return cache_base() / "drawing.json"
 
 
 def _recall(memory: Path, key: str) -> DrawingBackend | None:

@@ -12,11 +12,22 @@ from typing import TYPE_CHECKING, Any, Self
 
 import h5py
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from crowdsim.constants import CAPTURE_RATE
 from crowdsim.errors import CrowdSimError, RecordingError
-from crowdsim.geometry.planar import wrap_angle
+from crowdsim.recording.between import frame_between
+from crowdsim.recording.checks import (
+    AGAIN,
+    UNREADABLE,
+    CheckedColumn,
+    check_frames,
+    check_header,
+    check_paths,
+    check_place,
+    column_ranges,
+    require_readable,
+)
 from crowdsim.recording.columns import Column, ConstantColumn
 from crowdsim.recording.header import (
     COLUMN_TYPES,
@@ -34,11 +45,12 @@ from crowdsim.recording.header import (
 from crowdsim.recording.header_file import read_header, read_versions
 from crowdsim.recording.levels import Level, LevelColumn, Switches, find_switches
 from crowdsim.recording.measured import Measured, read_measured
+from crowdsim.whole_files import require_regular
 
 if TYPE_CHECKING:
     from crowdsim.motion.graph.pose_table import PoseTable
-    from crowdsim.recording.steered_poses import SteeredPoses
-    from crowdsim.recording.switch_blends import SwitchBlends
+    from crowdsim.recording.shown.steered_poses import SteeredPoses
+    from crowdsim.recording.shown.switch_blends import SwitchBlends
 
 Joints = NDArray[np.float32]
 
@@ -46,8 +58,6 @@ _STEPS_AT_ONCE = 256
 
 _CACHED = 16_000_000
 """Bytes of a column that stay unpacked, at most: a step of 100,000 agents lies in chunks of 4 MB."""
-
-_AGAIN = "run the scenario again to the end"
 
 
 class Recording:
@@ -81,17 +91,22 @@ class Recording:
         self._file = file
         self._stays: dict[int, tuple[int, int] | None] = {}
         self.header = read_header(file)
+        check_header(self.header)
+        check_place(self.header)
         self.versions = read_versions(file)
-        self.summary = json.loads(file["summary"].asstr()[()])
+        self.summary = dict(json.loads(file["summary"].asstr()[()]))
         self.measured = read_measured(file)
         columns = file["steps"]
+        ranges = column_ranges(self.header)
         shape = (columns["state_hash"].shape[0], self.header.agents.count)
         stored = stored_columns(self.header.motion)
         for name, dtype in COLUMN_TYPES.items():
             column = columns[name] if name in stored else ConstantColumn(shape, dtype, LEFT_OUT[name])
-            if column.shape != shape:
-                raise RecordingError(f"{path}: steps/{name} has shape {column.shape}, not {shape}; {_AGAIN}")
-            setattr(self, name, column)
+            if column.shape != shape or column.dtype != np.dtype(dtype):
+                raise RecordingError(
+                    f"{path}: steps/{name} has shape {column.shape} of {column.dtype}, not {shape} of {dtype}; {AGAIN}"
+                )
+            setattr(self, name, CheckedColumn(path, name, column, *ranges.get(name, (-np.inf, np.inf))))
         self.state_hash = columns["state_hash"]
         self.levels = LevelColumn(self.state, self.node, self.phase)
 
@@ -100,23 +115,31 @@ class Recording:
         """Open ``path``; RecordingError where it is missing, unfinished, damaged, foreign or of a newer version."""
         path = Path(path)
         if path.suffix == ".part":
-            raise RecordingError(f"{path} is unfinished: its run was stopped or has not ended yet; {_AGAIN}")
+            raise RecordingError(
+                f"{path} is unfinished: its run was stopped or has not ended yet; see 'crowdsim recover {path}'"
+            )
+        require_regular(path, RecordingError, 1 << 60)
         if not path.is_file():
             raise RecordingError(f"there is no recording {path}; write one with 'crowdsim run SCENARIO -o {path}'")
         try:
             # A finished file never changes, and locks fail on read-only and network folders.
             file = h5py.File(path, "r", locking=False, rdcc_nbytes=_CACHED)
         except OSError:
-            raise RecordingError(f"{path} is not a crowdsim recording, or is cut short; {_AGAIN}") from None
+            raise RecordingError(f"{path} is not a crowdsim recording, or is cut short; {AGAIN}") from None
         try:
             _check_kind(path, file)
+            require_readable(file, path.stat().st_size)
             return cls(path, file)
-        except CrowdSimError:
+        except (CrowdSimError, *UNREADABLE) as error:
             file.close()
-            raise
-        except (KeyError, OSError, RuntimeError, TypeError, ValueError) as error:
-            file.close()
-            raise RecordingError(f"{path} is damaged ({error}); {_AGAIN}") from None
+            if str(error).startswith(str(path)):
+                raise
+            raise RecordingError(f"{path} is damaged ({error}); {AGAIN}") from None
+
+    @property
+    def complete(self) -> bool:
+        """Whether the run came to its end; False for what was recovered of a killed one."""
+        return bool(self.summary.get("complete", True))
 
     def close(self) -> None:
         """Close the file; the header, versions and summary stay readable."""
@@ -167,13 +190,16 @@ class Recording:
     def paths(self) -> tuple[PlannedPath, ...]:
         """All planned paths in the order in which they were planned."""
         group = self._file["paths"]
-        points, behaviors = group["points"][:], group["behaviors"][:]
-        ends = np.cumsum(group["count"][:])
-        rows = zip(group["agent"][:], group["step"][:], ends - group["count"][:], ends, strict=True)
-        return tuple(
-            PlannedPath(int(agent), int(step), points[first:end], behaviors[first:end])
-            for agent, step, first, end in rows
-        )
+        try:
+            points, behaviors, counts, agents = (group[name][:] for name in ("points", "behaviors", "count", "agent"))
+            ends = check_paths(counts, agents, points, self.header)
+            rows = zip(agents, group["step"][:], ends - counts, ends, strict=True)
+            return tuple(
+                PlannedPath(int(agent), int(step), points[first:end], behaviors[first:end])
+                for agent, step, first, end in rows
+            )
+        except (RecordingError, *UNREADABLE) as error:
+            raise RecordingError(f"{self.path} is damaged ({error}); {AGAIN}") from None
 
     def paths_at(self, time: float) -> tuple[PlannedPath, ...]:
         """The path each agent follows at ``time`` seconds, the latest planned by then, in agent order."""
@@ -187,8 +213,15 @@ class Recording:
         if "changes" not in self._file:
             return ()
         group = self._file["changes"]
-        rows = zip(group["movable"][:], group["step"][:], group["footprint"].asstr()[:], strict=True)
-        return tuple(MovableChange(int(movable), int(step), footprint or None) for movable, step, footprint in rows)
+        try:
+            rows = zip(group["movable"][:], group["step"][:], group["footprint"].asstr()[:], strict=True)
+            changes = tuple(MovableChange(int(movable), int(step), shape or None) for movable, step, shape in rows)
+            shapely.from_wkt([change.footprint for change in changes])
+            if any(change.movable not in range(len(self.header.movables)) for change in changes):
+                raise ValueError("changes of what is not there")
+        except UNREADABLE as error:
+            raise RecordingError(f"{self.path} is damaged ({error}); {AGAIN}") from None
+        return changes
 
     def movables_at(self, time: float) -> tuple[SolidRecord, ...]:
         """The movables that are there at ``time`` seconds, where they stand then, in the order of the header."""
@@ -208,7 +241,9 @@ class Recording:
         """Row ``step`` as arrays (N,); RecordingError outside the recording."""
         if not 0 <= step < self.steps:
             raise RecordingError(f"{self.path} has steps 0 to {self.steps - 1}; there is no step {step}")
-        return RecordedFrame(*(getattr(self, name)[step] for name in RecordedFrame._fields))
+        frame = RecordedFrame(*(getattr(self, name)[step] for name in RecordedFrame._fields))
+        check_frames(self.path, self.header.motion, frame)
+        return frame
 
     def at_time(self, time: float) -> RecordedFrame:
         """What was to be seen at ``time`` seconds, between steps too, as arrays (N,).
@@ -223,7 +258,7 @@ class Recording:
         now = self.at_step(step)
         if share < 1e-6:
             return now
-        return _between(now, self.at_step(step + 1), share, self.header.motion.node_frames, self.steps_per_second)
+        return frame_between(now, self.at_step(step + 1), share, self.header.motion.node_frames, self.steps_per_second)
 
     def _shown_step(self, time: float) -> int:
         """The step that is shown at ``time`` seconds, until the next one."""
@@ -284,7 +319,7 @@ class Recording:
 
     @cached_property
     def _steered_poses(self) -> SteeredPoses:
-        from crowdsim.recording.steered_poses import SteeredPoses
+        from crowdsim.recording.shown.steered_poses import SteeredPoses
 
         return SteeredPoses(self)
 
@@ -295,7 +330,7 @@ class Recording:
 
     @cached_property
     def _switch_blends(self) -> SwitchBlends:
-        from crowdsim.recording.switch_blends import SwitchBlends
+        from crowdsim.recording.shown.switch_blends import SwitchBlends
 
         return SwitchBlends(self, self.switches, self._steered_poses)
 
@@ -324,43 +359,4 @@ def _check_kind(path: Path, file: h5py.File) -> None:
             f"{path} has format version {version}, this crowdsim reads up to {FORMAT_VERSION}; update crowdsim"
         )
     if not file.attrs["finished"]:
-        raise RecordingError(f"{path} is unfinished: its run was stopped; {_AGAIN}")
-
-
-def _between(
-    old: RecordedFrame, new: RecordedFrame, share: float, node_frames: NDArray[np.int32], steps_per_second: int
-) -> RecordedFrame:
-    """The frame ``share`` (0, 1) of a step from ``old`` to ``new``."""
-    natural = CAPTURE_RATE // steps_per_second
-    last = np.append(node_frames, 0)[old.node]
-    # Nodes may be played slower or faster. Who leaves an idle node skips what is left of it.
-    same = (new.node == old.node) & (new.frame >= old.frame)
-    advance = np.where(same, new.frame - old.frame, last - old.frame + new.frame)
-    advance = np.where(same | (2 * advance <= 3 * natural), advance, natural)
-    shown = np.rint(share * advance).astype(np.int64)
-    moving = (old.state == AgentState.MOVING) | (old.state == AgentState.WAITING)
-    both = moving & (new.state != AgentState.ABSENT)
-
-    turn = wrap_angle(new.heading - old.heading)
-    x = np.where(both, old.x + share * (new.x - old.x), old.x)
-    y = np.where(both, old.y + share * (new.y - old.y), old.y)
-    heading = np.where(both, old.heading + share * turn, old.heading)
-    phase = np.where(both & np.isfinite(new.phase), old.phase + share * (new.phase - old.phase), old.phase)
-
-    # Still in the old node, or in the new one already, where what is left of the step is subtracted.
-    reached = old.frame + shown
-    left = new.frame - (advance - shown)
-    entered = both & ~same & (reached > last) & (left >= 0)
-    frame = np.where(same, np.minimum(reached, new.frame), np.minimum(reached, last))
-    frame = np.where(both, frame, old.frame)
-    return RecordedFrame(
-        x=x,
-        y=y,
-        heading=heading,
-        node=np.where(entered, new.node, old.node),
-        previous=np.where(entered, new.previous, old.previous),
-        frame=np.where(entered, left, frame),
-        behavior=np.where(entered, new.behavior, old.behavior),
-        state=old.state,
-        phase=phase,
-    )
+        raise RecordingError(f"{path} is unfinished: its run was stopped; {AGAIN}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import struct
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Self
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from crowdsim.constants import NONE
 from crowdsim.errors import RecordingError
+from crowdsim.recording.checks import check_header
 from crowdsim.recording.header import (
     COLUMN_TYPES,
     FORMAT_NAME,
@@ -26,6 +28,7 @@ from crowdsim.recording.header import (
 )
 from crowdsim.recording.header_file import write_header
 from crowdsim.recording.measured import Measured, write_measured
+from crowdsim.recording.part_file import CHANGE, PATH, STEP, PartFile
 
 MOST_STEPS_HELD = 64
 """Steps held in memory, and in one compressed chunk of the file, at most."""
@@ -33,6 +36,11 @@ MOST_BYTES_HELD = 16_000_000
 """Bytes of steps held in memory, at most. More make larger chunks of big crowds, which take longer to seek in."""
 
 _AGENTS_PER_CHUNK = 4096
+
+STEP_HEAD = struct.Struct("<QQ")
+"""A frame of a step: its number and state hash; then the stored columns, row by row of the crowd."""
+PATH_HEAD = struct.Struct("<qqQ")
+"""A frame of a path: agent, step and number of points; then the points and behaviors."""
 
 _SMALL = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 _QUICK = {"compression": "lzf", "shuffle": True}
@@ -48,19 +56,21 @@ class RecordingWriter:
     """Context manager that writes ``path`` as a run goes on.
 
     The file appears under its name only when :meth:`finish` has everything on the disk. Leaving the context
-    before removes what was written; a killed process leaves a ``.part`` file that no reader accepts.
+    before removes what was written; a killed process leaves a ``.part`` file, of which
+    :func:`crowdsim.recording.recovery.recover` makes a recording of all steps that were appended.
     RecordingError where the file cannot be written or the header cannot be used.
     """
 
     def __init__(self, path: str | os.PathLike[str], header: RecordingHeader) -> None:
         self.path = Path(path)
         self._part = part_path(self.path)
+        self._disk: PartFile | None = None
         self._header = header
         self._file: h5py.File | None = None
         self._steps = 0
         self._buffered = 0
         self._new_paths: list[tuple[int, int, np.ndarray, np.ndarray]] = []
-        _check_header(header)
+        check_header(header)
         types = {name: np.dtype(COLUMN_TYPES[name]) for name in stored_columns(header.motion)}
         step_bytes = header.agents.count * sum(dtype.itemsize for dtype in types.values())
         self._held = min(max(MOST_BYTES_HELD // step_bytes, 1), MOST_STEPS_HELD)
@@ -77,15 +87,13 @@ class RecordingWriter:
             raise RecordingError(f"{self.path}: '.part' marks unfinished recordings; choose another name")
         if self.path.is_dir():
             raise RecordingError(f"{self.path} is a folder; give the name of a file")
+        if self.path.exists() and not self.path.is_file():
+            raise RecordingError(f"cannot write {self.path}: it is no regular file; choose another name")
+        self._disk = PartFile(self._part)
         try:
-            self._file = h5py.File(self._part, "w")
-        except OSError as error:
-            raise RecordingError(
-                f"cannot write {self._part} ({error}); check that the folder exists, that you may write there "
-                "and that no other run is writing the same recording"
-            ) from None
-        try:
+            self._file = h5py.File(self._disk, "w")
             self._create(self._file)
+            self._commit()
         except BaseException:
             self._discard()
             raise
@@ -118,6 +126,11 @@ class RecordingWriter:
             if lost.size:
                 raise RecordingError(f"step {self._steps}: '{name}' of agent {lost[0]} is not a finite number")
         self._hashes[row] = state_hash
+        content = [
+            STEP_HEAD.pack(self._steps, int(state_hash)),
+            *(rows[row].tobytes() for rows in self._buffer.values()),
+        ]
+        self._add_frame(STEP, b"".join(content))
         self._steps += 1
         self._buffered += 1
         if self._buffered == self._held:
@@ -148,6 +161,7 @@ class RecordingWriter:
                 f"agent {agent}: a path needs points (P, 2) and behaviors (P,), not {where.shape}, {how.shape}"
             )
         self._new_paths.append((agent, self._steps, where, how))
+        self._add_frame(PATH, PATH_HEAD.pack(agent, self._steps, len(how)) + where.tobytes() + how.tobytes())
 
     def add_change(self, movable: int, footprint: str | None) -> None:
         """Let a movable of the header have the outline ``footprint`` (WKT) from the next step on, or be gone (None)."""
@@ -155,24 +169,27 @@ class RecordingWriter:
         if not 0 <= movable < len(self._header.movables):
             raise RecordingError(f"a change of movable {movable}, but the header lists {len(self._header.movables)}")
         for name, value in (("movable", movable), ("step", self._steps), ("footprint", footprint or "")):
-            _extend(group[name], np.array([value], group[name].dtype))
+            extend(group[name], np.array([value], group[name].dtype))
+        self._add_frame(CHANGE, json.dumps([movable, self._steps, footprint or ""]).encode())
 
     def finish(self, summary: Mapping[str, Any], measured: Measured | None = None) -> None:
         """Write what is left, ``summary`` (anything JSON can hold) and what was measured; give the file its name."""
         file = self._open_file()
         self._flush()
         text = json.dumps(dict(summary), default=_plain)
+        if measured is not None:
+            write_measured(file, measured)
+        file.create_dataset("summary", data=text, dtype=h5py.string_dtype("utf-8"))
+        file.attrs["finished"] = True
+        file.close()
+        disk = self._open_disk()
         try:
-            if measured is not None:
-                write_measured(file, measured)
-            file.create_dataset("summary", data=text, dtype=h5py.string_dtype("utf-8"))
-            file.attrs["finished"] = True
-            file.close()
-            with open(self._part, "rb+") as written:
-                os.fsync(written.fileno())
+            disk.commit()
+            disk.sync()
             os.replace(self._part, self.path)
         except OSError as error:
             raise self._failed(error) from None
+        disk.close()
         self._file = None
         _sync_folder(self.path.parent)
 
@@ -204,85 +221,54 @@ class RecordingWriter:
             )
         return self._file
 
-    def _flush(self) -> None:
-        steps, paths = self._open_file()["steps"], self._open_file()["paths"]
+    def _open_disk(self) -> PartFile:
+        assert self._disk is not None
+        return self._disk
+
+    def _add_frame(self, kind: int, content: bytes) -> None:
         try:
-            if self._new_paths:
-                agents, begins, points, behaviors = zip(*self._new_paths, strict=True)
-                _extend(paths["points"], np.concatenate(points))
-                _extend(paths["behaviors"], np.concatenate(behaviors))
-                counts = [len(part) for part in points]
-                for name, values in (("agent", agents), ("step", begins), ("count", counts)):
-                    _extend(paths[name], np.array(values))
-            self._new_paths = []
-            if not self._buffered:
-                return
-            for name, rows in self._buffer.items():
-                _extend(steps[name], rows[: self._buffered])
-            _extend(steps["state_hash"], self._hashes[: self._buffered])
+            self._open_disk().add_frame(kind, content)
         except OSError as error:
             raise self._failed(error) from None
-        self._buffered = 0
+
+    def _commit(self) -> None:
+        """Have everything that HDF5 was given on the disk."""
+        self._open_file().flush()
+        try:
+            self._open_disk().commit()
+        except OSError as error:
+            raise self._failed(error) from None
+
+    def _flush(self) -> None:
+        steps, paths = self._open_file()["steps"], self._open_file()["paths"]
+        if self._new_paths:
+            agents, begins, points, behaviors = zip(*self._new_paths, strict=True)
+            extend(paths["points"], np.concatenate(points))
+            extend(paths["behaviors"], np.concatenate(behaviors))
+            counts = [len(part) for part in points]
+            for name, values in (("agent", agents), ("step", begins), ("count", counts)):
+                extend(paths[name], np.array(values))
+        self._new_paths = []
+        if self._buffered:
+            for name, rows in self._buffer.items():
+                extend(steps[name], rows[: self._buffered])
+            extend(steps["state_hash"], self._hashes[: self._buffered])
+            self._buffered = 0
+        self._commit()
 
     def _failed(self, error: OSError) -> RecordingError:
-        return RecordingError(f"cannot write {self.path} ({error}); check that its disk has room")
+        return RecordingError(
+            f"cannot write {self.path} ({error.strerror or error}); make room on its disk, or choose another one"
+        )
 
     def _discard(self) -> None:
         file, self._file = self._file, None
-        try:
-            if file is not None:
-                file.close()
-        finally:
+        disk, self._disk = self._disk, None
+        if file is not None:
+            file.close()  # into memory: a full disk is no trouble
+        if disk is not None:
             self._part.unlink(missing_ok=True)
-
-
-def _check_header(header: RecordingHeader) -> None:
-    count = header.agents.count
-    if count == 0:
-        raise RecordingError("a recording needs at least one agent")
-    motion = header.motion
-    joints, nodes, rows = motion.skeleton.joint_count, len(motion.node_names), len(motion.pool_root)
-    agents = {"start_times": (count,), "starts": (count, 3), "goals": (count, 2), "radii": (count,)}
-    per_node = dict.fromkeys(("node_behavior", "node_first", "node_frames"), (nodes,))
-    pool = {"pool_root": (rows, 3), "pool_rotations": (rows, joints, 4)}
-    for part, shapes in (("agents", agents), ("motion", {**per_node, **pool})):
-        for name, shape in shapes.items():
-            found = np.shape(getattr(getattr(header, part), name))
-            if found != shape:
-                raise RecordingError(f"{part}.{name} has shape {found}, not {shape}")
-    for behavior in header.behaviors:
-        if len(behavior.radii) != len(header.layers):
-            raise RecordingError(
-                f"behavior '{behavior.name}' gives {len(behavior.radii)} radii for {len(header.layers)} layers"
-            )
-    _check_gaits(header)
-    first, frames = np.asarray(motion.node_first, np.int64), np.asarray(motion.node_frames, np.int64)
-    wrong = np.flatnonzero((first < 0) | (frames < 0) | (first + frames >= rows))
-    if wrong.size:
-        raise RecordingError(f"node '{motion.node_names[wrong[0]]}' reaches beyond the {rows} poses of the pool")
-    longest = int(np.iinfo(COLUMN_TYPES["frame"]).max)
-    if np.any(frames > longest):
-        raise RecordingError(
-            f"node '{motion.node_names[int(frames.argmax())]}' has over {longest} frames; cut its clip"
-        )
-
-
-def _check_gaits(header: RecordingHeader) -> None:
-    gaits, joints = header.motion.gaits, header.motion.skeleton.joint_count
-    if gaits and len(gaits) != len(header.behaviors):
-        raise RecordingError(f"{len(gaits)} gaits for {len(header.behaviors)} behaviors; give each its own, or none")
-    for gait in gaits:
-        shapes = np.shape(gait.root), np.shape(gait.rotations)
-        if shapes != ((len(gait.root), 3), (len(gait.root), joints, 4)):
-            raise RecordingError(
-                f"gait '{gait.name}' has shapes {shapes[0]}, {shapes[1]}, not (F, 3), (F, {joints}, 4)"
-            )
-    phases, rows = np.asarray(header.motion.pool_phases), len(header.motion.pool_root)
-    if header.motion.mixed and not (phases.shape == (rows,) and np.isfinite(phases).all()):
-        raise RecordingError(
-            f"motion.pool_phases has shape {phases.shape} or is not finite; give the {rows} phases of "
-            "crowdsim.behaviors.entries.node_phases, or agents could not go over from one level to the other"
-        )
+            disk.close()
 
 
 def _growing(
@@ -296,7 +282,8 @@ def _growing(
     group.create_dataset(name, shape=(0, *row), maxshape=(None, *row), dtype=dtype, chunks=chunk, **packing)
 
 
-def _extend(dataset: h5py.Dataset, rows: np.ndarray) -> None:
+def extend(dataset: h5py.Dataset, rows: np.ndarray) -> None:
+    """Append ``rows`` to a dataset that grows along its first axis."""
     first = dataset.shape[0]
     dataset.resize(first + len(rows), axis=0)
     dataset[first:] = rows

@@ -104,6 +104,9 @@ def read_text(path: pathlib.Path, name: str) -> tuple[str, list[Problem]]:
 
     Of a file that is too large for :func:`read_document` no more is read than shows that.
     """
+    if path.exists() and not path.is_file():
+        what = "is a folder" if path.is_dir() else "it is no regular file"
+        return "", [Problem(name, None, None, "", f"cannot be read: {what}")]
     try:
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)

@@ -10,7 +10,7 @@ from crowdsim.motion.clips.kinematics import conjugate, multiply, rotate
 from crowdsim.motion.deformed.body_kernels import HEEL_BACK, PHASE
 from crowdsim.motion.deformed.plan_kernels import PAD
 from crowdsim.recording.reader import Recording
-from crowdsim.recording.track_blocks import block_of
+from crowdsim.recording.shown.track_blocks import block_of
 
 SOLE_DOWN, STANCE = 0.125, 0.599
 

@@ -89,5 +89,5 @@ class Statistics:
             "closest_pair": float(self.closest) if np.isfinite(self.closest) else None,
             "obstacle_margin": dict(zip(layers, self.margin.tolist(), strict=True)),
             "stance_foot_speed": self.feet.stance_speed,
-            "lowest_foot": self.feet.lowest,
+            "lowest_foot": self.feet.lowest if self.feet.lowest < np.inf else None,
         }

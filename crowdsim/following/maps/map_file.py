@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import mmap
+import warnings
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,12 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.errors import MotionError
+from crowdsim.errors import CacheWarning, MotionError
 from crowdsim.following.maps.motion_maps import DEPTH, MAX_ENTRIES, REACH, MapArrays, MotionMaps
 from crowdsim.motion.graph.arrays import GraphArrays
 from crowdsim.whole_files import whole_file
 
-VERSION = 3
+VERSION = 4
 """Of the file and of the way maps are built: raise it when either changes, and maps are built anew."""
 
 SUFFIX = ".maps"
@@ -38,14 +41,15 @@ def maps_in_file(
     """The maps of ``graph`` out of ``folder``, or built and kept there; arguments as of :meth:`MotionMaps.build`.
 
     The file's name is a hash of the graph and the numbers, so that maps of another graph are never taken. One that
-    cannot be read is built anew.
+    is damaged is built anew, with a warning.
     """
     file = folder / f"{maps_key(graph, depth, reach, max_entries)}{SUFFIX}"
     if file.is_file():
         try:
             return load_maps(file)
-        except MotionError:
-            pass  # a file of an older kind, or a broken one, is replaced
+        except MotionError as error:
+            message = f"motion maps that were kept are made anew: {error}"
+            warnings.warn(message, CacheWarning, stacklevel=2)
     maps = MotionMaps.build(graph, depth, reach, max_entries, progress, workers)
     folder.mkdir(parents=True, exist_ok=True)
     save_maps(maps, file)
@@ -68,10 +72,11 @@ def save_maps(maps: MotionMaps, file: Path) -> None:
     offset = 0
     columns: tuple[NDArray[Any], ...] = tuple(maps.arrays)
     for name, column in zip(MapArrays._fields, columns, strict=True):
-        header["arrays"][name] = [column.dtype.str, list(column.shape), offset]
+        header["arrays"][name] = [column.dtype.str, list(column.shape), offset, _checksum(column)]
         offset += -(-column.nbytes // _ALIGNED) * _ALIGNED
     header["bytes"] = offset
-    head = _MAGIC + json.dumps(header).encode() + b"\n"
+    text = json.dumps(header).encode()
+    head = _MAGIC + b"%08x " % zlib.crc32(text) + text + b"\n"
     head += b" " * (-len(head) % _ALIGNED)
     with whole_file(file, (SUFFIX,), "motion maps") as written, written.open("wb") as stream:
         stream.write(head)
@@ -80,13 +85,20 @@ def save_maps(maps: MotionMaps, file: Path) -> None:
             stream.write(b"\0" * (-column.nbytes % _ALIGNED))
 
 
+def _checksum(column: NDArray[Any]) -> int:
+    return zlib.crc32(np.ascontiguousarray(column).data)
+
+
 def load_maps(file: Path) -> MotionMaps:
     """Maps whose arrays lie in the file, read-only; MotionError where it holds none of this version."""
     try:
         with file.open("rb") as stream:
             if stream.read(len(_MAGIC)) != _MAGIC:
                 raise ValueError("it begins otherwise")
-            header = json.loads(stream.readline())
+            check, _, text = stream.readline().rstrip(b"\n").partition(b" ")
+            if int(check, 16) != zlib.crc32(text):
+                raise ValueError("its head is damaged")
+            header = json.loads(text)
             begin = -(-stream.tell() // _ALIGNED) * _ALIGNED
             if header["version"] != VERSION:
                 raise ValueError(f"version {header['version']}, not {VERSION}")
@@ -94,9 +106,11 @@ def load_maps(file: Path) -> MotionMaps:
         if len(content) != begin + header["bytes"]:
             raise ValueError(f"{len(content)} bytes, not {begin + header['bytes']}")
         columns = {}
-        for name, (kind, shape, offset) in header["arrays"].items():
-            count = int(np.prod(shape))
+        for name, (kind, shape, offset, checksum) in header["arrays"].items():
+            count = math.prod(shape)
             columns[name] = np.frombuffer(content, np.dtype(kind), count, begin + offset).reshape(shape)
+            if _checksum(columns[name]) != checksum:
+                raise ValueError(f"{name} is damaged")
         return MotionMaps(MapArrays(**columns))
-    except (OSError, ValueError, LookupError, TypeError) as error:
+    except (OSError, ValueError, LookupError, TypeError, OverflowError) as error:
         raise MotionError(f"{file}: no motion maps that can be read ({error}); delete it") from error

@@ -15,6 +15,7 @@ import numpy as np
 from crowdsim.errors import MotionError
 from crowdsim.motion.captures.raw_motion import RawMotion, euler_rotations, require_unique, without_flips
 from crowdsim.motion.clips.kinematics import Floats, conjugate, multiply
+from crowdsim.whole_files import require_regular
 
 ASSUMED_RATE = 120.0
 """Frames a second of an AMC file, which does not say: that of the CMU captures."""
@@ -87,6 +88,7 @@ def _skeleton_path(path: Path) -> Path:
 
 def _lines(path: Path) -> Iterator[tuple[str, list[str]]]:
     """(place, words) of each line that says something."""
+    require_regular(path, MotionError)
     try:
         text = path.read_text(encoding="ascii")
     except (UnicodeDecodeError, OSError) as error:

@@ -11,6 +11,12 @@ from numpy.typing import NDArray
 from crowdsim.errors import MotionError
 from crowdsim.motion.clips.kinematics import Floats, about_axis, multiply
 
+RATES = (1.0, 10_000.0)
+"""Frames a second of captures: others are mistakes, of which resampling would make frames without end."""
+
+_FARTHEST = 1e9
+"""Units of a file."""
+
 
 @dataclass(frozen=True)
 class RawMotion:
@@ -39,8 +45,13 @@ class RawMotion:
         bad = np.flatnonzero(~finite)
         if len(bad):
             raise MotionError(f"{len(bad)} frames hold values that are not finite, the first is frame {bad[0]}")
-        if not self.rate > 0.0:
-            raise MotionError(f"{self.rate} frames a second is not a positive rate")
+        if not RATES[0] <= self.rate <= RATES[1]:
+            raise MotionError(
+                f"{self.rate:g} frames a second; captures have {RATES[0]:g} to {RATES[1]:g}: correct the frame time"
+            )
+        longest = max(float(np.abs(values).max(initial=0.0)) for values in (self.root_positions, self.offsets))
+        if longest > _FARTHEST:
+            raise MotionError(f"places up to {longest:g} units away are none of a person")
 
 
 def require_unique(names: Sequence[str]) -> None:

@@ -11,7 +11,7 @@ from crowdsim.navmesh.triangulation.segment_kernels import insert_segment
 from crowdsim.navmesh.triangulation.triangulation_kernels import FULL
 from crowdsim.navmesh.triangulation.use_kernels import count_use, new_use, without
 from crowdsim.navmesh.triangulation.winding_kernels import flood_again, follow
-from crowdsim.navmesh.triangulation.work_kernels import VISITED, touch
+from crowdsim.navmesh.triangulation.work_kernels import VISITED, bound_turns, touch
 
 
 @helper
@@ -151,6 +151,7 @@ def edit(places, what, points, ends, winding, slot, ids):
     w = workshop_at(places)
     if what != SETTLE and not has_room(m, w, points.shape[0]):
         return NO_ROOM
+    bound_turns(m, w, points.shape[0])
     status = 0
     if what == INSERT:
         status = _put(m, w, points, ends, winding, slot, ids)
@@ -158,4 +159,5 @@ def edit(places, what, points, ends, winding, slot, ids):
         status = _take_out(m, w, winding, slot, ids)
     if status < 0:
         return status
-    return 0 if settle(m, w) == 0 else UNSETTLED
+    status = settle(m, w)
+    return UNSETTLED if status == FULL else status

@@ -9,7 +9,7 @@ from crowdsim.navmesh.editing.settle_kernels import settle
 from crowdsim.navmesh.mesh.half_edge_kernels import snapped
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.triangulation.triangulation_kernels import insert_point
-from crowdsim.navmesh.triangulation.work_kernels import CHANGED, LOOKING, touch
+from crowdsim.navmesh.triangulation.work_kernels import CHANGED, LOOKING, STUCK, bound_turns, touch
 
 INSERT, REMOVE, SETTLE = range(3)
 """What to do in an edit."""
@@ -30,7 +30,7 @@ def has_room(m, w, corners):
 
 @helper
 def put_corner(m, w, x, y, hint):
-    """Insert (x, y), on the grid, as a corner of an obstacle that is to be settled; its vertex, or FULL."""
+    """Insert (x, y), on the grid, as a corner of an obstacle that is to be settled; its vertex, FULL or STUCK."""
     v = insert_point(m, x, y, hint, w)
     if v >= 0:
         m.vertices[v].vref += 1
@@ -41,7 +41,7 @@ def put_corner(m, w, x, y, hint):
 
 @helper
 def _take_out(m, w, v):
-    """Vertex v is a point obstacle no longer; 0 or FULL."""
+    """Vertex v is a point obstacle no longer; 0, FULL or STUCK."""
     m.vertices[v].vref -= 1
     if is_free_point(m, v):
         return take_point(m, w, v)
@@ -59,11 +59,12 @@ def edit_point(places, what, x, y, v):
 
     ``places`` are those of the mesh and its workshop (see address_kernels). Returns the vertex; -1 for a point that is
     not inside of the box, which has no effect; NO_ROOM: nothing was done; UNSETTLED: SETTLE in larger arrays ends the
-    edit and returns what this would have; or FULL: the mesh is useless.
+    edit and returns what this would have; or FULL or STUCK: the mesh is useless.
     """
     m = mesh_at(places)
     w = workshop_at(places)
     progress = w.progress[0]
+    bound_turns(m, w, np.int64(1))
     if what == INSERT:
         frame = m.frame[0]
         cell = frame.cell
@@ -86,4 +87,7 @@ def edit_point(places, what, x, y, v):
         status = _take_out(m, w, v)
         if status < 0:
             return np.int64(status)
-    return progress.vertex if settle(m, w) == 0 else np.int64(UNSETTLED)
+    status = settle(m, w)
+    if status == 0:
+        return progress.vertex
+    return np.int64(STUCK if status == STUCK else UNSETTLED)

@@ -327,7 +327,7 @@ def is_free_point(m, v):
 
 @helper
 def take_point(m, w, v):
-    """Take out vertex v, which no constraint has; 0, or FULL.
+    """Take out vertex v, which no constraint has; 0, FULL or STUCK.
 
     The vertices around it look for bottlenecks where it was in the way: their discs held v and nothing else. Shrunk
     towards its vertex until v is on the circle, such a disc is empty: so a side joined the two.

@@ -11,16 +11,21 @@ from crowdsim.navmesh.triangulation.refine_kernels import (
     measure_triangle,
     refine,
 )
-from crowdsim.navmesh.triangulation.triangulation_kernels import FULL, restore_delaunay
+from crowdsim.navmesh.triangulation.triangulation_kernels import restore_delaunay
 from crowdsim.navmesh.triangulation.work_kernels import (
     CHANGED,
     KEPT,
     LOOKING,
+    STUCK,
     TOUCHED,
     enqueue,
+    is_spent,
     note_changed,
     touch,
 )
+
+_SEEN = -(1 << 40)
+"""Cover of a free triangle that was looked at from removed sides."""
 
 
 @helper
@@ -39,24 +44,39 @@ def _look_out(m, w, h):
     """Let vertices beyond side h of a changed triangle look for bottlenecks where removed sides were in the way.
 
     A free disc that crosses such a side, on the way from a vertex to its foot, and whose ends it does not hold: see
-    `_find_foot` for why all triangles from there to the vertex have that side in their circles.
+    `_find_foot` for why all triangles from there to the vertex have that side in their circles. Each triangle is looked
+    at once in an edit: those in ``pairs`` have the cover _SEEN until `_forget_seen`.
     """
     sides = m.sides
     stack = w.stack
+    progress = w.progress[0]
     stack[0] = h
     top = 1
     while top > 0:
         top -= 1
         g = sides[stack[top]].twin
-        if is_dirty(sides, g // 3) or not _seen_from_gone(m, g // 3, w):
+        t = g // 3
+        if is_dirty(sides, t) or m.cover[t] == _SEEN or not _seen_from_gone(m, t, w):
             continue
+        m.cover[t] = _SEEN
+        w.pairs[progress.pairs, 0] = t
+        progress.pairs += 1
         z = sides[prv(g)].org
         touch(w, z)
         w.to_do[z].mark |= LOOKING
         for e in (nxt(g), prv(g)):
-            if sides[e].constraints == 0 and top < stack.size:
+            if sides[e].constraints == 0:
                 stack[top] = e
                 top += 1
+
+
+@helper
+def _forget_seen(m, w):
+    """Nothing covers the triangles in ``pairs``."""
+    progress = w.progress[0]
+    for i in range(progress.pairs):
+        m.cover[w.pairs[i, 0]] = 0
+    progress.pairs = 0
 
 
 @helper
@@ -104,6 +124,8 @@ def _touch_corners(m, w):
     i = 0
     while True:
         while i < w.progress[0].touched:
+            if is_spent(w):
+                return STUCK
             v = w.to_do[i].touched
             i += 1
             if vertices[v].vhe < 0 or v < BOX_CORNERS:
@@ -126,7 +148,7 @@ def _touch_corners(m, w):
 
 @helper
 def settle(m, w):
-    """Bring refinement and widths of corners up to date around touched vertices; 0, or FULL: once more, with more room.
+    """Bring refinement and widths of corners up to date around touched vertices; 0, STUCK, or FULL: more room.
 
     A bottleneck is new only where the triangle at its side is, or at a new corner, or where something was removed: then
     its vertex is at a changed triangle, or sees a removed side. After FULL what still waits is in the workshop.
@@ -157,9 +179,12 @@ def settle(m, w):
             h = sides[prv(h)].twin
             if h == first:
                 break
+    _forget_seen(m, w)
     i = 0
     while i < w.progress[0].touched:
         v = w.to_do[i].touched
+        if is_spent(w):
+            return STUCK
         looking = w.to_do[v].mark & LOOKING != 0 and vertices[v].vhe >= 0 and vertices[v].vref > 0
         if looking and v >= BOX_CORNERS:
             x = m.vertices[v].x
@@ -167,10 +192,11 @@ def settle(m, w):
             if w.progress[0].removal == POINT:
                 x = w.gone[0].ax
                 y = w.gone[0].ay
-            h, x, y = find_bottleneck(m, v, x, y, w.sights)
+            h, x, y = find_bottleneck(m, v, x, y, w)
             if h >= 0:
-                if add_foot(m, h, x, y, w) < 0:
-                    return FULL
+                status = add_foot(m, h, x, y, w)
+                if status < 0:
+                    return status
                 continue
         w.to_do[v].mark &= ~LOOKING
         i += 1

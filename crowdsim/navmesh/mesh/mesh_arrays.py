@@ -73,12 +73,13 @@ them; those at the end that are no longer there, or new, may be missing.
 
 PROGRESS = np.dtype(
     [(name, np.int64) for name in ("head", "waiting", "touched", "changed", "uses", "pairs")]
-    + [(name, np.int64) for name in ("full", "rerouted", "removal", "gone", "vertex")],
+    + [(name, np.int64) for name in ("full", "rerouted", "removal", "gone", "vertex", "left")],
     align=True,
 )
 """Ring buffer ``waiting``: its first item and its length. Lengths of the lists ``touched`` and ``changed``, of the pool
 of uses (full: 1 where it was too short), of the stack ``pairs`` and of ``gone``. Whether a crossing made other
-obstacles take another way, whether the edit is a removal, and the vertex of a point that was edited."""
+obstacles take another way, whether the edit is a removal, the vertex of a point that was edited, and how many turns of
+loops are left to the edit before it counts as stuck."""
 
 SIGHT = np.dtype(
     [("side", np.int64)] + [(name, np.float64) for name in ("lo", "hi", "rx", "ry", "lx", "ly")], align=True
@@ -136,18 +137,24 @@ class Workshop(NamedTuple):
     """(256,) records :data:`SIGHT`."""
 
 
+TURNS = 1024
+"""Turns of loops that an edit may take for each triangle and corner, which no sound edit comes near."""
+
+
 def workshop(vertices: int, uses: int = 0) -> Workshop:
     """An empty workshop for a mesh with room for ``vertices``, with a pool of ``uses``."""
     room = 6 * vertices + 64
     pairs = np.empty((room, 2), np.int64)
     to_do = np.zeros(vertices, TO_DO)
+    progress = np.zeros(1, PROGRESS)
+    progress["left"] = TURNS * room
     return Workshop(
         np.empty(room, np.int64),
         pairs,
         to_do,
         np.zeros(uses, USE),
         np.zeros(uses, SEGMENT),
-        np.zeros(1, PROGRESS),
+        progress,
         np.empty(256, SIGHT),
     )
 

@@ -9,7 +9,7 @@ from crowdsim.navmesh.triangulation.refine_kernels import measure_triangle, refi
 from crowdsim.navmesh.triangulation.segment_kernels import insert_segment
 from crowdsim.navmesh.triangulation.triangulation_kernels import insert_point
 from crowdsim.navmesh.triangulation.winding_kernels import flood
-from crowdsim.navmesh.triangulation.work_kernels import enqueue
+from crowdsim.navmesh.triangulation.work_kernels import bound_turns, enqueue
 
 
 @helper
@@ -61,6 +61,7 @@ def build(m, points, ids, ring_ends, order, w):
         _start_box(m)
     hint = np.int64(0)
     for k in order:
+        bound_turns(m, w, np.int64(1))
         v = insert_point(m, points[k, 0], points[k, 1], hint, w)
         if v < 0:
             return v
@@ -73,6 +74,7 @@ def build(m, points, ids, ring_ends, order, w):
             a = ids[i]
             b = ids[i + 1 if i + 1 < end else begin]
             if a != b:
+                bound_turns(m, w, np.int64(2))
                 status = insert_segment(m, a, b, np.int64(1), NONE, w)
                 if status < 0:
                     return status
@@ -81,6 +83,7 @@ def build(m, points, ids, ring_ends, order, w):
     for v in range(BOX_CORNERS, frame.vertices):
         vertices[v].vref = max(vertices[v].vref, 1)  # crossings of input segments are corners too
         enqueue(w, v)
+    bound_turns(m, w, points.shape[0])
     status = refine(m, w)
     if status < 0:
         return status

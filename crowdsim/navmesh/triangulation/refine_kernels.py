@@ -8,10 +8,10 @@ from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
-from crowdsim.navmesh.mesh.half_edge_kernels import is_dirty, nxt, prv
+from crowdsim.navmesh.mesh.half_edge_kernels import is_dirty, nxt, prv, side
 from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, NONE
-from crowdsim.navmesh.triangulation.triangulation_kernels import FULL, split_edge, split_is_robust
-from crowdsim.navmesh.triangulation.work_kernels import CHANGED, dequeue, enqueue, touch
+from crowdsim.navmesh.triangulation.triangulation_kernels import split_edge, split_is_robust
+from crowdsim.navmesh.triangulation.work_kernels import CHANGED, STUCK, dequeue, enqueue, is_spent, touch
 
 _SLACK = 1e-9
 """Share of a side by which the bounds of a search give way: what is found is told by the clearance between its ends."""
@@ -84,14 +84,15 @@ def _foot_at(m, s, part, x, y, near):
 
 
 @helper
-def find_bottleneck(m, v, qx, qy, sights):
+def find_bottleneck(m, v, qx, qy, w):
     """A constrained side seen from vertex v across other sides, where the passage between v and its foot is narrowest.
 
     Returns (half-edge, foot x, foot y), or -1 for the half-edge. Such a place is where a disc around the middle between
     v and the foot touches nothing else; so the foot is not farther along any seen vertex w than w itself, which bounds
     the search. Only discs that hold (qx, qy) count, whose feet are at least as far along q as q itself; where q is at v
-    these are all. ``sights`` (k,) is room for the sides still to cross.
+    these are all.
     """
+    sights = w.sights
     sides = m.sides
     vertices = m.vertices
     cover = m.cover
@@ -115,7 +116,7 @@ def find_bottleneck(m, v, qx, qy, sights):
         if cover[corner // 3] == 0 and sides[base].constraints == 0 and _reaches_beyond(xx, xy, yx, yy, qx, qy, least):
             set_sight(sights[0], base, xx, xy, yx, yy)
             top = 1
-        while top > 0:
+        while top > 0 and not is_spent(w):
             top -= 1
             sight = sights[top]
             g = sides[sight.side].twin
@@ -212,14 +213,15 @@ def inside_circle(m, t, ax, ay, bx, by, lo, hi):
 
 
 @helper
-def _find_foot(m, s, sights):
+def _find_foot(m, s, w):
     """The place on the constrained side s where the passage to a vertex seen across other sides is narrowest.
 
     Returns (whether there is one, x, y): what :func:`find_bottleneck` finds from the vertex. A disc between the two
     that touches nothing else lies, before each side that it crosses on the way to the vertex, inside of the circle of
-    the triangle behind, as it holds none of its corners. So the foot is in all these circles, which bounds the search.
-    ``sights`` (k,) is room for the sides still to cross.
+    the triangle behind, as it holds none of its corners. So the foot is in all these circles, which bounds the search;
+    and it is before each of these sides, without which the search would go around a vertex next to s for ever.
     """
+    sights = w.sights
     sides = m.sides
     vertices = m.vertices
     a = vertices[sides[s].org]
@@ -239,12 +241,17 @@ def _find_foot(m, s, sights):
             sight.lo = 0.0
             sight.hi = 1.0
             top += 1
-    while top > 0:
+    while top > 0 and not is_spent(w):
         top -= 1
         sight = sights[top]
         e = sight.side
         g = sides[e].twin
-        lo, hi = inside_circle(m, g // 3, ax, ay, bx, by, sight.lo, sight.hi)
+        start = sides[e].org
+        end = sides[g].org
+        lo, hi = _cut(sight.lo, sight.hi, side(vertices, end, start, ax, ay), side(vertices, end, start, bx, by))
+        if lo > hi:
+            continue
+        lo, hi = inside_circle(m, g // 3, ax, ay, bx, by, lo, hi)
         if lo > hi:
             continue
         z = vertices[sides[prv(g)].org]
@@ -267,7 +274,7 @@ def _find_foot(m, s, sights):
 
 @helper
 def add_foot(m, h, x, y, w):
-    """Split the constrained side h at (x, y) and let the sides around wait; the new vertex, or FULL."""
+    """Split the constrained side h at (x, y) and let the sides around wait; the new vertex, FULL or STUCK."""
     sides = m.sides
     f = split_edge(m, h, x, y, w)
     if f < 0:
@@ -287,7 +294,7 @@ def add_foot(m, h, x, y, w):
 
 @helper
 def refine(m, w):
-    """Add the foot of every bottleneck, for constrained sides from the waiting vertices and what changes; 0 or FULL.
+    """Add the foot of every bottleneck, for constrained sides from waiting vertices and what changes; 0, FULL or STUCK.
 
     Afterwards each narrowest place between two obstacles is a side or the height of a corner over a constrained
     side, so that widths of sides and corners decide what fits where. A side whose triangle has been measured since it
@@ -295,6 +302,8 @@ def refine(m, w):
     """
     sides = m.sides
     while w.progress[0].waiting > 0:
+        if is_spent(w):
+            return STUCK
         v = dequeue(w)
         if v < BOX_CORNERS:
             continue
@@ -302,11 +311,12 @@ def refine(m, w):
         h = first
         while True:
             if sides[h].constraints != 0 and m.cover[h // 3] == 0 and is_dirty(sides, h // 3):
-                found, x, y = _find_foot(m, h, w.sights)
+                found, x, y = _find_foot(m, h, w)
                 if found:
                     enqueue(w, v)
-                    if add_foot(m, h, x, y, w) < 0:
-                        return FULL
+                    foot = add_foot(m, h, x, y, w)
+                    if foot < 0:
+                        return foot
                     break
             h = sides[prv(h)].twin
             if h == first:

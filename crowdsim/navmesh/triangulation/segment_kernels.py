@@ -21,10 +21,7 @@ from crowdsim.navmesh.triangulation.triangulation_kernels import (
     split_is_robust,
 )
 from crowdsim.navmesh.triangulation.use_kernels import joined
-from crowdsim.navmesh.triangulation.work_kernels import touch
-
-STUCK = -3
-"""Status: a segment could not be inserted within the step limit."""
+from crowdsim.navmesh.triangulation.work_kernels import STUCK, is_spent, touch
 
 _NEAR = 0.75
 """Cells: a vertex this close to a segment is on it (snap rounding: Hobby 1999), so that two segments that hardly differ
@@ -140,16 +137,16 @@ def _clear_way(m, w, a, b, crossed):
     made = 0
     head = 0
     left = crossed
-    steps = 0
     while left > 0:
-        steps += 1
-        if steps > 64 * (crossed + 8) * (crossed + 8):
+        if is_spent(w):
             return STUCK
         u = pairs[head, 0]
         v = pairs[head, 1]
         head = (head + 1) % room
         left -= 1
         e = find_half_edge(sides, vertices, u, v)
+        if e < 0:
+            return STUCK
         p = sides[prv(e)].org
         q = sides[prv(sides[e].twin)].org
         px = vertices[p].x
@@ -166,6 +163,8 @@ def _clear_way(m, w, a, b, crossed):
             q_ends = q in (a, b)
             if p_ends or q_ends or side(vertices, a, b, px, py) * side(vertices, a, b, qx, qy) >= 0.0:
                 if not (p_ends and q_ends):
+                    if made == fresh.shape[0]:
+                        return STUCK
                     fresh[made, 0] = p
                     fresh[made, 1] = q
                     made += 1
@@ -186,6 +185,8 @@ def _clear_way(m, w, a, b, crossed):
     if status < 0:
         return status
     h = find_half_edge(sides, vertices, a, b)
+    if h < 0:
+        return STUCK
     sides[h].constraints -= 1
     sides[sides[h].twin].constraints -= 1
     return 0
@@ -260,15 +261,13 @@ def insert_segment(m, a, b, winding, use, w):
     ways = np.empty(32, _WAY)
     _set_way(ways[0], a, b, np.int64(1), winding, use, NONE)
     count = np.int64(1)
-    steps = 0
     while count > 0:
         cur = ways[count - 1].start
         goal = ways[count - 1].goal
         if cur == goal:
             count -= 1
             continue
-        steps += 1
-        if steps > 16 * vertices.size:
+        if is_spent(w):
             return STUCK
         cx = vertices[cur].x
         cy = vertices[cur].y
@@ -282,6 +281,8 @@ def insert_segment(m, a, b, winding, use, w):
         # Across one side after the other, until a vertex is on the way or a constrained side is met.
         crossed = 0
         while along < 0:
+            if is_spent(w):
+                return STUCK
             if sides[e].constraints != 0:
                 if count + 3 > ways.size:
                     ways = longer(ways)
@@ -302,6 +303,8 @@ def insert_segment(m, a, b, winding, use, w):
                 if status < 0:
                     return status
                 along = find_half_edge(sides, vertices, cur, z)
+                if along < 0:
+                    return STUCK
                 break
             if abs(sz) <= near:
                 ahead = (vertices[z].x - cx) * gx + (vertices[z].y - cy) * gy

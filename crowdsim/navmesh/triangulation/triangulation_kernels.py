@@ -6,7 +6,7 @@ from crowdsim.geometry.predicates_kernels import incircle
 from crowdsim.jit import helper
 from crowdsim.navmesh.mesh.half_edge_kernels import find_half_edge, locate, nxt, prv, side, soil
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
-from crowdsim.navmesh.triangulation.work_kernels import touch_triangle
+from crowdsim.navmesh.triangulation.work_kernels import STUCK, is_spent, touch_triangle
 
 FULL = -2
 """Status: the arrays have no room for another vertex; build again in larger ones."""
@@ -87,9 +87,20 @@ def _fill(sides, vertices, t, u, v, w):
 
 
 @helper
-def _legalize(sides, vertices, cell, stack, top):
-    """Restore the Delaunay property around a new vertex, the corner opposite of each of the ``top`` stacked sides."""
+def _legalize(m, w, top):
+    """Restore the Delaunay property around a new vertex, the corner opposite of each of the ``top`` stacked sides.
+
+    0, FULL or STUCK.
+    """
+    sides = m.sides
+    vertices = m.vertices
+    stack = w.stack
+    cell = m.frame[0].cell
     while top > 0:
+        if is_spent(w):
+            return STUCK
+        if top + 1 > stack.size:
+            return FULL
         top -= 1
         e = stack[top]
         if not_delaunay(sides, vertices, e, cell):
@@ -98,16 +109,19 @@ def _legalize(sides, vertices, cell, stack, top):
             stack[top] = e
             stack[top + 1] = far
             top += 2
+    return 0
 
 
 @helper
 def restore_delaunay(m, w, top):
-    """Flip what is not Delaunay among the first ``top`` of ``pairs``, and what that leads to; 0 or FULL."""
+    """Flip what is not Delaunay among the first ``top`` of ``pairs``, and what that leads to; 0, FULL or STUCK."""
     sides = m.sides
     vertices = m.vertices
     pairs = w.pairs
     cell = m.frame[0].cell
     while top > 0:
+        if is_spent(w):
+            return STUCK
         top -= 1
         u = pairs[top, 0]
         v = pairs[top, 1]
@@ -155,7 +169,7 @@ def _new_vertex(m, x, y):
 
 @helper
 def split_edge(m, h, x, y, w):
-    """Put a new vertex at (x, y) on side h and split both of its triangles; the vertex, or FULL."""
+    """Put a new vertex at (x, y) on side h and split both of its triangles; the vertex, FULL or STUCK."""
     sides = m.sides
     vertices = m.vertices
     cover = m.cover
@@ -193,21 +207,20 @@ def split_edge(m, h, x, y, w):
         sides[e].constraints = count
         sides[e].winding = sign * winding
         sides[e].use = along if sign > 0 else against
-    _legalize(sides, vertices, m.frame[0].cell, w.stack, np.int64(4))
-    if count != 0:
+    status = _legalize(m, w, np.int64(4))
+    if status == 0 and count != 0:
         # A constraint bends by up to a cell where it is split: the new side across may not be Delaunay then.
         w.pairs[0, 0] = p
         w.pairs[0, 1] = c
         w.pairs[1, 0] = p
         w.pairs[1, 1] = d
-        if restore_delaunay(m, w, np.int64(2)) < 0:
-            return FULL
-    return p
+        status = restore_delaunay(m, w, np.int64(2))
+    return p if status == 0 else np.int64(status)
 
 
 @helper
 def insert_point(m, x, y, hint, w):
-    """Vertex at the grid point (x, y), a new one unless there is one; or FULL. The point must be inside the box."""
+    """Vertex at the grid point (x, y), a new one unless there is one; FULL or STUCK. The point is inside the box."""
     sides = m.sides
     vertices = m.vertices
     t = locate(m, x, y, hint)
@@ -242,8 +255,8 @@ def insert_point(m, x, y, hint, w):
     w.stack[0] = h
     w.stack[1] = 3 * t1
     w.stack[2] = 3 * t2
-    _legalize(sides, vertices, m.frame[0].cell, w.stack, np.int64(3))
-    return p
+    status = _legalize(m, w, np.int64(3))
+    return p if status == 0 else np.int64(status)
 
 
 @helper

@@ -37,7 +37,8 @@ def follow(m, w, count, begin):
     """Let windings follow a change along the ``count`` half-edges in the first column of ``pairs``; whether they do.
 
     What is right of these half-edges is taken for unchanged. ``stack`` is free to use from ``begin`` on. Where the
-    half-edges contradict each other (an outline that snapping folded over), the answer is False and windings are wrong.
+    half-edges contradict each other (an outline that snapping folded over), or what is right of them did change, the
+    answer is False and windings are wrong. Windings that fit each other are right if the outside of the area has 1.
     """
     sides = m.sides
     cover = m.cover
@@ -75,7 +76,7 @@ def follow(m, w, count, begin):
         h = w.pairs[i, 0]
         if cover[h // 3] != cover[sides[h].twin // 3] + sides[h].winding:
             return False
-    return True
+    return cover[m.vertices[0].vhe // 3] == 1
 
 
 @helper

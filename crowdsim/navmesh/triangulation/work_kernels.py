@@ -1,7 +1,7 @@
 """Lists of vertices that an edit still has to look at, each vertex at most once in each."""
 
 from crowdsim.jit import helper
-from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS
+from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, TURNS
 
 QUEUED = 1
 """Mark: the constrained sides from the vertex wait for refinement."""
@@ -15,6 +15,23 @@ CHANGED = 32
 """Mark: the vertex is touched, and triangles around it did change."""
 VISITED = 4
 """Mark of a walk, which clears it."""
+
+STUCK = -3
+"""Status: an edit went on beyond its bound, or met what no mesh may hold; the mesh is useless."""
+
+
+@helper
+def bound_turns(m, w, corners):
+    """Begin an edit of so many corners: give its loops their turns."""
+    w.progress[0].left = TURNS * (m.frame[0].triangles + corners + 1024)
+
+
+@helper
+def is_spent(w):
+    """Take one of the turns that are left; whether there was none."""
+    progress = w.progress[0]
+    progress.left -= 1
+    return progress.left < 0
 
 
 @helper

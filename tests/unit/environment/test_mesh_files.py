@@ -1,6 +1,7 @@
 """Mesh files: placed right whatever the format, and refused with a word where they are none."""
 
 import json
+import os
 import struct
 
 import numpy as np
@@ -232,8 +233,11 @@ def test_other_endings_and_missing_files_are_refused(tmp_path):
     with pytest.raises(PlaceError, match="check the path"):
         read_mesh_file(tmp_path / "absent.glb")
     (tmp_path / "folder.glb").mkdir()
-    with pytest.raises(PlaceError, match="check the path"):
-        read_mesh_file(tmp_path / "folder.glb")
+    os.mkfifo(tmp_path / "pipe.glb")
+    (tmp_path / "endless.glb").symlink_to("/dev/zero")
+    for name, what in (("folder", "a folder"), ("pipe", "no regular file"), ("endless", "no regular file")):
+        with pytest.raises(PlaceError, match=what):
+            read_mesh_file(tmp_path / f"{name}.glb")
 
 
 @pytest.mark.parametrize(

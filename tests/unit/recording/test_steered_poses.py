@@ -13,7 +13,7 @@ from crowdsim.motion.deformed.step_plan import plan_steps, posed_clip
 from crowdsim.recording import steered_poses
 from crowdsim.recording.header import AgentState
 from crowdsim.recording.reader import Recording
-from crowdsim.recording.track_blocks import BLOCK_TICKS, block_of, block_steps, read_block
+from crowdsim.recording.shown.track_blocks import BLOCK_TICKS, block_of, block_steps, read_block
 from crowdsim.recording.writer import RecordingWriter
 from tests.support.playback_figures import played, slides
 from tests.support.small_recording import small_frame, small_header

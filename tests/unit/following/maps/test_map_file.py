@@ -1,11 +1,12 @@
 """Motion maps kept in a file."""
 
+import contextlib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from crowdsim.errors import CrowdSimError, MotionError
+from crowdsim.errors import CacheWarning, CrowdSimError, MotionError
 from crowdsim.following.maps import map_file
 from crowdsim.following.maps.map_file import load_maps, maps_in_file, maps_key, save_maps
 from crowdsim.following.maps.motion_maps import MotionMaps
@@ -46,7 +47,7 @@ def test_every_number_and_array_is_part_of_the_name() -> None:
     assert len(keys) == 1 + len(SMALL) + len(GRAPH)
 
 
-@pytest.mark.parametrize("damage", ["cut", "other", "empty", "version"])
+@pytest.mark.parametrize("damage", ["cut", "other", "empty", "head", "byte", "version"])
 def test_a_file_that_cannot_be_read_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, damage: str) -> None:
     built = maps_in_file(tmp_path, GRAPH, **SMALL)
     (file,) = tmp_path.iterdir()
@@ -54,9 +55,19 @@ def test_a_file_that_cannot_be_read_is_replaced(tmp_path: Path, monkeypatch: pyt
     if damage == "version":
         monkeypatch.setattr(map_file, "VERSION", map_file.VERSION + 1)
     else:
-        file.write_bytes({"cut": content[:-100], "other": b"something else", "empty": b""}[damage])
+        damaged = {
+            "cut": content[:-100],
+            "other": b"something else",
+            "empty": b"",
+            "head": content.replace(b'"<f8", [', b'"<f8", [9999999', 1),
+            "byte": content[:-70] + bytes([content[-70] ^ 1]) + content[-69:],
+        }
+        file.unlink()  # it is mapped into memory
+        file.write_bytes(damaged[damage])
     with pytest.raises(MotionError, match="no motion maps that can be read"):
         load_maps(file)
+    with contextlib.nullcontext() if damage == "version" else pytest.warns(CacheWarning, match="made anew"):
+        assert equal(maps_in_file(tmp_path, GRAPH, **SMALL), built)
     assert equal(maps_in_file(tmp_path, GRAPH, **SMALL), built)
 
 

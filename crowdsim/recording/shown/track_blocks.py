@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from crowdsim.geometry.planar import wrap_angle
 from crowdsim.motion.deformed.joined_tracks import JoinedTracks, smooth_joined, smoothing_reach, unwrapped
 from crowdsim.recording.columns import RecordedTracks
-from crowdsim.recording.steered_stretches import read_stretches
+from crowdsim.recording.shown.steered_stretches import read_stretches
 
 TICKS_PER_SECOND = 10
 """Samples a second that steps are planned from, whatever the rate of the recording."""

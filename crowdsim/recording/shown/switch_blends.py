@@ -12,12 +12,12 @@ from crowdsim.geometry.planar import wrap_angle
 from crowdsim.motion.clips.kinematics import conjugate, forward_kinematics, multiply
 from crowdsim.motion.graph.pose_kernels import pose_joints
 from crowdsim.recording.columns import RecordedPoses
-from crowdsim.recording.foot_times import LONGEST, FootTimes, foot_times
 from crowdsim.recording.header import RecordedFrame
 from crowdsim.recording.levels import Switches
-from crowdsim.recording.steered_poses import SteeredPoses
-from crowdsim.recording.switch_offsets import Body, Offsets, faded, offsets_between, with_feet
-from crowdsim.recording.track_blocks import BLOCK_TICKS, TICKS_PER_SECOND
+from crowdsim.recording.shown.foot_times import LONGEST, FootTimes, foot_times
+from crowdsim.recording.shown.steered_poses import SteeredPoses
+from crowdsim.recording.shown.switch_offsets import Body, Offsets, faded, offsets_between, with_feet
+from crowdsim.recording.shown.track_blocks import BLOCK_TICKS, TICKS_PER_SECOND
 
 _BLOCKS_KEPT = 16
 

@@ -12,7 +12,7 @@ from crowdsim.motion.clips.kinematics import forward_kinematics, slerp
 from crowdsim.motion.deformed.deformed_clip import DeformedClip, deform_clip, on_legs_of
 from crowdsim.motion.deformed.step_plan import StepPlan, plan_joined, pose_at
 from crowdsim.recording.columns import RecordedTracks
-from crowdsim.recording.track_blocks import TrackBlock, block_of, block_steps, read_block
+from crowdsim.recording.shown.track_blocks import TrackBlock, block_of, block_steps, read_block
 
 BLEND_SECONDS = 0.3
 """Time over which a body goes over from one behavior to another, half of it before the step in which it does."""

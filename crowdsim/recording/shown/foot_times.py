@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from crowdsim.motion.deformed.phase_kernels import STANCE
 from crowdsim.recording.columns import RecordedTracks
 from crowdsim.recording.levels import Level, Switches, levels_of
-from crowdsim.recording.steered_stretches import played_phases, read_stretches
-from crowdsim.recording.switch_offsets import FADE
+from crowdsim.recording.shown.steered_stretches import played_phases, read_stretches
+from crowdsim.recording.shown.switch_offsets import FADE
 
 _SHORTEST_SWING = 0.12
 """Seconds below which a foot does not come right before it lands, and keeps its place until it lifts again."""

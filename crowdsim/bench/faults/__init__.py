@@ -1,0 +1,1 @@
+"""Bad luck on purpose: edits, files and runs that break, and what comes of them."""

@@ -1,0 +1,186 @@
+"""Cases by number, each a word on what became of it.
+
+"fine"; "refused", by an error with a remedy; "anew", of what was kept and is damaged; or a failure
+(:data:`crowdsim.bench.faults.watched.FAILURES`), of which untyped errors, crashes and hangs are seen from outside.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import warnings
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.bench.faults.mesh_edits import edit_at_random
+from crowdsim.bench.faults.mutations import mutate_parts, mutated
+from crowdsim.errors import CacheWarning, CrowdSimError
+from crowdsim.library import library_folder
+from crowdsim.motion.graph.arrays import GraphArrays
+from crowdsim.recording.reader import Recording
+
+RECORDINGS = "CROWDSIM_FAULT_RECORDINGS"
+"""Environment variable: a folder of recordings to mutate."""
+
+FINE, REFUSED, ANEW, FAKE = "fine", "refused", "anew", "fake"
+
+
+def edited_mesh(number: int) -> str:
+    """A random sequence of edits."""
+    return REFUSED if edit_at_random(number) else FINE
+
+
+def mutated_scenario(number: int) -> str:
+    """A built-in scenario with faults, loaded."""
+    from crowdsim.scenario.loader import load_scenario
+
+    files = sorted(library_folder("scenarios").glob("*.yaml"))
+    file = files[number % len(files)]
+    path = _folder() / file.name
+    path.write_bytes(mutated(file.read_bytes(), np.random.default_rng(number), text=True))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            load_scenario(str(path))
+        except CrowdSimError:
+            return REFUSED
+    return FINE
+
+
+def mutated_clip(number: int) -> str:
+    """A clip with faults, read."""
+    from crowdsim.motion.captures.reader import read_capture
+
+    path = _folder() / "clip.bvh"
+    path.write_bytes(mutated(_clips()[number % len(_clips())], np.random.default_rng(number), text=True))
+    try:
+        read_capture(path)
+    except CrowdSimError:
+        return REFUSED
+    return FINE
+
+
+def mutated_recording(number: int) -> str:
+    """A recording with faults, of which everything is read: odd numbers in its bytes, even ones in its datasets."""
+    rng = np.random.default_rng(number)
+    content = _recordings()[number // 2 % len(_recordings())]
+    path = _folder() / "recording.h5"
+    if number % 2:
+        path.write_bytes(mutated(content, rng))
+    else:
+        path.write_bytes(content)
+        mutate_parts(path, rng)
+    try:
+        _read_all(path)
+    except CrowdSimError:
+        return REFUSED
+    return FINE
+
+
+def damaged_map(number: int) -> str:
+    """Motion maps that were kept, with faults, asked for again."""
+    from crowdsim.following.maps.map_file import maps_in_file
+
+    graph, folder = _graph(), _folder() / "maps"
+    right: tuple[NDArray[Any], ...] = tuple(maps_in_file(folder, graph, depth=1).arrays)
+    (file,) = folder.iterdir()
+    content = mutated(file.read_bytes(), np.random.default_rng(number))
+    file.unlink()  # it is mapped into memory
+    file.write_bytes(content)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        maps: tuple[NDArray[Any], ...] = tuple(maps_in_file(folder, graph, depth=1).arrays)
+    if not all(np.array_equal(one, other) for one, other in zip(maps, right, strict=True)):
+        return FAKE
+    return ANEW if any(issubclass(each.category, CacheWarning) for each in said) else FINE
+
+
+def damaged_kernel(number: int) -> str:
+    """A compiled kernel that was kept, with faults, called in a new process."""
+    kept = _folder() / "kernels"
+    if not kept.exists():
+        _call_kernel(kept)
+    folder = _folder() / "damaged"
+    shutil.copytree(kept, folder)
+    try:
+        files = sorted(path for path in folder.rglob("*.nb?"))
+        file = files[number % len(files)]
+        file.write_bytes(mutated(file.read_bytes(), np.random.default_rng(number)))
+        done = _call_kernel(folder)
+    finally:
+        shutil.rmtree(folder)
+    if done.returncode:
+        return f"crashed: {done.returncode} {done.stderr[-200:]}"
+    if done.stdout.strip() != "3":
+        return FAKE
+    return ANEW if "CacheWarning" in done.stderr else FINE
+
+
+def _call_kernel(folder: Path) -> subprocess.CompletedProcess[str]:
+    program = "from crowdsim.navmesh.mesh.half_edge_kernels import nxt; print(nxt(5))"
+    return subprocess.run(
+        [sys.executable, "-c", program],
+        env={**os.environ, "CROWDSIM_CACHE": str(folder)},
+        capture_output=True,
+        text=True,
+        timeout=120.0,
+    )
+
+
+@cache
+def _graph() -> GraphArrays:
+    from crowdsim.behaviors.library import load_behavior_set
+
+    return load_behavior_set(["frontal"], [(0.1, 2.0)]).graph.arrays
+
+
+@cache
+def _recordings() -> list[bytes]:
+    """Those in the folder RECORDINGS; or short ones of captured characters, and of such who are steered, too."""
+    given = os.environ.get(RECORDINGS)
+    if given:
+        return [path.read_bytes() for path in sorted(Path(given).glob("*.h5"))]
+    from crowdsim.crowd.simulation import Simulation
+    from crowdsim.scenario.loader import load_scenario
+
+    made = []
+    for locomotion in ("captured", "auto"):
+        file = _folder() / f"{locomotion}.h5"
+        changes = [f"agents.0.locomotion={locomotion}", "agents.0.count=2", "duration=6"]
+        with Simulation(load_scenario("corridor", changes)).run(file):
+            made.append(file.read_bytes())
+    return made
+
+
+def _read_all(path: Path) -> None:
+    """Read everything of a recording that a film, a picture or a measurement may ask for."""
+    with Recording.open(path) as recording:
+        for time in np.linspace(0.0, recording.duration, 8).tolist():
+            recording.at_time(time)
+            recording.poses_at(time)
+            recording.paths_at(time)
+            recording.movables_at(time)
+        _ = recording.switches, recording.most_present, recording.changes, recording.complete
+        for agent in range(recording.agent_count):
+            recording.stay(agent)
+
+
+@cache
+def _folder() -> Path:
+    folder = tempfile.TemporaryDirectory()
+    atexit.register(folder.cleanup)
+    return Path(folder.name)
+
+
+@cache
+def _clips() -> list[bytes]:
+    files = sorted(library_folder("behaviors").rglob("*.bvh"), key=lambda path: (path.stat().st_size, path.name))
+    return [path.read_bytes() for path in files[:4]]

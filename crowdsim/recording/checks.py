@@ -1,0 +1,220 @@
+"""What a recording's file may hold: everything that kernels index by is checked before they see it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any, Protocol
+
+import h5py
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from crowdsim.constants import CAPTURE_RATE, NONE
+from crowdsim.errors import RecordingError
+from crowdsim.recording.header import COLUMN_TYPES, AgentState, MotionRecord, RecordedFrame, RecordingHeader
+
+AGAIN = "run the scenario again to the end"
+
+UNREADABLE = (
+    AttributeError,
+    IndexError,
+    KeyError,
+    MemoryError,
+    OSError,
+    OverflowError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    shapely.errors.ShapelyError,
+)
+"""What reading a damaged file raises."""
+
+_PACKED = 2000
+"""No filter of HDF5 makes bytes out of fewer than one in so many."""
+
+
+class _Stored(Protocol):
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+
+    @property
+    def dtype(self) -> np.dtype[Any]: ...
+
+    def __getitem__(self, key: Any, /) -> Any: ...
+
+
+class CheckedColumn:
+    """A column of a file whose values are checked as they are read.
+
+    RecordingError where they are not within ``low`` to ``high``, or cannot be read.
+    """
+
+    def __init__(self, path: Path, name: str, stored: _Stored, low: float, high: float) -> None:
+        self._path, self._name, self._stored, self._range = path, name, stored, (low, high)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return self._stored.shape
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        return self._stored.dtype
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __getitem__(self, key: Any, /) -> Any:
+        try:
+            values = self._stored[key]
+        except (OSError, RuntimeError, MemoryError) as error:
+            raise RecordingError(f"{self._path} is damaged: steps/{self._name} ({error}); {AGAIN}") from None
+        low, high = self._range
+        if np.size(values) and (np.min(values) < low or np.max(values) > high):
+            raise RecordingError(
+                f"{self._path} is damaged: steps/{self._name} holds values beyond {low:g} to {high:g}; {AGAIN}"
+            )
+        return values
+
+
+def column_ranges(header: RecordingHeader) -> dict[str, tuple[float, float]]:
+    """Least and greatest value of each column that counts something."""
+    nodes = len(header.motion.node_names)
+    return {
+        "node": (NONE, nodes - 1),
+        "previous": (NONE, nodes - 1),
+        "frame": (0, int(np.max(header.motion.node_frames, initial=0))),
+        "behavior": (-1, len(header.behaviors) - 1),
+        "state": (0, max(AgentState)),
+    }
+
+
+def check_frames(path: Path, motion: MotionRecord, frame: RecordedFrame) -> None:
+    """RecordingError for a frame that a node does not have."""
+    node = np.asarray(frame.node)
+    played = (node != NONE) & (np.asarray(frame.state) != AgentState.ABSENT)
+    over = played & (np.asarray(frame.frame) > np.append(motion.node_frames, 0)[node])
+    if over.any():
+        agent = int(np.flatnonzero(over)[0])
+        raise RecordingError(f"{path} is damaged: agent {agent} plays a frame that its node does not have; {AGAIN}")
+
+
+def require_readable(file: h5py.File, size: int) -> None:
+    """ValueError where a dataset asks for more memory than a file of ``size`` bytes can hold."""
+
+    def visit(name: str, item: object) -> None:
+        if isinstance(item, h5py.Dataset):
+            rows = item.shape[0] if item.ndim else 1
+            stored = max(item.id.get_storage_size(), 0)
+            if stored > size or (item.nbytes > _PACKED * (stored + 64) and rows > 0):
+                raise ValueError(f"{name} claims {item.nbytes} bytes, of which the file holds {stored}")
+        elif not isinstance(item, h5py.Group):
+            raise ValueError(f"{name} is neither a group nor a dataset")
+
+    file.visititems(visit)
+
+
+def check_header(header: RecordingHeader) -> None:
+    """RecordingError for what does not fit together, in a header that is to be written or was read."""
+    count = header.agents.count
+    if count == 0:
+        raise RecordingError("a recording needs at least one agent")
+    _require(
+        0 < header.steps_per_second <= CAPTURE_RATE and CAPTURE_RATE % header.steps_per_second == 0,
+        f"{header.steps_per_second} steps a second are no divisor of {CAPTURE_RATE}",
+    )
+    motion = header.motion
+    joints, nodes, rows = motion.skeleton.joint_count, len(motion.node_names), len(motion.pool_root)
+    agents = {"start_times": (count,), "starts": (count, 3), "goals": (count, 2), "radii": (count,)}
+    per_node = dict.fromkeys(("node_behavior", "node_first", "node_frames"), (nodes,))
+    pool = {"pool_root": (rows, 3), "pool_rotations": (rows, joints, 4)}
+    for part, shapes in (("agents", agents), ("motion", {**per_node, **pool})):
+        for name, shape in shapes.items():
+            values = np.asarray(getattr(getattr(header, part), name))
+            if values.shape != shape:
+                raise RecordingError(f"{part}.{name} has shape {values.shape}, not {shape}")
+            _require(np.issubdtype(values.dtype, np.number), f"{part}.{name} holds {values.dtype}, no numbers")
+    for behavior in header.behaviors:
+        if len(behavior.radii) != len(header.layers):
+            raise RecordingError(
+                f"behavior '{behavior.name}' gives {len(behavior.radii)} radii for {len(header.layers)} layers"
+            )
+        _require(re.fullmatch("#[0-9a-fA-F]{6}", behavior.color) is not None, f"{behavior.color!r} is no color")
+    _check_skeleton(motion)
+    _check_gaits(header)
+    first, frames = np.asarray(motion.node_first, np.int64), np.asarray(motion.node_frames, np.int64)
+    wrong = np.flatnonzero((first < 0) | (frames < 0) | (first + frames >= rows))
+    if wrong.size:
+        raise RecordingError(f"node '{motion.node_names[wrong[0]]}' reaches beyond the {rows} poses of the pool")
+    longest = int(np.iinfo(COLUMN_TYPES["frame"]).max)
+    if np.any(frames > longest):
+        raise RecordingError(
+            f"node '{motion.node_names[int(frames.argmax())]}' has over {longest} frames; cut its clip"
+        )
+    _require(_within(motion.node_behavior, 0, len(header.behaviors)), "motion.node_behavior names no behavior")
+
+
+def _require(right: object, wrong: str) -> None:
+    if not right:
+        raise RecordingError(wrong)
+
+
+def _within(values: Any, low: int, end: int) -> bool:
+    values = np.asarray(values)
+    whole = np.issubdtype(values.dtype, np.integer)
+    return bool(whole and (values.size == 0 or (values.min() >= low and values.max() < end)))
+
+
+def _check_skeleton(motion: MotionRecord) -> None:
+    skeleton = motion.skeleton
+    joints = len(skeleton.names)
+    parents = np.asarray(skeleton.parents)
+    shapes = {"parents": (joints,), "offsets": (joints, 3), "end_offsets": (len(skeleton.end_parents), 3)}
+    for name, shape in shapes.items():
+        found = np.shape(getattr(skeleton, name))
+        _require(found == shape, f"motion.{name} has shape {found}, not {shape}")
+    _require(joints > 0 and np.ndim(skeleton.end_parents) == 1, "motion: a skeleton needs joints")
+    in_order = _within(parents, -1, joints) and parents[0] == -1 and (parents < np.arange(joints)).all()
+    _require(in_order, "motion.parents: each joint but the first needs a parent before it")
+    _require(_within(skeleton.end_parents, 0, joints), "motion.end_parents names joints that are not there")
+    _require(_within(list(skeleton.roles.values()) or [0], 0, joints), "motion.role_joints: no such joint")
+
+
+def _check_gaits(header: RecordingHeader) -> None:
+    gaits, joints = header.motion.gaits, header.motion.skeleton.joint_count
+    if gaits and len(gaits) != len(header.behaviors):
+        raise RecordingError(f"{len(gaits)} gaits for {len(header.behaviors)} behaviors; give each its own, or none")
+    for gait in gaits:
+        shapes = np.shape(gait.root), np.shape(gait.rotations)
+        if shapes != ((len(gait.root), 3), (len(gait.root), joints, 4)):
+            raise RecordingError(
+                f"gait '{gait.name}' has shapes {shapes[0]}, {shapes[1]}, not (F, 3), (F, {joints}, 4)"
+            )
+        finite = np.isfinite(gait.root).all() and np.isfinite(gait.rotations).all()
+        _require(len(gait.root) > 1 and finite, f"gait '{gait.name}' has no poses, or such that are not finite")
+    phases, rows = np.asarray(header.motion.pool_phases), len(header.motion.pool_root)
+    if header.motion.mixed and not (phases.shape == (rows,) and np.isfinite(phases).all()):
+        raise RecordingError(
+            f"motion.pool_phases has shape {phases.shape} or is not finite; give the {rows} phases of "
+            "crowdsim.behaviors.entries.node_phases, or agents could not go over from one level to the other"
+        )
+
+
+def check_place(header: RecordingHeader) -> None:
+    """RecordingError or an error of shapely for a place that nothing could draw."""
+    shapely.from_wkt([header.floor, *(solid.footprint for solid in (*header.solids, *header.movables))])
+    for mesh in header.meshes:
+        fits = mesh.points.ndim == mesh.triangles.ndim == 2 and mesh.points.shape[1] == mesh.triangles.shape[1] == 3
+        _require(fits and _within(mesh.triangles, 0, len(mesh.points)), f"mesh '{mesh.name}' names points it has not")
+
+
+def check_paths(
+    counts: NDArray[Any], agents: NDArray[Any], points: NDArray[Any], header: RecordingHeader
+) -> NDArray[np.int64]:
+    """Where the points of each path end; RecordingError where the columns of paths do not fit each other."""
+    whole = all(np.issubdtype(values.dtype, np.integer) for values in (counts, agents))
+    fits = whole and np.all(counts >= 0) and int(counts.sum()) == len(points) and points.shape[1:] == (2,)
+    _require(fits and _within(agents, 0, header.agents.count), "paths do not fit each other")
+    ends: NDArray[np.int64] = np.cumsum(counts)
+    return ends

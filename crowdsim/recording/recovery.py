@@ -1,0 +1,80 @@
+"""A recording out of what a killed run left."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from crowdsim.errors import RecordingError
+from crowdsim.recording.checks import UNREADABLE
+from crowdsim.recording.header import COLUMN_TYPES, stored_columns
+from crowdsim.recording.header_file import read_header
+from crowdsim.recording.part_file import CHANGE, PATH, STEP, is_held, put_frames
+from crowdsim.recording.reader import Recording
+from crowdsim.recording.writer import PATH_HEAD, STEP_HEAD, extend
+from crowdsim.whole_files import whole_file
+
+
+def recover(part: str | os.PathLike[str], output: str | os.PathLike[str] | None = None) -> Recording:
+    """Make a recording of the ``.part`` file of a killed run, which goes then; returns it opened.
+
+    It holds every step that was appended, and says that it is not ``complete``. ``output``: its name, by default that
+    which the run was to write. RecordingError where there is no such file, a run still writes it, nothing can be read
+    of it, or ``output`` is there already.
+    """
+    source = Path(part)
+    if source.suffix != ".part" or not source.is_file():
+        raise RecordingError(f"{source} is no file that a run left; such files end in '.part'")
+    if is_held(source):
+        raise RecordingError(f"{source} is being written by a run; wait for its end")
+    target = source.with_suffix("") if output is None else Path(output)
+    if target.exists():
+        raise RecordingError(f"{target} is there already; give another name with -o")
+    try:
+        with whole_file(target, (target.suffix.lower(),), "recordings") as written:
+            left = put_frames(source.read_bytes(), written)
+            with h5py.File(written, "r+", locking=False) as file:
+                _append(file, left)
+                steps = int(file["steps/state_hash"].shape[0])
+                if steps == 0:
+                    raise RecordingError(f"{source} holds no step: its run was killed before the first; delete it")
+                summary = {"complete": False, "steps": steps, "recovered_from": source.name}
+                file.create_dataset("summary", data=json.dumps(summary), dtype=h5py.string_dtype("utf-8"))
+                file.attrs["finished"] = True
+    except UNREADABLE as error:
+        raise RecordingError(f"{source}: nothing can be read of it ({error}); run the scenario again") from None
+    recording = Recording.open(target)
+    source.unlink()
+    return recording
+
+
+def _append(file: h5py.File, left: list[tuple[int, memoryview]]) -> None:
+    """Append what the frames ``left`` say to HDF5 that was committed before."""
+    header = read_header(file)
+    names = stored_columns(header.motion)
+    count = header.agents.count
+    steps, paths, changes = file["steps"], file["paths"], file["changes"]
+    for kind, content in left:
+        if kind == STEP:
+            number, state_hash = STEP_HEAD.unpack_from(content)
+            if number != steps["state_hash"].shape[0]:
+                continue
+            place = STEP_HEAD.size
+            for name in names:
+                row = np.frombuffer(content, COLUMN_TYPES[name], count, place)
+                extend(steps[name], row[None])
+                place += row.nbytes
+            extend(steps["state_hash"], np.array([state_hash], np.uint64))
+        elif kind == PATH:
+            agent, step, points = PATH_HEAD.unpack_from(content)
+            extend(paths["points"], np.frombuffer(content, np.float64, 2 * points, PATH_HEAD.size).reshape(-1, 2))
+            extend(paths["behaviors"], np.frombuffer(content, np.int8, points, PATH_HEAD.size + 16 * points))
+            for name, value in (("agent", agent), ("step", step), ("count", points)):
+                extend(paths[name], np.array([value]))
+        elif kind == CHANGE:
+            for name, value in zip(("movable", "step", "footprint"), json.loads(bytes(content)), strict=True):
+                extend(changes[name], np.array([value], changes[name].dtype))
