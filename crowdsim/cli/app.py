@@ -15,8 +15,7 @@ from crowdsim.cli.motion import motion
 from crowdsim.cli.motion_coverage import coverage
 from crowdsim.cli.plan import plan
 from crowdsim.cli.play import play
-from crowdsim.cli.recover import recover
-from crowdsim.cli.run import check, run
+from crowdsim.cli.run import check, recover, run
 from crowdsim.cli.validate import validate
 
 app = typer.Typer(

@@ -1,4 +1,4 @@
-"""``crowdsim run`` and ``crowdsim check``."""
+"""``crowdsim run``, ``crowdsim check`` and ``crowdsim recover``."""
 
 from __future__ import annotations
 
@@ -126,3 +126,19 @@ def _draw(scenario: LoadedScenario, file: Path) -> None:
     from crowdsim.scenario.picture import draw_scenario
 
     write_figure(draw_scenario(scenario, load_behaviors(scenario).behaviors), file)
+
+
+def recover(
+    part: Annotated[Path, typer.Argument(metavar="FILE.part", help="What a killed run left.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", metavar="FILE", help="Recording to write [default: FILE].")
+    ] = None,
+    debug: Debug = False,
+) -> None:
+    """Make a recording of what a killed run left; it says that it is not complete."""
+    from crowdsim.recording.recovery import recover as recover_part
+
+    with recover_part(part, output) as recording:
+        typer.echo(
+            f"{recording.path}: {recording.steps} steps, the first {recording.duration:g} s of a run that was killed"
+        )
