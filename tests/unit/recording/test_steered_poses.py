@@ -10,9 +10,9 @@ from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.deformed.deformed_clip import deform_clip
 from crowdsim.motion.deformed.joined_tracks import smooth_tracks
 from crowdsim.motion.deformed.step_plan import plan_steps, posed_clip
-from crowdsim.recording import steered_poses
 from crowdsim.recording.header import AgentState
 from crowdsim.recording.reader import Recording
+from crowdsim.recording.shown import steered_poses
 from crowdsim.recording.shown.track_blocks import BLOCK_TICKS, block_of, block_steps, read_block
 from crowdsim.recording.writer import RecordingWriter
 from tests.support.playback_figures import played, slides

@@ -8,10 +8,10 @@ import pytest
 
 from crowdsim.behaviors.library import load_behavior_set
 from crowdsim.motion.clips.kinematics import about_axis
-from crowdsim.recording import switch_blends
 from crowdsim.recording.header import AgentState
 from crowdsim.recording.levels import Level
 from crowdsim.recording.reader import Recording
+from crowdsim.recording.shown import switch_blends
 from crowdsim.recording.shown.foot_times import LONGEST, foot_times
 from crowdsim.recording.shown.switch_offsets import FADE, Body, Offsets, faded
 from tests.support.steered_recording import behavior_set, write_frames
