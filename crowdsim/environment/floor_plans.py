@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 from shapely.affinity import scale as scaled
@@ -115,7 +116,10 @@ def _read_wkt(file: Path, meters: float) -> FloorPlan:
         said = " ".join(str(error).split())
         raise PlaceError(f"{file}: is no well-known text ({said[:120]}); write one POLYGON") from None
     try:
-        floor = shapely.union_all([clean_polygon(part, str(file)) for part in _polygons_of(geometry, file)])
+        parts = _polygons_of(geometry, file)
+        for polygon in shapely.get_parts(parts):
+            _require_holes_inside(polygon, file)
+        floor = shapely.union_all([clean_polygon(part, str(file)) for part in parts])
     except GeometryError as error:
         raise PlaceError(str(error)) from None
     if meters != 1.0:
@@ -127,6 +131,14 @@ def _read_wkt(file: Path, meters: float) -> FloorPlan:
     floor = polygons_only(floor)
     floor = floor.geoms[0] if len(floor.geoms) == 1 else floor
     return FloorPlan(floor, (), tuple(report + _doubts(file, floor)))
+
+
+def _require_holes_inside(polygon: shapely.Polygon, file: Path) -> None:
+    """PlaceError where a hole of an area cuts nothing out of it: somebody has mistaken its place."""
+    outside = shapely.disjoint(shapely.Polygon(polygon.exterior), shapely.get_rings(polygon)[1:])
+    if not polygon.is_valid and outside.any():
+        x, y = polygon.interiors[int(np.argmax(outside))].coords[0]
+        raise PlaceError(f"{file}: the hole at ({x:g}, {y:g}) is outside of its polygon; move or remove it")
 
 
 def _polygons_of(geometry: BaseGeometry, file: Path) -> list[BaseGeometry]:

@@ -91,11 +91,6 @@ def clean_polygon(walkable: shapely.Polygon | shapely.MultiPolygon, what: str = 
             f"{what}: the polygon spans ({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g}), more than "
             f"{MAX_EXTENT:g} m; are these meters?"
         )
-    for polygon in shapely.get_parts(walkable):
-        outside = shapely.disjoint(shapely.Polygon(polygon.exterior), shapely.get_rings(polygon)[1:])
-        if not polygon.is_valid and outside.any():
-            x, y = polygon.interiors[int(np.argmax(outside))].coords[0]
-            raise GeometryError(f"{what}: the hole at ({x:g}, {y:g}) is outside of its polygon; move or remove it")
     cleaned = walkable
     if not walkable.is_valid:
         if isinstance(walkable, shapely.Polygon):

@@ -84,7 +84,7 @@ def column_ranges(header: RecordingHeader) -> dict[str, tuple[float, float]]:
     return {
         "node": (NONE, nodes - 1),
         "previous": (NONE, nodes - 1),
-        "frame": (0, int(np.max(header.motion.node_frames, initial=0))),
+        "frame": (NONE, int(np.max(header.motion.node_frames, initial=0))),
         "behavior": (-1, len(header.behaviors) - 1),
         "state": (0, max(AgentState)),
     }
@@ -94,7 +94,8 @@ def check_frames(path: Path, motion: MotionRecord, frame: RecordedFrame) -> None
     """RecordingError for a frame that a node does not have."""
     node = np.asarray(frame.node)
     played = (node != NONE) & (np.asarray(frame.state) != AgentState.ABSENT)
-    over = played & (np.asarray(frame.frame) > np.append(motion.node_frames, 0)[node])
+    shown = np.asarray(frame.frame)
+    over = played & ((shown < 0) | (shown > np.append(motion.node_frames, 0)[node]))
     if over.any():
         agent = int(np.flatnonzero(over)[0])
         raise RecordingError(f"{path} is damaged: agent {agent} plays a frame that its node does not have; {AGAIN}")

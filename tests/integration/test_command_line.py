@@ -245,5 +245,9 @@ def test_bench_lists_its_names(crowdsim):
         "motion-search",
         "crowd",
         "drills",
+        "auto-drills",
+        "auto-square",
+        "auto-shares",
+        "robustness",
         "motion-maps",
     ]

@@ -50,6 +50,7 @@ def test_units_scale_a_plan_and_odd_sizes_are_doubted(tmp_path):
         ("POLYGON EMPTY", "empty"),
         ("POLYGON((0 0,5 0,10 0,0 0))", "no area"),
         ("POLYGON((0 0,inf 0,1 1,0 0))", "plan.wkt"),
+        ("POLYGON((0 0,10 0,10 8,0 8,0 0),(12 2,14 2,14 4,12 4,12 2))", "outside of its polygon"),
         ("POLYGON((0 0,1 0", "well-known text"),
         ("hello", "well-known text"),
         ("CURVEPOLYGON (CIRCULARSTRING (0 0, 4 0, 4 4, 0 4, 0 0))", "well-known text"),

@@ -131,7 +131,7 @@ def test_a_good_file_has_its_values_and_defaults():
         (
             "radius: 1.0}",
             "radius: 1.0}, point: [8, 4]",
-            "18:11: agents.0.goal: give exactly one of rectangle, point, circle, polygon; found 'point' and 'circle'",
+            "18:11: agents.0.goal: give exactly one of rectangle, point, circle, polygon, along; found",
         ),
         ("max: [4.2, 2]", "size: [1, 1]", "8:23: obstacles.0.box: a box is given by 'min' and 'max', or by 'center' a"),
         ("max: [4.2, 2]", "max: [3, 2]", "8:23: obstacles.0.box: 'min' must lie below 'max' in x and in y"),
