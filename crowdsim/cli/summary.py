@@ -16,7 +16,7 @@ _NEVER = {
 
 
 def nobody_arrived(summary: Mapping[str, Any]) -> str | None:
-    """Why nobody arrived and nobody could have, had the run been longer; None if somebody arrived or was on the way."""
+    """The reason if nobody arrived and a longer run would not help; None if anybody arrived or was still walking."""
     count, lost, waiting = summary["characters"], summary["unreachable"], summary["waiting"] or 0
     if summary["arrived"] or any(summary["laps"].values()):
         return None

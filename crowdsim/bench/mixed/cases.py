@@ -114,7 +114,7 @@ def circle(count: int, most: float) -> dict[str, Any]:
         state["goal"] = np.arange(count)
         edge = CIRCLE_SPACING * count / (2.0 * math.pi) + 3.0
         square = box(-edge, -edge, edge, edge)
-        # Where they start and go is told by the state and by ``goals``.
+        # The groups only count: ``state`` has the starts, ``goals`` the goals.
         groups = (Group(1, square.bounds, square),) * count
         drill = Drill(f"circle of {count}", square, groups, 4.0 * free + 20.0)
         goals = [f"{{point: [{-row['x']}, {-row['y']}]}}" for row in state]

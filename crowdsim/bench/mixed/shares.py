@@ -57,7 +57,7 @@ def times_alone(scenario: Scenario) -> MixedResult:
 
     result = walk_mixed(scenario, alone, watch, ALONE_SECONDS * cast.head_count)
     if most > 1:
-        raise AssertionError(f"{scenario.name}: somebody takes more than {ALONE_SECONDS:g} s alone")
+        raise AssertionError(f"{scenario.name}: a character that walks alone did not arrive in {ALONE_SECONDS:g} s")
     return result
 
 

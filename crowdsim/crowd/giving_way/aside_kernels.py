@@ -24,28 +24,28 @@ LEFT_ROOM = 0.05
 """Room that is left to the wall: who stands closer finds no motion that leads on [m]."""
 
 WORTH = 0.1
-"""Room that a step to a wall must give to those who pass at least [m]."""
+"""A step to a wall must end at least this much closer to it [m]."""
 
 ROOM_COST = 10.0
-"""Seconds that a meter of room left to the wall counts for."""
+"""Cost of each meter of room left between body and wall [s/m]."""
 
 LEFT_COST = 2.0
-"""Seconds that a step to the left counts for: who meets another steps to the right."""
+"""Cost of a step to the left: people who meet step to the right [s]."""
 
 SAME_SIDE_COST = 20.0
-"""Seconds that a meter counts for that others who stand near do not leave to walk past both."""
+"""Cost of each meter by which two who stand near each other are too close sideways to walk past each other [s/m]."""
 
 NEAR = 1.2
 """Distance within which others are too near to turn and walk past [m]."""
 
 POSTURE_COST = 20.0
-"""Seconds that a meter of breadth counts for in which it stands then."""
+"""Cost of each meter of the body's radius at the end of the step: a narrow posture is cheaper [s/m]."""
 
 NEAR_COST = 4.0
-"""Seconds that a meter counts for that others are nearer than that."""
+"""Cost of each meter by which the nearest other is closer than NEAR [s/m]."""
 
 FARTHER = 0.2
-"""How much farther off them a step that leads no closer to a wall must end [m]."""
+"""A step that leads no closer to a wall must end this much farther from the nearest other [m]."""
 
 
 @helper

@@ -222,7 +222,7 @@ def _set_sample(out, k, x, y, heading, breadth):
 
 @helper
 def from_stand(playback):
-    """The playback of somebody who sets out now, at the natural rate."""
+    """The playback of a character that starts to walk now: no part of a frame played, natural rate."""
     rate = np.int64(FRAME_TICKS * playback.step_frames)
     return Playback(playback.clock, playback.slot_frames, playback.step_frames, playback.ramp, np.int64(0), rate, rate)
 

@@ -267,8 +267,9 @@ def go_on(graph, rows, chosen, begin, table, errands, obstacles, everyone, room,
     Those whose node does not end yet reserve ahead, and slow down if they cannot.
 
     ``rows``, ``errands`` and ``room`` are of :mod:`crowdsim.crowd.systems.going_on`; ``obstacles`` are those of a body
-    with a radius of 1 m; ``playback`` is natural. Returns (number, what is to be done about it by whoever calls) of the
-    first row that takes more than arrays; and (the count of them, ALL_DONE) in the end.
+    with a radius of 1 m; ``playback`` is at the natural rate. Stops at the first row that needs more than arrays, and
+    returns its number and what the caller has to do: OTHERWISE, BEHIND_IT or MAKE_ROOM. Returns the count of rows and
+    ALL_DONE at the end.
     """
     for number in range(begin, len(chosen)):
         row = chosen[number]

@@ -58,7 +58,7 @@ RETRY_SECONDS = 0.2
 """Time between two tries of somebody who stands and waits for others to go on [s]."""
 
 AHEAD_RETRY_SECONDS = 0.1
-"""Time between two tries of somebody who walks to reserve ahead [s]."""
+"""Time after which a walking character tries again to reserve its next nodes [s]."""
 
 
 class Choosing:

@@ -20,10 +20,10 @@ PATIENCE_SECONDS = 8.0
 """Time that an agent waits for others before it looks for a way around those who stand near [s]."""
 
 LOOKING_SECONDS = 20.0
-"""Time after that in which it looks for ways around whenever it plans [s]."""
+"""Time after that during which each new plan first looks for a way around those who stand near [s]."""
 
 IMPATIENCE_SECONDS = 2.0
-"""Time that it waits meanwhile before it looks again [s]."""
+"""During that time, a waiting character looks again after so long [s]."""
 
 NEARBY = 2.5
 """Distance within which others count as near [m]."""
