@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from crowdsim.constants import STEERING_RATE
 from crowdsim.crowd.mixed.company_kernels import find_company
+from crowdsim.crowd.state.timelines import FASTEST, SLOWEST
 from crowdsim.geometry.elementary import hypot
 from crowdsim.scenario.crowd_placement import CrowdPlacement
 from crowdsim.scenario.schema.schema import Neighborhood
@@ -50,7 +51,7 @@ FAVORED = 1.0
 """The same where captured motion is favored [s]."""
 
 PACE_OFF = 0.03
-"""Share by which a speed that is asked for may differ from that of captured motion."""
+"""Share by which a speed that is asked for may differ from those of captured motion."""
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -77,8 +78,9 @@ class Levels:
         self.confined, self.soon = np.zeros(count, np.bool_), np.full(count, np.inf)
 
     def keep_paces(self, natural_speed: float) -> None:
-        """Let those steer for good whose file says how fast they walk, if captured motion is not as fast [m/s]."""
-        off = np.abs(self._speeds - natural_speed) > PACE_OFF * natural_speed
+        """Let those steer for good whose file says how fast they walk, if no captured motion is as fast [m/s]."""
+        shares = self._speeds / natural_speed
+        off = (shares < SLOWEST * (1.0 - PACE_OFF)) | (shares > FASTEST * (1.0 + PACE_OFF))
         self.may_capture &= ~(self._paced & off)
 
     def look_around(self, crowd: SortedCrowd, walls: Walls, step: int) -> None:

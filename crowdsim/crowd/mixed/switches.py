@@ -16,7 +16,7 @@ from crowdsim.behaviors.entries import Entries, entry_origins, find_entries, fin
 from crowdsim.constants import NONE, STEERING_RATE
 from crowdsim.crowd.captured_crowd import CapturedCrowd
 from crowdsim.crowd.mixed.levels import Levels
-from crowdsim.crowd.state.timelines import Playback
+from crowdsim.crowd.state.timelines import FASTEST, SLOWEST, Playback
 from crowdsim.crowd.steered.components import Errand
 from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
 from crowdsim.crowd.systems.going_on import Walker
@@ -82,6 +82,10 @@ class Switches:
         self.entries: Entries = find_entries(behavior_set, steered.gaits, self.phases)
         self._preferred = slice(int(self.entries.first[-2]), int(self.entries.first[-1]))
         self.natural_speed = float(self.entries.natural_speed[-1])
+        # Everybody plays captured motion at the rate nearest to its own speed.
+        self._shares = np.clip(steered.cast.walkers.speeds / self.natural_speed, SLOWEST, FASTEST)
+        natural = Playback.natural(0, captured.assets.frames_per_step).rate
+        captured.plans.rates[:] = np.rint(self._shares * natural)
         self._exits = find_exits(behavior_set, self.entries, self.phases)
         self._asked: dict[int, _Asked] = {}
         self._wanted_since = np.zeros(captured.count, np.int64)
@@ -193,7 +197,8 @@ class Switches:
         itineraries, assets = captured.itineraries, captured.assets
         place = np.array([state["x"], state["y"]])
         radius, stays = assets.personal_radius, bool(captured.cast.stays[agent])
-        playback = Playback.natural(captured.step_count, assets.frames_per_step)
+        rate = int(captured.plans.rates[agent])
+        playback = Playback.natural(captured.step_count, assets.frames_per_step).at_rate(rate)
         walker = Walker(NONE, agent, node, frame, playback, asked.origin, np.zeros(3), place, radius, stays)
         reserved = captured.choosing.reserve_entry(captured.world.view(), walker)
         if reserved is None:
@@ -214,6 +219,7 @@ class Switches:
             rank=captured.plans.rank(agent),
             turn=captured.plans.rank(agent),
             stays=stays,
+            own_rate=rate,
             awaiting_plan=captured.searches.is_under_way(agent),
             **reserved,
         )
@@ -232,12 +238,13 @@ class Switches:
         state = view.row
         places = np.column_stack((state["x"], state["y"]))
         calm = levels.capture(agents, places, step) & (view.errand == Errand.WALKS) & (state["togo"] > WORTH)
-        # Who has room walks as fast as captured motion does, so that it can go over.
+        # Who has room walks as fast as its captured motion does, so that it can go over.
         walks = view.errand == Errand.WALKS
-        state["speed"][walks] = np.where(calm, self.natural_speed, view.pace)[walks]
+        played = self._shares[agents] * self.natural_speed
+        state["speed"][walks] = np.where(calm, played, view.pace)[walks]
         speed = hypot(state["vx"], state["vy"])
         ahead = state["vx"] * state["hx"] + state["vy"] * state["hy"]
-        straight = (np.abs(speed - self.natural_speed) < SPEED_OFF) & (ahead > cos(TURNED_OFF) * speed)
+        straight = (np.abs(speed - played) < SPEED_OFF) & (ahead > cos(TURNED_OFF) * speed)
         rested = step - self._tried[agents] >= RETRY * STEERING_RATE
         rows = np.flatnonzero(calm & straight & rested & (state["turn"] <= 0.0))
         most = max(AT_LEAST, int(SHARE * (len(agents) + captured.world.count)))
@@ -253,7 +260,7 @@ class Switches:
         off = np.abs(self.entries.phase[self._preferred] - view.phase[row] % 1.0)
         off = np.minimum(off, 1.0 - off)
         pace = float(hypot(state["vx"], state["vy"]))
-        wrong = np.abs(self.entries.speed[self._preferred] - pace)
+        wrong = np.abs(self._shares[agent] * self.entries.speed[self._preferred] - pace)
         fits = np.flatnonzero((off < PHASE_OFF) & (wrong < SPEED_OFF))
         if not len(fits):
             return

@@ -18,6 +18,7 @@ from crowdsim.crowd.state.assets import Assets
 from crowdsim.crowd.state.environment import EnvironmentState
 from crowdsim.crowd.state.itineraries import Itineraries
 from crowdsim.crowd.state.motion_plan import MotionPlan, Request
+from crowdsim.crowd.state.timelines import Playback
 from crowdsim.errors import PathNotFound
 from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
@@ -67,7 +68,7 @@ class Plans:
     to whose goal no path was found when they last asked; replans counts how often an edit made an agent plan anew.
     lead: steps ahead of its need at which a plan is requested, if that can be told. moved: how often somebody gave way.
     away: those who had arrived, gave way, and come back. looked_around: step in which each last had reason to look for
-    ways around those who stand near.
+    ways around those who stand near. rates: ticks a step at which each plays its nodes where nothing is in its way.
     """
 
     assets: Assets
@@ -84,9 +85,12 @@ class Plans:
     moved: int = 0
     away: set[int] = field(default_factory=set)
     looked_around: NDArray[np.int64] = field(init=False)
+    rates: NDArray[np.int64] = field(init=False)
     _joins: dict[int, Join | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        natural = Playback.natural(0, self.assets.frames_per_step).rate
+        self.rates = np.full(len(self.itineraries.cast.starts), natural, np.int64)
         self.looked_around = np.full(len(self.itineraries.cast.starts), _LONG_AGO, np.int64)
         self.motions = Motions(len(self.itineraries.cast.starts))
 

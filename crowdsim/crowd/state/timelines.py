@@ -16,6 +16,9 @@ from crowdsim.steering.row_kernels import ROW
 
 Floats = NDArray[np.float64]
 
+SLOWEST, FASTEST = 0.6, 1.15
+"""Rates between which nodes are played, as shares of the natural one."""
+
 RAMP = 1
 """Change of the rate at which nodes are played in a second, in natural rates."""
 
@@ -54,6 +57,10 @@ class Playback(NamedTuple):
     """Ticks in the step before."""
     wanted: int
     """Ticks a step that it goes over to."""
+
+    def at_rate(self, rate: int) -> Playback:
+        """The same time, at another rate all along."""
+        return self._replace(rate=rate, wanted=rate)
 
     @classmethod
     def natural(cls, step: int, step_frames: int) -> Playback:

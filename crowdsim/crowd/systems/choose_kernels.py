@@ -1,12 +1,14 @@
 """What most characters do when a node ends: go on along their plans, one row after the other, in one kernel."""
 
+import math
+
 import numpy as np
 
 from crowdsim.constants import NONE
 from crowdsim.crowd.giving_way.give_way_kernels import next_in_way
 from crowdsim.crowd.near.neighbor_kernels import widen
 from crowdsim.crowd.state.reservation_kernels import ROUNDING, lay_out, meets_anyone, reserve
-from crowdsim.crowd.state.timelines import Obstacles, Playback
+from crowdsim.crowd.state.timelines import SLOWEST, Obstacles, Playback
 from crowdsim.crowd.state.way_kernels import FOREVER, lay_way, rank_behind, ways_before
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import array_at, helper, kernel
@@ -25,8 +27,6 @@ BEHIND_METERS = 2.0
 BEHIND_WIDTH = 0.6
 """How far beside its way somebody may be to be followed so [m]."""
 
-SLOWEST = 0.6
-"""Slowest rate at which nodes are played, as a share of the natural one."""
 
 AHEAD_SECONDS = 0.4
 """Time before the end of its node from which on a character reserves ahead, or slows down [s]."""
@@ -91,7 +91,7 @@ def playback_of(graph, rows, row, playback, wanted):
         playback.step_frames,
         playback.ramp,
         np.int64(0 if stands else rows.part[row]),
-        np.int64(playback.rate if stands else rows.rate[row]),
+        np.int64(rows.own_rate[row] if stands else rows.rate[row]),
         np.int64(wanted),
     )
 
@@ -99,7 +99,7 @@ def playback_of(graph, rows, row, playback, wanted):
 @kernel
 def slowest(playback):
     """The slowest rate of all, in ticks a step; ``playback`` is natural."""
-    return np.int64(SLOWEST * playback.rate)
+    return np.int64(math.ceil(SLOWEST * playback.rate))
 
 
 @helper
@@ -197,8 +197,9 @@ def reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, play
     leaves = leaves and is_last(table, errands, agent) and not rows.stays[row]
     taken = 0
     gone = np.int64(0)
-    mine = playback_of(graph, rows, row, playback, playback.rate)
-    for wanted in (playback.rate, slowest(playback)):
+    own_rate = np.int64(rows.own_rate[row])
+    mine = playback_of(graph, rows, row, playback, own_rate)
+    for wanted in (own_rate, slowest(playback)):
         mine = playback_of(graph, rows, row, playback, wanted)
         taken, gone = reserve(
             graph, kept_clear, everyone, row, frame, mine, chain, room.draft, 1, available, leaves, timeline

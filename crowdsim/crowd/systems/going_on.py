@@ -37,6 +37,7 @@ class Rows(NamedTuple):
     part: Ints
     rate: Ints
     wanted_rate: Ints
+    own_rate: Ints
     origin: Floats
     blend_offset: Floats
     next_node: Ints
@@ -88,7 +89,7 @@ class Walker(NamedTuple):
             int(view.agent[row]),
             int(view.node[row]),
             int(frame),
-            Playback(*(int(value) for value in playback_of(graph, rows, row, natural, natural.rate))),
+            Playback(*(int(value) for value in playback_of(graph, rows, row, natural, rows.own_rate[row]))),
             view.origin[row],
             view.blend_offset[row],
             view.pose[row, :2],

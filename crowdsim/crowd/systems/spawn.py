@@ -16,7 +16,7 @@ from crowdsim.crowd.state.body_kernels import meets_body
 from crowdsim.crowd.state.components import RADIUS, SAMPLE, SLOT_FRAMES, TIMELINE_SLOTS
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM, meets_anyone
-from crowdsim.crowd.state.timelines import NO_BODIES, Playback, StandingBodies, Timelines
+from crowdsim.crowd.state.timelines import NO_BODIES, StandingBodies, Timelines
 from crowdsim.crowd.state.way_kernels import FOREVER
 from crowdsim.crowd.systems.apply_events import KEPT_OFF
 from crowdsim.crowd.systems.replan import AT_GOAL
@@ -45,7 +45,6 @@ class Spawning:
         self.spawned = np.full(len(self.cast.starts), -1, np.int64)
         self._parked = np.zeros((TIMELINE_SLOTS, SAMPLE))
         self._parked[:, RADIUS] = self.assets.personal_radius
-        self._rate = Playback.natural(0, self.assets.frames_per_step).rate
         # Timelines have no finer steps.
         self._pause = max(SLOT_FRAMES // self.assets.frames_per_step, 1)
 
@@ -126,8 +125,9 @@ class Spawning:
             node=node,
             # It has stood there before it is seen, and sets out at once.
             frame=self.assets.graph.node_frames[node],
-            rate=self._rate,
-            wanted_rate=self._rate,
+            rate=self.plans.rates[agent],
+            wanted_rate=self.plans.rates[agent],
+            own_rate=self.plans.rates[agent],
             origin=plan.departure,
             plan_digest=plan.digest,
             timeline=self._parked.copy(),
