@@ -161,6 +161,9 @@ def play(scene: Scene, row: int, move: int) -> tuple[np.ndarray, list[np.ndarray
         x, y, heading = track[min(frame, len(track) - 1)]
         sample[:2], sample[RADIUS] = (x, y), radius
         sample[CORE], sample[CORE + 1] = -half * np.sin(heading), half * np.cos(heading)
+    # The straight line from the first sample to the next is where it stands when it sets out.
+    share = clock % SLOT_FRAMES / SLOT_FRAMES
+    timeline[0, :2] = (timeline[0, :2] - share * timeline[1, :2]) / (1.0 - share)
     return timeline, poses
 
 

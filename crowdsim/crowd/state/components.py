@@ -41,8 +41,8 @@ COLUMNS = (
     Column("node", np.int32, (), NONE),
     Column("previous", np.int32, (), NONE),
     Column("frame", np.int32),
-    # How fast: ticks of a frame that are played already, ticks in the last step, ticks a step to go over to, and ticks a
-    # step where nothing is in the way.
+    # How fast: ticks of a frame that are played already, ticks in the last step, to go over to, and where nothing is in
+    # the way.
     Column("part", np.int32),
     Column("rate", np.int32),
     Column("wanted_rate", np.int32),

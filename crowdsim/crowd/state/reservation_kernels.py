@@ -232,7 +232,8 @@ def sample_chain(graph, chain, count, breadths, frame, playback, out):
     """Tracks and bodies of a chain at the slots, whose first node is ``frame`` frames old now.
 
     ``breadths`` (B, 2) and ``playback`` as in :mod:`crowdsim.crowd.state.timelines`. Fills ``out`` (K, 5) from the
-    present slot on, the first sample with the body as it is now; past the end of the chain it stays there.
+    present slot on, the first sample with the body as it is now; past the end of the chain it stays there. Between its
+    samples, as they are joined by straight lines, it is now where the chain is.
     Returns the first slot at or after the end of the chain, or -1 if the chain is longer than ``out``.
     """
     nodes, origins, blend_offsets = chain.nodes, chain.origins, chain.blend_offsets
@@ -267,6 +268,11 @@ def sample_chain(graph, chain, count, breadths, frame, playback, out):
     while k < len(out):
         _set_sample(out, k, x, y, h, breadths[graph.node_behavior[nodes[count - 1]]])
         k += 1
+    # Within a slot, the first sample lies as far behind as it takes to be now where the chain is now.
+    rest = (clock // slot_frames + 1) * slot_frames - clock
+    if rest < slot_frames:
+        for axis in range(2):
+            out[0, axis] = out[1, axis] - (out[1, axis] - out[0, axis]) * slot_frames / rest
     return ended
 
 
