@@ -166,7 +166,7 @@ class CapturedCrowd:
         for name in ("node", "previous", "frame", "behavior"):
             columns[name] = np.full(self.count, NONE, np.int32)
             columns[name][agent] = self.world.column(name)
-        pose = np.zeros((self.count, 3))
+        pose = np.full((self.count, 3), np.nan)
         pose[agent] = self.world.column("pose")
         state = np.full(self.count, AgentState.ABSENT, np.int32)
         state[agent] = self.world.column("state")

@@ -21,7 +21,8 @@ Readers refuse files of a higher version; raise it when a field changes its mean
 
 
 class AgentState(IntEnum):
-    """What an agent does in one step; the other columns of an absent agent mean nothing."""
+    """What an agent does in one step. Absent agents are nowhere: x, y, heading and phase are nan, other columns mean
+    nothing."""
 
     ABSENT = 0
     MOVING = 1
@@ -189,6 +190,10 @@ COLUMN_TYPES: dict[str, str] = {
 
 LEFT_OUT = {"node": NONE, "previous": NONE, "frame": 0, "phase": np.nan}
 """What columns hold where no agent can have anything else; such columns are not stored."""
+
+
+NOWHERE = frozenset({"x", "y", "heading", "phase"})
+"""Columns that are nan for agents who are absent, so that nobody takes them for standing at the origin."""
 
 
 def stored_columns(motion: MotionRecord) -> tuple[str, ...]:

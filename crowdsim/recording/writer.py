@@ -21,6 +21,7 @@ from crowdsim.recording.header import (
     COLUMN_TYPES,
     FORMAT_NAME,
     FORMAT_VERSION,
+    NOWHERE,
     AgentState,
     RecordedFrame,
     RecordingHeader,
@@ -121,6 +122,8 @@ class RecordingWriter:
                 self._buffer[name][row] = values
         present = self._buffer["state"][row] != AgentState.ABSENT
         self._require_motion(frame, present)
+        for name in NOWHERE & self._buffer.keys():
+            self._buffer[name][row, ~present] = np.nan
         for name in ("x", "y", "heading"):
             lost = np.flatnonzero(present & ~np.isfinite(self._buffer[name][row]))
             if lost.size:

@@ -15,7 +15,7 @@ from shapely import MultiPolygon, Polygon
 from crowdsim.environment.clutter import draw_clutter, open_ways
 from crowdsim.environment.floor_plans import read_floor_plan
 from crowdsim.environment.floors import place_on_floor
-from crowdsim.environment.layers import AnySolid, dropped_solids
+from crowdsim.environment.layers import AnySolid, dropped_solids, taken_between
 from crowdsim.environment.mesh_files import read_mesh_file
 from crowdsim.environment.mesh_solid import MeshSolid
 from crowdsim.environment.solids import polygon_from_points
@@ -178,9 +178,13 @@ class _Reader:
         assert clutter is not None
         regions = [[g.start.shape(), *(shape for _, shape in self.keys.destinations(g))] for g in self.keys.agents]
         ends = shapely.union_all([buffered(region, _KEPT_CLEAR) for group in regions for region in group])
-        standing = [solid.footprint for solids in self.solids.values() for solid in solids]
-        free = floor.difference(shapely.union_all(standing))
-        region = free if clutter.region is None else free.intersection(clutter.region.shape())
+        standing = [solid for solids in self.solids.values() for solid in solids]
+        bare = floor.difference(shapely.union_all([solid.footprint for solid in standing]))
+        region = bare if clutter.region is None else bare.intersection(clutter.region.shape())
+        # Clutter stands under nothing; people walk under what is above all layers, as the lintel of a door.
+        bands = [layer.band() for layer in self.keys.bands]
+        met = [taken_between(solid, band.low, band.high) for solid in standing for band in bands]
+        free = floor.difference(shapely.union_all(met))
         generator = np.random.default_rng(np.random.SeedSequence(self.keys.seed, spawn_key=(_CLUTTER_STREAM,)))
         region = region.difference(ends)
         try:

@@ -183,9 +183,9 @@ class SteeredCrowd:
             return column
 
         return RecordedFrame(
-            x=spread(rows["x"], 0.0, np.float32),
-            y=spread(rows["y"], 0.0, np.float32),
-            heading=spread(rows["heading"], 0.0, np.float32),
+            x=spread(rows["x"], np.nan, np.float32),
+            y=spread(rows["y"], np.nan, np.float32),
+            heading=spread(rows["heading"], np.nan, np.float32),
             node=np.full(self.count, NONE, np.int32),
             previous=np.full(self.count, NONE, np.int32),
             frame=np.zeros(self.count, np.int16),

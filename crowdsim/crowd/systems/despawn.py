@@ -35,6 +35,7 @@ class Despawning:
             if plan is not None and plan.arrives and view.cursor[row] == plan.count - 1:
                 self._note(agent)
                 self.world.remove(int(view.id[row]))
+                self.plans.forget(agent)
         for agent in view.agent[(view.state == AgentState.ARRIVED)].tolist():
             if self.arrived[agent] == NONE:
                 self._note(agent)

@@ -12,7 +12,15 @@ import numpy as np
 import pytest
 
 from crowdsim.errors import RecordingError
-from crowdsim.recording.header import FORMAT_VERSION, BehaviorRecord, MeshRecord, RecordedFrame, SolidRecord
+from crowdsim.recording.header import (
+    FORMAT_VERSION,
+    NOWHERE,
+    AgentState,
+    BehaviorRecord,
+    MeshRecord,
+    RecordedFrame,
+    SolidRecord,
+)
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.writer import RecordingWriter
 from tests.support.small_recording import small_frame, small_header, write_small_recording
@@ -35,10 +43,23 @@ def test_steps_come_back(path, steps):
         for step in {0, steps // 2, steps - 1}:
             expected, found = small_frame(header, step), recording.at_step(step)
             for name in RecordedFrame._fields:
-                np.testing.assert_array_equal(
-                    getattr(found, name), np.asarray(getattr(expected, name)).astype(getattr(found, name).dtype)
-                )
+                wanted = np.asarray(getattr(expected, name)).astype(getattr(found, name).dtype)
+                if name in NOWHERE:
+                    wanted = np.where(found.state == AgentState.ABSENT, np.nan, wanted)
+                np.testing.assert_array_equal(getattr(found, name), wanted)
         np.testing.assert_array_equal(recording.x[:, 1], [recording.at_step(s).x[1] for s in range(steps)])
+
+
+def test_absent_agents_are_nowhere(path):
+    with Recording.open(write_small_recording(path, steps=40)) as recording:
+        absent = recording.state[:] == AgentState.ABSENT
+        assert absent[:19, 2].all()
+        assert not absent[20:].any()
+        for column in (recording.x, recording.y, recording.heading):
+            np.testing.assert_array_equal(np.isnan(column[:]), absent)
+        between = recording.at_time(0.975)
+        assert np.isnan(between.x).tolist() == [False, False, True]
+        assert np.isnan(recording.poses_at(0.5)[0]).any(axis=(1, 2)).tolist() == [False, False, True]
 
 
 def test_header_comes_back(path):
