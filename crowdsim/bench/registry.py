@@ -62,6 +62,10 @@ _BENCHES = {
         "crowdsim.bench.faults.robustness",
         "random faults in scenarios, clips, recordings, caches and edits: read, refused, made anew, or failed",
     ),
+    "soak": (
+        "crowdsim.bench.crowds.soak",
+        "an hour of a plaza with sources: how memory and the time of a step grow, who is stuck at the end",
+    ),
     "motion-maps": (
         "crowdsim.bench.motions.motion_maps",
         "motion maps: size, success and time by depth, beside A*; lengths, bodies and arrivals",
@@ -108,16 +112,26 @@ def run_bench(
     picture: Path | None = None,
     depth: dict[str, Any] | None = None,
     rvo2: Path | None = None,
+    minutes: float | None = None,
 ) -> BenchResult:
     """Run the benchmark called ``name``, on the files in the folder ``maps``, ``worlds``, ``captures`` or ``rvo2``.
 
     Raises :class:`CrowdSimError` for a name that is not there, for a folder of a kind the benchmark takes none of,
-    for a ``picture`` to be written where it draws none, and for the ``depth`` of maps where it builds none.
+    for a ``picture`` to be written where it draws none, for the ``depth`` of maps where it builds none,
+    and for ``minutes`` where it simulates no such time.
     """
     if name not in _BENCHES:
         raise CrowdSimError(f"there is no benchmark '{name}'; there are: {', '.join(_BENCHES)}")
     measure: Callable[..., Measurement] = importlib.import_module(_BENCHES[name][0]).measure
-    options = {"maps": maps, "worlds": worlds, "captures": captures, "picture": picture, "depth": depth, "rvo2": rvo2}
+    options = {
+        "maps": maps,
+        "worlds": worlds,
+        "captures": captures,
+        "picture": picture,
+        "depth": depth,
+        "rvo2": rvo2,
+        "minutes": minutes,
+    }
     given = {kind: value for kind, value in options.items() if value is not None}
     for kind in given:
         if kind not in inspect.signature(measure).parameters:

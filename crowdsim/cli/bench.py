@@ -32,6 +32,9 @@ def bench(
     rvo2: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="For steering: the sources of RVO2, to be timed beside.")
     ] = None,
+    minutes: Annotated[
+        float | None, typer.Option(metavar="MIN", help="For soak: simulated minutes to run [default: 60].")
+    ] = None,
     depth: MapDepth = None,
     as_json: Json = False,
     debug: Debug = False,
@@ -50,7 +53,14 @@ def bench(
         return
     sizes = read_map_depth(depth)
     result = run_bench(
-        name, maps=maps, worlds=worlds, captures=captures, picture=picture, depth=sizes or None, rvo2=rvo2
+        name,
+        maps=maps,
+        worlds=worlds,
+        captures=captures,
+        picture=picture,
+        depth=sizes or None,
+        rvo2=rvo2,
+        minutes=minutes,
     )
     if as_json:
         typer.echo(json.dumps(asdict(result)))

@@ -60,6 +60,7 @@ def plan(
             "length": path.length,
             "cost": path.cost,
             "gap": path.gap,
+            "missing_clearance": list(path.missing),
             "milliseconds": milliseconds,
             "sections": sections,
             "points": path.points.tolist(),
@@ -73,6 +74,11 @@ def plan(
         f"\n{path.length:.2f} m, cost {path.cost:.2f}, changes of behavior included; no more than {path.gap:.1%} above"
         f" the cheapest there is; {milliseconds:.1f} ms"
     )
+    for end, missing in zip(("start", "goal"), path.missing, strict=True):
+        if missing > 0.0:
+            typer.echo(
+                f"the {end} is nearer to obstacles than plans go: up to {missing:.3f} m of clearance are missing"
+            )
 
 
 def _sections(path: AnnotatedPath, behaviors: Sequence[Behavior]) -> list[dict[str, Any]]:

@@ -67,9 +67,14 @@ def play(
 
 
 def _make_film(recording: Recording, out: str, camera: dict[str, Any]) -> None:
-    from crowdsim.cli.progress import progress_bar
+    from crowdsim.cli.progress import Interruption, progress_bar
     from crowdsim.playback.film import film
 
-    with progress_bar() as bar:
+    with progress_bar() as bar, Interruption() as interruption:
         task = bar.add_task(out, total=None)
-        film(recording, out, progress=lambda done, count: bar.update(task, completed=done, total=count), **camera)
+
+        def show(done: int, count: int) -> None:
+            interruption.heed()
+            bar.update(task, completed=done, total=count)
+
+        film(recording, out, progress=show, **camera)

@@ -32,6 +32,35 @@ def progress_bar() -> Progress:
     )
 
 
+class Interruption:
+    """Context manager in which Ctrl-C and SIGTERM wait until :meth:`heed`, which raises what they ask for.
+
+    A KeyboardInterrupt amid callbacks of other libraries, such as those that draw, can be lost. A second Ctrl-C does
+    not wait.
+    """
+
+    def __init__(self) -> None:
+        self._asked: KeyboardInterrupt | None = None
+
+    def __enter__(self) -> Self:
+        self._before = {number: signal.signal(number, self._note) for number in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def heed(self) -> None:
+        """Raise KeyboardInterrupt, or Terminated, if it was asked for."""
+        if self._asked is not None:
+            raise self._asked
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        if number == signal.SIGINT and self._asked is not None:
+            raise KeyboardInterrupt
+        self._asked = Terminated() if number == signal.SIGTERM else KeyboardInterrupt()
+
+
 class RunProgress:
     """A bar where stderr is a terminal; elsewhere nothing but one line when kernels have to be compiled.
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.navmesh.editing import detour_kernels
-from crowdsim.navmesh.editing.address_kernels import places_of
 from crowdsim.navmesh.editing.detour_kernels import DetourSearch
+from crowdsim.navmesh.mesh.address_kernels import places_of
 from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays, trimmed
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.paths.component_kernels import label_sides

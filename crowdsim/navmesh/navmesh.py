@@ -7,7 +7,6 @@ import os
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,9 +20,9 @@ from crowdsim.geometry.snapping import snap
 from crowdsim.navmesh.clearance import arc_violation_kernels, clearance_kernels, nearest_kernels, violation_kernels
 from crowdsim.navmesh.editing.obstacles import Handle, Obstacles
 from crowdsim.navmesh.mesh import half_edge_kernels
+from crowdsim.navmesh.mesh.address_kernels import places_of
 from crowdsim.navmesh.mesh.mesh_arrays import NONE, MeshArrays
 from crowdsim.navmesh.path_search import PathSearch
-from crowdsim.navmesh.paths import component_kernels
 from crowdsim.navmesh.paths.paths import (
     MIN_RADIUS,
     Floats,
@@ -37,7 +36,6 @@ from crowdsim.navmesh.paths.paths import (
     as_radius,
     as_workers,
 )
-from crowdsim.navmesh.paths.reachability import ComponentCache
 from crowdsim.navmesh.paths.workspace import Workspaces
 from crowdsim.navmesh.triangulation.builders import triangulate
 
@@ -77,6 +75,7 @@ class NavMesh:
     """Scratch memory of path searches, which copies of the mesh share."""
     _search: PathSearch | None = None
     """For path searches on ``arrays`` as they are; None where not made yet, or after ``arrays`` changed."""
+    _places: tuple[MeshArrays, NDArray[np.int64]] | None = None
 
     def __init__(self, walkable: shapely.Polygon | shapely.MultiPolygon, builder: str = "own") -> None:
         area = clean_polygon(walkable)
@@ -144,7 +143,14 @@ class NavMesh:
 
     def __getstate__(self) -> dict[str, object]:
         """What a copy or a pickle holds: not what searches share, which is made anew when asked for."""
-        return {**self.__dict__, "_search": None}
+        return {**self.__dict__, "_search": None, "_places": None}
+
+    @property
+    def places(self) -> NDArray[np.int64]:
+        """Addresses (5, 2) of ``arrays``, for :func:`crowdsim.navmesh.mesh.address_kernels.layers_of`."""
+        if self._places is None or self._places[0] is not self.arrays:
+            self._places = self.arrays, places_of(self.arrays)
+        return self._places[1]
 
     @property
     def search(self) -> PathSearch:
@@ -190,10 +196,6 @@ class NavMesh:
         distance, x, y = nearest_kernels.nearest_free(self.arrays, x, y, max(radius - half, half), 1e-3 * half, limit)
         return (x, y) if distance < math.inf else None
 
-    @cached_property
-    def _component_cache(self) -> ComponentCache:
-        return ComponentCache()
-
     def components(self, points: ArrayLike, radius: float) -> NDArray[np.int64]:
         """Component (n,) of the disc of ``radius`` around each of ``points`` (n, 2), -1 where it is not free.
 
@@ -201,12 +203,7 @@ class NavMesh:
         """
         array = as_points(points, "points")
         radius = as_radius(radius)
-        # Even a point does not fit through where there is no gap.
-        least = max(radius - self.tolerance(radius), 0.25 * float(self.arrays.frame["cell"][0]))
-        labels, count = self._component_cache.labels(self.arrays, self.revision, 2.0 * least)
-        out = np.empty(len(array), np.int64)
-        component_kernels.components(self.arrays, labels, count, array, radius, least, out)
-        return out
+        return self.search.components(array, radius, radius - self.tolerance(radius))
 
     def reachable(self, start: ArrayLike, goal: ArrayLike, radius: float) -> bool:
         """Whether :meth:`find_path` finds a path; False, too, where the disc is not free at an end."""

@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from crowdsim.geometry.elementary import hypot
 from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays
-from crowdsim.navmesh.paths import path_kernels
+from crowdsim.navmesh.paths import component_kernels, path_kernels
 from crowdsim.navmesh.paths.batch import Batch
 from crowdsim.navmesh.paths.paths import Floats, Paths
+from crowdsim.navmesh.paths.reachability import ComponentCache
 from crowdsim.navmesh.paths.region_kernels import REGION, find_regions
 from crowdsim.navmesh.paths.workspace import Workspaces
 from crowdsim.navmesh.shortest import shortest_kernels
@@ -60,6 +61,7 @@ class PathSearch:
         self._triangles = int(mesh.frame["triangles"][0])
         self._regions: NDArray[np.void] | None = None
         self._graphs: OrderedDict[float, RadiusGraph] = OrderedDict()
+        self._components = ComponentCache()
         self._lock = threading.Lock()
 
     def regions(self) -> NDArray[np.void]:
@@ -100,9 +102,43 @@ class PathSearch:
         offsets = np.zeros(count + 1, np.int64)
         batch = Batch(starts, goals, radii, least, status, lengths, offsets[1:])
         find = self._find_best if optimality == "best" else self._find_fast
-        points = find(batch, workers)
+        points = self._find_joined(batch, workers, find)
         np.cumsum(offsets, out=offsets)
         return Paths(status, lengths, offsets, points, starts, goals, radii, clearance)
+
+    def components(self, points: Floats, radius: float, least: float) -> NDArray[np.int64]:
+        """Component (n,) of the disc of ``radius`` around each of ``points`` (n, 2), -1 where it is not free."""
+        # Even a point does not fit through where there is no gap.
+        least = max(least, 0.25 * float(self._mesh.frame["cell"][0]))
+        labels, count = self._components.labels(self._mesh, 2.0 * least)
+        out = np.empty(len(points), np.int64)
+        component_kernels.components(self._mesh, labels, count, points, radius, least, out)
+        return out
+
+    def are_apart(self, starts: Floats, goals: Floats, radius: float, least: float) -> NDArray[np.bool_]:
+        """Whether no way leads from each of ``starts`` to its goal (n, 2), for a disc that is free at both.
+
+        Labels of components say so at once; a search would have to look everywhere.
+        """
+        one, other = self.components(np.concatenate([starts, goals]), radius, least).reshape(2, -1)
+        apart: NDArray[np.bool_] = (one != other) & (one >= 0) & (other >= 0)
+        return apart
+
+    def _find_joined(self, batch: Batch, workers: int | None, find: Callable[[Batch, int | None], Floats]) -> Floats:
+        """Let ``find`` answer those of the batch that are not known to have no way."""
+        apart = np.zeros(len(batch.radii), np.bool_)
+        for radius in np.unique(batch.radii).tolist():
+            rows = np.flatnonzero(batch.radii == radius)
+            apart[rows] = self.are_apart(batch.starts[rows], batch.goals[rows], radius, float(batch.least[rows[0]]))
+        if not apart.any():
+            return find(batch, workers)
+        batch.status[apart], batch.lengths[apart], batch.counts[apart] = path_kernels.NO_PASSAGE, np.nan, 0
+        rest = np.flatnonzero(~apart)
+        pieces = [np.empty((0, 2))] * len(apart)
+        if len(rest):
+            own = batch.copy(rest)
+            batch.take(pieces, rest, own, find(own, workers))
+        return np.concatenate(pieces)
 
     def _find_fast(self, batch: Batch, workers: int | None) -> Floats:
         regions = self.regions()

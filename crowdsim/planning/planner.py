@@ -22,7 +22,7 @@ from crowdsim.planning.layered import plan_layered
 from crowdsim.planning.margins.clearance_margin import with_clearance_margin
 from crowdsim.planning.margins.turns import with_turn_room
 from crowdsim.planning.query.behavior_areas import make_areas
-from crowdsim.planning.query.clear_ends import clear_ends, joined_to
+from crowdsim.planning.query.clear_ends import clear_ends, joined_to, missing_at_ends
 from crowdsim.planning.query.diagnosis import why_not
 from crowdsim.planning.query.lower_bound import lower_bound
 from crowdsim.planning.query.query import Query
@@ -31,6 +31,9 @@ from crowdsim.planning.roadmap.roadmap import Roadmap
 
 if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
+
+_REASONS = 64
+"""Queries without a way whose reasons are remembered."""
 
 PLANNERS = ("layered", "greedy_literal", "collision3d")
 
@@ -82,6 +85,7 @@ class Planner:
         self._roadmap: Roadmap | None = None
         self._revisions: tuple[int, ...] = ()
         self._making = threading.Lock()
+        self._reasons: dict[tuple[int, bytes], str] = {}
 
     def plan(self, start: ArrayLike, goal: ArrayLike, *, slack: bool = True) -> AnnotatedPath:
         """Cheapest path found from ``start`` to ``goal`` with the behavior for each stretch of it, and a proven bound.
@@ -97,6 +101,7 @@ class Planner:
         PathNotFound: where nothing joins the two; the message says which layer is too narrow, where and by how much.
         """
         query = self.query(start, goal)
+        self._require_way(query)
         best = self.cheapest(query)
         if best is None:
             raise PathNotFound(why_not(query))
@@ -105,12 +110,28 @@ class Planner:
         if self.name != "collision3d":  # which knows what bodies reach
             best = with_turn_room(query, best)
         given = np.array([start, goal], dtype=np.float64)
-        return replace(joined_to(best, given, query.need.costs), certificate=partial(lower_bound, query))
+        missing = missing_at_ends(self.meshes, query.need, best, given)
+        joined = joined_to(best, given, query.need.costs)
+        return replace(joined, missing=missing, certificate=partial(lower_bound, query))
 
     def query(self, start: ArrayLike, goal: ArrayLike) -> Query:
         """Prepare a query from start to goal (x, y); move ends too close to obstacles to free places nearby."""
         ends = clear_ends(self.meshes, self.need, np.array([start, goal], dtype=np.float64))
         return Query(self.meshes, self.need, self.areas, ends, self.terms)
+
+    def _require_way(self, query: Query) -> None:
+        """PathNotFound where components of the lowest mesh tell that nothing joins the ends of a query."""
+        mesh, radius = self.meshes[0], self.need.search_radius
+        one, other = mesh.components(query.ends, radius).tolist()
+        if one == other or min(one, other) < 0:
+            return
+        # To find out why takes longer than a path, and who stands asks again and again.
+        key = (mesh.revision, query.ends.tobytes())
+        reasons = self._reasons
+        why = reasons[key] if key in reasons else why_not(query)
+        kept = {known: said for known, said in reasons.items() if known[0] == mesh.revision}
+        self._reasons = {key: why, **dict(list(kept.items())[:_REASONS])}
+        raise PathNotFound(why)
 
     def cheapest(self, query: Query) -> AnnotatedPath | None:
         """The path that the named search finds, without a clearance margin; None if there is none."""

@@ -92,6 +92,8 @@ def _labelled(query: Query, area: BehaviorArea, most: float, fitting: Fitting) -
     """
     mesh = area.mesh
     least = area.radius - mesh.tolerance(area.radius)
+    if mesh.search.are_apart(query.ends[:1], query.ends[1:], area.radius, least)[0]:
+        return np.empty((0, 2)), math.inf, np.empty((0, 3)), math.inf
     with mesh.workspaces.lent(len(mesh.arrays.cover)) as work:
         status, points, length, sections, cost = labelled_path(
             mesh.arrays, mesh.search.regions(), work, query.ends, area.radius, least, most, fitting

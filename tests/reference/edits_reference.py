@@ -3,8 +3,8 @@
 import numpy as np
 import shapely
 
-from crowdsim.navmesh.editing.address_kernels import places_of
 from crowdsim.navmesh.editing.point_kernels import SETTLE, edit_point
+from crowdsim.navmesh.mesh.address_kernels import places_of
 from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays, resized, workshop
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.triangulation.work_kernels import CHANGED, KEPT, LOOKING, QUEUED, TOUCHED

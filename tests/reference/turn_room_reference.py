@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from crowdsim.navmesh.clearance.sweep_kernels import are_free
+from crowdsim.navmesh.mesh.address_kernels import layers_of
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, Section, arc_lengths
 from crowdsim.planning.labels.labelling_kernels import TURN_ROOM
 from crowdsim.planning.margins.turn_kernels import CHORD, INNER, PROBE, RAMP, SPARED, STATION, WORTH
@@ -73,7 +74,7 @@ def _roomier(query, path, arc, reach, behavior):
     more = float(np.hypot(*(places[1:] - places[:-1]).T).sum() - (arc[-1] - arc[0]))
     if more * query.need.costs[behavior] > WORTH * path.cost:
         return None
-    layers = tuple([mesh.arrays for mesh in query.meshes])
+    layers = layers_of(query.meshes)
     pieces = np.concatenate([places[:-1], places[1:]], axis=1)
     return (places, more) if are_free(layers, query.need.radii[behavior] - CONTACT_TOLERANCE, pieces) else None
 

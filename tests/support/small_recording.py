@@ -166,11 +166,12 @@ def small_frame(header: RecordingHeader, step: int) -> RecordedFrame:
     speed = np.array([WALK_SPEED, 0.8 * WALK_SPEED, 0.5])[kind]
     facing = np.where(kind == 2, np.pi / 2, 0.0)
     frame = np.round(seconds * 60).astype(int)
-    state = np.where(step / header.steps_per_second < late, AgentState.ABSENT, AgentState.MOVING)
+    absent = step / header.steps_per_second < late
+    state = np.where(absent, AgentState.ABSENT, AgentState.MOVING)
     return RecordedFrame(
-        x=header.agents.starts[:, 0] + speed * seconds,
-        y=header.agents.starts[:, 1],
-        heading=facing,
+        x=np.where(absent, np.nan, header.agents.starts[:, 0] + speed * seconds),
+        y=np.where(absent, np.nan, header.agents.starts[:, 1]),
+        heading=np.where(absent, np.nan, facing),
         node=kind,
         previous=np.where(frame > CYCLE, kind, -1),
         frame=frame % CYCLE,

@@ -12,6 +12,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 import warnings
 from functools import cache
 from pathlib import Path
@@ -26,6 +27,8 @@ from crowdsim.errors import CacheWarning, CrowdSimError
 from crowdsim.library import library_folder
 from crowdsim.motion.graph.arrays import GraphArrays
 from crowdsim.recording.reader import Recording
+from crowdsim.recording.recovery import recover
+from crowdsim.recording.writer import part_path
 
 RECORDINGS = "CROWDSIM_FAULT_RECORDINGS"
 """Environment variable: a folder of recordings to mutate."""
@@ -124,6 +127,44 @@ def damaged_kernel(number: int) -> str:
     return ANEW if "CacheWarning" in done.stderr else FINE
 
 
+def killed_run(number: int) -> str:
+    """A run that is killed at a random moment, recovered: every step that it had told about must be there."""
+    rng = np.random.default_rng(number)
+    changes = [f"agents.0.locomotion={('steered', 'captured')[number % 2]}", "agents.0.count=2", "duration=8"]
+    file = _folder() / "killed.h5"
+    child = subprocess.Popen([sys.executable, "-c", _RUN, str(file), *changes], stdout=subprocess.PIPE, text=True)
+    assert child.stdout is not None
+    last, wanted = 0, int(rng.integers(1, 90))
+    with child.stdout as told:
+        for line in told:
+            last = int(line)
+            if last >= wanted and child.poll() is None:
+                time.sleep(rng.uniform(0.0, 0.01))
+                child.kill()
+        child.wait()
+    part = part_path(file)
+    try:
+        if file.exists() == part.exists():
+            return f"{FAKE}: {'both files' if part.exists() else 'no file'} after step {last}"
+        with Recording.open(file) if file.exists() else recover(part) as recording:
+            whole = recording.steps >= last and recording.complete == (child.returncode == 0)
+            lost = last - recording.steps
+            _read_all(file)
+    finally:
+        part.unlink(missing_ok=True)
+        file.unlink(missing_ok=True)
+    return FINE if whole else f"{FAKE}: {lost} steps of {last} are lost, or it does not say that it is not complete"
+
+
+_RUN = """
+import sys
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.scenario.loader import load_scenario
+scenario = load_scenario("corridor", sys.argv[2:])
+Simulation(scenario, workers=1).run(sys.argv[1], progress=lambda step, steps, simulation: print(step, flush=True))
+"""
+
+
 def _call_kernel(folder: Path) -> subprocess.CompletedProcess[str]:
     program = "from crowdsim.navmesh.mesh.half_edge_kernels import nxt; print(nxt(5))"
     return subprocess.run(
@@ -144,20 +185,50 @@ def _graph() -> GraphArrays:
 
 @cache
 def _recordings() -> list[bytes]:
-    """Those in the folder RECORDINGS; or short ones of captured characters, and of such who are steered, too."""
+    """Those in the folder RECORDINGS; or short ones of real runs, which hold together all that a recording may."""
     given = os.environ.get(RECORDINGS)
     if given:
         return [path.read_bytes() for path in sorted(Path(given).glob("*.h5"))]
     from crowdsim.crowd.simulation import Simulation
-    from crowdsim.scenario.loader import load_scenario
+    from crowdsim.scenario.loader import load_scenario, parse_scenario
 
+    few = ["agents.0.count=2", "duration=6"]
+    scenarios = [load_scenario("corridor", [f"agents.0.locomotion={each}", *few]) for each in ("captured", "auto")]
+    scenarios += [load_scenario("counterflow", ["agents.1.count=3", *few]), parse_scenario(_PLACE)]
     made = []
-    for locomotion in ("captured", "auto"):
-        file = _folder() / f"{locomotion}.h5"
-        changes = [f"agents.0.locomotion={locomotion}", "agents.0.count=2", "duration=6"]
-        with Simulation(load_scenario("corridor", changes)).run(file):
+    for number, scenario in enumerate(scenarios):
+        file = _folder() / f"{number}.h5"
+        with Simulation(scenario).run(file):
             made.append(file.read_bytes())
     return made
+
+
+_PLACE = """
+crowdsim: 1
+name: changing place
+seed: 3
+duration: 8
+floor: {rectangle: [0, 0, 10, 6]}
+doors:
+  - {name: door, box: {min: [4.9, 2.4], max: [5.1, 3.6]}, top: 2.1}
+obstacles:
+  - {name: north, box: {min: [4.9, 3.6], max: [5.1, 6]}, top: 2.5}
+  - {name: south, box: {min: [4.9, 0], max: [5.1, 2.4]}, top: 2.5}
+  - {name: crate, box: {center: [8, 5], size: [0.8, 0.6]}, top: 0.9}
+agents:
+  - {name: auto, count: 2, start: {rectangle: [0.5, 0.5, 2, 5]}, goal: {rectangle: [8.5, 0.5, 9.5, 3]}}
+  - {name: steered, locomotion: steered, count: 3, start: {rectangle: [2.5, 0.5, 4, 5]}, goal: {point: [9, 4]},
+     on_arrival: stay}
+events:
+  - {at: 1, move: {name: crate, by: [0.5, -0.3], rotation: 30}}
+  - {at: 2, insert: {name: barrel, cylinder: {center: [7, 1], radius: 0.3}, top: 1.1}}
+  - {at: 4, remove: barrel}
+  - {at: 7, close: door}
+lines:
+  - {name: door, points: [[5, 2.4], [5, 3.6]]}
+areas:
+  - {name: hall, rectangle: [5.1, 0, 10, 6]}
+"""
 
 
 def _read_all(path: Path) -> None:
@@ -169,6 +240,7 @@ def _read_all(path: Path) -> None:
             recording.paths_at(time)
             recording.movables_at(time)
         _ = recording.switches, recording.most_present, recording.changes, recording.complete
+        _ = recording.measured, recording.paths, recording.levels[:], recording.state_hash[:]
         for agent in range(recording.agent_count):
             recording.stay(agent)
 

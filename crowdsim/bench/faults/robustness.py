@@ -19,6 +19,7 @@ _CASES = {
     "recordings": ("mutated_recording", 2_000),
     "motion maps": ("damaged_map", 250),
     "kernels": ("damaged_kernel", 250),
+    "killed runs": ("killed_run", 100),
 }
 """What -> (case, how many); a sequence of edits has 32 on average."""
 

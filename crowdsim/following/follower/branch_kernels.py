@@ -28,6 +28,9 @@ _BEYOND = 1e-6
 _MOST_BACKWARD = 0.1
 """Meters of path that a node may lose: a sway, no step back."""
 
+_MOST_TURNS = 64
+"""Full turns that are taken off an angle, at most."""
+
 _HEADING_LEVER = 0.2
 """Meters by which steering weighs an error of heading (radians) against one of place (meters)."""
 
@@ -70,10 +73,13 @@ def _fit_heading(maps, guide, rules, node, heading, arc, window):
                 continue
             for i in range(begin, end + 1):
                 turn = guide.pose[i, 2] + facing - heading
-                while turn > math.pi:
-                    turn -= 2.0 * math.pi
-                while turn <= -math.pi:
-                    turn += 2.0 * math.pi
+                for _ in range(_MOST_TURNS):
+                    if turn > math.pi:
+                        turn -= 2.0 * math.pi
+                    elif turn <= -math.pi:
+                        turn += 2.0 * math.pi
+                    else:
+                        break
                 if abs(turn) < abs(best):
                     best = turn
     return best

@@ -234,12 +234,14 @@ def _seen(search, family, end, arc):
     key |= 1
     mask = search.memory.shape[0] - 1
     slot = ((key * np.int64(-7046029254386353131)) >> 32) & mask
-    while search.memory[slot] != 0:
+    for _ in range(search.memory.shape[0]):
         if search.memory[slot] == key:
             return True
+        if search.memory[slot] == 0:
+            search.memory[slot] = key
+            break
         slot = (slot + 1) & mask
-    search.memory[slot] = key
-    return False
+    return False  # where the memory is full, stages are taken for new
 
 
 @helper

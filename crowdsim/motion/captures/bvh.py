@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import warnings
+from itertools import accumulate
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -14,6 +16,10 @@ from crowdsim.motion.captures.raw_motion import RawMotion, euler_rotations, requ
 from crowdsim.motion.clips.kinematics import Floats
 from crowdsim.whole_files import require_regular
 
+MOST_JOINTS = 1000
+"""Joints of a skeleton: the most detailed bodies, with fingers and faces, have a few hundred."""
+
+_MOTION = re.compile(r"\bMOTION\s+Frames:\s*(?P<frames>\S+)\s+Frame\s+Time:\s*(?P<time>\S+)")
 _STARTS_LINE = frozenset(("HIERARCHY", "ROOT", "JOINT", "End", "OFFSET", "CHANNELS", "{", "}"))
 
 
@@ -38,14 +44,48 @@ def parse_bvh(path: Path) -> RawMotion:
 def _in_lines(path: Path, folder: Path) -> Path:
     """``path``, or the same in ``folder`` with the lines that pybvh goes by, if the file has others.
 
-    MotionError where braces do not match, which pybvh does not mind.
+    MotionError for what pybvh does not mind: parts that are missing, braces that do not match, rows that run into each
+    other, and more joints than anybody has.
     """
-    text = path.read_text()
-    words = text.split()
-    end = words.index("MOTION") if "MOTION" in words else len(words)
+    text = path.read_text(encoding="utf-8-sig")
+    head, word, _ = text.partition("HIERARCHY")
+    if not word or head.strip():
+        raise MotionError("does not begin with HIERARCHY")
+    motion = _MOTION.search(text)
+    if motion is None:
+        raise MotionError("MOTION is not followed by 'Frames:' and 'Frame Time:'")
+    lines = _hierarchy_lines(text[: motion.start()].split())
+    counts = [int(line[1]) for line in lines if line[0] == "CHANNELS"]
+    if len(counts) > MOST_JOINTS:
+        raise MotionError(f"{len(counts)} joints with channels, more than the {MOST_JOINTS} that are read")
+    channels = sum(counts)
+    if channels <= 0:
+        raise MotionError("no joint has channels")
+    rows = [line.split() for line in text[motion.end() :].splitlines() if line and not line.isspace()]
+    values = sum(len(row) for row in rows)
+    if values % channels:
+        raise MotionError(f"MOTION holds {values} values, which make no rows of {channels} channels")
+    if len(rows) > 1:
+        ends = set(accumulate(len(row) for row in rows))
+        short = next((k for k in range(channels, values, channels) if k not in ends), None)
+        if short is not None:
+            raise MotionError(f"row {short // channels} of MOTION ends within a line; it has {channels} values")
+    as_usual = len(text[: motion.start()].splitlines()) >= len(lines) and all(len(row) == channels for row in rows)
+    if as_usual and len(motion[0].split()) == 6 and len(motion[0].splitlines()) == 3:
+        return path
+    words = [word for row in rows for word in row]
+    lines += [["MOTION"], ["Frames:", motion["frames"]], ["Frame", "Time:", motion["time"]]]
+    lines += [words[k : k + channels] for k in range(0, values, channels)]
+    file = folder / path.name
+    file.write_text("\n".join(" ".join(line) for line in lines) + "\n")
+    return file
+
+
+def _hierarchy_lines(words: list[str]) -> list[list[str]]:
+    """The words of a hierarchy, line by line."""
     depth = 0
     lines: list[list[str]] = []
-    for before, word in zip(["", *words], words[:end], strict=False):
+    for before, word in zip(["", *words], words, strict=False):
         depth += (word == "{") - (word == "}")
         if depth < 0:
             raise MotionError("a brace closes that was not opened")
@@ -54,17 +94,7 @@ def _in_lines(path: Path, folder: Path) -> Path:
         lines[-1].append(word)
     if depth:
         raise MotionError(f"{depth} braces are not closed before MOTION; is the file cut?")
-    if len(text.partition("MOTION")[0].splitlines()) >= len(lines):
-        return path
-    channels = sum(int(line[1]) for line in lines if line[0] == "CHANNELS")
-    head, values = words[end : end + 6], words[end + 6 :]
-    if head[1:2] != ["Frames:"] or head[3:5] != ["Frame", "Time:"] or channels == 0:
-        raise MotionError("MOTION is not followed by 'Frames:' and 'Frame Time:'")
-    lines += [head[:1], head[1:3], head[3:6]]
-    lines += [values[k : k + channels] for k in range(0, len(values), channels)]
-    file = folder / path.name
-    file.write_text("\n".join(" ".join(line) for line in lines) + "\n")
-    return file
+    return lines
 
 
 def _from_pybvh(bvh: Any) -> RawMotion:

@@ -38,7 +38,7 @@ def disc_clearance(m, x, y, limit, hint):
         best = min(best, dx * dx + dy * dy)
     h = 3 * root
     done = 0
-    while True:
+    for _ in range(4 * sides.size):  # a tree has fewer sides to go along and back
         t = h // 3
         a = vertices[sides[h].org]
         b = vertices[sides[nxt(h)].org]
@@ -55,7 +55,7 @@ def disc_clearance(m, x, y, limit, hint):
             if h // 3 == root:
                 done += 1
                 if done == 3:
-                    break
+                    return math.sqrt(best), root
             h = nxt(h)
             continue
         if before:
@@ -75,9 +75,9 @@ def disc_clearance(m, x, y, limit, hint):
         if t == root:
             done += 1
             if done == 3:
-                break
+                return math.sqrt(best), root
         h = nxt(h)
-    return math.sqrt(best), root
+    return -1.0, root  # whatever rounding did, the answer is on the safe side
 
 
 @helper

@@ -6,6 +6,7 @@ import numpy as np
 
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.clearance_kernels import capsule_clearance
+from crowdsim.navmesh.mesh.address_kernels import mesh_at
 from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv, triangle_of
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 
@@ -185,7 +186,8 @@ def are_free(layers, radii, pieces):
     A piece is x, y of its start and of its end, which may be the same place.
     """
     stack = np.empty(64, SWEPT)
-    for k, m in enumerate(layers):
+    for k in range(len(layers)):
+        m = mesh_at(layers[k])
         for i in range(pieces.shape[0]):
             x = pieces[i, 0]
             y = pieces[i, 1]

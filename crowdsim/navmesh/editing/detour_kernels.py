@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.editing.address_kernels import mesh_at, workshop_at
 from crowdsim.navmesh.editing.point_kernels import INSERT, edit_point, has_room
 from crowdsim.navmesh.editing.undo_kernels import copy_back
+from crowdsim.navmesh.mesh.address_kernels import mesh_at, workshop_at
 from crowdsim.navmesh.mesh.half_edge_kernels import triangle_of
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.component_kernels import are_joined

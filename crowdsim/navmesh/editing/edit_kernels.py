@@ -1,10 +1,10 @@
 """Obstacles put into a finished mesh and taken out again, with repairs around them alone."""
 
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.editing.address_kernels import mesh_at, workshop_at
 from crowdsim.navmesh.editing.point_kernels import INSERT, NO_ROOM, REMOVE, SETTLE, UNSETTLED, has_room, put_corner
 from crowdsim.navmesh.editing.removal_kernels import SIDES
 from crowdsim.navmesh.editing.settle_kernels import settle
+from crowdsim.navmesh.mesh.address_kernels import mesh_at, workshop_at
 from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv, soil
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.triangulation.segment_kernels import insert_segment

@@ -11,7 +11,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.errors import GeometryError, StaleHandle
-from crowdsim.navmesh.editing import address_kernels, edit_kernels, outline_kernels, point_kernels
+from crowdsim.navmesh.editing import edit_kernels, outline_kernels, point_kernels
 from crowdsim.navmesh.editing.point_kernels import INSERT, NO_ROOM, REMOVE, SETTLE, UNSETTLED
 from crowdsim.navmesh.editing.shapes import (
     NOTHING,
@@ -25,6 +25,7 @@ from crowdsim.navmesh.editing.shapes import (
     rings_of,
     shape_of,
 )
+from crowdsim.navmesh.mesh.address_kernels import places_of
 from crowdsim.navmesh.mesh.mesh_arrays import USE, MeshArrays, Workshop, resized, workshop
 from crowdsim.navmesh.paths.paths import as_numbers
 from crowdsim.navmesh.triangulation.use_kernels import keep_used
@@ -72,7 +73,7 @@ class Obstacles:
     def _set(self, mesh: MeshArrays, work: Workshop) -> None:
         """Take other arrays: nothing else may, as kernels go by their addresses."""
         self.mesh, self._work = mesh, work
-        self._places = address_kernels.places_of(mesh, work)
+        self._places = places_of(mesh, work)
 
     @property
     def places(self) -> Integers:
@@ -279,4 +280,7 @@ class Obstacles:
         self._set(resized(self._base, room), workshop(room, 2 * len(self._work.uses)))
         for number, slot in enumerate(self._slots):
             if slot.ids is not None and not self._enter(number, slot):
+                # Without it, for nobody may be left with a mesh that is half edited.
+                slot.ids = None
+                self.rebuild()
                 raise GeometryError(f"obstacle {number} cannot be put into the mesh again; simplify or repair it")

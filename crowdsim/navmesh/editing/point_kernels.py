@@ -3,9 +3,9 @@
 import numpy as np
 
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.editing.address_kernels import mesh_at, workshop_at
 from crowdsim.navmesh.editing.removal_kernels import SIDES, is_free_point, take_point
 from crowdsim.navmesh.editing.settle_kernels import settle
+from crowdsim.navmesh.mesh.address_kernels import mesh_at, workshop_at
 from crowdsim.navmesh.mesh.half_edge_kernels import snapped
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.triangulation.triangulation_kernels import insert_point

@@ -1,7 +1,7 @@
 """An edit undone by copying back what it changed, which is less than to take out what was put in."""
 
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.editing.address_kernels import mesh_at, workshop_at
+from crowdsim.navmesh.mesh.address_kernels import mesh_at, workshop_at
 
 
 @helper

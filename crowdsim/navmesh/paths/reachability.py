@@ -13,25 +13,21 @@ _KEPT = 8
 
 
 class ComponentCache:
-    """The components of the sides of one mesh, remembered for the radii used last.
+    """The components of the sides of one mesh as it is, remembered for the radii used last.
 
     Threads may share it: entries are replaced as a whole, so at worst two threads compute the same.
     """
 
     def __init__(self) -> None:
-        self._entries: tuple[tuple[tuple[int, float], NDArray[np.int32], int], ...] = ()
+        self._entries: tuple[tuple[float, NDArray[np.int32], int], ...] = ()
 
-    def labels(self, mesh: MeshArrays, revision: int, width: float) -> tuple[NDArray[np.int32], int]:
-        """Labels (3 nt,) of the half-edges for a disc of diameter ``width``, and how many components there are.
-
-        ``revision`` changes with every edit of the mesh.
-        """
-        key = (revision, width)
+    def labels(self, mesh: MeshArrays, width: float) -> tuple[NDArray[np.int32], int]:
+        """Labels (3 nt,) of the half-edges for a disc of diameter ``width``, and how many components there are."""
         entries = self._entries
-        entry = next((entry for entry in entries if entry[0] == key), None)
+        entry = next((entry for entry in entries if entry[0] == width), None)
         if entry is None:
             labels = np.empty(len(mesh.sides), np.int32)
-            entry = (key, labels, label_sides(mesh, width, labels))
-        others = [other for other in entries if other[0] != key and other[0][0] == revision]
+            entry = (width, labels, label_sides(mesh, width, labels))
+        others = [other for other in entries if other[0] != width]
         self._entries = (entry, *others[: _KEPT - 1])
         return entry[1], entry[2]

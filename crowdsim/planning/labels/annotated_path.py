@@ -43,6 +43,8 @@ class PathSamples(NamedTuple):
 class AnnotatedPath:
     """Polyline (n, 2) with its cumulative length (n,) and contiguous sections that cover it from start to goal.
 
+    missing: meters of the planned clearance that the path lacks at most next to its start and its goal, where these are
+    nearer to obstacles than plans go (see :mod:`crowdsim.planning.query.clear_ends`).
     certificate: works out :attr:`bound` when it is asked for, on the meshes as they are then.
     """
 
@@ -50,6 +52,7 @@ class AnnotatedPath:
     arc: NDArray[np.float64]
     sections: tuple[Section, ...]
     cost: float
+    missing: tuple[float, float] = (0.0, 0.0)
     certificate: Callable[[], float] | None = field(default=None, compare=False, repr=False)
 
     @property

@@ -12,9 +12,10 @@ from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, is_close, is_met, sweep
 from crowdsim.navmesh.clearance.violation_kernels import SPAN, merged
+from crowdsim.navmesh.mesh.address_kernels import mesh_at
 from crowdsim.navmesh.mesh.growing_kernels import longer
 from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv, triangle_near
-from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, NONE, MeshArrays
+from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, NONE
 from crowdsim.planning.labels.labelling_kernels import label_stretches
 
 OWN_SPAN = np.dtype([("lo", np.float64), ("hi", np.float64), ("owner", np.int64)], align=True)
@@ -27,8 +28,8 @@ _GRAZE = 1e-9
 class Fitting(NamedTuple):
     """What tells which behaviors fit where along a path, and what sections of them cost."""
 
-    layers: tuple[MeshArrays, ...]
-    """The meshes tested: all but the legs', if there are others, as every path is found with the legs' clearance."""
+    layers: NDArray[np.int64]
+    """(m, 5, 2) of `layers_of`: all but the legs' if there are others, as paths are found with the legs' clearance."""
     radii: NDArray[np.float64]
     """(b, m) clearance of each behavior on each of them [m]."""
     costs: NDArray[np.float64]
@@ -300,13 +301,14 @@ def annotate(fitting, points):
     lasts = np.empty(count, np.int64)
     spans = np.empty(64, OWN_SPAN)
     most = 0
-    for m in layers:
-        most = max(most, m.cover.size)
+    for k in range(len(layers)):
+        most = max(most, mesh_at(layers[k]).cover.size)
     marks = np.zeros(most, np.int32)
     mark = 0
     total = np.int64(0)
     length = 0.0
-    for k, m in enumerate(layers):
+    for k in range(len(layers)):
+        m = mesh_at(layers[k])
         start = 0.0
         lasts[:] = NONE
         triangle = triangle_near(m, points[0, 0], points[0, 1], np.int64(NONE))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from crowdsim.geometry.elementary import hypot
 from crowdsim.navmesh.clearance.sweep_kernels import are_free
+from crowdsim.navmesh.mesh.address_kernels import layers_of
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, arc_lengths
 from crowdsim.planning.query.query import Query
 from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
@@ -47,7 +48,7 @@ def with_clearance_margin(query: Query, path: AnnotatedPath) -> AnnotatedPath:
         return path
     # Where all is roomy there is nothing to gain: one sweep tells most of these, and costs next to nothing.
     pieces = np.concatenate([path.points[:-1], path.points[1:]], axis=1)
-    layers = tuple([mesh.arrays for mesh in query.meshes])
+    layers = layers_of(query.meshes)
     if are_free(layers, query.need.radii.max(axis=0) + MARGIN + _ROOMY, pieces):
         return path
     arc = np.linspace(0.0, path.length, int(np.ceil(path.length / STATION)) + 1)

@@ -6,6 +6,7 @@ from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.clearance.sweep_kernels import are_free
+from crowdsim.navmesh.mesh.address_kernels import mesh_at
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.planning.labels.labelling_kernels import TURN_ROOM
 from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
@@ -59,10 +60,10 @@ def _lacking(layers, radii, turning, label, back, x, y):
     """Meters that (x, y) lacks of what the turn reaches, in layers where that is beyond the plan; at least -PROBE."""
     top = radii.shape[0] - 1
     lack = -PROBE
-    for i, m in enumerate(layers):
+    for i in range(len(layers)):
         reach = turning[label, back, i] - SPARED
         if reach > radii[top, i]:
-            distance, _ = disc_clearance(m, x, y, reach + PROBE, np.int64(NONE))
+            distance, _ = disc_clearance(mesh_at(layers[i]), x, y, reach + PROBE, np.int64(NONE))
             lack = max(lack, reach - max(distance, 0.0))
     return lack
 
@@ -98,8 +99,8 @@ def _lead_aside(layers, radii, turning, label, back, places):
 def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turned):
     """The path with room to turn: its polyline (n, 2), arc lengths (n,), sections (k, 3) and cost.
 
-    No points where nothing bends. layers: tuple of all meshes. points, arc, sections, cost: the path as it is. Others:
-    as of :class:`crowdsim.planning.query.requirements.Requirements`.
+    No points where nothing bends. layers: all meshes, as of `layers_of`. points, arc, sections, cost: the path as it
+    is. Others: as of :class:`crowdsim.planning.query.requirements.Requirements`.
     """
     count = sections.shape[0]
     least = np.empty(len(layers))

@@ -7,6 +7,7 @@ from itertools import chain
 
 import numpy as np
 
+from crowdsim.navmesh.mesh.address_kernels import layers_of
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.planning.margins.turn_kernels import bend_turns
 from crowdsim.planning.query.query import Query, as_sections
@@ -22,7 +23,7 @@ def with_turn_room(query: Query, path: AnnotatedPath) -> AnnotatedPath:
     turned = need.turned.tolist()
     if len({turned[section.behavior] for section in path.sections}) < 2:
         return path
-    layers = tuple([mesh.arrays for mesh in query.meshes])
+    layers = layers_of(query.meshes)
     given = np.fromiter(chain.from_iterable(path.sections), np.float64).reshape(-1, 3)
     radii, turning, costs = need.radii, need.turning, need.costs
     points, arc, sections, cost = bend_turns(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from crowdsim.geometry.elementary import cos, distance, sin
 from crowdsim.navmesh.clearance.sweep_kernels import are_free
+from crowdsim.navmesh.mesh.address_kernels import layers_of
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, Section, arc_lengths
 from crowdsim.planning.query.requirements import Requirements
 
@@ -24,6 +25,8 @@ REACH = 0.1
 _RINGS = 8
 _DIRECTIONS = 24
 _ROUNDING = 1e-7
+_PROBE = 0.005
+"""Meters between places whose clearance is looked at: it differs by half of that in between, at most."""
 
 
 def clear_ends(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -35,7 +38,7 @@ def clear_ends(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np
     upright = need.narrowest_upright  # where a wider behavior fits, the narrower does
     if upright is not None:
         places = np.concatenate([points, points], axis=1)
-        if are_free(tuple([mesh.arrays for mesh in meshes]), upright - _ROUNDING, places):
+        if are_free(layers_of(meshes), upright - _ROUNDING, places):
             return points
     limit = float(need.radii.max()) + REACH
     clear = np.array([mesh.clearances(points, limit) for mesh in meshes]).T + _ROUNDING
@@ -74,6 +77,27 @@ def _rings() -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     ring = np.append(0, np.repeat(np.arange(1, _RINGS + 1), _DIRECTIONS))
     angle = np.append(0.0, np.tile(np.arange(_DIRECTIONS) * 2.0 * np.pi / _DIRECTIONS, _RINGS))
     return ring, (ring * REACH / _RINGS)[:, None] * np.stack([cos(angle), sin(angle)], axis=1)
+
+
+def missing_at_ends(
+    meshes: Sequence[NavMesh], need: Requirements, path: AnnotatedPath, ends: NDArray[np.float64]
+) -> tuple[float, float]:
+    """Meters of the planned clearance that are missing at most between the path and each of ``ends`` (2, 2)."""
+    pieces = ((ends[0], path.points[0], path.sections[0]), (path.points[-1], ends[1], path.sections[-1]))
+    before, after = (_missing(meshes, need.radii[section.behavior], one, other) for one, other, section in pieces)
+    return before, after
+
+
+def _missing(
+    meshes: Sequence[NavMesh], radii: NDArray[np.float64], one: NDArray[np.float64], other: NDArray[np.float64]
+) -> float:
+    """Meters that the straight way between two places lacks of clearances (m,)."""
+    length = distance(one, other)
+    if length == 0.0:
+        return 0.0
+    places = one + np.linspace(0.0, 1.0, int(length / _PROBE) + 2)[:, None] * (other - one)
+    pairs = zip(meshes, radii.tolist(), strict=True)
+    return float(max(radius - mesh.clearances(places, radius).min() for mesh, radius in pairs))
 
 
 def joined_to(path: AnnotatedPath, ends: NDArray[np.float64], costs: NDArray[np.float64]) -> AnnotatedPath:

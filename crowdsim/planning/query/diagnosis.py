@@ -39,16 +39,15 @@ def _too_narrow_below(query: Query, failure: PathNotFound) -> str:
     if (mesh.clearances(query.ends, radius) < radius - CONTACT_TOLERANCE).any():
         return f"{failure}; choose a place with more room"
     low, high = LEAST_WAY, radius
-    widest = None
     for _ in range(10):
         middle = (low + high) / 2.0
-        try:
-            widest = mesh.find_path(query.ends[0], query.ends[1], middle)
+        if mesh.reachable(query.ends[0], query.ends[1], middle):
             low = middle
-        except PathNotFound:
+        else:
             high = middle
-    if widest is None:
+    if low == LEAST_WAY:
         return f"{failure}; nothing wider than {2.0 * LEAST_WAY:g} m leads there at all: make a passage"
+    widest = mesh.find_path(query.ends[0], query.ends[1], low)
     return _narrowest_place("legs layer", mesh, widest.points, radius)
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.navmesh.mesh.address_kernels import layers_of
 from crowdsim.planning.labels.annotated_path import AnnotatedPath, Section, arc_lengths
 from crowdsim.planning.labels.fitting_kernels import Fitting, annotate
 from crowdsim.planning.query.behavior_areas import BehaviorArea
@@ -32,7 +33,7 @@ class Query(NamedTuple):
 
     def fitting(self) -> Fitting:
         """What kernels of sections are given."""
-        return self.need.fitting(tuple([mesh.arrays for mesh in self.meshes]), self.terms)
+        return self.need.fitting(layers_of(self.meshes), self.terms)
 
 
 def with_sections(points: NDArray[np.float64], found: NDArray[np.float64], cost: float) -> AnnotatedPath:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from crowdsim.behaviors.behavior import Behavior
 from crowdsim.errors import BehaviorError
-from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays
 from crowdsim.planning.labels.fitting_kernels import Fitting
 
 CONTACT_TOLERANCE = 8e-6
@@ -64,8 +63,8 @@ class Requirements:
             ),
         )
 
-    def fitting(self, layers: tuple[MeshArrays, ...], terms: NDArray[np.float64]) -> Fitting:
-        """What kernels of sections are given."""
+    def fitting(self, layers: NDArray[np.int64], terms: NDArray[np.float64]) -> Fitting:
+        """What kernels of sections are given; ``layers`` as of `layers_of`."""
         first = min(1, len(layers) - 1)  # the legs' layer asks all behaviors for the same
         radii = np.ascontiguousarray(self.radii[:, first:] - CONTACT_TOLERANCE)
         return Fitting(layers[first:], radii, self.costs, self.turned, terms)

@@ -15,6 +15,7 @@ from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.clearance.sweep_kernels import SWEPT
+from crowdsim.navmesh.mesh.address_kernels import mesh_at
 from crowdsim.navmesh.mesh.growing_kernels import longer
 from crowdsim.navmesh.mesh.half_edge_kernels import nxt
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
@@ -85,7 +86,7 @@ def place_points(layers, radii):
 
     layers: tuple of the meshes, the legs' first. radii: (n, m) float64, clearance of each behavior in each layer.
     """
-    m = layers[0]
+    m = mesh_at(layers[0])
     sides = m.sides
     vertices = m.vertices
     n = radii.shape[0]
@@ -166,13 +167,13 @@ def place_points(layers, radii):
 @kernel
 def corner_radii(layers, radii):
     """(nv, n) float64: how far each behavior stays off each vertex of the lowest mesh, by the layers it stands in."""
-    vertices = layers[0].vertices
+    vertices = mesh_at(layers[0]).vertices
     around = np.zeros((vertices.size, radii.shape[0]))
     for v in range(vertices.size):
-        for k, m in enumerate(layers):
+        for k in range(len(layers)):
             stands = k == 0
             if not stands:
-                distance, _ = disc_clearance(m, vertices[v].x, vertices[v].y, 0.01, np.int64(NONE))
+                distance, _ = disc_clearance(mesh_at(layers[k]), vertices[v].x, vertices[v].y, 0.01, np.int64(NONE))
                 stands = distance < 0.001
             if stands:
                 for i in range(radii.shape[0]):
@@ -183,7 +184,7 @@ def corner_radii(layers, radii):
 @kernel
 def join_points(layers, radii, around, points, spans):
     """Ways (k,) of all points, in their order; fills the begin of ``points``, the last of which ends the list."""
-    m = layers[0]
+    m = mesh_at(layers[0])
     sides = m.sides
     vertices = m.vertices
     hints = np.full(len(layers), NONE)
@@ -254,7 +255,7 @@ def join_points(layers, radii, around, points, spans):
 @helper
 def see_points(layers, hints, radii, around, points, spans, x, y, seen):
     """Ways from (x, y) to the points of the sides of its triangle, in ``seen``, which grows; (seen, count)."""
-    m = layers[0]
+    m = mesh_at(layers[0])
     sides = m.sides
     vertices = m.vertices
     count = 0

@@ -6,6 +6,7 @@ from crowdsim.geometry.elementary_kernels import acos, atan2, hypot
 from crowdsim.jit import helper
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.clearance.sweep_kernels import sweep
+from crowdsim.navmesh.mesh.address_kernels import mesh_at
 
 _TIGHT_STEP = 0.06
 """Meters between places of a way that are looked at to tell how much of it is tight."""
@@ -24,7 +25,8 @@ def room_at(layers, hints, radii, level, x, y):
     ``hints`` (m,) are triangles near the place in each layer, and hold those of the place afterwards.
     """
     least = REACH
-    for k, m in enumerate(layers):
+    for k in range(len(layers)):
+        m = mesh_at(layers[k])
         need = radii[level, k]
         distance, triangle = disc_clearance(m, x, y, need + REACH, hints[k])
         if triangle >= 0:
@@ -39,7 +41,8 @@ def level_at(layers, hints, radii, x, y):
     n = radii.shape[0]
     level = n - 1
     least = REACH
-    for k, m in enumerate(layers):
+    for k in range(len(layers)):
+        m = mesh_at(layers[k])
         distance, triangle = disc_clearance(m, x, y, radii[n - 1, k] + REACH, hints[k])
         if triangle >= 0:
             hints[k] = triangle
@@ -71,7 +74,8 @@ def length_around(px, py, qx, qy, cx, cy, radius):
 @helper
 def _is_open(layers, roots, stack, radii, level, px, py, qx, qy):
     """Whether a disc of behavior ``level`` moves straight from p, in triangles ``roots`` (m,), to q in all layers."""
-    for k, m in enumerate(layers):
+    for k in range(len(layers)):
+        m = mesh_at(layers[k])
         if roots[k] < 0 or m.cover[roots[k]] != 0:
             return False
         free, _ = sweep(m.sides, m.vertices, stack, roots[k], px, py, qx, qy, radii[level, k])

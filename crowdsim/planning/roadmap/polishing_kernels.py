@@ -10,6 +10,7 @@ import numpy as np
 from crowdsim.geometry.segments_kernels import polyline_length
 from crowdsim.jit import kernel
 from crowdsim.navmesh.clearance.sweep_kernels import SWEPT
+from crowdsim.navmesh.mesh.address_kernels import mesh_at
 from crowdsim.navmesh.mesh.half_edge_kernels import triangle_of
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.string_kernels import pull
@@ -46,7 +47,7 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
     All keep ``radius`` in the lowest of ``layers``, ``least`` of it at least. fitting: as of `annotate`. around:
     (nv, n) of `corner_radii`. reach: (nv,), for scratch.
     """
-    m = layers[0]
+    m = mesh_at(layers[0])
     top = fitting.costs.size - 1
     channel = np.empty(road.shape[0] + 1, np.int64)
     levels = np.empty(road.shape[0] + 1, np.int64)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.navmesh.mesh.address_kernels import layers_of
 from crowdsim.navmesh.mesh.heap_kernels import HEAP_ROW
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.planning.labels.labelling_kernels import TERMS
@@ -37,12 +38,13 @@ class Roadmap:
     """Points, ways and landmarks (:mod:`crowdsim.planning.roadmap.build_kernels`) of meshes as they are now."""
 
     def __init__(self, meshes: Sequence[NavMesh], need: Requirements, terms: NDArray[np.float64] = TERMS) -> None:
-        self.layers = tuple(mesh.arrays for mesh in meshes)
+        self._kept = [mesh.arrays for mesh in meshes]  # the addresses are theirs
+        self.layers = layers_of(meshes)
         self.need = need
         self.terms = terms
         radii = np.ascontiguousarray(need.radii)
         self._radii = radii
-        self._least = float(radii[0, 0] - 1e-6 * radii[0, 0] - 2.0 * self.layers[0].frame["cell"][0])
+        self._least = float(radii[0, 0] - 1e-6 * radii[0, 0] - 2.0 * self._kept[0].frame["cell"][0])
         self.fitting = need.fitting(self.layers, terms)
         self.points, self.spans = build_kernels.place_points(self.layers, radii)
         self.around = build_kernels.corner_radii(self.layers, radii)

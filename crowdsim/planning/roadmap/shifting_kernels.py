@@ -12,6 +12,7 @@ from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 from crowdsim.navmesh.clearance.sweep_kernels import sweep
+from crowdsim.navmesh.mesh.address_kernels import mesh_at
 from crowdsim.navmesh.mesh.half_edge_kernels import triangle_near
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 
@@ -120,7 +121,8 @@ def price_places(layers, hints, radii, costs, stations, spread, prices):
             y = station.y + shift * station.ny
             more = CHORD if k != SHIFTS // 2 else -_SINE
             level = top
-            for i, m in enumerate(layers):
+            for i in range(len(layers)):
+                m = mesh_at(layers[i])
                 distance, triangle = disc_clearance(m, x, y, radii[top, i] + CHORD, hints[i])
                 if triangle >= 0:
                     hints[i] = triangle
@@ -223,7 +225,7 @@ def shifted_path(layers, hints, radii, costs, points, sections, section, spread,
     befores = np.zeros((count, SHIFTS), np.int64)
     price_places(layers, hints, radii, costs, stations, spread, prices)
     owners = np.empty(count + points.shape[0], np.int64)
-    m = layers[0]
+    m = mesh_at(layers[0])
     middle = SHIFTS // 2
     for _ in range(_REPAIRS):
         if not choose_shifts(stations, spread, prices, befores):

@@ -47,6 +47,12 @@ def test_faulty_files_are_read_or_refused(case, count, monkeypatch, tmp_path):
     assert tally.outcomes.get(cases.REFUSED, 0) + tally.outcomes.get(cases.ANEW, 0) > 0
 
 
+def test_killed_runs_are_recovered_to_the_last_step():
+    tally = run_cases(CASES + "killed_run", range(100 if NIGHTLY else 4), seconds=120.0)
+    assert tally.failures == []
+    assert tally.outcomes == {cases.FINE: 100 if NIGHTLY else 4}
+
+
 def test_damaged_kernels_are_compiled_anew():
     tally = run_cases(CASES + "damaged_kernel", range(4), seconds=120.0)
     assert tally.failures == []

@@ -2,12 +2,18 @@
 
 import os
 import signal
+import subprocess
+import sys
 
 import pytest
+from typer.testing import CliRunner
 
+from crowdsim.cli.app import app
 from crowdsim.cli.errors_shown import TERMINATED, Terminated, describe
-from crowdsim.cli.progress import RunProgress
+from crowdsim.cli.progress import Interruption, RunProgress
 from crowdsim.cli.summary import nobody_arrived
+from crowdsim.whole_files import whole_file
+from tests.support.small_recording import write_small_recording
 
 SUMMARY = {"characters": 3, "arrived": 0, "waiting": 0, "unreachable": {}, "laps": {}, "lowest_foot": 0.0, "steps": 20}
 
@@ -31,6 +37,56 @@ def test_a_run_that_is_terminated_ends_after_its_step():
         assert progress.steps_done == 1
     finally:
         signal.signal(signal.SIGTERM, usual)
+
+
+@pytest.mark.parametrize(("number", "raised"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, Terminated)])
+def test_who_makes_a_film_heeds_interruptions_between_pictures(number, raised):
+    before = signal.getsignal(number)
+    with Interruption() as interruption:
+        interruption.heed()
+        os.kill(os.getpid(), number)
+        with pytest.raises(raised) as caught:
+            interruption.heed()
+        assert caught.type is raised
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)  # a second time
+    assert signal.getsignal(number) is before
+
+
+def test_a_film_that_is_terminated_leaves_nothing(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_small_recording(tmp_path / "run.h5")
+
+    def film(recording, path, progress, **camera):
+        with whole_file(path, (".mp4",), "films") as written:
+            written.write_bytes(b"half")
+            os.kill(os.getpid(), signal.SIGTERM)
+            progress(1, 2)
+            raise AssertionError("the film went on")
+
+    monkeypatch.setattr("crowdsim.playback.film.film", film)
+    usual = signal.getsignal(signal.SIGTERM)
+    try:
+        result = CliRunner().invoke(app, ["play", "run.h5", "--film", "film.mp4"])
+    finally:
+        signal.signal(signal.SIGTERM, usual)
+    assert result.exit_code == TERMINATED
+    assert [path.name for path in tmp_path.iterdir()] == ["run.h5"]
+
+
+def test_terminals_that_know_few_letters_get_their_messages(tmp_path):
+    (tmp_path / "p.yaml").write_text("crowdsim: 1\nname: площадь é\n")
+    done = subprocess.run(
+        [sys.executable, "-m", "crowdsim", "check", "p.yaml"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0", "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0"},
+        capture_output=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert b"p.yaml" in done.stderr
+    assert b"internal" not in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["p.yaml"]
 
 
 @pytest.mark.parametrize(

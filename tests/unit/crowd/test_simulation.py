@@ -3,8 +3,10 @@
 import threading
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from crowdsim.crowd.captured_crowd import CapturedCrowd
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.errors import CrowdSimError
 from crowdsim.scenario.loader import parse_scenario
@@ -28,6 +30,23 @@ def test_a_run_ends_the_threads_and_is_not_repeated(tmp_path: Path) -> None:
     assert (tmp_path / "run.h5").read_bytes() == content
     assert simulation.step_count == steps
     assert simulation.arrived == 1
+
+
+@pytest.mark.parametrize("locomotion", ["captured", "auto"])
+def test_nothing_is_kept_of_those_who_left(locomotion: str) -> None:
+    group = (
+        f"name: some, locomotion: {locomotion}, count: 3, start: {{rectangle: [6, 2, 7, 4]}}, goal: {{point: [9, 3]}}"
+    )
+    with Simulation(parse_scenario(two_rooms(group))) as simulation:
+        while not simulation.finished:
+            simulation.step()
+        assert simulation.arrived == 3
+        crowd = simulation.crowd
+        plans = crowd.plans if isinstance(crowd, CapturedCrowd) else crowd.captured.plans
+        assert (dict(plans.motions), plans.routes, plans.unreachable, plans.away) == ({}, {}, {}, set())
+        assert not any(plans.searches.is_under_way(agent) for agent in range(3))
+        assert (plans.motions.table.nodes == -1).all()
+        assert np.isnan(crowd.frame().x).all()
 
 
 def test_a_block_ends_the_threads_of_a_simulation_that_was_stepped(tmp_path: Path) -> None:

@@ -10,10 +10,10 @@ from crowdsim.errors import PathNotFound
 from crowdsim.jit import kernel
 from crowdsim.navmesh.detours import Detours
 from crowdsim.navmesh.editing import detour_kernels
-from crowdsim.navmesh.editing.address_kernels import mesh_at
 from crowdsim.navmesh.editing.detour_kernels import DONE, LOST, NO_ROOM, NOT_TRACED, find_detour
 from crowdsim.navmesh.editing.point_kernels import INSERT, edit_point
 from crowdsim.navmesh.editing.undo_kernels import copy_back
+from crowdsim.navmesh.mesh.address_kernels import mesh_at
 from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays, trimmed
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.paths.component_kernels import label_sides

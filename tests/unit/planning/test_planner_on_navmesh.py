@@ -51,6 +51,37 @@ def intrusion(path, behaviors, polygons):
     return worst
 
 
+def lack_at(end, path, behaviors, polygons):
+    """Meters that the first (``end`` 0) or last REACH of a path lack of what is planned for the section there."""
+    legs = max(behavior.radii[0] for behavior in behaviors) + TRACKING_MARGIN
+    section = path.sections[-end]
+    low, high = (
+        (section.start, min(section.end, REACH)) if end == 0 else (max(section.start, path.length - REACH), section.end)
+    )
+    inner = path.arc[(path.arc > low) & (path.arc < high)]
+    line = shapely.LineString(path.at(np.concatenate([[low], inner, [high]])))
+    torso = behaviors[section.behavior].radii[1] + TRACKING_MARGIN
+    return max(r - polygon.boundary.distance(line) for polygon, r in zip(polygons, (legs, torso), strict=True))
+
+
+def test_a_plan_says_what_its_ends_lack_of_the_clearance(behaviors):
+    polygons = cluttered_layers(4)
+    planner = Planner([NavMesh(polygon) for polygon in polygons], behaviors)
+    points = free_points(polygons[0], 60, 7)
+    lacks = 0
+    for start, goal in zip(points[:30], points[30:], strict=True):
+        try:
+            path = planner.plan(start, goal)
+        except PathNotFound:
+            continue
+        for end, missing in enumerate(path.missing):
+            lack = lack_at(end, path, behaviors, polygons)
+            assert lack <= missing + 0.003
+            assert missing <= max(lack, 0.0) + 1e-6
+            lacks += missing > 0.0
+    assert lacks > 2
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_every_section_keeps_its_clearance(behaviors, seed):
     polygons = cluttered_layers(seed)

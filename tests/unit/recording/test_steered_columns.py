@@ -57,7 +57,8 @@ def test_steered_agents_take_18_bytes_in_a_step_and_come_back(path):
         assert recording.phase[69, 2] == np.float32(2.06 + 0.09 * 69)
         assert recording.at_step(5).steered.tolist() == [True, True, False]
         assert recording.at_step(69).steered.all()
-        assert recording.at_time(0.125).phase == pytest.approx([0.06 + 0.09 * 2.5, 1.06 + 0.09 * 2.5, 2.06 + 0.18])
+        phases = [0.06 + 0.09 * 2.5, 1.06 + 0.09 * 2.5, np.nan]
+        assert recording.at_time(0.125).phase == pytest.approx(phases, nan_ok=True)
 
 
 def test_what_is_not_stored_reads_as_nothing_under_any_slice(path):

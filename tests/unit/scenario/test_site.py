@@ -151,6 +151,19 @@ def test_clutter_is_dense_and_leaves_starts_and_goals(tmp_path):
     assert [solid.footprint for solid in solids_of(again)] == [solid.footprint for solid in solids]
 
 
+def test_people_walk_under_a_lintel_where_clutter_is_drawn(tmp_path):
+    wall = "obstacles: [{name: wall, wall: {points: [[4, 0], [4, 4]], openings: [{at: 1.0, width: 1.0}]}, top: 2.5}]\n"
+    scenario = load(tmp_path, "floor: {rectangle: [0, 0, 8, 4]}\nclutter: {density: 0.1}\n" + wall)
+    assert scenario.environment.layers[0].free.covers(shapely.LineString([(3.8, 1.0), (4.2, 1.0)]))
+    clutter = scenario.environment.solids[("clutter",)]
+    assert clutter
+    assert all(solid.footprint.disjoint(shapely.box(3.95, 0, 4.05, 4)) for solid in clutter), "nothing is in the wall"
+    shut = wall.replace("width: 1.0", "width: 1.0, top: 0.05")
+    assert "no way of 0.5 m leads to" in refused(
+        tmp_path, "floor: {rectangle: [0, 0, 8, 4]}\nclutter: {density: 0.1}\n" + shut
+    )
+
+
 @pytest.mark.parametrize(
     ("place", "message"),
     [

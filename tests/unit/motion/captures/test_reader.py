@@ -19,7 +19,7 @@ FAULTS = {
     "binary": "reject", "ch_bad": "reject", "ch_zero": "reject", "comma": "reject", "crlf": "accept",
     "dup_names": "reject", "endsite_named": "accept", "frames_huge": "reject", "frames_more": "reject",
     "frames_zero": "reject", "ft_sci": "accept", "glued": "reject", "joint_named_end": "accept", "latin1": "reject",
-    "nan": "reject", "ok": "accept", "order_xyz": "accept", "row_wrap": "reject", "static": "no locomotion",
+    "nan": "reject", "ok": "accept", "order_xyz": "accept", "row_wrap": "accept", "static": "no locomotion",
     "trunc": "reject", "val_sci": "accept",
 }  # fmt: skip
 

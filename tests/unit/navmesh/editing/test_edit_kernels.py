@@ -6,10 +6,10 @@ import shapely
 
 from crowdsim.jit import kernel
 from crowdsim.navmesh.editing import edit_kernels, outline_kernels
-from crowdsim.navmesh.editing.address_kernels import mesh_at, places_of, workshop_at
 from crowdsim.navmesh.editing.point_kernels import INSERT, REMOVE, edit_point
 from crowdsim.navmesh.editing.removal_kernels import remove_vertex
 from crowdsim.navmesh.editing.settle_kernels import settle
+from crowdsim.navmesh.mesh.address_kernels import mesh_at, places_of, workshop_at
 from crowdsim.navmesh.mesh.mesh_arrays import resized, workshop
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.navmesh.triangulation.refine_kernels import inside_circle

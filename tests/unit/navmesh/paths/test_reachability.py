@@ -1,5 +1,7 @@
 """Components agree with the search and with a flood from side to side."""
 
+from unittest.mock import patch
+
 import numpy as np
 import pytest
 import shapely
@@ -8,7 +10,9 @@ from hypothesis import strategies as st
 
 from crowdsim.errors import GeometryError, PathNotFound
 from crowdsim.navmesh.navmesh import NavMesh
+from crowdsim.navmesh.path_search import PathSearch
 from crowdsim.navmesh.paths.component_kernels import label_sides
+from crowdsim.navmesh.paths.paths import FOUND, NO_PASSAGE, OPTIMALITIES
 from crowdsim.navmesh.paths.reachability import ComponentCache
 from tests.reference.components import side_components
 from tests.reference.navmesh_reference import random_area
@@ -21,8 +25,10 @@ TWO_ROOMS = shapely.box(0, 0, 10, 10).difference(
 
 
 def _finds(mesh, start, goal, radius) -> bool:
+    """Whether the search finds a path that does not ask for components first."""
     try:
-        mesh.find_path(start, goal, radius)
+        with patch.object(PathSearch, "are_apart", lambda self, starts, *_: np.zeros(len(starts), np.bool_)):
+            mesh.find_path(start, goal, radius)
     except PathNotFound:
         return False
     return True
@@ -106,17 +112,39 @@ def test_corners_that_touch_let_nothing_through():
     assert not mesh.reachable((1, 1), (3, 3), 0.1)
 
 
-def test_components_are_computed_once_per_radius_and_revision():
+def test_components_are_computed_once_per_radius():
     mesh = NavMesh(TWO_ROOMS).arrays
     cache = ComponentCache()
-    labels, count = cache.labels(mesh, 0, 0.5)
-    assert cache.labels(mesh, 0, 0.5)[0] is labels
-    assert cache.labels(mesh, 0, 0.7)[1] > count
-    assert cache.labels(mesh, 0, 0.5)[0] is labels
-    assert cache.labels(mesh, 1, 0.5)[0] is not labels
+    labels, count = cache.labels(mesh, 0.5)
+    assert cache.labels(mesh, 0.5)[0] is labels
+    assert cache.labels(mesh, 0.7)[1] > count
+    assert cache.labels(mesh, 0.5)[0] is labels
     for width in np.linspace(0.1, 1.0, 20):
-        cache.labels(mesh, 1, width)
+        cache.labels(mesh, width)
     assert len(cache._entries) <= 8
+
+
+@pytest.mark.parametrize("optimality", OPTIMALITIES)
+def test_nothing_is_searched_where_no_way_leads(monkeypatch, optimality):
+    """From outside of a closed ring the complete search would look everywhere."""
+    ring = shapely.Point(5, 5).buffer(2.0).difference(shapely.Point(5, 5).buffer(1.5))
+    mesh = NavMesh(shapely.box(0, 0, 10, 10).difference(ring))
+    ends = np.array([[1.0, 1.0], [5.0, 5.0], [9.0, 9.0]])
+    searched = []
+
+    def search(self, batch, workers):
+        searched.extend(zip(batch.starts.tolist(), batch.goals.tolist(), strict=True))
+        batch.status[:], batch.lengths[:], batch.counts[:] = FOUND, 1.0, 2
+        return np.concatenate([np.stack(pair) for pair in zip(batch.starts, batch.goals, strict=True)])
+
+    monkeypatch.setattr(PathSearch, f"_find_{optimality}", search)
+    paths = mesh.find_paths(ends[[0, 0, 1, 2]], ends[[1, 2, 2, 0]], 0.3, optimality)
+    assert paths.status.tolist() == [NO_PASSAGE, FOUND, NO_PASSAGE, FOUND]
+    assert searched == [(ends[0].tolist(), ends[2].tolist()), (ends[2].tolist(), ends[0].tolist())]
+    np.testing.assert_array_equal(paths[3].points, ends[[2, 0]])
+    assert not mesh.reachable(ends[0], ends[1], 0.3)
+    with pytest.raises(PathNotFound, match="no passage"):
+        mesh.find_path(ends[0], ends[1], 0.3, optimality)
 
 
 def test_locate_finds_a_triangle_around_the_point():

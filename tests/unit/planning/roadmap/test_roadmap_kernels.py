@@ -6,6 +6,7 @@ import shapely
 
 from crowdsim.jit import kernel
 from crowdsim.navmesh.clearance.sweep_kernels import are_free
+from crowdsim.navmesh.mesh.address_kernels import layers_of
 from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.labels.fitting_kernels import Fitting, annotate
 from crowdsim.planning.labels.labelling_kernels import TERMS
@@ -16,11 +17,15 @@ RADII = np.array([[0.22, 0.22], [0.22, 0.31], [0.22, 0.37]])
 COSTS = np.array([3.0, 1.1, 1.0])
 TURNED = np.array([True, False, False])
 HALL = shapely.box(0, 0, 10, 4)
+KEPT = []
 DOOR = shapely.union_all([shapely.box(4.9, 0, 5.1, 1.72), shapely.box(4.9, 2.28, 5.1, 4)])
 
 
-def layers(free):
-    return NavMesh(free).arrays, NavMesh(free).arrays
+def layers(*areas):
+    """Addresses of layers, whose meshes are kept from going."""
+    meshes = [NavMesh(free) for free in areas]
+    KEPT.extend(meshes)
+    return layers_of(meshes)
 
 
 @kernel
@@ -35,7 +40,7 @@ def test_a_way_around_a_disc_is_two_tangents_and_an_arc():
 
 
 def test_a_side_across_a_narrow_door_has_a_point_for_the_narrow_behavior():
-    both = layers(HALL.difference(DOOR))
+    both = layers(HALL.difference(DOOR), HALL.difference(DOOR))
     points, spans = place_points(both, RADII)
     door = (np.abs(points["x"] - 5.0) < 0.11) & (np.abs(points["y"] - 2.0) < 0.1)
     assert door.any()
@@ -50,7 +55,7 @@ def test_a_side_across_a_narrow_door_has_a_point_for_the_narrow_behavior():
 
 def test_low_corners_are_passed_as_near_as_the_legs_may():
     low = HALL.difference(shapely.box(4, 1, 5, 2))
-    around = corner_radii((NavMesh(low).arrays, NavMesh(HALL).arrays), RADII)
+    around = corner_radii(layers(low, HALL), RADII)
     vertices = NavMesh(low).arrays.vertices
     corner = np.flatnonzero(
         (vertices["x"] > 3.9) & (vertices["x"] < 5.1) & (vertices["y"] > 0.9) & (vertices["y"] < 2.1)
@@ -60,19 +65,19 @@ def test_low_corners_are_passed_as_near_as_the_legs_may():
 
 @pytest.mark.parametrize(("y", "free"), [(2.0, False), (3.7, False), (1.0, False)])
 def test_straight_way_through_a_wall(y, free):
-    both = layers(HALL.difference(DOOR))
+    both = layers(HALL.difference(DOOR), HALL.difference(DOOR))
     assert are_free(both, RADII[2], np.array([[1.0, y, 9.0, y]])) is free
 
 
 def test_straight_way_within_a_hall():
-    both = layers(HALL)
+    both = layers(HALL, HALL)
     assert are_free(both, RADII[2], np.array([[1.0, 0.38, 9.0, 3.6]]))
     assert not are_free(both, RADII[2], np.array([[1.0, 0.36, 9.0, 3.6]]))
     assert not are_free(both, RADII[2], np.array([[-5.0, 1.0, 9.0, 3.6]]))
 
 
 def test_door_is_passed_sideways_for_the_least_length():
-    upper = (NavMesh(HALL.difference(DOOR)).arrays,)
+    upper = layers(HALL.difference(DOOR))
     radii = np.ascontiguousarray(RADII[:, 1:])
     points = np.array([[1.0, 2.0], [5.0, 2.0], [5.0, 2.0], [9.0, 2.0]])  # one point twice
     sections, cost, length = annotate(Fitting(upper, radii, COSTS, TURNED, TERMS), points)
@@ -88,7 +93,7 @@ def test_door_is_passed_sideways_for_the_least_length():
 
 
 def test_nothing_fits_through_a_wall():
-    wall = (NavMesh(HALL.difference(shapely.box(4, 0, 5, 4))).arrays,)
+    wall = layers(HALL.difference(shapely.box(4, 0, 5, 4)))
     points = np.array([[1.0, 2.0], [9.0, 2.0]])
     fitting = Fitting(wall, np.ascontiguousarray(RADII[:, 1:]), COSTS, TURNED, TERMS)
     sections, cost, _ = annotate(fitting, points)

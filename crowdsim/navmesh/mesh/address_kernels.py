@@ -6,6 +6,9 @@ third of an edit of one point. A table of addresses is one array, and nobody cou
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,12 +27,28 @@ from crowdsim.navmesh.mesh.mesh_arrays import (
 )
 
 
+class Layer(Protocol):
+    """A mesh that knows where its arrays are, which may be others after an edit."""
+
+    @property
+    def places(self) -> NDArray[np.int64]:
+        """(5, 2) as of `places_of`."""
+
+
 def places_of(mesh: MeshArrays, work: Workshop | tuple[()] = ()) -> NDArray[np.int64]:
     """Addresses and lengths (12, 2) of the arrays, which whoever keeps the table has to keep as well.
 
     (5, 2) without a workshop.
     """
     return np.array([(array.ctypes.data, len(array)) for array in (*mesh, *work)], np.int64)
+
+
+def layers_of(meshes: Iterable[Layer]) -> NDArray[np.int64]:
+    """Addresses (m, 5, 2) of the arrays of layers: one type for any number of them, so that kernels are compiled once.
+
+    They hold as long as the meshes are kept and not edited.
+    """
+    return np.array([mesh.places for mesh in meshes])
 
 
 @helper

@@ -1,0 +1,131 @@
+"""A long run: whether memory and the time of a step stay as they are, and whether anybody is left behind.
+
+The built-in plaza, with a source instead of each of its groups: as many come in a second as at its busiest, and leave
+where they are to go. The sources end a while before the run does, so that everybody who is still there then is stuck.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.bench.registry import Measurement
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.errors import CrowdSimError
+from crowdsim.scenario.loader import builtin_scenarios, parse_scenario
+from crowdsim.scenario.scenario import Scenario
+
+MINUTES = 60.0
+"""Simulated time by default [min]."""
+
+LEAST = 4.0
+"""Simulated time below which slopes mean nothing [min]."""
+
+EMPTIES = 120.0
+"""Time without sources at the end, in which everybody leaves [s]."""
+
+SETTLES = 0.1
+"""Share of the run at its beginning that slopes leave out: the plaza fills, and caches do."""
+
+WINDOW = 10.0
+"""Seconds of simulated time that one sample stands for: the memory at its end, the median of its steps."""
+
+
+def measure(minutes: float = MINUTES) -> Measurement:
+    """Run the plaza for so many simulated minutes; CrowdSimError for fewer than LEAST."""
+    if not LEAST <= minutes <= 24.0 * 60.0:
+        raise CrowdSimError(f"a soak of {minutes:g} minutes tells nothing; give {LEAST:g} to 1440")
+    scenario = plaza(60.0 * minutes)
+    samples = Samples(scenario.steps_per_second)
+    with TemporaryDirectory() as folder, Simulation(scenario) as simulation:
+        count = simulation.crowd.count
+        with simulation.run(Path(folder) / "soak.h5", samples.add) as recording:
+            arrived, steps = recording.summary["arrived"], recording.steps
+            present = recording.most_present
+            size = recording.path.stat().st_size
+    memory, step = samples.slopes()
+    row: dict[str, Any] = {
+        "minutes": round(steps / scenario.steps_per_second / 60.0, 1),
+        "characters": count,
+        "at_once": present,
+        "memory_mb": round(float(np.median(samples.memory)), 1),
+        "memory_grows": f"{memory:+.2%}",
+        "step_ms": round(1e3 * float(np.median(samples.seconds)), 2),
+        "step_grows": f"{step:+.2%}",
+        "stuck": count - arrived,
+        "file_mb": round(size / 1e6, 1),
+    }
+    figures = {"memory_growth": memory, "step_growth": step, "stuck": float(count - arrived)}
+    return Measurement([row], figures, headline=tuple(figures))
+
+
+def plaza(seconds: float) -> Scenario:
+    """The built-in scenario of that name with sources instead of groups."""
+    path = builtin_scenarios()["plaza"]
+    text = path.read_text()
+
+    def source(group: re.Match[str]) -> str:
+        rate = 1.0 / float(group["interval"])
+        return f"    rate: {rate}\n    until: {seconds - EMPTIES}\n{group['between']}"
+
+    text, groups = re.subn(
+        r"    count: \d+\n(?P<between>(?:    (?:start|goal): .*\n)+)    interval: (?P<interval>[\d.]+)\n", source, text
+    )
+    text, durations = re.subn(r"(?m)^duration: .*$", f"duration: {seconds}", text)
+    if groups == 0 or durations != 1:
+        raise CrowdSimError(f"{path}: has no groups with an 'interval' to make sources of")
+    return parse_scenario(text, path)
+
+
+class Samples:
+    """Memory of this process and times of steps, taken as the run goes on."""
+
+    def __init__(self, steps_per_second: int) -> None:
+        self._each = max(round(WINDOW * steps_per_second), 1)
+        self._ended = time.perf_counter()
+        self._steps: list[float] = []
+        self.memory: list[float] = []
+        """Of each window [MB]."""
+        self.seconds: list[float] = []
+        """Median of the steps of each window."""
+
+    def add(self, step: int, steps: int, simulation: Simulation) -> None:
+        """Take in the step that has just ended; called back by ``Simulation.run``."""
+        now = time.perf_counter()
+        self._steps.append(now - self._ended)
+        if len(self._steps) == self._each:
+            self.seconds.append(float(np.median(self._steps)))
+            self.memory.append(resident_mb())
+            self._steps.clear()
+        self._ended = time.perf_counter()
+
+    def slopes(self) -> tuple[float, float]:
+        """By what share memory, and the time of a step, grow while the sources are on, but for the beginning."""
+        first = round(SETTLES * len(self.memory))
+        last = len(self.memory) - round(EMPTIES / WINDOW)
+        return growth(np.array(self.memory[first:last])), growth(np.array(self.seconds[first:last]))
+
+
+def growth(values: NDArray[np.float64]) -> float:
+    """How much more the last of evenly spaced values is than the first, as a share of their median.
+
+    By the median slope between all pairs (Theil and Sen), which single values far off do not change.
+    """
+    if len(values) < 2:
+        return 0.0
+    one, other = np.triu_indices(len(values), 1)
+    slope = float(np.median((values[other] - values[one]) / (other - one)))
+    return slope * (len(values) - 1) / float(np.median(values))
+
+
+def resident_mb() -> float:
+    """Memory of this process that is in use, as the system counts it."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
