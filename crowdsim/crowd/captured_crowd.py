@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from crowdsim.behaviors.gaits import gait_clips, natural_speed
 from crowdsim.behaviors.library import BehaviorSet
 from crowdsim.constants import NONE, TRACKING_MARGIN
 from crowdsim.crowd.crowd import Route
@@ -17,7 +18,7 @@ from crowdsim.crowd.search.motion_search import MotionSearch
 from crowdsim.crowd.search.plans import Plans
 from crowdsim.crowd.search.scheduler import Searches
 from crowdsim.crowd.search.worker_pool import WorkerPool
-from crowdsim.crowd.state.assets import prepare
+from crowdsim.crowd.state.assets import load_behaviors, prepare
 from crowdsim.crowd.state.components import COLUMNS
 from crowdsim.crowd.state.environment import EnvironmentState, Footprints
 from crowdsim.crowd.state.itineraries import Itineraries, stands_summary
@@ -52,6 +53,7 @@ class CapturedCrowd:
         cast: Placement | None = None,
         behavior_set: BehaviorSet | None = None,
     ) -> None:
+        behavior_set = load_behaviors(scenario) if behavior_set is None else behavior_set
         self.assets = prepare(scenario, workers, preparing, behavior_set)
         self.environment = EnvironmentState(self.assets)
         self.cast = place_agents(scenario, self.assets.personal_radius + TRACKING_MARGIN) if cast is None else cast
@@ -67,6 +69,8 @@ class CapturedCrowd:
             lambda agent, route: self._new_routes.append((agent, route)),
             lead=max(1, round(LEAD_SECONDS * scenario.steps_per_second)),
         )
+        if not np.isnan(self.cast.speeds).all():
+            self.plans.paces.keep(self.cast.speeds, natural_speed(gait_clips(behavior_set)[-1]))
         self.hash = 0
         self._make_ready()
 
