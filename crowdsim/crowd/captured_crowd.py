@@ -32,6 +32,7 @@ from crowdsim.crowd.systems.replan import AT_GOAL, Replanning, search_on
 from crowdsim.crowd.systems.spawn import Spawning
 from crowdsim.ecs.world import View, World
 from crowdsim.geometry.elementary import distance
+from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.recording.header import AgentState, RecordedFrame, RecordingHeader
 from crowdsim.scenario.placement import Placement, place_agents
@@ -167,9 +168,14 @@ class CapturedCrowd:
         """The present step of all characters, those outside the world marked absent."""
         agent = self.world.column("agent")
         columns: dict[str, Any] = {}
-        for name in ("node", "previous", "frame", "behavior"):
+        for name in ("node", "previous", "behavior"):
             columns[name] = np.full(self.count, NONE, np.int32)
             columns[name][agent] = self.world.column(name)
+        # What is between two frames is told as such, but nothing is behind the last one.
+        last = self.assets.graph.node_frames[self.world.column("node")]
+        shown = self.world.column("frame") + self.world.column("part") / FRAME_TICKS
+        columns["frame"] = np.zeros(self.count)
+        columns["frame"][agent] = np.minimum(shown, last)
         pose = np.zeros((self.count, 3))
         pose[agent] = self.world.column("pose")
         state = np.full(self.count, AgentState.ABSENT, np.int32)

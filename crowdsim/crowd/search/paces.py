@@ -52,7 +52,7 @@ class Paces:
         self.speeds = np.clip(speeds, SLOWEST * natural_speed, FASTEST * natural_speed)
 
     def rate_of(self, agent: int, plan: MotionPlan) -> int:
-        """Ticks a step at which a character plays a plan, so that it walks at its speed wherever it walks on steadily."""
+        """Ticks a step at which a character plays a plan, so that it has its own speed where it walks on steadily."""
         speed = float(self.speeds[agent])
         if np.isnan(speed):
             return self._natural_rate
