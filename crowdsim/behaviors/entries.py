@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.behaviors.gaits import natural_speed
 from crowdsim.behaviors.library import BehaviorSet
 from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.errors import MotionError
@@ -20,7 +21,6 @@ from crowdsim.geometry.elementary import cos, hypot, sin, tan
 from crowdsim.geometry.planar import compose, invert
 from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.clips.kinematics import Floats, forward_kinematics
-from crowdsim.motion.deformed.clip_cycle import find_cycle
 from crowdsim.motion.deformed.clip_phases import clip_phases
 from crowdsim.motion.deformed.phase_kernels import STAND
 from crowdsim.motion.graph.assembly import clip_frames
@@ -158,8 +158,7 @@ def find_entries(behavior_set: BehaviorSet, gaits: tuple[Clip, ...], phases: Flo
         If the preferred behavior has none.
     """
     arrays = behavior_set.graph.arrays
-    cycles = [find_cycle(gait) for gait in gaits]
-    natural = np.array([cycle.stride / cycle.seconds for cycle in cycles])
+    natural = np.array([natural_speed(gait) for gait in gaits])
     counts = arrays.node_frames.astype(np.int64) + 1
     nodes = np.repeat(np.arange(len(counts)), counts)
     frames = np.arange(len(nodes)) - arrays.node_track[nodes].astype(np.int64)

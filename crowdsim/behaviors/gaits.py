@@ -56,6 +56,12 @@ def gait_clips(behavior_set: BehaviorSet) -> tuple[Clip, ...]:
     return tuple(_gait(behavior, clips.clips) for behavior, clips in pairs)
 
 
+def natural_speed(gait: Clip) -> float:
+    """Speed of the cycle that a clip of :func:`gait_clips` is deformed from [m/s]."""
+    cycle = find_cycle(gait)
+    return cycle.stride / cycle.seconds
+
+
 def _gait(behavior: Behavior, clips: Sequence[Clip]) -> Clip:
     ranked: list[tuple[float, int, Clip]] = []
     reasons: list[str] = []

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from crowdsim.behaviors.gaits import gait_clips, natural_speed
 from crowdsim.behaviors.library import BehaviorSet
 from crowdsim.constants import NONE, TRACKING_MARGIN
 from crowdsim.crowd.crowd import Route
@@ -17,7 +18,7 @@ from crowdsim.crowd.search.motion_search import MotionSearch
 from crowdsim.crowd.search.plans import Plans
 from crowdsim.crowd.search.scheduler import Searches
 from crowdsim.crowd.search.worker_pool import WorkerPool
-from crowdsim.crowd.state.assets import prepare
+from crowdsim.crowd.state.assets import load_behaviors, prepare
 from crowdsim.crowd.state.components import COLUMNS
 from crowdsim.crowd.state.environment import EnvironmentState, Footprints
 from crowdsim.crowd.state.itineraries import Itineraries, stands_summary
@@ -31,6 +32,7 @@ from crowdsim.crowd.systems.replan import AT_GOAL, Replanning, search_on
 from crowdsim.crowd.systems.spawn import Spawning
 from crowdsim.ecs.world import View, World
 from crowdsim.geometry.elementary import distance
+from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.recording.header import AgentState, RecordedFrame, RecordingHeader
 from crowdsim.scenario.placement import Placement, place_agents
@@ -52,6 +54,7 @@ class CapturedCrowd:
         cast: Placement | None = None,
         behavior_set: BehaviorSet | None = None,
     ) -> None:
+        behavior_set = load_behaviors(scenario) if behavior_set is None else behavior_set
         self.assets = prepare(scenario, workers, preparing, behavior_set)
         self.environment = EnvironmentState(self.assets)
         self.cast = place_agents(scenario, self.assets.personal_radius + TRACKING_MARGIN) if cast is None else cast
@@ -67,6 +70,8 @@ class CapturedCrowd:
             lambda agent, route: self._new_routes.append((agent, route)),
             lead=max(1, round(LEAD_SECONDS * scenario.steps_per_second)),
         )
+        if not np.isnan(self.cast.speeds).all():
+            self.plans.paces.keep(self.cast.speeds, natural_speed(gait_clips(behavior_set)[-1]))
         self.hash = 0
         self._make_ready()
 
@@ -163,9 +168,14 @@ class CapturedCrowd:
         """The present step of all characters, those outside the world marked absent."""
         agent = self.world.column("agent")
         columns: dict[str, Any] = {}
-        for name in ("node", "previous", "frame", "behavior"):
+        for name in ("node", "previous", "behavior"):
             columns[name] = np.full(self.count, NONE, np.int32)
             columns[name][agent] = self.world.column(name)
+        # What is between two frames is told as such, but nothing is behind the last one.
+        last = self.assets.graph.node_frames[self.world.column("node")]
+        shown = self.world.column("frame") + self.world.column("part") / FRAME_TICKS
+        columns["frame"] = np.zeros(self.count)
+        columns["frame"][agent] = np.minimum(shown, last)
         pose = np.full((self.count, 3), np.nan)
         pose[agent] = self.world.column("pose")
         state = np.full(self.count, AgentState.ABSENT, np.int32)

@@ -20,7 +20,7 @@ def frame_between(
     same = (new.node == old.node) & (new.frame >= old.frame)
     advance = np.where(same, new.frame - old.frame, last - old.frame + new.frame)
     advance = np.where(same | (2 * advance <= 3 * natural), advance, natural)
-    shown = np.rint(share * advance).astype(np.int64)
+    shown = share * advance
     moving = (old.state == AgentState.MOVING) | (old.state == AgentState.WAITING)
     both = moving & (new.state != AgentState.ABSENT)
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.errors import RecordingError
-from crowdsim.recording.header import COLUMN_TYPES, AgentState, MotionRecord, RecordedFrame, RecordingHeader
+from crowdsim.recording.header import AgentState, MotionRecord, RecordedFrame, RecordingHeader
 
 AGAIN = "run the scenario again to the end"
 
@@ -30,6 +30,9 @@ UNREADABLE = (
     shapely.errors.ShapelyError,
 )
 """What reading a damaged file raises."""
+
+_MOST_FRAMES = 1 << 17
+"""Frames of a node, so that parts of them are told to the 64th in float32."""
 
 _PACKED = 2000
 """No filter of HDF5 makes bytes out of fewer than one in so many."""
@@ -148,10 +151,9 @@ def check_header(header: RecordingHeader) -> None:
     wrong = np.flatnonzero((first < 0) | (frames < 0) | (first + frames >= rows))
     if wrong.size:
         raise RecordingError(f"node '{motion.node_names[wrong[0]]}' reaches beyond the {rows} poses of the pool")
-    longest = int(np.iinfo(COLUMN_TYPES["frame"]).max)
-    if np.any(frames > longest):
+    if np.any(frames > _MOST_FRAMES):
         raise RecordingError(
-            f"node '{motion.node_names[int(frames.argmax())]}' has over {longest} frames; cut its clip"
+            f"node '{motion.node_names[int(frames.argmax())]}' has over {_MOST_FRAMES} frames; cut its clip"
         )
     _require(_within(motion.node_behavior, 0, len(header.behaviors)), "motion.node_behavior names no behavior")
 

@@ -14,8 +14,9 @@ from crowdsim.constants import NONE
 from crowdsim.motion.clips.skeleton import Skeleton
 
 FORMAT_NAME = "crowdsim-recording"
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 """1: captured agents. 2: steered agents, too: the column ``phase`` and gaits; columns that nobody needs are left out.
+3: ``frame`` may lie between two frames.
 
 Readers refuse files of a higher version; raise it when a field changes its meaning or goes away."""
 
@@ -154,7 +155,8 @@ class RecordedFrame(NamedTuple):
     """One step of all N agents, each field (N,).
 
     x, y (meters) and heading (radians) are the track's pose; ``node`` is played since ``previous`` ended (-1 for none)
-    and ``frame`` of it is shown; ``behavior`` indexes the header's behaviors; ``state`` holds :class:`AgentState`.
+    and ``frame`` of it is shown, or what is between two frames; ``behavior`` indexes the header's behaviors; ``state``
+    holds :class:`AgentState`.
     ``phase`` counts the cycles of a steered agent's gait and never decreases; nan for agents that are not steered.
     """
 
@@ -181,12 +183,15 @@ COLUMN_TYPES: dict[str, str] = {
     "heading": "float32",
     "node": "int32",
     "previous": "int32",
-    "frame": "int16",
+    "frame": "float32",
     "behavior": "int8",
     "state": "int8",
     "phase": "float32",
 }
 """dtype of each field of :class:`RecordedFrame` in the file."""
+
+WHOLE_FRAMES = "int16"
+"""dtype of ``frame`` in files of version 2."""
 
 LEFT_OUT = {"node": NONE, "previous": NONE, "frame": 0, "phase": np.nan}
 """What columns hold where no agent can have anything else; such columns are not stored."""

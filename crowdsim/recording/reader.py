@@ -34,6 +34,7 @@ from crowdsim.recording.header import (
     FORMAT_NAME,
     FORMAT_VERSION,
     LEFT_OUT,
+    WHOLE_FRAMES,
     AgentState,
     MovableChange,
     PlannedPath,
@@ -102,7 +103,8 @@ class Recording:
         stored = stored_columns(self.header.motion)
         for name, dtype in COLUMN_TYPES.items():
             column = columns[name] if name in stored else ConstantColumn(shape, dtype, LEFT_OUT[name])
-            if column.shape != shape or column.dtype != np.dtype(dtype):
+            known = (dtype, WHOLE_FRAMES) if name == "frame" else (dtype,)
+            if column.shape != shape or column.dtype not in known:
                 raise RecordingError(
                     f"{path}: steps/{name} has shape {column.shape} of {column.dtype}, not {shape} of {dtype}; {AGAIN}"
                 )
@@ -308,13 +310,12 @@ class Recording:
         from crowdsim.motion.graph.pose_kernels import pose_joints
 
         track = np.stack([frame.x[agents], frame.y[agents], frame.heading[agents]], axis=1).astype(np.float64)
-        columns = (
-            np.ascontiguousarray(values[agents], np.int32) for values in (frame.node, frame.previous, frame.frame)
-        )
+        columns = (np.ascontiguousarray(values[agents], np.int32) for values in (frame.node, frame.previous))
+        at = np.ascontiguousarray(frame.frame[agents], np.float64)
         joints = self.header.motion.skeleton.joint_count
         positions = np.empty((len(agents), joints, 3), np.float32)
         rotations = np.empty((len(agents), joints, 4), np.float32)
-        pose_joints(self.pose_table, *columns, track, positions, rotations)
+        pose_joints(self.pose_table, *columns, at, track, positions, rotations)
         return positions, rotations
 
     @cached_property

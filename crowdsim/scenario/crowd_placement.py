@@ -296,6 +296,8 @@ def _rows_by_step(steps: NDArray[np.int64]) -> list[tuple[int, NDArray[np.int64]
 
 def captured_placement(cast: CrowdPlacement) -> Placement:
     """The same characters for captured motion: each goes to its own spots in the regions of its goals."""
+    # Those who never steer walk as they were captured, unless the file says otherwise.
+    own = np.array(cast.paced) | (np.array(cast.locomotions) != "captured")
     itineraries = [cast.itineraries[number] for number in cast.group.tolist()]
     return Placement(
         starts=cast.starts,
@@ -307,4 +309,5 @@ def captured_placement(cast: CrowdPlacement) -> Placement:
         headings=tuple(it.headings for it in itineraries),
         stand_within=np.array([it.stand_within for it in itineraries], np.float64),
         groups=tuple(cast.names[number] for number in cast.group.tolist()),
+        speeds=np.where(own[cast.group], cast.walkers.speeds, np.nan),
     )

@@ -19,6 +19,7 @@ from crowdsim.scenario.environment import Environment
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.schema.agents import MAX_COUNT, Goal
 from crowdsim.scenario.schema.schema import ScenarioFields
+from crowdsim.scenario.walkers import draw_walkers
 from crowdsim.yamlfile.document import Complaint
 
 NOMINAL_RADIUS = 0.30
@@ -44,6 +45,7 @@ class Placement(NamedTuple):
     headings : n arrays (k,), radians that those who stand at a place face there, nan where any will do
     stand_within : (n,) float64, meters from a place within which they come to stand
     groups : name of the group of each
+    speeds : (n,) float64, meters a second at which they walk where nothing is in their way, nan for that of the motion
     """
 
     starts: NDArray[np.float64]
@@ -55,6 +57,7 @@ class Placement(NamedTuple):
     headings: tuple[NDArray[np.float64], ...]
     stand_within: NDArray[np.float64]
     groups: tuple[str, ...]
+    speeds: NDArray[np.float64]
 
     def goal(self, agent: int, reached: int) -> NDArray[np.float64]:
         """The place (2,) that an agent goes to when it has been to ``reached`` places."""
@@ -148,8 +151,16 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
         headings=tuple(np.radians([_heading(goal) for _, goal in group.regions()]) for group in groups),
         stand_within=np.array([group.stand_within for group in groups], np.float64),
         groups=tuple(group.name for group in groups),
+        speeds=np.concatenate([np.empty(0), *_speeds(keys, counts)]),
     )
     return placement, complaints
+
+
+def _speeds(keys: ScenarioFields, counts: list[int]) -> list[NDArray[np.float64]]:
+    return [
+        draw_walkers(keys, number, count).speeds if "speed" in group.model_fields_set else np.full(count, np.nan)
+        for number, (group, count) in enumerate(zip(keys.agents, counts, strict=False))
+    ]
 
 
 _Wanted = tuple[tuple[str | int, ...], "Polygon | Point", tuple[int, ...], "list[Spots | None]"]

@@ -11,7 +11,6 @@ from crowdsim.crowd.state.reservation_kernels import ELBOW_ROOM
 from crowdsim.crowd.state.timelines import Playback
 from crowdsim.geometry.planar import compose, wrap_angle
 from crowdsim.motion.graph.arrays import GraphArrays
-from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
 from crowdsim.motion.graph.track_kernels import BLEND_FRAMES
 
 FOREVER = int(np.iinfo(np.int64).max)
@@ -67,9 +66,14 @@ def chain_of(graph: GraphArrays, nodes: list[int], start: np.ndarray) -> tuple[n
 
 
 def pose_at(
-    graph: GraphArrays, nodes: list[int], origins: np.ndarray, blend_offsets: np.ndarray, frame: int
+    graph: GraphArrays, nodes: list[int], origins: np.ndarray, blend_offsets: np.ndarray, frame: float
 ) -> np.ndarray:
     """Track pose ``frame`` frames after the start of a chain; its end is held."""
+    if frame % 1.0:
+        before, after = (pose_at(graph, nodes, origins, blend_offsets, int(frame) + k) for k in range(2))
+        turn = wrap_angle(after[2] - before[2])
+        return before + frame % 1.0 * np.array([*(after - before)[:2], turn])
+    frame = int(frame)
     for node, origin, blend_offset in zip(nodes, origins, blend_offsets, strict=True):
         length = int(graph.node_frames[node])
         if frame < length or node is nodes[-1]:
@@ -81,14 +85,14 @@ def pose_at(
     raise AssertionError("a chain has at least one node")
 
 
-def frames_played(playback: Playback, steps: int) -> list[int]:
-    """Frames of its chain that are played after 0, 1, 2, ... steps."""
-    rate, ticks, played = playback.rate, playback.part, [0]
+def ticks_one_by_one(playback: Playback, steps: int) -> list[int]:
+    """Ticks of its chain that are played after 0, 1, 2, ... steps, from the frame that is shown."""
+    rate, ticks, played = playback.rate, playback.part, [playback.part]
     for _ in range(steps):
         change = playback.wanted - rate
         rate += max(min(change, playback.ramp), -playback.ramp)
         ticks += rate
-        played.append(ticks // FRAME_TICKS)
+        played.append(ticks)
     return played
 
 

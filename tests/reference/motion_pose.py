@@ -9,13 +9,18 @@ from crowdsim.motion.graph.pose_table import PoseTable
 
 
 def pose_one(
-    table: PoseTable, node: int, previous: int, frame: int, pose: np.ndarray, weight: float
+    table: PoseTable, node: int, previous: int, frame: float, pose: np.ndarray, weight: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """World positions (J, 3) and rotations (J, 4); ``weight`` is the share left of the difference to ``previous``."""
     first = table.node_first[node]
-    row = first + frame
+    row, part = first + int(frame), frame % 1.0
     turns = _rotation(table.pool_rotations[row])
     root = table.pool_root[row].astype(float)
+    if part > 0.0:
+        before, after = (table.pool_rotations[row + k].astype(float) for k in range(2))
+        after = np.where((before * after).sum(axis=1, keepdims=True) < 0.0, -after, after)
+        turns = _rotation(before + part * (after - before))
+        root += part * (table.pool_root[row + 1] - root)
     if previous >= 0 and weight > 0.0:
         old = table.node_first[previous] + table.node_frames[previous]
         difference = _rotation(table.pool_rotations[old]) * _rotation(table.pool_rotations[first]).inv()

@@ -79,6 +79,7 @@ def captured_square(agents: int, seed: int = 1) -> tuple[Scenario, Placement]:
         headings=tuple(np.full(2, np.nan) for _ in range(agents)),
         stand_within=np.full(agents, 0.1),
         groups=("all",) * agents,
+        speeds=np.full(agents, np.nan),
     )
     return parse_scenario(_SCENARIO.format(side=side)), cast
 

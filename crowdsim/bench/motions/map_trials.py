@@ -209,7 +209,7 @@ def most_excess(motions: MotionSet, trial: Trial, found: FollowResult) -> float:
         tracks.append(track)
         nodes.append(np.full(len(frame), node, np.int32))
         before.append(np.full(len(frame), found.nodes[k - 1] if k else NONE, np.int32))
-        frames.append(frame.astype(np.int32))
+        frames.append(frame.astype(np.float64))
     # The motion is over where it passes the goal.
     last = int(np.argmin(np.hypot(*(tracks[-1][:, :2] - trial.points[-1]).T)))
     count = sum(len(track) for track in tracks[:-1]) + last + 1

@@ -82,10 +82,8 @@ class Switches:
         self.entries: Entries = find_entries(behavior_set, steered.gaits, self.phases)
         self._preferred = slice(int(self.entries.first[-2]), int(self.entries.first[-1]))
         self.natural_speed = float(self.entries.natural_speed[-1])
-        # Everybody plays captured motion at the rate nearest to its own speed.
-        self._shares = np.clip(steered.cast.walkers.speeds / self.natural_speed, SLOWEST, FASTEST)
-        natural = Playback.natural(0, captured.assets.frames_per_step).rate
-        captured.plans.rates[:] = np.rint(self._shares * natural)
+        captured.plans.paces.keep(captured.cast.speeds, self.natural_speed)
+        self._played = np.nan_to_num(captured.plans.paces.speeds, nan=self.natural_speed)
         self._exits = find_exits(behavior_set, self.entries, self.phases)
         self._asked: dict[int, _Asked] = {}
         self._wanted_since = np.zeros(captured.count, np.int64)
@@ -197,8 +195,11 @@ class Switches:
         itineraries, assets = captured.itineraries, captured.assets
         place = np.array([state["x"], state["y"]])
         radius, stays = assets.personal_radius, bool(captured.cast.stays[agent])
-        rate = int(captured.plans.rates[agent])
-        playback = Playback.natural(captured.step_count, assets.frames_per_step).at_rate(rate)
+        natural = Playback.natural(captured.step_count, assets.frames_per_step)
+        # The node begins exactly as fast as the character is, and goes over to its own rate.
+        share = float(hypot(state["vx"], state["vy"]) / self.entries.speed[asked.entry])
+        rate = round(min(max(share, SLOWEST), FASTEST) * natural.rate)
+        playback = natural._replace(rate=rate, wanted=int(captured.plans.motions.table.rates[agent]))
         walker = Walker(NONE, agent, node, frame, playback, asked.origin, np.zeros(3), place, radius, stays)
         reserved = captured.choosing.reserve_entry(captured.world.view(), walker)
         if reserved is None:
@@ -219,7 +220,6 @@ class Switches:
             rank=captured.plans.rank(agent),
             turn=captured.plans.rank(agent),
             stays=stays,
-            own_rate=rate,
             awaiting_plan=captured.searches.is_under_way(agent),
             **reserved,
         )
@@ -240,7 +240,7 @@ class Switches:
         calm = levels.capture(agents, places, step) & (view.errand == Errand.WALKS) & (state["togo"] > WORTH)
         # Who has room walks as fast as its captured motion does, so that it can go over.
         walks = view.errand == Errand.WALKS
-        played = self._shares[agents] * self.natural_speed
+        played = self._played[agents]
         state["speed"][walks] = np.where(calm, played, view.pace)[walks]
         speed = hypot(state["vx"], state["vy"])
         ahead = state["vx"] * state["hx"] + state["vy"] * state["hy"]
@@ -260,7 +260,8 @@ class Switches:
         off = np.abs(self.entries.phase[self._preferred] - view.phase[row] % 1.0)
         off = np.minimum(off, 1.0 - off)
         pace = float(hypot(state["vx"], state["vy"]))
-        wrong = np.abs(self._shares[agent] * self.entries.speed[self._preferred] - pace)
+        share = self._played[agent] / self.natural_speed
+        wrong = np.abs(share * self.entries.speed[self._preferred] - pace)
         fits = np.flatnonzero((off < PHASE_OFF) & (wrong < SPEED_OFF))
         if not len(fits):
             return

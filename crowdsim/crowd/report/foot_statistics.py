@@ -11,6 +11,8 @@ from crowdsim.motion.graph.motion_graph import MotionGraph
 from crowdsim.motion.graph.pose_kernels import pose_joints
 from crowdsim.recording.header import RecordedFrame
 
+Floats = NDArray[np.float64]
+
 
 class FootStatistics:
     """Speed of planted feet and the lowest foot point, step by step.
@@ -25,7 +27,7 @@ class FootStatistics:
         self._like: Feet | None = None
         self._like = self._clip_feet()
         self._lifted = self._count_lifted(self._like)
-        self._before: tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]] | None = None
+        self._before: tuple[NDArray[np.int64], NDArray[np.int32], Floats, Floats] | None = None
         self._speed_sum = 0.0
         self._speed_count = 0
         self.lowest = np.inf
@@ -38,7 +40,8 @@ class FootStatistics:
     def add(self, frame: RecordedFrame, present: NDArray[np.int64]) -> None:
         """Take in one step; ``present`` are the agents in the world."""
         pose = np.column_stack([frame.x, frame.y, frame.heading])[present]
-        node, previous, at = (np.asarray(c, np.int32)[present] for c in (frame.node, frame.previous, frame.frame))
+        node, previous = (np.asarray(c, np.int32)[present] for c in (frame.node, frame.previous))
+        at = np.asarray(frame.frame, np.float64)[present]
         feet = self._posed_feet(node, previous, at, pose)
         if len(present):
             self.lowest = min(self.lowest, float((feet.points[..., 2] - feet.lowest).min()))
@@ -56,8 +59,8 @@ class FootStatistics:
         self,
         node: NDArray[np.int32],
         previous: NDArray[np.int32],
-        at: NDArray[np.int32],
-        pose: NDArray[np.float64],
+        at: Floats,
+        pose: Floats,
     ) -> Feet:
         skeleton = self._motion.skeleton
         positions = np.empty((len(node), skeleton.joint_count, 3), np.float32)
@@ -70,7 +73,7 @@ class FootStatistics:
         table = self._motion.poses
         lengths = table.node_frames + 1
         node = np.repeat(np.arange(len(lengths), dtype=np.int32), lengths)
-        at = np.concatenate([np.arange(length, dtype=np.int32) for length in lengths])
+        at = np.concatenate([np.arange(length, dtype=np.float64) for length in lengths])
         return self._posed_feet(node, np.full(len(node), -1, np.int32), at, self._motion.arrays.tracks)
 
     def _count_lifted(self, feet: Feet) -> NDArray[np.int32]:
@@ -83,11 +86,13 @@ class FootStatistics:
         return np.cumsum(lifted, axis=0, dtype=np.int32)
 
     def _stayed_planted(
-        self, old_node: NDArray[np.int32], old_at: NDArray[np.int32], node: NDArray[np.int32], at: NDArray[np.int32]
+        self, old_node: NDArray[np.int32], old_at: Floats, node: NDArray[np.int32], at: Floats
     ) -> NDArray[np.bool_]:
         """(n, 2, P) whether each point stays planted in the clips, from one frame to another of it or the next node."""
         table = self._motion.poses
-        begin, end = table.node_first[old_node] + old_at, table.node_first[node] + at
+        # Each lies between two frames, or on one.
+        begin = table.node_first[old_node] + np.floor(old_at).astype(np.int64)
+        end = table.node_first[node] + np.ceil(at).astype(np.int64)
         goes_on = ((node == old_node) & (at > old_at))[:, None, None]
         last, first = table.node_first[old_node] + table.node_frames[old_node], table.node_first[node]
         across = self._lifted[last] - self._lifted[begin] + self._lifted[end] - self._lifted[first]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, MutableMapping
+from collections.abc import Callable, Iterator, MutableMapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,12 +28,18 @@ class PlanTable(NamedTuple):
     """(n,) how many of these there are."""
     arrives: NDArray[np.bool_]
     """(n,)"""
+    rates: NDArray[np.int64]
+    """(n,) ticks a step at which it is played where nothing is in the way."""
 
 
 class Motions(MutableMapping[int, MotionPlan]):
-    """The plan of every character that has one, each also in a row of ``table``."""
+    """The plan of every character that has one, each also in a row of ``table``.
 
-    def __init__(self, count: int) -> None:
+    natural_rate: ticks a step of those that have none. rate_of: ticks a step at which a character plays a plan.
+    """
+
+    def __init__(self, count: int, natural_rate: int, rate_of: Callable[[int, MotionPlan], int]) -> None:
+        self._rate_of = rate_of
         self._plans: dict[int, MotionPlan] = {}
         self.table = PlanTable(
             np.zeros((count, 3), np.int64),
@@ -41,6 +47,7 @@ class Motions(MutableMapping[int, MotionPlan]):
             np.full(count, NO_PASS, np.int32),
             np.zeros(count, np.int32),
             np.zeros(count, np.bool_),
+            np.full(count, natural_rate, np.int64),
         )
 
     def __getitem__(self, agent: int) -> MotionPlan:
@@ -64,6 +71,7 @@ class Motions(MutableMapping[int, MotionPlan]):
         table.first_pass[agent] = min(plan.passes, default=NO_PASS)
         table.passes[agent] = len(plan.passes)
         table.arrives[agent] = plan.arrives
+        table.rates[agent] = self._rate_of(agent, plan)
 
     def __delitem__(self, agent: int) -> None:
         del self._plans[agent]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from crowdsim.constants import NONE
 from crowdsim.crowd.search.affected import outdated
 from crowdsim.crowd.search.motion_search import MotionSearch
+from crowdsim.crowd.search.paces import Paces
 from crowdsim.crowd.search.plan_table import Motions
 from crowdsim.crowd.search.scheduler import Ongoing, Searches
 from crowdsim.crowd.state.assets import Assets
@@ -68,7 +69,7 @@ class Plans:
     to whose goal no path was found when they last asked; replans counts how often an edit made an agent plan anew.
     lead: steps ahead of its need at which a plan is requested, if that can be told. moved: how often somebody gave way.
     away: those who had arrived, gave way, and come back. looked_around: step in which each last had reason to look for
-    ways around those who stand near. rates: ticks a step at which each plays its nodes where nothing is in its way.
+    ways around those who stand near. paces: how fast each plays its plan.
     """
 
     assets: Assets
@@ -85,14 +86,15 @@ class Plans:
     moved: int = 0
     away: set[int] = field(default_factory=set)
     looked_around: NDArray[np.int64] = field(init=False)
-    rates: NDArray[np.int64] = field(init=False)
+    paces: Paces = field(init=False)
     _joins: dict[int, Join | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        count = len(self.itineraries.cast.starts)
+        self.looked_around = np.full(count, _LONG_AGO, np.int64)
+        self.paces = Paces(self.assets, count)
         natural = Playback.natural(0, self.assets.frames_per_step).rate
-        self.rates = np.full(len(self.itineraries.cast.starts), natural, np.int64)
-        self.looked_around = np.full(len(self.itineraries.cast.starts), _LONG_AGO, np.int64)
-        self.motions = Motions(len(self.itineraries.cast.starts))
+        self.motions = Motions(count, natural, self.paces.rate_of)
 
     def rank(self, agent: int) -> int:
         """Who sets out now for its goal comes behind all who did before, and those of lower numbers."""

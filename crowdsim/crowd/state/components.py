@@ -41,12 +41,10 @@ COLUMNS = (
     Column("node", np.int32, (), NONE),
     Column("previous", np.int32, (), NONE),
     Column("frame", np.int32),
-    # How fast: ticks of a frame that are played already, ticks in the last step, to go over to, and where nothing is in
-    # the way.
+    # How fast: ticks of a frame that are played already, ticks in the last step, and ticks a step to go over to.
     Column("part", np.int32),
     Column("rate", np.int32),
     Column("wanted_rate", np.int32),
-    Column("own_rate", np.int32),
     Column("origin", np.float64, (3,)),
     Column("blend_offset", np.float64, (3,)),
     # The node that follows; NONE until it is chosen at the end of the present one.

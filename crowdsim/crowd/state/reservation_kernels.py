@@ -19,8 +19,8 @@ from crowdsim.geometry.elementary_kernels import cos, hypot, sin
 from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.geometry.segments_kernels import segment_segment_distance2
 from crowdsim.jit import helper, kernel
-from crowdsim.motion.graph.playback_kernels import FRAME_TICKS, frames_after
-from crowdsim.motion.graph.track_kernels import next_origin, node_end, track_pose
+from crowdsim.motion.graph.playback_kernels import FRAME_TICKS, ticks_played
+from crowdsim.motion.graph.track_kernels import next_origin, node_end, track_pose, track_pose_between
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 
 ELBOW_ROOM = 0.1
@@ -239,27 +239,29 @@ def sample_chain(graph, chain, count, breadths, frame, playback, out):
     nodes, origins, blend_offsets = chain.nodes, chain.origins, chain.blend_offsets
     clock, slot_frames = playback.clock, playback.slot_frames
     k = 0
-    begin = np.int64(0)  # frames of the chain up to the current node
+    begin = np.int64(0)  # ticks of the chain up to the current node
     slot = clock // slot_frames
-    played = np.int64(frame)  # frames of the chain at the slot
+    first = np.int64(frame) * FRAME_TICKS
+    played = first + playback.part  # ticks of the chain at the slot
     for c in range(count):
         node = nodes[c]
-        frames = graph.node_frames[node]
+        ticks = np.int64(graph.node_frames[node]) * FRAME_TICKS
         breadth = breadths[graph.node_behavior[node]]
         before = k
-        while k < len(out) and (played < begin + frames or k == 0):
-            at = min(played - begin, frames)
+        while k < len(out) and (played < begin + ticks or k == 0):
+            at = min(played - begin, ticks)
+            whole, part = at // FRAME_TICKS, (at % FRAME_TICKS) / FRAME_TICKS
             o = origins[c]
             s = blend_offsets[c]
-            x, y, h = track_pose(graph, np.int64(node), np.int64(at), o[0], o[1], o[2], s[0], s[1], s[2])
+            x, y, h = track_pose_between(graph, np.int64(node), whole, part, o[0], o[1], o[2], s[0], s[1], s[2])
             _set_sample(out, k, x, y, h, breadth)
             k += 1
             slot += 1
-            played = frame + frames_after(playback, slot * slot_frames - clock)
+            played = first + ticks_played(playback, slot * slot_frames - clock)
         if k == before and k > 0:
             # It begins and ends between two samples.
             out[k - 1, RADIUS] = max(out[k - 1, RADIUS], breadth[0] + breadth[1])
-        begin += frames
+        begin += ticks
     if k == len(out):
         return -1
     ended = slot

@@ -58,10 +58,6 @@ class Playback(NamedTuple):
     wanted: int
     """Ticks a step that it goes over to."""
 
-    def at_rate(self, rate: int) -> Playback:
-        """The same time, at another rate all along."""
-        return self._replace(rate=rate, wanted=rate)
-
     @classmethod
     def natural(cls, step: int, step_frames: int) -> Playback:
         """As captured, from ``step`` on."""

@@ -188,7 +188,7 @@ class SteeredCrowd:
             heading=spread(rows["heading"], np.nan, np.float32),
             node=np.full(self.count, NONE, np.int32),
             previous=np.full(self.count, NONE, np.int32),
-            frame=np.zeros(self.count, np.int16),
+            frame=np.zeros(self.count, np.float32),
             behavior=spread(view.behavior, NONE, np.int8),
             state=spread(state, AgentState.ABSENT, np.int8),
             phase=spread(view.phase, np.nan, np.float32),

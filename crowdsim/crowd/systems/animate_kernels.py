@@ -4,7 +4,7 @@ import numpy as np
 
 from crowdsim.jit import kernel
 from crowdsim.motion.graph.playback_kernels import FRAME_TICKS, next_rate
-from crowdsim.motion.graph.track_kernels import track_pose
+from crowdsim.motion.graph.track_kernels import track_pose_between
 
 
 @kernel
@@ -16,7 +16,6 @@ def advance(graph, ramp, rows):
     """
     node, frame, origin, blend_offset, next_node = rows.node, rows.frame, rows.origin, rows.blend_offset, rows.next_node
     for i in range(len(node)):
-        # The frames of a step are whole, what is left of a frame counts in the next.
         rows.rate[i] = next_rate(rows.rate[i], rows.wanted_rate[i], ramp)
         ticks = rows.part[i] + rows.rate[i]
         rows.part[i] = ticks % FRAME_TICKS
@@ -39,5 +38,6 @@ def advance(graph, ramp, rows):
         frame[i] = at
         x, y, h = origin[i, 0], origin[i, 1], origin[i, 2]
         dx, dy, dh = blend_offset[i, 0], blend_offset[i, 1], blend_offset[i, 2]
-        x, y, h = track_pose(graph, np.int64(node[i]), np.int64(at), x, y, h, dx, dy, dh)
+        part = rows.part[i] / FRAME_TICKS
+        x, y, h = track_pose_between(graph, np.int64(node[i]), np.int64(at), part, x, y, h, dx, dy, dh)
         rows.pose[i, 0], rows.pose[i, 1], rows.pose[i, 2] = x, y, h

@@ -91,7 +91,7 @@ def playback_of(graph, rows, row, playback, wanted):
         playback.step_frames,
         playback.ramp,
         np.int64(0 if stands else rows.part[row]),
-        np.int64(rows.own_rate[row] if stands else rows.rate[row]),
+        np.int64(wanted if stands else rows.rate[row]),
         np.int64(wanted),
     )
 
@@ -197,9 +197,9 @@ def reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, play
     leaves = leaves and is_last(table, errands, agent) and not rows.stays[row]
     taken = 0
     gone = np.int64(0)
-    own_rate = np.int64(rows.own_rate[row])
+    own_rate = np.int64(table.rates[agent])
     mine = playback_of(graph, rows, row, playback, own_rate)
-    for wanted in (own_rate, slowest(playback)):
+    for wanted in (own_rate, min(slowest(playback), own_rate)):
         mine = playback_of(graph, rows, row, playback, wanted)
         taken, gone = reserve(
             graph, kept_clear, everyone, row, frame, mine, chain, room.draft, 1, available, leaves, timeline

@@ -327,7 +327,8 @@ class Choosing:
         room.ways_count[0] = ways_before(row, view.way, view.rank, WAY_REACH, near, room.ways)
 
     def _walker(self, view: View, row: int) -> Walker:
-        return Walker.of(self.plans.assets.graph, view, row, self._playback)
+        rate = int(self.plans.motions.table.rates[view.agent[row]])
+        return Walker.of(self.plans.assets.graph, view, row, self._playback, rate)
 
     def _waits(self, view: View, row: int, seconds: float) -> bool:
         """Whether a row was refused for so long; that begins anew where it looks for a way around."""

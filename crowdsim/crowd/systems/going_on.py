@@ -37,7 +37,6 @@ class Rows(NamedTuple):
     part: Ints
     rate: Ints
     wanted_rate: Ints
-    own_rate: Ints
     origin: Floats
     blend_offset: Floats
     next_node: Ints
@@ -80,8 +79,8 @@ class Walker(NamedTuple):
     """Whether its node ends in this step, or it can leave it."""
 
     @classmethod
-    def of(cls, graph: GraphArrays, view: View, row: int, natural: Playback) -> Walker:
-        """The walker of a row."""
+    def of(cls, graph: GraphArrays, view: View, row: int, natural: Playback, rate: int) -> Walker:
+        """The walker of a row, whose own rate is ``rate`` ticks a step."""
         rows = Rows.of(view)
         frame, leaves = frame_of(graph, rows, row, natural)
         return cls(
@@ -89,7 +88,7 @@ class Walker(NamedTuple):
             int(view.agent[row]),
             int(view.node[row]),
             int(frame),
-            Playback(*(int(value) for value in playback_of(graph, rows, row, natural, rows.own_rate[row]))),
+            Playback(*(int(value) for value in playback_of(graph, rows, row, natural, rate))),
             view.origin[row],
             view.blend_offset[row],
             view.pose[row, :2],

@@ -125,9 +125,8 @@ class Spawning:
             node=node,
             # It has stood there before it is seen, and sets out at once.
             frame=self.assets.graph.node_frames[node],
-            rate=self.plans.rates[agent],
-            wanted_rate=self.plans.rates[agent],
-            own_rate=self.plans.rates[agent],
+            rate=self.plans.motions.table.rates[agent],
+            wanted_rate=self.plans.motions.table.rates[agent],
             origin=plan.departure,
             plan_digest=plan.digest,
             timeline=self._parked.copy(),

@@ -63,7 +63,7 @@ def body_reach(graph: GraphArrays, poses: PoseTable, room: Floats) -> BodyReach:
     frame = np.arange(first[-1]) - np.repeat(first[:-1], counts)
     joints = len(poses.parents)
     positions = np.empty((first[-1], joints, 3), np.float32)
-    columns = (column.astype(np.int32) for column in (node, before, frame))
+    columns = node.astype(np.int32), before.astype(np.int32), frame.astype(np.float64)
     pose_joints(poses, *columns, np.zeros((first[-1], 3)), positions, np.empty((first[-1], joints, 4), np.float32))
     flat = positions[:, :, :2]
     away = hypot(flat[:, :, 0], flat[:, :, 1])

@@ -103,7 +103,7 @@ def _joint_positions(graph: GraphArrays, poses: PoseTable, node: int, frames: ND
     track = np.ascontiguousarray(graph.tracks[graph.node_track[node] + frames])
     nodes = np.full(count, node, np.int32)
     before = np.full(count, NONE, np.int32)
-    pose_joints(poses, nodes, before, frames.astype(np.int32), track, positions, rotations)
+    pose_joints(poses, nodes, before, frames.astype(np.float64), track, positions, rotations)
     return positions
 
 

@@ -1,6 +1,6 @@
-"""How many frames of its nodes a character plays in a time, at a rate that goes over to another steadily.
+"""How much of its nodes a character plays in a time, at a rate that goes over to another steadily.
 
-Rates are ticks a step. Only whole frames are shown and reserved: what is left of a tick counts in the next step.
+Rates are ticks a step; a body between two frames is shown between their poses.
 """
 
 from crowdsim.jit import kernel
@@ -27,11 +27,14 @@ def ticks_after(playback, steps):
 
 
 @kernel
-def frames_after(playback, frames):
-    """Frames of its nodes that are played while the clock of the world goes on by ``frames``."""
+def ticks_played(playback, frames):
+    """Ticks of its nodes that are played when the clock of the world has gone on by ``frames``.
+
+    They count from the frame that is shown now.
+    """
     steps = frames // playback.step_frames
     rest = frames - steps * playback.step_frames
     ticks = ticks_after(playback, steps)
     if rest > 0:
         ticks += (ticks_after(playback, steps + 1) - ticks) * rest // playback.step_frames
-    return (playback.part + ticks) // FRAME_TICKS
+    return playback.part + ticks

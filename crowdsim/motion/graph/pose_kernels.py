@@ -48,12 +48,31 @@ def _turned(angle, x, y):
     return c * x - s * y, s * x + c * y
 
 
+@helper
+def _between(a, b, part):
+    return float(a) + part * (float(b) - float(a))
+
+
+@helper
+def _rotation_between(a, b, part):
+    """The quaternion ``part`` of the way from one to another near it; of a length near 1."""
+    a0, a1, a2, a3 = float(a[0]), float(a[1]), float(a[2]), float(a[3])
+    if part <= 0.0:
+        return a0, a1, a2, a3
+    # Both signs are one rotation: take the one near the first.
+    b0, b1, b2, b3 = float(b[0]), float(b[1]), float(b[2]), float(b[3])
+    share = part if a0 * b0 + a1 * b1 + a2 * b2 + a3 * b3 >= 0.0 else -part
+    rest = 1.0 - part
+    return rest * a0 + share * b0, rest * a1 + share * b1, rest * a2 + share * b2, rest * a3 + share * b3
+
+
 @kernel
 def pose_joints(table, node, previous, frame, pose, out_positions, out_rotations):
     """World positions and rotations of all joints of A characters.
 
     node, previous: (A,) int32, the node that plays and the one before it (-1 for none).
-    frame: (A,) int32 frames into the node. pose: (A, 3) float64 world track pose at that frame.
+    frame: (A,) float64 frames into the node; between two of them poses are mixed. pose: (A, 3) float64 world track pose
+    then.
     out_positions: (A, J, 3) float32. out_rotations: (A, J, 4) float32 unit quaternions.
 
     Over the first BLEND_FRAMES frames the difference between the last pose of the node before and the first of
@@ -65,14 +84,19 @@ def pose_joints(table, node, previous, frame, pose, out_positions, out_rotations
     root = table.pool_root
     for a in range(len(node)):
         first = table.node_first[node[a]]
-        row = first + frame[a]
+        whole = int(frame[a])
+        part = frame[a] - whole
+        row = first + whole
+        # The last frame of a node has no next one.
+        after = min(row + 1, first + table.node_frames[node[a]])
         old = first
         w = 0.0
         if previous[a] >= 0 and frame[a] < BLEND_FRAMES:
             w = blend_weight(frame[a])
             old = table.node_first[previous[a]] + table.node_frames[previous[a]]
         c, s = cos_sin(pose[a, 2])
-        x, y = float(root[row, 0]), float(root[row, 1])
+        x = _between(root[row, 0], root[after, 0], part)
+        y = _between(root[row, 1], root[after, 1], part)
         if w > 0.0:
             apart = wrap_angle(_yaw(pool[old, 0]) - _yaw(pool[first, 0]))
             x, y = _turned(w * apart, x - w * root[first, 0], y - w * root[first, 1])
@@ -80,8 +104,7 @@ def pose_joints(table, node, previous, frame, pose, out_positions, out_rotations
             x += w * old_x
             y += w * old_y
         for j in range(len(table.parents)):
-            q = pool[row, j]
-            q0, q1, q2, q3 = float(q[0]), float(q[1]), float(q[2]), float(q[3])
+            q0, q1, q2, q3 = _rotation_between(pool[row, j], pool[after, j], part)
             if w > 0.0:
                 d0, d1, d2, d3 = _faded_difference(pool, old, first, j, w)
                 q0, q1, q2, q3 = _multiply(d0, d1, d2, d3, q0, q1, q2, q3)
@@ -91,7 +114,8 @@ def pose_joints(table, node, previous, frame, pose, out_positions, out_rotations
                 p1, p2 = 0.0, 0.0
                 out_positions[a, j, 0] = pose[a, 0] + c * x - s * y
                 out_positions[a, j, 1] = pose[a, 1] + s * x + c * y
-                out_positions[a, j, 2] = root[row, 2] + w * (root[old, 2] - root[first, 2])
+                z = _between(root[row, 2], root[after, 2], part)
+                out_positions[a, j, 2] = z + w * (root[old, 2] - root[first, 2])
             else:
                 r = out_rotations[a, parent]
                 p0, p1, p2, p3 = float(r[0]), float(r[1]), float(r[2]), float(r[3])

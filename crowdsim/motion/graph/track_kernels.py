@@ -53,3 +53,13 @@ def track_pose(graph, node, frame, x, y, heading, dx, dy, dheading):
     px, py, ph = compose(x, y, heading, graph.tracks[row, 0], graph.tracks[row, 1], graph.tracks[row, 2])
     w = blend_weight(frame)
     return px + w * dx, py + w * dy, wrap_angle(ph + w * dheading)
+
+
+@kernel
+def track_pose_between(graph, node, frame, part, x, y, heading, dx, dy, dheading):
+    """:func:`track_pose`, ``part`` [0, 1) of the way from ``frame`` to the next one; the last frame has no next one."""
+    ax, ay, ah = track_pose(graph, node, frame, x, y, heading, dx, dy, dheading)
+    if part <= 0.0 or frame >= graph.node_frames[node]:
+        return ax, ay, ah
+    bx, by, bh = track_pose(graph, node, frame + 1, x, y, heading, dx, dy, dheading)
+    return ax + part * (bx - ax), ay + part * (by - ay), wrap_angle(ah + part * wrap_angle(bh - ah))

@@ -136,7 +136,7 @@ def _faded_steps(graph: MotionGraph, source: Indices, edges: Indices, like: Feet
     columns = (np.repeat(c, BLEND_FRAMES + 1).astype(np.int32) for c in (target, source))
     positions = np.empty((len(pose), graph.skeleton.joint_count, 3), np.float32)
     rotations = np.empty((len(pose), graph.skeleton.joint_count, 4), np.float32)
-    pose_joints(graph.poses, *columns, frame.ravel().astype(np.int32), pose, positions, rotations)
+    pose_joints(graph.poses, *columns, frame.ravel().astype(np.float64), pose, positions, rotations)
     points = feet_of(graph.skeleton, positions.astype(np.float64), rotations.astype(np.float64), like).points
     return np.diff(points[..., :2].reshape(len(edges), BLEND_FRAMES + 1, 2, -1, 2), axis=1)
 

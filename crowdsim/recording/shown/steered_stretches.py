@@ -117,13 +117,20 @@ def _in_step(stretches: Stretches, played: Floats, since: Ints, until: Ints, rat
 
 
 def played_phases(
-    recording: RecordedTracks, levels: NDArray[np.int8], node: NDArray[np.int32], frame: NDArray[np.int16]
+    recording: RecordedTracks, levels: NDArray[np.int8], node: NDArray[np.int32], frame: NDArray[np.float32]
 ) -> Floats:
     """Phases of the frames that are played, in [0, 1) cycles and of the shape of ``node``; nan if none is."""
     motion = recording.header.motion
     captured = levels == Level.CAPTURED
-    rows = motion.node_first[np.where(captured, node, 0)].astype(np.int64) + np.where(captured, frame, 0)
-    return np.where(captured, motion.pool_phases[rows].astype(np.float64), np.nan)
+    node, frame = np.where(captured, node, 0), np.where(captured, frame, 0.0).astype(np.float64)
+    whole = np.floor(frame).astype(np.int64)
+    rows = motion.node_first[node].astype(np.int64) + whole
+    before, after = (
+        motion.pool_phases[some].astype(np.float64) for some in (rows, rows + (whole < motion.node_frames[node]))
+    )
+    # From one frame to the next a phase goes on by less than half a cycle.
+    phases = np.mod(before + (frame - whole) * (np.mod(after - before + 0.5, 1.0) - 0.5), 1.0)
+    return np.where(captured, phases, np.nan)
 
 
 def phase_advances(levels: NDArray[np.int8], phase: Floats, played: Floats, rate: int) -> Floats:

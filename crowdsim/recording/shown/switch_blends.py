@@ -178,7 +178,7 @@ class SwitchBlends:
         beside = step + 1 if step + 1 < recording.steps else step - 1
         other = recording.at_step(beside)
         ends = recording.header.motion.node_frames[frame.node[agents]]
-        way = np.where(frame.frame[agents] < ends, 1, -1)
+        way = np.where(frame.frame[agents] + 1.0 <= ends, 1, -1)
         track = np.stack([frame.x, frame.y, frame.heading], axis=1)[agents].astype(np.float64)
         moved = np.stack([other.x, other.y, other.heading], axis=1)[agents].astype(np.float64) - track
         moved[:, 2] = wrap_angle(moved[:, 2])
@@ -187,12 +187,13 @@ class SwitchBlends:
         now = self._played(*columns, frame.frame[agents], track)
         return now, self._played(*columns, frame.frame[agents] + way, track + moved), way / CAPTURE_RATE
 
-    def _played(self, node: Ints, previous: Ints, frame: Ints, track: Floats) -> Body:
+    def _played(self, node: Ints, previous: Ints, frame: Floats, track: Floats) -> Body:
         """Captured bodies in frames of nodes."""
-        columns = (np.ascontiguousarray(values, np.int32) for values in (node, previous, frame))
+        columns = (np.ascontiguousarray(values, np.int32) for values in (node, previous))
+        at = np.ascontiguousarray(frame, np.float64)
         joints = self._skeleton.joint_count
         places, world = np.empty((len(track), joints, 3), np.float32), np.empty((len(track), joints, 4), np.float32)
-        pose_joints(self._recording.pose_table, *columns, track, places, world)
+        pose_joints(self._recording.pose_table, *columns, at, track, places, world)
         turns = world.astype(np.float64)
         parents = self._skeleton.parents
         rotations = turns.copy()

@@ -57,7 +57,7 @@ USUAL_SPEED = Spread(mean=1.34, sd=0.26, min=0.5, max=2.2)
 USUAL_BREADTH = Spread(mean=0.46, sd=0.03, min=0.38, max=0.55)
 """Breadths of adults over their arms [m] (DIN 33402)."""
 
-_STEERED_KEYS = ("speed", "breadth", "delay")
+_STEERED_KEYS = ("breadth", "delay")
 
 
 class Goal(Region):
@@ -83,8 +83,9 @@ class AgentGroup(Part):
 
     ``locomotion``: captured characters play motion that is searched for each of them; steered ones decide ten times a
     second, and their bodies follow; ``auto`` ones are captured while they have room, and steered where they meet
-    others. Steered ones walk at their ``speed`` [m/s] where nothing is in their way, are ``breadth`` [m] broad, and
-    take their first step ``delay`` seconds after they came.
+    others. They walk at their ``speed`` [m/s] where nothing is in their way; captured motion is played at 0.6 to 1.15
+    of the speed that it has. Steered ones are ``breadth`` [m] broad, and take their first step ``delay`` seconds after
+    they came.
     """
 
     model_config = ConfigDict(json_schema_extra=_one_goal_and_some_agents)

@@ -19,7 +19,7 @@ def recording(tmp_path_factory):
 
 def _expected(recording, step, agent):
     motion, frame = recording.header.motion, recording.at_step(step)
-    row = motion.node_first[frame.node[agent]] + frame.frame[agent]
+    row = motion.node_first[frame.node[agent]] + int(frame.frame[agent])
     track = np.array([frame.x[agent], frame.y[agent], frame.heading[agent]], np.float64)
     root = motion.pool_root[row].astype(np.float64)
     rotations = motion.pool_rotations[row].astype(np.float64)

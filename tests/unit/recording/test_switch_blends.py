@@ -183,7 +183,7 @@ def test_gaits_come_in_step_with_nodes(recording):
     poses, motion = recording._steered_poses, recording.header.motion
     for agent, time, steered in switch_times(recording):
         step = round(time * 10)
-        played = motion.pool_phases[motion.node_first[recording.node[step, agent]] + recording.frame[step, agent]]
+        played = motion.pool_phases[motion.node_first[recording.node[step, agent]] + int(recording.frame[step, agent])]
         block = switch_blends_block(poses, step if steered else step - 1)
         body = block.tracks.bodies_at(step if steered else step - 1, np.array([agent]))[0]
         row = round((time - block.tracks.zeros[body]) * 10)

@@ -19,8 +19,17 @@ from crowdsim.crowd.state.reservation_kernels import (
 from crowdsim.crowd.state.timelines import NO_BODIES, Chain, Obstacles, Playback, Timelines
 from crowdsim.crowd.systems.animate import Playing
 from crowdsim.crowd.systems.animate_kernels import advance
+from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
 from crowdsim.navmesh.navmesh import NavMesh
-from tests.reference.crowd import FOREVER, chain_of, discs_along, frames_played, pose_at, timelines_meet, walking_graph
+from tests.reference.crowd import (
+    FOREVER,
+    chain_of,
+    discs_along,
+    pose_at,
+    ticks_one_by_one,
+    timelines_meet,
+    walking_graph,
+)
 
 GRAPH = walking_graph()
 START = np.array([0.3, -0.2, 0.4])
@@ -148,9 +157,11 @@ def test_a_chain_played_slower_or_faster_is_where_it_was_promised(step_frames: i
     assert (
         sample_chain(GRAPH, Chain(np.array(nodes, np.int32), origins, blend_offsets), 4, SIDEWAYS, 3, playback, out) > 0
     )
-    played = frames_played(playback, 60 * SLOT_FRAMES // step_frames)
+    played = ticks_one_by_one(playback, 60 * SLOT_FRAMES // step_frames)
     for k, found in enumerate(out):
-        x, y, _ = pose_at(GRAPH, nodes, origins, blend_offsets, 3 + played[k * SLOT_FRAMES // step_frames])
+        x, y, _ = pose_at(
+            GRAPH, nodes, origins, blend_offsets, 3 + played[k * SLOT_FRAMES // step_frames] / FRAME_TICKS
+        )
         assert found[:2] == pytest.approx([x, y], abs=1e-12)
     assert out[-1] == pytest.approx(out[-2], abs=0.0), "it stands in the end"
 
@@ -218,13 +229,15 @@ def test_advancing_plays_a_chain_frame_by_frame(frames: int, wanted: float) -> N
     )
     place = 0
     steps = int(GRAPH.node_frames[chain].sum() / (0.5 * frames))
-    for played in frames_played(playback, steps)[1:]:
+    for ticks in ticks_one_by_one(playback, steps)[1:]:
         if rows.next_node[0] < 0 and place + 1 < len(chain):
             place += 1
             rows.next_node[0], rows.next_origin[0] = chain[place], origins[place]
             rows.next_blend_offset[0], rows.next_cursor[0] = blend_offsets[place], place
         advance(GRAPH, playback.ramp, rows)
-        assert rows.pose[0] == pytest.approx(pose_at(GRAPH, chain, origins, blend_offsets, played), abs=1e-12)
+        assert rows.pose[0] == pytest.approx(
+            pose_at(GRAPH, chain, origins, blend_offsets, ticks / FRAME_TICKS), abs=1e-12
+        )
     assert (rows.node[0], rows.previous[0], rows.cursor[0]) == (3, 2, 2)
     assert rows.frame[0] == GRAPH.node_frames[3]
 

@@ -1,11 +1,11 @@
-"""Frames played in closed form against those summed step by step."""
+"""Ticks played in closed form against those summed step by step."""
 
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 from crowdsim.crowd.state.timelines import Playback
-from crowdsim.motion.graph.playback_kernels import FRAME_TICKS, frames_after, next_rate, ticks_after
-from tests.reference.crowd import frames_played
+from crowdsim.motion.graph.playback_kernels import FRAME_TICKS, next_rate, ticks_after, ticks_played
+from tests.reference.crowd import ticks_one_by_one
 
 rates = st.integers(0, 900)
 
@@ -14,18 +14,18 @@ rates = st.integers(0, 900)
 @example(2, 128, 76, 4, 0)
 @example(6, 384, 384, 38, 63)
 @example(1, 0, 900, 1, 0)
-def test_frames_after_some_steps_are_those_played_one_by_one(
+def test_ticks_played_after_some_steps_are_those_played_one_by_one(
     step_frames: int, rate: int, wanted: int, ramp: int, part: int
 ) -> None:
     playback = Playback(0, 12, step_frames, ramp, part, rate, wanted)
-    for steps, played in enumerate(frames_played(playback, 60)):
-        assert frames_after(playback, steps * step_frames) == played
+    for steps, played in enumerate(ticks_one_by_one(playback, 60)):
+        assert ticks_played(playback, steps * step_frames) == played
 
 
 @given(st.integers(1, 12), rates, rates, st.integers(1, 80))
-def test_between_two_steps_frames_never_go_back(step_frames: int, rate: int, wanted: int, ramp: int) -> None:
+def test_between_two_steps_nobody_goes_back(step_frames: int, rate: int, wanted: int, ramp: int) -> None:
     playback = Playback(0, 12, step_frames, ramp, 0, rate, wanted)
-    played = [frames_after(playback, frames) for frames in range(20 * step_frames)]
+    played = [ticks_played(playback, frames) for frames in range(20 * step_frames)]
     assert played == sorted(played)
 
 

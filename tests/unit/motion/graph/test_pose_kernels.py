@@ -26,8 +26,9 @@ def graph() -> MotionGraph:
 def pose(graph: MotionGraph, node: object, previous: object, frame: object, at: np.ndarray) -> tuple:
     count, joints = len(at), graph.skeleton.joint_count
     positions, rotations = np.zeros((count, joints, 3), np.float32), np.zeros((count, joints, 4), np.float32)
-    columns = [np.broadcast_to(np.asarray(c, np.int32), (count,)).copy() for c in (node, previous, frame)]
-    pose_joints(graph.poses, *columns, np.ascontiguousarray(at, np.float64), positions, rotations)
+    columns = [np.broadcast_to(np.asarray(c, np.int32), (count,)).copy() for c in (node, previous)]
+    shown = np.broadcast_to(np.asarray(frame, np.float64), (count,)).copy()
+    pose_joints(graph.poses, *columns, shown, np.ascontiguousarray(at, np.float64), positions, rotations)
     return positions, rotations
 
 
@@ -36,7 +37,8 @@ def test_kernel_equals_the_slow_twin(graph: MotionGraph) -> None:
     n = graph.report.nodes
     for _ in range(40):
         node, previous = int(rng.integers(n)), int(rng.integers(-1, n))
-        frame = int(rng.integers(0, min(30, graph.arrays.node_frames[node] + 1)))
+        last = min(30, int(graph.arrays.node_frames[node]))
+        frame = float(rng.choice([rng.integers(0, last + 1), rng.uniform(0.0, last)]))
         at = rng.normal(size=3)
         positions, rotations = pose(graph, node, previous, frame, at[None])
         expected, turned = pose_one(graph.poses, node, previous, frame, at, blend_weight(frame))
