@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-import secrets
+import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -39,12 +39,12 @@ def whole_file(path: str | os.PathLike[str], suffixes: Sequence[str], what: str)
         raise CrowdSimError(f"cannot write {file}: it is no regular file; choose another name")
     if not file.parent.is_dir():
         raise CrowdSimError(f"the folder {file.parent} does not exist; make it first")
-    written = file.with_name(f".{file.stem}-{secrets.token_hex(6)}{file.suffix}")
+    handle, written = tempfile.mkstemp(suffix=file.suffix, prefix=f".{file.stem}-", dir=file.parent)
+    os.close(handle)
     try:
-        os.close(os.open(written, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
-        yield written
+        yield Path(written)
         os.chmod(written, 0o644)
         os.replace(written, file)
     except BaseException:
-        written.unlink(missing_ok=True)
+        Path(written).unlink(missing_ok=True)
         raise

@@ -96,18 +96,21 @@ def check(
     """Report everything that is wrong with a scenario, without running it."""
     from dataclasses import asdict
 
+    from crowdsim.cli.progress import progress_bar
     from crowdsim.scenario.check import check_scenario
     from crowdsim.scenario.loader import load_scenario
 
     try:
-        loaded = load_scenario(scenario, overrides or [])
+        with progress_bar() as bar:
+            bar.add_task(f"{scenario}: reading", total=None)  # files of thousands of parts take a while
+            loaded = load_scenario(scenario, overrides or [])
+            warnings, notes = check_scenario(loaded), loaded.environment.report
     except CrowdSimError as error:
         if not as_json:
             raise
         problems = [asdict(problem) for problem in getattr(error, "problems", ())] or [{"message": str(error)}]
         typer.echo(json.dumps({"ok": False, "errors": problems, "warnings": [], "notes": []}))
         raise typer.Exit(error.exit_code) from None
-    warnings, notes = check_scenario(loaded), loaded.environment.report
     if picture is not None:
         _draw(loaded, picture)
     if as_json:

@@ -74,7 +74,8 @@ class CheckedColumn:
         except (OSError, RuntimeError, MemoryError) as error:
             raise RecordingError(f"{self._path} is damaged: steps/{self._name} ({error}); {AGAIN}") from None
         low, high = self._range
-        if np.size(values) and (np.min(values) < low or np.max(values) > high):
+        counts = np.isfinite([low, high]).all()  # what counts something is never nan
+        if counts and np.size(values) and not (np.min(values) >= low and np.max(values) <= high):
             raise RecordingError(
                 f"{self._path} is damaged: steps/{self._name} holds values beyond {low:g} to {high:g}; {AGAIN}"
             )
@@ -94,11 +95,16 @@ def column_ranges(header: RecordingHeader) -> dict[str, tuple[float, float]]:
 
 
 def check_frames(path: Path, motion: MotionRecord, frame: RecordedFrame) -> None:
-    """RecordingError for a frame that a node does not have."""
+    """RecordingError for a frame that a node does not have, and for agents who are present but nowhere."""
     node = np.asarray(frame.node)
-    played = (node != NONE) & (np.asarray(frame.state) != AgentState.ABSENT)
+    present = np.asarray(frame.state) != AgentState.ABSENT
+    somewhere = np.isfinite(frame.x) & np.isfinite(frame.y) & np.isfinite(frame.heading)
+    if (present & ~somewhere).any():
+        agent = int(np.flatnonzero(present & ~somewhere)[0])
+        raise RecordingError(f"{path} is damaged: agent {agent} is present, but at no place; {AGAIN}")
+    played = (node != NONE) & present
     shown = np.asarray(frame.frame)
-    over = played & ((shown < 0) | (shown > np.append(motion.node_frames, 0)[node]))
+    over = played & ~((shown >= 0) & (shown <= np.append(motion.node_frames, 0)[node]))
     if over.any():
         agent = int(np.flatnonzero(over)[0])
         raise RecordingError(f"{path} is damaged: agent {agent} plays a frame that its node does not have; {AGAIN}")

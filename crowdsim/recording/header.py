@@ -16,7 +16,7 @@ from crowdsim.motion.clips.skeleton import Skeleton
 FORMAT_NAME = "crowdsim-recording"
 FORMAT_VERSION = 3
 """1: captured agents. 2: steered agents, too: the column ``phase`` and gaits; columns that nobody needs are left out.
-3: ``frame`` may lie between two frames.
+3: ``frame`` may lie between two frames; the place of who is absent is nan.
 
 Readers refuse files of a higher version; raise it when a field changes its meaning or goes away."""
 
