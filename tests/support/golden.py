@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import h5py
+import numpy as np
 
 from crowdsim.bench.plans.planner_comparison import ground_of, random_queries
 from crowdsim.crowd.simulation import Simulation
@@ -73,6 +74,8 @@ def _content(file: Path) -> str:
     def add(name: str, item: Any) -> None:
         if isinstance(item, h5py.Dataset) and name not in ("summary", "scenario/text"):
             value = item[()]
+            if name in ("steps/x", "steps/y", "steps/heading"):
+                value = np.nan_to_num(value, nan=0.0)  # who is absent is nowhere; figures are of when it was 0
             digest.update(name.encode())
             digest.update(repr(value).encode() if item.dtype == object else value.tobytes())
 
