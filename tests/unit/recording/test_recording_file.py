@@ -325,3 +325,14 @@ def test_a_change_of_what_the_header_does_not_list_is_refused(path):
         with pytest.raises(RecordingError, match="movable 0, but the header lists 0"):
             writer.add_change(0, None)
         writer.finish({})
+
+
+@pytest.mark.parametrize(("column", "message"), [("x", "agent 0 is present, but at no place"), ("frame", "beyond")])
+def test_numbers_that_are_none_are_damage(path, column, message):
+    write_small_recording(path, steps=10)
+    with h5py.File(path, "r+") as file:
+        file[f"steps/{column}"][5, 0] = np.nan
+    with Recording.open(path) as recording:
+        recording.at_step(4)
+        with pytest.raises(RecordingError, match=message):
+            recording.at_step(5)
