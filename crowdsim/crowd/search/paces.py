@@ -14,7 +14,11 @@ from crowdsim.geometry.elementary import hypot
 _STEADY = 0.7
 """Share of the natural speed from which a node shows somebody who walks, and neither sets off nor comes to rest."""
 
+_WINDOW = 4
+"""Nodes over which a character has its own speed: two strides or more."""
+
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
 class Paces:
@@ -51,13 +55,26 @@ class Paces:
         self._steady = self._preferred & (self._lengths >= _STEADY * natural_speed * self._seconds)
         self.speeds = np.clip(speeds, SLOWEST * natural_speed, FASTEST * natural_speed)
 
-    def rate_of(self, agent: int, plan: MotionPlan) -> int:
-        """Ticks a step at which a character plays a plan, so that it has its own speed where it walks on steadily."""
+    def rates_of(self, agent: int, plan: MotionPlan) -> Ints:
+        """Ticks a step at which a character plays each node of a plan (P,).
+
+        It has its own speed on average over that node and the next ones in which somebody walks on steadily, which may
+        have been captured at different speeds.
+        """
         speed = float(self.speeds[agent])
         if np.isnan(speed):
-            return self._natural_rate
-        nodes = plan.nodes[self._steady[plan.nodes]]
-        natural = self._natural_speed
-        if len(nodes):
-            natural = float(self._lengths[nodes].sum() / self._seconds[nodes].sum())
-        return round(min(speed / natural, FASTEST) * self._natural_rate)
+            return np.full(plan.count, self._natural_rate, np.int64)
+        steady = self._steady[plan.nodes]
+        lengths = _over_next(np.where(steady, self._lengths[plan.nodes], 0.0))
+        seconds = _over_next(np.where(steady, self._seconds[plan.nodes], 0.0))
+        natural = np.full(plan.count, self._natural_speed)
+        np.divide(lengths, seconds, out=natural, where=seconds > 0.0)
+        rates: Ints = np.rint(np.minimum(speed / natural, FASTEST) * self._natural_rate).astype(np.int64)
+        return rates
+
+
+def _over_next(values: Floats) -> Floats:
+    """Sums of each of some values (P,) and the next ones, _WINDOW of them."""
+    padded = np.concatenate([values, np.zeros(_WINDOW - 1)])
+    sums: Floats = np.lib.stride_tricks.sliding_window_view(padded, _WINDOW).sum(axis=1)
+    return sums

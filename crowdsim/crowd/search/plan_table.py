@@ -19,7 +19,7 @@ class PlanTable(NamedTuple):
     """A row for each of n characters, whether in the world or not."""
 
     places: NDArray[np.int64]
-    """(n, 3) addresses of the nodes, origins and blend offsets of its plan; the plan keeps these arrays alive."""
+    """(n, 4) addresses of the nodes, origins, blend offsets and rates of its plan; these arrays are kept alive."""
     nodes: NDArray[np.int32]
     """(n,) how many nodes it has, NONE without a plan."""
     first_pass: NDArray[np.int32]
@@ -29,20 +29,22 @@ class PlanTable(NamedTuple):
     arrives: NDArray[np.bool_]
     """(n,)"""
     rates: NDArray[np.int64]
-    """(n,) ticks a step at which it is played where nothing is in the way."""
+    """(n,) ticks a step at which its first node is played where nothing is in the way."""
 
 
 class Motions(MutableMapping[int, MotionPlan]):
     """The plan of every character that has one, each also in a row of ``table``.
 
-    natural_rate: ticks a step of those that have none. rate_of: ticks a step at which a character plays a plan.
+    natural_rate: ticks a step of those that have none. rates_of: ticks a step at which a character plays each node of a
+    plan where nothing is in its way (P,) int64.
     """
 
-    def __init__(self, count: int, natural_rate: int, rate_of: Callable[[int, MotionPlan], int]) -> None:
-        self._rate_of = rate_of
+    def __init__(self, count: int, natural_rate: int, rates_of: Callable[[int, MotionPlan], NDArray[np.int64]]) -> None:
+        self._rates_of = rates_of
+        self._rates: dict[int, NDArray[np.int64]] = {}
         self._plans: dict[int, MotionPlan] = {}
         self.table = PlanTable(
-            np.zeros((count, 3), np.int64),
+            np.zeros((count, 4), np.int64),
             np.full(count, NONE, np.int32),
             np.full(count, NO_PASS, np.int32),
             np.zeros(count, np.int32),
@@ -65,14 +67,15 @@ class Motions(MutableMapping[int, MotionPlan]):
         for array, dtype in zip(arrays, (np.int32, np.float64, np.float64), strict=True):
             if array.dtype != dtype or not array.flags.c_contiguous:
                 raise TypeError(f"kernels read plans of contiguous arrays of int32 and float64, not {array.dtype}")
-        self._plans[agent] = plan
+        self._plans[agent], self._rates[agent] = plan, self._rates_of(agent, plan)
+        arrays.append(self._rates[agent])
         table.places[agent] = [array.__array_interface__["data"][0] for array in arrays]
         table.nodes[agent] = plan.count
         table.first_pass[agent] = min(plan.passes, default=NO_PASS)
         table.passes[agent] = len(plan.passes)
         table.arrives[agent] = plan.arrives
-        table.rates[agent] = self._rate_of(agent, plan)
+        table.rates[agent] = self._rates[agent][0] if plan.count else table.rates[agent]
 
     def __delitem__(self, agent: int) -> None:
-        del self._plans[agent]
+        del self._plans[agent], self._rates[agent]
         self.table.nodes[agent] = NONE

@@ -94,7 +94,7 @@ class Plans:
         self.looked_around = np.full(count, _LONG_AGO, np.int64)
         self.paces = Paces(self.assets, count)
         natural = Playback.natural(0, self.assets.frames_per_step).rate
-        self.motions = Motions(count, natural, self.paces.rate_of)
+        self.motions = Motions(count, natural, self.paces.rates_of)
 
     def rank(self, agent: int) -> int:
         """Who sets out now for its goal comes behind all who did before, and those of lower numbers."""

@@ -67,6 +67,12 @@ def plan_of(table, agent):
     )
 
 
+@helper
+def rates_of(table, agent):
+    """Ticks a step (n,) of the nodes of the plan of a character where nothing is in its way."""
+    return array_at(table.places[agent][3], (np.int64(table.nodes[agent]),), np.int64)
+
+
 @kernel
 def frame_of(graph, rows, row, playback):
     """The frame of its node that a row goes on from, and whether it leaves its node in this step.
@@ -197,7 +203,7 @@ def reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, play
     leaves = leaves and is_last(table, errands, agent) and not rows.stays[row]
     taken = 0
     gone = np.int64(0)
-    own_rate = np.int64(table.rates[agent])
+    own_rate = rates_of(table, agent)[following]
     mine = playback_of(graph, rows, row, playback, own_rate)
     for wanted in (own_rate, min(slowest(playback), own_rate)):
         mine = playback_of(graph, rows, row, playback, wanted)

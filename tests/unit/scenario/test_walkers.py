@@ -9,6 +9,7 @@ from scipy import stats
 from crowdsim.errors import ScenarioError
 from crowdsim.scenario.draws import draw_spread
 from crowdsim.scenario.loader import parse_scenario
+from crowdsim.scenario.placement import place_agents
 from crowdsim.scenario.schema.spreads import Spread
 from crowdsim.scenario.walkers import draw_walkers
 from tests.support.steered_scenes import steered_scene
@@ -94,12 +95,19 @@ def test_what_cannot_be_is_refused_with_its_place(keys: str, message: str) -> No
         parse_scenario(steered_scene(f"{GROUP.format(count=3)}, {keys}", floor=FLOOR))
 
 
-def test_captured_characters_have_no_such_keys() -> None:
+def test_captured_characters_are_neither_broader_nor_later() -> None:
+    for key in ("breadth", "delay"):
+        text = steered_scene(GROUP.format(count=3) + f", {key}: 0.5", floor=FLOOR).replace("steered,", "captured,")
+        with pytest.raises(
+            ScenarioError, match=f"'{key}' is about steered characters; give 'locomotion: auto' or 'steered'"
+        ):
+            parse_scenario(text)
+
+
+def test_captured_characters_have_a_speed_if_they_are_given_one() -> None:
     text = steered_scene(GROUP.format(count=3) + ", speed: 1", floor=FLOOR).replace("steered,", "captured,")
-    with pytest.raises(
-        ScenarioError, match="'speed' is about steered characters; give 'locomotion: auto' or 'steered'"
-    ):
-        parse_scenario(text)
+    assert place_agents(parse_scenario(text), 0.4).speeds.tolist() == [1.0, 1.0, 1.0]
+    assert np.isnan(place_agents(parse_scenario(text.replace(", speed: 1", "")), 0.4).speeds).all()
 
 
 def test_groups_of_all_kinds_meet_at_the_rate_of_steering() -> None:

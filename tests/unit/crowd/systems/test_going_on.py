@@ -80,8 +80,9 @@ def plan(count: int, passes: tuple[int, ...] = (), arrives: bool = True) -> Moti
 
 
 def test_the_table_follows_what_becomes_of_plans() -> None:
-    motions = Motions(3)
+    motions = Motions(3, 128, lambda agent, plan: np.full(plan.count, 100 + 10 * agent + plan.count))
     table = motions.table
+    assert table.rates.tolist() == [128, 128, 128]
     assert table.nodes.tolist() == [-1, -1, -1]
     motions[1] = plan(5, passes=(2, 4))
     motions[2] = plan(3, arrives=False)
@@ -89,6 +90,7 @@ def test_the_table_follows_what_becomes_of_plans() -> None:
     assert table.first_pass.tolist() == [NO_PASS, 2, NO_PASS]
     assert table.passes.tolist() == [0, 2, 0]
     assert table.arrives.tolist() == [False, True, False]
+    assert table.rates.tolist() == [128, 115, 123]
     assert table.places[1, 0] == motions[1].nodes.ctypes.data
     motions[1] = motions[1].until(1)
     assert table.nodes[1] == 2
@@ -100,7 +102,7 @@ def test_the_table_follows_what_becomes_of_plans() -> None:
 
 def test_a_table_takes_no_plan_that_kernels_cannot_read() -> None:
     wrong = plan(4)
-    motions = Motions(1)
+    motions = Motions(1, 128, lambda agent, plan: np.full(plan.count, 128))
     for nodes in (wrong.nodes.astype(np.int64), np.arange(8, dtype=np.int32)[::2]):
         with pytest.raises(TypeError, match="contiguous arrays of int32"):
             motions[0] = MotionPlan(wrong.route, 0, wrong.departure, nodes, wrong.origins, wrong.blend_offsets, True)
