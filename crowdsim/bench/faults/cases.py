@@ -217,8 +217,8 @@ obstacles:
   - {name: crate, box: {center: [8, 5], size: [0.8, 0.6]}, top: 0.9}
 agents:
   - {name: auto, count: 2, start: {rectangle: [0.5, 0.5, 2, 5]}, goal: {rectangle: [8.5, 0.5, 9.5, 3]}}
-  - {name: steered, locomotion: steered, count: 3, start: {rectangle: [2.5, 0.5, 4, 5]}, goal: {rectangle: [6.5, 2.2, 9.6, 4.4]},
-     on_arrival: stay}
+  - {name: steered, locomotion: steered, count: 3, start: {rectangle: [2.5, 0.5, 4, 5]},
+     goal: {rectangle: [6.5, 2.2, 9.6, 4.4]}, on_arrival: stay}
 events:
   - {at: 1, move: {name: crate, by: [0.5, -0.3], rotation: 30}}
   - {at: 2, insert: {name: barrel, cylinder: {center: [7, 1], radius: 0.3}, top: 1.1}}

@@ -88,15 +88,10 @@ class AgentGroup(Part):
 
     ``locomotion``: captured characters play motion that is searched for each of them; steered ones decide ten times a
     second, and their bodies follow; ``auto`` ones are captured while they have room, and steered where they meet
-<<<<<<< HEAD
     others. They walk at their ``speed`` [m/s] where nothing is in their way; captured motion is played at 0.6 to 1.15
     of the speed that it has. Steered ones are ``breadth`` [m] broad, and take their first step ``delay`` seconds after
-    they came.
-=======
-    others. Steered ones walk at their ``speed`` [m/s] where nothing is in their way, are ``breadth`` [m] broad, and
-    take their first step ``delay`` seconds after they came. ``attributes`` are said of them for statistics, recordings
-    and pictures; nobody walks otherwise because of them.
->>>>>>> 8d5006f0a1ee2ef9553bf9ab3376f7b1f8963b46
+    they came. ``attributes`` are said of them for statistics, recordings and pictures; nobody walks otherwise because
+    of them.
     """
 
     model_config = ConfigDict(json_schema_extra=_one_goal_and_some_agents)
