@@ -29,7 +29,7 @@ def play(
     view: Annotated[str, typer.Option("--view", help="overview, top, or follow, which needs --agent.")] = "overview",
     agent: Annotated[int | None, typer.Option("--agent", min=0, help="Character to follow.")] = None,
     color: Annotated[
-        str, typer.Option("--color", help="What shirts show: behavior, agent, or level (captured, steered).")
+        str, typer.Option("--color", help="What shirts show: behavior, agent, level, or an attribute of the scenario.")
     ] = "behavior",
     size: Annotated[
         str | None,

@@ -5,16 +5,20 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 
 from crowdsim.crowd.captured_crowd import CapturedCrowd
 from crowdsim.crowd.crowd import Crowd
 from crowdsim.crowd.mixed.mixed_crowd import MixedCrowd
+from crowdsim.crowd.report.attribute_statistics import AttributeStatistics
 from crowdsim.crowd.report.measured_places import MeasuredPlaces
+from crowdsim.crowd.report.party_statistics import PartyStatistics
 from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
 from crowdsim.errors import CrowdSimError
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.writer import RecordingWriter
+from crowdsim.scenario.attributes import Values, draw_attributes
 from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.timetable import Placing, placed
 
@@ -47,6 +51,11 @@ class Simulation:
     def arrived(self) -> int:
         """Characters that reached their goal so far."""
         return self.crowd.arrived
+
+    @cached_property
+    def attributes(self) -> dict[str, Values]:
+        """What the scenario says of the characters, (n,) each: numbers or words by name."""
+        return draw_attributes(self.scenario)
 
     @property
     def finished(self) -> bool:
@@ -87,6 +96,8 @@ class Simulation:
         with self, RecordingWriter(output, crowd.header(self.scenario)) as writer:
             before: list[Placing | None] = [None] * len(self.scenario.environment.timetable.movables)
             places = MeasuredPlaces(self.scenario)
+            parties = PartyStatistics(self.scenario)
+            told = AttributeStatistics(self.attributes, rate, self.scenario.span)
             started = time.perf_counter()
             while not self.finished:
                 crowd.advance()
@@ -97,11 +108,18 @@ class Simulation:
                 writer.append(frame, crowd.hash)
                 crowd.measure(frame)
                 places.add(frame)
+                parties.add(frame)
+                told.add(frame)
                 crowd.end_step()
                 if progress is not None:
                     progress(self.step_count, self.step_limit, self)
             seconds = time.perf_counter() - started
-            measures = {**places.summary(), "real_time_factor": self.step_count / rate / seconds}
+            measures = {
+                **places.summary(),
+                "together": parties.summary(),
+                "attributes": told.summary(),
+                "real_time_factor": self.step_count / rate / seconds,
+            }
             writer.finish({**crowd.summary(), **measures}, places.measured())
         return Recording.open(Path(output))
 

@@ -139,6 +139,78 @@ def scatter_spots(
     return spots[len(taken) : filled]
 
 
+def scatter_parties(
+    region: Polygon | Point,
+    room: MultiPolygon,
+    count: int,
+    together: int,
+    distance: float,
+    taken: NDArray[np.float64],
+    generator: np.random.Generator,
+) -> NDArray[np.float64]:
+    """:func:`scatter_spots` with each ``together`` spots, one after the other, beside each other.
+
+    ``distance`` [m] is above 0. The spots of a party lie within a disc that they fill by half or less.
+    """
+    if together == 1 or isinstance(region, Point):
+        return scatter_spots(region, room, count, distance, taken, generator)
+    area = polygons_only(region & room)
+    shapely.prepare(area)
+    crowd, draws = Spots(distance), _Sampler(region, room, generator).draws()
+    for x, y in taken.reshape(-1, 2).tolist():
+        crowd.take(x, y)
+    reach = distance * (0.6 + math.sqrt(together))
+    spots: list[tuple[float, float]] = []
+    for first in range(0, count, together):
+        size = min(together, count - first)
+        for _ in range(_TRIES):
+            party = _party_around(next(draws), size, reach, area, crowd, generator)
+            if len(party) == size:
+                spots += party
+                break
+            for spot in party:
+                crowd.leave(*spot)
+        else:
+            break
+    return np.array(spots, np.float64).reshape(-1, 2)
+
+
+def _party_around(
+    middle: tuple[float, float],
+    size: int,
+    reach: float,
+    area: MultiPolygon,
+    crowd: Spots,
+    generator: np.random.Generator,
+) -> list[tuple[float, float]]:
+    """Take spots in an area for a party, the first one in the middle, the others within ``reach`` of it."""
+    if not crowd.take(*middle):
+        return []
+    party = [middle]
+    around = reach * (2.0 * generator.random((_BATCH, 2)) - 1.0)
+    near = middle + around[(around * around).sum(axis=1) <= reach * reach]
+    for x, y in near[shapely.contains_xy(area, near)].tolist():
+        if len(party) < size and crowd.take(x, y):
+            party.append((x, y))
+    return party
+
+
+def gathered(spots: NDArray[np.float64], together: int) -> NDArray[np.float64]:
+    """The same spots (n, 2), so ordered that each ``together``, one after the other, lie beside each other.
+
+    Each party takes the first spot that is left, and those nearest to it of the few around.
+    """
+    around = cKDTree(spots).query(spots, k=min(len(spots), 4 * together + 8))[1].reshape(len(spots), -1)
+    left = np.ones(len(spots), np.bool_)
+    order: list[int] = []
+    for first in range(len(spots)):
+        if left[first]:
+            party = [spot for spot in around[first].tolist() if left[spot]][:together]
+            left[party] = False
+            order += party
+    return spots[order]
+
+
 def arrange_spots(
     region: Polygon,
     room: MultiPolygon,
@@ -211,3 +283,7 @@ class Spots:
                         return False
         self.cells[(column, row)].append((x, y))
         return True
+
+    def leave(self, x: float, y: float) -> None:
+        """Give back a spot that was taken."""
+        self.cells[(math.floor(x / self.distance), math.floor(y / self.distance))].remove((x, y))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +23,10 @@ LEVEL_COLORS = {Level.CAPTURED: "#2f8f6b", Level.STEERED: "#d2882b"}
 """Shirts of characters who are colored by level."""
 _LEVELS = Level.STEERED, Level.CAPTURED
 
+_SCALE = np.array([[38, 70, 120], [42, 140, 140], [120, 190, 90], [250, 220, 60]], np.float64)
+"""Colors from the least number of an attribute to the greatest."""
+_NO_ATTRIBUTE = np.array([150, 150, 150], np.uint8)
+
 _SHADOW_SIDES = 20
 _SHADOW_HEIGHT = 0.008
 
@@ -39,6 +45,26 @@ def distinct_colors(count: int) -> Colors:
     channel = np.clip(np.abs(np.mod(hue * 6.0 + np.array([0.0, 4.0, 2.0]), 6.0) - 3.0) - 1.0, 0.0, 1.0)
     colors: NDArray[np.uint8] = (255.0 * (0.28 + 0.54 * channel)).astype(np.uint8)
     return colors
+
+
+def attribute_colors(values: NDArray[Any]) -> tuple[Colors, list[tuple[str, str]]]:
+    """(n, 3) colors of an attribute, and the legend: words or numbers with ``#rrggbb``; gray for who has none."""
+    if np.issubdtype(values.dtype, np.number):
+        given = values[~np.isnan(values)]
+        low, high = (float(given.min()), float(given.max())) if len(given) else (0.0, 0.0)
+        at = (np.nan_to_num(values, nan=low) - low) / (high - low if high > low else 1.0)
+        colors = np.stack([np.interp(at, np.linspace(0.0, 1.0, len(_SCALE)), channel) for channel in _SCALE.T], axis=1)
+        colors[np.isnan(values)] = _NO_ATTRIBUTE
+        ends = [(low, _SCALE[0])] if low == high else [(low, _SCALE[0]), (high, _SCALE[-1])]
+        return colors.astype(np.uint8), [(f"{value:g}", _hex(color)) for value, color in ends]
+    words = np.unique(values[values != ""])
+    palette = np.concatenate([distinct_colors(len(words)), _NO_ATTRIBUTE[None]])
+    which = np.where(values == "", len(words), np.searchsorted(words, values))
+    return palette[which], [(str(word), _hex(color)) for word, color in zip(words, palette, strict=False)]
+
+
+def _hex(color: NDArray[Any]) -> str:
+    return "#" + "".join(f"{int(channel):02x}" for channel in color)
 
 
 class CrowdMesh:
@@ -61,6 +87,10 @@ class CrowdMesh:
         self.colors = np.zeros((count, size, 3), np.uint8)
         self._color_by = color_by
         self._looks = _looks(recording.agent_count)
+        self.legend: list[tuple[str, str]] = []
+        if color_by in recording.header.agents.attributes:
+            shirts, self.legend = attribute_colors(recording.header.agents.attributes[color_by])
+            self._looks[:, Tissue.SHIRT] = shirts
         self._behaviors = np.array([hex_color(behavior.color) for behavior in recording.header.behaviors])
         angle = 2.0 * np.pi * np.arange(_SHADOW_SIDES) / _SHADOW_SIDES
         rim = np.stack([np.cos(angle), np.sin(angle)], axis=1)

@@ -46,8 +46,9 @@ class Scene:
         supersample: int = 1,
         interactive: bool = False,
     ) -> None:
-        if color_by not in COLORINGS:
-            raise CrowdSimError(f"characters cannot be colored by '{color_by}'; choose one of {', '.join(COLORINGS)}")
+        colorings = (*COLORINGS, *recording.header.agents.attributes)
+        if color_by not in colorings:
+            raise CrowdSimError(f"characters cannot be colored by '{color_by}'; choose one of {', '.join(colorings)}")
         if min(size) < 16 or max(size) * supersample > 16384:
             raise CrowdSimError(f"a picture of {size[0]}x{size[1]} cannot be drawn; choose sides of 16 to 8192 pixels")
         self._pv = load_pyvista(interactive)
@@ -198,7 +199,7 @@ class Scene:
     def _write_legend(self, color_by: str) -> None:
         size = round(11 * self._scale)
         left, line = 18.0 * self._scale, 26.0 * self._scale
-        legend: list[tuple[str, str]] = []
+        legend = self._crowd.legend
         if color_by == "behavior":
             legend = [(behavior.name.replace("_", " "), behavior.color) for behavior in self.recording.header.behaviors]
         elif color_by == "level":

@@ -24,8 +24,8 @@ def shot(
 ) -> Path:
     """Write a picture (PNG or JPEG) of ``recording`` at ``time`` seconds, by default at a telling moment.
 
-    view: ``overview``, ``top`` or ``follow``, which needs an ``agent``. color_by: ``behavior``, ``agent`` or
-    ``level`` (captured, steered).
+    view: ``overview``, ``top`` or ``follow``, which needs an ``agent``. color_by: ``behavior``, ``agent``,
+    ``level`` (captured, steered), or the name of an attribute.
     Raises CrowdSimError for a view, time, size or file that cannot be, DrawingUnavailable where nothing can draw.
     """
     from PIL import Image

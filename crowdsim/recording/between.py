@@ -7,13 +7,18 @@ from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE
 from crowdsim.geometry.planar import wrap_angle
-from crowdsim.recording.header import AgentState, RecordedFrame
+from crowdsim.recording.header import AgentState, Ends, RecordedFrame
 
 
 def frame_between(
-    old: RecordedFrame, new: RecordedFrame, share: float, node_frames: NDArray[np.int32], steps_per_second: int
+    old: RecordedFrame,
+    new: RecordedFrame,
+    share: float,
+    node_frames: NDArray[np.int32],
+    steps_per_second: int,
+    ends: Ends | None = None,
 ) -> RecordedFrame:
-    """The frame ``share`` (0, 1) of a step from ``old`` to ``new``."""
+    """The frame ``share`` (0, 1) of a step from ``old`` to ``new``; ``ends`` of a periodic floor are walked across."""
     natural = CAPTURE_RATE // steps_per_second
     last = np.append(node_frames, 0)[old.node]
     # Nodes may be played slower or faster. Who leaves an idle node skips what is left of it.
@@ -25,8 +30,11 @@ def frame_between(
     both = moving & (new.state != AgentState.ABSENT)
 
     turn = wrap_angle(new.heading - old.heading)
-    x = np.where(both, old.x + share * (new.x - old.x), old.x)
-    y = np.where(both, old.y + share * (new.y - old.y), old.y)
+    ways = [new.x - old.x, new.y - old.y]
+    if ends is not None:
+        ways[ends.axis] = ends.shorter(ways[ends.axis])
+    x = np.where(both, old.x + share * ways[0], old.x)
+    y = np.where(both, old.y + share * ways[1], old.y)
     heading = np.where(both, old.heading + share * turn, old.heading)
     phase = np.where(both & np.isfinite(new.phase), old.phase + share * (new.phase - old.phase), old.phase)
 

@@ -145,6 +145,12 @@ def check_header(header: RecordingHeader) -> None:
             if values.shape != shape:
                 raise RecordingError(f"{part}.{name} has shape {values.shape}, not {shape}")
             _require(np.issubdtype(values.dtype, np.number), f"{part}.{name} holds {values.dtype}, no numbers")
+    if header.ends is not None:
+        axis, low, high = header.ends
+        fits = axis in (0, 1) and bool(np.isfinite([low, high]).all()) and high - low > 0.0
+        _require(fits, f"ends {tuple(header.ends)} are not an axis, 0 or 1, with a lower and a higher end")
+    for name, values in header.agents.attributes.items():
+        _require(np.shape(values) == (count,), f"agents.attributes.{name} has shape {np.shape(values)}, not {(count,)}")
     for behavior in header.behaviors:
         if len(behavior.radii) != len(header.layers):
             raise RecordingError(

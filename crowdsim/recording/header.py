@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, NamedTuple
@@ -73,7 +73,8 @@ class AgentsRecord:
     """The N agents of a run, which stay the same from its first step to its last.
 
     groups: N group names. start_times: (N,) seconds. starts: (N, 3) x, y, heading. goals: (N, 2).
-    radii: (N,) meters, the planned radius of the body on its narrowest layer.
+    radii: (N,) meters, the planned radius of the body on its narrowest layer. attributes: by name, (N,) float64 with
+    nan for agents without it, or (N,) texts that are empty for them.
     """
 
     groups: Sequence[str]
@@ -81,6 +82,7 @@ class AgentsRecord:
     starts: NDArray[np.float64]
     goals: NDArray[np.float64]
     radii: NDArray[np.float64]
+    attributes: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
     @property
     def count(self) -> int:
@@ -129,12 +131,31 @@ class MotionRecord:
         return len(self.node_names) > 0 and len(self.gaits) > 0
 
 
+class Ends(NamedTuple):
+    """Where a floor without ends begins again along an ``axis``, 0 for x and 1 for y: ``high`` is ``low`` [m]."""
+
+    axis: int
+    low: float
+    high: float
+
+    def shorter(self, ways: NDArray[Any]) -> NDArray[Any]:
+        """Ways along the axis from one place to another as they are, or across the ends where that is shorter [m]."""
+        span = self.high - self.low
+        return np.asarray(ways - np.rint(ways / span) * span)
+
+    def inside(self, places: NDArray[Any]) -> NDArray[Any]:
+        """Places along the axis from the low end to the high one [m]."""
+        span = self.high - self.low
+        return np.asarray(places - np.floor((places - self.low) / span) * span)
+
+
 @dataclass(frozen=True)
 class RecordingHeader:
     """Everything but the steps; ``floor`` is the walkable outline as WKT.
 
     solids, meshes: what stands all the time. movables: what comes, moves or goes, as it is drawn in the scenario;
-    where it is when, :class:`MovableChange` says.
+    where it is when, :class:`MovableChange` says. ends: of a periodic floor; who leaves it there comes in at the other
+    end in the same step.
     """
 
     scenario_name: str
@@ -149,6 +170,7 @@ class RecordingHeader:
     motion: MotionRecord
     movables: Sequence[SolidRecord] = ()
     meshes: Sequence[MeshRecord] = ()
+    ends: Ends | None = None
 
 
 class RecordedFrame(NamedTuple):

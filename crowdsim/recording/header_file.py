@@ -5,14 +5,17 @@ from __future__ import annotations
 import platform
 from collections.abc import Sequence
 from importlib.metadata import version
+from typing import Any
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.recording.header import (
     AgentsRecord,
     BehaviorRecord,
+    Ends,
     GaitRecord,
     LayerRecord,
     MeshRecord,
@@ -61,6 +64,8 @@ def write_header(file: h5py.File, header: RecordingHeader) -> None:
     scenario.attrs["name"] = header.scenario_name
     scenario.attrs["seed"] = header.seed
     scenario.attrs["steps_per_second"] = header.steps_per_second
+    if header.ends is not None:
+        scenario.attrs["ends"] = np.array(header.ends, np.float64)
     scenario.create_dataset("text", data=header.scenario_text, dtype=_STRINGS)
 
     layers = file.create_group("layers")
@@ -93,6 +98,12 @@ def write_header(file: h5py.File, header: RecordingHeader) -> None:
     _write_strings(agents, "groups", header.agents.groups)
     for name in _AGENT_ARRAYS:
         _write_array(agents, name, getattr(header.agents, name), "float64")
+    attributes = agents.create_group("attributes")
+    for name, values in header.agents.attributes.items():
+        if np.issubdtype(values.dtype, np.number):
+            _write_array(attributes, name, values, "float64")
+        else:
+            _write_strings(attributes, name, values.tolist())
 
     _write_motion(file.create_group("motion"), header.motion)
 
@@ -143,10 +154,26 @@ def read_header(file: h5py.File) -> RecordingHeader:
         movables=_read_solids(environment, "movable") if "movable_names" in environment else (),
         meshes=_read_meshes(environment) if "mesh_names" in environment else (),
         agents=AgentsRecord(
-            groups=tuple(_read_strings(agents, "groups")), **{name: agents[name][:] for name in _AGENT_ARRAYS}
+            groups=tuple(_read_strings(agents, "groups")),
+            **{name: agents[name][:] for name in _AGENT_ARRAYS},
+            # Recordings of before agents could have any have none.
+            attributes=_read_attributes(agents["attributes"]) if "attributes" in agents else {},
         ),
         motion=_read_motion(file["motion"]),
+        ends=_read_ends(scenario.attrs["ends"]) if "ends" in scenario.attrs else None,
     )
+
+
+def _read_ends(ends: NDArray[np.float64]) -> Ends:
+    axis, low, high = np.asarray(ends, np.float64).tolist()
+    return Ends(int(axis), low, high)
+
+
+def _read_attributes(group: h5py.Group) -> dict[str, NDArray[Any]]:
+    return {
+        name: np.array(_read_strings(group, name), np.str_) if h5py.check_string_dtype(values.dtype) else values[:]
+        for name, values in group.items()
+    }
 
 
 def _read_solids(environment: h5py.Group, kind: str) -> tuple[SolidRecord, ...]:

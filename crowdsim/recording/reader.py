@@ -260,7 +260,9 @@ class Recording:
         now = self.at_step(step)
         if share < 1e-6:
             return now
-        return frame_between(now, self.at_step(step + 1), share, self.header.motion.node_frames, self.steps_per_second)
+        header = self.header
+        then = self.at_step(step + 1)
+        return frame_between(now, then, share, header.motion.node_frames, self.steps_per_second, header.ends)
 
     def _shown_step(self, time: float) -> int:
         """The step that is shown at ``time`` seconds, until the next one."""

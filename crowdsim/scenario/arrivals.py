@@ -1,4 +1,4 @@
-"""When the characters of a group start: one after another, or from a source."""
+"""When the characters of a group start: one after another, or from a source; parties at once."""
 
 from __future__ import annotations
 
@@ -13,12 +13,25 @@ _ARRIVAL_STREAM = 2
 _BATCH = 256
 
 
+def first_of_party(keys: ScenarioFields, number: int, count: int) -> NDArray[np.int64]:
+    """(count,) the place in group ``number`` of the first one of those whom each of its characters walks with."""
+    together = keys.agents[number].together
+    return np.arange(count) // together * together
+
+
 def start_times(keys: ScenarioFields, number: int) -> NDArray[np.float64]:
     """Seconds (n,) at which the characters of group ``number`` start, ascending.
 
-    Those of a source are drawn from a stream of the scenario's seed that is the group's own. More than
-    :data:`~crowdsim.scenario.schema.agents.MAX_COUNT` of them are cut off just behind that number.
+    A party starts as soon as its first one does. Those of a source are drawn from a stream of the scenario's seed that
+    is the group's own. More than :data:`~crowdsim.scenario.schema.agents.MAX_COUNT` of them are cut off just behind
+    that number.
     """
+    times = _alone(keys, number)
+    return times[first_of_party(keys, number, len(times))]
+
+
+def _alone(keys: ScenarioFields, number: int) -> NDArray[np.float64]:
+    """Seconds (n,) at which they would start alone."""
     group = keys.agents[number]
     if group.rate is None:
         return group.start_time + np.arange(group.count or 0, dtype=np.float64) * group.interval

@@ -42,12 +42,11 @@ def check_scenario(scenario: Scenario) -> list[str]:
         elif solids and not any(solid.footprint.intersects(floor) for solid in met):
             warn(path, f"'{name}' lies off the floor and has no effect")
     for number, group in enumerate(scenario.agents):
-        for key, shape in ((("start",), group.start.shape()), *scenario.destinations(group)):
+        start: tuple[str | int, ...] = ("agents", number, "start")
+        for path, shape in ((start, group.start.shape()), *scenario.destinations(number)):
             if not floor.covers(shape):
-                what = "start" if key == ("start",) else "goal"
-                warn(
-                    ("agents", number, *key), f"part of the {what} of '{group.name}' lies off the floor and is not used"
-                )
+                what = "start" if path == start else "route" if path[0] == "routes" else "goal"
+                warn(path, f"part of the {what} of '{group.name}' lies off the floor and is not used")
     measured = [("areas", number, area.name, area.shape()) for number, area in enumerate(scenario.areas)]
     measured += [("lines", number, line.name, line.shape()) for number, line in enumerate(scenario.lines)]
     for kind, number, name, shape in measured:

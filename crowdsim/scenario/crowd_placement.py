@@ -10,10 +10,10 @@ import shapely
 from numpy.typing import NDArray
 from shapely import MultiPolygon, Point, Polygon
 
-from crowdsim.environment.spots import arrange_spots, meets, scatter_spots
+from crowdsim.environment.spots import arrange_spots, gathered, meets, scatter_parties, scatter_spots
 from crowdsim.errors import ScenarioError
 from crowdsim.geometry.elementary import atan2
-from crowdsim.scenario.arrivals import start_times
+from crowdsim.scenario.arrivals import first_of_party, start_times
 from crowdsim.scenario.destinations import Destinations, Itinerary
 from crowdsim.scenario.environment import Environment
 from crowdsim.scenario.placement import (
@@ -64,6 +64,7 @@ class CrowdPlacement(NamedTuple):
         motion; else nan
     locomotions : of the groups
     paced : of the groups, whether the file says how fast they walk
+    first : (n,) int64, the first one of the party that each walks in; who walks alone is its own first
     assigned : (n,) int32, number of the goal that is assigned to each, NONE for no one
     exits : numbers of the goals that exits are, by name; those to which no group goes are missing
     """
@@ -80,6 +81,7 @@ class CrowdPlacement(NamedTuple):
     spots: Floats
     locomotions: tuple[str, ...]
     paced: tuple[bool, ...]
+    first: NDArray[np.int64]
     assigned: NDArray[np.int32]
     exits: dict[str, int]
 
@@ -92,8 +94,8 @@ class CrowdPlacement(NamedTuple):
 def place_crowd(scenario: Scenario) -> CrowdPlacement:
     """Draw who comes when and where.
 
-    Characters that start in one step start beside each other: at random if there is room, else in rows that face
-    their first goal. Each group draws from streams of the scenario's seed of its own.
+    Characters that start in one step start beside each other: at random if there is room, parties together, else in
+    rows that face their first goal. Each group draws from streams of the scenario's seed of its own.
 
     Raises
     ------
@@ -139,6 +141,7 @@ class _Drawing:
         self._itineraries: list[Itinerary] = []
         self._parts: list[tuple[Floats, Floats, NDArray[np.int64], Walkers, Floats]] = []
         self._assigned: list[NDArray[np.int32]] = []
+        self._first: list[NDArray[np.int64]] = []
 
     def add_group(self, number: int) -> None:
         """Draw the characters of a group, unless something is wrong with it."""
@@ -156,7 +159,8 @@ class _Drawing:
         self._names.append(group.name)
         self._locomotions.append(group.level)
         self._paced.append("speed" in group.model_fields_set)
-        itinerary = self._destinations.itinerary(group)
+        self._first.append(first_of_party(self.keys, number, len(steps)) + sum(map(len, self._first)))
+        itinerary = self._destinations.itinerary(number)
         self._itineraries.append(itinerary)
         self._assigned.append(
             self._destinations.assign(group, itinerary, len(steps), self._generator(number, _EXIT_STREAM))
@@ -186,6 +190,7 @@ class _Drawing:
             spots=spots,
             locomotions=tuple(self._locomotions),
             paced=tuple(self._paced),
+            first=np.concatenate([np.zeros(0, np.int64), *self._first]),
             assigned=np.concatenate([np.zeros(0, np.int32), *self._assigned]),
             exits=self._destinations.exits,
         )
@@ -198,7 +203,7 @@ class _Drawing:
         region = group.start.shape()
         headings = np.full(count, np.nan)
         broadest = float(walkers.breadths.max())
-        room = self._room(number, ("start",), region, 0.5 * broadest + SPARE)
+        room = self._room(number, ("agents", number, "start"), region, 0.5 * broadest + SPARE)
         if room is None:
             return None, headings
         generator = self._generator(number, _START_STREAM)
@@ -209,18 +214,21 @@ class _Drawing:
             if group.level != "steered" and self.keys.floor.periodic is None:
                 spots = scatter_spots(region, room, len(rows), CAPTURED_APART, taken, generator)
             if len(spots) < len(rows):
-                spots = scatter_spots(region, room, len(rows), broadest + SPARE, taken, generator)
+                together = group.together, broadest + SPARE
+                spots = scatter_parties(region, room, len(rows), *together, taken, generator)
             if len(spots) < len(rows) and group.rate is not None:
                 # Who comes from a source waits until nobody stands in its place.
                 more = scatter_spots(region, room, len(rows) - len(spots), 0.0, np.empty((0, 2)), generator)
                 spots = np.concatenate([spots, more])
             elif len(spots) < len(rows) and not isinstance(region, Point):
                 # Too many to start at random: in rows, which face where they go.
-                first = self._destinations.regions_of(group)[0]
+                first = self._destinations.regions_of(number)[0]
                 away = shapely.get_coordinates(first.centroid)[0] - shapely.get_coordinates(region.centroid)[0]
                 headings[rows] = atan2(away[1], away[0])
                 apart = (broadest + SPARE, BODY_DEPTH + SPARE)
                 spots = arrange_spots(region, room, len(rows), apart, float(headings[rows[0]]), taken, generator)
+                if group.together > 1:
+                    spots = gathered(spots, group.together)
             if len(spots) < len(rows):
                 message = too_full(("start",), region, len(spots), len(rows), 0.5 * broadest)
                 self.complaints.append((("agents", number, "start"), message))
@@ -231,20 +239,20 @@ class _Drawing:
 
     def _draw_spots(self, number: int, group: AgentGroup, count: int, walkers: Walkers) -> Floats | None:
         """(n, k, 2) spots to stand at in the regions of goals, nan where nobody stands; None if there is no room."""
-        regions = group.regions()
-        spots = np.full((count, max(len(regions), 1), 2), np.nan)
+        regions = self.keys.regions(number)
+        spots = np.full((count, len(regions) + (group.exits is not None), 2), np.nan)
         for exit_number in self.keys.exits_of(group):
             if not meets(self._destinations.exit_region(exit_number), self.environment.fixed_layers[0].free):
                 message = "lies off the floor, or inside of an obstacle"
                 self.complaints.append((("exits", exit_number), message))
                 return None
         radius = 0.5 * float(walkers.breadths.max())
-        for k, (key, goal) in enumerate(regions):
+        for k, (path, goal) in enumerate(regions):
             if goal.along is not None:
                 continue
-            last = k == len(regions) - 1
+            last = k == spots.shape[1] - 1
             region = goal.shape()
-            room = self._room(number, key, region, radius)
+            room = self._room(number, path, region, radius)
             if room is None:
                 return None
             stays = last and group.on_arrival == "stay"
@@ -257,17 +265,17 @@ class _Drawing:
                 spots[:, k] = scatter_spots(region, room, count, 0.0, np.empty((0, 2)), generator)
                 continue
             taken = np.concatenate([np.empty((0, 2)), *self._standing])
-            drawn = scatter_spots(region, room, count, 2.0 * radius + STAND_ROOM, taken, generator)
+            apart = 2.0 * radius + STAND_ROOM
+            drawn = scatter_parties(region, room, count, group.together, apart, taken, generator)
             if len(drawn) < count:
-                message = too_full(key, region, len(drawn), count, radius)
-                self.complaints.append((("agents", number, *key), message))
+                self.complaints.append((path, too_full(path[2:], region, len(drawn), count, radius)))
                 return None
             self._standing.append(drawn)
             spots[:, k] = drawn
         return spots
 
     def _room(
-        self, number: int, key: tuple[str | int, ...], region: Polygon | Point, radius: float
+        self, number: int, path: tuple[str | int, ...], region: Polygon | Point, radius: float
     ) -> MultiPolygon | None:
         """Floor with that much room around it that the region meets; None, and a complaint, if there is none.
 
@@ -280,7 +288,7 @@ class _Drawing:
             room = next((room for room in self._rooms[least] if meets(region, room)), None)
             if room is not None:
                 return room
-        self.complaints.append((("agents", number, *key), unusable(self.environment, region, radius)))
+        self.complaints.append((path, unusable(self.environment, region, radius)))
         return None
 
     def _generator(self, number: int, *stream: int) -> np.random.Generator:

@@ -67,25 +67,28 @@ class Destinations:
 
     def __init__(self, keys: ScenarioFields, environment: Environment) -> None:
         self._keys, self._environment = keys, environment
-        self._numbers: dict[bytes, tuple[int, Polygon]] = {}
+        self._numbers: dict[tuple[str, bytes], tuple[int, Polygon]] = {}
         self.exits: dict[str, int] = {}
 
     @property
     def goals(self) -> tuple[Polygon, ...]:
         return tuple(region for _, region in self._numbers.values())
 
-    def itinerary(self, group: AgentGroup) -> Itinerary:
-        """The itinerary of a group."""
+    def itinerary(self, number: int) -> Itinerary:
+        """The itinerary of group ``number``, by way of its route."""
         goals, headings = [], []
-        for _, goal in group.regions():
+        group = self._keys.agents[number]
+        for _, goal in self._keys.regions(number):
             region = goal.shape() if goal.along is None else self._end_of(goal.along)
             if isinstance(region, Point):
                 region = circle_around((region.x, region.y), POINT_REACHED)
             goals.append(self._number_of(region))
             headings.append(np.nan if goal.heading is None else np.radians(goal.heading))
-        exits = [self._number_of(self.exit_region(number)) for number in self._keys.exits_of(group)]
-        for number, goal_number in zip(self._keys.exits_of(group), exits, strict=True):
-            self.exits[self._keys.exits[number].name] = goal_number
+        exits = [
+            self._number_of(self.exit_region(each), self._keys.exits[each].name) for each in self._keys.exits_of(group)
+        ]
+        for each, goal_number in zip(self._keys.exits_of(group), exits, strict=True):
+            self.exits[self._keys.exits[each].name] = goal_number
         if exits:
             goals.append(exits[0])
             headings.append(np.nan)
@@ -100,9 +103,9 @@ class Destinations:
             ("assigned" if isinstance(group.exits, dict) else group.choice) if exits else "",
         )
 
-    def _number_of(self, region: Polygon) -> int:
-        """Number of a region among the goals, of which each is there once."""
-        key = shapely.to_wkb(shapely.normalize(region))
+    def _number_of(self, region: Polygon, exit_name: str = "") -> int:
+        """Number of a region among the goals, of which each is there once; exits count apart, wherever they are."""
+        key = exit_name, shapely.to_wkb(shapely.normalize(region))
         return self._numbers.setdefault(key, (len(self._numbers), region))[0]
 
     def _end_of(self, along: str) -> Polygon:
@@ -129,17 +132,19 @@ class Destinations:
     def assign(
         self, group: AgentGroup, itinerary: Itinerary, count: int, generator: np.random.Generator
     ) -> NDArray[np.int32]:
-        """Goals of those whose exits are assigned by shares, in random order; NONE for the others."""
+        """Goals of those whose exits are assigned by shares, in random order, one for a party; NONE for the others."""
         if not isinstance(group.exits, dict) or not len(itinerary.exits):
             return np.full(count, NONE, np.int32)
         shares = np.array([group.exits[self._keys.exits[number].name] for number in self._keys.exits_of(group)])
         # As many to each as its share says, to the next whole number.
-        ends = np.rint(np.cumsum(shares) / shares.sum() * count).astype(np.int64)
-        which = np.searchsorted(ends, np.arange(count), side="right")
-        return itinerary.exits[which[generator.permutation(count)]]
+        parties = -(-count // group.together)
+        ends = np.rint(np.cumsum(shares) / shares.sum() * parties).astype(np.int64)
+        which = np.searchsorted(ends, np.arange(parties), side="right")
+        return itinerary.exits[which[generator.permutation(parties)]].repeat(group.together)[:count]
 
-    def regions_of(self, group: AgentGroup) -> list[BaseGeometry]:
-        """Regions that a group goes to, those of its exits as one."""
-        if group.exits is not None:
-            return [shape for _, shape in self._keys.destinations(group)]
-        return [goal.shape() if goal.along is None else self._end_of(goal.along) for _, goal in group.regions()]
+    def regions_of(self, number: int) -> list[BaseGeometry]:
+        """Regions that group ``number`` goes to, those of its exits as one."""
+        if self._keys.agents[number].exits is not None:
+            return [shape for _, shape in self._keys.destinations(number)]
+        goals = [goal for _, goal in self._keys.regions(number)]
+        return [goal.shape() if goal.along is None else self._end_of(goal.along) for goal in goals]

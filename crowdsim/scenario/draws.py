@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.geometry.elementary import exp
 from crowdsim.geometry.quantiles import (
     gamma_quantile,
     gamma_share,
@@ -19,6 +20,10 @@ from crowdsim.scenario.schema.spreads import Spread
 _LEAST = 2.0**-53
 """Probabilities are at least this far from 0 and 1."""
 
+_NODES, _DEEPEST = 4000, 36.0
+"""Values by which the mean over a part that reaches to an end is found: their distances from it fall from 1 to
+exp(-36)."""
+
 Floats = NDArray[np.float64]
 
 
@@ -30,9 +35,39 @@ def draw_spread(spread: Spread, count: int, generator: np.random.Generator) -> F
     """
     if spread.mean is not None and spread.sd == 0.0:
         return np.full(count, spread.mean)
+    probabilities = probabilities_of(spread, count, generator)
+    values = quantiles(spread, probabilities)
+    if spread.stratified and count > 1 and not spread.parts():
+        values[np.argmin(probabilities)], values[np.argmax(probabilities)] = _ends(spread, count)
+    return values
+
+
+def probabilities_of(spread: Spread, count: int, generator: np.random.Generator) -> Floats:
+    """(count,) in [0, 1): at random, or one of each of as many equal parts in random order."""
     if spread.stratified:
-        return quantiles(spread, (generator.permutation(count) + generator.random(count)) / max(count, 1))
-    return quantiles(spread, generator.random(count))
+        return (generator.permutation(count) + generator.random(count)) / max(count, 1)
+    return generator.random(count)
+
+
+def _ends(spread: Spread, count: int) -> tuple[float, float]:
+    """Values for the first and the last of so many equally probable parts, as far off the mean as each is on average.
+
+    That is the root of the mean square. A long tail has most of its deviation in its last part: one draw from there
+    would say little of it.
+    """
+    depths = (np.arange(_NODES) + 0.5) * (_DEEPEST / _NODES)
+    shares = exp(-depths)
+    whole = math.fsum(shares.tolist())
+
+    def mean(values: Floats) -> float:
+        return math.fsum((values * shares).tolist()) / whole
+
+    middle = 0.5 * (mean(quantiles(spread, 0.5 * shares)) + mean(quantiles(spread, 1.0 - 0.5 * shares)))
+    far = [quantiles(spread, inside) - middle for inside in (shares / count, 1.0 - shares / count)]
+    low, high = (math.sqrt(mean(off * off)) for off in far)
+    inner = quantiles(spread, np.array([1.0 / count, 1.0 - 1.0 / count]))
+    least, most = quantiles(spread, np.array([0.0, 1.0])).tolist()
+    return max(min(middle - low, float(inner[0])), least), min(max(middle + high, float(inner[1])), most)
 
 
 def quantiles(spread: Spread, probabilities: Floats) -> Floats:

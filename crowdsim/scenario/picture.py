@@ -108,8 +108,8 @@ def _draw_layer(axes: Axes, scenario: Scenario, layer: ClearanceLayer) -> None:
 
 
 def _draw_ends(axes: Axes, scenario: Scenario) -> None:
-    for group in scenario.agents:
-        goals = [("goal", shape, _GOAL) for _, shape in scenario.destinations(group)]
+    for number, group in enumerate(scenario.agents):
+        goals = [("goal", shape, _GOAL) for _, shape in scenario.destinations(number)]
         for what, shape, color in (("start", group.start.shape(), _START), *goals):
             if isinstance(shape, Point):
                 axes.plot(shape.x, shape.y, "o", color=color, markersize=7.0, label=what)

@@ -114,33 +114,39 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
         if wrong is not None:
             complaints.append((("agents", number, "rate"), wrong))
             continue
-        regions = group.regions()
+        regions = keys.regions(number)
         places = np.full((count, len(regions), 2), np.nan)
+        start = ("agents", number, "start")
         wanted: list[_Wanted] = [
-            (("start",), group.start.shape(), (_START_STREAM,), [starts_by_step[step] for step in group_steps])
+            (start, group.start.shape(), (_START_STREAM,), [starts_by_step[step] for step in group_steps])
         ]
-        for k, (key, region) in enumerate(regions):
+        for k, (path, region) in enumerate(regions):
             last = stay_spots if group.on_arrival == "stay" and k == len(regions) - 1 else None
             # The first has the stream that an only goal has.
-            wanted.append((key, region.shape(), (_GOAL_STREAM, k) if k else (_GOAL_STREAM,), [last] * count))
-        for k, (key, shape, stream, crowds) in enumerate(wanted):
+            wanted.append((path, region.shape(), (_GOAL_STREAM, k) if k else (_GOAL_STREAM,), [last] * count))
+        for k, (path, shape, stream, crowds) in enumerate(wanted):
             generator = np.random.default_rng(np.random.SeedSequence(keys.seed, spawn_key=(number, *stream)))
             room = next((room for room in rooms if meets(shape, room)), None)
             if room is None:
                 complaint: str | None = unusable(environment, shape, radius)
             else:
                 placed = draw_spots(shape, room, crowds, generator)
-                complaint = None if len(placed) == count else too_full(key, shape, len(placed), count, radius)
+                complaint = None if len(placed) == count else too_full(path[2:], shape, len(placed), count, radius)
                 if k == 0:
                     starts += placed
                 else:
                     places[: len(placed), k - 1] = np.array(placed).reshape(-1, 2)
             if complaint is not None:
-                complaints.append((("agents", number, *key), complaint))
+                complaints.append((path, complaint))
         goals += list(places)
         steps += group_steps
         counts.append(count)
     groups = [group for group, count in zip(keys.agents, counts, strict=False) for _ in range(count)]
+    headings = [
+        np.radians([_heading(goal) for _, goal in keys.regions(number)])
+        for number, count in enumerate(counts)
+        for _ in range(count)
+    ]
     placement = Placement(
         starts=np.array(starts, np.float64).reshape(-1, 2),
         goals=tuple(goals),
@@ -148,7 +154,7 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
         waits=np.array([group.wait for group in groups], np.float64),
         start_steps=np.array(steps, np.int64),
         stays=np.array([group.on_arrival == "stay" for group in groups], np.bool_),
-        headings=tuple(np.radians([_heading(goal) for _, goal in group.regions()]) for group in groups),
+        headings=tuple(headings),
         stand_within=np.array([group.stand_within for group in groups], np.float64),
         groups=tuple(group.name for group in groups),
         speeds=np.concatenate([np.empty(0), *_speeds(keys, counts)]),
@@ -164,7 +170,7 @@ def _speeds(keys: ScenarioFields, counts: list[int]) -> list[NDArray[np.float64]
 
 
 _Wanted = tuple[tuple[str | int, ...], "Polygon | Point", tuple[int, ...], "list[Spots | None]"]
-"""What spots are drawn for: key in the group, region, random stream, and for each spot those it keeps away from."""
+"""What spots are drawn for: place in the file, region, random stream, and for each spot those it keeps away from."""
 
 
 def _heading(goal: Goal) -> float:

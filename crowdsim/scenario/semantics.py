@@ -22,7 +22,9 @@ def key_complaints(keys: ScenarioFields, folder: Path) -> list[Complaint]:
         *_times(keys),
         *_locomotion(keys),
         *_exits(keys),
+        *_routes(keys),
         *_periodic(keys),
+        *_attributes(keys),
     ]
 
 
@@ -33,6 +35,7 @@ def _duplicate_names(keys: ScenarioFields) -> list[Complaint]:
         "layers": [layer.name for layer in keys.bands],
         "agents": [group.name for group in keys.agents],
         "exits": [each.name for each in keys.exits],
+        "routes": [route.name for route in keys.routes],
         "areas": [area.name for area in keys.areas],
         "lines": [line.name for line in keys.lines],
     }
@@ -160,6 +163,17 @@ def _exits(keys: ScenarioFields) -> list[Complaint]:
     return complaints
 
 
+def _routes(keys: ScenarioFields) -> list[Complaint]:
+    """Routes that groups name and the file does not have."""
+    known = [route.name for route in keys.routes]
+    complaints: list[Complaint] = []
+    for number, group in enumerate(keys.agents):
+        if group.route is not None and group.route not in known:
+            message = f"there is no route '{group.route}'; {nearest(group.route, known, 'the routes are')}"
+            complaints.append((("agents", number, "route"), message))
+    return complaints
+
+
 def _periodic(keys: ScenarioFields) -> list[Complaint]:
     """What a floor without ends does not go with, and ways without end on a floor that has ends."""
     complaints: list[Complaint] = []
@@ -183,4 +197,20 @@ def _periodic(keys: ScenarioFields) -> list[Complaint]:
             for key in ("doors", "events", "captured_near")
             if getattr(keys, key)
         ]
+    return complaints
+
+
+def _attributes(keys: ScenarioFields) -> list[Complaint]:
+    """Attributes that are words in one group and numbers in another."""
+    complaints: list[Complaint] = []
+    first: dict[str, int] = {}
+    for number, group in enumerate(keys.agents):
+        for name, attribute in group.attributes.items():
+            other = keys.agents[first.setdefault(name, number)].attributes[name]
+            if (attribute.words is None) != (other.words is None):
+                kinds = ("a number", "a word") if attribute.words is None else ("a word", "a number")
+                message = (
+                    f"'{name}' is {kinds[0]} here and {kinds[1]} in agents.{first[name]}; make it the same in both"
+                )
+                complaints.append((("agents", number, "attributes", name), message))
     return complaints

@@ -176,7 +176,10 @@ class _Reader:
     def _draw_clutter(self, floor: Polygon | MultiPolygon) -> None:
         clutter = self.keys.clutter
         assert clutter is not None
-        regions = [[g.start.shape(), *(shape for _, shape in self.keys.destinations(g))] for g in self.keys.agents]
+        regions = [
+            [group.start.shape(), *(shape for _, shape in self.keys.destinations(number))]
+            for number, group in enumerate(self.keys.agents)
+        ]
         ends = shapely.union_all([buffered(region, _KEPT_CLEAR) for group in regions for region in group])
         standing = [solid for solids in self.solids.values() for solid in solids]
         bare = floor.difference(shapely.union_all([solid.footprint for solid in standing]))

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.scenario.arrivals import first_of_party
 from crowdsim.scenario.draws import draw_spread
 from crowdsim.scenario.schema.schema import ScenarioFields
 
@@ -29,15 +30,22 @@ class Walkers(NamedTuple):
 
 
 def draw_walkers(keys: ScenarioFields, number: int, count: int) -> Walkers:
-    """Draw the characters of group ``number``, each quantity from a stream of the scenario's seed of its own."""
+    """Draw the characters of group ``number``, each quantity from a stream of the scenario's seed of its own.
+
+    A party is as fast as its slowest one, and sets out with its first one.
+    """
     group = keys.agents[number]
 
     def stream(kind: int) -> np.random.Generator:
         return np.random.default_rng(np.random.SeedSequence(keys.seed, spawn_key=(number, kind)))
 
+    first = first_of_party(keys, number, count)
+    speeds = draw_spread(group.speed, count, stream(_SPEED_STREAM))
+    slowest = speeds.copy()
+    np.minimum.at(slowest, first, speeds)
     return Walkers(
-        draw_spread(group.speed, count, stream(_SPEED_STREAM)),
+        slowest[first],
         draw_spread(group.breadth, count, stream(_BREADTH_STREAM)),
-        draw_spread(group.delay, count, stream(_DELAY_STREAM)),
+        draw_spread(group.delay, count, stream(_DELAY_STREAM))[first],
         stream(_SHARE_STREAM).random(count),
     )

@@ -9,7 +9,7 @@ from crowdsim.jit import helper, kernel
 from crowdsim.steering.capsule_kernels import core_to_core
 from crowdsim.steering.direction_kernels import NEAR, TURNS, choose_direction
 from crowdsim.steering.look_kernels import MOST_NEAR
-from crowdsim.steering.wall_kernels import distance_at, is_lane
+from crowdsim.steering.wall_kernels import distance_at, is_lane, is_lane_behind
 
 WANTED = np.dtype(
     [
@@ -177,19 +177,19 @@ def walks_in_file(rows, mine, near, count, walls, rules, opposed):
         return False
     if not is_lane(walls[1], mine.x, mine.y, mine.gx, mine.gy, rules.abreast):
         return False
-    behind_x = mine.x - rules.lane * mine.gx
-    behind_y = mine.y - rules.lane * mine.gy
-    if not is_lane(walls[1], behind_x, behind_y, mine.gx, mine.gy, rules.abreast):
+    if not is_lane_behind(walls[1], mine.x, mine.y, mine.gx, mine.gy, rules.abreast, rules.lane):
         return False
     for n in range(count):
         seen = near[n]
         other = rows[seen.row]
-        if seen.px * mine.gx + seen.py * mine.gy <= 0.0 or other.goal != mine.goal:
+        # Whoever goes on the same way is followed, wherever it means to go then.
+        if seen.px * mine.gx + seen.py * mine.gy <= 0.0 or other.ix * mine.gx + other.iy * mine.gy <= 0.3:
             continue
-        if other.ix * mine.gx + other.iy * mine.gy <= 0.3:
-            continue
+        # In a bend, the straight line to it points half way between both ways.
+        way_x = mine.gx + other.ix
+        way_y = mine.gy + other.iy
         both = mine.half + mine.radius + seen.half + seen.radius
-        aside = abs(seen.px * mine.gy - seen.py * mine.gx)
+        aside = abs(seen.px * way_y - seen.py * way_x) / math.sqrt(way_x * way_x + way_y * way_y)
         if aside < rules.file_aside * both and gap_to(mine, seen) < rules.file_gap:
             return True
     return False

@@ -25,6 +25,12 @@ _TOLERANCE = 0.04
 LANE_SPARE = 0.05
 """By how much a lane has to be narrower than what fits side by side [m]: distances are rounded."""
 
+LANE_STRIDE = 0.25
+"""Of a look back along a lane [m]."""
+
+BENDS = np.array([(1.0, 0.0), (0.939692620786, -0.342020143326), (0.939692620786, 0.342020143326)])
+"""Cosine and sine of the turns that it may take with each stride: 0 and 20 degrees to either side."""
+
 _LEAST_STRIDE = 0.05
 """Of a look along a way [m]."""
 
@@ -142,6 +148,31 @@ def is_lane(walls, x, y, ux, uy, width):
     left = distance_at(walls, x - off * uy, y + off * ux)
     right = distance_at(walls, x + off * uy, y - off * ux)
     return max(left, right) < 0.5 * width - LANE_SPARE
+
+
+@helper
+def is_lane_behind(walls, x, y, ux, uy, width, length):
+    """Whether a lane narrower than ``width`` leads to a place along ``(ux, uy)``, from ``length`` behind it on [m].
+
+    Goes back in strides, each to where most room is, straight or turned a little: so it follows the bends of the lane.
+    """
+    for _ in range(int(length / LANE_STRIDE + 0.5)):
+        most = -1.0
+        along_x = ux
+        along_y = uy
+        for k in range(len(BENDS)):
+            back_x = along_x * BENDS[k, 0] - along_y * BENDS[k, 1]
+            back_y = along_y * BENDS[k, 0] + along_x * BENDS[k, 1]
+            room = distance_at(walls, x - LANE_STRIDE * back_x, y - LANE_STRIDE * back_y)
+            if room > most:
+                most = room
+                ux = back_x
+                uy = back_y
+        x -= LANE_STRIDE * ux
+        y -= LANE_STRIDE * uy
+        if not is_lane(walls, x, y, ux, uy, width):
+            return False
+    return True
 
 
 @helper

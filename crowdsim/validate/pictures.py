@@ -34,6 +34,11 @@ def draw_run(scenario: Scenario, recording: Recording, picture: Path) -> None:
     x, y = (np.asarray(column[::_EVERY], np.float64) for column in (recording.x, recording.y))
     absent = np.asarray(recording.state[::_EVERY]) == AgentState.ABSENT
     x[absent] = y[absent] = np.nan
+    ends = recording.header.ends
+    if ends is not None:
+        # No line leads across the floor from where somebody leaves it to where it comes in.
+        at = (x, y)[ends.axis]
+        at[1:][np.abs(np.diff(at, axis=0)) > 0.5 * (ends.high - ends.low)] = np.nan
     groups = np.array(recording.header.agents.groups)
     for number, group in enumerate(scenario.agents):
         mine = np.flatnonzero(groups == group.name)

@@ -142,6 +142,8 @@ def _annotation(model: type[BaseModel], path: Path) -> Any:
         if isinstance(annotation, type) and issubclass(annotation, BaseModel):
             fields = annotation.model_fields
             annotation = next(field.annotation for name, field in fields.items() if part in (name, field.alias))
+        elif typing.get_origin(annotation) is dict:
+            annotation = typing.get_args(annotation)[1]
         else:
             arguments = typing.get_args(annotation)
             annotation = arguments[0] if arguments[-1] is Ellipsis else arguments[int(part)]

@@ -154,8 +154,8 @@ def turned(vector: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
     )
 
 
-def passage_width(segments: NDArray[np.float64], place: NDArray[np.float64], way: NDArray[np.float64]) -> float:
-    """Room between the nearest walls straight to the left and to the right of a place [m]."""
+def sides(segments: NDArray[np.float64], place: NDArray[np.float64], way: NDArray[np.float64]) -> tuple[float, float]:
+    """Room to the nearest walls straight to the left and to the right of a place [m]."""
     left, right = math.inf, math.inf
     across = turned(way, math.pi / 2)
     for ax, ay, bx, by in segments:
@@ -164,7 +164,32 @@ def passage_width(segments: NDArray[np.float64], place: NDArray[np.float64], way
         if before * after <= 0.0 and before != after:
             off = float((first + before / (before - after) * (second - first)) @ across)
             left, right = (min(left, off), right) if off > 0.0 else (left, min(right, -off))
-    return left + right
+    return left, right
+
+
+def passage_width(segments: NDArray[np.float64], place: NDArray[np.float64], way: NDArray[np.float64]) -> float:
+    """Room between the nearest walls straight to the left and to the right of a place [m]."""
+    return sum(sides(segments, place, way))
+
+
+def widest_behind(
+    segments: NDArray[np.float64], place: NDArray[np.float64], way: NDArray[np.float64], length: float
+) -> float:
+    """Greatest width of a passage from a place back to ``length`` behind it, along its middle, in strides of 5 cm."""
+    widest = 0.0
+    for _ in range(round(length / 0.05) + 1):
+        left, right = sides(segments, place, way)
+        widest = max(widest, left + right)
+        if math.isinf(widest):
+            break
+        middle = place + 0.5 * (left - right) * turned(way, math.pi / 2)
+        behind = middle - 0.05 * way
+        left, right = sides(segments, behind, way)
+        if math.isinf(left + right):
+            return math.inf
+        place = behind + 0.5 * (left - right) * turned(way, math.pi / 2)
+        way = (middle - place) / np.hypot(*(middle - place))
+    return widest
 
 
 class Decision:
@@ -260,17 +285,15 @@ class Decision:
     def in_file(self) -> bool:
         rules, mine = self.rules, self.mine
         place = np.array([mine["x"], mine["y"]])
-        narrow = all(
-            passage_width(self.walls, place - back * self.way, self.way) < rules.abreast - 0.05
-            for back in (0.0, rules.lane)
-        )
+        narrow = widest_behind(self.walls, place, self.way, rules.lane) < rules.abreast - 0.05
         if not narrow or self.opposed > 0.0 or mine["stuck"] > rules.file_patience:
             return False
         for other in self.heeded:
             row, apart = self.state[other], self.apart(other)
             both = mine["half"] + mine["radius"] + row["half"] + row["radius"]
-            ahead = apart @ self.way > 0.0 and abs(cross(self.way, apart)) < rules.file_aside * both
-            own_way = row["goal"] == mine["goal"] and self.intent(other) @ self.way > 0.3
+            between = (self.way + self.intent(other)) / np.hypot(*(self.way + self.intent(other)))
+            ahead = apart @ self.way > 0.0 and abs(cross(between, apart)) < rules.file_aside * both
+            own_way = self.intent(other) @ self.way > 0.3
             if ahead and own_way and gap(self.state, self.me, other) < rules.file_gap:
                 return True
         return False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.recording.header import (
     AgentsRecord,
     BehaviorRecord,
+    Ends,
     GaitRecord,
     LayerRecord,
     MeshRecord,
@@ -26,6 +28,7 @@ from crowdsim.recording.header import (
     RecordingHeader,
     SolidRecord,
 )
+from crowdsim.scenario.attributes import draw_attributes
 from crowdsim.scenario.crowd_placement import CrowdPlacement
 from crowdsim.scenario.placement import Placement
 from crowdsim.scenario.scenario import Scenario
@@ -48,9 +51,19 @@ def record_header(
         solids=[_record(solid) for solid in timetable.fixed if isinstance(solid, Solid)],
         meshes=[_mesh_record(solid) for solid in timetable.fixed if isinstance(solid, MeshSolid)],
         movables=[_record(solid) for movable in timetable.movables for solid in movable.solids],
-        agents=agents,
+        agents=replace(agents, attributes=draw_attributes(scenario)),
         motion=motion,
+        ends=_ends_of(scenario),
     )
+
+
+def _ends_of(scenario: Scenario) -> Ends | None:
+    """Where a periodic floor begins again."""
+    if scenario.floor.periodic is None:
+        return None
+    axis = 0 if scenario.floor.periodic == "x" else 1
+    bounds = scenario.floor.bounds
+    return Ends(axis, bounds[axis], bounds[axis + 2])
 
 
 def captured_agents(cast: Placement, steps_per_second: int, radius: float) -> AgentsRecord:

@@ -176,6 +176,9 @@ class Errands:
         """Count a place as reached and turn to the next one."""
         view.reached[rows] += 1
         self._visits[view.agent[rows]] += 1
+        group = self._cast.group[view.agent[rows]]
+        chooses = rows[self._has_exits[group] & (view.reached[rows] == self._places[group] - 1)]
+        self._exits.enter(view.agent[chooses].astype(np.int64), view.row[chooses])
         view.goal[rows] = self.goal(view.agent[rows], view.reached[rows])
         view.following[rows] = PLAIN
         walks = rows[view.errand[rows] == Errand.WALKS]

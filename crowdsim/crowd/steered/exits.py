@@ -82,11 +82,13 @@ class ExitChoice:
         self._left_before = np.zeros(len(cast.goals), np.int64)
 
     def enter(self, agents: Ints, rows: NDArray[Any]) -> None:
-        """Let those who come, at the places of ``rows`` (ROW), choose for the first time."""
+        """Let those who come, or have come to the end of a route, at the places of ``rows`` (ROW), choose anew."""
         for group, mine in self._choosing(agents):
             times = self._costs(group, agents[mine], rows[mine], ())
             exits = self._cast.itineraries[group].exits
             self.goals[agents[mine]] = exits[np.argmin(times, axis=1)]
+        firsts = self.goals[self._cast.first[agents]]
+        self.goals[agents] = np.where(firsts != NONE, firsts, self.goals[agents])
 
     def consider(self, view: View, step: int) -> None:
         """Let those whose turn it is change to an exit that is much better than theirs."""
@@ -95,6 +97,8 @@ class ExitChoice:
         if step % self._rate == 0:
             self._learn(view)
         walks = (view.errand == Errand.WALKS) & ((view.agent + step) % self._pause == 0)
+        # Who is still on a route goes to another goal than its exit.
+        walks &= view.goal == self.goals[view.agent]
         turn = np.flatnonzero(walks)
         agents = view.agent[turn].astype(np.int64)
         # In which order those on their way to each exit come to it.
@@ -114,10 +118,25 @@ class ExitChoice:
             gain = GAINS_SECONDS if quickest else GAINS_METERS
             better = np.isfinite(least) & (least <= BETTER * now) & (least + gain <= now)
             changes, chosen = rows[better], exits[best[better]]
-            self.goals[ones[better]] = chosen
-            view.goal[changes] = chosen
-            view.row["goal"][changes] = chosen
-            view.following[changes] = PLAIN
+            self._change(view, changes, chosen)
+        self._follow_the_first(view)
+
+    def _change(self, view: View, rows: Ints, goals: NDArray[np.int32]) -> None:
+        """Let rows go to other exits."""
+        self.goals[view.agent[rows]] = goals
+        view.goal[rows] = goals
+        view.row["goal"][rows] = goals
+        view.following[rows] = PLAIN
+
+    def _follow_the_first(self, view: View) -> None:
+        """Let everybody go to the exit to which the first one of its party goes, as long as that is there."""
+        there = np.zeros(len(self.goals), np.bool_)
+        there[view.agent] = True
+        first = self._cast.first[view.agent]
+        goals = self.goals[first]
+        walks = (view.errand == Errand.WALKS) & (view.goal == self.goals[view.agent])
+        follows = np.flatnonzero(walks & there[first] & (goals != NONE) & (goals != view.goal))
+        self._change(view, follows, goals[follows])
 
     def leave(self, goals: NDArray[np.int32]) -> None:
         """Count those who leave at some goals."""

@@ -68,10 +68,10 @@ class Seam:
         self._guide(copies)
         return np.concatenate((rows, copies))
 
-    def wrap(self, view: View) -> NDArray[np.int64]:
-        """Bring those who have left at one end to the other one; returns their rows."""
+    def wrap(self, view: View) -> None:
+        """Bring those who have left at one end to the other one."""
         if self._name is None:
-            return np.zeros(0, np.int64)
+            return
         at = view.row[self._name]
         left = np.flatnonzero((at < self._low) | (at >= self._high))
         by = np.where(at[left] < self._low, self._span, -self._span)
@@ -80,7 +80,6 @@ class Seam:
         self._guide(moved)
         view.row[left] = moved
         view.anchor[left, self._axis] += by
-        return left
 
     def _guide(self, rows: NDArray[Any]) -> None:
         """Write the ways of rows that were shifted; the order in which they go moves with what they have to go."""

@@ -21,6 +21,7 @@ from crowdsim.crowd.steered.entering import Entering
 from crowdsim.crowd.steered.errands import Errands
 from crowdsim.crowd.steered.exits import ExitChoice, exits_summary
 from crowdsim.crowd.steered.gait import walk_on
+from crowdsim.crowd.steered.parties import Parties
 from crowdsim.crowd.steered.seam import Seam, laid_three_times
 from crowdsim.crowd.steered.steered_place import SteeredPlace
 from crowdsim.ecs.world import World
@@ -60,9 +61,9 @@ class SteeredCrowd:
         free = scenario.environment.layers[0].free
         self.exits = ExitChoice(self.cast, free, self.place.guidance, STEERING_RATE)
         self.errands = Errands(self.cast, self.exits, STEERING_RATE)
+        self.parties = Parties(self.cast.first, free, scenario.span, STEERING_RATE)
         self.seam = Seam(scenario, self.place.guidance)
         self.entering = Entering(self.world, self.place, self.cast, self.exits, self.errands, self.seam)
-        self._wrapped = np.zeros(0, np.int64)
         self.gaits = gait_clips(self.behavior_set)
         self.statistics = SteeredStatistics(
             behaviors,
@@ -134,6 +135,7 @@ class SteeredCrowd:
         self.exits.consider(view, self._step)
         place.guidance.write(view.row, view.following)
         leaves = self.errands.update(view, self._step)
+        self.parties.keep_together(view)
         place.lead_out(view.row, np.flatnonzero(view.lost_since != NONE))
         if len(leaves):
             world.remove(*view.id[leaves].tolist())
@@ -146,7 +148,7 @@ class SteeredCrowd:
         self.steering.step(everybody, others)
         view.row[:] = everybody[: len(view.row)]
         walk_on(view, before, place.asked)
-        self._wrapped = self.seam.wrap(view)
+        self.seam.wrap(view)
 
     def end_step(self) -> None:
         """Count the step."""
@@ -173,9 +175,6 @@ class SteeredCrowd:
     def frame(self) -> RecordedFrame:
         """The present step of all characters, those outside the world marked absent."""
         view, rows = self.world.view(), self.world.column("row")
-        # Who came in at the other end is not shown on its way there.
-        state = view.state.copy()
-        state[self._wrapped] = AgentState.ABSENT
 
         def spread(values: Any, absent: float, dtype: Any) -> Any:
             column = np.full(self.count, absent, dtype)
@@ -190,7 +189,7 @@ class SteeredCrowd:
             previous=np.full(self.count, NONE, np.int32),
             frame=np.zeros(self.count, np.float32),
             behavior=spread(view.behavior, NONE, np.int8),
-            state=spread(state, AgentState.ABSENT, np.int8),
+            state=spread(view.state, AgentState.ABSENT, np.int8),
             phase=spread(view.phase, np.nan, np.float32),
         )
 

@@ -67,6 +67,10 @@ class SteeredPoses:
             mixed, share = some[~alone], share[~alone, None]
             roots[mixed] = (1.0 - share) * roots[mixed] + share * root[~alone]
             rotations[mixed] = slerp(rotations[mixed], turns[~alone], share)
+        ends = self._recording.header.ends
+        if ends is not None:
+            # Tracks go on beyond the ends of the floor; bodies are shown on it.
+            roots[:, ends.axis] = ends.inside(roots[:, ends.axis])
         return roots, rotations
 
     @cached_property

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from crowdsim.geometry.planar import wrap_angle
 from crowdsim.motion.deformed.joined_tracks import JoinedTracks, smooth_joined, smoothing_reach, unwrapped
 from crowdsim.recording.columns import RecordedTracks
+from crowdsim.recording.header import Ends
 from crowdsim.recording.shown.steered_stretches import read_stretches
 
 TICKS_PER_SECOND = 10
@@ -132,12 +133,18 @@ def _read_part(
     share = rest / TICKS_PER_SECOND
     now, then = (np.clip(row + k, begins[body], stops[body] - 1) for k in (0, 1))
     samples = np.empty((len(ticks), 4))
+    ends = recording.header.ends
     for k, values in enumerate((recording.x, recording.y, recording.heading)):
         table = values[rows, columns][:, some]
         old, new = (table[at, here[body]].astype(np.float64) for at in (now, then))
-        samples[:, k] = old + share * (wrap_angle(new - old) if k == 2 else new - old)
+        way = wrap_angle(new - old) if k == 2 else new - old
+        if ends is not None and k == ends.axis:
+            way = ends.shorter(way)
+        samples[:, k] = old + share * way
     old, new = (stretches.phases_at(body, at) for at in (now, then))
     samples[:, 3] = old + share * (new - old)
+    if ends is not None:
+        samples[:, ends.axis] = _across(samples[:, ends.axis], starts, ends)
     cut_before = (begins == 0) & (rows.start > 0)
     cut_after = (stops == rows.stop - rows.start) & (rows.stop < recording.steps)
     tracks = smooth_joined(unwrapped(JoinedTracks(samples, starts)))
@@ -145,6 +152,16 @@ def _read_part(
     kept = tracks.kept(keep)
     zeros = (np.append(ticks, 0)[_last(keep, tracks)] - kept.lengths + 1) / TICKS_PER_SECOND
     return TrackBlock(agents[here], began, left, kept, zeros), lacking
+
+
+def _across(places: NDArray[np.float64], starts: Ints, ends: Ends) -> NDArray[np.float64]:
+    """Places along the axis of a floor without ends, of tracks one after the other, that go on beyond its ends."""
+    if not len(places):
+        return places
+    ways = ends.shorter(np.diff(places, prepend=places[:1]))
+    firsts = np.minimum(starts[:-1], len(places) - 1)
+    gone = np.cumsum(ways)
+    return np.asarray(gone + np.repeat(places[firsts] - gone[firsts], np.diff(starts)))
 
 
 def _needed(

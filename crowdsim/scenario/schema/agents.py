@@ -7,11 +7,14 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, ConfigDict, Field, WithJsonSchema, model_validator
 
 from crowdsim.constants import NONE
+from crowdsim.scenario.schema.attributes import Attributes
 from crowdsim.scenario.schema.exits import Choice, Exits
 from crowdsim.scenario.schema.spreads import Breadth, Delay, Spread, WalkingSpeed
 from crowdsim.scenario.schema.values import Degrees, FileText, Name, Part, Region, Seconds, one_of
 
 MAX_COUNT = 100_000
+
+MOST_TOGETHER = 8
 
 STAND_WITHIN = 0.1
 """Meters from its goal within which a character comes to stand where nothing else is asked for."""
@@ -76,16 +79,19 @@ class Goal(Region):
 class AgentGroup(Part):
     """Characters with one start and the same goals.
 
+    ``together``: so many of them, one after the other, are a party that walks together, as pairs and families do.
+
     ``count`` of them start ``interval`` seconds after each other; or a source lets in ``rate`` a second until ``until``
     (at most ``count``). They go to their ``goal``, or to each of ``goals`` in turn, ``repeat`` times over, and stand
     ``wait`` seconds at all but the last, within ``stand_within`` meters of them; or they leave through one of
-    ``exits``, by ``choice`` or as it is assigned to them.
+    ``exits``, by ``choice`` or as it is assigned to them. To a goal or an exit, they may take a ``route``.
 
     ``locomotion``: captured characters play motion that is searched for each of them; steered ones decide ten times a
     second, and their bodies follow; ``auto`` ones are captured while they have room, and steered where they meet
     others. They walk at their ``speed`` [m/s] where nothing is in their way; captured motion is played at 0.6 to 1.15
     of the speed that it has. Steered ones are ``breadth`` [m] broad, and take their first step ``delay`` seconds after
-    they came.
+    they came. ``attributes`` are said of them for statistics, recordings and pictures; nobody walks otherwise because
+    of them.
     """
 
     model_config = ConfigDict(json_schema_extra=_one_goal_and_some_agents)
@@ -98,17 +104,20 @@ class AgentGroup(Part):
     goals: Annotated[tuple[Goal, ...], Field(strict=False, min_length=1)] | None = None
     exits: Exits | None = None
     choice: Choice = "nearest"
+    route: Name | None = None
     repeat: Repeat = 1
     wait: Seconds = 0.0
     start_time: Seconds = 0.0
     interval: Seconds = 0.0
     until: Seconds | None = None
+    together: Annotated[int, Field(ge=1, le=MOST_TOGETHER)] = 1
     on_arrival: Literal["leave", "stay"] = "leave"
     stand_within: Annotated[float, Field(allow_inf_nan=False, ge=0.01, le=0.35)] = STAND_WITHIN
     locomotion: Literal["auto", "captured", "steered"] = "auto"
     speed: WalkingSpeed = USUAL_SPEED
     breadth: Breadth = USUAL_BREADTH
     delay: Delay = Spread(mean=0.0)
+    attributes: Attributes = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _check(self) -> AgentGroup:
@@ -126,12 +135,17 @@ class AgentGroup(Part):
         if self.rounds != 1 and len(self.regions()) < 2:
             raise ValueError("'repeat' goes round among several places; give 'goals' with at least two")
         if self.locomotion == "captured":
+            if self.together > 1:
+                raise ValueError(
+                    "who walks 'together' steers; give 'locomotion: auto' or 'steered', or drop 'together'"
+                )
             for key in _STEERED_KEYS:
                 if key in self.model_fields_set:
                     raise ValueError(
                         f"'{key}' is about steered characters; give 'locomotion: auto' or 'steered', or drop it"
                     )
         self._check_exits()
+        self._check_route()
         self._check_stands()
         return self
 
@@ -149,6 +163,16 @@ class AgentGroup(Part):
         for key in ("on_arrival", "wait"):
             if getattr(self, key) not in ("leave", 0.0):
                 raise ValueError(f"who goes to an exit leaves there; drop '{key}', or give a 'goal'")
+
+    def _check_route(self) -> None:
+        if self.route is None:
+            return
+        if self.goals is not None:
+            raise ValueError("a 'route' leads to one 'goal' or to 'exits'; list its places among the 'goals' instead")
+        if self.goal is not None and self.goal.along is not None:
+            raise ValueError("a way along an axis has no end to take a 'route' to; name a region, or drop 'route'")
+        if self.wait > 0.0:
+            raise ValueError("nobody waits on a 'route'; list its places as 'goals', or drop 'wait'")
 
     def _check_stands(self) -> None:
         regions = self.regions()
@@ -173,7 +197,8 @@ class AgentGroup(Part):
     def level(self) -> str:
         """How the characters move: their ``locomotion``, but ``auto`` ones steer where captured motion cannot go."""
         endless = any(goal.along is not None for _, goal in self.regions())
-        return "steered" if self.locomotion == "auto" and (self.exits is not None or endless) else self.locomotion
+        steers = self.exits is not None or endless or self.together > 1
+        return "steered" if self.locomotion == "auto" and steers else self.locomotion
 
     def regions(self) -> list[tuple[tuple[str | int, ...], Goal]]:
         """The goals in order, each with its place in the group: ``("goals", 1)``; none of who goes to an exit."""

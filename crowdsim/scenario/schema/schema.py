@@ -11,11 +11,12 @@ from shapely import MultiPolygon, Point, Polygon, union_all
 
 from crowdsim.constants import CAPTURE_RATE, STEERING_RATE
 from crowdsim.environment.layers import LEGS, TORSO
-from crowdsim.scenario.schema.agents import AgentGroup, Motion
+from crowdsim.scenario.schema.agents import AgentGroup, Goal, Motion
 from crowdsim.scenario.schema.environment import Clutter, Floor, Layer, Obstacle
 from crowdsim.scenario.schema.events import Door, Event
 from crowdsim.scenario.schema.exits import Exit
 from crowdsim.scenario.schema.measured import Area, Line
+from crowdsim.scenario.schema.routes import Route
 from crowdsim.scenario.schema.values import Extent, Name, Pair, Part
 
 FORMAT_VERSION = 1
@@ -58,6 +59,7 @@ class ScenarioFields(Part):
     motion: Motion = Motion(set="default")
     agents: Annotated[tuple[AgentGroup, ...], Field(strict=False, min_length=1)]
     exits: Annotated[tuple[Exit, ...], Field(strict=False)] = ()
+    routes: Annotated[tuple[Route, ...], Field(strict=False)] = ()
     areas: Annotated[tuple[Area, ...], Field(strict=False)] = ()
     lines: Annotated[tuple[Line, ...], Field(strict=False)] = ()
     captured_near: Neighborhood | None = None
@@ -105,14 +107,34 @@ class ScenarioFields(Part):
         named = group.exits or ()
         return [number for number, each in enumerate(self.exits) if named == "all" or each.name in named]
 
-    def destinations(self, group: AgentGroup) -> list[tuple[tuple[str | int, ...], Polygon | MultiPolygon | Point]]:
-        """Where a group goes to in turn, each with its place in the group.
+    def waypoints(self, group: AgentGroup) -> list[tuple[tuple[str | int, ...], Goal]]:
+        """The places of a group's route in order, each with its place in the file."""
+        return [
+            (("routes", number, "through", k), Goal.model_validate(place.model_dump(exclude_none=True)))
+            for number, route in enumerate(self.routes)
+            if route.name == group.route
+            for k, place in enumerate(route.through)
+        ]
+
+    def regions(self, number: int) -> list[tuple[tuple[str | int, ...], Goal]]:
+        """Where group ``number`` goes to in turn, by way of its route, each with its place in the file; no exits."""
+        group = self.agents[number]
+        return [
+            *self.waypoints(group),
+            *((("agents", number, *key), goal) for key, goal in group.regions()),
+        ]
+
+    def destinations(self, number: int) -> list[tuple[tuple[str | int, ...], Polygon | MultiPolygon | Point]]:
+        """Shapes of what group ``number`` goes to in turn, each with its place in the file.
 
         Exits count as one place, and ways without end as none.
         """
-        if group.exits is not None:
-            return [(("exits",), union_all([self.exits[number].shape() for number in self.exits_of(group)]))]
-        return [(key, goal.shape()) for key, goal in group.regions() if goal.along is None]
+        group = self.agents[number]
+        shapes = [(path, goal.shape()) for path, goal in self.regions(number) if goal.along is None]
+        if group.exits is None:
+            return shapes
+        exits = union_all([self.exits[each].shape() for each in self.exits_of(group)])
+        return [*shapes, (("agents", number, "exits"), exits)]
 
     @property
     def steers(self) -> bool:

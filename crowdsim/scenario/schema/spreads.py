@@ -54,7 +54,7 @@ class Spread(Part):
 
     @model_validator(mode="after")
     def _check(self) -> Spread:
-        kind = self.only(*KINDS)
+        kind = self.kind
         if "sd" in self.model_fields_set and kind != "mean":
             raise ValueError(f"'sd' goes with 'mean', not with '{kind}'; drop it")
         if self.uniform is not None and self.uniform[0] > self.uniform[1]:
@@ -77,7 +77,10 @@ class Spread(Part):
     @property
     def kind(self) -> str:
         """Which of :data:`KINDS` it is."""
-        return self.only(*KINDS)
+        return self.only(*self._kinds())
+
+    def _kinds(self) -> tuple[str, ...]:
+        return KINDS
 
     def parts(self) -> tuple[Share, ...]:
         """The spreads that a mix or a table is made of, each with its share; empty for any other."""
@@ -122,9 +125,8 @@ def _within(least: float, most: float) -> Any:
     return AfterValidator(bounded)
 
 
-def _number_or_spread(least: float, most: float) -> Any:
-    """JSON schema of the same."""
-    number = {"type": "number", "minimum": least, "maximum": most}
+def spread_schema(number: dict[str, Any], **more: dict[str, Any]) -> dict[str, Any]:
+    """JSON schema of a spread of numbers; ``more``: kinds of its own, by their keys."""
     positive = {"type": "number", "exclusiveMinimum": 0.0}
 
     def mapping(required: tuple[str, ...], **keys: Any) -> dict[str, Any]:
@@ -142,10 +144,16 @@ def _number_or_spread(least: float, most: float) -> Any:
     rest = {"sd": {"type": "number", "minimum": 0.0}, "min": number, "max": number}
     share = mapping(("share",), share=positive, **kinds, **rest)
     kinds["mix"] = {"type": "array", "items": share, "minItems": 1}
-    spread = mapping((), **kinds, **rest, stratified={"type": "boolean"})
+    spread = mapping((), **kinds, **more, **rest, stratified={"type": "boolean"})
     del spread["required"]
-    spread["oneOf"] = [{"required": [kind]} for kind in KINDS]
-    return WithJsonSchema({"anyOf": [number, spread]})
+    spread["oneOf"] = [{"required": [kind]} for kind in (*KINDS, *more)]
+    return spread
+
+
+def _number_or_spread(least: float, most: float) -> Any:
+    """JSON schema of a number within bounds, or a spread of such."""
+    number = {"type": "number", "minimum": least, "maximum": most}
+    return WithJsonSchema({"anyOf": [number, spread_schema(number)]})
 
 
 WalkingSpeed = Annotated[Spread, BeforeValidator(_as_mean), _within(0.1, 3.0), _number_or_spread(0.1, 3.0)]

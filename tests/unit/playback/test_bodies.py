@@ -7,7 +7,7 @@ import pytest
 
 from crowdsim.motion.clips.kinematics import about_axis, forward_kinematics, rotate
 from crowdsim.playback.body_mesh import Tissue, build_body
-from crowdsim.playback.crowd_mesh import CrowdMesh, distinct_colors, hex_color
+from crowdsim.playback.crowd_mesh import CrowdMesh, attribute_colors, distinct_colors, hex_color
 from crowdsim.playback.surfaces import ellipsoid, limb, loft, vertex_normals
 from tests.support.small_recording import small_skeleton
 
@@ -120,3 +120,20 @@ def test_absent_characters_shrink_to_nothing(recording):
 def test_agent_colors_differ():
     colors = distinct_colors(24)
     assert len(np.unique(colors, axis=0)) == 24
+
+
+def test_words_have_colors_of_their_own_and_numbers_lie_on_a_scale():
+    shirts, legend = attribute_colors(np.array(["nurse", "", "visitor", "nurse"]))
+    assert [word for word, _ in legend] == ["nurse", "visitor"]
+    assert (shirts[0] == shirts[3]).all()
+    assert len({tuple(shirt) for shirt in shirts.tolist()}) == 3
+    for agent, word in ((0, 0), (2, 1)):
+        assert (shirts[agent] == hex_color(legend[word][1])).all()
+    shirts, legend = attribute_colors(np.array([20.0, 70.0, np.nan, 45.0]))
+    assert [word for word, _ in legend] == ["20", "70"]
+    assert (shirts[0] == hex_color(legend[0][1])).all()
+    assert (shirts[1] == hex_color(legend[1][1])).all()
+    assert len({tuple(shirt) for shirt in shirts.tolist()}) == 4
+    shirts, legend = attribute_colors(np.array([3.0, 3.0]))
+    assert len(legend) == 1
+    assert (shirts[0] == shirts[1]).all()

@@ -40,6 +40,30 @@ def test_the_exits_are_valid():
     assert scenario.agents[1].exits == {"west": 1.0, "east": 4.0}
 
 
+def test_the_routes_are_valid():
+    routes = next(block for block in BLOCKS if "routes:" in block)
+    head = "crowdsim: 1\nname: a\nseed: 1\nduration: 60\nfloor: {rectangle: [0, 0, 20, 9]}\n"
+    scenario = parse_scenario(head + routes)
+    assert check_scenario(scenario) == []
+    assert [len(scenario.regions(number)) for number in range(2)] == [3, 1]
+
+
+def test_the_parties_are_valid():
+    parties = next(block for block in BLOCKS if "together:" in block)
+    head = "crowdsim: 1\nname: a\nseed: 1\nduration: 60\nfloor: {rectangle: [0, 0, 30, 20]}\n"
+    scenario = parse_scenario(head + parties)
+    assert check_scenario(scenario) == []
+    assert [group.together for group in scenario.agents] == [2, 4]
+
+
+def test_the_attributes_are_valid():
+    agents = next(block for block in BLOCKS if "attributes:" in block)
+    head = "crowdsim: 1\nname: a\nseed: 1\nduration: 60\nfloor: {rectangle: [0, 0, 100, 9]}\n"
+    scenario = parse_scenario(head + agents)
+    assert check_scenario(scenario) == []
+    assert set(scenario.agents[0].attributes) == {"role", "luggage", "age"}
+
+
 def test_the_measured_places_are_valid():
     body, places = BLOCKS[0], BLOCKS[-1]
     scenario = parse_scenario(body + places)

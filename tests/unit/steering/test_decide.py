@@ -182,6 +182,38 @@ def test_in_a_lane_people_of_one_way_walk_in_file(width, opposed):
     assert turned > 0
 
 
+def _bend(width: float, radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Walls of a lane that comes along the x axis and turns left half way round, as segments; its middle, (n, 4)."""
+    angles = np.radians(np.arange(-90.0, 91.0, 6.0))
+    arc = np.column_stack((np.cos(angles), np.sin(angles)))
+    segments = []
+    for off in (-0.5 * width, 0.5 * width):
+        line = (radius + off) * arc + (0.0, radius)
+        line = np.concatenate(([[-9.0, line[0, 1]]], line, [[-9.0, line[-1, 1]]]))
+        segments.append(np.column_stack((line[:-1], line[1:])))
+    middle = np.column_stack((radius * arc + (0.0, radius), -arc[:, 1], arc[:, 0]))
+    return np.concatenate(segments), middle
+
+
+@pytest.mark.parametrize(("width", "radius"), [(0.8, 1.48), (0.7, 1.0), (1.0, 1.48)])
+def test_files_go_on_around_a_bend_whatever_goals_lie_ahead(width: float, radius: float) -> None:
+    walls, middle = _bend(width, radius)
+    rng = np.random.default_rng(1)
+    followed = 0
+    for at in range(2, len(middle) - 6, 3):
+        pair = middle[[at, at + round(0.7 / radius / math.radians(6.0))]]
+        state = agents(pair[:, :2], np.arctan2(pair[:, 3], pair[:, 2]), np.array([0, 1]), rng)
+        state["gx"], state["gy"] = state["ix"], state["iy"] = pair[:, 2], pair[:, 3]
+        state["vx"], state["vy"] = 0.5 * pair[:, 2], 0.5 * pair[:, 3]
+        heeded, near = _near(state)
+        expected = reference.Decision(state, 0, heeded[0], Rules(), walls, partial(_free_ahead, build_walls(walls)))
+        assert expected.in_file() == (width < 0.85)
+        followed += expected.in_file()
+        found = _decide(state, near, walls)[0]
+        np.testing.assert_allclose([found["vx"], found["vy"]], expected.velocity, atol=5e-3)
+    assert (followed > 3) == (width < 0.85)
+
+
 def test_who_stays_wants_nothing():
     rng = np.random.default_rng(2)
     state = agents(np.array([[0.0, 0.0], [0.0, 0.6]]), np.zeros(2), np.zeros(2, int), rng)

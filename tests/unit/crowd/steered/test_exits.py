@@ -79,6 +79,13 @@ def test_each_exit_gets_its_share_of_those_assigned(tmp_path: Path) -> None:
     assert {name: used["left"] for name, used in one["exits"].items()} == {"east": 10}
 
 
+def test_exits_with_one_region_count_apart(tmp_path: Path) -> None:
+    exits = EXITS + "  - {name: east too, rectangle: [20.7, 4, 21, 5]}\n"
+    summary = summary_of(hall("exits: {east: 1, east too: 3}", count=8, duration=120, rest=exits), tmp_path)
+    left = {name: used["left"] for name, used in summary["exits"].items()}
+    assert left == {"east": 2, "east too": 6}
+
+
 def test_who_is_assigned_where_depends_on_the_seed_and_the_group_alone() -> None:
     def goals(seed: int, others: int) -> list[int]:
         more = GROUP.format(count=others, to=12).replace("people", "others") + "exits: all"

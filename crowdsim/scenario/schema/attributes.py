@@ -1,0 +1,69 @@
+"""What a group says of its characters beside how they walk: numbers, which may be drawn, and words."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
+
+from crowdsim.scenario.schema.spreads import KINDS, Positive, Spread, spread_schema
+
+TAKEN = ("behavior", "agent", "level")
+"""Names that ``crowdsim play --color`` has for something else."""
+
+_NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
+
+
+class Attribute(Spread):
+    """A number or how it is distributed, or ``words`` with the share of characters that each is said of."""
+
+    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [kind]} for kind in (*KINDS, "words")]})
+    words: Annotated[dict[str, Positive], Field(min_length=1, max_length=100)] | None = None
+
+    def _kinds(self) -> tuple[str, ...]:
+        return (*super()._kinds(), "words")
+
+    @model_validator(mode="after")
+    def _check_words(self) -> Attribute:
+        if self.words is not None and (self.min is not None or self.max is not None):
+            raise ValueError("words have no bounds; drop 'min' and 'max'")
+        return self
+
+
+def _short(value: Any) -> Any:
+    """A plain number or word as what it is short for."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return {"mean": value}
+    return {"words": {value: 1.0}} if isinstance(value, str) else value
+
+
+def _named(attributes: dict[str, Attribute]) -> dict[str, Attribute]:
+    for name in attributes:
+        if not _NAME.fullmatch(name):
+            raise ValueError(f"'{name}' is no name of an attribute; take small letters, digits and _, a letter first")
+        if name in TAKEN:
+            raise ValueError(f"the name '{name}' is taken by what playback colors; give another one")
+    return attributes
+
+
+_WORDS = {
+    "type": "object",
+    "additionalProperties": {"type": "number", "exclusiveMinimum": 0.0},
+    "minProperties": 1,
+}
+
+Attributes = Annotated[
+    dict[str, Annotated[Attribute, BeforeValidator(_short)]],
+    AfterValidator(_named),
+    WithJsonSchema(
+        {
+            "type": "object",
+            "propertyNames": {"pattern": f"^{_NAME.pattern}$"},
+            "additionalProperties": {
+                "anyOf": [{"type": "number"}, {"type": "string"}, spread_schema({"type": "number"}, words=_WORDS)]
+            },
+        }
+    ),
+    Field(description="numbers, distributions of numbers, words, or words with their shares, by name"),
+]
