@@ -27,7 +27,10 @@ def validate(
         Path | None, typer.Option("--html", metavar="OUT.html", help="Write a report with pictures.")
     ] = None,
     markdown: Annotated[
-        Path | None, typer.Option(metavar="OUT.md", help="Write the tables as a page of Markdown.")
+        Path | None,
+        typer.Option(
+            metavar="OUT.md", help="Write the tables as a page of Markdown, and its pictures to images/OUT beside it."
+        ),
     ] = None,
     listed: Annotated[
         bool, typer.Option("--list", help="List the tests, and those that are not run, and why.")
@@ -73,15 +76,21 @@ def validate(
             range(1, seeds + 1),
             locomotion,
             jobs=jobs,
-            pictures=None if page is None else Path(folder),
+            pictures=None if page is None and markdown is None else Path(folder),
             progress=progress,
         )
         if page is not None:
             with whole_file(page, (".html",), "reports") as written:
                 written.write_text(report.as_html(outcomes, locomotion, Path(folder)), encoding="utf-8")
-    if markdown is not None:
-        with whole_file(markdown, (".md",), "tables") as written:
-            written.write_text(report.as_markdown(outcomes, locomotion), encoding="utf-8")
+        if markdown is not None:
+            pictures = f"images/{markdown.stem}"
+            (markdown.parent / pictures).mkdir(parents=True, exist_ok=True)
+            for outcome in outcomes:
+                name = f"{outcome.test.name}.png"
+                with whole_file(markdown.parent / pictures / name, (".png",), "pictures") as written:
+                    written.write_bytes((Path(folder) / name).read_bytes())
+            with whole_file(markdown, (".md",), "tables") as written:
+                written.write_text(report.as_markdown(outcomes, locomotion, pictures), encoding="utf-8")
     if as_json:
         typer.echo(json.dumps(report.as_json(outcomes, locomotion)))
     else:

@@ -98,8 +98,8 @@ def write_header(file: h5py.File, header: RecordingHeader) -> None:
     _write_strings(agents, "groups", header.agents.groups)
     for name in _AGENT_ARRAYS:
         _write_array(agents, name, getattr(header.agents, name), "float64")
-    attributes = agents.create_group("attributes")
     for name, values in header.agents.attributes.items():
+        attributes = agents.require_group("attributes")
         if np.issubdtype(values.dtype, np.number):
             _write_array(attributes, name, values, "float64")
         else:
@@ -156,7 +156,7 @@ def read_header(file: h5py.File) -> RecordingHeader:
         agents=AgentsRecord(
             groups=tuple(_read_strings(agents, "groups")),
             **{name: agents[name][:] for name in _AGENT_ARRAYS},
-            # Recordings of before agents could have any have none.
+            # A file says nothing of attributes if its agents have none.
             attributes=_read_attributes(agents["attributes"]) if "attributes" in agents else {},
         ),
         motion=_read_motion(file["motion"]),

@@ -68,7 +68,7 @@ class Rules(NamedTuple):
     """Gap up to which an agent is in file behind somebody."""
     file_aside: float = 0.5
     """Distance of that one from the agent's way, as a share of both bodies' widths, up to which it is."""
-    file_headway: float = 0.75
+    file_headway: float = 0.85
     """Time gap kept in file."""
     file_patience: float = 0.5
     """Time stuck after which an agent does not keep in file any more."""

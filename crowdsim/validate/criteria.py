@@ -126,6 +126,28 @@ def flow(case: str, line: str, least: float, most: float, source: str) -> Criter
     return lambda runs: [Finding(f"flow, {case}", flow_of(runs[case], line), "/s", least, most, source)]
 
 
+def flow_over_all(case: str, line: str, most: float, source: str) -> Criterion:
+    """Passages at a line for each second until the last one [1/s]; not known if somebody stayed."""
+
+    def judge(runs: Runs) -> list[Finding]:
+        last = float(runs[case].times_at(line).max())
+        value = len(runs[case].groups) / last
+        return [Finding(f"passages until the last one, {case}", value, "/s", 0.0, most, source)]
+
+    return judge
+
+
+def keeps_together(case: str, group: str, least: float, source: str) -> Criterion:
+    """Share of time in which members of parties have another one of theirs within 1.5 m."""
+
+    def judge(runs: Runs) -> list[Finding]:
+        share = runs[case].summary["together"][group]
+        value = float("nan") if share is None else float(share)
+        return [Finding("time within 1.5 m of another one of the party", value, "", least, 1.0, source)]
+
+    return judge
+
+
 def no_more_flow_behind(case: str, lines: tuple[str, str], source: str) -> Criterion:
     """The second line lets no more through than the first [1/s]."""
 

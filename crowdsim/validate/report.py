@@ -86,8 +86,8 @@ def as_json(outcomes: Sequence[Outcome], locomotion: str) -> dict[str, Any]:
     }
 
 
-def as_markdown(outcomes: Sequence[Outcome], locomotion: str) -> str:
-    """The page of the docs."""
+def as_markdown(outcomes: Sequence[Outcome], locomotion: str, pictures: str) -> str:
+    """The page of the docs; ``pictures``: the folder beside it in which there is one of each test."""
     seeds = outcomes[0].seeds
     passed = sum(outcome.passed for outcome in outcomes)
     text = [
@@ -98,7 +98,8 @@ def as_markdown(outcomes: Sequence[Outcome], locomotion: str) -> str:
         "",
         f"{passed} of {len(outcomes)} tests pass: every figure is in its band with each seed ({_span(seeds)}).",
         f"Characters are `{locomotion}` ([levels.md](levels.md)). A figure that is not known, as somebody stayed,",
-        "is `nan` or `inf` and does not pass. `crowdsim validate NAME --html OUT.html` draws the ways of a run,",
+        "is `nan` or `inf` and does not pass. Pictures show the ways of the first run of a test, each group in a color",
+        "of its own, with the areas and lines that are measured; `--html OUT.html` writes one page with them in it.",
         "`--list` names the tests, `--jobs` is how many runs go on at once, `--json` gives everything with the hash of",
         "each run. The exit code is 4 if a test fails.",
         "",
@@ -110,7 +111,8 @@ def as_markdown(outcomes: Sequence[Outcome], locomotion: str) -> str:
         text += ["| figure | least | median | most | band | in it | from |", "|---|---|---|---|---|---|---|"]
         for row in rows_of([outcome]):
             text.append("| " + " | ".join(row[column] for column in COLUMNS[1:]) + " |")
-        text.append("")
+        picture = f"{pictures}/{outcome.test.name}.png"
+        text += ["", f"![Ways of {outcome.test.cases[0].name}]({picture})", ""]
     text += ["## Not run", "", "| test | what it is about | why not |", "|---|---|---|"]
     text += [f"| {missing.source} | {missing.title} | {missing.reason} |" for missing in MISSING]
     return "\n".join(text) + "\n"

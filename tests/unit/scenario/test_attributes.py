@@ -111,11 +111,11 @@ def test_recordings_and_summaries_have_them(tmp_path: Path, locomotion: str) -> 
         assert [word for word, _ in crowd.legend] == ["visitor"]
 
 
-def test_recordings_of_before_have_none(tmp_path: Path) -> None:
-    text = steered_scene(f"name: a, count: 1, {WAY}, {SAID}", floor=FLOOR, duration=1)
+def test_agents_without_attributes_have_none_in_the_file(tmp_path: Path) -> None:
+    text = steered_scene(f"name: a, count: 1, {WAY}", floor=FLOOR, duration=1)
     with Simulation(parse_scenario(text)).run(tmp_path / "run.h5"):
         pass
-    with h5py.File(tmp_path / "run.h5", "a") as file:
-        del file["agents/attributes"]
+    with h5py.File(tmp_path / "run.h5") as file:
+        assert "attributes" not in file["agents"]
     with Recording.open(tmp_path / "run.h5") as recording:
         assert recording.header.agents.attributes == {}

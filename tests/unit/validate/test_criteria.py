@@ -160,3 +160,18 @@ def test_speeds_in_areas_and_counts_at_exits() -> None:
     assert judged(criteria.leaves_through("run", {"n": 18, "f": 6}, "x"), run=run) == [(18.0, True), (5.0, False)]
     assert judged(criteria.both_exits("run", "n", "f", "x"), run=run) == [(5.0, True)]
     assert judged(criteria.both_exits("run", "f", "n", "x"), run=run) == [(18.0, False)]
+
+
+def test_the_flow_over_all_counts_until_the_last_one() -> None:
+    lines = {"exit": crossings([1.0, 2.0, 4.0])}
+    test = criteria.flow_over_all("run", "exit", 0.8, "x")
+    assert judged(test, run=made_up(lines=lines)) == [(0.75, True)]
+    assert judged(test, run=made_up(lines={"exit": crossings([1.0, 2.0, 3.0])})) == [(1.0, False)]
+    assert not judged(test, run=made_up(lines={"exit": crossings([1.0, 2.0])}))[0][1], "somebody stayed"
+
+
+def test_parties_are_held_to_their_share_of_time_together() -> None:
+    test = criteria.keeps_together("run", "pairs", 0.95, "x")
+    for share, passed in ((0.96, True), (0.94, False), (None, False)):
+        (found,) = test({"run": made_up(summary={"together": {"pairs": share}})})
+        assert found.passed == passed

@@ -47,6 +47,8 @@ def test_the_page_of_the_docs_has_every_test_and_what_is_not_run() -> None:
     assert set(re.findall(r"^## ([\w-]+):", page, re.M)) == {test.name for test in TESTS}
     for missing in MISSING:
         assert f"| {missing.source} | {missing.title} | {missing.reason} |" in page
+    for test in TESTS:
+        assert (DOCS.parent / "images" / "validation" / f"{test.name}.png").is_file()
 
 
 def test_a_run_is_observed_as_a_slow_look_at_its_recording_has_it(tmp_path: Path) -> None:
@@ -85,7 +87,7 @@ def test_a_test_passes_is_reported_and_comes_out_the_same_again(tmp_path: Path, 
     page = report.as_html([outcome], locomotion, tmp_path / "pictures")
     assert page.count("data:image/png;base64,") == 1
     assert "rimea-1: speed in a corridor, passed" in page
-    assert f"| time between the lines [s] | {value:.3g} |" in report.as_markdown([outcome], locomotion)
+    assert f"| time between the lines [s] | {value:.3g} |" in report.as_markdown([outcome], locomotion, "images/page")
 
 
 def test_a_test_that_fails_says_so() -> None:
@@ -97,7 +99,7 @@ def test_a_test_that_fails_says_so() -> None:
     outcome = judge(test, [1], {("rimea-1", "corridor", 1): wrong})
     assert not outcome.passed
     assert report.rows_of([outcome])[0]["passed"] == "0 of 1"
-    assert "**failed**" in report.as_markdown([outcome], "steered")
+    assert "**failed**" in report.as_markdown([outcome], "steered", "images/page")
 
 
 def test_tests_are_listed_and_unknown_ones_refused(tmp_path: Path) -> None:
@@ -120,4 +122,5 @@ def test_the_command_runs_in_processes_of_its_own_and_writes_pages(tmp_path: Pat
     assert found["seeds"] == [1, 2]
     assert len(set(found["state_hashes"]["corridor"])) == 2
     assert "rimea-1" in page.read_text()
-    assert "rimea-1" in table.read_text()
+    assert "![Ways of corridor](images/table/rimea-1.png)" in table.read_text()
+    assert (tmp_path / "images" / "table" / "rimea-1.png").read_bytes()[1:4] == b"PNG"
