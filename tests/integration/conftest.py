@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.recorded import Recorded
+
 ROOT = Path(__file__).parents[2]
 
 Crowdsim = Callable[..., subprocess.CompletedProcess[str]]
@@ -17,6 +19,15 @@ Crowdsim = Callable[..., subprocess.CompletedProcess[str]]
 def environment() -> dict[str, str]:
     """The environment of child processes: they import this checkout from whatever folder they run in."""
     return {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "120"}
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    """``recorded("plaza", "agents.0.count=2")`` gives the file of a run that all test files share."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if os.environ.get("PYTEST_XDIST_WORKER") else base) / "recorded"
+    folder.mkdir(exist_ok=True)
+    return Recorded(folder)
 
 
 @pytest.fixture

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 import crowdsim
 from crowdsim.recording.header import AgentState
 from crowdsim.recording.reader import Recording
+from tests.support.recorded import Recorded
 
 BODY_DEPTH = 0.301
 """Meters from chest to back of a large adult (95th percentile)."""
@@ -23,8 +24,8 @@ def scenario():
 
 
 @pytest.fixture(scope="module")
-def recording(scenario, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Recording]:
-    with crowdsim.Simulation(scenario).run(tmp_path_factory.mktemp("corridor") / "corridor.h5") as finished:
+def recording(recorded: Recorded) -> Iterator[Recording]:
+    with Recording.open(recorded("corridor")) as finished:
         yield finished
 
 

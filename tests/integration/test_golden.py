@@ -6,13 +6,14 @@ import pytest
 
 from crowdsim.scenario.loader import builtin_scenarios
 from tests.support import golden
+from tests.support.recorded import Recorded
 
 GOLDEN = json.loads(golden.FILE.read_text(encoding="utf-8"))
 
 
 @pytest.mark.parametrize("name", sorted(builtin_scenarios()))
-def test_a_scenario_of_the_library_comes_out_as_it_did(name: str) -> None:
-    assert golden.library_figures(name) == GOLDEN["scenarios"][name]
+def test_a_scenario_of_the_library_comes_out_as_it_did(recorded: Recorded, name: str) -> None:
+    assert golden.figures_of(recorded(name)) == GOLDEN["scenarios"][name]
 
 
 @pytest.mark.parametrize("place", golden.PLACES)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import crowdsim
 from crowdsim.recording.header import AgentState
 from crowdsim.recording.reader import Recording
 from crowdsim.scenario.loader import builtin_scenarios, parse_scenario
+from tests.support.recorded import Recorded
 
 LEAST_MARGIN = -0.01
 """Meters a body may be nearer to an obstacle than its clearance: motion is captured, not drawn on a grid."""
@@ -22,17 +24,10 @@ Run = Callable[..., Recording]
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+def run(recorded: Recorded) -> Iterator[Run]:
     """``run("plaza", "agents.0.count=2")`` gives the recording; each is made once."""
-    made: dict[tuple[str, ...], Recording] = {}
-
-    def recording(name: str, *changes: str) -> Recording:
-        if (name, *changes) not in made:
-            simulation = crowdsim.Simulation(crowdsim.load_scenario(name, changes))
-            made[(name, *changes)] = simulation.run(tmp_path_factory.mktemp(name) / f"{name}.h5")
-        return made[(name, *changes)]
-
-    return recording
+    with ExitStack() as opened:
+        yield lambda name, *changes: opened.enter_context(Recording.open(recorded(name, *changes)))
 
 
 def used_in(recording: Recording, area: shapely.Polygon, group: str) -> set[str]:

@@ -15,6 +15,7 @@ from crowdsim.bench.plans.planner_comparison import ground_of, random_queries
 from crowdsim.crowd.simulation import Simulation
 from crowdsim.errors import PathNotFound
 from crowdsim.planning.planner import Planner
+from crowdsim.recording.reader import Recording
 from crowdsim.scenario.loader import load_scenario, parse_scenario
 from crowdsim.scenario.scenario import Scenario
 
@@ -30,15 +31,21 @@ def scenario_figures(scenario: Scenario, workers: int = 2) -> dict[str, Any]:
     """Arrivals, mean time (s), hash of the state, and hash of all that the recording of a run holds."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "run.h5"
-        with Simulation(scenario, workers).run(file) as recording:
-            summary = recording.summary
-        return {
-            "characters": summary["characters"],
-            "arrived": summary["arrived"],
-            "mean_time": summary["mean_time"],
-            "state_hash": summary["state_hash"],
-            "recording": _content(file),
-        }
+        Simulation(scenario, workers).run(file).close()
+        return figures_of(file)
+
+
+def figures_of(file: Path) -> dict[str, Any]:
+    """:func:`scenario_figures` of the recording of a run."""
+    with Recording.open(file) as recording:
+        summary = recording.summary
+    return {
+        "characters": summary["characters"],
+        "arrived": summary["arrived"],
+        "mean_time": summary["mean_time"],
+        "state_hash": summary["state_hash"],
+        "recording": _content(file),
+    }
 
 
 def library_figures(name: str, changes: Sequence[str] = (), workers: int = 2) -> dict[str, Any]:
