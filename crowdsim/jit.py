@@ -21,7 +21,7 @@ from numba.extending import intrinsic
 
 from crowdsim.cache_place import cache_base, temporary_base
 
-__all__ = ["array_at", "cache_folder", "helper", "is_cold", "kernel"]
+__all__ = ["array_at", "cache_folder", "compiled_kernels", "helper", "is_cold", "kernel", "kernel_name"]
 
 _OPTIONS = {
     "nogil": True,
@@ -91,7 +91,22 @@ def cache_folder() -> Path:
 
 def is_cold() -> bool:
     """Whether no kernel of these sources was compiled on this machine yet."""
-    return not any(_FOLDER.rglob("*.nbi"))
+    return not compiled_kernels()
+
+
+def compiled_kernels() -> set[str]:
+    """Names of the kernels that were compiled on this machine, as :func:`kernel_name` gives them."""
+    return {f"{file.parent.name.rpartition('_')[0]}/{file.name.partition('-')[0]}" for file in _FOLDER.rglob("*.nbi")}
+
+
+def kernel_name(dispatcher: Any) -> str | None:
+    """Folder, file and name of a kernel; None for a helper, which becomes a part of kernels."""
+    kept = getattr(dispatcher._cache, "cache_path", None)
+    if not kept:
+        return None
+    function = dispatcher.py_func
+    folder, _, file = function.__module__.rpartition(".")
+    return f"{folder.rpartition('.')[2]}/{file}.{function.__qualname__}"
 
 
 kernel = (njit if _INTERNALS is None else _INTERNALS.borrowing_kernel)(cache=True, **_OPTIONS)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import signal
+import time
+from importlib.resources import files
 from types import FrameType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -12,6 +14,9 @@ from crowdsim.cli.errors_shown import Terminated
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
+
+LOOK_SECONDS = 0.3
+"""Time between looks at which kernels are compiled [s]."""
 
 
 def progress_bar() -> Progress:
@@ -61,6 +66,38 @@ class Interruption:
         self._asked = Terminated() if number == signal.SIGTERM else KeyboardInterrupt()
 
 
+class FirstRun:
+    """How much of what a first run compiles is left, by ``first_run.txt``, which ``tools/time_kernels.py`` writes.
+
+    It counts kernels that appear in the cache, whichever process compiled them.
+    """
+
+    def __init__(self) -> None:
+        from crowdsim.jit import compiled_kernels
+
+        self._compiled_kernels = compiled_kernels
+        lines = files("crowdsim").joinpath("first_run.txt").read_text(encoding="utf-8").splitlines()
+        kept = compiled_kernels()
+        self._seconds = {name: float(taken) for taken, name in map(str.split, lines) if name not in kept}
+        self._begin = time.monotonic()
+        self._looked = -LOOK_SECONDS
+        self._state = (0, 0, "")
+
+    def state(self) -> tuple[int, int, str]:
+        """Kernels that are compiled, of how many, and about how long the rest takes in words: empty if unknown."""
+        now = time.monotonic()
+        if now - self._looked >= LOOK_SECONDS:
+            kept = self._compiled_kernels()
+            rest = sum(taken for name, taken in self._seconds.items() if name not in kept)
+            done = sum(self._seconds.values()) - rest
+            # At first, as fast as where the file was written; later as fast as it went.
+            pace = (now - self._begin) / done if done > 5.0 else 1.0
+            left = f"about {max(round(pace * rest), 1)} s left" if rest > 0.0 else ""
+            self._state = sum(name in kept for name in self._seconds), len(self._seconds), left
+            self._looked = now
+        return self._state
+
+
 class RunProgress:
     """A bar where stderr is a terminal; elsewhere nothing but one line when kernels have to be compiled.
 
@@ -71,7 +108,9 @@ class RunProgress:
 
     def __init__(self, title: str) -> None:
         self._title = title
-        self._compiled = 0
+        self._first_run: FirstRun | None = None
+        self._compiled: list[str] = []
+        self._maps = (0, 0)
         self._steps = (0, 0)
         self._interrupted: KeyboardInterrupt | None = None
         self._stepping = False
@@ -111,10 +150,8 @@ class RunProgress:
 
     def maps(self, done: int, nodes: int) -> None:
         """Show for how many of the motion graph's nodes the map is built."""
-        description = f"{self._title}: motion maps" if done < nodes else f"{self._title}: preparing"
-        self._bar.update(self._task, completed=done, total=nodes, description=description)
-        if done == nodes:
-            self._bar.reset(self._task, total=None, description=description)
+        self._maps = (done, nodes) if done < nodes else (0, 0)
+        self._show()
 
     def begin_steps(self) -> None:
         """From now on ``step`` is called again and again."""
@@ -125,7 +162,7 @@ class RunProgress:
         if self._interrupted:
             raise self._interrupted
         self._steps = (step, steps)
-        self._bar.update(self._task, completed=step, total=steps, description=self._title)
+        self._show()
 
     def _interrupt(self, number: int, frame: FrameType | None) -> None:
         if self._interrupted or not self._stepping:
@@ -138,12 +175,27 @@ class RunProgress:
         self._interrupted = Terminated()
 
     def _compiling(self, event: Any) -> None:
-        """numba calls this when the cache does not hold a kernel, and not once it does."""
-        self._compiled += 1
-        if self._compiled == 1 and not self._is_terminal:
-            typer.echo("compiling kernels, once for this machine; it takes about a minute", err=True)
-        name = event.data["dispatcher"].py_func.__name__
-        self._bar.update(self._task, description=f"{self._title}: compiling, once for this machine: {name}")
+        """numba calls this when the cache does not hold a kernel, and for each helper that it is the first to need."""
+        self._compiled.append(event.data["dispatcher"].py_func.__name__)
+        if self._first_run is None:
+            self._first_run = FirstRun()
+            _, count, left = self._first_run.state()
+            if not self._is_terminal:
+                how_much = f"{count} kernels, {left}" if left else "about a minute"
+                typer.echo(f"compiling kernels, once for this machine: {how_much}", err=True)
+        self._show()
 
     def _compiling_ended(self, event: Any) -> None:
-        self._bar.update(self._task, description=self._title if self.steps_done else f"{self._title}: preparing")
+        self._compiled.pop()
+        self._show()
+
+    def _show(self) -> None:
+        """Show the kernel that is compiled, else the maps that are built, else the steps that are done."""
+        (done, total), title = self._steps, self._title if self.steps_done else f"{self._title}: preparing"
+        if self._compiled and self._first_run is not None:
+            done, total, left = self._first_run.state()
+            title = f"{self._title}: compiling kernels, once for this machine, {left}: {self._compiled[0]}"
+        elif self._maps[1]:
+            (done, total), title = self._maps, f"{self._title}: motion maps"
+        self._bar.update(self._task, completed=done, description=title)
+        self._bar.tasks[0].total = total or None

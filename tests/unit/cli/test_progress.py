@@ -1,8 +1,19 @@
 """What a run says while it goes on, where stderr is no terminal."""
 
-import numba
+import io
+import re
+from importlib.resources import files
+from pathlib import Path
 
-from crowdsim.cli.progress import RunProgress
+import numba
+from rich.console import Console
+from rich.progress import Progress
+
+from crowdsim import jit
+from crowdsim.cli import progress as shown
+from crowdsim.cli.progress import FirstRun, RunProgress
+
+PACKAGE = Path(__file__).parents[3] / "crowdsim"
 
 
 def test_nothing_is_said_when_nothing_compiles(capsys):
@@ -41,3 +52,71 @@ def test_nothing_is_said_after_the_run(capsys):
 
     assert three(1) == 4
     assert capsys.readouterr().err == ""
+
+
+def listed():
+    """Names and CPU seconds of ``first_run.txt``."""
+    lines = files("crowdsim").joinpath("first_run.txt").read_text(encoding="utf-8").splitlines()
+    return {name: float(seconds) for seconds, name in map(str.split, lines)}
+
+
+def test_what_a_first_run_compiles_are_kernels_of_the_package():
+    assert len(listed()) > 40
+    for name in listed():
+        folder, file, function = re.fullmatch(r"(\w+)/(\w+)\.(\w+)", name).groups()
+        [found] = PACKAGE.rglob(f"{folder}/{file}.py")
+        decorated = rf"@(shared_)?(kernel|helper)\ndef {function}\("
+        assert re.search(decorated, found.read_text(encoding="utf-8")), name
+
+
+def test_how_much_is_left_follows_what_is_compiled(monkeypatch):
+    names, compiled, now = listed(), set(), [100.0]
+    monkeypatch.setattr(jit, "compiled_kernels", lambda: set(compiled))
+    monkeypatch.setattr(shown.time, "monotonic", lambda: now[0])
+    first = FirstRun()
+    assert first.state() == (0, len(names), f"about {round(sum(names.values()))} s left")
+    half = sorted(names, key=names.get)[len(names) // 2 :]
+    compiled.update(half)
+    now[0] += 2.0 * sum(names[name] for name in half)
+    rest = 2.0 * sum(seconds for name, seconds in names.items() if name not in half)
+    assert first.state() == (len(half), len(names), f"about {round(rest)} s left")
+    compiled.update(names)
+    now[0] += 1.0
+    assert first.state() == (len(names), len(names), "")
+
+
+def test_what_is_compiled_is_shown_and_what_was_shown_before_comes_back(monkeypatch):
+    monkeypatch.setattr(jit, "compiled_kernels", lambda: set())
+    console = Console(file=io.StringIO(), force_terminal=True)
+    monkeypatch.setattr(shown, "progress_bar", lambda: Progress(console=console, auto_refresh=False))
+
+    @numba.njit
+    def inner(x):
+        return x + 1
+
+    @numba.njit
+    def outer(x):
+        return inner(x) + 1
+
+    with RunProgress("corridor") as progress:
+        seen = []
+        update = progress._bar.update
+
+        def noted(task, **what):
+            update(task, **what)
+            seen.append((progress._bar.tasks[0].description, progress._bar.tasks[0].completed))
+
+        monkeypatch.setattr(progress._bar, "update", noted)
+        progress.maps(3, 91)
+        assert seen[-1] == ("corridor: motion maps", 3)
+        outer(1)
+        compiling = [(words, done) for words, done in seen if "compiling" in words]
+        assert compiling
+        assert all(words.endswith("s left: outer") and done == 0 for words, done in compiling)
+        assert seen[-1] == ("corridor: motion maps", 3)
+        assert progress._bar.tasks[0].total == 91
+        progress.maps(91, 91)
+        assert seen[-1] == ("corridor: preparing", 0)
+        progress.step(2, 10, None)
+        assert seen[-1] == ("corridor", 2)
+        assert progress._bar.tasks[0].total == 10
