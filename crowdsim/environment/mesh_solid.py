@@ -30,9 +30,6 @@ GRID = 1e-5
 PINHOLE = 0.1
 """Square meters: holes in the footprint of one solid that are smaller, the inside of a bucket, are filled."""
 
-_FEW = 64
-"""Triangles up to which a solid is looked at whether it is convex."""
-
 _LARGEST = 200
 """So many of the largest pieces are joined before the others."""
 
@@ -128,16 +125,6 @@ class MeshSolid:
         return bool((a * np.cross(b, c)).sum() > 0.0)
 
     @cached_property
-    def _convex(self) -> bool:
-        """Whether it is closed and convex, as boxes, tiles and posts are; told of those of few triangles only."""
-        if len(self.triangles) > _FEW or not self._closed:
-            return False
-        first = self.corners[:, 0]
-        normals = np.cross(self.corners[:, 1] - first, self.corners[:, 2] - first)
-        beyond = (normals[:, None] * (self.corners.reshape(1, -1, 3) - first[:, None])).sum(axis=2)
-        return bool((beyond <= GRID * np.sqrt(np.square(normals).sum(axis=1))[:, None]).all())
-
-    @cached_property
     def footprint(self) -> BaseGeometry:
         """What lies under or over any part of the solid."""
         return self._footprint(self.bottom - 1.0, self.top + 1.0)
@@ -169,10 +156,6 @@ class MeshSolid:
         return replace(self, vertices=self.vertices + np.array([0.0, 0.0, height]))
 
     def _footprint(self, low: float, high: float) -> BaseGeometry:
-        if self._convex:
-            hull = _hull(self.corners, low, high)
-            if 2.0 * hull.area > STRIP * hull.length:  # wider than a strip
-                return _without_pinholes(hull)
         shapes, longest = _pieces(self.corners, low, high)
         if not len(shapes):
             return shapely.Polygon()
@@ -189,17 +172,6 @@ class MeshSolid:
         inside = np.array([enclosed(section_segments(self.corners, z, above)) for z, above in cuts], dtype=object)
         area = _union(np.concatenate([inside, shapes[widths > GRID]]))
         return _with_strips(area, longest[widths < STRIP])
-
-
-def _hull(corners: Floats, low: float, high: float) -> BaseGeometry:
-    """The hull of what triangles have in the open band, seen from above: the footprint of a convex solid."""
-    heights = corners[:, :, 2]
-    least, most = heights.min(axis=1), heights.max(axis=1)
-    meets = (least < high) & (most > low)
-    whole = meets & (least >= low) & (most <= high)
-    points, valid = _clipped(corners[meets & ~whole], low, high)
-    places = np.concatenate([corners[whole, :, :2].reshape(-1, 2), points[valid]])
-    return shapely.set_precision(shapely.convex_hull(shapely.multipoints(places)), GRID)
 
 
 def _pieces(corners: Floats, low: float, high: float) -> tuple[NDArray[np.object_], Floats]:

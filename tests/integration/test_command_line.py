@@ -249,5 +249,6 @@ def test_bench_lists_its_names(crowdsim):
         "auto-square",
         "auto-shares",
         "robustness",
+        "soak",
         "motion-maps",
     ]

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import shapely
-import trimesh
 
 from crowdsim.environment.layers import LEGS, TORSO
 from crowdsim.environment.mesh_solid import STRIP, MeshSolid
@@ -176,27 +175,3 @@ def test_torso_and_legs_of_a_chair():
     chair = solid(joined(box((0, 0, 0.4), (0.5, 0.5, 0.45)), box((0, 0.45, 0.45), (0.5, 0.5, 0.95))))
     assert chair.footprint_in(TORSO.low, TORSO.high).equals(shapely.box(0, 0.45, 0.5, 0.5))
     assert chair.footprint_in(LEGS.low, LEGS.high).equals(shapely.box(0, 0, 0.5, 0.5))
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_a_convex_solid_has_the_footprint_of_its_triangles(seed):
-    rng = np.random.default_rng(seed)
-    hull = trimesh.convex.convex_hull(rng.uniform(0.0, 2.0, (rng.integers(4, 12), 3)))
-    quick, slow = (MeshSolid("stone", hull.vertices, hull.faces) for _ in range(2))
-    assert quick._convex
-    slow.__dict__["_convex"] = False
-    for low, high in ((-1.0, 3.0), (0.6, 1.1), (0.9, 0.95)):
-        one, other = quick.footprint_in(low, high), slow.footprint_in(low, high)
-        assert one.symmetric_difference(other).area < 1e-3
-        assert one.is_empty or shapely.hausdorff_distance(one, other) < 2e-3
-
-
-def test_dented_open_and_thin_solids_are_not_taken_for_convex_ones():
-    dented = joined(box((0, 0, 0), (1, 1, 1)), box((2, 0, 0), (3, 1, 1)))
-    assert not solid(dented)._convex
-    assert solid(dented).footprint.area == pytest.approx(2.0, abs=1e-4)
-    assert not solid(sheet([(0, 0), (1, 0)], 0.0, 1.0))._convex
-    thin, slow = (solid(box((0, 0, 0), (1, 0.001, 1))) for _ in range(2))
-    slow.__dict__["_convex"] = False
-    assert thin._convex
-    assert shapely.equals_exact(thin.footprint, slow.footprint, 0.0), "what is as thin as a strip goes the other way"
