@@ -1,4 +1,4 @@
-"""Where compiled kernels, motion maps and what else takes long to make are kept."""
+"""The folder of cached files that take long to make: compiled kernels and motion maps."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from pathlib import Path
 
 
 def cache_base() -> Path:
-    """The folder that CROWDSIM_CACHE names, else ``crowdsim`` in the user's folder of caches, else of temporary files.
+    """Return the cache folder: ``CROWDSIM_CACHE``, else the user's cache folder, else one for temporary files.
 
-    XDG_CACHE_HOME counts only if it is absolute, as its specification says: what is empty or relative would be a folder
-    of wherever a command happens to run.
+    The user's cache folder is ``$XDG_CACHE_HOME/crowdsim``, else ``~/.cache/crowdsim``. XDG_CACHE_HOME counts only if
+    it is absolute, as its specification requires: a relative path would depend on the working directory.
     """
     asked = os.environ.get("CROWDSIM_CACHE")
     if asked:
@@ -22,9 +22,9 @@ def cache_base() -> Path:
     home = os.path.expanduser("~")
     if os.path.isabs(home):
         return Path(home) / ".cache" / "crowdsim"
-    return temporary_base()  # a user without a home, whom the system may not even know
+    return temporary_base()  # no home folder: some containers run as a user id without an account
 
 
 def temporary_base() -> Path:
-    """A folder of this user among temporary files."""
+    """Return a folder for this user in the system's folder of temporary files."""
     return Path(tempfile.gettempdir()) / f"crowdsim-{os.getuid()}"

@@ -1,13 +1,16 @@
-"""Numbers that more than one room needs, with their units, once."""
+"""Constants that several packages share, with their units."""
 
 CAPTURE_RATE = 60
-"""Frames a second of every clip inside the engine; captures are resampled to it when read."""
+"""Frames per second of every clip in memory [1/s]. Captures are resampled to this rate when they are read."""
+
+CAPTURE_PATTERNS = ("*.bvh", "*.amc")
+"""Patterns of file names: which files in a folder are taken as motion captures."""
 
 NONE = -1
-"""The absent index in every int32 index column."""
+"""Value that stands for "no index" in int32 index columns."""
 
 TRACKING_MARGIN = 0.05
-"""Meters a planned clearance exceeds the body's own, so that a motion may stray that far off its path."""
+"""Extra clearance of planned paths beyond the body's own [m]. A motion may leave its path by this much."""
 
 STEERING_RATE = 10
-"""Decisions a second of steered characters."""
+"""Steering decisions per second of simulated time [1/s]."""

@@ -1,7 +1,7 @@
-"""Every error that crowdsim raises on purpose, in one tree.
+"""The tree of errors and warnings that crowdsim raises on purpose.
 
-A caller who wants to survive bad input catches :class:`CrowdSimError`; everything else is a bug. The
-command line prints these without a traceback and leaves with :attr:`CrowdSimError.exit_code`.
+Catch :class:`CrowdSimError` to handle bad input; any other exception is a bug. The command line prints these errors
+without a traceback and exits with :attr:`CrowdSimError.exit_code`.
 """
 
 from __future__ import annotations
@@ -11,17 +11,25 @@ from dataclasses import dataclass
 
 
 class CrowdSimError(Exception):
-    """Base of all errors with a remedy the user can apply."""
+    """Base of all errors that the user can remedy."""
 
     exit_code = 2
 
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing wrong with a scenario: where it stands and what to do about it.
+    """A mistake in a scenario file: its position, and what to do about it.
 
-    ``line`` and ``column`` count from 1 and are None where ``file`` is no text, as with an override of the command
-    line. ``key`` is the dotted path of the entry, empty for the file as a whole.
+    Attributes
+    ----------
+    file : str
+        Name of the file, or another origin such as ``--set agents.0.count``.
+    line, column : int or None
+        Position in the file, counted from 1; None if the origin is not a text file.
+    key : str
+        Dotted path of the entry, ``agents.0.count``; empty for the file as a whole.
+    message : str
+        What is wrong, and the remedy.
     """
 
     file: str
@@ -38,12 +46,12 @@ class Problem:
 
 
 class ScenarioError(CrowdSimError):
-    """A scenario is wrong; the message lists every problem of the file, one a line.
+    """A scenario is invalid; the message lists all problems of the file, one per line.
 
     Attributes
     ----------
     problems : list of Problem
-        The same with their positions; empty where a plain message was given.
+        The same problems with their positions; empty if the error was raised with a plain message.
     """
 
     def __init__(self, problems: Iterable[Problem] | str) -> None:
@@ -52,31 +60,41 @@ class ScenarioError(CrowdSimError):
 
 
 class GeometryError(CrowdSimError):
-    """A polygon, solid or layer cannot be used as given."""
+    """A polygon, solid or layer is invalid."""
 
 
 class PlaceError(CrowdSimError):
-    """A file of a place, or the scene in it, cannot be used as it is; the message names the file and what to do."""
+    """A file with an environment (mesh, floor plan) is unusable; the message names the file and the remedy."""
 
 
 class StaleHandle(CrowdSimError):
-    """A handle of an obstacle that is not in the mesh, or no longer."""
+    """A handle refers to an obstacle that was removed from the mesh, or was never in it."""
 
 
 class GeometryWarning(UserWarning):
-    """A polygon is used as given but looks like a mistake, such as one not drawn in meters."""
+    """A polygon is used as given but looks like a mistake, for example because it is not in meters."""
+
+
+class BoundExceeded(CrowdSimError):
+    """A loop went on beyond what any sound mesh or search needs: a mistake of crowdsim, stopped before it hangs."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "a search or a walk over the navigation mesh did not end within its bound; this is a mistake in crowdsim: "
+            "report it with the scenario, and move what was last put into the place by a centimeter to go on"
+        )
 
 
 class CacheWarning(UserWarning):
-    """Something that was kept from an earlier run is damaged, and made anew."""
+    """A cached file is damaged; it is made anew."""
 
 
 class PathNotFound(CrowdSimError):
-    """No path of the wanted clearance joins start and goal."""
+    """No path with the required clearance connects start and goal."""
 
 
 class MotionError(CrowdSimError):
-    """A capture, a motion set or a motion graph cannot be used as given."""
+    """A capture, a motion set or a motion graph is unusable."""
 
 
 class BehaviorError(CrowdSimError):
@@ -87,7 +105,19 @@ class RecordingError(CrowdSimError):
     """A recording file is missing, unfinished, or of another format or version."""
 
 
+class ColumnError(CrowdSimError):
+    """A column of an own system is unknown, not declared, read-only, or of another dtype or shape."""
+
+
+class StageError(CrowdSimError):
+    """An own system stands before a stage that does not exist, or does what is not for systems."""
+
+
+class SystemFailed(CrowdSimError):
+    """An own system raised an error, which is its ``__cause__``; the simulation takes no more steps."""
+
+
 class DrawingUnavailable(CrowdSimError):
-    """Nothing on this machine can draw: no display, no EGL, no OSMesa."""
+    """No drawing backend works on this machine: no display, no EGL, no OSMesa."""
 
     exit_code = 3

@@ -1,4 +1,4 @@
-"""Areas in matplotlib figures, and figures in files."""
+"""Draw shapely areas in matplotlib figures, and write figures to files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SUFFIXES = (".png", ".svg", ".pdf")
 
 
 def fill(axes: Axes, area: Any, **style: Any) -> None:
-    """Draw an area (shapely) with its holes."""
+    """Draw a shapely area with its holes into ``axes``; ``style`` goes to matplotlib's ``PathPatch``."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Outline
 
@@ -27,6 +27,6 @@ def fill(axes: Axes, area: Any, **style: Any) -> None:
 
 
 def write_figure(figure: Figure, file: str | os.PathLike[str]) -> None:
-    """Write a figure as .png, .svg or .pdf; the file appears under its name when it is complete."""
+    """Write a figure as .png, .svg or .pdf; the file appears under its name only when it is complete."""
     with whole_file(file, _SUFFIXES, "pictures") as written:
         figure.savefig(written)

@@ -1,8 +1,8 @@
-"""The one door to numba: every compiler option of the engine stands here once.
+"""The only module that configures numba: decorators for kernels, compiler options, cache folder.
 
-Kernels are compiled on first call and kept in a cache folder. numba's own cache notices an edit in
-the file that holds a kernel but not one in a module that the kernel calls, so the folder's name is a hash
-of all kernel sources, the numba version and the options: an edit anywhere starts a new folder.
+Kernels are compiled at their first call and cached on disk. numba's own cache notices an edit of the file that holds a
+kernel, but not an edit of another file whose functions the kernel calls. The cache folder is therefore named by a hash
+of all kernel sources, the numba version and the options: any edit starts a new folder.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ _OPTIONS = {
     "fastmath": False,
     "error_model": "numpy",
     "boundscheck": False,
-    "no_cfunc_wrapper": True,  # no kernel is called from C
+    "no_cfunc_wrapper": True,  # no C code calls a kernel
 }
 
-# Most of the time of a first run goes into compiling. LLVM's first level without vectorizing takes half the time
-# of the third, and branchy geometry like ours runs no slower.
+# Compilation takes most of a first run. LLVM's level 1 without vectorization compiles twice as fast as level 3, and
+# geometry code with many branches runs no slower.
 numba.config.OPT = type(numba.config.OPT)(1)
 numba.config.LOOP_VECTORIZE = 0
 
@@ -47,6 +47,10 @@ def _sources_key(kind: str) -> str:
 
 
 def _choose_cache_folder(kind: str) -> Path:
+    """Return a folder that can be written to, for kernels of the ``kind`` of numba (as it is, or changed).
+
+    It is below the usual cache folder, or below that of temporary files if the usual one is read-only.
+    """
     folder = cache_base() / "kernels" / _sources_key(kind)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -60,9 +64,10 @@ def _choose_cache_folder(kind: str) -> Path:
 
 
 def _choose_internals() -> tuple[ModuleType | None, Path]:
-    """numba's private parts, or None if it is to be taken as it comes, and the folder of kernels that are compiled so.
+    """Return the module of numba internals, None for plain numba, and the cache folder of that choice.
 
-    They are tried out once for each folder. If numba is built otherwise, a warning says so.
+    The internals are tested once per cache folder. If this numba version is built differently, a warning says so and
+    plain numba is used. CROWDSIM_PLAIN_NUMBA=1 forces plain numba.
     """
     if not os.environ.get("CROWDSIM_PLAIN_NUMBA"):
         folder = _choose_cache_folder("internals")
@@ -85,22 +90,22 @@ numba.config.CACHE_DIR = str(_FOLDER)
 
 
 def cache_folder() -> Path:
-    """Folder that holds the compiled kernels of exactly these sources."""
+    """Return the folder that holds the compiled kernels of exactly these sources."""
     return _FOLDER
 
 
 def is_cold() -> bool:
-    """Whether no kernel of these sources was compiled on this machine yet."""
+    """Return whether this machine has no compiled kernel of these sources yet."""
     return not compiled_kernels()
 
 
 def compiled_kernels() -> set[str]:
-    """Names of the kernels that were compiled on this machine, as :func:`kernel_name` gives them."""
+    """Return the names of the kernels that are compiled on this machine, as :func:`kernel_name` gives them."""
     return {f"{file.parent.name.rpartition('_')[0]}/{file.name.partition('-')[0]}" for file in _FOLDER.rglob("*.nbi")}
 
 
 def kernel_name(dispatcher: Any) -> str | None:
-    """Folder, file and name of a kernel; None for a helper, which becomes a part of kernels."""
+    """Return ``folder/file.name`` of a kernel; None for a helper, which has no cache entry of its own."""
     kept = getattr(dispatcher._cache, "cache_path", None)
     if not kept:
         return None
@@ -110,13 +115,13 @@ def kernel_name(dispatcher: Any) -> str | None:
 
 
 kernel = (njit if _INTERNALS is None else _INTERNALS.borrowing_kernel)(cache=True, **_OPTIONS)
-"""Decorator of a serial kernel: releases the GIL, callable from worker threads."""
+"""Decorator for serial kernels: cached on disk, releases the GIL, callable from worker threads."""
 
 
 def helper(function: Callable[..., Any]) -> Any:
-    """Decorator of a function that kernels alone call: it is kept in the cache as a part of its kernels only.
+    """Decorate a function that only kernels call; it is compiled into them and has no cache entry of its own.
 
-    TypeError if Python calls it all the same, unless numba is taken as it comes.
+    A call from Python raises TypeError, unless plain numba is used.
     """
     if _INTERNALS is None:
         return njit(**_OPTIONS)(function)
@@ -124,10 +129,10 @@ def helper(function: Callable[..., Any]) -> Any:
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """Decorator of a helper whose code becomes part of every function that calls it.
+    """Decorate a helper whose code is copied into every function that calls it.
 
-    For large helpers of inner loops, which the compiler would rather call: `see_corners` takes 7 % less with them.
-    Where there are several calls the code grows, which can cost more than it saves: measure.
+    Use it for large helpers in inner loops that the compiler would otherwise call. With several call sites the code
+    grows, which can cost more than it saves: measure.
     """
     return njit(inline="always", **_OPTIONS)(function)
 
@@ -143,7 +148,7 @@ if _INTERNALS is None:
 
     @helper
     def array_at(address: Any, shape: Any, dtype: Any) -> Any:
-        """In kernels: view memory at ``address`` as a C-contiguous array. The caller keeps the memory alive."""
+        """View memory at ``address`` as a C-contiguous array (in kernels). The caller keeps the memory alive."""
         return numba.carray(_pointer(address), shape, dtype)
 
 else:

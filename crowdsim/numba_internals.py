@@ -1,15 +1,17 @@
-"""Private parts of numba: each makes kernels faster or their compilation shorter, none changes a result.
+"""Changes to numba's private parts that make kernels faster or compile sooner; none changes a result.
 
-`crowdsim/jit.py` alone imports this module, tries it out, and takes numba as it comes if that fails.
-docs/design.md gives what each part gains, and the command that measures it.
+Only `crowdsim/jit.py` imports this module. It calls :func:`try_out` first and uses plain numba if that fails.
+docs/design.md lists what each part gains, and the command that measures it.
 """
 
 from __future__ import annotations
 
 import hashlib
+import os
 import pickle
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,16 +35,18 @@ _OVERRIDDEN = (
     (IndexDataCacheFile, ("_load_index", "_save_index", "_load_data", "_save_data", "_open_for_write", "_dump")),
     (JITCodeLibrary, ("codegen", "get_pointer_to_function", "_optimize_final_module", "_finalize_final_module")),
 )
-"""What the classes below replace; where numba lacks one of them, it would be replaced in vain."""
+"""Methods that the classes below override, by class. If numba no longer has one of them, its override has no effect."""
 
 
 class _BorrowingLower(Lower):
-    """Code that counts no references to arguments which keep their names: the caller holds them meanwhile.
+    """Lowering that does not count references to arguments which the function never reassigns.
 
-    numba counts every array of every argument up at the start of a function and down at its end, atomically.
+    numba increments the reference count of every array argument at the start of a function and decrements it at the
+    end, both atomically. The caller holds a reference during the call, so both are unnecessary.
     """
 
     def pre_lower(self) -> None:
+        """Collect the variables that are assigned once, from an argument of the same type."""
         super().pre_lower()
         assigned = [each for block in self.func_ir.blocks.values() for each in block.find_insts(ir.Assign)]
         names = [each.target.name for each in assigned]
@@ -55,26 +59,34 @@ class _BorrowingLower(Lower):
         }
 
     def lower_assign(self, ty: Any, inst: Any) -> Any:
+        """Assign a borrowed argument without incrementing its reference count."""
         if inst.target.name in self._borrowed:
             return self.fnargs[inst.value.index]
         return super().lower_assign(ty, inst)
 
     def delvar(self, name: str) -> None:
+        """Delete a variable; a borrowed one stays, because its count was not incremented."""
         if name not in self._borrowed:
             super().delvar(name)
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
 class _BorrowingLowering(NativeLowering):
+    """Compiler pass that uses :class:`_BorrowingLower`."""
+
     _name = "borrowing_lowering"
 
     @property
     def lowering_class(self) -> type[Lower]:
+        """Return the class that lowers functions."""
         return _BorrowingLower
 
 
 class _KernelCompiler(CompilerBase):
+    """numba's compiler pipeline with :class:`_BorrowingLowering` instead of the usual lowering pass."""
+
     def define_pipelines(self) -> list[Any]:
+        """Return the usual passes, with the lowering pass replaced."""
         usual = DefaultPassBuilder.define_nopython_pipeline(self.state)
         passes = PassManager("crowdsim")
         passes.passes = [(_BorrowingLowering if each is NativeLowering else each, why) for each, why in usual.passes]
@@ -83,7 +95,7 @@ class _KernelCompiler(CompilerBase):
 
 
 class _LinkedCodegen:
-    """numba's code generator, for functions that have no machine code of their own."""
+    """numba's code generator, for functions without machine code of their own."""
 
     def __init__(self, codegen: Any) -> None:
         self._codegen = codegen
@@ -92,17 +104,19 @@ class _LinkedCodegen:
         return getattr(self._codegen, name)
 
     def set_env(self, *_: object) -> None:
-        """Nothing: an environment holds Python objects for code that calls Python, which helpers do not."""
+        """Do nothing: an environment holds Python objects for code that calls Python, which helpers never do."""
 
 
 class _LinkedLibrary(JITCodeLibrary):
-    """The code of a helper, only linked into kernels, which optimize it and make machine code of it there."""
+    """The code of a helper: it is linked into kernels, which optimize it and turn it into machine code there."""
 
     @property
     def codegen(self) -> _LinkedCodegen:
+        """Return the code generator."""
         return _LinkedCodegen(self._codegen)
 
     def get_pointer_to_function(self, name: str) -> int:
+        """Return 0: there is no machine code to point to."""
         return 0
 
     def _optimize_final_module(self) -> None:
@@ -115,15 +129,19 @@ class _LinkedLibrary(JITCodeLibrary):
 
 
 class _HelperCompiler(_KernelCompiler):
+    """Compiler pipeline of helpers: as for kernels, with a :class:`_LinkedLibrary`."""
+
     def define_pipelines(self) -> list[Any]:
+        """Replace the code library, then return the passes of kernels."""
         self.state.library = _LinkedLibrary(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
         return super().define_pipelines()
 
 
 class _CheckedCacheFile(IndexDataCacheFile):
-    """Compiled kernels with checksums: what is damaged is compiled anew, with a warning, instead of run."""
+    """Cache file of compiled kernels with checksums: a damaged entry is compiled again, with a warning, never run."""
 
     def _load_index(self) -> Any:
+        """Return the cached overloads by signature; none if there is no index, or it is damaged or out of date."""
         try:
             data = self._checked(self._index_path)
             if data is None:
@@ -139,28 +157,42 @@ class _CheckedCacheFile(IndexDataCacheFile):
     def _load_data(self, name: str) -> Any:
         data = self._checked(self._data_path(name))
         if data is None:
-            raise OSError("damaged")  # numba compiles anew then
+            raise OSError("damaged")  # numba then compiles again
         return pickle.loads(data)
 
     def _save_data(self, name: str, data: Any) -> None:
         self._write(self._data_path(name), self._dump(data))
 
     def _write(self, path: str, data: bytes) -> None:
+        os.makedirs(self._cache_path, exist_ok=True)
         with self._open_for_write(path) as file:
             file.write(hashlib.sha256(data).digest() + data)
 
     def _checked(self, path: str) -> bytes | None:
-        """What was written, or None if that is not what the file holds."""
+        """Return the content that was written, or None if the file is damaged."""
         with open(path, "rb") as file:
             content = file.read()
         if hashlib.sha256(content[32:]).digest() == content[:32]:
             return content[32:]
-        warnings.warn(f"a compiled kernel that was kept is damaged and made anew: {path}", CacheWarning, stacklevel=2)
+        warnings.warn(f"a cached kernel is damaged and compiled again: {path}", CacheWarning, stacklevel=2)
         return None
 
 
+def _cache_path(function: Callable[..., Any], usual: str) -> str:
+    """Return the folder of a kernel's cache entries: that of the package is the same wherever the package lies.
+
+    numba names it by the path of the source (``usual``), so that a second checkout or environment would compile anew.
+    """
+    package = Path(__file__).parent
+    file = Path(function.__code__.co_filename)
+    if not file.is_relative_to(package):
+        return usual
+    folder = file.parent.relative_to(package).as_posix()
+    return str(Path(usual).parent / f"{file.parent.name}_{hashlib.sha256(folder.encode()).hexdigest()[:12]}")
+
+
 def borrowing_kernel(**options: Any) -> Callable[..., Any]:
-    """`njit` with ``options``, of a kernel that counts no references to its arguments."""
+    """Return ``njit`` with ``options`` for kernels that count no references to their arguments."""
     decorator: Callable[..., Any] = njit(pipeline_class=_KernelCompiler, **options)
 
     def decorated(function: Callable[..., Any]) -> Any:
@@ -168,6 +200,7 @@ def borrowing_kernel(**options: Any) -> Callable[..., Any]:
         if options.get("cache"):
             kept = dispatcher._cache
             stamp = kept._impl.locator.get_source_stamp()
+            kept._cache_path = _cache_path(function, kept._cache_path)
             kept._cache_file = _CheckedCacheFile(kept._cache_path, kept._impl.filename_base, stamp)
         return dispatcher
 
@@ -175,16 +208,16 @@ def borrowing_kernel(**options: Any) -> Callable[..., Any]:
 
 
 def linked_helper(function: Callable[..., Any], **options: Any) -> Any:
-    """`njit` with ``options``, of a function that becomes machine code within its kernels only.
+    """Apply ``njit`` with ``options`` to a function that becomes machine code only inside the kernels that call it.
 
-    It has no entry from Python, which for arguments of many arrays takes longer to compile than the function itself.
+    It has no entry point for Python, which for many array arguments takes longer to compile than the function itself.
     """
 
     def refuse(*_: object, **__: object) -> None:
         raise TypeError(f"{function.__name__} is a helper of kernels; to call it from Python, make it a kernel")
 
     dispatcher = njit(no_cpython_wrapper=True, pipeline_class=_HelperCompiler, **options)(function)
-    # What is compiled for a kernel is not entered for Python: numba would jump to the entry that is not there.
+    # Do not register compiled versions for calls from Python: numba would jump to an entry point that does not exist.
     dispatcher._insert = lambda *_: None
     dispatcher._compile_for_args = refuse
     return dispatcher
@@ -192,16 +225,18 @@ def linked_helper(function: Callable[..., Any], **options: Any) -> Any:
 
 @intrinsic
 def array_at(_: Any, address: Any, shape: Any, dtype: Any) -> Any:
-    """In kernels: view memory at an integer ``address`` as a C-contiguous array. The caller keeps the memory alive.
+    """View memory at an integer ``address`` as a C-contiguous array (in kernels). The caller keeps the memory alive.
 
-    As `numba.carray` from a pointer, but sooner compiled.
+    The same as `numba.carray` of a pointer, but it compiles sooner.
     """
     kind = types.Array(dtype.dtype, len(shape), "C")
 
     def generate(context: Any, builder: Any, _: Any, values: Any) -> Any:
+        """Generate code that fills numba's array structure; ``values`` are those of the address and the shape."""
         array = context.make_array(kind)(context, builder)
         itemsize = context.get_abi_sizeof(context.get_data_type(kind.dtype))
         lengths = cgutils.unpack_tuple(builder, values[1])
+        # C order: the last stride is one item, each one before it is the next stride times the next length.
         strides = [context.get_constant(types.intp, itemsize)]
         for length in lengths[:0:-1]:
             strides.insert(0, builder.mul(strides[0], length))
@@ -214,7 +249,7 @@ def array_at(_: Any, address: Any, shape: Any, dtype: Any) -> Any:
 
 
 def try_out(**options: Any) -> None:
-    """Compile and run a kernel with a helper; raise whatever shows that numba is not built as this module expects."""
+    """Compile and run a kernel with a helper; raise an exception if numba is not built as this module expects."""
     for owner, names in _OVERRIDDEN:
         for name in names:
             getattr(owner, name)

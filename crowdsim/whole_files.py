@@ -1,4 +1,4 @@
-"""Files that appear under their name only when they are complete, and files that are read whole."""
+"""Write files that appear under their name only when complete; check files before they are read into memory."""
 
 from __future__ import annotations
 
@@ -11,25 +11,40 @@ from pathlib import Path
 from crowdsim.errors import CrowdSimError
 
 MOST_BYTES = 1_000_000_000
-"""Bytes of a file that is read whole, at most."""
+"""Largest file that is read into memory [bytes]."""
 
 
 def require_regular(path: Path, kind: type[CrowdSimError], most: int = MOST_BYTES) -> None:
-    """Raise ``kind`` for a device or a pipe, which may never end, and for a file that is too large."""
+    """Raise ``kind`` if ``path`` is a folder, a device or a pipe, or larger than ``most`` bytes.
+
+    An absent file passes: the code that opens it reports that.
+    """
     if not path.exists():
         return
     if not path.is_file():
         what = "a folder" if path.is_dir() else "no regular file"
         raise kind(f"{path}: cannot be read, as it is {what}; give the name of a file")
     if path.stat().st_size > most:
-        raise kind(f"{path}: is larger than {most // 1_000_000} MB; is it the right one?")
+        raise kind(f"{path}: is larger than {most // 1_000_000} MB; is it the right file?")
 
 
 @contextmanager
 def whole_file(path: str | os.PathLike[str], suffixes: Sequence[str], what: str) -> Iterator[Path]:
-    """A file beside ``path`` to write to; it takes that name when the block ends well, and goes if not.
+    """Yield a temporary file beside ``path``; rename it to ``path`` if the block succeeds, else delete it.
 
-    ``what`` is written, as "pictures"; CrowdSimError for a name with none of the ``suffixes`` or in no folder.
+    Parameters
+    ----------
+    path : str or path
+        Final name; an existing file is replaced.
+    suffixes : sequence of str
+        Allowed suffixes, as ``(".png", ".svg")``.
+    what : str
+        Plural noun for messages, as ``"pictures"``.
+
+    Raises
+    ------
+    CrowdSimError
+        If the suffix is not allowed, the folder does not exist, or ``path`` is not a regular file.
     """
     file = Path(path)
     if file.suffix.lower() not in suffixes:

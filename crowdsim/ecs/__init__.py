@@ -1,0 +1,1 @@
+"""An entity-component world: columns of arrays, a row an entity."""

@@ -14,16 +14,17 @@ from crowdsim.constants import NONE
 
 @dataclass(frozen=True)
 class Column:
-    """One component: a value of ``dtype`` and ``shape`` for every entity, ``fill`` at spawning."""
+    """One component: a value of ``dtype`` and ``shape`` for each entity."""
 
     name: str
     dtype: DTypeLike
     shape: tuple[int, ...] = ()
     fill: Any = 0
+    """Value at spawning, unless another one is given."""
 
 
 class View:
-    """The live rows of all columns as attributes, until entities come or go."""
+    """Live rows of all columns as attributes; valid until rows are added or removed."""
 
     def __init__(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         self.__dict__.update(arrays)
@@ -33,12 +34,24 @@ class View:
 
 
 class World:
-    """Columns of equal length, one row (slot) an entity.
+    """Columns of equal length, one row (slot) per entity.
 
-    Slots follow spawn order: removing entities closes the gaps without reordering the rest, so whatever is
-    computed slot by slot does not depend on who left before. An entity is named by its id, which
-    counts up and is never reused; its slot changes when earlier entities leave. Spawning and removing
-    wait for :meth:`apply_changes`, so that no stage of a step sees rows come or go under its feet.
+    Slots follow spawn order. Removing entities closes the gaps without reordering the others, so results computed slot
+    by slot do not depend on removed entities. An entity is identified by its id, which counts up and is never reused;
+    its slot changes when earlier entities are removed. Spawning and removing take effect with :meth:`apply_changes`, so
+    that rows do not change during a stage of a step.
+
+    Parameters
+    ----------
+    columns : sequence of Column
+        The components, in addition to ``id``.
+    capacity : int
+        Rows for which memory is allocated at first; it doubles when they are used up.
+
+    Raises
+    ------
+    ValueError
+        If two columns have the same name, or one is called ``id``.
     """
 
     def __init__(self, columns: Sequence[Column], capacity: int = 64) -> None:
@@ -52,30 +65,45 @@ class World:
         self._removing: list[NDArray[np.int64]] = []
         self._next_id = 0
         self.count = 0
+        """Number of live rows."""
 
     @property
     def column_names(self) -> tuple[str, ...]:
+        """Return the names of all columns, ``id`` first."""
         return tuple(column.name for column in self._columns)
 
     @property
     def bytes_an_entity(self) -> int:
-        """Memory of a row of all columns."""
+        """Return the memory of one row of all columns."""
         return sum(array.dtype.itemsize * int(np.prod(array.shape[1:])) for array in self._arrays.values())
 
     def column(self, name: str) -> NDArray[Any]:
-        """Writable view of the live rows of one column."""
+        """Return a writable view of the live rows of one column."""
         return self._arrays[name][: self.count]
 
     def view(self) -> View:
-        """Views of the live rows of all columns."""
+        """Return views of the live rows of all columns."""
         return View({name: array[: self.count] for name, array in self._arrays.items()})
 
     def spawn(self, **values: Any) -> int:
-        """Ask for a new entity; returns its id. Its row appears with :meth:`apply_changes`."""
+        """Request a new entity and return its id. Its row is added by :meth:`apply_changes`."""
         return int(self.spawn_many(1, **{name: np.asarray(value)[None] for name, value in values.items()})[0])
 
     def spawn_many(self, count: int, **values: Any) -> NDArray[np.int64]:
-        """Ask for ``count`` new entities with values (count, ...); returns their ids, as :meth:`spawn` does."""
+        """Request ``count`` new entities and return their ids (count,) int64; rows are added by :meth:`apply_changes`.
+
+        Parameters
+        ----------
+        count : int
+            Number of entities.
+        **values : (count, ...) arrays or scalars
+            Values of some columns; the others get their ``fill``.
+
+        Raises
+        ------
+        KeyError
+            If there is no such column.
+        """
         unknown = values.keys() - set(self.column_names)
         if unknown:
             raise KeyError(f"no column named {', '.join(sorted(unknown))}")
@@ -85,12 +113,13 @@ class World:
         return entities
 
     def remove(self, *entities: int) -> None:
-        """Ask for entities to be removed with :meth:`apply_changes`."""
+        """Request the removal of entities by :meth:`apply_changes`."""
         self._removing.append(np.array(entities, np.int64))
 
     def apply_changes(self) -> None:
-        """Remove and add the rows asked for since the last call."""
+        """Remove and add the rows requested since the last call."""
         if self._removing:
+            # Close the gaps; the remaining rows keep their order.
             keep = ~np.isin(self.column("id"), np.concatenate(self._removing))
             kept = int(keep.sum())
             for array in self._arrays.values():
@@ -98,6 +127,7 @@ class World:
             self.count = kept
             self._removing.clear()
         for entities, values in self._spawning:
+            # Append the new rows in the order of their requests.
             end = self.count + len(entities)
             while end > self._capacity:
                 self._grow()
@@ -108,6 +138,7 @@ class World:
         self._spawning.clear()
 
     def _grow(self) -> None:
+        """Double the memory of all columns."""
         self._capacity *= 2
         for column in self._columns:
             grown = np.full((self._capacity, *column.shape), column.fill, column.dtype)

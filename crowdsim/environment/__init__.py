@@ -1,1 +1,1 @@
-"""Solids of a place and the clearance layers they leave free."""
+"""Places: solids, floors, readers of floor plans and mesh files, clearance layers, and random spots."""

@@ -1,4 +1,4 @@
-"""Random obstacles of varied outline and height, as dense as asked for (2018 paper, section 4.1, figure 6)."""
+"""Random obstacles of varied outline and height, at a given density (2018 paper, section 4.1, figure 6)."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from crowdsim.geometry.elementary import cos, sin
 from crowdsim.geometry.polygons import buffered
 
 _TRIES = 500
-"""Places drawn in vain, one after the other, before the floor counts as full."""
+"""Draws in a row that find no place before the floor counts as full."""
 
 _HEIGHTS = ((0.30, 0.60), (0.72, 1.10), (1.40, 2.20))
-"""Meters: as high as seats, as tables, and as cupboards."""
+"""Heights [m] of seats, tables and cupboards."""
 
 
 def draw_clutter(
@@ -28,10 +28,22 @@ def draw_clutter(
     sizes: tuple[float, float],
     generator: np.random.Generator,
 ) -> tuple[Solid, ...]:
-    """Obstacles that lie in ``region``, do not overlap, and cover the share ``density`` of its area.
+    """Draw obstacles that lie in ``region``, do not overlap, and cover the share ``density`` of its area.
 
-    Boxes, cylinders and convex polygons in equal parts; a third each is as high as seats, tables and cupboards.
-    ``sizes`` (meters) are the least and the greatest extent of an outline.
+    They are boxes, cylinders and convex polygons in equal parts, one third each as high as seats, tables and cupboards.
+
+    Parameters
+    ----------
+    name
+        Name of the clutter; its solids are numbered.
+    region
+        Where the obstacles lie [m].
+    density
+        Share of the region's area to cover.
+    sizes
+        Least and greatest extent of an outline [m].
+    generator
+        Source of the draws.
 
     Raises
     ------
@@ -53,8 +65,8 @@ def draw_clutter(
             vain = 0
         elif (vain := vain + 1) == _TRIES:
             raise GeometryError(
-                f"'{name}': the floor is full at a density of {covered / region.area:.2f}, {density:g} is asked for; "
-                "give a lower density or smaller sizes"
+                f"'{name}': the floor is full at a density of {covered / region.area:.2f}, but {density:g} was "
+                "requested; give a lower density or smaller sizes"
             )
     return tuple(solids)
 
@@ -62,6 +74,7 @@ def draw_clutter(
 def _endless_solids(
     name: str, region: Polygon | MultiPolygon, sizes: tuple[float, float], generator: np.random.Generator
 ) -> Iterator[Solid]:
+    """Draw solids endlessly, anywhere in the bounds of the region."""
     low_x, low_y, high_x, high_y = region.bounds
     while True:
         x, y = generator.uniform((low_x, low_y), (high_x, high_y))
@@ -74,7 +87,7 @@ def _endless_solids(
         elif kind == 1:
             yield cylinder(name, (x, y), 0.5 * length, 0.0, top)
         else:
-            # Corners on an ellipse, one in each sixth of it, make a convex outline that is never thin.
+            # Corners on an ellipse, one in each sixth of it, give a convex outline that is never thin.
             angles = (np.arange(6) + generator.uniform(0.0, 0.8, 6)) * (np.pi / 3.0) + math.radians(turn)
             points = np.column_stack([x + 0.5 * length * cos(angles), y + 0.5 * width * sin(angles)])
             yield extrusion(name, [(float(a), float(b)) for a, b in points], 0.0, top)
@@ -88,7 +101,7 @@ class _Taken:
         self.cells: dict[tuple[int, int], list[Polygon]] = {}
 
     def take(self, outline: Polygon) -> bool:
-        """Take the place of ``outline`` unless it meets another's."""
+        """Place ``outline`` and return True, unless it meets another one."""
         column, row = (math.floor(value / self.cell) for value in outline.centroid.coords[0])
         near = [other for i in (-1, 0, 1) for j in (-1, 0, 1) for other in self.cells.get((column + i, row + j), ())]
         if shapely.intersects(outline, np.array(near, dtype=object)).any():
@@ -100,10 +113,21 @@ class _Taken:
 def open_ways(
     solids: Sequence[Solid], free: Polygon | MultiPolygon, joined: Sequence[Sequence[Polygon]], radius: float
 ) -> tuple[Solid, ...]:
-    """``solids`` without those that would part the regions of any one entry of ``joined``, for a disc of ``radius``.
+    """Remove the solids that would separate the regions of any entry of ``joined``, for a disc of ``radius``.
 
-    The fewest are taken away that open a way. ``free`` is the floor without the solids. A region in which the disc has
-    no place at all does not count.
+    Between two rooms the fewest solids are removed that open a way. A region in which the disc has no place at all does
+    not count.
+
+    Parameters
+    ----------
+    solids
+        The obstacles.
+    free
+        The floor without the solids.
+    joined
+        Groups of regions that must be connected.
+    radius
+        Radius of the disc [m].
 
     Raises
     ------
@@ -120,15 +144,16 @@ def open_ways(
 def _barring(
     solids: Sequence[Solid], free: Polygon | MultiPolygon, regions: Sequence[Polygon], radius: float
 ) -> set[int]:
-    """Indices of the fewest solids that, one behind the other, stand between two rooms that the regions meet."""
+    """Return the indices of the fewest solids that, one behind the other, separate two rooms that the regions meet."""
     outlines = np.array([solid.footprint for solid in solids], dtype=object)
     rooms = shapely.get_parts(buffered(shapely.difference(free, shapely.union_all(outlines)), -radius))
     met = [number for number, room in enumerate(rooms) if any(room.intersects(region) for region in regions)]
     if len(met) < 2:
         return set()
-    # A room ends a radius before the solids around it; between solids closer than the disc is wide there is none.
+    # A room ends one radius before the solids around it. Between solids closer than the disc is wide there is no room.
     beside, room = shapely.STRtree(rooms).query(outlines, predicate="dwithin", distance=1.02 * radius)
     one, other = shapely.STRtree(outlines).query(outlines, predicate="dwithin", distance=2.0 * radius)
+    # Breadth-first search from the solids around the first room, from solid to close solid or across a room.
     before: dict[int, int | None] = dict.fromkeys(beside[room == met[0]].tolist())
     reached = list(before)
     for here in reached:

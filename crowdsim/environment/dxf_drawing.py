@@ -1,4 +1,4 @@
-"""Curves and areas of a DXF drawing, in meters. Needs ezdxf, an extra."""
+"""Curves and areas of a DXF drawing, in meters; needs the extra package ezdxf."""
 
 from __future__ import annotations
 
@@ -15,23 +15,27 @@ from crowdsim.environment.units import METERS, meters_per_unit
 from crowdsim.errors import GeometryError, PlaceError
 
 SAGITTA = 2e-3
-"""Meters by which the chords of a curve may leave it."""
+"""How far the chords of a curve may leave it [m]. A smaller value makes more corners."""
 
 _INSUNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 7: "km", 10: "yd", 14: "dm"}
-"""The codes of the drawing's unit that make sense for a building."""
+"""Codes of the drawing's unit that are plausible for a building."""
 
 _AREAS = ("HATCH", "MPOLYGON", "SOLID", "TRACE")
+"""Entities that draw a filled area."""
 
 _DEPTH = 20
-"""How deep blocks may be nested."""
+"""Greatest depth of nested blocks."""
 
 _MANY = 500_000
-"""Entities after which a drawing is refused: nested blocks multiply."""
+"""Number of entities above which a drawing is refused, as nested blocks multiply."""
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """Lines and areas (shapely, meters) with the name of their layer; all layers by name; what was left out."""
+    """Content of a drawing: lines and areas (shapely, [m]), each with the name of its layer.
+
+    layers: names of all layers that hold any. report: what was assumed or left out, one line each.
+    """
 
     lines: list[tuple[str, BaseGeometry]]
     areas: list[tuple[str, BaseGeometry]]
@@ -52,15 +56,18 @@ def read_dxf(file: Path, layers: Sequence[str] | None, floor_layer: str | None, 
     seen: set[str] = set()
     for count, entity in enumerate(_resolved(document.modelspace(), 0)):
         if count >= _MANY:
-            raise PlaceError(f"{file}: draws more than {_MANY} things; remove what is no building")
+            raise PlaceError(f"{file}: has more than {_MANY} entities; remove those that are not part of the building")
         name = str(entity.dxf.layer)
         seen.add(name)
         hidden = name in known and (known[name].is_off() or known[name].is_frozen())
+        # Layers that are asked for by name are read even if they are hidden; without names, those that are shown, and
+        # the floor's in any case.
         if name not in wanted if wanted is not None else hidden and name != floor_layer:
             continue
         try:
             kind, shape = _shape(entity, meters)
-        except Exception as error:  # whatever a damaged entity leads to
+        # A damaged entity can raise anything.
+        except Exception as error:
             report.append(
                 f"{file.name}: left out a {entity.dxftype()} on layer '{name}' ({type(error).__name__}: {error})"
             )
@@ -69,6 +76,7 @@ def read_dxf(file: Path, layers: Sequence[str] | None, floor_layer: str | None, 
             others[entity.dxftype()] = others.get(entity.dxftype(), 0) + 1
         else:
             (areas if kind == "area" else lines).append((name, shape))
+    # A layer that was asked for by name and has nothing on it is a mistake in the name.
     missing = sorted((wanted or ({floor_layer} if floor_layer is not None else set())) - seen)
     if missing:
         raise PlaceError(
@@ -76,11 +84,12 @@ def read_dxf(file: Path, layers: Sequence[str] | None, floor_layer: str | None, 
         )
     if others:
         listed = ", ".join(f"{count} {kind}" for kind, count in sorted(others.items()))
-        report.append(f"{file.name}: left out what draws no curve: {listed}")
+        report.append(f"{file.name}: left out entities that draw no curve: {listed}")
     return Drawing(lines, areas, sorted({name for name, _ in lines + areas}), report)
 
 
 def _document(file: Path) -> Any:
+    """Open the drawing with ezdxf, repaired if necessary, or raise PlaceError."""
     try:
         import ezdxf
         from ezdxf import recover
@@ -95,7 +104,8 @@ def _document(file: Path) -> Any:
             return recover.readfile(str(file))[0]
     except PlaceError:
         raise
-    except Exception as error:  # whatever a parser does with what it was not made for
+    # The parser can raise anything on damaged files.
+    except Exception as error:
         if isinstance(error, OSError) and error.strerror:
             raise PlaceError(f"{file}: cannot be read ({error.strerror}); check the path") from None
         said = " ".join(str(error).split())
@@ -105,6 +115,7 @@ def _document(file: Path) -> Any:
 
 
 def _meters(file: Path, document: Any, units: str | None, report: list[str]) -> float:
+    """Return the meters of a unit of the drawing, and report the source."""
     if units is not None:
         return meters_per_unit(units)
     code = document.header.get("$INSUNITS", 0)
@@ -112,13 +123,13 @@ def _meters(file: Path, document: Any, units: str | None, report: list[str]) -> 
         report.append(f"{file.name}: drawn in {_INSUNITS[code]}, as the file says")
         return METERS[_INSUNITS[code]]
     if code == 0:
-        report.append(f"{file.name}: warning: the file says no unit; taken are meters, or give 'units'")
+        report.append(f"{file.name}: warning: the file names no unit; meters are assumed, or give 'units'")
         return 1.0
-    raise PlaceError(f"{file}: its unit (code {code}) is none of a building; give 'units'")
+    raise PlaceError(f"{file}: its unit (code {code}) is not one of buildings; give 'units'")
 
 
 def _resolved(entities: Any, depth: int) -> Iterator[Any]:
-    """Entities with blocks replaced by what is in them."""
+    """Yield the entities, with blocks replaced by their content; blocks nested deeper than _DEPTH are left out."""
     for entity in entities:
         if entity.dxftype() != "INSERT":
             yield entity
@@ -126,13 +137,14 @@ def _resolved(entities: Any, depth: int) -> Iterator[Any]:
             for insert in entity.multi_insert() if entity.mcount > 1 else [entity]:
                 parts = list(insert.virtual_entities())
                 for part in parts:
-                    if part.dxf.layer == "0":  # by the rules of the format: the layer of the block's reference
+                    # By the rules of the format, layer 0 of a block stands for the layer of its reference.
+                    if part.dxf.layer == "0":
                         part.dxf.layer = entity.dxf.layer
                 yield from _resolved(parts, depth + 1)
 
 
 def _shape(entity: Any, meters: float) -> tuple[str, BaseGeometry | None]:
-    """An entity as an area or as lines, meters; None if it draws neither."""
+    """Return an entity as ("area" or "line", shape [m]); the shape is None if it draws neither."""
     from ezdxf import path
 
     kind = entity.dxftype()
@@ -153,8 +165,9 @@ def _shape(entity: Any, meters: float) -> tuple[str, BaseGeometry | None]:
 
 
 def _points(curve: Any, meters: float) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Return the points (n, 2) of a curve [m], without repeated ones."""
     points = np.array([(point.x, point.y) for point in curve.flattening(SAGITTA / meters)], np.float64) * meters
-    # To a micrometer, as ezdxf takes sines of the C library, whose last bits differ by processor.
+    # To a micrometer, as ezdxf uses sines of the C library, whose last bits differ between processors.
     points = np.round(points, 6)
     if not np.isfinite(points).all():
         raise GeometryError("a coordinate is not a finite number")

@@ -1,4 +1,4 @@
-"""Places from drawings seen from above: WKT polygons, and floor plans in DXF."""
+"""Places from drawings seen from above: WKT polygons and floor plans in DXF."""
 
 from __future__ import annotations
 
@@ -23,22 +23,29 @@ from crowdsim.geometry.polygons import LARGE_EXTENT, buffered, clean_polygon
 from crowdsim.whole_files import require_regular
 
 WALL_THICKNESS = 0.10
+"""Thickness of walls that a plan draws as lines [m]."""
 WALL_HEIGHT = 2.5
-"""Meters, of walls that a plan draws as lines."""
+"""Height of walls of a plan [m]."""
 
 _MOST_TEXT = 100_000_000
-"""Bytes of a .wkt file."""
+"""Largest size of a .wkt file [bytes]."""
 
 _JOINT = 1e-3
-"""Meters by which ends of lines that are meant to meet may be apart."""
+"""How far the ends of lines may be apart that are meant to meet [m]."""
 
 
 @dataclass(frozen=True)
 class FloorPlan:
-    """What a plan holds, meters.
+    """Content of a floor plan.
 
-    ``floor`` is the walkable area, or None where the plan draws none; ``solids`` are walls and filled outlines, in the
-    order of the drawing's layers; ``report`` says what was assumed or left out, a line each.
+    Attributes
+    ----------
+    floor
+        The walkable area [m], or None if the plan draws none.
+    solids
+        Walls and filled outlines, in the order of the drawing's layers.
+    report
+        What was assumed or left out, one line each.
     """
 
     floor: Polygon | MultiPolygon | None
@@ -49,6 +56,7 @@ class FloorPlan:
 def read_floor_plan(
     path: str | Path,
     *,
+    content: bytes | None = None,
     layers: Sequence[str] | None = None,
     floor_layer: str | None = None,
     units: str | None = None,
@@ -58,41 +66,45 @@ def read_floor_plan(
 ) -> FloorPlan:
     """Read a floor plan from a .wkt or .dxf file.
 
-    WKT: a POLYGON or MULTIPOLYGON is the walkable floor with obstacles as holes; of a GEOMETRYCOLLECTION, as JuPedSim
+    WKT: a POLYGON or MULTIPOLYGON is the walkable floor with obstacles as holes. Of a GEOMETRYCOLLECTION, as JuPedSim
     writes it, the floor is the union.
 
-    DXF: lines, arcs and other open curves are walls of ``thickness``, lines that meet at their ends one wall. Closed
-    curves and hatches are filled: obstacles from ``bottom`` to ``top``; but a closed curve with something else drawn
-    inside is a wall around it, and one around all the drawing is the floor, unless ``floor_layer`` says where that is.
-    Blocks are resolved.
+    DXF: lines, arcs and other open curves are walls of ``thickness``; lines that meet at their ends form one wall.
+    Closed curves and hatches are filled: they are obstacles from ``bottom`` to ``top``. But a closed curve with
+    something else drawn inside is a wall along the curve, and one around the whole drawing is the floor, unless
+    ``floor_layer`` names the floor. Blocks are resolved.
 
     Parameters
     ----------
     path
         The file.
+    content
+        The bytes of the file if it is not on disk (WKT).
     layers
         Names of the drawing's layers to read (DXF); by default all that are not switched off.
     floor_layer
         Name of the layer whose closed curves and hatches are the walkable floor (DXF).
     units
-        The file's unit; by default what the file says (DXF, ``$INSUNITS``), else meters.
-    thickness, bottom, top
-        Of walls; meters, heights above the floor.
+        Unit of the file; by default the one that the file names (DXF, ``$INSUNITS``), else meters.
+    thickness
+        Thickness of walls [m].
+    bottom, top
+        Heights of walls and obstacles above the floor [m].
 
     Raises
     ------
     PlaceError
         If the file cannot be read, holds no polygon (WKT) or nothing to build with (DXF), or ezdxf is not installed.
     GeometryError
-        If an argument makes no sense.
+        If an argument is not valid.
     """
     file = Path(path)
     if not (math.isfinite(thickness) and thickness >= MIN_EXTENT):
-        raise GeometryError(f"thickness: {thickness} m is no thickness of a wall")
+        raise GeometryError(f"thickness: {thickness} m is not valid for a wall; give at least {MIN_EXTENT:g} m")
     if not (math.isfinite(bottom) and math.isfinite(top) and bottom < top):
         raise GeometryError(f"top: {top} m must lie above the bottom, {bottom} m")
     if file.suffix.lower() == ".wkt":
-        return _read_wkt(file, 1.0 if units is None else meters_per_unit(units))
+        return _read_wkt(file, content, 1.0 if units is None else meters_per_unit(units))
     if file.suffix.lower() == ".dxf":
         require_regular(file, PlaceError)
         drawing = read_dxf(file, layers, floor_layer, units)
@@ -100,21 +112,23 @@ def read_floor_plan(
     raise PlaceError(f"{file}: files ending in '{file.suffix}' cannot be read as floor plans; known are .wkt, .dxf")
 
 
-def _read_wkt(file: Path, meters: float) -> FloorPlan:
+def _read_wkt(file: Path, content: bytes | None, meters: float) -> FloorPlan:
+    """Read the floor from a .wkt file."""
     require_regular(file, PlaceError, _MOST_TEXT)
     try:
-        text = file.read_text(encoding="utf-8-sig").strip()
+        text = (file.read_bytes() if content is None else content).decode("utf-8-sig").strip()
     except OSError as error:
         raise PlaceError(f"{file}: cannot be read ({error.strerror or error}); check the path") from None
     except UnicodeDecodeError:
-        raise PlaceError(f"{file}: is no text; a .wkt file holds one polygon as well-known text") from None
+        raise PlaceError(f"{file}: is not a text file; a .wkt file holds one polygon as well-known text") from None
     if not text:
         raise PlaceError(f"{file}: the file is empty; write a POLYGON into it")
     try:
         geometry = shapely.from_wkt(text)
-    except (shapely.errors.ShapelyError, NotImplementedError) as error:  # the latter for curves
+    # NotImplementedError is raised for curves.
+    except (shapely.errors.ShapelyError, NotImplementedError) as error:
         said = " ".join(str(error).split())
-        raise PlaceError(f"{file}: is no well-known text ({said[:120]}); write one POLYGON") from None
+        raise PlaceError(f"{file}: is not well-known text ({said[:120]}); write one POLYGON") from None
     try:
         parts = _polygons_of(geometry, file)
         for polygon in shapely.get_parts(parts):
@@ -134,7 +148,7 @@ def _read_wkt(file: Path, meters: float) -> FloorPlan:
 
 
 def _require_holes_inside(polygon: shapely.Polygon, file: Path) -> None:
-    """PlaceError where a hole of an area cuts nothing out of it: somebody has mistaken its place."""
+    """Raise PlaceError if a hole lies outside of its polygon, where it cuts nothing out."""
     outside = shapely.disjoint(shapely.Polygon(polygon.exterior), shapely.get_rings(polygon)[1:])
     if not polygon.is_valid and outside.any():
         x, y = polygon.interiors[int(np.argmax(outside))].coords[0]
@@ -142,7 +156,7 @@ def _require_holes_inside(polygon: shapely.Polygon, file: Path) -> None:
 
 
 def _polygons_of(geometry: BaseGeometry, file: Path) -> list[BaseGeometry]:
-    """The polygons of a geometry; PlaceError if there are none, or others."""
+    """Return the polygons of a geometry; raise PlaceError if there are none, or other shapes."""
     parts = [geometry]
     while any(part.geom_type == "GeometryCollection" for part in parts):
         parts = [
@@ -158,6 +172,7 @@ def _polygons_of(geometry: BaseGeometry, file: Path) -> list[BaseGeometry]:
 
 
 def _doubts(file: Path, shape: BaseGeometry) -> list[str]:
+    """Return a warning if the place is implausibly small or large."""
     x0, y0, x1, y1 = shape.bounds
     extent = max(x1 - x0, y1 - y0)
     if 1.0 <= extent <= LARGE_EXTENT:
@@ -168,7 +183,7 @@ def _doubts(file: Path, shape: BaseGeometry) -> list[str]:
 def _built(
     file: Path, drawing: Drawing, floor_layer: str | None, thickness: float, bottom: float, top: float
 ) -> FloorPlan:
-    """Solids and floor of what a plan draws."""
+    """Build solids and a floor from a drawing."""
     report = list(drawing.report)
     filled: list[tuple[str, BaseGeometry]] = [(layer, area) for layer, area in drawing.areas if layer != floor_layer]
     outlines: list[tuple[str, Polygon]] = []
@@ -176,7 +191,7 @@ def _built(
     floors = [area for layer, area in drawing.areas if layer == floor_layer]
     for layer in drawing.layers:
         drawn = [part for name, line in drawing.lines if name == layer for part in line.geoms]
-        # Closed curves are taken one by one: merged with others that they touch they would be closed no more.
+        # Closed curves are taken one by one: merged with others that they touch they would no longer be closed.
         loose = [part for part in drawn if not part.is_closed]
         chains = shapely.get_parts(shapely.line_merge(snapped_union(loose, _JOINT)))
         for chain in [part for part in drawn if part.is_closed] + list(chains):
@@ -188,6 +203,7 @@ def _built(
     floors += [outline for layer, outline in outlines if layer == floor_layer]
     outlines = [(layer, outline) for layer, outline in outlines if layer != floor_layer]
     things = [area for _, area in filled] + [outline for _, outline in outlines] + [line for _, line in open_lines]
+    # Without a floor layer, the largest outline around everything else is the floor.
     if floor_layer is None and len(things) > 1:
         around = [pair for pair in outlines if all(pair[1].covers(thing) for thing in things)]
         if around:
@@ -207,6 +223,7 @@ def _built(
 
     for layer, area in filled:
         build(layer, area)
+    # An outline with something inside is a wall along its line, otherwise an obstacle.
     rooms = 0
     for layer, outline in outlines:
         within = [thing for thing in things if thing is not outline and outline.contains(thing)]

@@ -1,4 +1,4 @@
-"""The walkable floor of a place, found or given; what lies flat on it or hangs over it as a ceiling goes."""
+"""The walkable floor of a place, found or given, and the parts that are no obstacles on it."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ from crowdsim.errors import GeometryError, PlaceError
 from crowdsim.geometry.polygons import buffered, clean_polygon
 
 CEILING = 2.0
-"""Meters above the floor: large parts that begin there or higher are ceilings."""
+"""Height above the floor [m] from which large parts count as ceilings."""
 
 _SEAM = 0.15
-"""Meters: gaps in the floor up to twice as wide, under walls and doors between rooms, are closed."""
+"""Half the width of the gaps in the floor that are closed: those under walls and doors between rooms [m]."""
 
 _DOOR = 0.75
-"""Meters: doors up to twice as wide are closed to see what walls enclose."""
+"""Half the width of the doors that are closed to see what walls enclose [m]."""
 
 _LEAST_SHARE = 0.25
-"""Of the area of a whole place that its floor covers at least; otherwise there is no floor, but tables perhaps."""
+"""Least share of a place's area that its floor covers; smaller level surfaces may be tables."""
 
 
 @dataclass(frozen=True)
@@ -50,14 +50,14 @@ class DerivedFloor:
     Attributes
     ----------
     polygon
-        Where people can be, obstacles not taken off.
+        The area of the floor [m], with the obstacles on it.
     height
-        Of the floor in the scene, meters.
+        Height of the floor in the scene [m].
     used, dropped
-        Names of the parts that are the floor, and of those that are no obstacles: flat on the floor, below it, or
+        Names of the parts that make the floor, and of those that are no obstacles: flat on the floor, below it, or
         ceilings.
     report
-        What was found and assumed, a line each.
+        What was found and assumed, one line each.
     """
 
     polygon: Polygon | MultiPolygon
@@ -69,7 +69,19 @@ class DerivedFloor:
 
 @dataclass(frozen=True)
 class SolidsOnFloor:
-    """A floor at height 0 and what stands on it: the given solids of the indices ``kept``, moved with the floor."""
+    """A floor at height 0 and the solids on it, moved with the floor.
+
+    Attributes
+    ----------
+    solids
+        The solids that are obstacles.
+    kept
+        Their indices among the given solids.
+    floor
+        The walkable area [m].
+    report
+        What was found and assumed, one line each.
+    """
 
     solids: tuple[AnySolid, ...]
     kept: tuple[int, ...]
@@ -80,17 +92,17 @@ class SolidsOnFloor:
 def place_on_floor(
     solids: Sequence[AnySolid], floor: Polygon | MultiPolygon | None = None, height: float | None = None
 ) -> SolidsOnFloor:
-    """Solids moved so that the floor is at height 0, without those that are no obstacles.
+    """Move solids so that the floor is at height 0, and drop those that are no obstacles.
 
     Parameters
     ----------
     solids
         The parts of a scene.
     floor
-        The walkable floor, meters; by default it is found by :func:`derive_floor`.
+        The walkable floor [m]; by default :func:`derive_floor` finds it.
     height
-        Of the floor in the scene, meters; by default it is found. With both given nothing is refused: the storey is
-        the caller's choice.
+        Height of the floor in the scene [m]; by default it is found. If both are given nothing is refused: the choice
+        of the storey is the caller's.
 
     Raises
     ------
@@ -125,7 +137,7 @@ _ROLES = {
 
 
 def _role(solid: AnySolid, height: float) -> str | None:
-    """Why a solid is no obstacle over a floor at ``height``; None if it is one."""
+    """Return why a solid is no obstacle over a floor at ``height`` (a key of ``_ROLES``); None if it is one."""
     if solid.top < height - STEP:
         return "below"
     if solid.top <= height + STEP:
@@ -136,6 +148,7 @@ def _role(solid: AnySolid, height: float) -> str | None:
 
 
 def _names(solids: Sequence[AnySolid]) -> str:
+    """List the names of up to six solids for the report."""
     names = [f"'{solid.name}'" for solid in solids[:6]]
     return ", ".join(names) + (f" and {len(solids) - 6} more" if len(solids) > 6 else "")
 
@@ -143,26 +156,26 @@ def _names(solids: Sequence[AnySolid]) -> str:
 def derive_floor(
     solids: Sequence[AnySolid], height: float | None = None, within: Polygon | MultiPolygon | None = None
 ) -> DerivedFloor:
-    """Find the floor: the lowest of the large level surfaces, or the ground that walls enclose where there is none.
+    """Find the floor: the lowest of the large level surfaces or, if there is none, the ground that walls enclose.
 
-    A level is made of level surfaces that face up (any, if none does) at about one height, wide enough to walk on.
-    Everything up to :data:`STEP` above or below it belongs to the floor, and seams between rooms are closed. Without a
-    floor the ground is what the outlines of all parts enclose, at the height on which most of them stand.
+    A level consists of level surfaces that face up (any, if none does) at about one height, wide enough to walk on. All
+    that is up to :data:`STEP` above or below it belongs to the floor, and seams between rooms are closed. Without a
+    floor, the ground is the area that the outlines of all parts enclose, at the height on which most of them stand.
 
     Parameters
     ----------
     solids
         The parts of a scene.
     height
-        Of the wanted floor, meters; by default the lowest level at least half as large as the largest.
+        Height of the wanted floor [m]; by default the lowest level at least half as large as the largest.
     within
-        The outline of the floor if that is known, and only its height is not: what lies elsewhere is ignored.
+        Outline of the floor if that is known and only its height is not; surfaces elsewhere are ignored.
 
     Raises
     ------
     PlaceError
-        If there is no part, no level floor at ``height``, or two heights over one point on both of which somebody could
-        stand, on :data:`LEAST_LEVEL` or more.
+        If there is no part, no level floor at ``height``, or if two heights over one point both offer standing room, on
+        :data:`LEAST_LEVEL` or more.
     """
     if not solids:
         raise PlaceError("floor: there are no parts to find a floor from; give a floor")
@@ -173,11 +186,11 @@ def derive_floor(
     extent = shapely.convex_hull(shapely.multipoints(points)) if within is None else within
     report = []
     if not _large(levels, extent):
-        # Single sheets may face down, but so do ceilings: only where no floor faces up.
+        # Single sheets may face down, but so do ceilings, so they count only if no floor faces up.
         facing_any = level_surfaces(solids, both=True)
         surfaces, levels = facing_any, find_levels(*facing_any, within)
         if _large(levels, extent):
-            report.append("floor: no large surface faces up, so those that face down were taken, too")
+            report.append("floor: no large surface faces up, so surfaces that face down count as floor, too")
         else:
             surfaces = None
             ground = _enclosed_ground(solids, extent, report) if within is None else within
@@ -209,17 +222,19 @@ def derive_floor(
 
 
 def _outline_points(solid: AnySolid) -> NDArray[np.float64]:
+    """Return the points (n, 2) of a solid as seen from above."""
     return (
         shapely.get_coordinates(solid.footprint) if isinstance(solid, Solid) else solid.corners[:, :, :2].reshape(-1, 2)
     )
 
 
 def _large(levels: Sequence[Level], hull: BaseGeometry) -> list[Level]:
+    """Return the levels large enough to be the floor of a place with this hull."""
     return [level for level in levels if level.surface.area >= _LEAST_SHARE * hull.area]
 
 
 def _enclosed_ground(solids: Sequence[AnySolid], hull: BaseGeometry, report: list[str]) -> BaseGeometry:
-    """The ground inside the outlines of all parts, or inside their hull if these enclose little."""
+    """Return the ground inside the outlines of all parts, or inside their hull if these enclose little."""
     outlines = shapely.union_all([solid.footprint for solid in solids])
     closed = polygons_only(buffered(outlines, _DOOR, join_style="mitre"))
     filled = shapely.union_all([Polygon(part.exterior) for part in closed.geoms])
@@ -229,14 +244,14 @@ def _enclosed_ground(solids: Sequence[AnySolid], hull: BaseGeometry, report: lis
         ground, how = hull, "the hull of all parts"
     if ground.area < LEAST_LEVEL:
         raise PlaceError(
-            f"floor: there is none, and the parts enclose no more than {ground.area:.1f} m2; give a floor or units"
+            f"floor: there is no floor, and the parts enclose no more than {ground.area:.1f} m2; give a floor or units"
         )
-    report.append(f"warning: there is no floor in the scene; taken is {how}; give a floor if that is wrong")
+    report.append(f"warning: there is no floor in the scene, so {how} is taken; give a floor if that is wrong")
     return ground
 
 
 def _standing(solids: Sequence[AnySolid], ground: BaseGeometry, report: list[str]) -> Level:
-    """``ground`` at the height on which most parts stand."""
+    """Return ``ground`` as a level, at the height on which most parts stand."""
     bottoms = np.array([solid.bottom for solid in solids])
     steps, counts = np.unique(np.round(bottoms / SAME_LEVEL), return_counts=True)
     height = rounded_height(np.median(bottoms[np.round(bottoms / SAME_LEVEL) == steps[counts.argmax()]]))
@@ -245,7 +260,7 @@ def _standing(solids: Sequence[AnySolid], ground: BaseGeometry, report: list[str
 
 
 def _whole_floor(level: Level, surfaces: Surfaces | None) -> tuple[Polygon | MultiPolygon, NDArray[np.int64]]:
-    """The floor with all that is level within a step of it, and the solids that make it."""
+    """Return the floor with all level surfaces within a step of it, and the solids that make it."""
     if surfaces is None:
         return level.surface, level.parts
     shapes, heights, owners = surfaces
@@ -253,6 +268,6 @@ def _whole_floor(level: Level, surfaces: Surfaces | None) -> tuple[Polygon | Mul
     area = snapped_union(shapes[near], GRID)
     closed = polygons_only(buffered(buffered(area, _SEAM, join_style="mitre"), -_SEAM, join_style="mitre"))
     parts = [part for part in closed.geoms if part.area >= 0.1]
-    # Small gaps that closing leaves are those under legs and posts, which take their place themselves.
+    # Small gaps that remain are those under legs and posts, which are obstacles anyway.
     polygon = parts[0] if len(parts) == 1 else MultiPolygon(parts)
     return shapely.simplify(polygon, 1e-4), np.unique(owners[near])

@@ -1,4 +1,4 @@
-"""From solids to clearance layers: what a body may not walk through in each height band, or at one height."""
+"""Clearance layers: the part of the floor that is free of solids in a band of heights, or at one height."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from crowdsim.geometry.polygons import clean_polygon
 
 @dataclass(frozen=True)
 class Band:
-    """A range of heights above the floor, meters."""
+    """A range of heights above the floor [m]."""
 
     name: str
     low: float
@@ -30,10 +30,9 @@ class Band:
 
 @dataclass(frozen=True)
 class Plane:
-    """A horizontal plane at a height above the floor, meters: a layer as the 2018 paper defines it (section 3.2).
+    """A horizontal plane at a height above the floor [m]: a layer as the 2018 paper defines it (section 3.2).
 
-    It sees nothing but what it cuts, so bands are the better choice: at 1.2 m it misses a third to two thirds of what
-    a torso between 0.8 and 1.5 m meets.
+    It holds only what it cuts, so bands are the better choice (docs/places.md, "The footprint of a band").
     """
 
     name: str
@@ -45,12 +44,12 @@ class Plane:
 
     @property
     def low(self) -> float:
-        """The height."""
+        """Return the height [m]."""
         return self.height
 
     @property
     def high(self) -> float:
-        """The height."""
+        """Return the height [m]."""
         return self.height
 
 
@@ -58,16 +57,17 @@ AnyLayer = Band | Plane
 AnySolid = Solid | MeshSolid
 
 LEGS = Band("legs", 0.10, 2.0)
+"""Band of the legs [m]."""
 TORSO = Band("torso", 0.65, 1.50)
-"""From as low as hands hang: with a band from 0.8 m on, they would reach 3 cm into tables."""
+"""Band of the torso [m]. It begins at the height of the hands; with a higher one they would reach into tables."""
 
 
 @dataclass(frozen=True)
 class ClearanceLayer:
-    """One band or plane with the area its part of a body cannot enter, and the floor that is left.
+    """The obstacles of a band or plane, and the floor that they leave free.
 
-    ``obstacles`` is not clipped to the floor; ``free`` is. Both are valid and hold polygons only. ``low`` and ``high``
-    are the same for a plane.
+    Both areas are valid and hold polygons only. ``obstacles`` is not clipped to the floor; ``free`` is. ``low`` and
+    ``high`` [m] are equal for a plane.
     """
 
     name: str
@@ -80,16 +80,26 @@ class ClearanceLayer:
 def clearance_layers(
     floor: Polygon | MultiPolygon, solids: Sequence[AnySolid], bands: Sequence[AnyLayer]
 ) -> tuple[ClearanceLayer, ...]:
-    """Project onto the floor what solids have in each band, or where each plane cuts them.
+    """Project the parts of solids in each band onto the floor, or cut the solids at each plane.
 
-    A solid counts in a band with what lies strictly inside the band's heights: people walk under a lamp, and their
-    torsos over a table's edge. The lowest layer is the ground layer, on which paths are found: it holds what is in any
-    layer, so that a place that is free on the ground is free in every layer (2018 paper, section 3.2).
+    A solid counts in a band with its parts strictly between the band's heights: people walk under a lamp, and their
+    torsos pass over a table's edge. The lowest layer is the ground layer, on which paths are found. It holds the
+    obstacles of all layers, so that a place that is free on the ground is free in every layer (2018 paper, section
+    3.2).
+
+    Parameters
+    ----------
+    floor
+        The walkable area [m].
+    solids
+        The obstacles.
+    bands
+        The layers to make.
 
     Returns
     -------
     tuple of ClearanceLayer
-        Lowest first; of two that start at one height the one that reaches higher comes first.
+        Lowest first; of two that start at the same height the higher one first.
 
     Raises
     ------
@@ -112,23 +122,24 @@ def clearance_layers(
 
 
 def dropped_solids(solids: Sequence[AnySolid], bands: Sequence[AnyLayer]) -> tuple[AnySolid, ...]:
-    """Solids that are in no layer: carpets and thresholds below all of them, lamps and ceilings above."""
+    """Return solids that are in no layer: carpets and thresholds below all of them, lamps and ceilings above."""
     return tuple(solid for solid in solids if not any(_meets(solid, band) for band in bands))
 
 
 def taken_between(solid: AnySolid, low: float, high: float) -> BaseGeometry:
-    """What a solid takes of a layer between two heights, or of a plane where they are the same; perhaps nothing."""
+    """Return the area that a solid takes between two heights [m], or at a plane if they are equal; it may be empty."""
     return solid.section(low) if low == high else solid.footprint_in(low, high)
 
 
 def _meets(solid: AnySolid, layer: AnyLayer) -> bool:
+    """Return True if the solid is in the layer."""
     if isinstance(layer, Plane):
         return solid.bottom <= layer.height < solid.top
     return solid.overlaps(layer.low, layer.high)
 
 
 def polygons_only(geometry: BaseGeometry) -> MultiPolygon:
-    """The parts of ``geometry`` that have an area; lines and points that overlays leave behind go."""
+    """Return the parts of ``geometry`` that have an area, without lines and points that overlays leave behind."""
     parts = [geometry]
     while any(hasattr(part, "geoms") for part in parts):
         parts = [inner for part in parts for inner in getattr(part, "geoms", [part])]

@@ -1,4 +1,4 @@
-"""Level surfaces of a scene: where people could walk, and whether that is in two storeys."""
+"""Level surfaces of a scene: where people could walk, and if that is in two storeys."""
 
 from __future__ import annotations
 
@@ -18,42 +18,43 @@ from crowdsim.errors import PlaceError
 from crowdsim.geometry.polygons import buffered
 
 STEP = 0.10
-"""Meters: what rises no more from the floor is walked over."""
+"""Height [m] above the floor up to which something is walked over."""
 
 HEADROOM = 1.9
-"""Meters of free height in which people stand."""
+"""Free height that people need to stand [m]."""
 
 LEAST_LEVEL = 4.0
-"""Square meters of the smallest surface that counts as a level to walk on."""
+"""Area of the smallest surface that counts as a level to walk on [m2]."""
 
 _FLAT = 0.99
 """Least vertical component of a level surface's normal."""
 
 SAME_LEVEL = 0.05
-"""Meters between heights of one level."""
+"""Greatest difference of heights on one level [m]."""
 
 _BODY = 0.2
-"""Meters: surfaces narrower than twice that, the tops of walls, are not walked on."""
+"""Half the width of the narrowest surface that is walked on, so not the tops of walls [m]."""
 
 _LINED = 0.5
-"""Share of a floor's outline that walls stand along if there is a ceiling over it."""
+"""Least share of a floor's outline with walls along it if there is a ceiling over it."""
 
 
 @dataclass(frozen=True)
 class Level:
-    """Surfaces at about one height."""
+    """Surfaces at about one height [m]."""
 
     height: float
     surface: BaseGeometry
     parts: NDArray[np.int64]
-    """Indices of the solids they belong to."""
+    """(k,) indices of the solids they belong to."""
 
 
 Surfaces = tuple[NDArray[np.object_], NDArray[np.float64], NDArray[np.int64]]
+"""Polygons (n,), their heights (n,) [m], and the indices of their solids (n,)."""
 
 
 def level_surfaces(solids: Sequence[AnySolid], both: bool) -> Surfaces:
-    """Level surfaces that face up (with ``both``, or down): polygons (n,), heights (n,), indices of solids (n,)."""
+    """Find level surfaces that face up or, with ``both``, up or down."""
     shapes: list[NDArray[np.object_]] = []
     heights, owners = [], []
     for number, solid in enumerate(solids):
@@ -75,7 +76,7 @@ def level_surfaces(solids: Sequence[AnySolid], both: bool) -> Surfaces:
 def find_levels(
     shapes: NDArray[np.object_], heights: NDArray[np.float64], owners: NDArray[np.int64], within: BaseGeometry | None
 ) -> list[Level]:
-    """Levels wide and large enough to walk on, lowest first; parts ``within`` an outline if one is given."""
+    """Find levels wide and large enough to walk on, lowest first; only parts ``within`` an outline if one is given."""
     order = np.argsort(heights, kind="stable")
     shapes, heights, owners = shapes[order], heights[order], owners[order]
     areas = shapely.area(shapes)
@@ -84,7 +85,7 @@ def find_levels(
     while first < len(heights):
         last = int(np.searchsorted(heights, heights[first] + SAME_LEVEL, side="right"))
         if areas[first:last].sum() >= LEAST_LEVEL:
-            # The height in the middle of the area, which is that of a large floor whatever lies about on it.
+            # The median height by area: that of a large floor, even if there are many small surfaces.
             share = np.cumsum(areas[first:last])
             height = rounded_height(heights[first + int(np.searchsorted(share, 0.5 * share[-1]))])
             surface = snapped_union(shapes[first:last], GRID)
@@ -96,20 +97,20 @@ def find_levels(
 
 
 def rounded_height(height: float) -> float:
-    """To a micrometer, so that a floor drawn at 0 stays there."""
+    """Round a height to a micrometer, so that a floor drawn at 0 stays there."""
     return round(float(height), 6) + 0.0
 
 
 def _wide(area: BaseGeometry) -> BaseGeometry:
-    """The parts of ``area`` a body fits on."""
+    """Return the parts of ``area`` wide enough for a body."""
     return polygons_only(buffered(buffered(area, -_BODY, join_style="mitre"), _BODY, join_style="mitre"))
 
 
 def one_storey(levels: list[Level], solids: Sequence[AnySolid], report: list[str]) -> list[Level]:
-    """``levels`` without ceilings seen from above; refuses two levels over one point."""
+    """Return ``levels`` without ceilings seen from above; raise PlaceError if there are two levels over one point."""
     kept: list[Level] = []
     for level in levels:
-        # Closer levels leave no headroom, so that nobody stands on the lower one where the other is.
+        # Closer levels leave no headroom, so people cannot stand on the lower one below the other.
         for lower in [other for other in kept if level.height >= other.height + HEADROOM]:
             both = _wide(lower.surface.intersection(level.surface))
             if both.area >= LEAST_LEVEL:
@@ -120,8 +121,8 @@ def one_storey(levels: list[Level], solids: Sequence[AnySolid], report: list[str
                 x, y = both.representative_point().coords[0]
                 raise PlaceError(
                     f"floor: around ({x:.2f}, {y:.2f}) people could walk at {lower.height:.3g} m and, above that, at "
-                    f"{level.height:.3g} m ({both.area:.1f} m2); one floor is all there may be: take the parts of one "
-                    f"storey, or give the floor's outline and its height"
+                    f"{level.height:.3g} m ({both.area:.1f} m2), but a place has only one floor: take the parts of "
+                    f"one storey, or give the floor's outline and its height"
                 )
             report.append(
                 f"floor: the level at {level.height:.3g} m is a ceiling seen from above: nothing stands on it"
@@ -133,12 +134,16 @@ def one_storey(levels: list[Level], solids: Sequence[AnySolid], report: list[str
 
 
 def _blocked(level: Level, solids: Sequence[AnySolid]) -> BaseGeometry:
-    """Where nobody can stand on ``level``."""
+    """Return the area within the headroom over ``level`` that solids take, so that people cannot stand there."""
     return shapely.union_all([solid.footprint_in(level.height + STEP, level.height + HEADROOM) for solid in solids])
 
 
 def _is_ceiling(level: Level, lower: Level, solids: Sequence[AnySolid]) -> bool:
-    """Whether ``level`` covers most of what is below, which walls enclose, and bears nothing."""
+    """Return True if ``level`` is a ceiling over ``lower``, not another floor that people could walk on.
+
+    A ceiling covers most of the lower level (0.8 of its area), nothing taller than a meter stands on it, and walls run
+    within 0.3 m of at least the share _LINED of the lower level's outline.
+    """
     if shapely.intersection(level.surface, lower.surface).area < 0.8 * lower.surface.area:
         return False
     on_top = [
@@ -148,6 +153,7 @@ def _is_ceiling(level: Level, lower: Level, solids: Sequence[AnySolid]) -> bool:
     ]
     if any(shapely.intersects(level.surface, shape) for shape in on_top):
         return False
+    # Walls are what reaches above furniture, between 1 m and head height.
     walls = shapely.union_all([solid.footprint_in(lower.height + 1.0, lower.height + HEADROOM) for solid in solids])
     outline = lower.surface.boundary
     return bool(outline.intersection(buffered(walls, 0.3)).length >= _LINED * outline.length)

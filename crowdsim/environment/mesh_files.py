@@ -1,4 +1,4 @@
-"""Places from files of triangles: GLB, OBJ, STL, PLY and DAE, one solid a part, meters, z up."""
+"""Places from files of triangles: GLB, OBJ, STL, PLY and DAE; one solid for each part, in meters, z up."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ from crowdsim.whole_files import require_regular
 Floats = NDArray[np.float64]
 
 UP_AXES = {".glb": "y", ".obj": "y", ".stl": "z", ".ply": "z", ".dae": "y"}
-"""Which axis is up by a file's ending, unless the file or the caller says so."""
+"""The axis that points up by the ending of a file, unless the file or the caller says otherwise."""
 
 FAR = 1000.0
-"""Meters between parts of one place; what lies farther off is dropped."""
+"""Distance from the other parts of a place [m] beyond which a part is dropped."""
 
 _MATRIX_DIGITS = 10
-"""Decimals that are kept of matrices which trimesh multiplied: the last bits depend on how the processor does that."""
+"""Decimals kept of matrices that trimesh multiplied, as their last bits depend on the processor."""
 
 _Y_UP_TO_Z_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
 _MANY = 2000
-"""Parts for which distances between all of them are worked out."""
+"""Number of parts up to which the distances between all of them are computed."""
 
 
 @dataclass(frozen=True)
 class MeshScene:
-    """The parts of a file as solids, and what was assumed, dropped or looks wrong, a line each."""
+    """The parts of a file as solids, and a report of what was assumed, dropped or looks wrong, one line each."""
 
     solids: tuple[MeshSolid, ...]
     report: tuple[str, ...]
@@ -49,6 +49,7 @@ class MeshScene:
 def read_mesh_file(
     path: str | Path,
     *,
+    content: bytes | None = None,
     up: str | None = None,
     units: str | None = None,
     scale: float = 1.0,
@@ -60,23 +61,25 @@ def read_mesh_file(
     Parameters
     ----------
     path
-        The file; its ending says the format.
+        The file; its ending gives the format.
+    content
+        The bytes of the file if it is not on disk.
     up
         The file's axis that points up, "y" or "z". By default what the file says (DAE), else the custom of its format
         (:data:`UP_AXES`); the report says which.
     units
-        The file's unit (:data:`crowdsim.environment.units.METERS`). By default the number in the file (DAE), else
+        Unit of the file (:data:`crowdsim.environment.units.METERS`). By default the number in the file (DAE), else
         meters. glTF files are in meters by definition; other units that their parts may note are not applied.
     scale, rotation, position
-        What to do with the place then, in this order: enlarge it, turn it by ``rotation`` degrees counter-clockwise
-        about the vertical axis, and move it, meters.
+        How to place it, in this order: enlarge by ``scale``, turn by ``rotation`` [degrees] counter-clockwise about the
+        vertical axis, and move by ``position`` [m].
 
     Raises
     ------
     PlaceError
         If the file cannot be read, is empty, damaged, of an unknown format, or holds no surfaces.
     GeometryError
-        If an argument makes no sense.
+        If an argument is not valid.
     """
     file = Path(path)
     ending = file.suffix.lower()
@@ -86,7 +89,7 @@ def read_mesh_file(
         raise PlaceError(
             f"{file}: files ending in '{ending}' cannot be read as meshes; known are {', '.join(UP_AXES)}{hint}"
         )
-    content = _content(file)
+    content = _content(file) if content is None else content
     report: list[str] = []
     axis = _up_axis(file.name, content, ending, up, report)
     meters = _meters(file.name, content, ending, units, report)
@@ -107,6 +110,7 @@ def read_mesh_file(
 
 
 def _check_arguments(up: str | None, scale: float, rotation: float, position: tuple[float, float, float]) -> None:
+    """Raise GeometryError if an argument is not valid."""
     if up not in (None, "y", "z"):
         raise GeometryError(f"up: expected 'y' or 'z', got {up!r}")
     if not (math.isfinite(scale) and scale > 0.0):
@@ -118,6 +122,7 @@ def _check_arguments(up: str | None, scale: float, rotation: float, position: tu
 
 
 def _content(file: Path) -> bytes:
+    """Return the bytes of a file, or raise PlaceError."""
     require_regular(file, PlaceError)
     try:
         content = file.read_bytes()
@@ -129,6 +134,7 @@ def _content(file: Path) -> bytes:
 
 
 def _up_axis(name: str, content: bytes, ending: str, up: str | None, report: list[str]) -> str:
+    """Return the axis that points up, and report the source."""
     if up is not None:
         return up
     if ending == ".dae":
@@ -145,7 +151,7 @@ def _up_axis(name: str, content: bytes, ending: str, up: str | None, report: lis
 
 
 def _meters(name: str, content: bytes, ending: str, units: str | None, report: list[str]) -> float:
-    """Meters a unit of the file."""
+    """Return the meters of a unit of the file, and report the source."""
     if units is not None:
         return meters_per_unit(units)
     if ending == ".dae":
@@ -155,8 +161,8 @@ def _meters(name: str, content: bytes, ending: str, units: str | None, report: l
         except ValueError:
             meters = math.nan
         if not (math.isfinite(meters) and meters > 0.0):
-            raise PlaceError(f"{name}: its unit is no number of meters; give 'units'")
-        report.append(f"{name}: a unit is {meters:g} m, as {'the file says' if said else 'the file says no other'}")
+            raise PlaceError(f"{name}: its unit is not a number of meters; give 'units'")
+        report.append(f"{name}: a unit is {meters:g} m, {'as the file says' if said else 'as the file names no other'}")
         return meters
     sure = "by definition of the format" if ending == ".glb" else "as the format knows no units; give 'units' if not so"
     report.append(f"{name}: in meters, {sure}")
@@ -164,7 +170,7 @@ def _meters(name: str, content: bytes, ending: str, units: str | None, report: l
 
 
 def _placement(axis: str, scale: float, rotation: float, position: tuple[float, float, float]) -> Floats:
-    """The (4, 4) matrix from the file's coordinates to the place."""
+    """Return the (4, 4) matrix from the file's coordinates to the place."""
     c, s = planar.rotation(rotation)
     turned = np.array([[c, -s, 0.0, 0.0], [s, c, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
     turned[:3, :3] *= scale
@@ -173,18 +179,18 @@ def _placement(axis: str, scale: float, rotation: float, position: tuple[float, 
 
 
 def _product(a: Floats, b: Floats) -> Floats:
-    """The matrix product, added up in one order, unlike that of BLAS."""
+    """Return the matrix product, added in one order, unlike that of BLAS."""
     return dot(a[:, None, :], b.T)
 
 
 def _parts(file: Path, content: bytes, ending: str, report: list[str]) -> Iterator[tuple[str, Floats, Any]]:
-    """Name, matrix (4, 4) and mesh of each part that has surfaces."""
+    """Yield name, matrix (4, 4) and mesh of each part that has surfaces."""
     scene = _loaded(file, content, ending)
     try:
         # By name, as the order of a scene graph is that of hash tables.
         parts = [(str(node), *scene.graph[node]) for node in sorted(scene.graph.nodes_geometry, key=str)]
     except Exception as error:
-        raise PlaceError(f"{file}: its scene cannot be understood ({_said(error)}); export it again") from None
+        raise PlaceError(f"{file}: its scene graph cannot be read ({_said(error)}); export it again") from None
     single = len(parts) == 1 and ending in (".stl", ".ply", ".obj")
     noted = set()
     without = 0
@@ -207,7 +213,7 @@ def _parts(file: Path, content: bytes, ending: str, report: list[str]) -> Iterat
 
 
 def _loaded(file: Path, content: bytes, ending: str) -> Any:
-    """The trimesh scene of the bytes of a file."""
+    """Return the trimesh scene of the bytes of a file."""
     import trimesh
 
     if ending == ".dae":
@@ -219,11 +225,12 @@ def _loaded(file: Path, content: bytes, ending: str) -> Any:
             ) from None
     kwargs: dict[str, Any] = {"split_objects": True, "group_material": False, "skip_materials": True}
     try:
-        # From bytes, so that a file cannot make others be read.
+        # From bytes, so that a file cannot cause others to be read.
         scene = trimesh.load_scene(
             io.BytesIO(content), file_type=ending[1:], process=False, **(kwargs if ending == ".obj" else {})
         )
-    except Exception as error:  # whatever a parser does with what it was not made for
+    # The parser can raise anything on damaged files.
+    except Exception as error:
         raise PlaceError(f"{file}: cannot be read as {ending[1:].upper()} ({_said(error)}); export it again") from None
     kinds = [type(geometry).__name__ for geometry in scene.geometry.values()]
     if not any(len(getattr(geometry, "faces", ())) for geometry in scene.geometry.values()):
@@ -233,26 +240,28 @@ def _loaded(file: Path, content: bytes, ending: str) -> Any:
 
 
 def _said(error: Exception) -> str:
+    """Return an error as one line of text."""
     text = " ".join(str(error).split())
     return f"{type(error).__name__}: {text[:120]}" if text else type(error).__name__
 
 
 def _unique(name: str, names: dict[str, int]) -> str:
-    """``name``, with a number behind it from the second time on."""
+    """Return ``name``, with a number appended from the second time on."""
     names[name] = names.get(name, 0) + 1
     return name if names[name] == 1 else _unique(f"{name}_{names[name]}", names)
 
 
 def _solid(file: Path, name: str, mesh: Any, matrix: Floats, report: list[str]) -> MeshSolid | None:
-    """The part as a solid; None, with a word in the ``report``, if its numbers are unusable."""
+    """Return the part as a solid; None, with a line in the ``report``, if its numbers are unusable."""
     vertices = np.asarray(mesh.vertices, np.float64)
     triangles = np.asarray(mesh.faces, np.int64)
     x, y, z = vertices.T
-    # Not by a matrix product, which rounds equal points of different rows differently.
+    # Not by a matrix product, which may round equal points of different rows differently.
     with np.errstate(all="ignore"):
         placed = np.column_stack([row[0] * x + row[1] * y + row[2] * z + row[3] for row in matrix[:3]])
     if dot(matrix[0, :3], np.cross(matrix[1, :3], matrix[2, :3])) < 0.0:
-        triangles = triangles[:, ::-1]  # mirrored: outside would be inside
+        # Mirrored: without this, outside would be inside.
+        triangles = triangles[:, ::-1]
     try:
         return MeshSolid(name, placed, triangles)
     except GeometryError as error:
@@ -261,9 +270,11 @@ def _solid(file: Path, name: str, mesh: Any, matrix: Floats, report: list[str]) 
 
 
 def _without_far_parts(solids: list[MeshSolid], report: list[str]) -> list[MeshSolid]:
-    """``solids`` without those more than :data:`FAR` away from the group that holds most of them."""
+    """Return ``solids`` without those more than :data:`FAR` away from the group that holds most of them."""
     low = np.array([solid.corners.min(axis=(0, 1)) for solid in solids])
     high = np.array([solid.corners.max(axis=(0, 1)) for solid in solids])
+    # Parts with gaps of at most FAR are a group. Of very many parts not every pair is compared, but each with their
+    # middle. If all lie within FAR, they are one group anyway.
     if len(solids) > _MANY or np.ptp(np.concatenate([low, high]), axis=0).max() <= FAR:
         groups = np.zeros(len(solids), np.int64)
         if len(solids) > _MANY:
@@ -273,7 +284,7 @@ def _without_far_parts(solids: list[MeshSolid], report: list[str]) -> list[MeshS
         gap = np.maximum(low[:, None] - high[None], low[None] - high[:, None]).max(axis=2)
         groups = connected_components(gap <= FAR, directed=False)[1]
     counts = np.bincount(groups)
-    # Of groups with as many parts, the one nearer to the origin.
+    # Of groups with equally many parts, the one nearest to the origin.
     reach = [np.abs(np.concatenate([low[groups == k], high[groups == k]])).max() for k in range(len(counts))]
     kept = min(range(len(counts)), key=lambda k: (-counts[k], reach[k]))
     for number in np.flatnonzero(groups != kept):

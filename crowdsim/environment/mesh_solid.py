@@ -1,7 +1,7 @@
-"""Solids given by triangles, and the area they take of the floor between two heights.
+"""Solids given by triangles, and the area of the floor that they take between two heights.
 
-The footprint of a height band is the union of what its triangles cover after clipping to the band, and of what their
-sections enclose; see docs/places.md for why neither alone is right.
+The footprint in a band of heights is the union of the projections of its triangles, clipped to the band, and of the
+areas that its sections enclose; docs/places.md says why neither alone is right.
 """
 
 from __future__ import annotations
@@ -22,27 +22,28 @@ from crowdsim.geometry.polygons import MAX_EXTENT, buffered
 Floats = NDArray[np.float64]
 
 STRIP = 5e-3
-"""Meters: how wide a surface seen edge-on counts, such as a sheet of wall."""
+"""Width that a surface seen edge-on counts with, such as a sheet of wall [m]."""
 
 GRID = 1e-5
-"""Meters of the grid that footprints are rounded to, so that the union of many triangles is robust."""
+"""Grid that footprints are rounded to, so that the union of many triangles is robust [m]."""
 
 PINHOLE = 0.1
-"""Square meters: holes in the footprint of one solid that are smaller, the inside of a bucket, are filled."""
+"""Area below which holes in the footprint of one solid are filled, such as the inside of a bucket [m2]."""
 
 _LARGEST = 200
-"""So many of the largest pieces are joined before the others."""
+"""Number of the largest pieces that are joined before the others."""
 
 _COVERED = 1e-3
-"""Meters that an edge-on surface may stand out of the rest of the footprint before it gets a strip."""
+"""How far an edge-on surface may stand out of the rest of the footprint before it gets a strip [m]."""
 
 _SMOOTHING = 5e-4
-"""Meters by which corners of the footprint may be straightened."""
+"""How far corners of the footprint may move when its outline is straightened [m]."""
 
 _LEAST_LINE = 1e-4
-"""Meters: a surface seen as a point counts as a line of this length."""
+"""Length of the line that a surface seen as a point counts as [m]."""
 
 _CORNER_PAIRS = ((0, 1), (1, 2), (2, 0))
+"""The edges of a triangle, as indices of its corners."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,11 +53,11 @@ class MeshSolid:
     Parameters
     ----------
     name
-        Of the part.
+        Name of the part.
     vertices
-        (n, 3) float64, meters, z up; kept to a nanometer.
+        (n, 3) float64 [m], z up; rounded to a nanometer.
     triangles
-        (m, 3) rows of ``vertices``, counter-clockwise as seen from outside where the mesh knows an outside.
+        (m, 3) int64 rows of ``vertices``, counter-clockwise as seen from outside if the mesh knows its outside.
 
     Raises
     ------
@@ -80,9 +81,10 @@ class MeshSolid:
         if len(triangles) == 0:
             raise GeometryError(f"solid '{self.name}': the mesh has no triangles")
         if triangles.min() < 0 or triangles.max() >= len(vertices):
-            raise GeometryError(f"solid '{self.name}': a triangle has a corner that is none of its vertices")
+            raise GeometryError(f"solid '{self.name}': a triangle has a corner that is not among its vertices")
         with np.errstate(over="ignore"):
-            vertices = np.round(vertices, DIGITS)  # makes the largest numbers infinite
+            # Rounding makes the largest numbers infinite.
+            vertices = np.round(vertices, DIGITS)
         if not np.isfinite(vertices[triangles]).all():
             raise GeometryError(f"solid '{self.name}': the mesh has a coordinate that is not a finite number")
         if (reach := float(np.abs(vertices[triangles]).max())) > MAX_EXTENT:
@@ -95,25 +97,25 @@ class MeshSolid:
 
     @cached_property
     def corners(self) -> Floats:
-        """(m, 3, 3) corners of each triangle."""
+        """Return the corners (m, 3, 3) of each triangle [m]."""
         return self.vertices[self.triangles]
 
     @cached_property
     def bottom(self) -> float:
-        """Height of the lowest corner."""
+        """Return the height of the lowest corner [m]."""
         return float(self.corners[:, :, 2].min())
 
     @cached_property
     def top(self) -> float:
-        """Height of the highest corner."""
+        """Return the height of the highest corner [m]."""
         return float(self.corners[:, :, 2].max())
 
     @cached_property
     def _closed(self) -> bool:
-        """Whether each edge is passed as often one way as the other, around something: then one section tells all.
+        """Return True if the mesh is closed: each edge is used equally often in both directions, around some volume.
 
-        Where a vertical line enters or leaves the solid inside the band, there is a triangle; elsewhere it is inside
-        at all heights of the band, which the solid then reaches through, or at none.
+        Then one section is enough. If a vertical line enters or leaves the solid inside the band, there is a triangle.
+        Otherwise it is inside at all heights of the band, which the solid then spans, or at none.
         """
         places = np.unique(self.corners.reshape(-1, 3), axis=0, return_inverse=True)[1].reshape(-1, 3)
         count = np.int64(places.max() + 1)
@@ -126,36 +128,37 @@ class MeshSolid:
 
     @cached_property
     def footprint(self) -> BaseGeometry:
-        """What lies under or over any part of the solid."""
+        """Return the area under or over any part of the solid."""
         return self._footprint(self.bottom - 1.0, self.top + 1.0)
 
     def overlaps(self, low: float, high: float) -> bool:
-        """Whether part of the solid lies strictly between the heights ``low`` and ``high``."""
+        """Return True if part of the solid lies strictly between the heights ``low`` and ``high`` [m]."""
         heights = self.corners[:, :, 2]
         return bool(((heights.min(axis=1) < high) & (heights.max(axis=1) > low)).any())
 
     def footprint_in(self, low: float, high: float) -> BaseGeometry:
-        """What part of the solid strictly between ``low`` and ``high`` covers of the floor; empty if there is none.
+        """Return the area of the floor under the parts of the solid strictly between ``low`` and ``high`` [m].
 
-        Covered is what lies under a triangle's part in the band (a strip of :data:`STRIP` under one that stands
-        upright) or inside the solid: in the sections at bottom, middle and top of what the solid has in the band, what
-        :func:`crowdsim.environment.sections.enclosed` finds enclosed. For a closed solid one section, or none, is
-        enough, and the footprint exact.
+        It is the area under a triangle's part in the band (a strip of :data:`STRIP` if the triangle stands upright),
+        and what :func:`crowdsim.environment.sections.enclosed` finds inside the sections at bottom, middle and top of
+        the solid's part in the band. For a closed solid at most one section is needed, and the footprint is exact. It
+        is empty if nothing lies in the band.
         """
         if self.bottom < high and self.top > low:
             return self._footprint(low, high)
         return shapely.Polygon()
 
     def section(self, height: float) -> BaseGeometry:
-        """What the plane at ``height`` cuts: enclosed areas, and strips of :data:`STRIP` along all other cuts."""
+        """Return the cut by the plane at ``height`` [m]: enclosed areas, and strips of :data:`STRIP` elsewhere."""
         segments = section_segments(self.corners, height, above=True)
         return _with_strips(enclosed(segments), segments)
 
     def lifted(self, height: float) -> MeshSolid:
-        """The same solid ``height`` meters higher."""
+        """Return the same solid ``height`` [m] higher."""
         return replace(self, vertices=self.vertices + np.array([0.0, 0.0, height]))
 
     def _footprint(self, low: float, high: float) -> BaseGeometry:
+        """Return the footprint of a band that the solid meets."""
         shapes, longest = _pieces(self.corners, low, high)
         if not len(shapes):
             return shapely.Polygon()
@@ -168,14 +171,15 @@ class MeshSolid:
         elif self.bottom <= low and self.top >= high:
             cuts = [(middle, True)]
         else:
-            cuts = []  # whatever is inside has a triangle of the band above or below it
+            # All that is inside has a triangle of the band above or below it.
+            cuts = []
         inside = np.array([enclosed(section_segments(self.corners, z, above)) for z, above in cuts], dtype=object)
         area = _union(np.concatenate([inside, shapes[widths > GRID]]))
         return _with_strips(area, longest[widths < STRIP])
 
 
 def _pieces(corners: Floats, low: float, high: float) -> tuple[NDArray[np.object_], Floats]:
-    """Each triangle's part in the open band, seen from above: its outline (k,) and its farthest two points (k, 2, 2).
+    """Return each triangle's part in the open band, from above: outlines (k,) and their farthest points (k, 2, 2).
 
     Outlines of upright triangles are degenerate.
     """
@@ -184,6 +188,8 @@ def _pieces(corners: Floats, low: float, high: float) -> tuple[NDArray[np.object
     meets = (least < high) & (most > low)
     whole = meets & (least >= low) & (most <= high)
     flat = corners[whole, :, :2]
+    if np.array_equal(meets, whole):  # as of all parts that a band holds as they are, thousands in some files
+        return shapely.polygons(flat) if len(flat) else np.empty(0, object), _farthest(flat)
     points, valid = _clipped(corners[meets & ~whole], low, high)
     rows = np.broadcast_to(np.arange(len(points))[:, None], valid.shape)[valid]
     clipped = shapely.convex_hull(shapely.multipoints(points[valid], indices=rows)) if len(points) else []
@@ -195,12 +201,12 @@ def _pieces(corners: Floats, low: float, high: float) -> tuple[NDArray[np.object
 
 
 def _clipped(corners: Floats, low: float, high: float) -> tuple[Floats, NDArray[np.bool_]]:
-    """Corners (k, 9, 2) of the convex parts of triangles in a band, in no order, and which of them there are (k, 9)."""
+    """Clip triangles to a band: the corners (k, 9, 2) of their convex parts, in no order, and which exist (k, 9)."""
     heights = corners[:, :, 2]
     points, valid = [corners[:, :, :2]], [(heights >= low) & (heights <= high)]
     for first, second in _CORNER_PAIRS:
         swap = heights[:, first] > heights[:, second]
-        # From the lower to the upper end, so that both triangles at an edge get the same point to the bit.
+        # From the lower to the upper end, so that both triangles at an edge get the same point, bit by bit.
         lower = np.where(swap[:, None], corners[:, second], corners[:, first])
         upper = np.where(swap[:, None], corners[:, first], corners[:, second])
         rise = upper[:, 2] - lower[:, 2]
@@ -213,7 +219,7 @@ def _clipped(corners: Floats, low: float, high: float) -> tuple[Floats, NDArray[
 
 
 def _union(shapes: NDArray[np.object_]) -> BaseGeometry:
-    """The union of polygons; where there are many, small ones inside of large ones cost next to nothing."""
+    """Return the union of polygons; if there are many, small ones inside of large ones are skipped."""
     if len(shapes) > 2 * _LARGEST:
         shapes = shapes[np.argsort(-shapely.area(shapes), kind="stable")]
         large = snapped_union(shapes[:_LARGEST], GRID)
@@ -224,7 +230,7 @@ def _union(shapes: NDArray[np.object_]) -> BaseGeometry:
 
 
 def _farthest(points: Floats) -> Floats:
-    """The two points (k, 2, 2) farthest apart of each row of (k, p, 2)."""
+    """Return the two points (k, 2, 2) farthest apart in each row of (k, p, 2)."""
     first, second = np.triu_indices(points.shape[1], 1)
     apart = np.square(points[:, first] - points[:, second]).sum(axis=2)
     pair = apart.argmax(axis=1)
@@ -233,7 +239,7 @@ def _farthest(points: Floats) -> Floats:
 
 
 def _with_strips(area: BaseGeometry, segments: Floats) -> BaseGeometry:
-    """``area`` with strips along the parts of ``segments`` (k, 2, 2) that stand out of it, free of pinholes."""
+    """Add strips along the parts of ``segments`` (k, 2, 2) that stand out of ``area``, and fill pinholes."""
     if len(segments):
         short = hypot(*(segments[:, 1] - segments[:, 0]).T) < _LEAST_LINE
         ends = segments.copy()
@@ -246,7 +252,7 @@ def _with_strips(area: BaseGeometry, segments: Floats) -> BaseGeometry:
             lines = shapely.difference(lines, around)
         lines = lines[~shapely.is_empty(lines)]
         if len(lines):
-            # Ends are square to meet the area again, from which they are cut off by what counts as covered.
+            # Square ends make strips meet the area again, from which they were cut by ``_COVERED``.
             merged = shapely.line_merge(snapped_union(lines, GRID))
             strips = buffered(merged, 0.5 * STRIP, cap_style="square", join_style="mitre")
             area = snapped_union([area, strips], GRID)
@@ -254,7 +260,7 @@ def _with_strips(area: BaseGeometry, segments: Floats) -> BaseGeometry:
 
 
 def _without_pinholes(area: BaseGeometry) -> BaseGeometry:
-    """``area`` as polygons without small holes and without corners that hardly are any."""
+    """Return ``area`` as polygons without small holes and nearly straight corners."""
     parts = shapely.get_parts(area)
     parts = parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON]
     kept = []
@@ -265,5 +271,5 @@ def _without_pinholes(area: BaseGeometry) -> BaseGeometry:
     kept = [part for part in kept if part.area > GRID * STRIP]
     if not kept:
         return shapely.Polygon()
-    # Straightened parts, or ones in holes that are gone, may touch others.
+    # Straightened parts, or those in holes that were filled, may touch others.
     return kept[0] if len(kept) == 1 else snapped_union(kept, GRID)

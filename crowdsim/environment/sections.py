@@ -1,4 +1,4 @@
-"""Sections of triangles by a horizontal plane, and what they enclose."""
+"""Sections of triangles by a horizontal plane, and the areas they enclose."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from crowdsim.geometry.elementary import atan2
 Floats = NDArray[np.float64]
 
 SECTION_GRID = 1e-4
-"""Meters of the grid that cuts are rounded to, which closes the hair gaps of meshes whose parts do not quite meet."""
+"""Grid that cuts are rounded to [m]; it closes the hair gaps of meshes whose parts do not quite meet."""
 
 DIGITS = 9
-"""Decimals of a meter of coordinates; much smaller numbers than that make overlays of shapes fail."""
+"""Decimals of coordinates [m]; much smaller numbers make overlays of shapes fail."""
 
 FURNITURE = 4.0
-"""Square meters: up to this size a loop is filled even where the mesh does not know inside from outside."""
+"""Area up to which a loop is filled even if the mesh does not know inside from outside [m2]."""
 
 _LEAST_FACE = 1e-6
-"""Square meters; smaller faces between cuts are rounding."""
+"""Area below which faces between cuts are rounding errors [m2]."""
 
 _CHUNK = 2_000_000
-"""Pairs of a face and a segment worked on at once."""
+"""Number of pairs of a face and a segment that are processed at once."""
 
 
 def section_segments(corners: Floats, height: float, above: bool) -> Floats:
-    """Where the triangles (m, 3, 3) cross the plane at ``height``: segments (k, 2, 2), the solid on their left.
+    """Cut the triangles (m, 3, 3) by the plane at ``height`` [m]: segments (k, 2, 2) with the solid on their left.
 
-    The plane is meant infinitely little above ``height``, or below it, so that it never runs through a corner.
+    The plane lies infinitesimally above ``height``, or below it, so that it never passes through a corner.
     """
     heights = corners[:, :, 2]
     over = heights > height if above else heights >= height
@@ -50,7 +50,7 @@ def section_segments(corners: Floats, height: float, above: bool) -> Floats:
 
 
 def _crossing(first: Floats, second: Floats, height: float) -> Floats:
-    """Points (k, 2) where edges cross the plane; the same to the bit for either direction of an edge."""
+    """Return the points (k, 2) where edges cross the plane, bit for bit the same for either direction of an edge."""
     swap = (first[:, 2] > second[:, 2])[:, None]
     lower, upper = np.where(swap, second, first), np.where(swap, first, second)
     rise = upper[:, 2] - lower[:, 2]
@@ -60,19 +60,20 @@ def _crossing(first: Floats, second: Floats, height: float) -> Floats:
 
 
 def snapped_union(shapes: ArrayLike, grid: float) -> BaseGeometry:
-    """The union of shapes on a grid of ``grid`` meters."""
-    with np.errstate(all="ignore"):  # numpy reports what GEOS does about tiny numbers on its way
+    """Return the union of shapes on a grid of ``grid`` [m]."""
+    # Numpy reports what GEOS does with tiny numbers on its way.
+    with np.errstate(all="ignore"):
         return shapely.union_all(np.asarray(shapes, dtype=object), grid_size=grid)
 
 
 def enclosed(segments: Floats) -> BaseGeometry:
-    """The area inside a solid whose section is ``segments`` (k, 2, 2), solid on their left.
+    """Return the area inside a solid whose section is ``segments`` (k, 2, 2), with the solid on their left.
 
-    The segments divide the plane into faces. A face that is closed all around is inside if they wind around it once
-    or more, counting angles, so that a gap elsewhere in a loop changes nothing: a wall with an inner and an outer side
-    is filled, the room it encloses is not. A mesh that does not know inside from outside (turned inside out, every
-    face doubled, faces turned at random) winds no such way; there a face of up to :data:`FURNITURE` is inside if an
-    odd number of lines lies between it and the outside.
+    The segments divide the plane into faces. A face is inside if the segments wind around it at least once, by the sum
+    of angles, so that a gap elsewhere in a loop changes nothing: a wall with an inner and an outer side is filled, the
+    room it encloses is not. Many meshes do not know inside from outside (turned inside out, every face doubled, faces
+    turned at random), and wind around nothing. There a face of up to :data:`FURNITURE` is inside if an odd number of
+    lines lies between it and the outside.
     """
     lengths = np.abs(segments[:, 1] - segments[:, 0]).max(axis=1)
     segments = segments[lengths > 0.0]
@@ -91,7 +92,7 @@ def enclosed(segments: Floats) -> BaseGeometry:
 
 
 def _winding_numbers(faces: NDArray[np.object_], segments: Floats) -> Floats:
-    """How often the segments go around a point in each face, counter-clockwise (n,).
+    """Return how often the segments wind around a point in each face, counter-clockwise (n,).
 
     The sum of the angles under which the point sees the segments, over a full turn (Jacobson et al. 2013, section 3).
     """
@@ -106,8 +107,10 @@ def _winding_numbers(faces: NDArray[np.object_], segments: Floats) -> Floats:
 
 
 def _odd(faces: NDArray[np.object_], lines: BaseGeometry) -> NDArray[np.bool_]:
-    """Whether a ray from each face (n,) to the outside crosses ``lines``, counted once where they coincide, an odd
-    number of times."""
+    """Return (n,) True if a ray from the face to the outside crosses ``lines`` an odd number of times.
+
+    Lines that coincide count once.
+    """
     ends = shapely.get_coordinates(shapely.get_parts(lines))
     counts = shapely.get_num_coordinates(shapely.get_parts(lines))
     follows = np.ones(len(ends), bool)

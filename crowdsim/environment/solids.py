@@ -15,15 +15,15 @@ from crowdsim.geometry.elementary import acos, cos, sin
 from crowdsim.geometry.polygons import turned
 
 MIN_EXTENT = 1e-3
-"""Meters; anything thinner is a mistake of units or of the drawing."""
+"""Least extent of a solid [m]; anything thinner is a mistake of units or of the drawing."""
 
 _ROUNDING_EXCESS = 2e-3
-"""Meters by which the polygon around a cylinder may stand out at its corners."""
+"""How far the corners of the polygon around a cylinder may stand out [m]."""
 
 
 @dataclass(frozen=True)
 class Solid:
-    """A vertical prism: ``footprint`` (valid polygon, meters) from height ``bottom`` to ``top`` above the floor.
+    """A vertical prism: ``footprint`` (valid polygon, [m]) from height ``bottom`` to ``top`` above the floor [m].
 
     Raises
     ------
@@ -42,19 +42,19 @@ class Solid:
         require_polygon(self.footprint, f"solid '{self.name}'")
 
     def overlaps(self, low: float, high: float) -> bool:
-        """Whether part of the solid lies strictly between the heights ``low`` and ``high``."""
+        """Return True if part of the solid lies strictly between the heights ``low`` and ``high`` [m]."""
         return self.bottom < high and self.top > low
 
     def footprint_in(self, low: float, high: float) -> Polygon:
-        """The footprint if part of the solid lies strictly between ``low`` and ``high``, else an empty polygon."""
+        """Return the footprint if part of the solid lies strictly between ``low`` and ``high`` [m], else nothing."""
         return self.footprint if self.overlaps(low, high) else Polygon()
 
     def section(self, height: float) -> Polygon:
-        """What the plane infinitely little above ``height`` cuts: the footprint, or an empty polygon."""
+        """Return the cut by the plane infinitesimally above ``height`` [m]: the footprint, or an empty polygon."""
         return self.footprint if self.bottom <= height < self.top else Polygon()
 
     def lifted(self, height: float) -> Solid:
-        """The same solid ``height`` meters higher."""
+        """Return the same solid ``height`` [m] higher."""
         return replace(self, bottom=self.bottom + height, top=self.top + height)
 
 
@@ -72,7 +72,10 @@ def require_polygon(polygon: Polygon, what: str) -> None:
 
 
 def polygon_from_points(points: Sequence[tuple[float, float]], what: str) -> Polygon:
-    """Polygon of a ring of points (n, 2), closed or not; :class:`GeometryError` names ``what`` if it is unusable."""
+    """Return the polygon of a ring of points (n, 2), closed or not.
+
+    Raise :class:`GeometryError`, naming ``what``, if it is unusable.
+    """
     ring = np.asarray(points, np.float64).reshape(-1, 2)
     if not np.isfinite(ring).all():
         raise GeometryError(f"{what}: the outline has a coordinate that is not a finite number")
@@ -87,7 +90,7 @@ def polygon_from_points(points: Sequence[tuple[float, float]], what: str) -> Pol
 def box(
     name: str, low: tuple[float, float], high: tuple[float, float], bottom: float, top: float, rotation: float = 0.0
 ) -> Solid:
-    """Box between two opposite corners, turned by ``rotation`` degrees counter-clockwise about its center."""
+    """Return a box between two opposite corners [m], turned by ``rotation`` [degrees] about its center."""
     if not all(b - a >= MIN_EXTENT for a, b in zip(low, high, strict=True)):
         raise GeometryError(f"solid '{name}': the box from {list(low)} to {list(high)} has no area; give min below max")
     (x0, y0), (x1, y1) = low, high
@@ -103,28 +106,28 @@ def centered_box(
     top: float,
     rotation: float = 0.0,
 ) -> Solid:
-    """Box of ``size`` (meters along x and y before turning) about ``center``, turned by ``rotation`` degrees."""
+    """Return a box of ``size`` [m] (along x and y before turning) around ``center``, turned by ``rotation`` degrees."""
     low = (center[0] - size[0] / 2.0, center[1] - size[1] / 2.0)
     high = (center[0] + size[0] / 2.0, center[1] + size[1] / 2.0)
     return box(name, low, high, bottom, top, rotation)
 
 
 def cylinder(name: str, center: tuple[float, float], radius: float, bottom: float, top: float) -> Solid:
-    """Upright cylinder; the footprint is the polygon around it, see :func:`circle_around`."""
+    """Return an upright cylinder; its footprint is a polygon around it, see :func:`circle_around`."""
     if not radius >= MIN_EXTENT:
         raise GeometryError(f"solid '{name}': the radius {radius} m is too small")
     return Solid(name, circle_around(center, radius), bottom, top)
 
 
 def extrusion(name: str, points: Sequence[tuple[float, float]], bottom: float, top: float) -> Solid:
-    """Prism over the polygon ``points`` (n, 2)."""
+    """Return a prism over the polygon ``points`` (n, 2) [m]."""
     return Solid(name, polygon_from_points(points, f"solid '{name}'"), bottom, top)
 
 
 def circle_around(center: tuple[float, float], radius: float) -> Polygon:
-    """Regular polygon that contains the circle and touches it, among other places, at its four axis points.
+    """Return a regular polygon that contains the circle and touches it at its four axis points, among others.
 
-    It stands out by no more than 2 mm at its corners (a twentieth of the radius where that is less).
+    Its corners stand out by at most 2 mm, or by a twentieth of the radius if that is less.
     """
     excess = min(_ROUNDING_EXCESS, radius / 20.0)
     sides = 4 * math.ceil(math.pi / (4.0 * acos(radius / (radius + excess))))

@@ -1,16 +1,31 @@
-"""Spots that keep their distance, found by throwing darts: a draw is taken if nobody stands too near."""
+"""Random spots that keep a distance, found by dart throwing: a draw is taken if no other spot is too near."""
 
 from crowdsim.jit import kernel
 
 
 @kernel
 def take_spots(draws, keep, distance, frame, heads, nexts, spots, filled, vain, most):
-    """Take those of ``draws`` (float64[k, 2]) that keep ``keep`` meters from all spots taken before, in order.
+    """Take those draws, in order, that keep a distance from all spots taken before; return (filled, vain).
 
-    ``frame``: left and bottom [m] of cells of side ``distance`` (at least ``keep``), columns and rows of them.
-    ``heads``, ``nexts``: int32, the list of spots in each cell. ``spots``: float64[n, 2], ``filled`` of them are taken.
-    ``vain``: draws in a row that were not taken so far; ends after ``most`` of them, or if ``spots`` is full. Returns
-    filled and vain.
+    Parameters
+    ----------
+    draws : (k, 2) float64
+        Random places [m].
+    keep : float
+        Least distance between spots [m]; negative to take all draws.
+    distance : float
+        Side of the cells [m], at least ``keep``.
+    frame : (left, bottom, columns, rows)
+        Left and bottom edge of the cells [m], and their numbers.
+    heads : (columns * rows,) int32
+        First spot in each cell, row by row from the bottom; -1 if there is none. Updated.
+    nexts : (n,) int32
+        Next spot in the same cell after each spot; -1 after the last one. Updated.
+    spots : (n, 2) float64
+        The spots [m]; the first ``filled`` are taken. Updated.
+    filled, vain, most : int
+        Spots taken, and draws in a row that were not taken so far; the search ends after ``most`` of these, or if
+        ``spots`` is full.
     """
     left, bottom, columns, rows = frame
     for number in range(len(draws)):
@@ -18,9 +33,10 @@ def take_spots(draws, keep, distance, frame, heads, nexts, spots, filled, vain, 
             break
         x = draws[number, 0]
         y = draws[number, 1]
+        # Draws outside of the cells belong to the nearest one.
         column = min(max(int((x - left) // distance), 0), columns - 1)
         row = min(max(int((y - bottom) // distance), 0), rows - 1)
-        # Look at all spots in the cells around.
+        # All spots that may be too near lie in the cells around.
         free = True
         for j in range(max(row - 1, 0), min(row + 2, rows)):
             for i in range(max(column - 1, 0), min(column + 2, columns)):
@@ -33,6 +49,7 @@ def take_spots(draws, keep, distance, frame, heads, nexts, spots, filled, vain, 
         if not free:
             vain += 1
             continue
+        # Take the spot, and put it in front of the list of its cell.
         vain = 0
         spots[filled, 0] = x
         spots[filled, 1] = y

@@ -1,4 +1,4 @@
-"""Spots on the floor: the room around them, and random draws that keep apart."""
+"""Spots on the floor: the room around them, and random draws that keep a distance."""
 
 from __future__ import annotations
 
@@ -18,31 +18,32 @@ from crowdsim.geometry.elementary import cos, sin
 from crowdsim.geometry.polygons import buffered
 
 _TRIES = 1000
-"""Spots drawn in vain for one character before its region counts as full."""
+"""Draws in a row for one character that find no place before its region counts as full."""
 
 _BATCH = 64
+"""Least number of spots drawn at once."""
 
 _PIECE_CORNERS = 2000
-"""Corners up to which a region is triangulated as one piece."""
+"""Number of corners up to which a region is triangulated as one piece."""
 
 
 def room_in(free: MultiPolygon, radius: float) -> MultiPolygon:
-    """The part of an area at least ``radius`` from everything else."""
+    """Return the part of an area that is at least ``radius`` [m] from everything else."""
     quarter = 16
-    # The arcs of a buffer are polygons inside the true arcs; the larger radius makes up for that.
+    # The arcs of a buffer are polygons inside of the true arcs; a larger radius makes up for that.
     outer = radius / cos(math.pi / (4 * quarter))
     return polygons_only(buffered(free, -outer, quad_segs=quarter))
 
 
 def meets(region: Polygon | Point, area: Polygon | MultiPolygon) -> bool:
-    """Whether the point, or some of the extent of the region, lies in ``area``."""
+    """Return True if the point, or a part of the region that has an area, lies in ``area``."""
     if isinstance(region, Point):
         return bool(area.intersects(region))
     return not polygons_only(region.intersection(area)).is_empty
 
 
 class _Sampler:
-    """Uniform draws from the part of a region where there is room."""
+    """Uniform draws from the part of a region that lies in ``room``."""
 
     def __init__(self, region: Polygon | Point, room: MultiPolygon, generator: np.random.Generator) -> None:
         self.generator = generator
@@ -56,14 +57,17 @@ class _Sampler:
             self.bounds = tuple(shapely.total_bounds(triangles).tolist())
 
     def draws(self) -> Iterator[tuple[float, float]]:
-        """Endless draws; the same spot again and again if the region is one."""
+        """Yield draws endlessly; the same spot again and again if the region is a point."""
         while self.point is not None:
             yield self.point
         while True:
             yield from ((float(x), float(y)) for x, y in self.batch(_BATCH))
 
     def batch(self, count: int) -> NDArray[np.float64]:
-        """(count, 2) draws at once."""
+        """Return ``count`` draws (count, 2) [m].
+
+        A triangle is drawn with a probability that is its share of the area, then a uniform point in it.
+        """
         if self.point is not None:
             return np.tile(self.point, (count, 1))
         which, along, across = self.generator.random((3, count))
@@ -75,7 +79,10 @@ class _Sampler:
 
 
 def pieces_of(area: MultiPolygon) -> list[MultiPolygon]:
-    """The area cut across its longer side until a piece triangulates fast, which takes the square of its corners."""
+    """Cut the area across its longer side until each piece triangulates fast.
+
+    The time grows with the square of its corners.
+    """
     if shapely.get_num_coordinates(area) <= _PIECE_CORNERS:
         return [area]
     xmin, ymin, xmax, ymax = area.bounds
@@ -116,10 +123,26 @@ def scatter_spots(
     taken: NDArray[np.float64],
     generator: np.random.Generator,
 ) -> NDArray[np.float64]:
-    """Draw spots of a region in ``room`` that keep a distance from each other and from those ``taken`` (k, 2) [m].
+    """Draw spots of a region in ``room`` that keep a distance from each other and from those already taken.
 
-    A distance of 0 lets spots lie anywhere. Returns (m, 2), with m below ``count`` if :data:`_TRIES` draws in a row
-    found no place, or 300 a spot in all.
+    Parameters
+    ----------
+    region, room
+        Where the spots lie.
+    count
+        Number of spots to draw.
+    distance
+        Least distance [m]; with 0 spots may lie anywhere.
+    taken
+        (k, 2) float64 spots already taken [m].
+    generator
+        Source of the draws.
+
+    Returns
+    -------
+    (m, 2) float64
+        The spots [m]; m is below ``count`` if :data:`_TRIES` draws in a row, or 300 for each spot in all, found no
+        place.
     """
     sampler = _Sampler(region, room, generator)
     if distance == 0.0:
@@ -129,7 +152,7 @@ def scatter_spots(
     columns, rows = (math.floor(side / distance) + 1 for side in (right - left, top - bottom))
     heads, nexts = np.full(columns * rows, -1, np.int32), np.full(len(spots), -1, np.int32)
     frame = (left, bottom, columns, rows)
-    # Those that were taken before are the first in the lists, wherever they are.
+    # Enter the spots taken before first; a negative distance takes them all.
     filled, vain = take_spots(spots[: len(taken)].copy(), -1.0, distance, frame, heads, nexts, spots, 0, 0, len(taken))
     most = _TRIES + 300 * count
     while filled < len(spots) and vain < _TRIES and most > 0:
@@ -148,9 +171,9 @@ def scatter_parties(
     taken: NDArray[np.float64],
     generator: np.random.Generator,
 ) -> NDArray[np.float64]:
-    """:func:`scatter_spots` with each ``together`` spots, one after the other, beside each other.
+    """Draw spots like :func:`scatter_spots`, but in parties: each ``together`` spots in a row lie beside each other.
 
-    ``distance`` [m] is above 0. The spots of a party lie within a disc that they fill by half or less.
+    ``distance`` [m] must be above 0. The spots of a party lie in a disc of which they fill at most half.
     """
     if together == 1 or isinstance(region, Point):
         return scatter_spots(region, room, count, distance, taken, generator)
@@ -163,6 +186,7 @@ def scatter_parties(
     spots: list[tuple[float, float]] = []
     for first in range(0, count, together):
         size = min(together, count - first)
+        # Draw the place of the party until all of it finds room there.
         for _ in range(_TRIES):
             party = _party_around(next(draws), size, reach, area, crowd, generator)
             if len(party) == size:
@@ -183,7 +207,10 @@ def _party_around(
     crowd: Spots,
     generator: np.random.Generator,
 ) -> list[tuple[float, float]]:
-    """Take spots in an area for a party, the first one in the middle, the others within ``reach`` of it."""
+    """Take spots in an area for a party, the first one in the middle, the others within ``reach`` [m] of it.
+
+    If there is not enough room, fewer spots than ``size`` are taken.
+    """
     if not crowd.take(*middle):
         return []
     party = [middle]
@@ -196,9 +223,9 @@ def _party_around(
 
 
 def gathered(spots: NDArray[np.float64], together: int) -> NDArray[np.float64]:
-    """The same spots (n, 2), so ordered that each ``together``, one after the other, lie beside each other.
+    """Order the spots (n, 2) so that each ``together`` in a row lie beside each other.
 
-    Each party takes the first spot that is left, and those nearest to it of the few around.
+    Each party takes the first spot that is left, and the nearest ones that are left among the few around it.
     """
     around = cKDTree(spots).query(spots, k=min(len(spots), 4 * together + 8))[1].reshape(len(spots), -1)
     left = np.ones(len(spots), np.bool_)
@@ -220,11 +247,29 @@ def arrange_spots(
     taken: NDArray[np.float64],
     generator: np.random.Generator,
 ) -> NDArray[np.float64]:
-    """Spots of a region in ``room``, in rows across a heading [rad]: as far apart as there is room for.
+    """Arrange spots of a region in ``room`` in rows across a heading, as far apart as there is room for.
 
-    ``apart``: least distances beside and behind each other, the first one also from those ``taken`` (k, 2) [m]. Each is
-    off its place in the row by up to a third of what there is to spare. Returns (m, 2), with m below ``count`` if not
-    even the least distances leave room for all.
+    Each spot is moved off its place in the row at random, by up to a third of the spare distance.
+
+    Parameters
+    ----------
+    region, room
+        Where the spots lie.
+    count
+        Number of spots.
+    apart
+        Least distance beside and behind each other [m]; the first one also from ``taken``.
+    heading
+        Heading of the rows [rad].
+    taken
+        (k, 2) float64 spots already taken [m].
+    generator
+        Source of the draws.
+
+    Returns
+    -------
+    (m, 2) float64
+        The spots [m]; m is below ``count`` if even the least distances leave no room for all.
     """
     area = polygons_only(region & room)
     shapely.prepare(area)
@@ -249,6 +294,7 @@ def arrange_spots(
         found: NDArray[np.float64] = points[free(points)]
         return found
 
+    # Bisect for the widest grid with enough spots, then draw those that are used.
     low, high = 1.0, 8.0
     if len(grid(low)) < count:
         return grid(low)
@@ -257,6 +303,7 @@ def arrange_spots(
         low, high = (between, high) if len(grid(between)) >= count else (low, between)
     spots = grid(low)
     spots = spots[np.sort(generator.permutation(len(spots))[:count])]
+    # Move each one at random, if its new place is free.
     spare = (low - 1.0) / 3.0 * (2.0 * generator.random((count, 2)) - 1.0)
     along, across = spare[:, 0] * apart[1], spare[:, 1] * apart[0]
     moved = spots + np.column_stack([c * along - s * across, s * along + c * across])
@@ -266,14 +313,14 @@ def arrange_spots(
 
 
 class Spots:
-    """Spots taken so far, in square cells as wide as the distance they keep."""
+    """Spots taken so far, in square cells as wide as the distance [m] they keep."""
 
     def __init__(self, distance: float) -> None:
         self.distance = distance
         self.cells: defaultdict[tuple[int, int], list[tuple[float, float]]] = defaultdict(list)
 
     def take(self, x: float, y: float) -> bool:
-        """Take the spot if it keeps the distance from all others."""
+        """Take the spot and return True, if it keeps the distance from all others."""
         column, row = math.floor(x / self.distance), math.floor(y / self.distance)
         for i in (column - 1, column, column + 1):
             for j in (row - 1, row, row + 1):

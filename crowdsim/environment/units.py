@@ -1,4 +1,4 @@
-"""Units of length that drawings come in."""
+"""Units of length of drawings."""
 
 from __future__ import annotations
 
@@ -9,23 +9,26 @@ _LONG = ("meters", "decimeters", "centimeters", "millimeters", "kilometers", "in
 _LENGTHS = (1.0, 0.1, 0.01, 0.001, 1000.0, 0.0254, 0.3048, 0.9144)
 
 METERS = {name: meters for *names, meters in zip(_SHORT, _LONG, _LENGTHS, strict=True) for name in names}
-"""Meters a unit, by its short and long name."""
+"""Meters of a unit, by its short and long name."""
 
 _COMMON = ("mm", "cm", "in", "ft", "m")
 
 ROOM_HEIGHTS = (2.0, 10.0)
-"""Meters from floor to ceiling that are plausible."""
+"""Plausible heights from floor to ceiling [m]."""
 
 
 def meters_per_unit(name: str) -> float:
-    """Meters of the unit called ``name``; :class:`GeometryError` lists the known ones if it is none."""
+    """Return the meters of the unit called ``name``; :class:`GeometryError` lists the known ones if it is unknown."""
     if name.lower() not in METERS:
         raise GeometryError(f"units: '{name}' is unknown; known are {', '.join(METERS)}")
     return METERS[name.lower()]
 
 
 def doubt_about_height(height: float, meters: float) -> str | None:
-    """A warning if a place ``height`` meters high is hardly meant, where one drawn unit is ``meters``; else None."""
+    """Return a warning if a place ``height`` [m] high is implausible, else None.
+
+    ``meters`` is the length of a unit of the file, to suggest a better one.
+    """
     low, high = ROOM_HEIGHTS
     if low <= height <= high:
         return None
@@ -35,6 +38,6 @@ def doubt_about_height(height: float, meters: float) -> str | None:
         f"in {' or '.join(fitting)} it would be plausible: give units={fitting[0]}" if fitting else "check the units"
     )
     return (
-        f"warning: everything together is {height:.3g} m high, where {low:g} to {high:g} m from floor to ceiling are "
+        f"warning: the place is {height:.3g} m high as a whole, but {low:g} to {high:g} m from floor to ceiling are "
         f"usual; {remedy}, unless this is a single piece of furniture or a building of several floors"
     )

@@ -1,4 +1,4 @@
-"""Walls along a line, with doors and windows in them."""
+"""Walls along a line, with doors and windows."""
 
 from __future__ import annotations
 
@@ -17,18 +17,24 @@ from crowdsim.errors import GeometryError
 from crowdsim.geometry.polygons import buffered
 
 DOOR_HEIGHT = 2.05
-"""Meters above the floor up to which a door is open."""
+"""Height above the floor up to which a door is open [m]."""
 
 _CUT_EXCESS = 1.0 + 1e-6
-"""How much wider than the wall an opening is cut, so that rounding leaves no film across it."""
+"""Width of the cut of an opening, in thicknesses of the wall, so that rounding leaves no film across it."""
 
 
 @dataclass(frozen=True)
 class Opening:
     """A door or window in a wall.
 
-    ``at`` is the distance along the wall's line to the opening's middle, ``bottom`` and ``top`` are heights above the
-    floor; all meters. A door begins at the floor, a window at its sill.
+    Attributes
+    ----------
+    at
+        Distance along the wall's line to the middle of the opening [m].
+    width
+        Width along the line [m].
+    bottom, top
+        Heights above the floor [m]; a door begins at the floor, a window at its sill.
     """
 
     at: float
@@ -53,10 +59,23 @@ def wall(
     top: float,
     openings: Sequence[Opening] = (),
 ) -> tuple[Solid, ...]:
-    """Prisms of a wall of ``thickness`` along the line through ``points`` (n, 2), mitered at corners, flat at its ends.
+    """Build the prisms of a wall along a line, mitered at corners and flat at its ends.
 
-    A line that ends where it began goes around without ends. Of an opening remain a sill below it and a lintel above
-    it, where the wall reaches that far.
+    A line that ends where it began has no ends. Below an opening a sill remains, above it a lintel, if the wall reaches
+    that far.
+
+    Parameters
+    ----------
+    name
+        Name of the wall.
+    points
+        (n, 2) line through the middle of the wall [m].
+    thickness
+        Thickness [m].
+    bottom, top
+        Heights above the floor [m].
+    openings
+        Doors and windows.
 
     Returns
     -------
@@ -66,8 +85,8 @@ def wall(
     Raises
     ------
     GeometryError
-        If the line is shorter than two points or not finite, the thickness or the heights make no wall, or an opening
-        reaches past an end or into another.
+        If the line has fewer than two points or is not finite, if the thickness or the heights make no wall, or if an
+        opening reaches past an end or into another.
     """
     what = f"wall '{name}'"
     line = _line(points, what)
@@ -95,7 +114,7 @@ def wall(
 
 
 def _line(points: Sequence[tuple[float, float]], what: str) -> LineString:
-    """The line without repeated points; a LinearRing if it is closed."""
+    """Return the line without repeated points; a LinearRing if it is closed."""
     array = np.asarray(points, np.float64).reshape(-1, 2)
     if not np.isfinite(array).all():
         raise GeometryError(f"{what}: its line has a coordinate that is not a finite number")
@@ -107,15 +126,18 @@ def _line(points: Sequence[tuple[float, float]], what: str) -> LineString:
 
 
 def _along(line: LineString, thickness: float) -> BaseGeometry:
+    """Return the area of a wall along a line."""
     return buffered(line, 0.5 * thickness, cap_style="flat", join_style="mitre")
 
 
 def _cut(line: LineString, opening: Opening, thickness: float) -> BaseGeometry:
+    """Return the area of an opening."""
     piece = substring(LineString(line.coords), opening.at - 0.5 * opening.width, opening.at + 0.5 * opening.width)
     return _along(piece, _CUT_EXCESS * thickness)
 
 
 def _check_openings(ordered: Sequence[Opening], length: float, what: str) -> None:
+    """Raise GeometryError if an opening reaches past an end of the wall or into another."""
     end = 0.0
     for opening in ordered:
         first, last = opening.at - 0.5 * opening.width, opening.at + 0.5 * opening.width
@@ -129,4 +151,5 @@ def _check_openings(ordered: Sequence[Opening], length: float, what: str) -> Non
 
 
 def _numbered(name: str, number: int, count: int) -> str:
+    """Return the name, with a number if there are several."""
     return name if count == 1 else f"{name} {number + 1}"

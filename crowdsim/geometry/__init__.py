@@ -1,1 +1,1 @@
-"""Exact predicates, planar poses, polygon cleaning."""
+"""Plane geometry with the same bits on every processor: predicates, poses, polygons, elementary functions."""

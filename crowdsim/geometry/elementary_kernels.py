@@ -1,14 +1,14 @@
 """Elementary functions that give the same bits on every processor.
 
-The C library, numpy and BLAS pick the code that runs fastest on a processor, with or without fused multiply-add, and
-so give another sine on another one. These functions use only +, -, *, / and the square root, which IEEE 754 rounds in
-one way, in an order that is written down.
+The C library, numpy and BLAS pick the code that runs fastest on a processor, with or without fused multiply-add, so
+their results differ between processors. The functions here use only +, -, *, / and the square root, which IEEE 754
+rounds in one way, in a fixed order.
 
-Errors are at most, in units in the last place (the tests compare with mpmath): sin, cos, exp and log 1; power 1 where
-the result lies in [1e-12, 1e12]; hypot 1.1; atan2 1.6; tan 2; acos and asin 2.5. Angles may reach
+Errors are at most, in units in the last place (the tests compare with mpmath): sin, cos, exp and log 1; power 1 if the
+result lies in [1e-12, 1e12]; hypot 1.1; atan2 1.6; tan 2; acos and asin 2.5. Angles may be as large as
 :data:`LARGEST_ANGLE`. Domain errors and overflow give nan and infinity.
 
-The array twins for Python code are in :mod:`crowdsim.geometry.elementary`. The coefficients are those of Chebyshev
+The array functions for Python code are in :mod:`crowdsim.geometry.elementary`. The coefficients are those of Chebyshev
 fits, printed by ``tools/fit_elementary.py``; those of exp are the reciprocal factorials.
 """
 
@@ -17,14 +17,14 @@ import math
 from crowdsim.jit import helper, kernel
 
 LARGEST_ANGLE = 1e6
-"""Radians up to which the error bounds hold."""
+"""Largest angle [rad] for which the error bounds hold."""
 
 _TWO_OVER_PI = 0.6366197723675814
 # pi / 2 in three parts: the first two have 32 bits, so that their products with up to 2**21 quarter turns are exact.
 _QUARTER_1 = 1.5707963267341256
 _QUARTER_2 = 6.077100506303966e-11
 _QUARTER_3 = 2.0222662487959506e-21
-# Angles in double precision and what the double leaves out.
+# Angles as doubles, and the rest that the double leaves out.
 _EIGHTH = 0.7853981633974483
 _EIGHTH_REST = 3.061616997868383e-17
 _QUARTER = 1.5707963267948966
@@ -76,17 +76,21 @@ _LOG_8 = 0.13086907887965027
 
 @helper
 def hypot(x, y):
-    """Length of the vector (x, y). Lengths outside of 1e-150 to 1e150 are lost: squares are not scaled."""
+    """Return the length of the vector (x, y).
+
+    Lengths outside of 1e-150 to 1e150 are lost, as squares are not scaled.
+    """
     return math.sqrt(x * x + y * y)
 
 
 @helper
 def _reduce(x):
-    """Quarter turns (0 to 3) and the rest of an angle, in [-pi/4, pi/4], as a double and what that leaves out."""
+    """Split an angle into quarter turns (0 to 3) and a rest in [-pi/4, pi/4], as a double and what that leaves out."""
     turns = math.floor(x * _TWO_OVER_PI + 0.5)
     quarters = float(turns)
     # Exact: a multiple of the last bit of x or of 2**-31, and small, as x is near quarters * pi / 2.
     rest = x - quarters * _QUARTER_1
+    # Cody and Waite's reduction: subtract the parts of pi / 2 one by one, and keep what each rounding leaves out.
     second = quarters * _QUARTER_2
     less = rest - second
     left_out = (rest - less) - second
@@ -97,7 +101,7 @@ def _reduce(x):
 
 @helper
 def _sin_near(x, rest):
-    """sin(x + rest) for -pi/4 <= x <= pi/4; x is the leading term, the polynomial adds its last bits."""
+    """Return sin(x + rest) for -pi/4 <= x <= pi/4; x is the leading term, the polynomial adds the last bits."""
     z = x * x
     tail = _SIN_2 + z * (_SIN_3 + z * (_SIN_4 + z * (_SIN_5 + z * _SIN_6)))
     cube = z * x
@@ -106,7 +110,7 @@ def _sin_near(x, rest):
 
 @helper
 def _cos_near(x, rest):
-    """cos(x + rest) for -pi/4 <= x <= pi/4; the rounding error of 1 - x**2 / 2 is added back."""
+    """Return cos(x + rest) for -pi/4 <= x <= pi/4; the rounding error of 1 - x**2 / 2 is added back."""
     z = x * x
     tail = z * (_COS_1 + z * (_COS_2 + z * (_COS_3 + z * (_COS_4 + z * (_COS_5 + z * _COS_6)))))
     half = 0.5 * z
@@ -116,7 +120,8 @@ def _cos_near(x, rest):
 
 @helper
 def cos_sin(x):
-    """Cosine and sine of an angle in radians; both in little more than the time of one."""
+    """Return cosine and sine of an angle [rad], in little more than the time of one of them."""
+    # Beyond the bound a remainder keeps the result finite, but not accurate; NaN and infinity give NaN.
     if not abs(x) <= LARGEST_ANGLE:
         if not abs(x) < math.inf:
             return math.nan, math.nan
@@ -124,6 +129,7 @@ def cos_sin(x):
     quarter, high, low = _reduce(x)
     c = _cos_near(high, low)
     s = _sin_near(high, low)
+    # Turn back by the quarter turns.
     if quarter == 0:
         return c, s
     if quarter == 1:
@@ -135,35 +141,37 @@ def cos_sin(x):
 
 @helper
 def cos(x):
-    """Cosine of an angle in radians."""
+    """Return the cosine of an angle [rad]."""
     return cos_sin(x)[0]
 
 
 @helper
 def sin(x):
-    """Sine of an angle in radians."""
+    """Return the sine of an angle [rad]."""
     return cos_sin(x)[1]
 
 
 @helper
 def tan(x):
-    """Tangent of an angle in radians."""
+    """Return the tangent of an angle [rad]."""
     c, s = cos_sin(x)
     return s / c
 
 
 @helper
 def atan2(y, x):
-    """Angle of the vector (x, y) in [-pi, pi]; signs of zeros count as in C. Of coordinates up to 1e300."""
+    """Return the angle of the vector (x, y) in [-pi, pi], for coordinates up to 1e300; signs of zeros count as in C."""
     ax = abs(x)
     ay = abs(y)
     near = min(ax, ay)
     far = max(ax, ay)
     if x != x or y != y:
         return math.nan
+    # An infinite coordinate points along its axis, two of them along the diagonal, as in C; inf / inf would be nan.
     if far == math.inf:
         near, far = (1.0, 1.0) if ax == ay else (0.0, 1.0)
-    # Angle to the nearer axis, in [0, pi/4]: about pi/8 the vector is turned back by pi/4, as the series asks.
+    # Angle to the nearer axis, in [0, pi/4]. Above pi/8, whose tangent is _TAN_SIXTEENTH, the vector is turned back by
+    # pi/4, to where the series converges fast. Every base comes with the rest that its double leaves out.
     base = 0.0
     base_rest = 0.0
     if near > _TAN_SIXTEENTH * far:
@@ -174,13 +182,14 @@ def atan2(y, x):
         t = near / far
     else:
         t = 0.0
+    # Arctangent of t as an odd series: t + t**3 times a polynomial in z. It is added last, as it is the smallest.
     z = t * t
     # fmt: off
     tail = _ATAN_1 + z * (_ATAN_2 + z * (_ATAN_3 + z * (_ATAN_4 + z * (_ATAN_5 + z * (_ATAN_6 + z * (_ATAN_7 + z * (
         _ATAN_8 + z * (_ATAN_9 + z * (_ATAN_10 + z * (_ATAN_11 + z * _ATAN_12))))))))))
     # fmt: on
     angle = base + (t + (t * (z * tail) + base_rest))
-    # From the y axis where that is nearer, then from the side of x.
+    # If the y axis is nearer, measure from there; then take the side of x into account.
     behind = math.copysign(1.0, x) < 0.0
     if ay > ax:
         angle = _QUARTER + (angle + _QUARTER_REST) if behind else _QUARTER - (angle - _QUARTER_REST)
@@ -191,23 +200,25 @@ def atan2(y, x):
 
 @helper
 def acos(x):
-    """Angle in [0, pi] of a cosine; nan outside of [-1, 1]."""
+    """Return the angle in [0, pi] of a cosine; nan outside of [-1, 1]."""
     return atan2(math.sqrt((1.0 - x) * (1.0 + x)), x)
 
 
 @helper
 def asin(x):
-    """Angle in [-pi/2, pi/2] of a sine; nan outside of [-1, 1]."""
+    """Return the angle in [-pi/2, pi/2] of a sine; nan outside of [-1, 1]."""
     return atan2(x, math.sqrt((1.0 - x) * (1.0 + x)))
 
 
 @helper
 def _exp_of_sum(x, rest):
-    """exp(x + rest), where rest is a small part of x."""
+    """Return exp(x + rest), where rest is small against x."""
+    # Overflow, NaN, underflow.
     if not x < 709.8:
         return math.inf if x > 0.0 else math.nan
     if x < -745.5:
         return 0.0
+    # x = power ln 2 + r with |r| <= ln 2 / 2; the subtraction is exact in two parts.
     power = math.floor(x * _INVERSE_LN2 + 0.5)
     high = x - power * _LN2_1
     low = power * _LN2_2 - rest
@@ -222,13 +233,13 @@ def _exp_of_sum(x, rest):
 
 @helper
 def exp(x):
-    """e to the power of x."""
+    """Return e to the power of x."""
     return _exp_of_sum(x, 0.0)
 
 
 @helper
 def _split_exponent(x):
-    """(f, k) with x = (1 + f) * 2**k and 1 + f in [sqrt(1/2), sqrt(2))."""
+    """Return (f, k) with x = (1 + f) * 2**k and 1 + f in [sqrt(1/2), sqrt(2))."""
     mantissa, k = math.frexp(x)
     if mantissa < _ROOT_HALF:
         return (mantissa - 0.5) + (mantissa - 0.5), k - 1
@@ -237,18 +248,19 @@ def _split_exponent(x):
 
 @helper
 def _log_tail(z):
-    """(ln((1 + s) / (1 - s)) - 2 s) / (s z) for z = s**2 <= 0.0295."""
+    """Return (ln((1 + s) / (1 - s)) - 2 s) / (s z) for z = s**2 <= 0.0295."""
     return _LOG_1 + z * (_LOG_2 + z * (_LOG_3 + z * (_LOG_4 + z * (_LOG_5 + z * (_LOG_6 + z * (_LOG_7 + z * _LOG_8))))))
 
 
 @helper
 def log(x):
-    """Natural logarithm; -inf of 0, nan of less."""
+    """Return the natural logarithm; -inf for 0, nan for less."""
     if not (0.0 < x < math.inf):
         if x == 0.0:
             return -math.inf
         return x if x > 0.0 else math.nan
     f, k = _split_exponent(x)
+    # ln(1 + f) = ln((1 + s) / (1 - s)) with s = f / (2 + f); the largest terms are added last.
     s = f / (2.0 + f)
     z = s * s
     half = 0.5 * f * f
@@ -257,8 +269,9 @@ def log(x):
 
 @helper
 def _product(a, b):
-    """a * b as a double and what that leaves out (Dekker 1971)."""
+    """Return a * b as a double and the rest that it leaves out (Dekker 1971)."""
     product = a * b
+    # Halve the bits of both factors: products of halves are exact.
     t = _SPLITTER * a
     a1 = t - (t - a)
     a2 = a - a1
@@ -270,7 +283,8 @@ def _product(a, b):
 
 @helper
 def power(x, y):
-    """x to the power of y, for x >= 0: exp(y ln x) with the logarithm in two doubles."""
+    """Return x to the power of y, for x >= 0: exp(y ln x) with the logarithm in two doubles."""
+    # Special cases as in C.
     if y == 0.0 or x == 1.0:
         return 1.0
     if y != y:
@@ -279,6 +293,7 @@ def power(x, y):
         if x == 0.0 or x == math.inf:
             return 0.0 if (x == 0.0) == (y > 0.0) else math.inf
         return math.nan
+    # Exponents that large count as infinite.
     if not abs(y) < 1e15:
         return math.inf if (y > 0.0) == (x > 1.0) else 0.0
     f, k = _split_exponent(x)
@@ -305,7 +320,10 @@ COS, SIN, TAN, ACOS, ASIN, ATAN2, EXP, LOG, POWER = range(9)
 
 @kernel
 def evaluate(function, x, y, out):
-    """out = function(x, y) for arrays (n,), for functions of one argument of x alone; one kernel compiles them all."""
+    """Set ``out`` to function(x, y) for arrays (n,); functions of one argument take x only.
+
+    A single kernel, so that all functions are compiled together.
+    """
     for i in range(len(out)):
         a = x[i]
         if function == COS:

@@ -1,4 +1,4 @@
-"""Rigid motions of the floor as arrays (..., 3) of x, y (meters) and heading (radians)."""
+"""Poses and rigid motions in the plane, as arrays (..., 3) of x, y [m] and heading [rad]."""
 
 from __future__ import annotations
 
@@ -13,18 +13,29 @@ Floats = NDArray[np.float64]
 
 
 def rotation(degrees: float) -> tuple[float, float]:
-    """Cosine and sine of an angle in degrees, exactly for quarter turns, so that walls along the axes stay so."""
+    """Return cosine and sine of an angle in degrees, exact for quarter turns: walls along the axes stay so."""
     c, s = cos(math.radians(degrees)), sin(math.radians(degrees))
     return (float(round(c)), float(round(s))) if degrees % 90.0 == 0.0 else (c, s)
 
 
 def wrap_angle(angle: Floats | float) -> Floats:
-    """Angle in (-pi, pi]."""
+    """Return the angle in (-pi, pi] [rad]."""
     return np.pi - np.mod(np.pi - np.asarray(angle, dtype=np.float64), 2.0 * np.pi)
 
 
+def shorter_ways(ways: Floats, span: float) -> Floats:
+    """Return ways along an axis [m], across the ends of a periodic floor if that is shorter.
+
+    ``span`` is the length after which the floor begins again [m], 0 if it does not.
+    """
+    return np.asarray(ways - np.rint(ways / span) * span) if span > 0.0 else ways
+
+
 def compose(outer: Floats, inner: Floats) -> Floats:
-    """``inner`` expressed in the frame of ``outer``, seen from outside: outer o inner, shapes broadcast."""
+    """Return outer o inner: the pose ``inner``, given in the frame of ``outer``, seen from outside.
+
+    Shapes broadcast.
+    """
     outer, inner = np.asarray(outer, np.float64), np.asarray(inner, np.float64)
     c, s = cos(outer[..., 2]), sin(outer[..., 2])
     x = outer[..., 0] + c * inner[..., 0] - s * inner[..., 1]
@@ -33,7 +44,7 @@ def compose(outer: Floats, inner: Floats) -> Floats:
 
 
 def invert(pose: Floats) -> Floats:
-    """The rigid motion that undoes ``pose``."""
+    """Return the rigid motion that undoes ``pose``."""
     pose = np.asarray(pose, np.float64)
     c, s = cos(pose[..., 2]), sin(pose[..., 2])
     x = -(c * pose[..., 0] + s * pose[..., 1])
@@ -42,7 +53,7 @@ def invert(pose: Floats) -> Floats:
 
 
 def transform_points(pose: Floats, points: Floats) -> Floats:
-    """Points (..., 2) moved by ``pose`` (3,) or by poses that broadcast against them."""
+    """Return ``points`` (..., 2) moved by ``pose`` (3,), or by poses that broadcast against them."""
     pose, points = np.asarray(pose, np.float64), np.asarray(points, np.float64)
     c, s = cos(pose[..., 2]), sin(pose[..., 2])
     x = pose[..., 0] + c * points[..., 0] - s * points[..., 1]

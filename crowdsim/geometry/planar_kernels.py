@@ -1,4 +1,7 @@
-"""Rigid motions of the floor inside kernels; the array twins are in :mod:`crowdsim.geometry.planar`."""
+"""Poses and rigid motions in the plane, for kernels; see :mod:`crowdsim.geometry.planar`.
+
+A pose is x, y [m] and heading [rad].
+"""
 
 import math
 
@@ -8,20 +11,22 @@ from crowdsim.jit import kernel
 
 @kernel
 def wrap_angle(angle):
-    """Angle in (-pi, pi]."""
+    """Return the angle in (-pi, pi] [rad]."""
     return math.pi - (math.pi - angle) % (2.0 * math.pi)
 
 
 @kernel
 def compose(x0, y0, h0, x1, y1, h1):
-    """Pose 1 seen from outside the frame of pose 0; returns (x, y, heading)."""
+    """Return pose 1, given in the frame of pose 0, as seen from outside: (x, y, heading)."""
+    # Turn by the heading of pose 0, then move.
     c, s = cos_sin(h0)
     return x0 + c * x1 - s * y1, y0 + s * x1 + c * y1, wrap_angle(h0 + h1)
 
 
 @kernel
 def to_local(x0, y0, h0, x1, y1, h1):
-    """Pose 1 expressed in the frame of pose 0; returns (x, y, heading)."""
+    """Return pose 1 in the frame of pose 0: (x, y, heading). The inverse of :func:`compose`."""
+    # Move back, then turn back.
     c, s = cos_sin(h0)
     dx = x1 - x0
     dy = y1 - y0

@@ -1,4 +1,4 @@
-"""Walkable polygons made valid without opening a passage that was closed."""
+"""Repair of walkable polygons that never opens a closed passage, and buffers that are the same on every processor."""
 
 from __future__ import annotations
 
@@ -13,32 +13,42 @@ from crowdsim.errors import GeometryError
 from crowdsim.geometry.planar import rotation
 
 MAX_EXTENT = 2e6
-"""Meters: in a wider area the grid that makes predicates exact would be coarser than people are wide."""
+"""Greatest extent of an area [m]. In a wider one the grid that makes predicates exact would be coarser than people."""
 
 LARGE_EXTENT = 1e3
-"""Meters: an area wider than this may well be drawn in another unit, which is worth a warning."""
+"""Extent [m] above which a warning is given, as the area may be drawn in another unit."""
 
 GRID = 1e-6
-"""Meters: grid of the corners of buffers."""
+"""Grid of the corners of buffers [m]."""
 
 _POLYGON = 3
-"""Shapely's number of that type."""
+"""Shapely's number of the polygon type."""
 
 
 def buffered(geometry: BaseGeometry, distance: float, quad_segs: int = 16, **style: Any) -> BaseGeometry:
-    """Shapely's ``buffer`` with corners on :data:`GRID`, its rings in one order: the same on every processor.
+    """Return shapely's ``buffer``, the same on every processor: corners on :data:`GRID`, rings in one order.
 
-    ``quad_segs`` are the chords of a quarter circle, ``style`` what else shapely takes. Shapely takes sines and arc
-    tangents of the C library for round and for pointed corners, whose last bits differ by processor; so does then
-    whether two outlines just touch.
+    Shapely computes round and pointed corners with the C library, whose last bits differ between processors; whether
+    two outlines just touch then differs as well.
+
+    Parameters
+    ----------
+    geometry
+        The shape.
+    distance
+        By how much to grow it; negative to shrink [m].
+    quad_segs
+        Chords of a quarter circle.
+    style
+        Other arguments of ``shapely.buffer``.
     """
     snapped = shapely.set_precision(shapely.buffer(geometry, distance, quad_segs=quad_segs, **style), GRID)
-    # Off the grid again, which would pass on to all that is made of this outline.
+    # Take the grid off again; otherwise all that is made from this outline would inherit it.
     return shapely.normalize(shapely.set_precision(snapped, 0.0))
 
 
 def turned(geometry: BaseGeometry, degrees: float) -> BaseGeometry:
-    """``geometry`` turned counter-clockwise about the center of its bounds, exactly for quarter turns."""
+    """Turn ``geometry`` counter-clockwise about the center of its bounds, exactly for quarter turns."""
     xmin, ymin, xmax, ymax = geometry.bounds
     x, y = 0.5 * (xmin + xmax), 0.5 * (ymin + ymax)
     c, s = rotation(degrees)
@@ -46,31 +56,38 @@ def turned(geometry: BaseGeometry, degrees: float) -> BaseGeometry:
 
 
 def _polygons(geometry: BaseGeometry) -> BaseGeometry:
-    """The area of ``geometry`` without the lines and points a repair may leave behind."""
+    """Return the area of ``geometry``, without lines and points that a repair may leave behind."""
     if geometry.geom_type != "GeometryCollection":
         return geometry if isinstance(geometry, shapely.Polygon | shapely.MultiPolygon) else shapely.Polygon()
-    parts = shapely.get_parts(shapely.get_parts(geometry))  # twice, as collections may hold multipolygons
+    # Twice, as collections may hold multipolygons.
+    parts = shapely.get_parts(shapely.get_parts(geometry))
     return shapely.disjoint_subset_union_all(parts[shapely.get_type_id(parts) == _POLYGON])
 
 
 def _clean_one(polygon: shapely.Polygon) -> BaseGeometry:
-    """The area of an invalid ``polygon``."""
+    """Return the area of an invalid ``polygon``."""
     shell = _polygons(shapely.make_valid(shapely.Polygon(polygon.exterior)))
-    # make_valid on the whole polygon would turn the overlap of two holes into floor; holes only ever take away.
+    # make_valid on the whole polygon would turn the overlap of two holes into floor, but holes only ever take away.
     holes = shapely.polygons(np.array(polygon.interiors, dtype=object))
     bad = ~shapely.is_valid(holes)
-    # Even-odd filling would open what a hole's ring goes around twice, the middle of a pentagram say.
+    # Even-odd filling would open what a hole's ring surrounds twice, such as the middle of a pentagram.
     holes[bad] = shapely.make_valid(holes[bad], method="structure", keep_collapsed=False)
-    # The plain union takes ten times as long where most holes touch few others.
+    # If most holes touch few others, this is far faster than the plain union.
     return shapely.difference(shell, shapely.disjoint_subset_union_all(holes))
 
 
 def clean_polygon(walkable: shapely.Polygon | shapely.MultiPolygon, what: str = "walkable area") -> BaseGeometry:
-    """A valid Polygon or MultiPolygon that covers what ``walkable`` covers.
+    """Return a valid Polygon or MultiPolygon that covers what ``walkable`` covers.
 
-    Shells are repaired by even-odd filling, holes always take away: overlapping, nested or edge-touching holes never
-    become walkable, nor does what the ring of a hole goes around more than once. ``what`` names the polygon in
-    messages.
+    Shells are repaired by even-odd filling. Holes always take away: overlapping, nested or touching holes never become
+    walkable, nor does what the ring of a hole surrounds more than once.
+
+    Parameters
+    ----------
+    walkable
+        The area [m].
+    what
+        Name of the polygon in messages.
 
     Raises
     ------

@@ -1,39 +1,45 @@
 """Exact orientation and in-circle tests for coordinates on a power-of-two grid.
 
 The caller snaps every coordinate to a grid whose cell is a power of two and which spans at most 2**25 cells
-(:mod:`crowdsim.geometry.snapping`). Then differences are integers of at most 25 bits times the cell: products of two
-fit float64 exactly, and the in-circle determinant fits two-limb integers.
+(:mod:`crowdsim.geometry.snapping`). Differences are then integers of at most 25 bits times the cell: products of two of
+them are exact in float64, and the in-circle determinant is exact in integers of three limbs.
 """
 
 from crowdsim.jit import helper, kernel
 
 _LIMB = 26
 _MASK = (1 << _LIMB) - 1
+"""Bit mask of a limb, a part of a long integer."""
 _ROUNDING = 2.0**-50
-"""More than the relative error of a sum of three products, times the sum of their sizes, which is rounded as well."""
+"""Bound of the relative error of a sum of three rounded products, as a share of the sum of their sizes."""
 
 
 @kernel
 def orient2d(ax, ay, bx, by, cx, cy):
-    """Twice the signed area of abc, exact for grid coordinates; positive when c is left of a -> b."""
+    """Return twice the signed area of abc [m2], exact for grid coordinates; positive if c is left of a -> b."""
     return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
 
 
 @kernel
 def incircle(ax, ay, bx, by, cx, cy, dx, dy, cells):
-    """Sign of d against the circle through the counter-clockwise abc, +1 inside; ``cells`` is 1 / cell."""
+    """Return the sign of d against the circle through the counter-clockwise a, b, c: 1 inside, 0 on it, -1 outside.
+
+    ``cells`` is 1 / cell of the grid [1/m]. The sign is exact for grid coordinates.
+    """
+    # The determinant of d's in-circle test, with d as the origin.
     ax -= dx
     ay -= dy
     bx -= dx
     by -= dy
     cx -= dx
     cy -= dy
-    # Exact up to here, and so are the two factors of each product, of at most 51 bits: three products are rounded, and
-    # two sums.
+    # Exact up to here, as are the two factors of each product, of at most 51 bits. Rounded are three products and two
+    # sums.
     a = (ax * ax + ay * ay) * (bx * cy - by * cx)
     b = (bx * bx + by * by) * (cx * ay - cy * ax)
     c = (cx * cx + cy * cy) * (ax * by - ay * bx)
     total = a + b + c
+    # The sign is certain beyond the error bound; otherwise compute in integers.
     error = _ROUNDING * (abs(a) + abs(b) + abs(c))
     if total > error:
         return 1
@@ -44,7 +50,8 @@ def incircle(ax, ay, bx, by, cx, cy, dx, dy, cells):
 
 @helper
 def _exact_incircle(ax, ay, bx, by, cx, cy):
-    """Sign of the origin against the circle through the counter-clockwise abc, whose coordinates are integers."""
+    """Return the sign of the origin against the circle through the counter-clockwise a, b, c, all integers."""
+    # The same determinant: each lift is the squared distance of a corner.
     aix = int(ax)
     aiy = int(ay)
     bix = int(bx)
@@ -69,6 +76,7 @@ def _exact_incircle(ax, ay, bx, by, cx, cy):
         high += l1 * m1
         middle += l1 * m0 + l0 * m1
         low += l0 * m0
+    # Carry from limb to limb; the highest one has the sign.
     middle += low >> _LIMB
     low &= _MASK
     high += middle >> _LIMB

@@ -1,6 +1,6 @@
 """Quantiles of distributions, with elementary functions that give the same bits on any processor.
 
-All take probabilities, (n,) float64 in the open interval (0, 1), and return (n,) values, ascending with them.
+All take probabilities, (n,) float64 in the open interval (0, 1), and return (n,) float64 values.
 """
 
 from __future__ import annotations
@@ -43,14 +43,15 @@ _LANCZOS = (0.99999999999980993, 676.5203681218851, -1259.1392167224028, 771.323
 """Coefficients of Lanczos's approximation of the gamma function, for g = 7."""
 
 _HALVINGS = 200
-"""Of an interval that holds a quantile of a gamma distribution: more than what doubles can tell apart."""
+"""Most halvings of an interval that holds a quantile of a gamma distribution: more than the bits of a double."""
 
 _TERMS = 10_000
-"""Of a series or a continued fraction, at most."""
+"""Most terms of a series or a continued fraction."""
 
 
 def normal_quantile(probability: Floats) -> Floats:
-    """Of the standard normal distribution (AS 241), to 1e-15 of the value."""
+    """Return quantiles of the standard normal distribution (AS 241), to 1e-15 of the value."""
+    # One rational function within 0.425 of the middle; two in the tails, by the root of the logarithm of the share.
     off = probability - 0.5
     squared = 0.180625 - off * off
     middle = off * _ratio(_MIDDLE, squared)
@@ -60,17 +61,17 @@ def normal_quantile(probability: Floats) -> Floats:
 
 
 def lognormal_quantile(probability: Floats, mu: float, sigma: float) -> Floats:
-    """Of what has a normal logarithm of that mean and standard deviation."""
+    """Return quantiles of a lognormal distribution whose logarithm has the mean ``mu`` and the deviation ``sigma``."""
     return np.asarray(exp(mu + sigma * normal_quantile(probability)))
 
 
 def weibull_quantile(probability: Floats, shape: float, scale: float) -> Floats:
-    """Of a Weibull distribution."""
+    """Return quantiles of a Weibull distribution."""
     return np.asarray(scale * power(-log(1.0 - probability), 1.0 / shape))
 
 
 def gamma_quantile(probability: Floats, shape: float, scale: float) -> Floats:
-    """Of a gamma distribution, by halving intervals of the logarithm until doubles end."""
+    """Return quantiles of a gamma distribution, by bisection of the logarithm down to the precision of doubles."""
     low, high = np.full(probability.shape, -750.0), np.full(probability.shape, float(log(shape + 1e3)) + 8.0)
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
@@ -82,9 +83,9 @@ def gamma_quantile(probability: Floats, shape: float, scale: float) -> Floats:
 
 
 def gamma_share(x: Floats, shape: float) -> Floats:
-    """Share of a gamma distribution of scale 1 that lies below ``x``: the regularized lower incomplete gamma function.
+    """Return the share of a gamma distribution of scale 1 below ``x``: the regularized lower incomplete gamma function.
 
-    By its series where ``x`` is small, else by its continued fraction (Lentz's algorithm).
+    By its series if ``x`` is below ``shape`` + 1, else by its continued fraction (Lentz's algorithm).
     """
     near = x < shape + 1.0
     front = np.asarray(exp(shape * log(x) - x - _log_gamma(shape)))
@@ -95,6 +96,10 @@ def gamma_share(x: Floats, shape: float) -> Floats:
 
 
 def _series(x: Floats, shape: float) -> Floats:
+    """Return the series of the lower incomplete gamma function (n,), without its leading factor.
+
+    It is the sum over k of x**k / (shape (shape + 1) ... (shape + k)).
+    """
     term = np.full(x.shape, 1.0 / shape)
     total = term.copy()
     for k in range(1, _TERMS):
@@ -106,6 +111,11 @@ def _series(x: Floats, shape: float) -> Floats:
 
 
 def _fraction(x: Floats, shape: float) -> Floats:
+    """Return the continued fraction of the upper incomplete gamma function (n,), without its leading factor.
+
+    The modified algorithm of Lentz (Thompson and Barnett, J. Comput. Phys. 64, 1986): the ratios c and d of consecutive
+    numerators and denominators are kept off 0.
+    """
     tiny = 1e-300
     b = x + 1.0 - shape
     c = np.full(x.shape, 1.0 / tiny)
@@ -125,7 +135,7 @@ def _fraction(x: Floats, shape: float) -> Floats:
 
 
 def _log_gamma(x: float) -> float:
-    """Logarithm of the gamma function of a number above 0."""
+    """Return the logarithm of the gamma function of x > 0."""
     if x < 0.5:
         return _log_gamma(x + 1.0) - float(log(x))
     x -= 1.0
@@ -137,6 +147,7 @@ def _log_gamma(x: float) -> float:
 
 
 def _ratio(polynomials: tuple[tuple[float, ...], tuple[float, ...]], x: Floats) -> Floats:
+    """Return the quotient of two polynomials of x, by Horner's scheme."""
     above, below = (np.zeros(x.shape) for _ in range(2))
     for numerator, denominator in zip(reversed(polynomials[0]), reversed(polynomials[1]), strict=True):
         above = above * x + numerator

@@ -6,13 +6,14 @@ from crowdsim.jit import helper, kernel
 
 @kernel
 def point_segment_distance2(px, py, ax, ay, bx, by):
-    """Squared distance from p to the segment ab (which may be a point)."""
+    """Return the squared distance from p to the segment ab, which may be a point [m2]."""
     ux = bx - ax
     uy = by - ay
     wx = px - ax
     wy = py - ay
     length2 = ux * ux + uy * uy
     along = ux * wx + uy * wy
+    # Before a, beyond b, or beside the segment, where the cross product is distance times length.
     if along <= 0.0:
         return wx * wx + wy * wy
     if along >= length2:
@@ -25,7 +26,8 @@ def point_segment_distance2(px, py, ax, ay, bx, by):
 
 @kernel
 def segment_segment_distance2(px, py, qx, qy, ax, ay, bx, by):
-    """Squared distance between the segments pq and ab; zero where they cross. Either may be a point."""
+    """Return the squared distance between the segments pq and ab, which may be points [m2]; 0 if they cross."""
+    # They cross if each has its ends strictly on both sides of the other one's line.
     ux = qx - px
     uy = qy - py
     side_a = ux * (ay - py) - uy * (ax - px)
@@ -38,6 +40,7 @@ def segment_segment_distance2(px, py, qx, qy, ax, ay, bx, by):
         (side_p > 0.0 and side_q < 0.0) or (side_p < 0.0 and side_q > 0.0)
     ):
         return 0.0
+    # Otherwise the nearest pair of points includes an end.
     best = point_segment_distance2(px, py, ax, ay, bx, by)
     best = min(best, point_segment_distance2(qx, qy, ax, ay, bx, by))
     best = min(best, point_segment_distance2(ax, ay, px, py, qx, qy))
@@ -46,7 +49,7 @@ def segment_segment_distance2(px, py, qx, qy, ax, ay, bx, by):
 
 @kernel
 def add_lengths(points, arc):
-    """Put the length of a polyline (n, 2) up to each of its points into ``arc`` (n,)."""
+    """Fill ``arc`` (n,) with the length of a polyline (n, 2) up to each of its points [m]."""
     length = 0.0
     for i in range(points.shape[0]):
         if i > 0:
@@ -56,7 +59,7 @@ def add_lengths(points, arc):
 
 @helper
 def polyline_length(points):
-    """Meters of a polyline (n, 2)."""
+    """Return the length of a polyline (n, 2) [m]."""
     length = 0.0
     for i in range(points.shape[0] - 1):
         length += hypot(points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1])

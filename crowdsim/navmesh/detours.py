@@ -18,16 +18,23 @@ from crowdsim.navmesh.paths.guide_kernels import GUIDE
 from crowdsim.navmesh.paths.paths import Floats
 
 _FARTHER = (1.05, 1.5)
-"""How much longer than without obstacles ways are that the guide knows: a factor, and meters. Longer ones are found all
-the same, but more is searched for them; and a guide that knows more takes longer to make."""
+"""How much longer than without obstacles the ways are that the guide knows: a factor, and a length [m].
+
+Longer ways are found as well, but with more search. Greater values take longer to prepare.
+"""
 
 
 class Detours:
     """A copy of a mesh that one thread may edit, and the paths in it between two places.
 
-    After :meth:`aim`, kernels may put obstacles into :attr:`mesh` (see :meth:`lent`). They only make ways longer, so
-    the distances from the goal without them, worked out once, guide every search: it looks at little more than the ways
-    that are as short as the one it finds.
+    After :meth:`aim`, kernels can insert obstacles into :attr:`mesh` (see :meth:`lent`). Obstacles only make ways
+    longer. So the distances from the goal without them, computed once, guide every search: it looks at little more than
+    the ways that are as short as the one it finds.
+
+    Parameters
+    ----------
+    mesh
+        The mesh to copy.
     """
 
     mesh: NavMesh
@@ -47,7 +54,7 @@ class Detours:
         self._labelled = -1.0
 
     def aim(self, start: Floats, goal: Floats, radius: float) -> None:
-        """Look for ways between two places in the mesh from now on, which is as it was at first."""
+        """Set the two places [m] and the radius [m] of the following searches; the mesh must be as it was at first."""
         self._ends = (*map(float, start), *map(float, goal), radius, radius - self.mesh.tolerance(radius))
         arrays = self.mesh.arrays
         if radius != self._labelled:
@@ -59,7 +66,7 @@ class Detours:
 
     @contextmanager
     def lent(self) -> Iterator[DetourSearch]:
-        """Yield the search for use by kernels that look for detours."""
+        """Yield the search, for kernels that look for detours."""
         mesh = self.mesh
         with mesh.edited() as obstacles, mesh.workspaces.lent(len(obstacles.mesh.cover)) as work:
             yield DetourSearch(obstacles.places, self._places_before, work, self._ends, self._guide)

@@ -1,4 +1,4 @@
-"""One clearance layer: a walkable area that answers paths and clearances for any radius."""
+"""Navigation mesh of one clearance layer: a walkable area that gives paths and clearances for any radius."""
 
 from __future__ import annotations
 
@@ -44,37 +44,44 @@ if TYPE_CHECKING:
 
 
 class NavMesh:
-    """A constrained Delaunay triangulation of a walkable area, refined so that it answers any clearance.
+    """A constrained Delaunay triangulation of a walkable area, refined so that it serves any clearance.
 
     Parameters
     ----------
     walkable
-        The free area, meters; its holes and whatever lies outside of it are obstacles. An invalid polygon is repaired
-        so that no obstacle becomes free. Corners move to a grid of 2**-25 of the extent (3 micrometers at 100 m).
+        The free area [m]; its holes and everything outside of it are obstacles. An invalid polygon is repaired so that
+        no obstacle becomes free. Corners move to a grid of 2**-25 of the extent (3 micrometers at 100 m).
     builder
-        What triangulates: "own", the engine itself, or "triangle", the package of that name, which is not for
-        commercial distribution. The meshes differ only in the diagonals of corners on one circle.
+        The triangulation: "own", the engine's, or "triangle", the package of that name, which is not for commercial
+        distribution. The meshes differ only in the diagonals of corners on one circle.
 
     Raises
     ------
     GeometryError
-        If ``walkable`` is no polygon, has no area or coordinates that are not finite; for an unknown ``builder``, or
-        "triangle" where it is not installed.
+        If ``walkable`` is no polygon, has no area or coordinates that are not finite; if ``builder`` is unknown, or
+        "triangle" and not installed.
 
     Warns
     -----
     GeometryWarning
-        If ``walkable`` is wider than a kilometer, as a house drawn in centimeters is.
+        If ``walkable`` is wider than a kilometer, as a house drawn in centimeters would be.
+
+    Examples
+    --------
+    >>> mesh = NavMesh(shapely.box(0, 0, 10, 4) - shapely.box(4, 1, 5, 4))
+    >>> path = mesh.find_path((1, 3), (9, 3), radius=0.3, optimality="best")
+    >>> f"{path.length:.2f} m, wide enough for 0.5 m: {mesh.reachable((1, 3), (9, 3), 0.5)}"
+    '9.42 m, wide enough for 0.5 m: True'
     """
 
     arrays: MeshArrays
-    """What kernels take as their mesh argument; other arrays after an edit."""
+    """The mesh argument of kernels; replaced by an edit."""
     revision: int
-    """How many edits there were. What was worked out from the mesh holds as long as this is the same."""
+    """Number of edits so far. All that was computed from the mesh is valid as long as this number stays the same."""
     workspaces: Workspaces
-    """Scratch memory of path searches, which copies of the mesh share."""
+    """Scratch memory of path searches, shared with copies of the mesh."""
     _search: PathSearch | None = None
-    """For path searches on ``arrays`` as they are; None where not made yet, or after ``arrays`` changed."""
+    """Path searches on ``arrays`` as they are; None if not made yet, or after an edit."""
     _places: tuple[MeshArrays, NDArray[np.int64]] | None = None
 
     def __init__(self, walkable: shapely.Polygon | shapely.MultiPolygon, builder: str = "own") -> None:
@@ -90,24 +97,25 @@ class NavMesh:
         self._obstacles: Obstacles | None = None
 
     def tolerance(self, radius: Any) -> Any:
-        """How much less than ``radius`` still counts as clear: a millionth of it, and the grid corners moved to."""
+        """Return how much less than ``radius`` counts as clear [m]: a millionth of it, plus two cells of the grid."""
         return 1e-6 * radius + 2.0 * float(self.arrays.frame["cell"][0])
 
     def find_path(self, start: ArrayLike, goal: ArrayLike, radius: float, optimality: str = "fast") -> Path:
-        """A short path from ``start`` to ``goal`` (x, y) that keeps ``radius`` from every obstacle.
+        """Find a short path from ``start`` to ``goal`` that keeps ``radius`` from every obstacle.
 
-        Found whenever one exists. With ``optimality`` "fast" it is two tenths of a percent longer than the shortest on
-        average, and any mesh answers at once; "best" is the shortest, for which the first call for a radius makes a
-        graph of all tangents around corners (half a second for ten thousand corners) that lasts until an edit.
+        If there is a path it is found. Start and goal are x, y [m]. With ``optimality`` "fast" the path is some tenths
+        of a percent longer than the shortest on average, and quick to find after any edit. With "best" it is the
+        shortest. The first call for a radius then makes a graph of all tangents around corners, which is kept until an
+        edit.
 
         Raises
         ------
         PathNotFound
             If start or goal is closer than ``radius`` to an obstacle, or no passage is wide enough.
         GeometryError
-            If an argument is not finite, a fast path's ``radius`` is below
+            If an argument is not finite, or if ``optimality`` is unknown. If the ``radius`` of a fast path is below
             :data:`crowdsim.navmesh.paths.paths.MIN_RADIUS` or, in areas of many kilometers, below four cells of the
-            grid, or ``optimality`` is unknown.
+            grid.
         """
         ends = as_point(start, "start"), as_point(goal, "goal")
         return self.find_paths([ends[0]], [ends[1]], radius, optimality, workers=1)[0]
@@ -120,15 +128,23 @@ class NavMesh:
         optimality: str = "fast",
         workers: int | None = None,
     ) -> Paths:
-        """Paths from ``starts`` (n, 2) to ``goals`` (n, 2), each the same as of :meth:`find_path`.
+        """Find many paths, each the same as :meth:`find_path` finds; one that was not found raises an error when taken.
 
-        ``radii`` is one for all or (n,). Results are the same for any number of ``workers`` (threads); by default,
-        there is one for few paths and one a processor for many. Paths that are not found raise where they are taken.
+        Parameters
+        ----------
+        starts, goals
+            (n, 2) float64 [m].
+        radii
+            One radius for all, or (n,) float64 [m].
+        optimality
+            "fast" or "best", as for :meth:`find_path`.
+        workers
+            Number of threads, which does not affect the results; by default one for few paths, all processors for many.
 
         Raises
         ------
         GeometryError
-            If an argument has another shape or is not finite, a radius is below
+            If an argument has a wrong shape or is not finite, a radius is below
             :data:`crowdsim.navmesh.paths.paths.MIN_RADIUS`, or ``optimality`` is unknown.
         """
         as_optimality(optimality)
@@ -142,51 +158,55 @@ class NavMesh:
         return self.search.find(sources, targets, sizes, least, optimality, workers, self.clearance)
 
     def __getstate__(self) -> dict[str, object]:
-        """What a copy or a pickle holds: not what searches share, which is made anew when asked for."""
+        """Copy and pickle without what searches share, which is made anew when needed."""
         return {**self.__dict__, "_search": None, "_places": None}
 
     @property
     def places(self) -> NDArray[np.int64]:
-        """Addresses (5, 2) of ``arrays``, for :func:`crowdsim.navmesh.mesh.address_kernels.layers_of`."""
+        """Return the addresses (5, 2) of ``arrays``, for :func:`crowdsim.navmesh.mesh.address_kernels.layers_of`."""
         if self._places is None or self._places[0] is not self.arrays:
             self._places = self.arrays, places_of(self.arrays)
         return self._places[1]
 
     @property
     def search(self) -> PathSearch:
-        """What path searches share, until the next edit."""
+        """Return what path searches share until the next edit."""
         if self._search is None:
             self._search = PathSearch(self.arrays, self.workspaces)
         return self._search
 
     def clearances(self, points: ArrayLike, limit: float = math.inf) -> Floats:
-        """Distances (n,) from points (n, 2) to the nearest obstacle, capped at ``limit``; 0 where not free."""
+        """Return the distances (n,) [m] from points (n, 2) to the nearest obstacle, at most ``limit``.
+
+        It is 0 for a point that is not free.
+        """
         array = as_points(points, "points")
         out = np.empty(len(array))
         clearance_kernels.clearances(self.arrays, array, as_limit(limit), out)
         return out
 
     def clearance(self, point: ArrayLike, limit: float = math.inf) -> float:
-        """Distance from ``point`` (x, y) to the nearest obstacle, capped at ``limit``; 0 where not free."""
+        """Return the distance [m] from ``point`` (x, y) to the nearest obstacle, at most ``limit``; 0 if not free."""
         return float(self.clearances([as_point(point, "point")], limit)[0])
 
     def is_free(self, point: ArrayLike, radius: float) -> bool:
-        """Whether a disc of ``radius`` around ``point`` touches no obstacle more than within rounding."""
+        """Return True if a disc of ``radius`` [m] at ``point`` touches no obstacle, up to :meth:`tolerance`."""
         radius = as_radius(radius)
         clearance = self.clearance(point, 2.0 * radius + 1.0)
         return clearance > 0.0 and clearance >= radius - self.tolerance(radius)
 
     def locate(self, point: ArrayLike) -> int:
-        """Index of a triangle that holds ``point`` (x, y), free or not; -1 outside of the mesh's box."""
+        """Return the index of a triangle that holds ``point`` (x, y), free or not; -1 outside of the mesh's box."""
         x, y = as_point(point, "point")
         x, y = snap(np.array([x, y]), float(self.arrays.frame["cell"][0])).tolist()
         return int(half_edge_kernels.locate(self.arrays, x, y, NONE))
 
     def nearest_free(self, point: ArrayLike, radius: float, limit: float = math.inf) -> tuple[float, float] | None:
-        """The place nearest to ``point`` (x, y) where a disc of ``radius`` is free; None if none is within ``limit``.
+        """Find the place nearest to ``point`` (x, y) where a disc of ``radius`` is free.
 
-        The point itself where it is free, in the sense of :meth:`is_free`; otherwise a place with a clearance of
-        ``radius`` less half the tolerance, exactly. The point may be in an obstacle or outside of the mesh.
+        Return None if there is none within ``limit``. It is the point itself if that is free, in the sense of
+        :meth:`is_free`. Otherwise it is a place with a clearance of exactly ``radius`` less half the tolerance. The
+        point may be in an obstacle or outside of the mesh. All lengths in meters.
         """
         x, y = as_point(point, "point")
         radius, limit = as_radius(radius), as_limit(limit)
@@ -197,25 +217,26 @@ class NavMesh:
         return (x, y) if distance < math.inf else None
 
     def components(self, points: ArrayLike, radius: float) -> NDArray[np.int64]:
-        """Component (n,) of the disc of ``radius`` around each of ``points`` (n, 2), -1 where it is not free.
+        """Return the component (n,) int64 of a disc of ``radius`` at each of ``points`` (n, 2), -1 if not free.
 
-        A disc can go from one point to another exactly where both have the same number.
+        A disc can go from one point to another exactly if both have the same number.
         """
         array = as_points(points, "points")
         radius = as_radius(radius)
         return self.search.components(array, radius, radius - self.tolerance(radius))
 
     def reachable(self, start: ArrayLike, goal: ArrayLike, radius: float) -> bool:
-        """Whether :meth:`find_path` finds a path; False, too, where the disc is not free at an end."""
+        """Return True if :meth:`find_path` finds a path, so False if the disc is not free at an end."""
         one, other = self.components([as_point(start, "start"), as_point(goal, "goal")], radius)
         return bool(one == other and one >= 0)
 
     def violations(self, points: ArrayLike, radius: float) -> Floats:
-        """All maximal intervals [s0, s1] of arc length where a way has less clearance than ``radius``, (k, 2).
+        """Return all maximal intervals (k, 2) of arc length [m] on which a way has less clearance than ``radius``.
 
-        The way is a polyline (n, 2), or a chain of arcs (n, 3): x, y and the bulge of the piece to the next point,
-        which is the tangent of a quarter of its angle, positive counter-clockwise, and 0 for a straight piece. Exact
-        for the swept disc, in ascending order; touching within rounding is no violation.
+        The way is a polyline (n, 2) [m], or a chain of arcs (n, 3): x, y and the bulge of the piece to the next point.
+        The bulge is the tangent of a quarter of the arc's angle, positive counter-clockwise, and 0 for a straight
+        piece. Exact for the swept disc, in ascending order. Touching within the tolerance is no violation.
+        GeometryError for other shapes.
         """
         array = as_points(points, "points", with_bulge=True)
         if len(array) == 0:
@@ -226,9 +247,9 @@ class NavMesh:
         return found
 
     def first_violation(self, points: ArrayLike, radius: float) -> float:
-        """Arc length of the first point of a way with less clearance than ``radius``; inf if none.
+        """Return the arc length [m] of the first point of a way with less clearance than ``radius``.
 
-        The way is a polyline (n, 2) or a chain of arcs (n, 3), as in :meth:`violations`.
+        Return inf if there is none. The way is a polyline (n, 2) or a chain of arcs (n, 3), as in :meth:`violations`.
         """
         found = self.violations(points, radius)
         return float(found[0, 0]) if len(found) else math.inf
@@ -239,15 +260,17 @@ class NavMesh:
         radius: float | None = None,
         file: str | os.PathLike[str] | None = None,
     ) -> Figure:
-        """A matplotlib figure of the mesh, written to ``file`` (.png, .svg or .pdf), too, if one is given.
+        """Draw the mesh as a matplotlib figure, and write it to ``file`` (.png, .svg or .pdf) if one is given.
 
-        Shown are obstacles, triangles, the width of each corner, the vertices that refinement added, for a ``radius``
-        where its disc is free, and a ``path`` (also as points (n, 2)) with what its disc sweeps.
+        The figure shows obstacles, triangles, the width of each corner and the vertices that refinement added; for a
+        ``radius`` the places where its disc is free; for a ``path`` (also as points (n, 2)) what its disc sweeps.
 
         Raises
         ------
         CrowdSimError
             If the file cannot have that name.
+        GeometryError
+            If ``path`` has fewer than two points.
         """
         from crowdsim.figures import write_figure
         from crowdsim.navmesh.picture import draw_mesh
@@ -264,14 +287,16 @@ class NavMesh:
         return figure
 
     def insert_obstacle(self, geometry: BaseGeometry | Floats) -> Handle:
-        """Block what ``geometry`` covers, and repair the mesh around it; obstacles may overlap.
+        """Block what ``geometry`` covers, and repair the mesh around it.
+
+        Return a handle to remove or move the obstacle.
 
         Parameters
         ----------
         geometry
-            Polygons (with holes, if any), lines or points, meters. Quicker are arrays: the corners (n, 2) of a polygon,
-            or a point (2,). What lies outside of the mesh's box, 5 % around the walkable area, has no
-            effect, but counts again when the obstacle is moved. Invalid polygons are repaired.
+            Polygons (with or without holes), lines or points [m]. Arrays are quicker: the corners (n, 2) of a polygon,
+            or a point (2,). Parts outside of the mesh's box, 5 % around the walkable area, have no effect until the
+            obstacle is moved. Invalid polygons are repaired. Obstacles may overlap.
 
         Raises
         ------
@@ -285,7 +310,7 @@ class NavMesh:
             self._update(obstacles)
 
     def remove(self, handle: Handle) -> None:
-        """Take an obstacle out that :meth:`insert_obstacle` put in, and repair the mesh around it.
+        """Remove an obstacle that :meth:`insert_obstacle` inserted, and repair the mesh around it.
 
         Raises
         ------
@@ -299,14 +324,14 @@ class NavMesh:
             self._update(obstacles)
 
     def move(self, handle: Handle, *place: Any) -> None:
-        """``move(handle, dx, dy)`` or ``move(handle, geometry)``: the obstacle elsewhere; its handle stays valid.
+        """Move an obstacle, by ``move(handle, dx, dy)`` [m] or ``move(handle, geometry)``; its handle stays valid.
 
         Raises
         ------
         StaleHandle
             If the obstacle is not in the mesh, or no longer.
         GeometryError
-            As for :meth:`insert_obstacle`; the obstacle stays where it was then.
+            As for :meth:`insert_obstacle`; the obstacle then stays where it was.
         """
         obstacles = self._edited()
         try:
@@ -316,7 +341,10 @@ class NavMesh:
 
     @contextmanager
     def edited(self) -> Iterator[Obstacles]:
-        """Lend what edits the mesh to who runs kernels on it that do."""
+        """Yield the mesh editor for direct use by kernels.
+
+        Refresh the arrays and drop what was computed from them on exit.
+        """
         obstacles = self._edited()
         try:
             yield obstacles
@@ -324,17 +352,19 @@ class NavMesh:
             self._update(obstacles)
 
     def _edited(self) -> Obstacles:
+        """Return the mesh editor, made at the first edit."""
         if self._obstacles is None:
             self._obstacles = Obstacles(self.arrays)
         return self._obstacles
 
     def _update(self, obstacles: Obstacles) -> None:
+        """Take the arrays of the editor after an edit."""
         self.arrays = obstacles.mesh
         self.revision += 1
         self._search = None
 
     def with_points(self, points: ArrayLike) -> NavMesh:
-        """A copy with point obstacles (n, 2) added; this mesh stays as it is.
+        """Return a copy with point obstacles (n, 2) added; this mesh stays as it is.
 
         Raises
         ------

@@ -23,19 +23,29 @@ from crowdsim.navmesh.shortest import shortest_kernels
 from crowdsim.navmesh.shortest.tangent_graph import RadiusGraph
 
 _BATCH = 256
-"""Searches below which another thread costs more than it saves."""
+"""Number of searches below which another thread costs more than it saves."""
 
 _GRAPHS = 8
-"""Radii whose tangent graphs are kept; the one used longest ago makes room."""
+"""Number of radii whose tangent graphs are kept; the one used longest ago makes room."""
+
+
+FAR = 1.05
+"""Fast paths longer than this multiple of the straight line, which none is shorter than, are looked for backwards, too.
+
+Where the search takes a wrong turn one way it hardly ever does so the other way as well. No path that is 5 % too long
+is left out, and in the open few are looked for twice."""
+
+GAIN = 0.99
+"""The path found backwards is taken if it is shorter than this multiple of the other one."""
 
 
 def _processors() -> int:
-    """How many processors this process may use."""
+    """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _in_parts(work: Callable[[int, int], Floats], count: int, workers: int | None) -> Floats:
-    """The points (k, 2) that ``work(first, last)`` gives for all of ``count`` searches, in their order."""
+    """Return the points (k, 2) that ``work(first, last)`` finds for all of ``count`` searches, in their order."""
     workers = min(_processors(), count // _BATCH) if workers is None else min(workers, count)
     if workers <= 1:
         return work(0, count)
@@ -45,14 +55,14 @@ def _in_parts(work: Callable[[int, int], Floats], count: int, workers: int | Non
 
 
 class PathSearch:
-    """What path searches on one mesh share. After an edit of the mesh, make a new one.
+    """Caches that path searches on one mesh share. After an edit of the mesh, make a new one.
 
     Parameters
     ----------
     mesh
         The mesh; it must not change while this is used.
     workspaces
-        Scratch memory of the searches, which outlives this.
+        Scratch memory of the searches, which is kept longer than this.
     """
 
     def __init__(self, mesh: MeshArrays, workspaces: Workspaces) -> None:
@@ -65,7 +75,7 @@ class PathSearch:
         self._lock = threading.Lock()
 
     def regions(self) -> NDArray[np.void]:
-        """Regions (nt,) of :func:`crowdsim.navmesh.paths.region_kernels.find_regions`, found at the first call."""
+        """Return the regions (nt,), :data:`crowdsim.navmesh.paths.region_kernels.REGION`, found at the first call."""
         with self._lock:
             if self._regions is None:
                 regions = np.empty(self._triangles, REGION)
@@ -74,7 +84,10 @@ class PathSearch:
             return self._regions
 
     def graph(self, radius: float, least: float) -> RadiusGraph:
-        """The tangent graph for ``radius``, made at the first call; ``least`` meters of clearance count as enough."""
+        """Return the tangent graph for ``radius``, made at the first call.
+
+        A clearance of ``least`` counts as enough [m].
+        """
         with self._lock:
             if radius not in self._graphs:
                 self._graphs[radius] = RadiusGraph(self._mesh, radius, least, _processors())
@@ -93,9 +106,11 @@ class PathSearch:
         workers: int | None,
         clearance: Callable[[ArrayLike], float],
     ) -> Paths:
-        """Paths between ``starts`` and ``goals`` (n, 2) of ``radii`` (n,) that keep ``least`` (n,) of them.
+        """Find paths from ``starts`` to ``goals`` (n, 2) for ``radii`` (n,).
 
-        All arrays are C-contiguous. ``clearance`` of a point is for the words of an error.
+        A clearance of ``least`` (n,) is enough [m].
+
+        All arrays are C-contiguous. ``clearance`` gives the clearance of a point for messages of errors.
         """
         count = len(starts)
         status, lengths = np.empty(count, np.int8), np.empty(count)
@@ -107,8 +122,8 @@ class PathSearch:
         return Paths(status, lengths, offsets, points, starts, goals, radii, clearance)
 
     def components(self, points: Floats, radius: float, least: float) -> NDArray[np.int64]:
-        """Component (n,) of the disc of ``radius`` around each of ``points`` (n, 2), -1 where it is not free."""
-        # Even a point does not fit through where there is no gap.
+        """Return the component (n,) of a disc of ``radius`` at each of ``points`` (n, 2), -1 if not free."""
+        # Without a gap not even a point gets through.
         least = max(least, 0.25 * float(self._mesh.frame["cell"][0]))
         labels, count = self._components.labels(self._mesh, 2.0 * least)
         out = np.empty(len(points), np.int64)
@@ -116,16 +131,16 @@ class PathSearch:
         return out
 
     def are_apart(self, starts: Floats, goals: Floats, radius: float, least: float) -> NDArray[np.bool_]:
-        """Whether no way leads from each of ``starts`` to its goal (n, 2), for a disc that is free at both.
+        """Return (n,) True if no way leads from a start to its goal (n, 2), for discs that are free at both.
 
-        Labels of components say so at once; a search would have to look everywhere.
+        The labels of components show that at once; a search would have to look everywhere.
         """
         one, other = self.components(np.concatenate([starts, goals]), radius, least).reshape(2, -1)
         apart: NDArray[np.bool_] = (one != other) & (one >= 0) & (other >= 0)
         return apart
 
     def _find_joined(self, batch: Batch, workers: int | None, find: Callable[[Batch, int | None], Floats]) -> Floats:
-        """Let ``find`` answer those of the batch that are not known to have no way."""
+        """Let ``find`` search those of the batch that may have a path; return the points of all."""
         apart = np.zeros(len(batch.radii), np.bool_)
         for radius in np.unique(batch.radii).tolist():
             rows = np.flatnonzero(batch.radii == radius)
@@ -141,6 +156,32 @@ class PathSearch:
         return np.concatenate(pieces)
 
     def _find_fast(self, batch: Batch, workers: int | None) -> Floats:
+        """Find fast paths; return the points of all."""
+        points = self._search(batch, workers)
+        tangled = np.flatnonzero(batch.status == path_kernels.TANGLED)
+        beeline = hypot(*(batch.goals - batch.starts).T)
+        far = np.flatnonzero((batch.status == path_kernels.OK) & (batch.lengths > FAR * beeline))
+        if len(tangled) == 0 and len(far) == 0:
+            return points
+        pieces = batch.pieces(points)
+        if len(tangled) > 0:
+            # One in many thousands; the shortest path is found another way, which takes longer.
+            again = batch.copy(tangled)
+            batch.take(pieces, tangled, again, self._find_best(again, 1))
+            for row in tangled[again.status == path_kernels.OK].tolist():  # fast paths are as long as their polylines
+                batch.lengths[row] = hypot(*np.diff(pieces[row], axis=0).T).sum()
+        if len(far) > 0:
+            again = batch.copy(far)
+            back = again._replace(starts=again.goals, goals=again.starts)
+            found = back.pieces(self._search(back, workers))
+            shorter = (back.status == path_kernels.OK) & (back.lengths < GAIN * batch.lengths[far])
+            for i in np.flatnonzero(shorter).tolist():
+                pieces[far[i]] = found[i][::-1]
+                batch.lengths[far[i]], batch.counts[far[i]] = back.lengths[i], back.counts[i]
+        return np.concatenate(pieces)
+
+    def _search(self, batch: Batch, workers: int | None) -> Floats:
+        """Find one fast path per query; return the points (k, 2) of all. Some have the status TANGLED."""
         regions = self.regions()
 
         def work(first: int, last: int) -> Floats:
@@ -149,22 +190,15 @@ class PathSearch:
                 points: Floats = path_kernels.plan_paths(self._mesh, regions, scratch, part)
             return points
 
-        points = _in_parts(work, len(batch.starts), workers)
-        tangled = np.flatnonzero(batch.status == path_kernels.TANGLED)
-        if len(tangled) == 0:
-            return points
-        # One in many thousands; the shortest path is found another way, which takes longer.
-        pieces, again = batch.pieces(points), batch.copy(tangled)
-        batch.take(pieces, tangled, again, self._find_best(again, 1))
-        for row in tangled[again.status == path_kernels.OK].tolist():  # fast paths are as long as their polylines
-            batch.lengths[row] = hypot(*np.diff(pieces[row], axis=0).T).sum()
-        return np.concatenate(pieces)
+        return _in_parts(work, len(batch.starts), workers)
 
     def _find_best(self, batch: Batch, workers: int | None) -> Floats:
+        """Find shortest paths; return the points of all."""
         distinct = np.unique(batch.radii)
         if len(distinct) == 0:
             return np.empty((0, 2))
-        if len(distinct) > 1:  # a graph serves one radius
+        # A graph serves one radius.
+        if len(distinct) > 1:
             pieces = [np.empty((0, 2))] * len(batch.radii)
             for radius in distinct:
                 rows = np.flatnonzero(batch.radii == radius)

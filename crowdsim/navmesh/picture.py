@@ -1,4 +1,4 @@
-"""A mesh as a picture: what is closed, how wide each corner is, where a disc fits, and a path."""
+"""Picture of a mesh: obstacles, the width of each corner, where a disc fits, and a path."""
 
 from __future__ import annotations
 
@@ -19,9 +19,11 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 _INCHES = (10.0, 7.0)
+"""Width and height of the figure."""
 _DPI = 100
+"""Dots per inch."""
 
-# Blue and vermilion of Okabe and Ito and matplotlib's cividis: the color-blind tell them apart.
+# Blue and vermilion of Okabe and Ito, and matplotlib's cividis: readable with any color vision.
 _BLOCKED = "#4a4e55"
 _WALL = "#15171a"
 _OPEN = "#ffffff"
@@ -32,7 +34,7 @@ _WIDTHS = "cividis"
 
 
 class _Shapes:
-    """What a mesh consists of, as points and polygons."""
+    """The parts of a mesh as points and polygons."""
 
     def __init__(self, mesh: MeshArrays) -> None:
         triangles = int(mesh.frame["triangles"][0])
@@ -41,21 +43,21 @@ class _Shapes:
         org: NDArray[np.int64] = sides["org"]
         place = np.column_stack([mesh.vertices["x"], mesh.vertices["y"]])
         self.free = place[org[free]]
-        """(nf, 3, 2) corners of the free triangles."""
+        """(nf, 3, 2) corners of the free triangles [m]."""
         ends = np.stack([place[org], place[np.roll(org, -1, axis=1)]], axis=2)
         """(nt, 3, 2, 2) both ends of each side."""
         closed = sides["constraints"] != 0
         self.walls = ends[closed & (free[:, None] | free[np.maximum(sides["twin"], 0) // 3])]
         self.sides = ends[free][~closed[free]]
         self.widths = sides["corner_clearance"][free].astype(np.float64)
-        """(nf, 3) width of each corner of the free triangles, meters."""
+        """(nf, 3) width of each corner of the free triangles [m]."""
         used = np.unique(org[free])
         used = used[used >= BOX_CORNERS]
         added = mesh.vertices["vref"][used] == 0
         self.added, self.corners = place[used[added]], place[used[~added]]
 
     def sectors(self) -> tuple[Floats, Floats]:
-        """A sector (k, m, 2) at each corner that can be turned around, within its triangle, and its width (k,)."""
+        """Return a sector (k, m, 2) for each corner that can be turned around, in its triangle, and its width (k,)."""
         before, after = (np.roll(self.free, shift, axis=1) - self.free for shift in (1, -1))
         shorter = np.minimum(np.hypot(*np.moveaxis(before, -1, 0)), np.hypot(*np.moveaxis(after, -1, 0)))
         base = np.hypot(*np.moveaxis(after - before, -1, 0))
@@ -70,13 +72,13 @@ class _Shapes:
         return sectors[passed], self.widths[passed]
 
     def fits(self, radius: float) -> Any:
-        """The area of places where a disc of ``radius`` fits (shapely)."""
+        """Return the area of places where a disc of ``radius`` fits (shapely)."""
         solid = shapely.union_all([shapely.multilinestrings(list(self.walls)), shapely.multipoints(self.corners)])
         return shapely.union_all(shapely.polygons(self.free)).difference(solid.buffer(radius, quad_segs=24))
 
 
 def draw_mesh(mesh: MeshArrays, points: Floats | None = None, radius: float | None = None) -> Figure:
-    """A figure of a mesh with free space, and perhaps a path of ``points`` (n, 2) for a disc of ``radius`` meters."""
+    """Draw the free space of a mesh, and if given a path of ``points`` (n, 2) for a disc of ``radius`` [m]."""
     from matplotlib.figure import Figure
 
     shapes = _Shapes(mesh)
@@ -99,6 +101,7 @@ def draw_mesh(mesh: MeshArrays, points: Floats | None = None, radius: float | No
 
 
 def _draw_triangles(figure: Figure, axes: Axes, shapes: _Shapes) -> None:
+    """Draw triangles, walls, and corners colored by their width."""
     from matplotlib.collections import LineCollection, PolyCollection
 
     axes.set_facecolor(_BLOCKED)
@@ -122,6 +125,7 @@ def _draw_triangles(figure: Figure, axes: Axes, shapes: _Shapes) -> None:
 
 
 def _draw_fits(axes: Axes, area: Any, radius: float) -> None:
+    """Draw the area where the disc fits."""
     from matplotlib.colors import to_rgb
 
     tint = (*to_rgb(_FREE), 0.08)
@@ -129,6 +133,7 @@ def _draw_fits(axes: Axes, area: Any, radius: float) -> None:
 
 
 def _draw_path(axes: Axes, points: Floats, radius: float) -> None:
+    """Draw the path and what the disc sweeps."""
     if radius > 0.0:
         swept = shapely.LineString(points).buffer(radius, quad_segs=24)
         fill(axes, swept, facecolor=_PATH, alpha=0.3, edgecolor="none", label="swept by the disc")

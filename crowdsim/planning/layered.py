@@ -18,30 +18,32 @@ from crowdsim.planning.roadmap.roadmap import Roadmap
 from crowdsim.planning.single_behavior import cheapest_uniform
 
 LONG = 0.5
-"""Cost of narrow sections, beyond their least lengths, above which wide ones are searched again in their areas."""
+"""Excess cost of one narrow section (beyond its least length) above which wide sections are searched again in their
+areas."""
 
 SURPRISE = 0.01
-"""Share of the estimate by which the best path may cost more before the shortest paths of all areas are tried."""
+"""Share by which the best path may exceed the search's estimate before the shortest paths of all areas are tried."""
 
 WIDE = 1.0
-"""What a path costs beyond its length, below which they are tried too."""
+"""Cost beyond that of its length below which a path is compared with the areas' shortest paths, too."""
 
 NEAR = 6.0
-"""Meters between start and goal up to which they are tried before the roadmap."""
+"""Distance from start to goal up to which the areas' shortest paths are tried before the roadmap [m]."""
 
 FARTHEST = 1.35
-"""How many times as long as the shortest path for the legs they may be, but where the roadmap surprises: of 800 plans
-that they did not decide, they were the cheapest path of 25, at most 1.31 times as long but for one."""
+"""Length of the areas' paths that are tried, as a multiple of the shortest path for the legs. There is no limit if the
+roadmap's path exceeds its estimate. Larger values cost time and seldom find a cheaper path (docs/planning.md)."""
 
 
 def plan_layered(query: Query, roadmap: Roadmap) -> AnnotatedPath | None:
-    """Cheapest path found, or None where no behavior has one.
+    """Return the cheapest path found, or None if no behavior has one.
 
-    Near by, the shortest paths in behavior areas are looked for first, and nothing else if none can be cheaper; then a
-    path over the roadmap. Where that has no way, its taut path tangles or is dearer than expected, all areas are tried.
+    For a near goal, try the shortest paths in behavior areas first, and nothing else if none can be cheaper; otherwise
+    search the roadmap. Try all areas if the roadmap has no way, or if its taut path tangles or is dearer than expected.
     """
     arc = arc_lengths(query.ends)
     length = float(arc[-1])
+    # The widest behavior fits along the straight line: nothing is cheaper.
     if length > 0.0 and are_free(roadmap.layers, query.need.radii[-1], query.ends.reshape(1, 4)):
         whole = Section(query.need.count - 1, 0.0, length)
         return AnnotatedPath(query.ends, arc, (whole,), length * float(query.need.costs[-1]))
@@ -63,23 +65,23 @@ def plan_layered(query: Query, roadmap: Roadmap) -> AnnotatedPath | None:
 
 
 def _is_wide(path: AnnotatedPath, query: Query) -> bool:
-    """Whether it costs little more than its length: the roadmap knows lengths worse than where it is narrow."""
+    """Return True if a path costs little beyond its length, of which the roadmap's estimates are least exact."""
     return path.cost - path.length * float(query.need.costs[-1]) < WIDE
 
 
 def _cheaper(one: AnnotatedPath | None, other: AnnotatedPath | None) -> AnnotatedPath | None:
-    """The cheaper of two paths, the first where they cost the same."""
+    """Return the cheaper of two paths, the first if they cost the same."""
     return other if one is None or (other is not None and other.cost < one.cost) else one
 
 
 def _over_roadmap(query: Query, roadmap: Roadmap) -> tuple[AnnotatedPath | None, float]:
-    """The cheapest path along the best way over the roadmap, shifted where that pays, and what the way let expect."""
+    """Return the path along the best way over the roadmap, shifted if that pays, and the way's estimated cost."""
     road, estimate = roadmap.find(query.ends)
     if not len(road):
         return None, estimate
     taut = roadmap.polish(road, query.ends)
     best = None if taut is None else roadmap.shifted(taut)
-    # Pins are where sides of triangles are narrow only, and sections that are none may be longer than they have to be.
+    # Pins exist only at narrow sides of triangles, and without a pin a narrow section may be longer than necessary.
     if taut is None or taut.cost > estimate or max(roadmap.excess(taut), default=0.0) > LONG:
         points = _by_areas(query, roadmap, road)
         path = query.annotated(points) if len(points) else None
@@ -89,12 +91,17 @@ def _over_roadmap(query: Query, roadmap: Roadmap) -> tuple[AnnotatedPath | None,
 
 
 def _by_areas(query: Query, roadmap: Roadmap, road: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Shortest paths in the area of the widest behavior wherever the road takes it, joined by those of the legs."""
+    """Return the road's route with shortest paths in the widest behavior's area, joined by shortest paths of the legs.
+
+    road: (k, 2) int, point of the roadmap and behavior of each row. Return points (n, 2) [m]; none if the pieces cannot
+    be joined.
+    """
     top = query.need.count - 1
     wide, legs = query.areas[0], query.areas[-1]
     places = np.stack([roadmap.points["x"][road[:, 0]], roadmap.points["y"][road[:, 0]]], axis=1)
     places = np.concatenate([query.ends[:1], places, query.ends[1:]])
     labels = np.concatenate([road[:1, 1], road[:, 1], road[-1:, 1]])
+    # Each run of points that the road passes with the widest behavior becomes one path in its area.
     changes = np.flatnonzero(np.diff(labels == top)) + 1
     bounds = [0, *changes.tolist(), len(labels)]
     pieces: list[NDArray[np.float64]] = []
@@ -102,6 +109,8 @@ def _by_areas(query: Query, roadmap: Roadmap, road: NDArray[np.int64]) -> NDArra
     for first, last in pairwise(bounds):
         if labels[first] != top:
             continue
+        # Points of the roadmap may lie a little outside of the area: take the nearest places in it. The query's own
+        # ends stay.
         ends = [query.ends[0] if first == 0 else None, query.ends[1] if last == len(labels) else None]
         for k, row in enumerate((first, last - 1)):
             if ends[k] is None:
@@ -112,8 +121,10 @@ def _by_areas(query: Query, roadmap: Roadmap, road: NDArray[np.int64]) -> NDArra
             pieces += [legs.find_path(np.array([at, ends[0]]))] if first > 0 else []
             pieces.append(wide.find_path(np.array(ends)))
         except PathNotFound:
+            # This run is left to the legs' path that comes next.
             continue
         at = ends[1]
+    # Narrower behaviors up to the goal.
     if (at != query.ends[1]).any():
         try:
             pieces.append(legs.find_path(np.array([at, query.ends[1]])))

@@ -1,4 +1,4 @@
-"""Layered behavioral planner: where to walk, and with which behavior (2018 paper, section 3.3)."""
+"""Layered behavioral planner: the route, and the behavior of each stretch of it (2018 paper, section 3.3)."""
 
 from __future__ import annotations
 
@@ -33,31 +33,48 @@ if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
 
 _REASONS = 64
-"""Queries without a way whose reasons are remembered."""
+"""Queries without a way whose messages are kept."""
 
 PLANNERS = ("layered", "greedy_literal", "collision3d")
 
 
 class Planner:
-    """What plans paths through one place for one set of behaviors, and all that its plans share.
+    """Plan paths through one place for one set of behaviors; own all data that its plans share.
+
+    The meshes may be edited between plans: shared data is remade if their revisions have changed. Any number of threads
+    may plan at once.
 
     Parameters
     ----------
-    meshes: one for each layer, the legs' first, whose obstacles contain those of the layers above.
-    behaviors: least preferred and narrowest first; ``radii`` has one entry for each mesh.
-    areas: meshes of :func:`~crowdsim.planning.query.behavior_areas.area_polygons`, with which paths stay as
-        close to low obstacles as they can; without them each behavior keeps from all obstacles of the lowest mesh the
-        largest clearance that it asks of any layer.
-    planner: "layered"; or the published "greedy_literal"; or "collision3d", which tests ``bodies`` in 3D where the
-        others ask the layers.
-    margin: meters added to every body radius. Start and goal alone may be that much nearer to obstacles.
-    terms: (4,) what changes of behavior take, as :data:`~crowdsim.planning.labels.labelling_kernels.TERMS`.
+    meshes : sequence of NavMesh
+        One mesh per layer, the legs' first. Its obstacles contain those of the other layers.
+    behaviors : sequence of Behavior
+        Narrowest and least preferred first; ``radii`` has one entry per mesh.
+    areas : sequence of NavMesh or None, optional
+        Meshes of :func:`~crowdsim.planning.query.behavior_areas.area_polygons`, in which paths may pass low obstacles
+        closely. Without them, each behavior keeps the largest clearance that it needs on any layer from all obstacles
+        of the lowest mesh.
+    planner : str
+        "layered", the published "greedy_literal", or "collision3d", which tests ``bodies`` in 3D instead of the layers.
+    bodies : Bodies, optional
+        Moving bodies and their scene, for "collision3d".
+    margin : float
+        Added to every body radius [m]. Start and goal alone may be closer to obstacles by this much.
+    terms : (4,) float64
+        Costs and lengths of changes of behavior, as :data:`~crowdsim.planning.labels.labelling_kernels.TERMS`.
 
     Raises
     ------
-    BehaviorError: where the behaviors do not fit the layers, or there is no such planner.
+    BehaviorError
+        If the behaviors do not match the layers, or there is no such planner.
 
-    The meshes may be edited between plans, which know by their revisions. Any number of threads may plan at once.
+    Examples
+    --------
+    >>> behaviors = load_behavior_set(["lateral", "frontal"], [(0.0, 0.6), (0.6, 2.0)]).behaviors
+    >>> room, table = shapely.box(0, 0, 8, 3), shapely.box(3, 0, 5, 2.5)
+    >>> planner = Planner([NavMesh(room - table), NavMesh(room)], behaviors)
+    >>> [behaviors[section.behavior].name for section in planner.plan((1, 1), (7, 1)).sections]
+    ['frontal', 'lateral', 'frontal']
     """
 
     def __init__(
@@ -74,7 +91,9 @@ class Planner:
         if planner not in PLANNERS:
             raise BehaviorError(f"there is no planner '{planner}'; there are: {', '.join(PLANNERS)}")
         if planner == "collision3d" and bodies is None:
-            raise BehaviorError("the planner 'collision3d' needs the bodies that move and the scene they move in")
+            raise BehaviorError(
+                "the planner 'collision3d' needs the argument 'bodies': the moving bodies and their scene"
+            )
         self.name = planner
         self.meshes = tuple(meshes)
         self.need = Requirements.of(behaviors, len(meshes), margin)
@@ -88,17 +107,24 @@ class Planner:
         self._reasons: dict[tuple[int, bytes], str] = {}
 
     def plan(self, start: ArrayLike, goal: ArrayLike, *, slack: bool = True) -> AnnotatedPath:
-        """Cheapest path found from ``start`` to ``goal`` with the behavior for each stretch of it, and a proven bound.
+        """Find the cheapest path from ``start`` to ``goal`` and the behavior of each stretch of it.
 
         Parameters
         ----------
-        start, goal: x, y in meters.
-        slack: whether the path takes a clearance margin where that costs next to nothing, as motions follow paths only
-            nearly.
+        start, goal : (2,) float64
+            x, y [m].
+        slack : bool
+            True to take a clearance margin where that costs almost nothing, as motions follow paths only approximately.
+
+        Returns
+        -------
+        AnnotatedPath
+            Points, sections with their behaviors, cost, and a proven lower bound of the cost.
 
         Raises
         ------
-        PathNotFound: where nothing joins the two; the message says which layer is too narrow, where and by how much.
+        PathNotFound
+            If no way joins the two; the message names the layer that is too narrow, the place and the shortfall.
         """
         query = self.query(start, goal)
         self._require_way(query)
@@ -107,7 +133,7 @@ class Planner:
             raise PathNotFound(why_not(query))
         if slack:
             best = with_clearance_margin(query, best)
-        if self.name != "collision3d":  # which knows what bodies reach
+        if self.name != "collision3d":  # it tests whole bodies itself
             best = with_turn_room(query, best)
         given = np.array([start, goal], dtype=np.float64)
         missing = missing_at_ends(self.meshes, query.need, best, given)
@@ -120,12 +146,12 @@ class Planner:
         return Query(self.meshes, self.need, self.areas, ends, self.terms)
 
     def _require_way(self, query: Query) -> None:
-        """PathNotFound where components of the lowest mesh tell that nothing joins the ends of a query."""
+        """Raise PathNotFound if components of the lowest mesh show that no way joins the ends of a query."""
         mesh, radius = self.meshes[0], self.need.search_radius
         one, other = mesh.components(query.ends, radius).tolist()
         if one == other or min(one, other) < 0:
             return
-        # To find out why takes longer than a path, and who stands asks again and again.
+        # Finding the reason takes longer than a path, and a standing agent retries often: keep the messages.
         key = (mesh.revision, query.ends.tobytes())
         reasons = self._reasons
         why = reasons[key] if key in reasons else why_not(query)
@@ -134,7 +160,7 @@ class Planner:
         raise PathNotFound(why)
 
     def cheapest(self, query: Query) -> AnnotatedPath | None:
-        """The path that the named search finds, without a clearance margin; None if there is none."""
+        """Return the path that the chosen planner finds, without a clearance margin; None if there is none."""
         if self.name == "layered":
             return plan_layered(query, self.roadmap())
         if self.name == "collision3d":
@@ -143,7 +169,7 @@ class Planner:
         return plan_greedy(query, self._copies)
 
     def roadmap(self) -> Roadmap:
-        """The roadmap of the meshes as they are, made at the first call and after every edit."""
+        """Return the roadmap of the meshes as they are, made at the first call and after every edit."""
         revisions = tuple([mesh.revision for mesh in self.meshes])
         with self._making:
             if self._roadmap is None or self._revisions != revisions:

@@ -1,4 +1,4 @@
-"""The shortest paths for single behaviors, and what they prove about all others."""
+"""The shortest paths for single behaviors, and the bounds they give for all other paths."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from crowdsim.planning.single_behavior_kernels import labelled_path
 Floats = NDArray[np.float64]
 
 _ROUNDING = 1e-6
-"""Share of a cost by which two are as good as equal."""
+"""Relative difference up to which two costs count as equal."""
 
 
 class Uniform(NamedTuple):
-    """The cheapest of the shortest paths for single behaviors, None where none is cheaper than what was known.
+    """The cheapest of the shortest paths for single behaviors, None if none is cheaper than the cost known before.
 
-    is_cheapest: whether no path can be cheaper, neither than this nor than what was known. That is no proof: areas are
-    a little too narrow, and fast searches find paths that are as a rule 0.2 % too long, seldom 2 %.
+    is_cheapest: True if no path costs less than this one, or than the cost known before. This is no proof: areas are
+    slightly too narrow, and fast searches find paths that are a little too long (docs/planning.md).
     """
 
     path: AnnotatedPath | None
@@ -35,13 +35,16 @@ class Uniform(NamedTuple):
 
 
 def cheapest_uniform(query: Query, below: float = math.inf, farthest: float = math.inf) -> Uniform:
-    """The cheapest of the shortest paths of all areas, with the sections it has, that costs less than ``below``.
+    """Return the cheapest of the shortest paths of all areas that costs less than ``below``, with its sections.
 
-    Find those for the legs and for the widest behavior first; if one of them is the cheapest of all paths, search no
-    others. The test is that of :func:`crowdsim.planning.query.lower_bound.lower_bound`: a path with another worst
-    behavior is at least as long as the shortest path for that behavior, and has a section of it.
+    The paths for the legs and for the widest behavior come first; if one of them is the cheapest of all paths, no
+    others are searched. The test is that of :func:`crowdsim.planning.query.lower_bound.lower_bound`: a path whose worst
+    behavior is k is at least as long as the shortest path for k, and has a section of k.
 
-    farthest: how many times as long as the path for the legs others are looked for.
+    Parameters
+    ----------
+    below: cost that a path must undercut.
+    farthest: skip paths longer than this multiple of the legs' path.
     """
     count = query.need.count
     preferred = float(query.need.costs[-1])
@@ -53,7 +56,7 @@ def cheapest_uniform(query: Query, below: float = math.inf, farthest: float = ma
         return Uniform(None, True)
     best = (points, sections, cost) if cost < below else None
     below = min(below, cost)
-    # Lower bounds for each worst behavior: where no path is found, lengths are those that one was looked for up to.
+    # Lower bounds of the length for each worst behavior. If a search found nothing, its limit is the bound.
     lengths = [min(length, most / preferred)] * count
     ways_out = [0.0] * count
     dearest = farthest * length * preferred if length > 0.0 else math.inf
@@ -77,7 +80,10 @@ def cheapest_uniform(query: Query, below: float = math.inf, farthest: float = ma
 
 
 def _is_cheapest(query: Query, cost: float, lengths: list[float], ways_out: list[float]) -> bool:
-    """Whether no path costs less whose worst behavior is k, is lengths[k] meters long and has ways_out[k] to walk."""
+    """Return True if no path can cost less than ``cost``, whatever its worst behavior k.
+
+    A path with worst behavior k is at least lengths[k] meters long; ways_out as of `way_out`.
+    """
     for k in range(query.need.count - 1, -1, -1):
         least = lengths[k] * float(query.need.costs[-1]) + least_extra(query, k, lengths[k], ways_out[k])
         if cost > least * (1.0 + _ROUNDING):
@@ -86,9 +92,9 @@ def _is_cheapest(query: Query, cost: float, lengths: list[float], ways_out: list
 
 
 def _labelled(query: Query, area: BehaviorArea, most: float, fitting: Fitting) -> tuple[Floats, float, Floats, float]:
-    """Points (n, 2), length, sections (k, 3) and cost of the shortest path of ``area``; infinite where there is none.
+    """Return points (n, 2), length, sections (k, 3) and cost of the area's shortest path; infinite if there is none.
 
-    No sections and infinite cost where it fits nothing, or costs at least ``most`` by its length alone.
+    No sections and infinite cost if no behavior fits, or if the length alone costs ``most`` or more.
     """
     mesh = area.mesh
     least = area.radius - mesh.tolerance(area.radius)

@@ -1,4 +1,4 @@
-"""The shortest path for a disc with the sections that it has for behaviors, in one call."""
+"""The shortest path of a disc and its cheapest sections, in one call."""
 
 import math
 
@@ -10,24 +10,36 @@ from crowdsim.navmesh.paths.path_kernels import OK, plan_path
 from crowdsim.planning.labels.fitting_kernels import annotate
 
 _SPARE = 1.001
-"""How much longer the way to a path may be than the path, which is pulled taut."""
+"""Length of the triangle search's route as a multiple of the taut path, up to which it is followed. Lower: faster, but
+may miss the path."""
 
 
 @kernel
 def labelled_path(m, regions, work, ends, radius, least, most, fitting):
-    """(status, points (n, 2), length, sections (k, 3), cost) of the path from ends[0] to ends[1], as of `plan_path`.
+    """Find the shortest path of a disc from ends[0] to ends[1] and its cheapest sections.
 
-    m, regions, work, radius, least: as there. No sections and infinite cost
-    where it fits no behavior, or costs ``most`` or more by its length alone.
+    Parameters
+    ----------
+    m, regions, work, radius, least: as of :func:`crowdsim.navmesh.paths.path_kernels.plan_path`.
+    ends: (2, 2) float64, start and goal [m].
+    most: only paths cheaper than this are labelled.
+    fitting: :class:`crowdsim.planning.labels.fitting_kernels.Fitting`.
+
+    Returns
+    -------
+    (status, points (n, 2), length [m], sections (k, 3), cost). No sections and infinite cost if no behavior fits, or if
+    the length alone costs ``most`` or more.
     """
     nothing = np.empty((0, 3))
     preferred = fitting.costs[fitting.costs.size - 1]
     sx, sy, gx, gy = ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1]
+    # Each meter costs at least as much as one of the preferred behavior, so ``most`` bounds the length.
     longest = _SPARE * most / preferred
     status, points = plan_path(m, regions, work, sx, sy, gx, gy, radius, least, None, longest)
     if status != OK:
         return status, points, math.inf, nothing, math.inf
     length = polyline_length(points)
+    # Too dear by its length alone: save the labelling.
     if length * preferred >= most:
         return status, points, length, nothing, math.inf
     sections, cost, _ = annotate(fitting, points)

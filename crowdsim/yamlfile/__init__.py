@@ -1,1 +1,1 @@
-"""YAML files: values with their places, messages, overrides."""
+"""YAML files: values with their positions, error messages, overrides."""

@@ -1,8 +1,8 @@
-"""YAML text to plain values that remember where they stood.
+"""Read YAML text into plain values whose positions in the text are known.
 
-The values are built from the parser's events, not by its constructor, so that every entry keeps its line and column,
-nothing is resolved by other rules than the core schema of YAML 1.2, and nothing a file says can make the reader
-recurse, expand an alias or construct an object.
+The values are built from the parser's events, not by its constructor. Every entry thus keeps its line and column,
+scalars are resolved by the core schema of YAML 1.2 only, and no file can make the reader recurse without bound, expand
+an alias or construct an object.
 """
 
 from __future__ import annotations
@@ -30,14 +30,17 @@ from ruamel.yaml.events import (
 from crowdsim.errors import Problem
 
 MAX_BYTES = 1_000_000
+"""Largest accepted file [bytes]."""
 MAX_DEPTH = 32
+"""Largest depth of nested lists and mappings."""
 
 Path = tuple[str | int, ...]
+"""Keys and list indices from the root to an entry, as ``("agents", 0, "count")``."""
 
 Complaint = tuple[Path, str]
 """The path of an entry, and what is wrong with it."""
 
-# YAML 1.2.2, section 10.3.2. Under these "no" is text, "0123" is 123, and "1:30" is text.
+# The core schema of YAML 1.2.2, section 10.3.2. It reads "no" as text, "0123" as 123, and "1:30" as text.
 _NULL = re.compile(r"~|null|Null|NULL|")
 _TRUE = re.compile(r"true|True|TRUE")
 _FALSE = re.compile(r"false|False|FALSE")
@@ -51,7 +54,7 @@ _MAX_DIGITS = 400
 
 @dataclass(frozen=True)
 class Position:
-    """A spot of a text, line and column from 1; both None where ``file`` is no text."""
+    """A position in a text, line and column from 1; both are None if ``file`` is not a text file."""
 
     file: str
     line: int | None = None
@@ -60,10 +63,20 @@ class Position:
 
 @dataclass
 class Document:
-    """Plain value of a YAML text, with the place of each value and of each key by path.
+    """The value of a YAML text, with the positions of its entries.
 
-    ``broken`` holds the paths whose values could not be read; whatever else is said about them is noise. ``complete``
-    tells whether the text was read to its end.
+    Attributes
+    ----------
+    file : str
+        Name of the file in messages.
+    value : Any
+        Plain value: dictionaries, lists, text, numbers, booleans, None.
+    values, keys : dict of Path to Position
+        Position of each value, and of each key of a mapping.
+    broken : set of Path
+        Entries that could not be read; later problems with them are consequences and are not reported.
+    complete : bool
+        Whether the text was read to its end.
     """
 
     file: str
@@ -74,7 +87,7 @@ class Document:
     complete: bool = False
 
     def position(self, path: Path, of_key: bool = False) -> Position:
-        """Place of the value (or key) at ``path``, or of the closest entry around it that exists."""
+        """Return the position of the value (or key) at ``path``, or of the closest enclosing entry that exists."""
         if of_key and path in self.keys:
             return self.keys[path]
         while path and path not in self.values:
@@ -82,27 +95,28 @@ class Document:
         return self.values.get(path, Position(self.file, 1, 1))
 
     def problem(self, path: Path, message: str, of_key: bool = False) -> Problem:
-        """What is wrong at ``path``, with its place."""
+        """Return a problem with the entry at ``path``, with its position."""
         position = self.position(path, of_key)
         return Problem(position.file, position.line, position.column, dotted(path), message)
 
 
 def dotted(path: Path) -> str:
-    """A path as the user types it: ``agents.0.count``."""
+    """Return a path as the user types it: ``agents.0.count``."""
     return ".".join(shorten(str(part)) for part in path)
 
 
 def shorten(text: str, limit: int = 60) -> str:
-    """Text fit for one line of a message."""
+    """Return the text on one printable line of at most ``limit`` characters."""
     line = " ".join(text.encode("utf-8", "replace").decode("utf-8").split())
     line = "".join(letter if letter.isprintable() else "?" for letter in line)
     return line if len(line) <= limit else line[: limit - 3] + "..."
 
 
 def read_text(path: pathlib.Path, name: str) -> tuple[str, list[Problem]]:
-    """The text of a file, which messages call ``name``; empty beside the problem if it cannot be read.
+    """Return the text of a file; if it cannot be read, an empty text and the problem.
 
-    Of a file that is too large for :func:`read_document` no more is read than shows that.
+    At most MAX_BYTES + 1 bytes are read, enough for :func:`read_document` to refuse the file. ``name`` stands for the
+    file in messages.
     """
     if path.exists() and not path.is_file():
         what = "is a folder" if path.is_dir() else "it is no regular file"
@@ -115,6 +129,7 @@ def read_text(path: pathlib.Path, name: str) -> tuple[str, list[Problem]]:
     try:
         return data.decode("utf-8"), []
     except UnicodeDecodeError as error:
+        # A file that is too long may be cut within a character; it is refused for its length.
         if len(data) > MAX_BYTES:
             return data.decode("utf-8", "replace"), []
         before = data[: error.start]
@@ -123,9 +138,9 @@ def read_text(path: pathlib.Path, name: str) -> tuple[str, list[Problem]]:
 
 
 def read_document(text: str, file: str) -> tuple[Document, list[Problem]]:
-    """Read one YAML document; what is wrong with it comes back beside whatever could be read."""
+    """Read one YAML document; return everything that could be read, and what is wrong."""
     if len(text.encode("utf-8", "surrogatepass")) > MAX_BYTES:
-        message = f"the file is larger than {MAX_BYTES // 1_000_000} MB; is it the right one?"
+        message = f"the file is larger than {MAX_BYTES // 1_000_000} MB; is it the right file?"
         return Document(file), [Problem(file, 1, 1, "", message)]
     reader = _Reader(_events(text), file)
     try:
@@ -136,7 +151,7 @@ def read_document(text: str, file: str) -> tuple[Document, list[Problem]]:
 
 
 class _Stop(Exception):
-    """Reading cannot go on."""
+    """Raised if the parser cannot go on."""
 
     def __init__(self, line: int, column: int, message: str) -> None:
         super().__init__(message)
@@ -144,6 +159,7 @@ class _Stop(Exception):
 
 
 def _events(text: str) -> Iterator[Event]:
+    """Yield the parser's events; turn its errors into _Stop, at their position or at that of the last event."""
     line, column = 1, 1
     events = YAML(typ="safe", pure=True).parse(text)
     while True:
@@ -162,7 +178,7 @@ def _events(text: str) -> Iterator[Event]:
                 line, column = text.count("\n", 0, offset) + 1, offset - text.rfind("\n", 0, offset)
             raise _Stop(line, column, f"not YAML: {shorten(str(error), 120)}") from None
         except Exception as error:
-            # The parser lets some malformed escapes out as errors of the language; they are no less the file's.
+            # On some malformed escapes the parser raises ValueError or the like; the file is at fault all the same.
             raise _Stop(line, column, f"not YAML: {shorten(str(error), 120) or type(error).__name__}") from None
         if event.start_mark is not None:
             line, column = event.start_mark.line + 1, event.start_mark.column + 1
@@ -178,7 +194,7 @@ def _syntax_message(error: MarkedYAMLError) -> str:
 
 
 class _Reader:
-    """Recursive descent over the events, no deeper than :data:`MAX_DEPTH`."""
+    """Builds values from events by recursive descent, no deeper than :data:`MAX_DEPTH`."""
 
     def __init__(self, events: Iterator[Event], file: str) -> None:
         self.events = events
@@ -186,6 +202,7 @@ class _Reader:
         self.problems: list[Problem] = []
 
     def read(self) -> None:
+        """Read all events; there must be exactly one document."""
         documents = 0
         for event in self.events:
             if isinstance(event, DocumentStartEvent):
@@ -198,6 +215,7 @@ class _Reader:
         self.document.complete = True
 
     def _value(self, event: Event, path: Path) -> Any:
+        """Return the value that begins with ``event``, and record its position."""
         self.document.values[path] = Position(self.document.file, *_spot(event))
         value: Any = None
         complaint = _complaint(event)
@@ -222,6 +240,7 @@ class _Reader:
         return values
 
     def _mapping(self, path: Path) -> dict[str, Any]:
+        """Read a mapping up to its end; note where keys stand, and as problems keys that are doubled or no words."""
         values: dict[str, Any] = {}
         while not isinstance(event := next(self.events), MappingEndEvent):
             position = Position(self.document.file, *_spot(event))
@@ -231,7 +250,7 @@ class _Reader:
                 self._discard(event)
                 complaint = complaint or "a key must be a plain word"
             elif key in values:
-                complaint = f"key given twice; it stands at line {self.document.keys[(*path, key)].line} already"
+                complaint = f"key given twice; it is at line {self.document.keys[(*path, key)].line} already"
             if complaint:
                 where = dotted(path if key is None else (*path, key))
                 self.problems.append(Problem(position.file, position.line, position.column, where, complaint))
@@ -242,11 +261,11 @@ class _Reader:
                 inner = next(self.events)
                 values[key] = self._value(inner, (*path, key))
                 if isinstance(inner, ScalarEvent) and inner.start_mark.index == inner.end_mark.index:
-                    self.document.values[(*path, key)] = position  # nothing is written there; its mark is the next line
+                    self.document.values[(*path, key)] = position  # empty value: the parser marks the next line instead
         return values
 
     def _discard(self, event: Event) -> None:
-        """Read past the value that ``event`` begins."""
+        """Skip the value that begins with ``event``."""
         depth = 0
         while True:
             depth += isinstance(event, SequenceStartEvent | MappingStartEvent)
@@ -261,7 +280,7 @@ def _spot(event: Event) -> tuple[int, int]:
 
 
 def _complaint(event: Event) -> str | None:
-    """What a node may not carry: aliases, anchors, tags, and characters that cannot be written."""
+    """Return why a node is not allowed: it is an alias, or has an anchor, a tag or half of a surrogate pair."""
     if isinstance(event, AliasEvent):
         return f"aliases are not allowed ('*{shorten(event.anchor)}'); write the value out"
     if not isinstance(event, NodeEvent):
@@ -272,12 +291,12 @@ def _complaint(event: Event) -> str | None:
     if tag is not None:
         return f"tags are not allowed ('{shorten(str(tag))}')"
     if isinstance(event, ScalarEvent) and any("\ud800" <= letter <= "\udfff" for letter in event.value):
-        return "half of a surrogate pair is no character; write the character itself"
+        return "half of a surrogate pair is not a character; write the character itself"
     return None
 
 
 def _scalar(event: ScalarEvent) -> Any:
-    """Value of a scalar by the core schema; quoted and block scalars are text."""
+    """Return the value of a scalar by the core schema; quoted and block scalars are text."""
     text: str = event.value
     if not event.implicit[0]:
         return text

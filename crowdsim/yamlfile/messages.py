@@ -1,4 +1,4 @@
-"""From the schema's complaints to problems a person can act on."""
+"""Turn pydantic's validation errors into problems that a user can act on."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _BOUNDS = {
 
 
 def schema_problems(error: ValidationError, document: Document, model: type[BaseModel]) -> list[Problem]:
-    """Problems of everything ``error`` holds against the values of ``document``, which ``model`` describes."""
+    """Return the problems of ``error`` with the values of ``document``; ``model`` is the schema of the document."""
     problems = []
     for detail in error.errors(include_url=False):
         path: Path = detail["loc"]
@@ -38,14 +38,14 @@ def schema_problems(error: ValidationError, document: Document, model: type[Base
 
 
 def nearest(word: str, names: Iterable[str], otherwise: str) -> str:
-    """``did you mean 'x'?`` with the nearest of ``names``, or ``otherwise`` followed by all of them."""
+    """Return ``did you mean 'x'?`` with the most similar of ``names``, else ``otherwise`` followed by all names."""
     names = list(names)
     close = difflib.get_close_matches(word[:80].lower(), names, n=1)
     return f"did you mean '{close[0]}'?" if close else f"{otherwise}: {', '.join(names) or 'none'}"
 
 
 def _follows_from_another(detail: ErrorDetails) -> bool:
-    """Whether the complaint only says again that a list has bad items, or names a second missing item of a list."""
+    """Return whether an error only repeats that a list has bad items, or names a second missing item of a list."""
     if detail["type"] == "too_short":
         return bool(len(detail["input"]) >= detail["ctx"]["min_length"])
     last = detail["loc"][-1] if detail["loc"] else None
@@ -53,6 +53,7 @@ def _follows_from_another(detail: ErrorDetails) -> bool:
 
 
 def _message(detail: ErrorDetails, path: Path, model: type[BaseModel]) -> str:
+    """Return a message for users on an error of pydantic: what is wrong, and what the file may have there."""
     kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
     annotation = _annotation(model, path[:-1] if kind in ("extra_forbidden", "missing") and path else path)
     if kind == "extra_forbidden":
@@ -78,6 +79,7 @@ def _message(detail: ErrorDetails, path: Path, model: type[BaseModel]) -> str:
 
 
 def _type_message(kind: str, value: Any, annotation: Any) -> str:
+    """Return what was expected at a value of the wrong type, and what stands there."""
     got = _describe(value)
     if kind in ("model_type", "model_attributes_type", "dict_type"):
         return f"expected a mapping with keys among {', '.join(_keys(annotation))}, got {got}"
@@ -85,6 +87,8 @@ def _type_message(kind: str, value: Any, annotation: Any) -> str:
         return f"expected a list, got {got}"
     if kind == "string_type":
         return f"expected text, got {got}; put it in quotes if it is meant as text"
+    if kind == "bool_type":
+        return f"expected true or false, got {got}"
     if kind in ("float_type", "int_type", "int_from_float"):
         if kind == "float_type" and isinstance(value, int) and not isinstance(value, bool):
             return f"the number {shorten(str(value))} is too large"
@@ -111,6 +115,7 @@ def _wanted_list(annotation: Any, context: dict[str, Any]) -> str:
 
 
 def _describe(value: Any) -> str:
+    """Return a YAML value in words."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):
@@ -123,7 +128,7 @@ def _describe(value: Any) -> str:
 
 
 def _bare(annotation: Any) -> Any:
-    """``annotation`` without its metadata and without the None it allows."""
+    """Return ``annotation`` without its metadata and without ``| None``."""
     while True:
         origin = typing.get_origin(annotation)
         if origin is typing.Annotated:
@@ -135,7 +140,7 @@ def _bare(annotation: Any) -> Any:
 
 
 def _annotation(model: type[BaseModel], path: Path) -> Any:
-    """Type that the schema wants at ``path``."""
+    """Return the type that the schema requires at ``path``."""
     annotation: Any = model
     for part in path:
         annotation = _bare(annotation)

@@ -1,4 +1,4 @@
-"""Overrides ``path=value`` of a scenario's entries, as ``--set`` gives them."""
+"""Apply overrides ``path=value`` to the entries of a scenario, as given with ``--set``."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from crowdsim.yamlfile.document import Document, Path, Position, read_document
 
 
 def apply_overrides(document: Document, overrides: Sequence[str]) -> list[Problem]:
-    """Write each ``agents.0.count=4`` into the document, in order; return what is wrong with them.
+    """Write each override, such as ``agents.0.count=4``, into the document, in order; return what is wrong with them.
 
-    The value is YAML, so that ``floor={rectangle: [0, 0, 4, 4]}`` works. Keys that are absent are made (the schema
-    tells whether they may be), list entries are not. What the schema has against the value is later reported at
-    ``--set path`` in place of the file.
+    The value is YAML, so that ``floor={rectangle: [0, 0, 4, 4]}`` works. Absent keys are added (the schema later
+    decides whether they are allowed), list entries are not. Problems that the schema finds with a value are reported at
+    ``--set path`` instead of the file.
     """
     problems = []
     for override in overrides:
@@ -36,6 +36,10 @@ def apply_overrides(document: Document, overrides: Sequence[str]) -> list[Proble
 
 
 def _write(document: Document, parts: list[str], value: Document, position: Position) -> str | None:
+    """Set the entry at ``parts`` to ``value``, all at ``position``; return what is wrong, None if nothing is.
+
+    Mappings that are missing on the way are made; list entries must be there.
+    """
     if document.value is None:
         document.value = {}
     container: Any = document.value

@@ -1,1 +1,1 @@
-"""Distances to obstacles: of points, of swept discs, along ways; and where a disc is free."""
+"""Distances from points, swept discs and ways to obstacles, and the nearest free place of a disc."""

@@ -1,8 +1,9 @@
-"""Where a point on a circular arc is too close to an obstacle.
+"""Places where a circular arc has a given distance to an obstacle.
 
-The arc runs from bearing ``start`` around its center, ``turn`` radians further (negative: clockwise). A place on it is
-told by the angle u in [0, |turn|] it is passed at. Roots are those of the obstacle's outline grown by the radius:
-circles around its ends and lines beside it; what lies between two roots is told by its middle.
+An arc starts at bearing ``start`` from its center and spans ``turn`` radians (negative: clockwise). A place on it is
+given by the angle u in [0, |turn|] from its start. The roots found here are the angles u at which the arc crosses the
+obstacle's outline grown by the radius: circles around its ends and lines beside it. Between two roots the arc is
+entirely too close or entirely clear; the caller tests the middle to see which.
 """
 
 import math
@@ -14,18 +15,26 @@ from crowdsim.jit import helper
 from crowdsim.navmesh.mesh.half_edge_kernels import nxt
 
 ARC = np.dtype([(name, np.float64) for name in ("x", "y", "radius", "start", "turn")], align=True)
-"""A circular arc: center, radius, bearing of its start from the center, signed angle."""
+"""A circular arc: center x, y [m], radius [m], bearing of its start from the center [rad], signed angle [rad]."""
 
 FLAT = 1e-8
-"""Arcs of a smaller bulge count as straight: their middle stands off by under 1e-8 of their length."""
+"""Arcs of a smaller bulge count as straight: their middle is less than 1e-8 of their length off the chord.
+
+A larger value makes more arcs straight, a much smaller one makes centers too distant to be accurate.
+"""
 
 MOST_ROOTS = 10
+"""Room for the roots of a segment, a triangle or the box on an arc: two for each circle or line, at most 8."""
 
 
 @helper
 def set_arc(arc, px, py, qx, qy, bulge):
-    """The arc from p to q, ``bulge`` being the tangent of a quarter of its angle, positive counter-clockwise."""
-    # The center is on the perpendicular bisector of the chord.
+    """Set ``arc`` to run from p to q with ``bulge``.
+
+    The bulge is the tangent of a quarter of the arc's angle, positive for counter-clockwise.
+    """
+    # The center lies on the perpendicular bisector of the chord, c (1 - b * b) / (4 b) to its left for a chord of
+    # length c and a bulge b. The radius is c (1 + b * b) / (4 |b|).
     off = (1.0 - bulge * bulge) / (4.0 * bulge)
     arc.x = 0.5 * (px + qx) - off * (qy - py)
     arc.y = 0.5 * (py + qy) + off * (qx - px)
@@ -36,7 +45,7 @@ def set_arc(arc, px, py, qx, qy, bulge):
 
 @helper
 def arc_point(arc, u):
-    """The place passed at angle u."""
+    """Return the place (x, y) of the arc at angle u."""
     bearing = arc.start + math.copysign(u, arc.turn)
     c, s = cos_sin(bearing)
     return arc.x + arc.radius * c, arc.y + arc.radius * s
@@ -44,11 +53,16 @@ def arc_point(arc, u):
 
 @helper
 def _add_roots(arc, bearing, half, lo, hi, roots, count):
-    """Put the angles of the bearings ``bearing`` +- ``half`` between lo and hi into their place; the new count."""
+    """Insert the angles u of the bearings ``bearing`` +- ``half`` into the sorted ``roots``, if in (lo, hi).
+
+    Return the new count.
+    """
     for sign in (-1.0, 1.0):
+        # Angle from the start of the arc in the arc's own direction.
         u = (math.copysign(1.0, arc.turn) * (bearing + sign * half - arc.start)) % (2.0 * math.pi)
         if u <= lo or u >= hi:
             continue
+        # Insertion sort: at most eight roots.
         k = count
         while k > 0 and roots[k - 1] > u:
             roots[k] = roots[k - 1]
@@ -60,13 +74,16 @@ def _add_roots(arc, bearing, half, lo, hi, roots, count):
 
 @helper
 def _add_circle_roots(arc, vx, vy, radius, lo, hi, roots, count):
-    """Where the arc meets the circle of ``radius`` around v."""
+    """Insert the roots where the arc meets the circle of ``radius`` around v; return the new count."""
     dx = vx - arc.x
     dy = vy - arc.y
     distance = hypot(dx, dy)
     gap = abs(arc.radius - distance)
+    # One circle lies outside or inside of the other: no crossing.
     if distance == 0.0 or gap >= radius or arc.radius + distance <= radius:
         return count
+    # Law of cosines for the angle at the arc's center, as a half angle: the square of sin(half / 2) keeps its precision
+    # near a tangency.
     sine2 = (radius - gap) * (radius + gap) / (4.0 * arc.radius * distance)
     half = 2.0 * asin(math.sqrt(min(sine2, 1.0)))
     return _add_roots(arc, atan2(dy, dx), half, lo, hi, roots, count)
@@ -74,7 +91,8 @@ def _add_circle_roots(arc, vx, vy, radius, lo, hi, roots, count):
 
 @helper
 def add_line_roots(arc, nx, ny, at, lo, hi, roots, count):
-    """Where the arc meets the line n . x = ``at``, n being of unit length."""
+    """Insert the roots where the arc meets the line n . x = ``at``, n of unit length; return the new count."""
+    # Signed distance from the arc's center to the line.
     away = at - (nx * arc.x + ny * arc.y)
     if abs(away) >= arc.radius:
         return count
@@ -83,11 +101,15 @@ def add_line_roots(arc, nx, ny, at, lo, hi, roots, count):
 
 @helper
 def side_roots(arc, ax, ay, bx, by, radius, lo, hi, roots):
-    """Fill ``roots`` with the angles between lo and hi where segment ab (maybe a point) is ``radius`` off; how many."""
+    """Fill ``roots`` with the angles in (lo, hi) where the arc is ``radius`` from segment ab.
+
+    Return their count. The segment may be a point, a = b.
+    """
     count = _add_circle_roots(arc, ax, ay, radius, lo, hi, roots, np.int64(0))
     ex = bx - ax
     ey = by - ay
     length = hypot(ex, ey)
+    # A segment adds the circle around its other end and the two lines beside it.
     if length > 0.0:
         count = _add_circle_roots(arc, bx, by, radius, lo, hi, roots, count)
         nx = -ey / length
@@ -100,7 +122,10 @@ def side_roots(arc, ax, ay, bx, by, radius, lo, hi, roots):
 
 @helper
 def triangle_roots(m, t, arc, lo, hi, roots):
-    """Fill ``roots`` with the angles between lo and hi where the arc crosses a side of triangle t; how many."""
+    """Fill ``roots`` with the angles in (lo, hi) where the arc crosses the line of a side of triangle t.
+
+    Return the count.
+    """
     count = np.int64(0)
     for h in range(3 * t, 3 * t + 3):
         a = m.vertices[m.sides[h].org]

@@ -1,4 +1,4 @@
-"""Where a disc swept along a chain of arcs comes too close to the obstacles of a mesh."""
+"""Intervals on which a disc, swept along a chain of arcs, comes too close to the obstacles of a mesh."""
 
 import math
 
@@ -22,22 +22,26 @@ from crowdsim.navmesh.mesh.half_edge_kernels import holds, nxt
 from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, NONE
 
 _PIECE = 0.125 * math.pi
-"""Arcs are walked along chords of at most this angle, which they leave by under 2 % of their radius."""
+"""Arcs are walked along chords of at most this angle [rad]; they leave them by less than 2 % of their radius."""
 
 
 @helper
 def _arc_piece(m, arc, u0, u1, radius, start, spans, count, marks, mark, near, roots):
-    """Add the spans of the part u0..u1 of an arc inside the box, see `arc_violations`; (spans, count, near)."""
+    """Add the violations on the part u0..u1 of an arc inside the box as spans; return (spans, count, near).
+
+    Spans are intervals of arc length [m]. ``start`` is the length of the chain before this arc. For the other arguments
+    see `arc_violations`.
+    """
     sides = m.sides
     vertices = m.vertices
     x0, y0 = arc_point(arc, u0)
     x1, y1 = arc_point(arc, u1)
-    # Somewhat more than the arc is off its chord.
+    # All obstacles within ``radius`` of the arc are within ``reach`` of its chord.
     reach = radius + 1.01 * arc.radius * (1.0 - cos(0.5 * (u1 - u0)))
     near, triangles = triangles_near(m, x0, y0, x1, y1, reach, marks, mark, near, near[0])
     for i in range(triangles):
         t = near[i]
-        # First the inside of a blocked triangle, then what is near its sides.
+        # Index 3 t - 1 stands for the inside of triangle t, if blocked; 3 t to 3 t + 2 for what lies at its sides.
         for h in range(3 * t - 1, 3 * t + 3):
             whole = h < 3 * t
             a = vertices[sides[max(h, 3 * t)].org]
@@ -47,11 +51,14 @@ def _arc_piece(m, arc, u0, u1, radius, start, spans, count, marks, mark, near, r
                     continue
                 found = triangle_roots(m, t, arc, u0, u1, roots)
             else:
+                # Corners of the box are no obstacles.
                 if sides[h].org < BOX_CORNERS:
                     continue
+                # An open side counts only with its origin, a vertex of an obstacle.
                 if sides[h].constraints != 0:
                     b = vertices[sides[nxt(h)].org]
                 found = side_roots(arc, a.x, a.y, b.x, b.y, radius, u0, u1, roots)
+            # Between two roots nothing changes, so the middle decides.
             lo = u0
             for k in range(found + 1):
                 hi = roots[k] if k < found else u1
@@ -68,10 +75,24 @@ def _arc_piece(m, arc, u0, u1, radius, start, spans, count, marks, mark, near, r
 
 @kernel
 def arc_violations(m, points, radius):
-    """All maximal intervals of arc length where a chain of arcs is closer than ``radius`` to an obstacle: (k, 2).
+    """Return all maximal intervals of arc length [m] on which a chain of arcs is closer than ``radius`` to an obstacle.
 
-    ``points`` (n, 3) are x, y and the bulge of the piece to the next point. Exact for each piece, as
-    :func:`crowdsim.navmesh.clearance.violation_kernels.violations` is, which straight pieces are left to.
+    Exact for each piece. Straight pieces are left to :func:`crowdsim.navmesh.clearance.violation_kernels.violations`.
+
+    Parameters
+    ----------
+    m : MeshArrays
+        The mesh.
+    points : (n, 3) float64
+        x, y [m] and the bulge of the piece to the next point: the tangent of a quarter of its angle, positive
+        counter-clockwise.
+    radius : float
+        Radius of the disc [m].
+
+    Returns
+    -------
+    (k, 2) float64
+        Start and end of each interval [m], disjoint and in order.
     """
     frame = m.frame[0]
     marks = np.zeros(frame.triangles, np.int64)
@@ -80,11 +101,13 @@ def arc_violations(m, points, radius):
     near[0] = NONE
     spans = np.empty(64, SPAN)
     count = np.int64(0)
-    arc = np.empty(1, ARC)  # not its record, which would not keep the memory alive
+    # An array, as a record taken out of it would not keep the memory alive.
+    arc = np.empty(1, ARC)
     roots = np.empty(MOST_ROOTS)
     cuts = np.empty(MOST_ROOTS)
     straight = np.empty((2, 2))
     start = 0.0
+    # A single point makes one piece of length 0.
     for i in range(max(points.shape[0] - 1, 1)):
         last = min(i + 1, points.shape[0] - 1)
         straight[0, 0] = points[i, 0]
@@ -101,6 +124,7 @@ def arc_violations(m, points, radius):
             start += length
             continue
         set_arc(arc[0], points[i, 0], points[i, 1], points[last, 0], points[last, 1], points[i, 2])
+        # Cut the arc where it leaves or enters the box: outside everything is blocked.
         turn = abs(arc[0].turn)
         cut = add_line_roots(arc[0], 1.0, 0.0, frame.x0, 0.0, turn, cuts, np.int64(0))
         cut = add_line_roots(arc[0], 1.0, 0.0, frame.x1, 0.0, turn, cuts, cut)
@@ -113,6 +137,7 @@ def arc_violations(m, points, radius):
             if x < frame.x0 or x > frame.x1 or y < frame.y0 or y > frame.y1:
                 spans, count = record(spans, count, start + arc[0].radius * lo, start + arc[0].radius * hi)
             else:
+                # Inside the box: short pieces, so that few triangles lie near the chord of each.
                 pieces = max(1, math.ceil((hi - lo) / _PIECE))
                 step = (hi - lo) / pieces
                 for piece in range(pieces):

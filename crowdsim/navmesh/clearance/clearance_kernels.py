@@ -1,7 +1,7 @@
 """Distances from points and swept discs to the obstacles of a mesh.
 
-Every vertex of a free triangle is on an obstacle. A disc that holds no vertex cuts the sides it meets as chords, so the
-triangles it reaches form a tree: they are walked without marks.
+Every vertex of a free triangle is on an obstacle. A disc that holds no vertex cuts each side it meets as a chord, so
+the triangles it reaches form a tree. They can be walked without marking those already visited.
 """
 
 import math
@@ -17,19 +17,22 @@ from crowdsim.navmesh.mesh.mesh_arrays import NONE
 
 @helper
 def disc_clearance(m, x, y, limit, hint):
-    """Distance from (x, y) to the nearest obstacle, at most ``limit``, and its triangle, the next ``hint`` (or -1).
+    """Return the distance from (x, y) to the nearest obstacle, at most ``limit`` [m], and its triangle (or -1).
 
-    The distance is -1.0 where (x, y) is not in free space. Takes no memory: the walk finds its way back by the rule
-    that exactly one side of a triangle, the one it was entered by, has the point behind its inner part.
+    The distance is -1.0 if (x, y) is not in free space. The triangle is a good ``hint`` for the next point nearby. The
+    walk needs no stack. It finds its way back by this rule: of the sides of a triangle, only the one it was entered by
+    has the point on its outer side and the foot of the point inside its length.
     """
     sides = m.sides
     vertices = m.vertices
+    # (sx, sy) is the point on the grid: it decides on which side of sides the point lies.
     cell = m.frame[0].cell
     sx = snapped(cell, x)
     sy = snapped(cell, y)
     root = locate(m, sx, sy, hint)
     if root < 0 or m.cover[root] != 0:
         return -1.0, root
+    # ``best`` is the least squared distance so far. First the corners of the triangle that holds the point.
     best = limit * limit
     for h in range(3 * root, 3 * root + 3):
         v = vertices[sides[h].org]
@@ -38,7 +41,8 @@ def disc_clearance(m, x, y, limit, hint):
         best = min(best, dx * dx + dy * dy)
     h = 3 * root
     done = 0
-    for _ in range(4 * sides.size):  # a tree has fewer sides to go along and back
+    # Depth first through the tree of triangles; it has fewer sides to go along and back.
+    for _ in range(4 * sides.size):
         t = h // 3
         a = vertices[sides[h].org]
         b = vertices[sides[nxt(h)].org]
@@ -49,7 +53,9 @@ def disc_clearance(m, x, y, limit, hint):
         # Exact on the grid, so that both halves of a side agree.
         across = ux * (sy - ay) - uy * (sx - ax)
         along = ux * (sx - ax) + uy * (sy - ay)
+        # ``before``: the foot of the point on the side's line falls strictly between the ends.
         before = along > 0.0 and along < ux * ux + uy * uy
+        # The side the triangle was entered by: go back across it and on to the next side of the parent.
         if t != root and before and across <= 0.0:
             h = sides[h].twin
             if h // 3 == root:
@@ -58,6 +64,8 @@ def disc_clearance(m, x, y, limit, hint):
                     return math.sqrt(best), root
             h = nxt(h)
             continue
+        # The inside of this side may be nearer than ``best``: an obstacle if it is constrained, else a passage to
+        # cross.
         if before:
             offset = ux * (y - ay) - uy * (x - ax)
             distance2 = offset * offset / (ux * ux + uy * uy)
@@ -72,29 +80,34 @@ def disc_clearance(m, x, y, limit, hint):
                     best = min(best, dx * dx + dy * dy)
                     h = nxt(h)
                     continue
+        # This side is done. The walk ends with the third side of the root.
         if t == root:
             done += 1
             if done == 3:
                 return math.sqrt(best), root
         h = nxt(h)
-    return -1.0, root  # whatever rounding did, the answer is on the safe side
+    # Only after rounding errors: the answer is on the safe side.
+    return -1.0, root
 
 
 @helper
 def _inner_distance2(x0, y0, x1, y1, a, b):
-    """Squared distance from segment 0-1 to side ab where the nearest place is inside of the side, inf elsewhere."""
+    """Return the squared distance from segment 0-1 to side ab if the nearest place is inside of the side, else inf."""
     ux = b.x - a.x
     uy = b.y - a.y
+    # Coordinates of both ends of the segment along and off the side's line, times the side's length.
     length2 = ux * ux + uy * uy
     along0 = ux * (x0 - a.x) + uy * (y0 - a.y)
     along1 = ux * (x1 - a.x) + uy * (y1 - a.y)
     side0 = ux * (y0 - a.y) - uy * (x0 - a.x)
     side1 = ux * (y1 - a.y) - uy * (x1 - a.x)
+    # The segment crosses the line of the side: distance 0 if it does so between a and b.
     if (side0 > 0.0 and side1 < 0.0) or (side0 < 0.0 and side1 > 0.0):
-        # How far along the side segment 0-1 meets the line of ab.
+        # Where the crossing lies along the side, times its length.
         meeting = (along0 * side1 - along1 * side0) / (side1 - side0)
         if meeting > 0.0 and meeting < length2:
             return 0.0
+    # Otherwise an end of the segment is nearest, if its foot falls inside of the side.
     best = math.inf
     if along0 > 0.0 and along0 < length2:
         best = side0 * side0 / length2
@@ -105,14 +118,15 @@ def _inner_distance2(x0, y0, x1, y1, a, b):
 
 @helper
 def capsule_nearest(m, x0, y0, x1, y1, limit, hint):
-    """Nearest obstacle feature of the segment (x0, y0) -> (x1, y1): (distance, triangle, vertex, half-edge).
+    """Return the obstacle feature nearest to the segment (x0, y0) -> (x1, y1): (distance, triangle, vertex, half-edge).
 
-    The distance is capped at ``limit``, with no feature then; -1.0 where the segment starts outside of free space. The
-    triangle holds the start. One of vertex and half-edge (a constrained side, nearest inside) is -1.
+    The distance is at most ``limit`` [m], without a feature then, and -1.0 if the segment starts outside of free space.
+    The triangle holds the start. The feature is a vertex or the inside of a constrained half-edge; the other number is
+    -1.
 
-    The ends of a side are measured before the side, so only its inside counts from then on. Otherwise, a side that
-    turns away from the segment measures the same as its end, less by rounding now and then, and the walk would circle
-    around a point obstacle, where no constraint stops it.
+    The ends of a side are measured before the side, so only its inside counts after that. Otherwise a side that faces
+    away from the segment would measure the same as its end, or less by rounding, and the walk would circle around a
+    point obstacle, where no constraint stops it.
     """
     sides = m.sides
     vertices = m.vertices
@@ -122,6 +136,7 @@ def capsule_nearest(m, x0, y0, x1, y1, limit, hint):
     best = limit * limit
     vertex = NONE
     edge = NONE
+    # The corners of the first triangle are measured before its sides.
     for h in range(3 * root, 3 * root + 3):
         v = sides[h].org
         distance2 = point_segment_distance2(vertices[v].x, vertices[v].y, x0, y0, x1, y1)
@@ -138,15 +153,19 @@ def capsule_nearest(m, x0, y0, x1, y1, limit, hint):
         top -= 1
         h = stack[top]
         distance2 = _inner_distance2(x0, y0, x1, y1, vertices[sides[h].org], vertices[sides[nxt(h)].org])
+        # The side is not nearer than the best feature, so nothing behind it is.
         if distance2 >= best:
             continue
+        # A constrained side is itself a nearer feature, and nothing behind it counts.
         if sides[h].constraints != 0:
             best = distance2
             edge = h
             vertex = -1
             continue
+        # An open side: measure the third corner of the triangle behind it, then look at its two other sides.
         crossed += 1
-        if crossed > m.cover.size:  # a tree has no more; whatever rounding did, the answer is on the safe side
+        # A tree has no more triangles; after rounding errors the answer is on the safe side.
+        if crossed > m.cover.size:
             return -1.0, root, -1, -1
         g = sides[h].twin
         v = sides[prv(g)].org
@@ -165,9 +184,10 @@ def capsule_nearest(m, x0, y0, x1, y1, limit, hint):
 
 @helper
 def capsule_clearance(m, x0, y0, x1, y1, limit, hint):
-    """Distance from the segment to the nearest obstacle, at most ``limit``, and the triangle of its start (or -1).
+    """Return the distance from the segment to the nearest obstacle, at most ``limit`` [m], and a triangle.
 
-    The distance is -1.0 where the segment starts outside of free space, and 0.0 where it crosses an obstacle later.
+    The triangle holds the start; it is -1 if there is none. The distance is -1.0 if the segment starts outside of free
+    space, and 0.0 if it crosses an obstacle later.
     """
     distance, triangle, _, _ = capsule_nearest(m, x0, y0, x1, y1, limit, hint)
     return distance, triangle
@@ -175,7 +195,7 @@ def capsule_clearance(m, x0, y0, x1, y1, limit, hint):
 
 @kernel
 def clearances(m, points, limit, out):
-    """Fill ``out`` (n,) with the clearances of ``points`` (n, 2), 0 where they are not free."""
+    """Fill ``out`` (n,) with the clearances [m] of ``points`` (n, 2), at most ``limit``; 0 if not free."""
     for i in range(points.shape[0]):
         distance, _ = disc_clearance(m, points[i, 0], points[i, 1], limit, np.int64(NONE))
         out[i] = max(distance, 0.0)

@@ -1,10 +1,10 @@
 """The nearest place where a disc stands free.
 
-Where p itself is not free, the nearest place q touches an obstacle: it is the nearest point to p of one obstacle's
-outline grown by the radius, or a point where two such outlines meet. Whatever triangle q is in, the obstacles it
-touches are seen from there within the radius. So free triangles are taken by their distance from p, blocked ones only
-passed, and each offers the candidates of the obstacles next to it, until the next triangle is farther than the best
-one.
+If the query point p is not free itself, the nearest free place q touches an obstacle. It is either the point nearest to
+p on one obstacle's outline grown by the radius, or a point where two such outlines meet. The obstacles that q touches
+are within the radius of q, and so of the triangle that holds q. So triangles are visited in the order of their distance
+from p. Blocked ones are only crossed. Each free one offers the candidates of the obstacles near it, until the next
+triangle is farther than the best place.
 """
 
 import math
@@ -23,18 +23,27 @@ from crowdsim.navmesh.mesh.mesh_arrays import NONE
 _OUTLINE = np.dtype([(name, np.float64) for name in ("x", "y", "ux", "uy", "length")], align=True)
 """Part of an obstacle's outline grown by the radius.
 
-The circle around (x, y) where ``length`` is 0, otherwise the segment from (x, y) on in the direction u.
+If ``length`` is 0, the circle around (x, y); otherwise the segment from (x, y) in the direction (ux, uy), of that
+length [m].
 """
 
 _BEST = np.dtype([("x", np.float64), ("y", np.float64), ("distance", np.float64)], align=True)
-"""The nearest free place so far, handed on as an array (1,): a bare record would not keep its memory alive."""
+"""The nearest free place so far and its distance [m], passed as an array (1,).
+
+A bare record would not keep its memory alive.
+"""
 
 
 @helper
 def _try(m, t, px, py, x, y, radius, slack, best):
-    """Make (x, y) the best place if it is nearer to p and free."""
+    """Make (x, y), a place near triangle t, the best place if it is nearer to p than that and free.
+
+    It counts as free with ``slack`` [m] less clearance than ``radius`` [m], as candidates lie at just that distance
+    from an obstacle, up to rounding. best: (1,) record of x, y and distance from p [m]; updated.
+    """
     distance = hypot(x - px, y - py)
     if distance < best[0].distance:
+        # Obstacles are looked for within twice the radius, more than the comparison needs.
         clearance, _ = disc_clearance(m, x, y, 2.0 * radius, t)
         if clearance >= radius - slack:
             best[0].x = x
@@ -44,15 +53,17 @@ def _try(m, t, px, py, x, y, radius, slack, best):
 
 @helper
 def _nearest_of(one, px, py, radius):
-    """(distance, x, y) of the point of an outline that is nearest to p."""
+    """Return (distance, x, y) of the point nearest to p on an outline."""
     dx = px - one.x
     dy = py - one.y
+    # A segment: the foot of p, clamped to its ends.
     if one.length > 0.0:
         along = min(max(dx * one.ux + dy * one.uy, 0.0), one.length)
         x = one.x + along * one.ux
         y = one.y + along * one.uy
         return hypot(x - px, y - py), x, y
     distance = hypot(dx, dy)
+    # In the center all points of the circle are nearest: take one.
     if distance == 0.0:
         return radius, px + radius, py
     return abs(distance - radius), one.x + radius / distance * dx, one.y + radius / distance * dy
@@ -61,11 +72,13 @@ def _nearest_of(one, px, py, radius):
 @helper
 def _try_meetings(m, t, px, py, one, other, radius, slack, best):
     """Try the points where two outlines meet."""
+    # A segment first, if there is one.
     if one.length == 0.0:
         one, other = other, one
     dx = other.x - one.x
     dy = other.y - one.y
-    if one.length == 0.0:  # two circles of the same radius
+    # Two circles of the same radius meet on the bisector of their centers.
+    if one.length == 0.0:
         distance2 = dx * dx + dy * dy
         if distance2 == 0.0 or distance2 > 4.0 * radius * radius:
             return
@@ -74,7 +87,8 @@ def _try_meetings(m, t, px, py, one, other, radius, slack, best):
             x = one.x + 0.5 * dx - sign * dy
             y = one.y + 0.5 * dy + sign * dx
             _try(m, t, px, py, x, y, radius, slack, best)
-    elif other.length == 0.0:  # a segment and a circle
+    # A segment and a circle meet half a chord on both sides of the foot of the circle's center.
+    elif other.length == 0.0:
         along = dx * one.ux + dy * one.uy
         across = dx * one.uy - dy * one.ux
         half2 = radius * radius - across * across
@@ -84,6 +98,7 @@ def _try_meetings(m, t, px, py, one, other, radius, slack, best):
         for s in (along - half, along + half):
             if s >= -slack and s <= one.length + slack:
                 _try(m, t, px, py, one.x + s * one.ux, one.y + s * one.uy, radius, slack, best)
+    # Two segments meet where p + s u = p2 + s2 u2 (Cramer's rule); parallel ones never do.
     else:
         sine = one.ux * other.uy - one.uy * other.ux
         if sine == 0.0:
@@ -96,7 +111,7 @@ def _try_meetings(m, t, px, py, one, other, radius, slack, best):
 
 @helper
 def _side_to_triangle2(m, h, t):
-    """Squared distance between side h and the outline of triangle t."""
+    """Return the squared distance between side h and the outline of triangle t [m2]."""
     sides = m.sides
     vertices = m.vertices
     a = vertices[sides[h].org]
@@ -111,13 +126,18 @@ def _side_to_triangle2(m, h, t):
 
 @helper
 def _outlines_near(m, root, radius, near, outlines, stack, triangle_marks, vertex_marks):
-    """Outlines of all that is seen from the free triangle ``root`` within ``near``: (outlines, count, stack)."""
+    """Collect the outlines of all obstacles that are seen from the free triangle ``root`` within ``near``.
+
+    Return (outlines, count, stack), as the arrays grow if they are full. The marks hold ``root`` + 1 for what was
+    visited.
+    """
     sides = m.sides
     vertices = m.vertices
     count = 0
     triangle_marks[root] = root + 1
     stack[0] = root
     top = 1
+    # Flood from triangle to triangle across open sides that are near.
     while top > 0:
         top -= 1
         t = stack[top]
@@ -125,9 +145,11 @@ def _outlines_near(m, root, radius, near, outlines, stack, triangle_marks, verte
             stack = longer(stack)
         if count + 6 > outlines.size:
             outlines = longer(outlines)
+        # A triangle adds at most six outlines: three circles and three segments.
         for h in range(3 * t, 3 * t + 3):
             v = sides[h].org
             a = vertices[v]
+            # Every vertex of a free triangle is a corner of an obstacle: a circle, once for each vertex.
             if vertex_marks[v] != root + 1:
                 vertex_marks[v] = root + 1
                 outlines[count].x = a.x
@@ -139,11 +161,13 @@ def _outlines_near(m, root, radius, near, outlines, stack, triangle_marks, verte
                 continue
             if _side_to_triangle2(m, h, root) > near * near:
                 continue
+            # An open side: go on to the triangle behind it.
             if sides[h].constraints == 0:
                 triangle_marks[g // 3] = root + 1
                 stack[top] = g // 3
                 top += 1
                 continue
+            # A wall: its parallel at the distance of the radius, on the left, where free space is.
             b = vertices[sides[nxt(h)].org]
             ux = b.x - a.x
             uy = b.y - a.y
@@ -151,7 +175,7 @@ def _outlines_near(m, root, radius, near, outlines, stack, triangle_marks, verte
             ux /= length
             uy /= length
             outline = outlines[count]
-            outline.x = a.x - radius * uy  # free space is on the left
+            outline.x = a.x - radius * uy
             outline.y = a.y + radius * ux
             outline.ux = ux
             outline.uy = uy
@@ -162,13 +186,15 @@ def _outlines_near(m, root, radius, near, outlines, stack, triangle_marks, verte
 
 @helper
 def _roomy(m, t, radius):
-    """Whether some place in triangle t is ``radius`` off its corners.
+    """Return True if a place in triangle t is at least ``radius`` from the triangle's corners.
 
-    It is the center of the circumscribed circle, or where the bisector of another side meets the longest one.
+    The place farthest from the corners is the center of the circumscribed circle of an acute triangle. Otherwise it is
+    the point where the bisector of a shorter side meets the longest side.
     """
     a = m.vertices[m.sides[3 * t].org]
     b = m.vertices[m.sides[3 * t + 1].org]
     c = m.vertices[m.sides[3 * t + 2].org]
+    # Squared lengths of the sides, ``longest`` being the greatest.
     x = (b.x - a.x) * (b.x - a.x) + (b.y - a.y) * (b.y - a.y)
     y = (c.x - b.x) * (c.x - b.x) + (c.y - b.y) * (c.y - b.y)
     longest = (a.x - c.x) * (a.x - c.x) + (a.y - c.y) * (a.y - c.y)
@@ -176,15 +202,18 @@ def _roomy(m, t, radius):
         x, longest = longest, x
     if y > longest:
         y, longest = longest, y
+    # Acute: the circumscribed radius is the product of the sides over four times the area.
     if longest < x + y:
         area2 = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x)
         return x * y * longest >= 4.0 * radius * radius * area2 * area2
+    # Right or obtuse: half the shorter side over the cosine of the angle between it and the longest side.
     root = math.sqrt(longest)
     return max(x * root / (x + longest - y), y * root / (y + longest - x)) >= radius
 
 
 @helper
 def _distance_to_triangle(m, t, px, py):
+    """Return the distance from p to triangle t, 0 inside of it [m]."""
     if holds(m, t, px, py):
         return 0.0
     sides = m.sides
@@ -199,9 +228,25 @@ def _distance_to_triangle(m, t, px, py):
 
 @kernel
 def nearest_free(m, px, py, radius, slack, limit):
-    """(distance, x, y) of the place nearest to p with a clearance of ``radius``; inf where none is within ``limit``.
+    """Find the place nearest to p with a clearance of ``radius``; p may be anywhere.
 
-    ``slack`` (meters) is what rounding may take from a candidate's clearance. p may be anywhere.
+    Parameters
+    ----------
+    m : MeshArrays
+        The mesh.
+    px, py : float
+        The point p [m].
+    radius : float
+        Radius of the disc [m].
+    slack : float
+        What rounding may take from the clearance of the place [m].
+    limit : float
+        Greatest distance from p [m].
+
+    Returns
+    -------
+    (distance, x, y)
+        The distance is inf if there is no such place within ``limit``.
     """
     sides = m.sides
     frame = m.frame[0]
@@ -215,13 +260,16 @@ def nearest_free(m, px, py, radius, slack, limit):
     outlines = np.empty(64, _OUTLINE)
     stack = np.empty(64, np.int64)
     heap = np.empty(256, HEAP_ROW)
+    # Start with the triangle of p, or of the place in the box nearest to p, and try p itself.
     root = triangle_near(m, px, py, NONE)
     seen[root] = 1
     heap, waiting = push(heap, np.int64(0), 0.0, np.int64(root))
     _try(m, root, px, py, px, py, radius, slack, best)
+    # Visit triangles in the order of their distance, as in Dijkstra's search.
     while waiting > 0:
         pop(heap, waiting)
         waiting -= 1
+        # All that is left is farther than the best place.
         if heap[waiting].key >= best[0].distance:
             break
         t = heap[waiting].item
@@ -230,14 +278,17 @@ def nearest_free(m, px, py, radius, slack, limit):
             if g >= 0 and seen[g // 3] == 0:
                 seen[g // 3] = 1
                 heap, waiting = push(heap, waiting, _distance_to_triangle(m, g // 3, px, py), g // 3)
+        # Blocked, or too small for a center of the disc.
         if m.cover[t] != 0 or not _roomy(m, t, radius - slack):
             continue
         outlines, count, stack = _outlines_near(
             m, t, radius, radius + slack, outlines, stack, triangle_marks, vertex_marks
         )
+        # Candidates of one outline.
         for i in range(count):
             _, x, y = _nearest_of(outlines[i], px, py, radius)
             _try(m, t, px, py, x, y, radius, slack, best)
+        # Candidates of two outlines; those that are farther than the best place as a whole cannot give a nearer one.
         kept = 0
         for i in range(count):
             distance, _, _ = _nearest_of(outlines[i], px, py, radius)

@@ -1,4 +1,4 @@
-"""Whether a disc moves along a segment and touches no obstacle: a yes or no at a fraction of the cost of a distance."""
+"""Test if a disc can move along a segment without touching an obstacle; much cheaper than a distance."""
 
 import math
 
@@ -11,31 +11,40 @@ from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv, triangle_of
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 
 SWEPT = np.dtype([("h", np.int64)] + [(name, np.float64) for name in ("ax", "ay", "bx", "by")], align=True)
-"""A side that is near, and its ends, along the segment and to the left of it."""
+"""A side near the swept segment: half-edge h, and its ends a and b in the frame of the segment.
+
+The frame has its origin at the start of the segment, x along it and y to its left [m].
+"""
 
 
 @helper
 def is_close(x, y, length, least):
-    """Whether (x, y) is closer than ``least`` to the segment (0, 0) -> (length, 0)."""
+    """Return True if (x, y) is closer than ``least`` to the segment (0, 0) -> (length, 0)."""
     beyond = max(-x, x - length, 0.0)
     return beyond * beyond + y * y < least * least
 
 
 @helper
 def is_met(ax, ay, bx, by, length, least):
-    """Whether the inside of the side a -> b is closer than ``least`` to the segment (0, 0) -> (length, 0)."""
+    """Return True if the inside of the side a -> b is closer than ``least`` to the segment (0, 0) -> (length, 0).
+
+    The ends of the side do not count.
+    """
+    # The side lies beside or beyond the capsule around the segment as a whole.
     if (ay >= least and by >= least) or (ay <= -least and by <= -least):
         return False
     if (ax <= -least and bx <= -least) or (ax >= length + least and bx >= length + least):
         return False
     ux = bx - ax
     uy = by - ay
+    # The side crosses the line of the segment: it is met if it does so between the segment's ends.
     if (ay > 0.0) != (by > 0.0):
-        # Where the line of the segment is met, times |uy|.
+        # Where it crosses the line, times |uy|, which saves a division.
         at = ax * uy - ay * ux if uy > 0.0 else ay * ux - ax * uy
         if at >= 0.0 and at <= length * abs(uy):
             return True
-    # The ends of the segment.
+    # Otherwise an end of the segment must be nearest to the side: first (0, 0), then (length, 0). Its foot has to fall
+    # strictly between a and b.
     length2 = ux * ux + uy * uy
     limit = least * least * length2
     along = -(ax * ux + ay * uy)
@@ -49,14 +58,14 @@ def is_met(ax, ay, bx, by, length, least):
 
 @helper
 def sweep(sides, vertices, stack, root, x0, y0, x1, y1, least):
-    """(free, triangle of the end) of a disc of radius ``least`` that moves from (x0, y0) in triangle ``root``.
+    """Move a disc of radius ``least`` from (x0, y0) in triangle ``root`` to (x1, y1): (free, triangle of the end).
 
-    The columns of a mesh are arguments, not the mesh, as each array of it would be counted anew in each call. ``stack``
-    (k,) of :data:`SWEPT` is scratch memory; where it is too short the answer is False, as always in doubt. As
-    in :func:`crowdsim.navmesh.clearance.clearance_kernels.capsule_nearest`, only the inside of a side counts, and no
-    marks are set.
+    ``stack`` (k,) of :data:`SWEPT` is scratch memory; if it is too short the answer is False, as in any case of doubt.
+    As in :func:`crowdsim.navmesh.clearance.clearance_kernels.capsule_nearest`, only the inside of a side counts, so
+    triangles need no marks. ``sides`` and ``vertices`` are passed instead of the mesh because numba counts a reference
+    to each array of an argument in each call.
     """
-    # Places are counted along the segment and off it.
+    # The frame of the segment: (ex, ey) is its direction. A point of no length gets any direction.
     ex = x1 - x0
     ey = y1 - y0
     length = math.sqrt(ex * ex + ey * ey)
@@ -66,8 +75,9 @@ def sweep(sides, vertices, stack, root, x0, y0, x1, y1, least):
     else:
         ex = 1.0
         ey = 0.0
+    # ``reach``: how far along the segment the triangle ``end`` begins.
     end = root
-    reach = -math.inf  # how far along the segment the triangle ``end`` begins
+    reach = -math.inf
     top = 0
     h = 3 * root
     v = vertices[sides[h].org]
@@ -79,6 +89,7 @@ def sweep(sides, vertices, stack, root, x0, y0, x1, y1, least):
     firsty = ay
     if is_close(ax, ay, length, least):
         return False, root
+    # The first triangle: a corner inside of the capsule ends the sweep, sides that meet it go on the stack.
     for k in range(3):
         if k < 2:
             v = vertices[sides[h + k + 1].org]
@@ -101,6 +112,7 @@ def sweep(sides, vertices, stack, root, x0, y0, x1, y1, least):
             top += 1
         ax = bx
         ay = by
+    # Depth first through the triangles that meet the capsule.
     steps = sides.size
     while top > 0:
         top -= 1
@@ -111,10 +123,12 @@ def sweep(sides, vertices, stack, root, x0, y0, x1, y1, least):
         bx = row.bx
         by = row.by
         steps -= 1
+        # A wall, or more steps than a tree of triangles has, or no room for two more sides.
         if sides[h].constraints != 0 or steps < 0 or top + 2 > stack.size:
             return False, root
         g = sides[h].twin
-        if ay <= 0.0 and by > 0.0:  # the line of the segment leaves the triangle here
+        # The segment leaves the triangle across this side; the last such place gives the triangle of the end.
+        if ay <= 0.0 and by > 0.0:
             at = ax - ay * (bx - ax) / (by - ay)
             if at <= length and at > reach:
                 reach = at
@@ -125,8 +139,10 @@ def sweep(sides, vertices, stack, root, x0, y0, x1, y1, least):
         y = v.y - y0
         cx = ex * x + ey * y
         cy = ex * y - ey * x
+        # The third corner of the triangle behind the side ends the sweep if it is inside of the capsule.
         if is_close(cx, cy, length, least):
             return False, root
+        # Its two other sides replace this one on the stack. The first takes over the row, with the end a it shares.
         if is_met(ax, ay, cx, cy, length, least):
             row.h = nxt(g)
             row.bx = cx
@@ -145,7 +161,7 @@ def sweep(sides, vertices, stack, root, x0, y0, x1, y1, least):
 
 @helper
 def walk(sides, vertices, t, x, y):
-    """The triangle near triangle ``t`` that holds (x, y), within rounding; -1 if it is not near."""
+    """Return the triangle near triangle ``t`` that holds (x, y), within rounding; -1 if 32 steps do not reach it."""
     for _ in range(32):
         h = 3 * t
         a = vertices[sides[h].org]
@@ -157,6 +173,7 @@ def walk(sides, vertices, t, x, y):
         by = b.y - y
         cx = c.x - x
         cy = c.y - y
+        # Look for a side that has the point on its right, h counting the sides passed, and step across it.
         if ax * by - ay * bx >= 0.0:
             h += 1
             if bx * cy - by * cx >= 0.0:
@@ -171,7 +188,10 @@ def walk(sides, vertices, t, x, y):
 
 @helper
 def is_free_way(m, stack, triangle, x0, y0, x1, y1, least):
-    """Whether a disc of radius ``least`` moves from (x0, y0) in ``triangle`` to (x1, y1), also where `sweep` doubts."""
+    """Return True if a disc of radius ``least`` moves freely from (x0, y0) in ``triangle`` to (x1, y1).
+
+    If `sweep` says no, it may be in doubt, and the exact distance decides.
+    """
     free, _ = sweep(m.sides, m.vertices, stack, triangle, x0, y0, x1, y1, least)
     if not free:
         distance, _ = capsule_clearance(m, x0, y0, x1, y1, 1.01 * least, triangle)
@@ -181,9 +201,18 @@ def is_free_way(m, stack, triangle, x0, y0, x1, y1, least):
 
 @kernel
 def are_free(layers, radii, pieces):
-    """Whether a disc of radii[k] moves along all straight ``pieces`` (n, 4) in each of ``layers``; False in doubt.
+    """Return True if a disc of radius radii[k] moves freely along all ``pieces`` in layer k, for each k.
 
-    A piece is x, y of its start and of its end, which may be the same place.
+    Return False in doubt.
+
+    Parameters
+    ----------
+    layers : (m, 5, 2) int64
+        Addresses of meshes, see :func:`crowdsim.navmesh.mesh.address_kernels.layers_of`.
+    radii : (m,) float64
+        Radius for each layer [m].
+    pieces : (n, 4) float64
+        x, y of the start and of the end of each straight piece [m], which may be the same place.
     """
     stack = np.empty(64, SWEPT)
     for k in range(len(layers)):

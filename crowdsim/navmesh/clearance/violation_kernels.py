@@ -1,4 +1,7 @@
-"""Where a swept disc comes too close to the obstacles of a mesh."""
+"""Intervals on which a disc, swept along a polyline, comes too close to the obstacles of a mesh.
+
+A place on a piece of the polyline is p + s u with u of unit length, so s is arc length [m].
+"""
 
 import math
 
@@ -12,12 +15,12 @@ from crowdsim.navmesh.mesh.half_edge_kernels import nxt, triangle_near
 from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, NONE
 
 SPAN = np.dtype([("lo", np.float64), ("hi", np.float64)], align=True)
-"""An interval of arc length."""
+"""An interval of arc length [m]."""
 
 
 @helper
 def _widen(span, lo, hi):
-    """The smallest interval that holds ``span`` and lo..hi (which may be empty)."""
+    """Return the smallest interval that holds ``span`` and lo..hi, which is ignored if it is empty."""
     if lo < hi:
         return min(span[0], lo), max(span[1], hi)
     return span
@@ -25,7 +28,8 @@ def _widen(span, lo, hi):
 
 @helper
 def _disc_span(px, py, ux, uy, radius, vx, vy):
-    """Interval of s where p + s u (u of unit length) is closer than ``radius`` to v; lo > hi if none."""
+    """Return the interval of s in which p + s u (u of unit length) is closer than ``radius`` to v; lo > hi if none."""
+    # Distance of v along and off the line; half the chord that its circle cuts from the line.
     along = (vx - px) * ux + (vy - py) * uy
     across = (vx - px) * uy - (vy - py) * ux
     half2 = radius * radius - across * across
@@ -37,7 +41,7 @@ def _disc_span(px, py, ux, uy, radius, vx, vy):
 
 @helper
 def _strip_span(px, py, ux, uy, radius, ax, ay, bx, by):
-    """Interval of s where p + s u is closer than ``radius`` to the inside of segment ab; lo > hi if none."""
+    """Return the interval of s in which p + s u is closer than ``radius`` to the inside of ab; lo > hi if none."""
     ex = bx - ax
     ey = by - ay
     length = hypot(ex, ey)
@@ -45,11 +49,13 @@ def _strip_span(px, py, ux, uy, radius, ax, ay, bx, by):
     ey /= length
     lo = -math.inf
     hi = math.inf
-    # -radius < n.(p - a) + s n.u < radius and 0 < e.(p - a) + s e.u < length
+    # With e the direction of ab and n its left normal, both conditions are linear in s: -radius < n.(p - a) + s n.u <
+    # radius and 0 < e.(p - a) + s e.u < length.
     for at, rate, least, most in (
         (ex * (py - ay) - ey * (px - ax), ex * uy - ey * ux, -radius, radius),
         (ex * (px - ax) + ey * (py - ay), ex * ux + ey * uy, 0.0, length),
     ):
+        # The piece runs parallel to the bounds: all of it or none is between them.
         if rate == 0.0:
             if at <= least or at >= most:
                 return math.inf, -math.inf
@@ -63,12 +69,13 @@ def _strip_span(px, py, ux, uy, radius, ax, ay, bx, by):
 
 @helper
 def _triangle_span(m, t, px, py, ux, uy):
-    """Interval of s where p + s u is inside triangle t; lo > hi if none."""
+    """Return the interval of s in which p + s u is inside triangle t; lo > hi if none."""
     lo = -math.inf
     hi = math.inf
     for h in range(3 * t, 3 * t + 3):
         a = m.vertices[m.sides[h].org]
         b = m.vertices[m.sides[nxt(h)].org]
+        # The cross product at + s rate has to be positive: p + s u left of each side.
         ex = b.x - a.x
         ey = b.y - a.y
         at = ex * (py - a.y) - ey * (px - a.x)
@@ -84,7 +91,7 @@ def _triangle_span(m, t, px, py, ux, uy):
 
 @helper
 def record(spans, count, lo, hi):
-    """Append an interval to ``spans``, which grow as needed; the array and the new count."""
+    """Append an interval to ``spans``, which grow as needed; return the array and the new count."""
     if count == spans.size:
         spans = longer(spans)
     spans[count].lo = lo
@@ -94,8 +101,9 @@ def record(spans, count, lo, hi):
 
 @helper
 def merged(spans, count):
-    """The union of the first ``count`` intervals as disjoint ones (k, 2) in order."""
-    for i in range(1, count):  # they come nearly in order
+    """Return the union of the first ``count`` intervals as disjoint ones (k, 2) in order [m]."""
+    # Insertion sort, as they come nearly in order.
+    for i in range(1, count):
         lo = spans[i].lo
         hi = spans[i].hi
         k = i
@@ -106,7 +114,7 @@ def merged(spans, count):
         spans[k].hi = hi
     kept = 0
     for i in range(count):
-        # Intervals that touch are one: neighbors share their end up to rounding.
+        # Intervals that touch become one: those of neighboring sides share their ends up to rounding.
         if kept > 0 and spans[i].lo <= spans[kept - 1].hi + 1e-9:
             spans[kept - 1].hi = max(spans[kept - 1].hi, spans[i].hi)
         else:
@@ -121,16 +129,19 @@ def merged(spans, count):
 
 @helper
 def triangles_near(m, x0, y0, x1, y1, reach, marks, mark, found, hint):
-    """Triangles, from that of (x0, y0) on, that hang together by sides within ``reach`` of the segment 0-1.
+    """Flood the triangles from that of (x0, y0), across sides within ``reach`` of the segment 0-1.
 
-    Returns (found, count): they are found[:count], grown as needed. ``marks`` (nt,) hold ``mark`` for them then, and
-    held nothing as large before. Place 0 is in the box, within rounding; ``hint`` is a triangle near it.
+    Return (found, count).
+
+    The triangles are found[:count]; the array grows as needed. ``marks`` (nt,) hold ``mark`` for them afterwards;
+    before, all must be smaller. Point 0 is in the box, within rounding. ``hint`` is a triangle near it.
     """
     sides = m.sides
     vertices = m.vertices
     found[0] = triangle_near(m, x0, y0, hint)
     marks[found[0]] = mark
     count = 1
+    # ``found`` is a queue as well: those from i on are still to be expanded.
     i = 0
     while i < count:
         t = found[i]
@@ -152,9 +163,13 @@ def triangles_near(m, x0, y0, x1, y1, reach, marks, mark, found, hint):
 
 @helper
 def _inside_box(frame, px, py, ux, uy, length):
-    """Part (enter, leave) of 0..``length`` where p + s u is in the box; leave < enter if it is nowhere."""
+    """Return the part (enter, leave) of 0..``length`` in which p + s u is in the box.
+
+    ``leave`` is less than ``enter`` if there is none.
+    """
     enter = 0.0
     leave = length
+    # Liang and Barsky's clipping: cut the piece at the two bounds of each axis.
     for at, rate, least, most in ((px, ux, frame.x0, frame.x1), (py, uy, frame.y0, frame.y1)):
         if rate == 0.0:
             if at < least or at > most:
@@ -167,10 +182,24 @@ def _inside_box(frame, px, py, ux, uy, length):
 
 @kernel
 def violations(m, points, radius):
-    """All maximal intervals of arc length where the polyline (n, 2) is closer than ``radius`` to an obstacle: (k, 2).
+    """Return all maximal intervals of arc length on which the polyline is closer than ``radius`` to an obstacle.
 
-    Exact for each piece: the constraints near it give one interval each (offset lines and end circles), blocked
-    triangles the interval inside them, and what leaves the box is blocked.
+    Exact for each piece: a constrained side near it gives one interval (its parallels and end circles), a blocked
+    triangle the interval inside of it, and all that is outside of the box is blocked.
+
+    Parameters
+    ----------
+    m : MeshArrays
+        The mesh.
+    points : (n, 2) float64
+        The polyline [m]; a single point counts as a piece of length 0.
+    radius : float
+        Radius of the disc [m].
+
+    Returns
+    -------
+    (k, 2) float64
+        Start and end of each interval [m], disjoint and in order.
     """
     sides = m.sides
     vertices = m.vertices
@@ -181,6 +210,7 @@ def violations(m, points, radius):
     spans = np.empty(64, SPAN)
     count = np.int64(0)
     start = 0.0
+    # A single point makes one piece of length 0.
     for i in range(max(points.shape[0] - 1, 1)):
         px = points[i, 0]
         py = points[i, 1]
@@ -191,10 +221,12 @@ def violations(m, points, radius):
         if length > 0.0:
             ux /= length
             uy /= length
+        # Repeated points of a polyline add nothing.
         elif points.shape[0] > 2:
             continue
         else:
             ux = 1.0
+        # Outside of the box everything is blocked.
         enter, leave = _inside_box(frame, px, py, ux, uy, length)
         if leave < enter:
             spans, count = record(spans, count, start, start + length)
@@ -209,6 +241,7 @@ def violations(m, points, radius):
         )
         for k in range(found):
             t = near[k]
+            # The inside of a blocked triangle. A piece of length 0 has intervals of length 0.
             if m.cover[t] != 0:
                 lo, hi = _triangle_span(m, t, px, py, ux, uy)
                 lo = max(lo, enter)
@@ -216,10 +249,13 @@ def violations(m, points, radius):
                 if lo < hi or (length == 0.0 and lo <= hi):
                     spans, count = record(spans, count, start + lo, start + hi)
             for h in range(3 * t, 3 * t + 3):
+                # Corners of the box are no obstacles.
                 if sides[h].org < BOX_CORNERS:
                     continue
                 ax = vertices[sides[h].org].x
                 ay = vertices[sides[h].org].y
+                # A vertex of the triangle, and a wall with both ends. The three parts of a wall overlap, so their hull
+                # is their union.
                 span = _disc_span(px, py, ux, uy, radius, ax, ay)
                 if sides[h].constraints != 0:
                     bx = vertices[sides[nxt(h)].org].x

@@ -1,1 +1,1 @@
-"""Obstacles put into a mesh, moved and taken out again."""
+"""Obstacles that are inserted into a finished mesh, moved and removed again."""

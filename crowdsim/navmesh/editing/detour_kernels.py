@@ -1,4 +1,4 @@
-"""Paths between two places while obstacles come and go, guided by how far it is without them."""
+"""Paths between two places around one more obstacle, guided by the lengths of ways without it."""
 
 from __future__ import annotations
 
@@ -22,36 +22,36 @@ from crowdsim.navmesh.paths.path_kernels import OK, TANGLED, plan_path
 from crowdsim.navmesh.paths.workspace import Workspace
 
 _INSERT = np.int64(INSERT)
-"""As it comes from Python: for a bare number the whole edit would compile once more."""
+"""An int64, as Python passes it: for a bare number numba would compile the whole edit once more."""
 
 _ROOM = np.int64(16)
-"""Corners that an edit must have room for beforehand, so that it need not be settled in larger arrays."""
+"""Room that an edit must find beforehand, in corners, so that it never has to be settled in larger arrays."""
 
 DONE = 0
 NO_ROOM = 1
-"""Make the arrays of the mesh larger."""
+"""Status: the arrays of the mesh are too small; make them larger."""
 LOST = 2
-"""The mesh is useless, as more changed around one point than anybody has seen; make it anew."""
+"""Status: an edit at one point changed more than it can undo; the mesh is useless, make it anew."""
 NOT_TRACED = 3
-"""There is a way, but repair found no path along it; a search without a guide may."""
+"""Status: there is a way, but the repair found no path along it; a search without a guide may find one."""
 
 
 class DetourSearch(NamedTuple):
-    """A mesh that one thread may edit, and two places in it between which detours are looked for."""
+    """A mesh that one thread may edit, and two places in it, to find detours between them."""
 
     places: NDArray[np.int64]
-    """Those of the mesh and its workshop (see address_kernels)."""
+    """(12, 2) addresses of the mesh and its workshop, see address_kernels."""
     before: NDArray[np.int64]
-    """Places of a copy of the mesh, with as much room, from which edits are undone."""
+    """Addresses of a copy of the mesh, with as much room, to undo edits from."""
     work: Workspace
     ends: tuple[float, float, float, float, float, float]
-    """x, y of start and goal, radius and least clearance."""
+    """x, y of the start and of the goal, radius and least clearance [m]."""
     guide: NDArray[Any]
 
 
 @kernel
 def begin_guide(m, guide):
-    """Make a ``guide`` of zeros one for the mesh, of whatever radius and goal."""
+    """Enter the sides of the mesh into a ``guide`` of zeros; `aim_guide` adds radius and goal."""
     add_sides(m, guide)
 
 
@@ -59,17 +59,19 @@ def begin_guide(m, guide):
 def aim_guide(m, labels, work, sx, sy, gx, gy, radius, least, farther, guide):
     """Fill ``guide`` for ways of a disc of ``radius`` from (sx, sy) to (gx, gy), both free.
 
-    It knows ways that are longer than a short one by ``farther``, a factor and meters. What it knew of others before is
-    forgotten; the mesh is as it was when the guide was begun. ``labels`` are those of `label_sides` for the disc: where
-    they part the two, the guide knows nothing, rather than all that can be reached from the goal.
+    The guide knows ways up to a limit: ``farther`` is a factor and a length [m] by which they may exceed a short way.
+    What it knew before is forgotten. The mesh must be as it was when the guide was begun. ``labels`` are those of
+    `label_sides` for the disc; if they put the two places in different components, the guide stays empty.
     """
     clear_guide(guide)
     goal = triangle_of(m, gx, gy, NONE)
     start = triangle_of(m, sx, sy, goal)
     if start < 0 or goal < 0:
         return
+    # In different components there is no way, and the search would flood all that can be reached from the goal.
     if start != goal and not are_joined(m, labels, start, sx, sy, goal, gx, gy, 2.0 * least):
         return
+    # From the goal to the start, so that the labels hold lengths to the goal.
     nothing = np.zeros(3, GUIDE)
     _, used, limit = find_way(m, None, work, goal, gx, gy, start, sx, sy, radius, 2.0 * least, nothing, farther)
     fill_guide(m, work.labels, used, radius, limit, guide)
@@ -77,9 +79,10 @@ def aim_guide(m, labels, work, sx, sy, gx, gy, radius, least, farther, guide):
 
 @helper
 def find_detour(search, x, y):
-    """(DONE, or why not, points (n, 2)) of the path between the ends of ``search`` around (x, y) as well.
+    """Find the path between the ends of ``search`` around one more point obstacle at (x, y): (status, points (n, 2)).
 
-    A point obstacle is put there into the mesh and taken back by copying. No points where there is no path.
+    The status is DONE, NO_ROOM, LOST or NOT_TRACED. The obstacle is inserted into the mesh, and taken back by copying.
+    There are no points if there is no path.
     """
     places = search.places
     m = mesh_at(places)
@@ -87,10 +90,12 @@ def find_detour(search, x, y):
     nothing = np.empty((0, 2))
     if not has_room(m, workshop_at(places), _ROOM):
         return NO_ROOM, nothing
+    # NONE: the obstacle is outside of the box and changes nothing.
     v = edit_point(places, _INSERT, x, y, NONE)
     if v < NONE:
         return LOST, nothing
     found, path = plan_path(m, None, search.work, sx, sy, gx, gy, radius, least, search.guide)
+    # Undo the edit before looking at the result.
     if v >= 0 and not copy_back(places, search.before):
         return LOST, nothing
     if found == TANGLED:
@@ -100,7 +105,7 @@ def find_detour(search, x, y):
 
 @kernel
 def keeps_off(points, x, y, distance):
-    """Whether the polyline ``points`` (n, 2) comes nowhere closer than ``distance`` to (x, y)."""
+    """Return True if the polyline ``points`` (n, 2) stays at least ``distance`` [m] away from (x, y)."""
     nearest = math.inf
     for k in range(points.shape[0] - 1):
         d2 = point_segment_distance2(x, y, points[k, 0], points[k, 1], points[k + 1, 0], points[k + 1, 1])

@@ -1,5 +1,6 @@
-"""Obstacles put into a finished mesh and taken out again, with repairs around them alone."""
+"""Obstacles inserted into a finished mesh and removed again; only what is around them is repaired."""
 
+from crowdsim.errors import BoundExceeded
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.editing.point_kernels import INSERT, NO_ROOM, REMOVE, SETTLE, UNSETTLED, has_room, put_corner
 from crowdsim.navmesh.editing.removal_kernels import SIDES
@@ -16,13 +17,15 @@ from crowdsim.navmesh.triangulation.work_kernels import VISITED, bound_turns, to
 
 @helper
 def _collect(m, owner, ids, w):
-    """Half-edges with ``owner`` in their use, to the first column of ``pairs``; their number and that of vertices.
+    """List the half-edges of ``owner`` in the first column of ``pairs``: (number of half-edges, number of vertices).
 
-    The vertices, at the start of ``stack``, are those of ``ids`` and what ``owner`` joins them to.
+    The vertices are put at the start of ``stack``: those of ``ids`` and all that half-edges of ``owner`` join them to.
+    (These are more than the corners, as vertices on the way split an edge.)
     """
     sides = m.sides
     vertices = m.vertices
     stack = w.stack
+    # Begin with the corners, each once.
     found = 0
     for v in ids:
         if v >= 0 and w.to_do[v].mark & VISITED == 0:
@@ -31,13 +34,15 @@ def _collect(m, owner, ids, w):
             found += 1
     count = 0
     i = 0
+    # Walk along the obstacle: from each vertex, look at all constrained half-edges around it.
     while i < found:
         v = stack[i]
         i += 1
         first = vertices[v].vhe
         h = first
-        while True:
+        for _ in range(sides.size):
             if sides[h].constraints != 0:
+                # Half-edges with the obstacle are listed; both directions lead on.
                 mine = count_use(w.uses, sides[h].use, owner) > 0
                 if mine:
                     w.pairs[count, 0] = h
@@ -51,6 +56,9 @@ def _collect(m, owner, ids, w):
             h = sides[prv(h)].twin
             if h == first:
                 break
+        else:
+            raise BoundExceeded
+    # Leave the marks clean.
     for i in range(found):
         w.to_do[stack[i]].mark &= ~VISITED
     return count, found
@@ -58,10 +66,11 @@ def _collect(m, owner, ids, w):
 
 @helper
 def _put(m, w, points, ends, winding, slot, ids):
-    """The part of :func:`edit` that inserts, but for what is done around."""
+    """Insert the obstacle of :func:`edit`, without repairs around it; return 0, FULL or STUCK."""
     progress = w.progress[0]
     progress.rerouted = 0
     hint = NONE
+    # The corners, each searched from the triangle of the one before.
     for i in range(points.shape[0]):
         v = put_corner(m, w, points[i, 0], points[i, 1], hint)
         if v < 0:
@@ -70,6 +79,7 @@ def _put(m, w, points, ends, winding, slot, ids):
         hint = m.vertices[v].vhe // 3
     owner = 2 * slot + winding
     use = new_use(w, owner, NONE)
+    # The edges. Chains without winding are not closed; corners that were snapped together make no edge.
     begin = 0
     for end in ends:
         for i in range(begin, end):
@@ -82,6 +92,7 @@ def _put(m, w, points, ends, winding, slot, ids):
                 if status < 0:
                     return status
         begin = end
+    # Winding numbers change inside of the obstacle. If edges of others were rerouted, they may change elsewhere, too.
     right = progress.rerouted == 0
     if right and winding != 0:
         count, found = _collect(m, owner, ids, w)
@@ -93,12 +104,13 @@ def _put(m, w, points, ends, winding, slot, ids):
 
 @helper
 def _take_out(m, w, winding, slot, ids):
-    """The part of :func:`edit` that removes, but for what is done around."""
+    """Remove the obstacle of :func:`edit`, without repairs around it; return 0, NO_ROOM or FULL."""
     sides = m.sides
     owner = 2 * slot + winding
     count, found = _collect(m, owner, ids, w)
     if count > w.gone.size:
         return NO_ROOM
+    # Take the obstacle off its half-edges, as often as it runs along each.
     for i in range(count):
         h = w.pairs[i, 0]
         forth = sides[h]
@@ -113,12 +125,15 @@ def _take_out(m, w, winding, slot, ids):
         soil(sides, forth.twin // 3)
     if w.progress[0].full != 0:
         return FULL
+    # Its vertices may be removable now.
     for i in range(found):
         touch(w, w.stack[i])
     for v in ids:
         m.vertices[v].vref -= 1
     if winding != 0 and not follow(m, w, count, found):
         flood_again(m, w)
+    # Keep its sides for the repair: as vertices, since they may not be Delaunay sides without a constraint, and as
+    # places, since vertices that could not be seen before look for bottlenecks across them.
     progress = w.progress[0]
     progress.removal = SIDES
     progress.pairs = count
@@ -139,13 +154,30 @@ def _take_out(m, w, winding, slot, ids):
 
 @kernel
 def edit(places, what, points, ends, winding, slot, ids):
-    """Insert or remove (``what``) obstacle ``slot``; 0, or NO_ROOM: nothing was done, UNSETTLED, or FULL or STUCK.
+    """Insert or remove an obstacle and repair the mesh around it.
 
-    ``places`` are those of the mesh and its workshop (see address_kernels). ``points`` (n, 2) lie on the grid inside of
-    the box. Chain k is points[ends[k-1]:ends[k]]: for winding 1 a ring with the obstacle on its left, for winding 0 a
-    polyline or a point. ``ids`` (n,) is filled with the vertices; what is removed was inserted with the same arguments.
-    After UNSETTLED, SETTLE in larger arrays, with whatever arguments, ends the edit; after FULL or STUCK the mesh is
-    useless.
+    Parameters
+    ----------
+    places : (12, 2) int64
+        Addresses of the mesh and its workshop, see address_kernels.
+    what : int
+        INSERT, REMOVE or SETTLE.
+    points : (n, 2) float64
+        Corners on the grid, inside of the box [m]. Chain k is points[ends[k-1]:ends[k]].
+    ends : (k,) int64
+        Where each chain ends.
+    winding : int
+        1 for rings with the obstacle on their left, 0 for polylines and points.
+    slot : int
+        Number of the obstacle.
+    ids : (n,) int64
+        Vertices of the corners, filled by INSERT. To remove, pass the same arguments as to insert.
+
+    Returns
+    -------
+    int
+        0 if done. NO_ROOM: nothing was done; try again in larger arrays. UNSETTLED: done but not repaired; SETTLE in
+        larger arrays, with any other arguments, ends the edit. FULL or STUCK: the mesh is useless.
     """
     m = mesh_at(places)
     w = workshop_at(places)
@@ -159,5 +191,6 @@ def edit(places, what, points, ends, winding, slot, ids):
         status = _take_out(m, w, winding, slot, ids)
     if status < 0:
         return status
+    # Repairs after both, and after SETTLE, which goes on with what is listed in the workshop.
     status = settle(m, w)
     return UNSETTLED if status == FULL else status

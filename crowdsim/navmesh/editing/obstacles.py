@@ -1,4 +1,4 @@
-"""Obstacles that come and go: handles, and the way of shapes into a mesh and out of it."""
+"""Obstacles that come and go: their handles, and how their shapes get into a mesh and out of it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from crowdsim.errors import GeometryError, StaleHandle
+from crowdsim.errors import BoundExceeded, GeometryError, StaleHandle
 from crowdsim.navmesh.editing import edit_kernels, outline_kernels, point_kernels
 from crowdsim.navmesh.editing.point_kernels import INSERT, NO_ROOM, REMOVE, SETTLE, UNSETTLED
 from crowdsim.navmesh.editing.shapes import (
@@ -31,7 +31,7 @@ from crowdsim.navmesh.paths.paths import as_numbers
 from crowdsim.navmesh.triangulation.use_kernels import keep_used
 
 _LEAST_USES = 4096
-"""Room for uses, of which each edit makes about one; when it is full those that nothing refers to any longer go."""
+"""Least room in the pool of uses. Each edit needs about one; a full pool is cleared of those no half-edge refers to."""
 
 
 class Handle(NamedTuple):
@@ -43,17 +43,22 @@ class Handle(NamedTuple):
 
 @dataclass
 class _Slot:
+    """The state of one obstacle."""
+
     generation: int = 0
     shape: Dots | Shape = NOTHING
-    """What was inserted."""
+    """The shape as it was inserted."""
     snapped: Shape = NOTHING
-    """What of it lies in the box, on the grid; nothing for points, which the kernel moves there itself."""
+    """The part of the shape inside the box, on the grid; empty for points, which the kernel snaps itself."""
     ids: Integers | list[int] | None = None
-    """Vertices of the corners of ``snapped``, or of points, -1 for those outside; None where it is not in the mesh."""
+    """Vertices of the corners of ``snapped``, or of points (-1 outside of the box).
+
+    None if the obstacle is not in the mesh.
+    """
 
 
 class Obstacles:
-    """The obstacles that were inserted into one mesh, and the mesh.
+    """The obstacles that were inserted into one mesh, and that mesh.
 
     Parameters
     ----------
@@ -71,21 +76,22 @@ class Obstacles:
         self._set(resized(mesh, room), workshop(room, _LEAST_USES))
 
     def _set(self, mesh: MeshArrays, work: Workshop) -> None:
-        """Take other arrays: nothing else may, as kernels go by their addresses."""
+        """Replace the arrays. No other method may, as kernels use their addresses."""
         self.mesh, self._work = mesh, work
         self._places = places_of(mesh, work)
 
     @property
     def places(self) -> Integers:
-        """Addresses (12, 2) of the arrays as they are now, for kernels that put points in and take them out again."""
+        """Return the current addresses (12, 2) of the arrays, for kernels that insert and remove points."""
         return self._places
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._set(self.mesh, self._work)  # the arrays of a copy are elsewhere
+        # The arrays of an unpickled copy have other addresses.
+        self._set(self.mesh, self._work)
 
     def copy(self) -> Obstacles:
-        """A copy that is edited on its own, with the same handles."""
+        """Return a copy that can be edited on its own, with the same handles."""
         twin = object.__new__(Obstacles)
         twin._base = self._base
         twin._slots = [replace(slot) for slot in self._slots]
@@ -96,18 +102,19 @@ class Obstacles:
         return twin
 
     def insert(self, geometry: Any) -> Handle:
-        """Put an obstacle in (see :meth:`crowdsim.navmesh.navmesh.NavMesh.insert_obstacle`)."""
+        """Insert an obstacle and return its handle (see :meth:`crowdsim.navmesh.navmesh.NavMesh.insert_obstacle`)."""
         shape, snapped = self._read(geometry)
         if not self._free:
             self._free.append(len(self._slots))
             self._slots.append(_Slot())
         number = self._free[-1]
+        # The slot stays free if there is no room for the obstacle, which raises an error.
         self._put(number, shape, snapped)
         self._free.pop()
         return Handle(number, self._slots[number].generation)
 
     def remove(self, handle: Handle) -> None:
-        """Take an obstacle out."""
+        """Remove an obstacle; its handle becomes stale."""
         number, slot = self._find(handle)
         self._take(number)
         slot.generation += 1
@@ -115,7 +122,7 @@ class Obstacles:
         self._free.append(number)
 
     def move(self, handle: Handle, *place: Any) -> None:
-        """Take an obstacle to another place, by (dx, dy) meters or to a new geometry."""
+        """Move an obstacle by (dx, dy) [m], or to a new geometry."""
         number, slot = self._find(handle)
         if len(place) == 2:
             offset = as_numbers(place, "move: dx and dy")
@@ -139,6 +146,7 @@ class Obstacles:
             raise
 
     def _find(self, handle: Handle) -> tuple[int, _Slot]:
+        """Return the slot of a handle, or raise StaleHandle."""
         if isinstance(handle, tuple) and len(handle) == 2 and handle[0] in range(len(self._slots)):
             number, slot = int(handle[0]), self._slots[handle[0]]
             if slot.generation == handle[1] and slot.ids is not None:
@@ -147,9 +155,10 @@ class Obstacles:
         raise StaleHandle(f"obstacle {name!r} is not in the mesh; was it removed, or is it another mesh's?")
 
     def _read(self, geometry: Any) -> tuple[Dots | Shape, Shape]:
-        """The shape of ``geometry``, and what of it lies in the box, on the grid, but for points."""
+        """Return the shape of ``geometry``, and its part inside the box on the grid, which is empty for points."""
         if isinstance(geometry, shapely.Point) and not geometry.is_empty:
             return as_dots([(geometry.x, geometry.y)]), NOTHING
+        # Outlines of few corners take a short cut around shapely.
         if not isinstance(geometry, BaseGeometry):
             geometry = as_numbers(geometry, "obstacle")
             if geometry.shape == (2,):
@@ -167,7 +176,15 @@ class Obstacles:
         return shape, self._cut(shape)
 
     def _cut(self, shape: Dots | Shape) -> Shape:
-        """What of ``shape`` lies in the box, on the grid."""
+        """Return the part of ``shape`` inside the box that the mesh fills, with coordinates on the mesh's grid.
+
+        It is empty for points, which the kernel snaps itself.
+
+        Raises
+        ------
+        GeometryError
+            If a coordinate is not finite.
+        """
         if not isinstance(shape, Shape):
             return NOTHING
         points = np.ascontiguousarray(shape.points)
@@ -176,14 +193,18 @@ class Obstacles:
         if status == outline_kernels.NOT_FINITE:
             raise GeometryError("obstacle: coordinates must be finite")
         if status == outline_kernels.OUTSIDE:
+            # Intersect with the box less two cells: snapping moves a corner by half a cell, and corners have to stay
+            # one cell off the border.
             cell, *box = self.mesh.frame[["cell", "x0", "y0", "x1", "y1"]][0].item()
             inner = shapely.box(box[0] + 2 * cell, box[1] + 2 * cell, box[2] - 2 * cell, box[3] - 2 * cell)
             geometry = shapely.intersection(as_geometry(shape), inner)
+            # Winding 0: lines, which enclose nothing. Otherwise rings; what is left of them without area is dropped.
             if shape.winding == 0:
                 parts = [part for part in shapely.get_parts(geometry) if not part.is_empty]
                 inside = chains([shapely.get_coordinates(part) for part in parts], 0)
             else:
-                parts = shapely.get_parts(shapely.get_parts(geometry))  # twice: collections may hold multipolygons
+                # Twice, as collections may hold multipolygons.
+                parts = shapely.get_parts(shapely.get_parts(geometry))
                 parts = parts[shapely.area(parts) > 0.0]
                 inside = rings_of(shapely.MultiPolygon(list(parts))) if len(parts) else NOTHING
             points = np.ascontiguousarray(inside.points)
@@ -193,9 +214,10 @@ class Obstacles:
         return Shape(snapped, shape.ends, shape.winding)
 
     def _put(self, number: int, shape: Dots | Shape, snapped: Shape) -> None:
-        """Insert ``shape`` as slot ``number``; where that fails the mesh is as if it never had been tried."""
+        """Insert ``shape`` as slot ``number``; if that fails the mesh is as before, and GeometryError is raised."""
         slot = self._slots[number]
         slot.shape, slot.snapped = shape, snapped
+        # The mesh may have become useless: build it again, and try once more.
         if not self._enter(number, slot):
             slot.ids = None
             self.rebuild()
@@ -208,26 +230,32 @@ class Obstacles:
                 )
 
     def _take(self, number: int) -> None:
-        """Remove what is in the mesh of slot ``number``."""
+        """Remove slot ``number`` from the mesh."""
         slot = self._slots[number]
-        if isinstance(slot.shape, list) and isinstance(slot.ids, list):
-            done = self._edit_points(REMOVE, slot.shape, slot.ids)
-        else:
-            done = self._edit(REMOVE, number, slot)
+        done = self._change(REMOVE, number, slot)
         slot.ids = None
         if not done:
             self.rebuild()
 
     def _enter(self, number: int, slot: _Slot) -> bool:
-        """Insert what slot ``number`` says; False where that left the mesh useless."""
+        """Insert slot ``number``; return False if the mesh is useless afterwards."""
         if isinstance(slot.shape, list):
             slot.ids = [-1] * len(slot.shape)
-            return self._edit_points(INSERT, slot.shape, slot.ids)
-        slot.ids = np.empty(len(slot.snapped.points), np.int64)
-        return self._edit(INSERT, number, slot)
+        else:
+            slot.ids = np.empty(len(slot.snapped.points), np.int64)
+        return self._change(INSERT, number, slot)
+
+    def _change(self, what: int, number: int, slot: _Slot) -> bool:
+        """Insert or remove slot ``number``; False where that left the mesh useless."""
+        try:
+            if isinstance(slot.shape, list) and isinstance(slot.ids, list):
+                return self._edit_points(what, slot.shape, slot.ids)
+            return self._edit(what, number, slot)
+        except BoundExceeded:
+            return False
 
     def _edit_points(self, what: int, points: Dots, ids: list[int]) -> bool:
-        """Run the kernel of points for each, as :meth:`_edit` does."""
+        """Insert or remove each of ``points``; return False if the mesh is useless afterwards."""
         for i, (x, y) in enumerate(points):
             job, wanted = what, 128
             while (v := point_kernels.edit_point(self._places, job, x, y, ids[i])) < -1:
@@ -241,7 +269,10 @@ class Obstacles:
         return True
 
     def _edit(self, what: int, number: int, slot: _Slot) -> bool:
-        """Run the kernel of edits, in larger arrays where it asks for them; False where it left the mesh useless."""
+        """Run the kernel of edits, in larger arrays if it needs them.
+
+        Return False if the mesh is useless afterwards.
+        """
         shape, wanted = slot.snapped, 8 * len(slot.snapped.points) + 64
         while True:
             status = edit_kernels.edit(self._places, what, shape.points, shape.ends, shape.winding, number, slot.ids)
@@ -266,7 +297,7 @@ class Obstacles:
             work.progress[:] = self._work.progress
             work.gone[: len(kept)] = self._work.gone
             work.to_do[["mark", "touched"]][: len(self._work.to_do)] = self._work.to_do[["mark", "touched"]]
-            # The ring buffer is put in order, as it does not grow where it is.
+            # The ring buffer is put in order, so that it starts at 0 in the larger array.
             waiting = np.roll(self._work.to_do["waiting"], -int(work.progress["head"][0]))
             work.to_do["waiting"][: len(waiting)] = waiting
             work.progress["head"] = 0
@@ -275,12 +306,12 @@ class Obstacles:
         self._set(mesh, work)
 
     def rebuild(self) -> None:
-        """The mesh anew, with all obstacles that are in it, in arrays twice as large."""
+        """Build the mesh anew, with all obstacles that are in it, in arrays twice as large."""
         room = 2 * len(self.mesh.vertices)
         self._set(resized(self._base, room), workshop(room, 2 * len(self._work.uses)))
         for number, slot in enumerate(self._slots):
             if slot.ids is not None and not self._enter(number, slot):
-                # Without it, for nobody may be left with a mesh that is half edited.
+                # Without this obstacle, so that the mesh is never left half edited.
                 slot.ids = None
                 self.rebuild()
                 raise GeometryError(f"obstacle {number} cannot be put into the mesh again; simplify or repair it")

@@ -1,17 +1,18 @@
-"""Outlines of obstacles, checked before they enter a mesh."""
+"""Checks of the outlines of obstacles before they enter a mesh."""
 
 from crowdsim.geometry.predicates_kernels import orient2d
 from crowdsim.jit import helper, kernel
 
 OK, BACKWARD, UNSURE, OUTSIDE, NOT_FINITE = range(5)
+"""Results of the checks: counter-clockwise, clockwise, not known, beyond the box, NaN or infinite."""
 
 _MOST_CORNERS = 64
-"""Longer outlines are left to a test that takes less time than the square of their corners."""
+"""Longer outlines are left to shapely: the test here takes the square of their number of corners."""
 
 
 @helper
 def _touch_each_other(points, i, j, k, n):
-    """Whether the segments from points i to j and k to n have a point in common."""
+    """Return True if the segments from points i to j and k to n have a point in common."""
     ax = points[i, 0]
     ay = points[i, 1]
     bx = points[j, 0]
@@ -20,10 +21,12 @@ def _touch_each_other(points, i, j, k, n):
     cy = points[k, 1]
     dx = points[n, 0]
     dy = points[n, 1]
+    # Their bounding boxes are apart.
     if max(ax, bx) < min(cx, dx) or max(cx, dx) < min(ax, bx):
         return False
     if max(ay, by) < min(cy, dy) or max(cy, dy) < min(ay, by):
         return False
+    # Each segment has its ends on both sides of the other one's line, or on it.
     c = orient2d(ax, ay, bx, by, cx, cy)
     d = orient2d(ax, ay, bx, by, dx, dy)
     a = orient2d(cx, cy, dx, dy, ax, ay)
@@ -33,13 +36,14 @@ def _touch_each_other(points, i, j, k, n):
 
 @kernel
 def snap_inside(m, points, snapped):
-    """Move ``points`` (n, 2) to the grid, into ``snapped`` (n, 2): OK, NOT_FINITE, or OUTSIDE of the box."""
+    """Move ``points`` (n, 2) to the grid, into ``snapped`` (n, 2); return OK, NOT_FINITE, or OUTSIDE of the box."""
     frame = m.frame[0]
     cell = frame.cell
     status = OK
     for i in range(points.shape[0]):
         for axis in range(2):
             value = points[i, axis]
+            # Written so that NaN fails.
             if not abs(value) < 1e300:
                 return NOT_FINITE
             low = frame.x0 if axis == 0 else frame.y0
@@ -52,9 +56,10 @@ def snap_inside(m, points, snapped):
 
 @kernel
 def check_outline(m, points, snapped):
-    """:func:`snap_inside`, and whether the corners (n, 2) go around a simple polygon: OK, BACKWARD or UNSURE.
+    """Snap the corners (n, 2) of an outline to the grid and test if they go around a simple polygon.
 
-    OK is counter-clockwise. Where sides meet except in common corners, or cannot be told quickly, the answer is UNSURE.
+    Return OK if counter-clockwise, BACKWARD if clockwise, UNSURE if sides meet except in common corners or if the
+    outline is too long for this test, or what :func:`snap_inside` says of corners it cannot snap.
     """
     status = snap_inside(m, points, snapped)
     if status != OK:
@@ -66,6 +71,7 @@ def check_outline(m, points, snapped):
     for i in range(count):
         j = i + 1 if i + 1 < count else 0
         after = j + 1 if j + 1 < count else 0
+        # At each corner: the side may not turn back on the one before.
         turn = orient2d(
             snapped[i, 0], snapped[i, 1], snapped[j, 0], snapped[j, 1], snapped[after, 0], snapped[after, 1]
         )
@@ -73,7 +79,9 @@ def check_outline(m, points, snapped):
         uy = snapped[j, 1] - snapped[i, 1]
         if turn == 0.0 and ux * (snapped[after, 0] - snapped[j, 0]) + uy * (snapped[after, 1] - snapped[j, 1]) <= 0.0:
             return UNSURE
+        # Twice the signed area, from triangles with the first corner.
         area += orient2d(snapped[0, 0], snapped[0, 1], snapped[i, 0], snapped[i, 1], snapped[j, 0], snapped[j, 1])
+        # Compare with each later side that shares no corner with this one.
         for k in range(i + 2, count):
             if (i > 0 or k + 1 < count) and _touch_each_other(snapped, i, j, k, k + 1 if k + 1 < count else 0):
                 return UNSURE

@@ -1,9 +1,10 @@
-"""Point obstacles put into a finished mesh and taken out again: without sides there is much less to do."""
+"""Point obstacles inserted into a finished mesh and removed again: without sides there is much less to do."""
 
 import numpy as np
 
 from crowdsim.jit import helper, kernel
-from crowdsim.navmesh.editing.removal_kernels import SIDES, is_free_point, take_point
+from crowdsim.navmesh.editing.removable_kernels import is_free_point
+from crowdsim.navmesh.editing.removal_kernels import SIDES, take_point
 from crowdsim.navmesh.editing.settle_kernels import settle
 from crowdsim.navmesh.mesh.address_kernels import mesh_at, workshop_at
 from crowdsim.navmesh.mesh.half_edge_kernels import snapped
@@ -12,17 +13,17 @@ from crowdsim.navmesh.triangulation.triangulation_kernels import insert_point
 from crowdsim.navmesh.triangulation.work_kernels import CHANGED, LOOKING, STUCK, bound_turns, touch
 
 INSERT, REMOVE, SETTLE = range(3)
-"""What to do in an edit."""
+"""What an edit does."""
 
 NO_ROOM = -4
 """Status: make the arrays larger and try again."""
 UNSETTLED = -5
-"""Status: the edit is done; make the arrays larger and settle it."""
+"""Status: the edit is done; make the arrays larger and settle it there."""
 
 
 @helper
 def has_room(m, w, corners):
-    """Whether an edit of an obstacle with so many corners fits, unless it crosses uncommonly many others."""
+    """Return True if an edit of an obstacle with ``corners`` corners fits, unless it crosses very many others."""
     wanted = 8 * corners + 64
     frame = m.frame[0]
     return frame.triangles // 2 + wanted < m.vertices.size and w.progress[0].uses + wanted < w.uses.size
@@ -30,9 +31,13 @@ def has_room(m, w, corners):
 
 @helper
 def put_corner(m, w, x, y, hint):
-    """Insert (x, y), on the grid, as a corner of an obstacle that is to be settled; its vertex, FULL or STUCK."""
+    """Insert the grid point (x, y) as a corner of an obstacle; return its vertex, FULL or STUCK.
+
+    `settle` must follow.
+    """
     v = insert_point(m, x, y, hint, w)
     if v >= 0:
+        # The vertex must stay from now on, and looks for new bottlenecks.
         m.vertices[v].vref += 1
         touch(w, v)
         w.to_do[v].mark |= LOOKING | CHANGED
@@ -41,8 +46,10 @@ def put_corner(m, w, x, y, hint):
 
 @helper
 def _take_out(m, w, v):
-    """Vertex v is a point obstacle no longer; 0, FULL or STUCK."""
+    """Remove a point obstacle from vertex v; return 0, FULL or STUCK."""
     m.vertices[v].vref -= 1
+    # Nothing needs the vertex any longer: take it out at once. Otherwise the repair has to decide, as after an obstacle
+    # with sides.
     if is_free_point(m, v):
         return take_point(m, w, v)
     touch(w, v)
@@ -55,11 +62,24 @@ def _take_out(m, w, v):
 
 @kernel
 def edit_point(places, what, x, y, v):
-    """Insert a point obstacle at (x, y), moved to the grid, or remove the one at vertex v; or settle.
+    """Insert a point obstacle at (x, y), moved to the grid, remove the one at vertex v, or settle.
 
-    ``places`` are those of the mesh and its workshop (see address_kernels). Returns the vertex; -1 for a point that is
-    not inside of the box, which has no effect; NO_ROOM: nothing was done; UNSETTLED: SETTLE in larger arrays ends the
-    edit and returns what this would have; or FULL or STUCK: the mesh is useless.
+    Parameters
+    ----------
+    places : (12, 2) int64
+        Addresses of the mesh and its workshop, see address_kernels.
+    what : int
+        INSERT, REMOVE or SETTLE.
+    x, y : float
+        Place of an inserted point [m].
+    v : int
+        Vertex of a point to remove.
+
+    Returns
+    -------
+    int
+        The vertex, or -1 for a point outside of the box, which has no effect. NO_ROOM: nothing was done. UNSETTLED:
+        SETTLE in larger arrays ends the edit and returns the vertex. FULL or STUCK: the mesh is useless.
     """
     m = mesh_at(places)
     w = workshop_at(places)
@@ -68,11 +88,13 @@ def edit_point(places, what, x, y, v):
     if what == INSERT:
         frame = m.frame[0]
         cell = frame.cell
+        # Written so that NaN counts as outside.
         inside = x >= frame.x0 + cell and x <= frame.x1 - cell and y >= frame.y0 + cell and y <= frame.y1 - cell
         if not inside:
             return NONE
         if not has_room(m, w, np.int64(1)):
             return np.int64(NO_ROOM)
+        # ``copy_back`` undoes the edit by the list of changed triangles, which starts here.
         progress.changed = 0
         v = put_corner(m, w, snapped(cell, x), snapped(cell, y), np.int64(NONE))
         if v < 0:
@@ -87,6 +109,7 @@ def edit_point(places, what, x, y, v):
         status = _take_out(m, w, v)
         if status < 0:
             return np.int64(status)
+    # Repairs around the point.
     status = settle(m, w)
     if status == 0:
         return progress.vertex

@@ -1,20 +1,23 @@
-"""Vertices taken out of a constrained triangulation."""
+"""Removal of vertices from a constrained Delaunay triangulation.
 
-from crowdsim.geometry.predicates_kernels import incircle
+The half-edges that leave a vertex are its spokes. ``nxt(h)`` of a spoke h is the outer side of its triangle, and
+sides[prv(h)].twin the next spoke counter-clockwise.
+"""
+
+from crowdsim.errors import BoundExceeded
 from crowdsim.jit import helper
 from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv, side, soil
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.triangulation.triangulation_kernels import flip, link, restore_delaunay, take
-from crowdsim.navmesh.triangulation.use_kernels import same_uses
 from crowdsim.navmesh.triangulation.work_kernels import CHANGED, LOOKING, note_changed, touch
 
 SIDES, POINT = 1, 2
-"""What a removal leaves: sides that were constrained, or the place of one point."""
+"""What a removal leaves behind: sides that were constrained, or the place of one point."""
 
 
 @helper
 def hint_cell(m, t):
-    """The cell of the hint grid that holds the center of triangle t."""
+    """Return the cell of the hint grid that holds the center of triangle t."""
     frame = m.frame[0]
     x = 0.0
     y = 0.0
@@ -29,7 +32,10 @@ def hint_cell(m, t):
 
 @helper
 def _free_triangle(m, w, t):
-    """Forget triangle t, which no other points to; the last triangle takes its number."""
+    """Free the number of triangle t, to which nothing points.
+
+    The last triangle takes it, so that numbers have no gaps.
+    """
     sides = m.sides
     frame = m.frame[0]
     last = frame.triangles - 1
@@ -37,6 +43,7 @@ def _free_triangle(m, w, t):
     if t == last:
         return
     m.cover[t] = m.cover[last]
+    # Twins and corners of the last triangle point to its new number.
     for i in range(3):
         h = 3 * t + i
         source = 3 * last + i
@@ -44,6 +51,7 @@ def _free_triangle(m, w, t):
         sides[h].corner_clearance = sides[source].corner_clearance
         take(sides, h, source)
         m.vertices[sides[h].org].vhe = h
+    # So does its hint.
     cell = hint_cell(m, t)
     if m.hints[cell] == last:
         m.hints[cell] = t
@@ -52,6 +60,7 @@ def _free_triangle(m, w, t):
 
 @helper
 def _free_vertex(m, v):
+    """Free the number of vertex v: put it in front of the list of spare vertices."""
     frame = m.frame[0]
     m.vertices[v].vhe = -1 - frame.spare
     m.vertices[v].vref = 0
@@ -60,7 +69,7 @@ def _free_vertex(m, v):
 
 @helper
 def _push(w, a, b):
-    """One more side to restore the Delaunay property of."""
+    """Stack the side between vertices a and b, which may not be Delaunay."""
     progress = w.progress[0]
     w.pairs[progress.pairs, 0] = a
     w.pairs[progress.pairs, 1] = b
@@ -69,32 +78,38 @@ def _push(w, a, b):
 
 @helper
 def _flip_spokes(m, w, v):
-    """Flip spokes of vertex v away until four or three are left; (a spoke, how many there are, how many constrained).
+    """Flip spokes of vertex v away until at most four are left: (a spoke, number of spokes, of constrained ones).
 
-    Exact: a spoke is flipped where both new triangles have an area. Among five spokes there always is one: those that
-    span half a turn or more, and the corners that bend inward, are too few to block all.
+    Exact: a spoke is flipped if both new triangles have an area. Among five spokes there always is one: spokes that
+    span half a turn or more, and corners of the outline that bend inward, are too few to block all.
     """
     sides = m.sides
     vertices = m.vertices
+    # Count the spokes.
     first = vertices[v].vhe
     degree = 0
     fixed = 0
     h = first
-    while True:
+    for _ in range(sides.size):
         degree += 1
         if sides[h].constraints != 0:
             fixed += 1
         h = sides[prv(h)].twin
         if h == first:
             break
+    else:
+        raise BoundExceeded
+    # Go around; ``idle`` counts the spokes passed since the last flip.
     idle = 0
     while degree > 4 and idle < degree:
+        # Spoke h = v -> b lies between the spokes to a (clockwise) and c (counter-clockwise).
         g = sides[h].twin
         before = nxt(g)
         after = sides[prv(h)].twin
         a = sides[prv(g)].org
         b = sides[g].org
         c = sides[prv(h)].org
+        # A spoke between two constrained ones stays, so that these can become one side.
         between = sides[before].constraints != 0 and sides[after].constraints != 0
         ax = vertices[a].x
         ay = vertices[a].y
@@ -104,6 +119,7 @@ def _flip_spokes(m, w, v):
             and side(vertices, b, c, ax, ay) > 0.0
             and side(vertices, v, a, vertices[c].x, vertices[c].y) > 0.0
         ):
+            # Side a-c replaces the spoke: v loses a neighbor, and b now lies beyond.
             flip(sides, vertices, h)
             touch(w, c)
             _push(w, a, b)
@@ -119,12 +135,13 @@ def _flip_spokes(m, w, v):
 
 @helper
 def _spoke_to_join(m, h, fixed):
-    """The first of four spokes from h on of which it and the third can become one side, -1 if none.
+    """Find the first of four spokes, from h on, that can become one side together with the third; -1 if there is none.
 
-    They can where both triangles that come to be have an area, and the constrained spokes are these two or none.
+    They can if both new triangles have an area, and if these two spokes or none are constrained.
     """
     sides = m.sides
     vertices = m.vertices
+    # Either the spokes to a and c, or those to b and d.
     for _ in range(2):
         h1 = sides[prv(h)].twin
         h2 = sides[prv(h1)].twin
@@ -143,9 +160,9 @@ def _spoke_to_join(m, h, fixed):
 
 @helper
 def _join_four(m, w, h0):
-    """Make two triangles of the four around a vertex, whose spokes h0 and the second after it become one side.
+    """Make two triangles of the four around a vertex; spoke h0 and the second one after it become one side.
 
-    The spokes lead to a, b, c and d; a and c get joined. Returns the two triangles that are free then.
+    The spokes lead to a, b, c and d; a and c are joined. Return the two triangles that are free then.
     """
     sides = m.sides
     vertices = m.vertices
@@ -156,6 +173,9 @@ def _join_four(m, w, h0):
     b = sides[nxt(h1)].org
     c = sides[nxt(h2)].org
     d = sides[nxt(h3)].org
+    # Triangle (a, b, c) in place of that of h0, then (c, d, a) in place of that of h2. Spoke h becomes the side from
+    # the end to the start and keeps its constraint; the side after it stays; the third takes over the outer side of the
+    # next spoke.
     for h, source, start, middle, end in ((h0, nxt(h1), a, b, c), (h2, nxt(h3), c, d, a)):
         k = nxt(h)
         take(sides, nxt(k), source)
@@ -174,9 +194,9 @@ def _join_four(m, w, h0):
 
 @helper
 def _join_three(m, w, h0):
-    """Make one triangle a, b, c of the three around a vertex, whose spokes from h0 on lead to these.
+    """Make one triangle (a, b, c) of the three around a vertex, whose spokes from h0 on lead to these.
 
-    Returns the two triangles that are free then.
+    Return the two triangles that are free then.
     """
     sides = m.sides
     vertices = m.vertices
@@ -186,6 +206,7 @@ def _join_three(m, w, h0):
     a = sides[k0].org
     b = sides[nxt(h1)].org
     c = sides[nxt(h2)].org
+    # The triangle of h0 keeps a-b and takes over b-c and c-a.
     take(sides, nxt(k0), nxt(h1))
     take(sides, h0, nxt(h2))
     sides[h0].org = c
@@ -203,29 +224,34 @@ def _join_three(m, w, h0):
 
 @helper
 def remove_vertex(m, w, v):
-    """Take out vertex v, which has no constrained spoke or two of the same load, which become one side.
+    """Remove vertex v, with no constrained spokes, or with two of the same load, which become one side.
 
-    False where the latter would sweep over another vertex: then v stays. Sides around that may not be Delaunay are
-    stacked in ``pairs``.
+    Return False if that side would sweep over another vertex; then v stays. Sides around that may not be Delaunay are
+    stacked in ``pairs`` of the workshop w, for the caller to flip.
     """
     sides = m.sides
+    # Down to four spokes, or to three if none is constrained. Of four, two opposite ones become one side (the two
+    # constrained ones, if there are such); three without constraints go at once. Anything else cannot be removed.
     h, degree, fixed = _flip_spokes(m, w, v)
     if degree == 4:
         h = _spoke_to_join(m, h, fixed)
     elif degree != 3 or fixed != 0:
         h = NONE
     if h < 0:
-        # Whatever was flipped is to be Delaunay again.
+        # v stays: stack its spokes and the sides around, as flips have left them.
         h = m.vertices[v].vhe
         first = h
-        while True:
+        for _ in range(sides.size):
             _push(w, v, sides[nxt(h)].org)
             _push(w, sides[nxt(h)].org, sides[prv(h)].org)
             h = sides[prv(h)].twin
             if h == first:
                 break
+        else:
+            raise BoundExceeded
         return False
     one, other = _join_four(m, w, h) if degree == 4 else _join_three(m, w, h)
+    # The greater number first, as the last triangle may take the freed one.
     _free_triangle(m, w, max(one, other))
     _free_triangle(m, w, min(one, other))
     _free_vertex(m, v)
@@ -233,109 +259,17 @@ def remove_vertex(m, w, v):
 
 
 @helper
-def _takes_over(m, v, far, a, b):
-    """Whether ``far`` is in one triangle with a and b once v, between them, is out; then its height tells all."""
-    sides = m.sides
-    vertices = m.vertices
-    p = vertices[far]
-    where = side(vertices, a, b, p.x, p.y)
-    if where < 0.0:
-        a, b = b, a
-    elif where == 0.0:
-        return False
-    ax = vertices[a].x
-    ay = vertices[a].y
-    bx = vertices[b].x
-    by = vertices[b].y
-    first = vertices[v].vhe
-    h = first
-    while True:
-        c = sides[nxt(h)].org
-        q = vertices[c]
-        other = c != a and c != b and c != far and side(vertices, a, b, q.x, q.y) > 0.0
-        if other and incircle(ax, ay, bx, by, p.x, p.y, q.x, q.y, 1.0 / m.frame[0].cell) > 0:
-            return False
-        h = sides[prv(h)].twin
-        if h == first:
-            return True
-
-
-@helper
-def removable(m, w, v):
-    """Whether vertex v, no corner of an obstacle, is neither a crossing nor the foot that a neighbor needs."""
-    sides = m.sides
-    vertices = m.vertices
-    first = vertices[v].vhe
-    one = first
-    other = first
-    fixed = 0
-    h = first
-    while True:
-        if sides[h].constraints != 0:
-            other = one
-            one = h
-            fixed += 1
-        h = sides[prv(h)].twin
-        if h == first:
-            break
-    if fixed == 0:
-        return True
-    if fixed != 2:
-        return False
-    to_one = sides[one]
-    to_other = sides[other]
-    from_one = sides[to_one.twin]
-    from_other = sides[to_other.twin]
-    if from_one.constraints != to_other.constraints or from_one.winding != to_other.winding:
-        return False
-    if not same_uses(w.uses, from_one.use, to_other.use) or not same_uses(w.uses, to_one.use, from_other.use):
-        return False
-    a = vertices[from_one.org]
-    b = vertices[from_other.org]
-    x = vertices[v].x
-    y = vertices[v].y
-    ux = b.x - a.x
-    uy = b.y - a.y
-    slack = 4.0 * m.frame[0].cell * (abs(ux) + abs(uy))
-    h = first
-    while True:
-        if sides[h].constraints == 0 and m.cover[h // 3] == 0:
-            far = vertices[sides[nxt(h)].org]
-            is_foot = far.vref > 0 and abs((far.x - x) * ux + (far.y - y) * uy) <= slack
-            if is_foot and not _takes_over(m, v, sides[nxt(h)].org, from_one.org, from_other.org):
-                return False
-        h = sides[prv(h)].twin
-        if h == first:
-            return True
-
-
-@helper
-def is_free_point(m, v):
-    """Whether nothing needs vertex v any longer, and no constraint ends there."""
-    sides = m.sides
-    if m.vertices[v].vref > 0:
-        return False
-    first = m.vertices[v].vhe
-    h = first
-    fixed = False
-    while True:
-        fixed = fixed or sides[h].constraints != 0
-        h = sides[prv(h)].twin
-        if h == first:
-            return not fixed
-
-
-@helper
 def take_point(m, w, v):
-    """Take out vertex v, which no constraint has; 0, FULL or STUCK.
+    """Remove vertex v, which has no constraint; return 0, FULL or STUCK.
 
-    The vertices around it look for bottlenecks where it was in the way: their discs held v and nothing else. Shrunk
-    towards its vertex until v is on the circle, such a disc is empty: so a side joined the two.
+    The vertices around v look for bottlenecks that v prevented: discs that held v and nothing else. Shrink such a disc
+    towards its vertex until v is on its circle: it is empty then, so a side joined the vertex and v. So only neighbors
+    of v have to look.
     """
     sides = m.sides
     first = m.vertices[v].vhe
     h = first
-    while True:
+    for _ in range(sides.size):
         u = sides[nxt(h)].org
         touch(w, u)
         w.to_do[u].mark |= CHANGED
@@ -344,10 +278,14 @@ def take_point(m, w, v):
         h = sides[prv(h)].twin
         if h == first:
             break
+    else:
+        raise BoundExceeded
+    # The search needs the place of v, see `settle`.
     progress = w.progress[0]
     progress.removal = POINT
     w.gone[0].ax = m.vertices[v].x
     w.gone[0].ay = m.vertices[v].y
+    # Sides of pairs left from another edit do not count.
     progress.pairs = 0
     remove_vertex(m, w, v)
     top = progress.pairs

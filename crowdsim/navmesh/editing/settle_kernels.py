@@ -1,7 +1,12 @@
-"""Repairs after an edit: Delaunay, without vertices that nothing needs, refined and measured around what changed."""
+"""Repairs after an edit: Delaunay sides, vertices that nothing needs, refinement and corner clearances.
 
+Only what is around the touched vertices (see work_kernels) is looked at.
+"""
+
+from crowdsim.errors import BoundExceeded
 from crowdsim.jit import helper
-from crowdsim.navmesh.editing.removal_kernels import POINT, SIDES, hint_cell, removable, remove_vertex
+from crowdsim.navmesh.editing.removable_kernels import removable
+from crowdsim.navmesh.editing.removal_kernels import POINT, SIDES, hint_cell, remove_vertex
 from crowdsim.navmesh.mesh.half_edge_kernels import is_dirty, nxt, prv
 from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS
 from crowdsim.navmesh.triangulation.refine_kernels import (
@@ -25,12 +30,12 @@ from crowdsim.navmesh.triangulation.work_kernels import (
 )
 
 _SEEN = -(1 << 40)
-"""Cover of a free triangle that was looked at from removed sides."""
+"""Cover of a free triangle that :func:`_look_out` has visited."""
 
 
 @helper
 def _seen_from_gone(m, t, w):
-    """Whether the circle of triangle t meets a side that was removed, of those in ``gone``."""
+    """Return True if the circle of triangle t meets a removed side, of those in ``gone``."""
     for i in range(w.progress[0].gone):
         side = w.gone[i]
         least, most = inside_circle(m, t, side.ax, side.ay, side.bx, side.by, 0.0, 1.0)
@@ -41,26 +46,29 @@ def _seen_from_gone(m, t, w):
 
 @helper
 def _look_out(m, w, h):
-    """Let vertices beyond side h of a changed triangle look for bottlenecks where removed sides were in the way.
+    """Let vertices beyond side h of a changed triangle look for bottlenecks that removed sides prevented.
 
-    A free disc that crosses such a side, on the way from a vertex to its foot, and whose ends it does not hold: see
-    `_find_foot` for why all triangles from there to the vertex have that side in their circles. Each triangle is looked
-    at once in an edit: those in ``pairs`` have the cover _SEEN until `_forget_seen`.
+    A disc between such a vertex and its foot is free now, crosses a removed side and does not hold its ends. All
+    triangles from that side to the vertex have the side in their circles, see `_find_foot`. Each triangle is visited
+    once in an edit: those in ``pairs`` have the cover _SEEN until `_forget_seen`.
     """
     sides = m.sides
     stack = w.stack
     progress = w.progress[0]
     stack[0] = h
     top = 1
+    # Flood across open sides.
     while top > 0:
         top -= 1
         g = sides[stack[top]].twin
         t = g // 3
+        # A changed triangle is looked at by itself.
         if is_dirty(sides, t) or m.cover[t] == _SEEN or not _seen_from_gone(m, t, w):
             continue
         m.cover[t] = _SEEN
         w.pairs[progress.pairs, 0] = t
         progress.pairs += 1
+        # Its far corner looks for bottlenecks.
         z = sides[prv(g)].org
         touch(w, z)
         w.to_do[z].mark |= LOOKING
@@ -72,7 +80,7 @@ def _look_out(m, w, h):
 
 @helper
 def _forget_seen(m, w):
-    """Nothing covers the triangles in ``pairs``."""
+    """Make the triangles in ``pairs`` free again after :func:`_look_out`."""
     progress = w.progress[0]
     for i in range(progress.pairs):
         m.cover[w.pairs[i, 0]] = 0
@@ -81,14 +89,15 @@ def _forget_seen(m, w):
 
 @helper
 def _touch_around(m, w, v):
-    """Touch the corners of changed triangles around vertex v, and what may not be needed any longer next to v."""
+    """Touch the corners of changed triangles around vertex v, and neighbors of v that may not be needed any longer."""
     sides = m.sides
     vertices = m.vertices
     first = vertices[v].vhe
     h = first
-    while True:
+    for _ in range(sides.size):
         p = prv(h)
         u = sides[nxt(h)].org
+        # A changed triangle touches its corners; otherwise a neighbor that is a foot or crossing may have lost its use.
         if is_dirty(sides, h // 3):
             touch(w, u)
             w.to_do[u].mark |= CHANGED
@@ -100,42 +109,53 @@ def _touch_around(m, w, v):
         h = sides[p].twin
         if h == first:
             break
+    else:
+        raise BoundExceeded
 
 
 @helper
 def _has_changed(m, w, v):
-    """Whether a triangle around the touched vertex v changed."""
+    """Return True if a triangle around the touched vertex v changed."""
     sides = m.sides
     first = m.vertices[v].vhe
     h = first
-    changed = w.to_do[v].mark & CHANGED != 0
-    while not changed:
-        changed = is_dirty(sides, h // 3)
+    if w.to_do[v].mark & CHANGED != 0:
+        return True
+    for _ in range(sides.size):
+        if is_dirty(sides, h // 3):
+            return True
         h = sides[prv(h)].twin
         if h == first:
-            break
-    return changed
+            return False
+    raise BoundExceeded
 
 
 @helper
 def _touch_corners(m, w):
-    """Touch all corners of changed triangles around touched vertices, and take out those that nothing needs."""
+    """Touch all corners of changed triangles around touched vertices, and remove those that nothing needs.
+
+    Return 0, FULL or STUCK.
+    """
     vertices = m.vertices
     i = 0
     while True:
+        # The list grows while it is read.
         while i < w.progress[0].touched:
             if is_spent(w):
                 return STUCK
             v = w.to_do[i].touched
             i += 1
+            # Removed meanwhile, or a corner of the box.
             if vertices[v].vhe < 0 or v < BOX_CORNERS:
                 continue
             if _has_changed(m, w, v):
                 w.to_do[v].mark |= CHANGED
                 _touch_around(m, w, v)
+            # A vertex that cannot be removed is not tried again.
             unneeded = vertices[v].vref == 0 and w.to_do[v].mark & KEPT == 0 and removable(m, w, v)
             if unneeded and not remove_vertex(m, w, v):
                 w.to_do[v].mark |= KEPT
+        # Removals leave sides that are not Delaunay; flips touch more vertices, so start again.
         top = w.progress[0].pairs
         if top == 0:
             return 0
@@ -148,16 +168,17 @@ def _touch_corners(m, w):
 
 @helper
 def settle(m, w):
-    """Bring refinement and widths of corners up to date around touched vertices; 0, STUCK, or FULL: more room.
+    """Bring refinement and corner clearances up to date around touched vertices; return 0, STUCK, or FULL: more room.
 
-    A bottleneck is new only where the triangle at its side is, or at a new corner, or where something was removed: then
-    its vertex is at a changed triangle, or sees a removed side. After FULL what still waits is in the workshop.
+    A bottleneck is new only if the triangle at its wall is, or its vertex, or if something between them was removed. So
+    its vertex is at a changed triangle, or sees a removed side. After FULL what is left to do is in the workshop.
     """
     sides = m.sides
     vertices = m.vertices
     status = _touch_corners(m, w)
     if status < 0:
         return status
+    # Queue the walls of changed triangles, and let vertices look across removed sides.
     removal = w.progress[0].removal == SIDES
     for i in range(w.progress[0].touched):
         v = w.to_do[i].touched
@@ -169,7 +190,7 @@ def settle(m, w):
             continue
         first = vertices[v].vhe
         h = first
-        while True:
+        for _ in range(sides.size):
             # Each side once: from its origin.
             if is_dirty(sides, h // 3) and m.cover[h // 3] == 0:
                 if sides[h].constraints != 0:
@@ -179,7 +200,10 @@ def settle(m, w):
             h = sides[prv(h)].twin
             if h == first:
                 break
+        else:
+            raise BoundExceeded
     _forget_seen(m, w)
+    # From each looking vertex, add feet until it finds no more bottleneck.
     i = 0
     while i < w.progress[0].touched:
         v = w.to_do[i].touched
@@ -189,6 +213,7 @@ def settle(m, w):
         if looking and v >= BOX_CORNERS:
             x = m.vertices[v].x
             y = m.vertices[v].y
+            # After the removal of a point only discs that hold its place are new.
             if w.progress[0].removal == POINT:
                 x = w.gone[0].ax
                 y = w.gone[0].ay
@@ -200,9 +225,11 @@ def settle(m, w):
                 continue
         w.to_do[v].mark &= ~LOOKING
         i += 1
+    # Now from the queued walls.
     status = refine(m, w)
     if status < 0:
         return status
+    # Measure the changed triangles, renew hints and clear the marks.
     progress = w.progress[0]
     for i in range(progress.touched):
         v = w.to_do[i].touched
@@ -212,16 +239,19 @@ def settle(m, w):
             continue
         first = vertices[v].vhe
         h = first
-        while True:
+        for _ in range(sides.size):
             t = h // 3
             if is_dirty(sides, t):
                 measure_triangle(m, t)
                 cell = hint_cell(m, t)
                 m.hints[cell] = t
                 note_changed(w, t, cell)
+            # Corners of the box have an open star.
             h = sides[prv(h)].twin
             if h == first or h < 0:
                 break
+        else:
+            raise BoundExceeded
     progress.touched = 0
     progress.removal = 0
     progress.gone = 0

@@ -1,4 +1,4 @@
-"""What obstacles are made of: geometries of shapely, and arrays, as chains of points."""
+"""Shapes of obstacles: geometries of shapely, and arrays, as chains of points."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ Integers = NDArray[np.int64]
 
 
 Dots = list[tuple[float, float]]
-"""An obstacle of points alone: x and y in meters. One point is the obstacle that comes and goes most often."""
+"""An obstacle of points only: x and y [m]. A single point is the obstacle that comes and goes most often."""
 
 
 class Shape(NamedTuple):
-    """What other obstacles are made of: rings with the obstacle on their left, or polylines."""
+    """Any other obstacle: rings with the obstacle on their left, or polylines."""
 
     points: Floats
-    """(n, 2) meters."""
+    """(n, 2) float64 [m]."""
     ends: Integers
     """(k,) chain i is points[ends[i-1]:ends[i]]."""
     winding: int
-    """1 for rings, 0 for polylines, and what is left of them at the border of the box."""
+    """1 for rings, 0 for polylines; parts of polylines cut off at the box may be points."""
 
 
 NOTHING = Shape(np.zeros((0, 2)), np.zeros(0, np.int64), 0)
 
 
 def as_dots(points: Dots) -> Dots:
-    """``points``, or GeometryError where they are not finite."""
+    """Return ``points``, or raise GeometryError if they are not finite."""
     for x, y in points:
         if not (math.isfinite(x) and math.isfinite(y)):
             raise GeometryError(f"obstacle: coordinates must be finite; the geometry holds the point ({x}, {y})")
@@ -45,14 +45,14 @@ def as_dots(points: Dots) -> Dots:
 
 
 def moved(shape: Dots | Shape, dx: float, dy: float) -> Dots | Shape:
-    """The same at another place."""
+    """Return the shape moved by (dx, dy) [m]."""
     if isinstance(shape, Shape):
         return shape._replace(points=shape.points + (dx, dy))
     return as_dots([(x + dx, y + dy) for x, y in shape])
 
 
 def chains(parts: list[Floats], winding: int) -> Shape:
-    """The shape of ``parts``, (n, 2) each."""
+    """Return the shape of the chains ``parts``, (n, 2) each."""
     if not parts:
         return NOTHING
     ends = np.cumsum([len(part) for part in parts]).astype(np.int64)
@@ -60,9 +60,9 @@ def chains(parts: list[Floats], winding: int) -> Shape:
 
 
 def rings_of(geometry: shapely.Polygon | shapely.MultiPolygon) -> Shape:
-    """The shape of polygons; :func:`shape_of` says what may be wrong with them."""
+    """Return the shape of polygons; for errors see :func:`shape_of`."""
     if not geometry.is_valid and np.isfinite(shapely.get_coordinates(geometry)).all():
-        # What the ring goes around twice, the middle of a pentagram say, is blocked as well.
+        # A part that the ring surrounds twice, such as the middle of a pentagram, is blocked as well.
         repaired = shapely.make_valid(geometry, method="structure", keep_collapsed=False)
         geometry = shapely.MultiPolygon([part for part in shapely.get_parts(repaired) if part.area > 0.0])
     oriented = shapely.orient_polygons(clean_polygon(geometry, "obstacle"))
@@ -71,7 +71,7 @@ def rings_of(geometry: shapely.Polygon | shapely.MultiPolygon) -> Shape:
 
 
 def shape_of(geometry: Any) -> Dots | Shape:
-    """The shape of a geometry of shapely, or of the corners (n, 2) of a polygon; invalid ones are repaired.
+    """Return the shape of a geometry of shapely, or of the corners (n, 2) of a polygon; invalid polygons are repaired.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def shape_of(geometry: Any) -> Dots | Shape:
 
 
 def as_geometry(shape: Shape) -> BaseGeometry:
-    """What ``shape`` covers; rings may touch, but not cross each other."""
+    """Return the geometry that ``shape`` covers; its rings may touch, but not cross each other."""
     parts = np.split(shape.points, shape.ends[:-1])
     if shape.winding == 0:
         return shapely.GeometryCollection(

@@ -1,4 +1,4 @@
-"""An edit undone by copying back what it changed, which is less than to take out what was put in."""
+"""Undo the insertion of a point by copying back what it changed, which is cheaper than to remove the point."""
 
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.mesh.address_kernels import mesh_at, workshop_at
@@ -6,7 +6,7 @@ from crowdsim.navmesh.mesh.address_kernels import mesh_at, workshop_at
 
 @helper
 def _copy_around(m, source, target, t):
-    """Copy the corners of triangle t of mesh ``m``, and the sides of its neighbors, which point to it."""
+    """Copy the corners of triangle t of mesh ``m``, and its neighbors' sides on it, from ``source`` to ``target``."""
     for h in range(3 * t, 3 * t + 3):
         v = m.sides[h].org
         target.vertices[v] = source.vertices[v]
@@ -17,28 +17,30 @@ def _copy_around(m, source, target, t):
 
 @helper
 def _number(w, k, first):
-    """The k-th triangle to copy, of which ``first`` is the first at the end of the mesh."""
+    """Return the k-th triangle to copy: first those listed as changed, then those from ``first`` on."""
     listed = w.progress[0].changed
     return w.to_do[k].changed if k < listed else first + k - listed
 
 
 @kernel
 def copy_back(places, before):
-    """Undo INSERT of `edit_point`, which returned a vertex, in the mesh at ``places``, if nothing was edited since.
+    """Undo the INSERT of `edit_point` that was the last edit of the mesh at ``places``, and that returned a vertex.
 
-    At ``before`` is the mesh as it was, with as much room (all places are those of address_kernels). What changed is
-    the triangles that are listed or new or no longer there, what they point to, and what points to them, before or
-    after. False where there was no room for the list: then nothing is copied.
+    Return False if the list of changed triangles overflowed; then nothing is copied. ``before`` are the addresses of
+    the mesh as it was, with as much room (see address_kernels). Changed are the triangles listed, new or gone, all that
+    they point to and all that points to them, before or after the edit.
     """
     w = workshop_at(places)
     s = mesh_at(before)
     t = mesh_at(places)
     if w.progress[0].changed > w.to_do.size:
         return False
+    # Triangles from ``first`` on are new or gone.
     filled = s.frame[0].triangles
     other = t.frame[0].triangles
     first = min(filled, other)
     count = w.progress[0].changed + max(filled, other) - first
+    # Hints first, then what the changed triangles point to now, then what they pointed to before.
     for k in range(w.progress[0].changed):
         cell = w.to_do[k].cell
         t.hints[cell] = s.hints[cell]
@@ -53,6 +55,7 @@ def copy_back(places, before):
             t.cover[i] = s.cover[i]
             for h in range(3 * i, 3 * i + 3):
                 t.sides[h] = s.sides[h]
+    # The new vertex may be one of the spare list.
     v = w.progress[0].vertex
     t.vertices[v] = s.vertices[v]
     t.frame[0] = s.frame[0]

@@ -1,1 +1,1 @@
-"""The arrays of a mesh, half-edges and heaps."""
+"""Arrays of a mesh, steps on half-edges, and binary heaps."""

@@ -1,7 +1,7 @@
-"""A mesh and its workshop by the addresses of their arrays.
+"""A mesh and its workshop, given to kernels as one table of array addresses.
 
-To hand over an array takes Python a fifth of a microsecond, and kernels count references to it: for twelve arrays, a
-third of an edit of one point. A table of addresses is one array, and nobody counts references to what is behind it.
+To pass the arrays one by one would take a good part of a small edit, as Python checks the type of each one and kernels
+count references to it. A table of addresses is a single array, and nothing counts references to the arrays behind it.
 """
 
 from __future__ import annotations
@@ -28,32 +28,34 @@ from crowdsim.navmesh.mesh.mesh_arrays import (
 
 
 class Layer(Protocol):
-    """A mesh that knows where its arrays are, which may be others after an edit."""
+    """A mesh that gives the addresses of its arrays; an edit may change them."""
 
     @property
     def places(self) -> NDArray[np.int64]:
-        """(5, 2) as of `places_of`."""
+        """Return the addresses (5, 2) int64 of the arrays, as :func:`places_of` makes them."""
 
 
 def places_of(mesh: MeshArrays, work: Workshop | tuple[()] = ()) -> NDArray[np.int64]:
-    """Addresses and lengths (12, 2) of the arrays, which whoever keeps the table has to keep as well.
+    """Return the address and the length of each array: (12, 2) int64, or (5, 2) without a workshop.
 
-    (5, 2) without a workshop.
+    The addresses are valid only while the caller keeps the arrays alive.
     """
     return np.array([(array.ctypes.data, len(array)) for array in (*mesh, *work)], np.int64)
 
 
 def layers_of(meshes: Iterable[Layer]) -> NDArray[np.int64]:
-    """Addresses (m, 5, 2) of the arrays of layers: one type for any number of them, so that kernels are compiled once.
+    """Return the addresses (m, 5, 2) int64 of the arrays of ``meshes``.
 
-    They hold as long as the meshes are kept and not edited.
+    The type is the same for any number of meshes, so kernels are compiled once. The addresses are valid as long as the
+    meshes are kept and not edited.
     """
     return np.array([mesh.places for mesh in meshes])
 
 
 @helper
 def mesh_at(places):
-    """The mesh at ``places`` (12, 2) or (5, 2)."""
+    """Return the mesh whose arrays are at ``places``, (12, 2) or (5, 2) int64."""
+    # Rows 0 to 4 are the fields of MeshArrays, in their order.
     return MeshArrays(
         array_at(places[0, 0], (places[0, 1],), SIDE),
         array_at(places[1, 0], (places[1, 1],), VERTEX),
@@ -65,7 +67,8 @@ def mesh_at(places):
 
 @helper
 def workshop_at(places):
-    """The workshop at ``places`` (12, 2)."""
+    """Return the workshop whose arrays are at ``places``, (12, 2) int64."""
+    # Rows 5 to 11 are the fields of Workshop, in their order.
     return Workshop(
         array_at(places[5, 0], (places[5, 1],), np.int64),
         array_at(places[6, 0], (places[6, 1], 2), np.int64),

@@ -1,4 +1,4 @@
-"""Arrays that double when they are full."""
+"""Copies of arrays with more room, for arrays that grow."""
 
 import numpy as np
 
@@ -7,7 +7,8 @@ from crowdsim.jit import helper
 
 @helper
 def longer(items):
-    """An array of more than twice the length of the one-dimensional ``items``, which it starts with."""
+    """Return a copy of ``items`` (n,) with room for 2 n + 1 items; those after the first n are not set."""
+    # At least one more, so that an empty array grows as well.
     copy = np.empty(2 * items.size + 1, items.dtype)
     for i in range(items.size):
         copy[i] = items[i]
@@ -16,7 +17,7 @@ def longer(items):
 
 @helper
 def longer_rows(rows):
-    """A float64 array of more than twice the rows of ``rows`` (n, 2), which it starts with."""
+    """Return a copy of ``rows`` (n, 2) float64 with room for 2 n + 1 rows; those after the first n are not set."""
     copy = np.empty((2 * rows.shape[0] + 1, 2))
     for i in range(rows.shape[0]):
         copy[i, 0] = rows[i, 0]

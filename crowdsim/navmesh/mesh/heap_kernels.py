@@ -1,4 +1,4 @@
-"""A binary heap in an array that grows."""
+"""A binary heap of (key, item) rows in an array that grows; the least row comes first."""
 
 import numpy as np
 
@@ -6,13 +6,14 @@ from crowdsim.jit import helper
 from crowdsim.navmesh.mesh.growing_kernels import longer
 
 HEAP_ROW = np.dtype([("key", np.float64), ("item", np.int64)], align=True)
-"""An element of a binary heap; equal keys leave in the order of their items."""
+"""A row of a heap. Rows with equal keys leave in the order of their items, not of their arrival."""
 
 
 @helper
 def place(heap, count, key, item):
-    """Add a row (key, item) to the first ``count`` rows of a binary heap with room for it; the new count."""
+    """Add the row (key, item) to the first ``count`` rows of a heap that has room for it; return the new count."""
     i = count
+    # Sift up: move parents that are greater one level down, until the row fits.
     while i > 0:
         up = (i - 1) // 2
         if heap[up].key < key or (heap[up].key == key and heap[up].item <= item):
@@ -27,7 +28,7 @@ def place(heap, count, key, item):
 
 @helper
 def push(heap, count, key, item):
-    """Add a row (key, item) to a binary heap that grows where it is full; (heap, count)."""
+    """Add the row (key, item) to a heap, which grows if it is full; return (heap, count)."""
     if count == heap.size:
         heap = longer(heap)
     return heap, place(heap, count, key, item)
@@ -35,11 +36,12 @@ def push(heap, count, key, item):
 
 @helper
 def pop(heap, count):
-    """Take the least of ``count`` heap rows away, which is left in place ``count - 1``."""
+    """Remove the least of ``count`` rows from a heap and leave it at index ``count - 1``."""
     last = count - 1
     key = heap[last].key
     item = heap[last].item
     heap[last] = heap[0]
+    # The former last row starts at the root. Sift it down: move the lesser child up, until the row fits.
     i = 0
     while True:
         child = 2 * i + 1
@@ -51,6 +53,7 @@ def pop(heap, count):
             if right.key < low.key or (right.key == low.key and right.item < low.item):
                 child += 1
                 low = right
+        # The row is not greater than both children: its place is found.
         if key < low.key or (key == low.key and item <= low.item):
             break
         heap[i] = low

@@ -1,8 +1,13 @@
-"""The arrays of one navigation mesh, which kernels take as their single mesh argument.
+"""The arrays of one navigation mesh, which kernels take as one argument.
 
-Half-edge h = 3 * t + i is the i-th side of the counter-clockwise triangle t and runs from its ``org`` to the origin of
-the next side. Everything lies inside a box somewhat larger than the walkable area, whose two outer sides are the hull.
-The columns are fields of few arrays of records because every array of an argument costs compile time in every kernel.
+Half-edge h = 3 * t + i is the i-th side of the counter-clockwise triangle t. It runs from its origin vertex ``org`` to
+the origin of the next side. All triangles lie inside a box a little larger than the walkable area; the four sides of
+the box are the hull.
+
+In the kernels m is the mesh, w the workshop of an edit, h (also e, f, g) a half-edge, t a triangle and v (also a to d,
+p to z) a vertex; g is mostly the twin of h.
+
+Columns are fields of a few arrays of records because each array of an argument costs compile time in every kernel.
 """
 
 from __future__ import annotations
@@ -13,11 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 NONE = np.int64(-1)
-"""No half-edge, triangle or vertex. Helpers that take other numbers as well are passed np.int64(NONE): numba takes the
-constant for a type of its own and would compile them twice."""
+"""No half-edge, triangle or vertex.
+
+A helper that also takes other numbers here is passed np.int64(NONE): numba gives the constant a type of its own and
+would compile the helper twice.
+"""
 
 BOX_CORNERS = 4
-"""The first vertices are the corners of the box; they are no obstacles and no free triangle touches them."""
+"""Number of corners of the box, the first vertices of each mesh.
+
+They are no obstacles, and no free triangle touches them.
+"""
 
 SIDE = np.dtype(
     [
@@ -32,22 +43,23 @@ SIDE = np.dtype(
 )
 """A half-edge.
 
-org: origin vertex. twin: opposite half-edge, -1 on the hull. constraints: how many obstacle edges run along it, the
-same on both halves. winding: signed count of obstacle boundaries along it with the obstacle on their left.
-corner_clearance: width (a diameter, meters) that a turn around the corner at ``org`` leaves; 0 where a side of the
-corner is closed; less on the first side of a triangle that changed since it was measured. use: which inserted obstacles
-run along it in this direction, the head of a list of :data:`USE`, -1 for none; obstacles that the mesh was built with
-are counted in constraints and winding alone.
+org: origin vertex. twin: opposite half-edge, -1 on the hull. constraints: number of obstacle edges that run along the
+side, the same on both halves. winding: signed number of obstacle boundaries along the half-edge, positive with the
+obstacle on its left. corner_clearance: diameter [m] of the largest disc that can turn around the corner at ``org``
+inside the triangle; 0 if a side of the corner is closed. On the first half-edge of a triangle a negative value says
+that the triangle changed since it was measured. use: head of the list of :data:`USE` records of inserted obstacles that
+run along the half-edge in this direction, -1 for none; obstacles the mesh was built with are counted in constraints and
+winding only.
 """
 
 VERTEX = np.dtype([("x", np.float64), ("y", np.float64), ("vhe", np.int64), ("vref", np.int64)], align=True)
 """A vertex.
 
-x, y: meters, multiples of the grid cell. vhe: one half-edge that leaves the vertex. vref: how many obstacle corners and
-point obstacles own it; 0 for vertices that refinement added and for crossings of inserted obstacles.
+x, y: multiples of the grid cell [m]. vhe: one half-edge that leaves the vertex. vref: number of obstacle corners and
+point obstacles at the vertex; 0 for vertices that refinement added and for crossings of inserted obstacles.
 
-Vertices keep their numbers when others are removed. A removed one has a negative vhe, from which `spare` of
-:data:`FRAME` starts a list: -1 minus the next removed one, or minus 0 at the end.
+Vertices keep their numbers when others are removed. Removed vertices form a list that starts at ``spare`` of
+:data:`FRAME`: the vhe of a removed vertex is -1 minus the number of the next removed one, and -1 at the end.
 """
 
 FRAME = np.dtype(
@@ -55,20 +67,25 @@ FRAME = np.dtype(
     + [(name, np.int64) for name in ("vertices", "triangles", "nx", "ny", "spare")],
     align=True,
 )
-"""Grid cell, box and hint cell in meters; how many vertices and triangles are filled; cells of the hint grid; the
-first removed vertex, 0 for none."""
+"""Size of a mesh.
+
+cell: grid cell [m]. x0, y0, x1, y1: box [m]. hint_cell: cell of the hint grid [m]. vertices, triangles: how many are in
+use. nx, ny: cells of the hint grid in x and y. spare: first removed vertex, 0 for none.
+"""
 
 USE = np.dtype([("owner", np.int32), ("next", np.int32)], align=True)
-"""One inserted obstacle along a half-edge: twice its slot, plus its winding, and the next item of the list or -1.
+"""One inserted obstacle along a half-edge.
 
-Lists are sorted by owner and never changed, so that halves of a split side share one.
+owner: twice the slot of the obstacle, plus its winding. next: next record of the list, or -1. Lists are sorted by owner
+and never changed, so that both halves of a split side can share one.
 """
 
 TO_DO = np.dtype([(name, np.int64) for name in ("waiting", "touched", "mark", "changed", "cell")], align=True)
-"""Two lists of vertices side by side, and marks of which vertex is in them (see work_kernels).
+"""Work lists of an edit, as columns side by side.
 
-changed, cell: a list of triangles that an edit changed, or that took the number of another, and where it gave hints to
-them; those at the end that are no longer there, or new, may be missing.
+waiting, touched: lists of vertices; mark: bits that say which of them a vertex is in (see work_kernels). changed: list
+of triangles that the edit changed or renumbered; cell: hint cell that points to them. Triangles at the end of the mesh
+that no longer exist or are new may be missing from ``changed``.
 """
 
 PROGRESS = np.dtype(
@@ -76,55 +93,64 @@ PROGRESS = np.dtype(
     + [(name, np.int64) for name in ("full", "rerouted", "removal", "gone", "vertex", "left")],
     align=True,
 )
-"""Ring buffer ``waiting``: its first item and its length. Lengths of the lists ``touched`` and ``changed``, of the pool
-of uses (full: 1 where it was too short), of the stack ``pairs`` and of ``gone``. Whether a crossing made other
-obstacles take another way, whether the edit is a removal, the vertex of a point that was edited, and how many turns of
-loops are left to the edit before it counts as stuck."""
+"""State of an edit.
+
+head, waiting: first index and length of the ring buffer ``waiting``. touched, changed: lengths of these lists. uses:
+used records of the pool of uses. pairs, gone: lengths of the stack ``pairs`` and of ``gone``. full: 1 if the pool of
+uses was too small. rerouted: 1 if a crossing split the edges of other obstacles. removal: 1 if the edit removes an
+obstacle. vertex: vertex of the point that was edited. left: loop turns left before the edit counts as stuck.
+"""
 
 SIGHT = np.dtype(
     [("side", np.int64)] + [(name, np.float64) for name in ("lo", "hi", "rx", "ry", "lx", "ly")], align=True
 )
 """A half-edge still to cross in a search for bottlenecks.
 
-lo, hi: the part of a first side that a disc from beyond may reach through it. rx, ry, lx, ly: the rays right and left
-of what a vertex sees through it.
+lo, hi: part of the first side through which a disc beyond this half-edge can reach. rx, ry, lx, ly: right and left ray
+of what a vertex sees through this half-edge.
 """
 
 SEGMENT = np.dtype([(name, np.float64) for name in ("ax", "ay", "bx", "by")], align=True)
-"""Two points."""
+"""The two end points (ax, ay) and (bx, by) of a side [m]."""
 
 
 class Rings(NamedTuple):
-    """Corners of closed rings that have what is not walkable on the left of each side."""
+    """Corners of closed rings; blocked ground is on the left of each side."""
 
     points: NDArray[np.float64]
-    """(n, 2) on the grid, ring after ring."""
+    """(n, 2) float64, corners on the grid [m], ring after ring."""
     ends: NDArray[np.int64]
-    """(k,) ring i is points[ends[i - 1] : ends[i]]."""
+    """(k,) int64; ring i is points[ends[i - 1] : ends[i]]."""
 
 
 class MeshArrays(NamedTuple):
-    """C-contiguous arrays of a mesh (nv vertices, nt triangles; while building, longer than filled)."""
+    """C-contiguous arrays of a mesh of nv vertices and nt triangles.
+
+    During a build they are longer than the filled part.
+    """
 
     sides: NDArray[Any]
     """(3 nt,) records :data:`SIDE`."""
     vertices: NDArray[Any]
     """(nv,) records :data:`VERTEX`."""
     cover: NDArray[np.int64]
-    """(nt,) how many obstacles cover the triangle; it is free where this is 0."""
+    """(nt,) number of obstacles that cover the triangle; the triangle is free if it is 0."""
     hints: NDArray[np.int64]
-    """(nx * ny,) a triangle near the center of each cell of a coarse grid, row by row; any number of an older mesh."""
+    """(nx * ny,) a triangle near the center of each cell of the hint grid, row by row.
+
+    It may be out of date after an edit.
+    """
     frame: NDArray[Any]
     """(1,) record :data:`FRAME`."""
 
 
 class Workshop(NamedTuple):
-    """What kernels that change a mesh of room for nv vertices work with."""
+    """Scratch memory of kernels that change a mesh with room for nv vertices."""
 
     stack: NDArray[np.int64]
-    """(6 nv + 64,) half-edges or vertices."""
+    """(6 nv + 64,) stack of half-edges or vertices."""
     pairs: NDArray[np.int64]
-    """(6 nv + 64, 2) sides as pairs of vertices, which outlive flips."""
+    """(6 nv + 64, 2) sides as pairs of vertices: unlike half-edges, they stay valid when sides are flipped."""
     to_do: NDArray[Any]
     """(nv,) records :data:`TO_DO`."""
     uses: NDArray[Any]
@@ -138,11 +164,14 @@ class Workshop(NamedTuple):
 
 
 TURNS = 1024
-"""Turns of loops that an edit may take for each triangle and corner, which no sound edit comes near."""
+"""Loop turns an edit may take for each triangle and corner before it counts as stuck.
+
+No sound edit comes near it; a larger value only delays the error.
+"""
 
 
 def workshop(vertices: int, uses: int = 0) -> Workshop:
-    """An empty workshop for a mesh with room for ``vertices``, with a pool of ``uses``."""
+    """Return an empty workshop for a mesh with room for ``vertices`` vertices and a pool of ``uses`` records."""
     room = 6 * vertices + 64
     pairs = np.empty((room, 2), np.int64)
     to_do = np.zeros(vertices, TO_DO)
@@ -160,15 +189,16 @@ def workshop(vertices: int, uses: int = 0) -> Workshop:
 
 
 def empty_mesh(vertices: int, frame: NDArray[Any]) -> MeshArrays:
-    """Arrays with room for ``vertices`` vertices in the box of ``frame`` (1,), which is copied, and empty hints."""
-    # Kernels write every field of what they fill, and memory that nobody touches costs nothing.
+    """Return arrays with room for ``vertices`` vertices and with empty hints; ``frame`` (1,) is copied."""
+    # Kernels write every field before it is read, and the operating system gives pages of zeros only when they are
+    # touched.
     hints = np.full(int(frame["nx"][0]) * int(frame["ny"][0]), NONE)
     cover = np.zeros(2 * vertices, np.int64)
     return MeshArrays(np.zeros(6 * vertices, SIDE), np.zeros(vertices, VERTEX), cover, hints, frame.copy())
 
 
 def trimmed(mesh: MeshArrays) -> MeshArrays:
-    """The same mesh without room for more: views of what is filled."""
+    """Return the mesh without spare room: views of the filled part of its arrays."""
     vertices, triangles = int(mesh.frame["vertices"][0]), int(mesh.frame["triangles"][0])
     return mesh._replace(
         sides=mesh.sides[: 3 * triangles], vertices=mesh.vertices[:vertices], cover=mesh.cover[:triangles]
@@ -176,7 +206,10 @@ def trimmed(mesh: MeshArrays) -> MeshArrays:
 
 
 def resized(mesh: MeshArrays, vertices: int) -> MeshArrays:
-    """A copy with room for exactly ``vertices`` vertices, not fewer than are filled, and twice as many triangles."""
+    """Return a copy with room for exactly ``vertices`` vertices, at least the filled ones.
+
+    There is room for twice as many triangles.
+    """
     filled, triangles = int(mesh.frame["vertices"][0]), int(mesh.frame["triangles"][0])
     copy = empty_mesh(vertices, mesh.frame)
     copy.vertices[:filled] = mesh.vertices[:filled]

@@ -1,1 +1,1 @@
-"""Fast paths of discs, and which places they join."""
+"""Fast paths of discs, and the connected components of the places where a disc fits."""

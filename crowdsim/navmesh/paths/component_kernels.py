@@ -1,9 +1,8 @@
 """Connected components of the places where a disc fits.
 
-Two sides of a triangle belong together where the disc passes from one to the other around their common corner. A
-triangle may hold places of more than one component (a corner close to a wall parts it), so sides carry the labels.
-The relation is that of :func:`crowdsim.navmesh.paths.search_kernels.find_channel`, so a path is found exactly within a
-component.
+Two sides of a triangle belong together if the disc can turn around their common corner. A corner close to a wall can
+divide a triangle between components, so sides carry the labels, not triangles. Two sides are related as in
+:func:`crowdsim.navmesh.paths.search_kernels.find_channel`, so a path is found exactly within a component.
 """
 
 import numpy as np
@@ -17,7 +16,7 @@ from crowdsim.navmesh.paths.search_kernels import can_leave
 
 @helper
 def _root(parent, h):
-    """The half-edge that stands for all sides joined with h so far; halves the way there."""
+    """Return the half-edge that represents all sides joined with h so far; shorten the way there by path halving."""
     while parent[h] != h:
         parent[h] = parent[parent[h]]
         h = np.int64(parent[h])
@@ -26,23 +25,27 @@ def _root(parent, h):
 
 @kernel
 def label_sides(m, width, labels):
-    """Fill ``labels`` (3 nt,), the component of each half-edge for a disc of diameter ``width``; their number.
+    """Fill ``labels`` (3 nt,) with the component of each half-edge for a disc of diameter ``width``.
 
-    Components count from 0; sides of blocked triangles and constrained sides have -1.
+    Return their number.
+
+    Components count from 0; sides of blocked triangles and constrained sides get -1.
     """
     sides = m.sides
     cover = m.cover
     n = 3 * m.frame[0].triangles
+    # Union-find. Both halves of a side start as one set, represented by the lesser.
     for h in range(n):
         g = sides[h].twin
         labels[h] = g if g >= 0 and g < h else h
     for h in range(n):
+        # The disc turns around the corner at h's origin, so the two sides there are one set.
         if cover[h // 3] == 0 and sides[h].corner_clearance >= width:
             a = _root(labels, h)
             b = _root(labels, prv(h))
             labels[max(a, b)] = min(a, b)
-    # A root comes before all that it stands for: its number is known when theirs is asked. Numbers are kept as -2 - k
-    # until all are known, to be told from half-edges.
+    # Replace representatives by numbers. A representative is the least of its set, so its number is known before it is
+    # needed. Numbers k are kept as -2 - k until all are known, so that they differ from half-edges.
     count = 0
     for h in range(n):
         if cover[h // 3] != 0 or sides[h].constraints != 0:
@@ -60,10 +63,7 @@ def label_sides(m, width, labels):
 
 @helper
 def are_joined(m, labels, start, sx, sy, goal, gx, gy, width):
-    """Whether a disc of diameter ``width`` at (sx, sy) in triangle ``start`` can go to (gx, gy) in another triangle.
-
-    ``labels`` are those of :func:`label_sides` for the width.
-    """
+    """Return True if a disc of diameter ``width`` can go from (sx, sy) in ``start`` to (gx, gy) in another triangle."""
     for h in range(3 * start, 3 * start + 3):
         if can_leave(m.sides, m.vertices, h, sx, sy, width):
             for g in range(3 * goal, 3 * goal + 3):
@@ -74,19 +74,21 @@ def are_joined(m, labels, start, sx, sy, goal, gx, gy, width):
 
 @kernel
 def components(m, labels, count, points, radius, least, out):
-    """Fill ``out`` (n,) with the component of a disc around each of ``points`` (n, 2), -1 where it is not free.
+    """Fill ``out`` (n,) with the component of a disc at each of ``points`` (n, 2), -1 if it is not free there.
 
-    ``labels`` and ``count`` are those of :func:`label_sides` for the width 2 ``least``. A disc that cannot leave its
-    triangle is a component of its own with all others there, ``count`` and more.
+    ``labels`` and ``count`` are those of :func:`label_sides` for the width 2 ``least``. Discs that cannot leave their
+    triangle form a component of their own, numbered ``count`` plus the triangle.
     """
     for i in range(points.shape[0]):
         x = points[i, 0]
         y = points[i, 1]
         distance, t = disc_clearance(m, x, y, 2.0 * radius + 1.0, np.int64(NONE))
         out[i] = -1
+        # A clearance of less than ``least`` is not free.
         if distance < least:
             continue
         out[i] = count + t
+        # The label of any side that it can leave through; all of these are joined.
         for h in range(3 * t, 3 * t + 3):
             if can_leave(m.sides, m.vertices, h, x, y, 2.0 * least):
                 out[i] = labels[h]

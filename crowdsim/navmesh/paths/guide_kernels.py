@@ -1,7 +1,8 @@
-"""How far it is to a goal from the sides of a mesh: what guides searches for ways that obstacles made longer.
+"""Distances to a goal from the sides of a mesh, which guide searches after obstacles have made ways longer.
 
-Sides are known by the vertices at their ends, which keep their numbers when obstacles come and go. What holds is the
-mesh without them; a guide only says where to look first, so a side that is not known, or not as it was, does no harm.
+Sides are known by the vertices at their ends, which keep their numbers when obstacles come and go. The distances are
+those of the mesh without these obstacles. A guide only says where to look first, so an unknown or changed side does no
+harm.
 """
 
 import math
@@ -12,24 +13,29 @@ from crowdsim.jit import helper
 from crowdsim.navmesh.mesh.half_edge_kernels import nxt
 
 GUIDE = np.dtype([("side", np.int64), ("left", np.float64), ("right", np.float64)], align=True)
-"""A row of a hash table of sides, one longer than a power of two; ``side`` is 0 where it is empty.
+"""A row of a hash table of sides. The table has one row more than a power of two.
 
-side: one more than the origin, shifted left by 32 bits, and the vertex at the other end. left, right: meters to the
-goal from the ends of the side, cut by the radius, for ways that leave the side's triangle over it; infinite where none
-was followed. The left of the last row, which is no side's, is the limit up to which ways were followed.
+side: one more than the origin, shifted left by 32 bits, plus the vertex at the other end; 0 if the row is empty. left,
+right: distances to the goal [m] from the ends of the side, cut by the radius, for ways that leave the side's triangle
+across it; infinite if no way was followed there. The last row belongs to no side: its ``left`` is the limit [m] up to
+which ways were followed.
 """
 
 GREED = 1.05
-"""What a meter that is still to go counts. Ways are seldom as short as can be, so 1 would search much that is too
-long; at 1.05 ways are 0.1 or 0.2 percent longer and found in a quarter of the time."""
+"""Weight of a meter still to go, against a meter gone.
+
+Ways are seldom as short as the estimate, so a weight of 1 searches much that is too long. A greater weight searches
+less and finds slightly longer ways (docs/navmesh.md, "Queries").
+"""
 
 _SPREAD = 0x1E3779B97F4A7C15
-"""A multiplier without pattern (of Knuth's multiplicative hashing)."""
+"""Multiplier without pattern, for Knuth's multiplicative hashing."""
 
 
 @helper
 def _row(guide, origin, end):
-    """Row of the side between two vertices, or the empty one where it belongs."""
+    """Return the row of the side between two vertices, or the empty row where it belongs."""
+    # Linear probing in the rows before the last one.
     side = ((origin + 1) << 32) + end
     i = ((side * _SPREAD) >> 24) & (guide.size - 2)
     while guide[i].side != side and guide[i].side != 0:
@@ -39,9 +45,9 @@ def _row(guide, origin, end):
 
 @helper
 def guided_estimate(sides, vertices, guide, label, radius, otherwise):
-    """Meters from the start over the label's interval to the goal of ``guide``, those still to go weighted.
+    """Estimate the length [m] of a way from the start over the label's interval to the goal; meters to go are weighted.
 
-    ``otherwise`` for an unknown side.
+    Return ``otherwise`` if the side is not in ``guide``.
     """
     h = np.int64(label.h)
     origin = sides[h].org
@@ -50,6 +56,7 @@ def guided_estimate(sides, vertices, guide, label, radius, otherwise):
     if row.side == 0:
         return otherwise
     limit = guide[guide.size - 1].left
+    # No way was followed across this side: at least as long as the limit.
     if row.left == math.inf:
         return max(limit, otherwise)
     a = vertices[origin]
@@ -60,23 +67,23 @@ def guided_estimate(sides, vertices, guide, label, radius, otherwise):
     ux /= length
     uy /= length
     inset = min(radius, 0.5 * length)
-    # Along the side from its cut right end: where the root is beside, and the ends of the interval.
+    # Positions along the side from its cut right end: the root's foot, then the ends of the interval.
     root = (label.rx - a.x) * ux + (label.ry - a.y) * uy - inset
     off = (label.rx - a.x) * uy - (label.ry - a.y) * ux
     low = (label.px - a.x) * ux + (label.py - a.y) * uy - inset
     high = (label.lx - a.x) * ux + (label.ly - a.y) * uy - inset
-    # From any point it is at least as far as from an end, less the way there: least where both bounds are the same,
-    # as neither falls faster than one approaches the root.
+    # At a point ``at`` of the side, the way to go is at least that from either end, less the way there. Take the point
+    # where both bounds are equal, as neither falls faster than the root comes nearer.
     width = length - 2.0 * inset
     at = min(max(0.5 * (row.right - row.left + width), low), high)
     rest = max(row.right - at, row.left - width + at)
-    # Beyond the limit not all ways were followed, so that there may be shorter ones than known.
+    # Not all ways beyond the limit were followed, so there may be shorter ones than known.
     return max(min(label.spent + GREED * (math.sqrt((at - root) ** 2 + off * off) + rest), limit), otherwise)
 
 
 @helper
 def add_sides(m, guide):
-    """Put all sides that can be crossed into ``guide``, which has none."""
+    """Put all sides that can be crossed into the empty ``guide``."""
     sides = m.sides
     for h in range(3 * m.frame[0].triangles):
         if sides[h].constraints == 0 and m.cover[h // 3] == 0:
@@ -87,7 +94,7 @@ def add_sides(m, guide):
 
 @helper
 def clear_guide(guide):
-    """Let no way lead over any side of ``guide``, which is known up to 0 m."""
+    """Forget all distances of ``guide``: it knows ways up to 0 m."""
     for i in range(guide.size):
         guide[i].left = math.inf
         guide[i].right = math.inf
@@ -96,7 +103,7 @@ def clear_guide(guide):
 
 @helper
 def fill_guide(m, labels, used, radius, limit, guide):
-    """Take the ``used`` labels of ways that lead away from its goal, up to ``limit`` meters, into ``guide``."""
+    """Enter the ``used`` labels of a search that began at the goal, complete up to ``limit`` [m], into ``guide``."""
     guide[guide.size - 1].left = limit
     sides = m.sides
     vertices = m.vertices
@@ -105,6 +112,7 @@ def fill_guide(m, labels, used, radius, limit, guide):
         h = np.int64(label.h)
         origin = sides[h].org
         end = sides[nxt(h)].org
+        # The ends of the side, cut by the radius.
         a = vertices[origin]
         b = vertices[end]
         ux = b.x - a.x
@@ -112,12 +120,13 @@ def fill_guide(m, labels, used, radius, limit, guide):
         k = min(radius / math.sqrt(ux * ux + uy * uy), 0.5)
         ux *= k
         uy *= k
-        # Ways to the goal cross the side the other way round.
+        # Ways to the goal cross the side in the opposite direction, so left and right change places.
         row = guide[_row(guide, end, origin)]
         lx = label.lx
         ly = label.ly
         px = label.px
         py = label.py
+        # From the goal to the ends of the interval, then along the side to its cut ends.
         at_left = label.spent + math.sqrt((lx - label.rx) ** 2 + (ly - label.ry) ** 2)
         at_right = label.spent + math.sqrt((px - label.rx) ** 2 + (py - label.ry) ** 2)
         at_left += math.sqrt((b.x - ux - lx) ** 2 + (b.y - uy - ly) ** 2)

@@ -1,8 +1,8 @@
 """Search for a short way over intervals of sides, after Polyanya (Cui, Harabor and Grastien, IJCAI 2017).
 
-Sides are cut by the radius at both ends, and what is left of them is passed in straight lines from root to root, the
-ends of the cut sides. So the cost of a way is its length but for its arcs, of which it has the chords. The widths of
-sides and corners decide what may be crossed, just as in :mod:`crowdsim.navmesh.paths.search_kernels`.
+Each side is cut by the radius at both ends. A way crosses the rest in straight lines from root to root; roots are ends
+of cut sides, where the way bends. The cost of a way is its length with chords in place of arcs. The widths of sides and
+corners decide what can be crossed, as in :mod:`crowdsim.navmesh.paths.search_kernels`.
 """
 
 import math
@@ -19,11 +19,12 @@ from crowdsim.navmesh.paths.search_kernels import can_leave
 from crowdsim.navmesh.paths.tangent_kernels import STRING_NODE, set_node
 
 _SAME = 1e-9
-"""Meters within which two ways are as long as each other."""
+"""Difference [m] below which two ways count as equally long."""
 
 
 @helper
 def _set_label(label, rx, ry, spent, lx, ly, px, py, h, before, corner, ends):
+    """Fill a record :data:`crowdsim.navmesh.paths.workspace.LABEL`."""
     label.rx = rx
     label.ry = ry
     label.spent = spent
@@ -39,24 +40,31 @@ def _set_label(label, rx, ry, spent, lx, ly, px, py, h, before, corner, ends):
 
 @helper
 def _estimate(label, x, y):
-    """Meters from the start over the label's interval to (x, y), those behind the interval weighted."""
+    """Estimate the length [m] of a way from the start over the label's interval to (x, y).
+
+    Meters behind it are weighted.
+    """
     rx = label.rx
     ry = label.ry
     lx = label.lx - rx
     ly = label.ly - ry
     px = label.px - rx
     py = label.py - ry
+    # Coordinates relative to the root.
     x -= rx
     y -= ry
     ux = lx - px
     uy = ly - py
+    # How far the target and the root are off the line of the interval, times its length.
     behind = ux * (y - py) - uy * (x - px)
     root = uy * px - ux * py
-    if behind * root > 0.0:  # the target is on the root's side: mirror it
+    # The target is on the root's side of the interval: mirror it, which keeps the length.
+    if behind * root > 0.0:
         k = 2.0 * behind / (ux * ux + uy * uy)
         x += k * uy
         y -= k * ux
         behind = -behind
+    # The straight line passes the interval on the left: bend around its left end. Then the same on the right.
     if x * ly - y * lx < 0.0:
         ux = lx - x
         uy = ly - y
@@ -65,6 +73,7 @@ def _estimate(label, x, y):
         ux = px - x
         uy = py - y
         return label.spent + math.sqrt(px * px + py * py) + GREED * math.sqrt(ux * ux + uy * uy)
+    # It crosses the interval: weight the part behind it.
     total = root - behind
     part = root / total if total != 0.0 else 0.0
     return label.spent + math.sqrt(x * x + y * y) * (part + GREED * (1.0 - part))
@@ -72,10 +81,11 @@ def _estimate(label, x, y):
 
 @helper
 def _key(m, regions, waypoints, guide, label, gx, gy, radius):
-    """What a label is in the heap by: about how long a way over it is."""
+    """Return the key of a label in the heap: about how long a way over it is [m]."""
     key = 0.0
     if guide is not None:
         key = guided_estimate(m.sides, m.vertices, guide, label, radius, _estimate(label, gx, gy))
+    # With regions: aim at the next bridge, from which the rest of the way is known.
     if regions is not None:
         aim = waypoints[regions[m.sides[label.h].twin // 3].top]
         key = GREED * aim.rest + _estimate(label, aim.x, aim.y)
@@ -84,7 +94,7 @@ def _key(m, regions, waypoints, guide, label, gx, gy, radius):
 
 @helper
 def _leave_start(m, regions, work, start, sx, sy, gx, gy, radius, width, guide):
-    """Put labels of the sides that lead out of triangle ``start`` towards the goal into the heap; their number."""
+    """Put a label for each side that leads out of triangle ``start`` into the heap; return their number."""
     labels = work.labels
     heap = work.heap
     waypoints = work.waypoints
@@ -95,12 +105,14 @@ def _leave_start(m, regions, work, start, sx, sy, gx, gy, radius, width, guide):
     for h in range(3 * start, 3 * start + 3):
         if not can_leave(sides, vertices, h, sx, sy, width):
             continue
+        # This side leads to a region off the way.
         if regions is not None and waypoints[regions[sides[h].twin // 3].top].stamp != stamp:
             continue
         a = vertices[sides[h].org]
         b = vertices[sides[nxt(h)].org]
         ux = b.x - a.x
         uy = b.y - a.y
+        # Cut the side by the radius; all of it is seen, and the way may bend at both ends (3).
         k = min(radius / math.sqrt(ux * ux + uy * uy), 0.5)
         ux *= k
         uy *= k
@@ -111,7 +123,10 @@ def _leave_start(m, regions, work, start, sx, sy, gx, gy, radius, width, guide):
 
 @helper
 def _spent_at(label, x, y, before, stamp):
-    """Meters up to the end (x, y) of a label's interval, as a root; infinite if it was one at less ``before``."""
+    """Return the length [m] of the way up to the end (x, y) of a label's interval, if the end becomes a root.
+
+    It is infinite if the end was a root ``before``, in this search (``stamp``), on a shorter way.
+    """
     dx = x - label.rx
     dy = y - label.ry
     spent = label.spent + math.sqrt(dx * dx + dy * dy)
@@ -122,11 +137,12 @@ def _spent_at(label, x, y, before, stamp):
 
 @helper
 def _add_labels(labels, used, i, reached, stamp, spent_left, spent_right, e, turn, v, o, radius):
-    """Add the labels of ways from label i on over side e, whose ends are v and o; how many labels there are then.
+    """Add labels for the ways from label i across side e, whose ends are v and o; return the new number of labels.
 
-    Straight from the root over what it sees of the side, and around the left and the right end of the label's interval
-    over the rest, where the way is ``spent_left`` and ``spent_right`` long up to these; infinite where it may not bend.
-    The side is cut by the radius at both ends; v is its left end if ``turn`` is 0.
+    There are up to three: straight from the root across the part it sees, and around the left and the right end of the
+    label's interval across the rest. ``spent_left`` and ``spent_right`` are the lengths [m] of the way up to these
+    ends, infinite if it cannot bend there. The side is cut by the radius at both ends; v is its left end if ``turn`` is
+    0.
     """
     ux = v.x - o.x
     uy = v.y - o.y
@@ -146,15 +162,16 @@ def _add_labels(labels, used, i, reached, stamp, spent_left, spent_right, e, tur
     dly = label.ly - ry
     dpx = label.px - rx
     dpy = label.py - ry
-    # From a root at the end of the side, everything on that end's side is seen.
+    # A root at the end of the interval sees all on that side.
     sees_left = dlx == 0.0 and dly == 0.0
     sees_right = dpx == 0.0 and dpy == 0.0
-    # How far the ends are left of the rays from the root over the ends of the interval.
+    # Cross products, positive if a cut end of e is left of a ray from the root over an end of the interval: the first
+    # letter is the end of the interval (left or right), the second the end of e.
     ll = -1.0 if sees_left else dlx * (ely - ry) - dly * (elx - rx)
     lr = -1.0 if sees_left else dlx * (ery - ry) - dly * (erx - rx)
     rl = 1.0 if sees_right else dpx * (ely - ry) - dpy * (elx - rx)
     rr = 1.0 if sees_right else dpx * (ery - ry) - dpy * (erx - rx)
-    # The ends of what the root sees of e.
+    # The part of e between these two rays.
     slx = elx
     sly = ely
     if ll > 0.0:
@@ -192,16 +209,13 @@ def _add_labels(labels, used, i, reached, stamp, spent_left, spent_right, e, tur
 
 @helper
 def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide, farther=None, longest=None):
-    """The last label of a short way from triangle ``start`` to ``goal``, -1 for none, the number of labels, the limit.
+    """Search for a short way from triangle ``start`` to ``goal``; return (last label or -1, number of labels, limit).
 
-    ``width`` is the least width passed, that of the disc of ``radius`` less what rounding may take. Where regions hang
-    together by narrow passages, a way that goes back through one to turn around behind it is not found; nor is one
-    for which there is no room in the workspace.
-
-    ``guide`` is None, or a :func:`crowdsim.navmesh.paths.guide_kernels.fill_guide` to this goal, which stands in for
-    ``regions`` (None then). ``farther`` is None, or a factor and meters by which the way to the goal is lengthened to
-    the limit, as far as which all ways are followed that may be shorter; there is no last label then.
-    ``longest`` is None, or meters beyond which no way is followed.
+    The way passes widths of at least ``width`` [m], the diameter less the tolerance. One that goes back through a
+    narrow passage between regions, to turn around behind it, is not found, nor one for which the workspace has no room.
+    ``guide`` is None, or a guide to this goal, with ``regions`` None. ``farther`` is None, or (factor, meters): follow
+    all ways that may be shorter than that to the goal times the factor plus the meters. This length is the limit; there
+    is no last label then. ``longest`` is None, or a length [m] beyond which no way is followed.
     """
     labels = work.labels
     heap = work.heap
@@ -213,14 +227,16 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
     stamp = work.stamp[0]
     if regions is not None and not lay_waypoints(m, regions, waypoints, heap, stamp, start, goal, gx, gy, radius):
         return NONE, np.int64(0), math.inf
-    width = max(width, 1e-30)  # that of the corners of closed sides is 0
+    # Corners of closed sides have a clearance of 0: never pass them.
+    width = max(width, 1e-30)
     most = 6 * m.frame[0].triangles - 6
     limit = math.inf
     if farther is not None and start == goal:
         limit = farther[0] * math.sqrt((gx - sx) ** 2 + (gy - sy) ** 2) + farther[1]
     count = _leave_start(m, regions, work, start, sx, sy, gx, gy, radius, width, guide)
     used = count
-    following = NONE  # the best of the labels just made need not pass through the heap if nothing in there is better
+    # ``following``: the best of the labels just made, if it is better than all in the heap, need not pass through it.
+    following = NONE
     while used < most:
         i = following
         if i < 0:
@@ -234,46 +250,49 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
         following = NONE
         label = labels[i]
         spent = label.spent
-        # Too long even straight from here; not by the key, which guesses what is behind bridges.
+        # Too long even if straight from here. The key is no bound, as it estimates the way behind bridges.
         if longest is not None and spent + (_estimate(label, gx, gy) - spent) / GREED > longest:
             continue
+        # Its root was reached on a shorter way since.
         corner = np.int64(label.corner)
         if corner >= 0 and reached[corner].spent < spent - _SAME:
             continue
-        # In the triangle of the goal the search is over, or knows a limit if it is to follow longer ways as well.
+        # In the triangle of the goal the search ends, or knows its limit if it is to follow longer ways as well.
         h = np.int64(label.h)
         g = sides[h].twin
         if g // 3 == goal and can_leave(sides, vertices, g, gx, gy, width):
             if farther is None:
                 return i, used, limit
             limit = min(limit, farther[0] * _estimate(label, gx, gy) + farther[1])
-        # Where the way may bend: at the ends of the interval that are those of the passable side, unless the root is.
+        # The way may bend at an end of the interval that is an end of the cut side, unless the root is there.
         spent_left = math.inf
         if label.ends & 1 and not (label.lx == label.rx and label.ly == label.ry):
             spent_left = _spent_at(label, label.lx, label.ly, reached[2 * h], stamp)
         spent_right = math.inf
         if label.ends & 2 and not (label.px == label.rx and label.py == label.ry):
             spent_right = _spent_at(label, label.px, label.py, reached[2 * h + 1], stamp)
-        # The two other sides of the triangle beyond, where the corner between is wide enough to turn.
+        # The two other sides of the triangle beyond, if the corner between is wide enough to turn.
         first = used
         v = vertices[sides[prv(g)].org]
         for turn in range(2):
             e = nxt(g) if turn == 0 else prv(g)
-            around = e if turn == 0 else g  # the corner that h and e share is at the origin of this
+            # ``around``: half-edge at whose origin is the corner that h and e share.
+            around = e if turn == 0 else g
             if sides[around].corner_clearance < width:
                 continue
             f = sides[e].twin
             t = f // 3
+            # Side e leads to a region off the way, or into a triangle with no way out.
             if regions is not None and waypoints[regions[t].top].stamp != stamp:
                 continue
             if sides[f].corner_clearance < width and sides[nxt(f)].corner_clearance < width and t != goal:
                 continue
             o = vertices[sides[around].org]
             used = _add_labels(labels, used, i, reached, stamp, spent_left, spent_right, e, turn, v, o, radius)
-        if used == first + 1:  # nothing to choose from
+        if used == first + 1:  # only one way on
             following = first
             continue
-        # The best of the new labels follows at once, unless there is a better one in the heap; the others go there.
+        # The best of the new labels follows at once, unless the heap holds a better one; the others go into the heap.
         best = math.inf
         for k in range(first, used):
             key = _key(m, regions, waypoints, guide, labels[k], gx, gy, radius)
@@ -292,17 +311,19 @@ def find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, width, guide
 
 @helper
 def string_along(m, labels, last, sx, sy, gx, gy, radius):
-    """The nodes that the way to label ``last`` bends around, with room for more, and their number."""
+    """Return the nodes that the way to label ``last`` bends around, with spare room, and their number."""
     label = labels[last]
     h = np.int64(label.h)
     x = gx - label.rx
     y = gy - label.ry
     corner = np.int64(label.corner)
-    bend = NONE  # at the last side
+    # Does the way to the goal bend at the last interval?
+    bend = NONE
     if label.ends & 1 and x * (label.ly - label.ry) - y * (label.lx - label.rx) < 0.0:
         bend = 2 * h
     if label.ends & 2 and x * (label.py - label.ry) - y * (label.px - label.rx) > 0.0:
         bend = 2 * h + 1
+    # Count the roots, then fill the nodes from the goal backwards.
     count = 3 if bend >= 0 else 2
     i = last
     while corner >= 0:
@@ -319,7 +340,8 @@ def string_along(m, labels, last, sx, sy, gx, gy, radius):
         right = corner % 2 == 1
         v = m.sides[h if right else nxt(h)].org
         q = -radius if right else radius
-        if nodes[k].vertex != v or nodes[k].q != q:  # a way around one corner has roots at several sides
+        # A way around one corner has roots at several sides.
+        if nodes[k].vertex != v or nodes[k].q != q:
             k -= 1
             set_node(nodes[k], m.vertices[v].x, m.vertices[v].y, q, v)
         if bend >= 0:

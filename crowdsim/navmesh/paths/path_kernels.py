@@ -23,15 +23,16 @@ START_BLOCKED = 1
 GOAL_BLOCKED = 2
 NO_PASSAGE = 3
 TANGLED = 4
-"""A wide enough passage exists, and repair found no path through it; a search for the shortest path does."""
+"""There is a wide enough passage, but the repair found no path through it; a search for the shortest path does."""
 
 
 @helper
 def _stand(m, stack, x, y, least):
-    """The triangle of (x, y), or -1 where a disc of radius ``least`` is not free there."""
+    """Return the triangle of (x, y), or -1 if a disc of radius ``least`` is not free there."""
     t = triangle_of(m, x, y, NONE)
     if t < 0 or m.cover[t] != 0:
         return NONE
+    # If the sweep says no it may be in doubt: the exact clearance decides.
     free, _ = sweep(m.sides, m.vertices, stack, t, x, y, x, y, least)
     if not free:
         distance, _ = disc_clearance(m, x, y, 2.0 * least, t)
@@ -42,7 +43,7 @@ def _stand(m, stack, x, y, least):
 
 @helper
 def straight_path(sx, sy, gx, gy):
-    """The polyline (2, 2) from the start to the goal."""
+    """Return the polyline (2, 2) from the start to the goal."""
     points = np.empty((2, 2))
     points[0, 0] = sx
     points[0, 1] = sy
@@ -53,41 +54,59 @@ def straight_path(sx, sy, gx, gy):
 
 @helper
 def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, longest=None):
-    """(status, points (n, 2)) of a short path of a disc of ``radius`` that comes nowhere closer than ``least``.
+    """Find a short path of a disc of ``radius`` that keeps a clearance of ``least``; return (status, points (n, 2)).
 
-    Found whenever one exists, but for the few that end TANGLED. ``regions`` (nt,) are those of
-    :func:`crowdsim.navmesh.paths.region_kernels.find_regions`, ``work`` is a
-    :class:`crowdsim.navmesh.paths.workspace.Workspace`. ``guide`` is None, or one of
-    :func:`crowdsim.navmesh.paths.guide_kernels.fill_guide` for the goal, with which ``regions`` is None.
-    ``longest`` is None, or meters up to which ways are looked for, where finite without the complete search at last, so
-    that a few in passages of just the diameter are not found.
+    If there is a path it is found, except for few that end TANGLED.
+
+    Parameters
+    ----------
+    m : MeshArrays
+        The mesh.
+    regions : (nt,) REGION or None
+        As :func:`crowdsim.navmesh.paths.region_kernels.find_regions` makes them; None with a guide.
+    work : Workspace
+        Scratch memory.
+    sx, sy, gx, gy : float
+        Start and goal [m].
+    radius, least : float
+        Radius around which the path bends, and clearance that counts as enough, slightly less [m].
+    guide : (k,) GUIDE or None
+        Distances to the goal, see :func:`crowdsim.navmesh.paths.guide_kernels.fill_guide`.
+    longest : float or None
+        Longest way to look for [m]. If finite, the complete search is left out, so a few paths in passages of just the
+        diameter are not found.
     """
     points = np.empty((0, 2))
     stack = np.empty(64, SWEPT)
+    # Both ends must be free.
     start = _stand(m, stack, sx, sy, least)
     if start < 0:
         return START_BLOCKED, points
     goal = _stand(m, stack, gx, gy, least)
     if goal < 0:
         return GOAL_BLOCKED, points
+    # The straight path.
     free, _ = sweep(m.sides, m.vertices, stack, start, sx, sy, gx, gy, least)
     if free:
         return OK, straight_path(sx, sy, gx, gy)
     channel = np.empty(0, np.int64)
-    if start == goal:  # within one triangle the string may need no side
+    # Within one triangle the string may need no side.
+    if start == goal:
         nodes, count = funnel(m, channel, channel.size, np.empty(0), sx, sy, gx, gy)
         done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False))
         if done:
             return OK, points
+    # The way over intervals, then the string around its roots.
     last, _, _ = find_way(m, regions, work, start, sx, sy, goal, gx, gy, radius, 2.0 * least, guide, None, longest)
     if last >= 0:
         nodes, count = string_along(m, work.labels, last, sx, sy, gx, gy, radius)
         done, points = pull(m, stack, nodes, count, radius, least, start, np.bool_(False))
         if done:
             return OK, points
+    # A search limited in length ends here.
     if longest is not None and longest < math.inf:
         return NO_PASSAGE if last < 0 else TANGLED, points
-    # What is left is rare: a way that only the complete search finds, or a string that repair has tangled.
+    # The rest is rare: a way that only the complete search finds, or a string that the repair has tangled.
     channel = find_channel(m, start, sx, sy, goal, gx, gy, radius, 2.0 * least)
     if channel.size == 0:
         return NO_PASSAGE, points
@@ -100,7 +119,10 @@ def plan_path(m, regions, work, sx, sy, gx, gy, radius, least, guide, longest=No
 
 @helper
 def append_path(points, filled, path):
-    """Copy the polyline ``path`` (k, 2) behind the first ``filled`` rows; (points, grown where needed, length)."""
+    """Copy the polyline ``path`` (k, 2) behind the first ``filled`` rows of ``points``; return (points, length [m]).
+
+    ``points`` grow as needed.
+    """
     n = path.shape[0]
     while filled + n > points.shape[0]:
         points = longer_rows(points)
@@ -117,9 +139,9 @@ def append_path(points, filled, path):
 
 @kernel
 def plan_paths(m, regions, work, batch):
-    """The points (k, 2) of the paths of :func:`plan_path`, one by one, for a `crowdsim.navmesh.paths.batch.Batch`.
+    """Find the paths of a :class:`crowdsim.navmesh.paths.batch.Batch`; return their points (k, 2), path after path.
 
-    Fills its ``status``, its ``lengths``, nan where there is no path, and its ``counts`` of points of each path.
+    Fill the batch's ``status``, ``lengths`` (nan if there is no path) and ``counts``.
     """
     starts, goals, radii, least = batch.starts, batch.goals, batch.radii, batch.least
     status, lengths, counts = batch.status, batch.lengths, batch.counts
@@ -127,6 +149,7 @@ def plan_paths(m, regions, work, batch):
     filled = np.int64(0)
     for i in range(status.size):
         sx, sy, gx, gy = starts[i, 0], starts[i, 1], goals[i, 0], goals[i, 1]
+        # ``points`` is one buffer for all paths, which grows.
         found, path = plan_path(m, regions, work, sx, sy, gx, gy, radii[i], least[i], None)
         status[i] = found
         counts[i] = 0

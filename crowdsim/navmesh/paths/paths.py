@@ -1,4 +1,4 @@
-"""What a mesh answers to a search for paths, and what it takes as an argument of one."""
+"""Results of path searches, and checks of their arguments."""
 
 from __future__ import annotations
 
@@ -26,54 +26,56 @@ TANGLED = path_kernels.TANGLED
 OPTIMALITIES = ("fast", "best")
 
 MIN_RADIUS = 1e-3
-"""Least radius of a fast path, meters: it bends around circles, which drown in rounding where they are smaller."""
+"""Least radius of a fast path [m]. It bends around circles, and smaller ones are lost in rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """A way for a disc of one radius through one layer."""
+    """A path of a disc of one radius through one layer."""
 
     points: Floats
-    """(n, 2) polyline from start to goal, meters; arcs stand as circumscribed corners at most 1 mm off."""
+    """(n, 2) float64 polyline from start to goal [m]; at an arc it keeps outside, by at most 1 mm."""
     length: float
-    """Meters: for a fast path along ``points``, for a shortest one along the arcs themselves."""
+    """Length [m]: of ``points`` for a fast path, of the arcs themselves for a shortest one."""
     radius: float
-    """Clearance the path keeps, meters."""
+    """Clearance that the path keeps [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """Answers to n searches, as arrays. ``paths[i]`` is a :class:`Path` or raises PathNotFound with the reason."""
+    """Results of n searches, as arrays. ``paths[i]`` is a :class:`Path`, or raises PathNotFound with the reason."""
 
     status: NDArray[np.int8]
-    """(n,) one of FOUND, START_BLOCKED, GOAL_BLOCKED, NO_PASSAGE and TANGLED of this module."""
+    """(n,) int8: one of FOUND, START_BLOCKED, GOAL_BLOCKED, NO_PASSAGE and TANGLED of this module."""
     lengths: Floats
-    """(n,) meters, as :attr:`Path.length`; nan where no path was found."""
+    """(n,) float64 lengths [m], as :attr:`Path.length`; nan if no path was found."""
     offsets: NDArray[np.int64]
-    """(n + 1,) path i has the ``points`` from offsets[i] up to offsets[i + 1]; none where not found."""
+    """(n + 1,) int64: path i has the ``points`` from offsets[i] up to offsets[i + 1]; none if it was not found."""
     points: Floats
-    """(m, 2) the polylines one after the other, meters."""
+    """(m, 2) float64 polylines, one after the other [m]."""
     starts: Floats
-    """(n, 2) as asked for."""
+    """(n, 2) starts of the searches [m]."""
     goals: Floats
-    """(n, 2) as asked for."""
+    """(n, 2) goals of the searches [m]."""
     radii: Floats
-    """(n,) as asked for, meters."""
+    """(n,) radii of the searches [m]."""
     _clearance: Callable[[ArrayLike], float] = field(repr=False)
 
     def __len__(self) -> int:
+        """Return the number of searches."""
         return len(self.status)
 
     def __iter__(self) -> Iterator[Path]:
+        """Iterate over the paths; raise PathNotFound at one that was not found."""
         return (self[i] for i in range(len(self)))
 
     def __getitem__(self, i: int) -> Path:
-        """Path i.
+        """Return path i.
 
         Raises
         ------
         PathNotFound
-            If there is none, with the reason.
+            If there is no path, with the reason.
         """
         i = range(len(self))[operator.index(i)]
         if self.status[i] != FOUND:
@@ -82,6 +84,7 @@ class Paths:
         return Path(points=points, length=float(self.lengths[i]), radius=float(self.radii[i]))
 
     def _reason(self, i: int) -> str:
+        """Return why query ``i`` has no path, in words."""
         status, radius = self.status[i], self.radii[i]
         (sx, sy), (gx, gy) = self.starts[i], self.goals[i]
         if status == NO_PASSAGE:
@@ -89,7 +92,7 @@ class Paths:
         if status == TANGLED:
             return (
                 f"a passage of radius {radius:g} m leads from ({sx:g}, {sy:g}) to ({gx:g}, {gy:g}), but no path "
-                f"through it could be traced; a slightly other radius helps, and a report would too"
+                f"through it could be traced; try a slightly different radius, and please report this"
             )
         name, x, y = ("start", sx, sy) if status == START_BLOCKED else ("goal", gx, gy)
         clearance = self._clearance((x, y))
@@ -98,7 +101,7 @@ class Paths:
 
 
 def as_numbers(values: Any, what: str) -> Floats:
-    """``values`` as a C-contiguous array of any shape, or GeometryError where they are no real numbers."""
+    """Return ``values`` as a C-contiguous float64 array of any shape, or raise GeometryError if not real numbers."""
     try:
         return np.asarray(values, np.float64, order="C")
     except (TypeError, ValueError, OverflowError) as error:
@@ -106,7 +109,7 @@ def as_numbers(values: Any, what: str) -> Floats:
 
 
 def as_points(points: ArrayLike, what: str, *, with_bulge: bool = False) -> Floats:
-    """A C-contiguous (n, 2) array of finite coordinates, with bulges perhaps (n, 3), or GeometryError."""
+    """Return finite coordinates as a C-contiguous (n, 2) array, or (n, 3) with bulges, or raise GeometryError."""
     array = as_numbers(points, what)
     if array.shape == (0,):
         array = array.reshape(0, 2)  # an empty list
@@ -120,7 +123,7 @@ def as_points(points: ArrayLike, what: str, *, with_bulge: bool = False) -> Floa
 
 
 def as_point(point: ArrayLike, what: str) -> tuple[float, float]:
-    """Finite x and y, or GeometryError."""
+    """Return finite x and y, or raise GeometryError."""
     array = as_numbers(point, what)
     if array.shape != (2,):
         raise GeometryError(f"{what}: expected x and y, got an array of shape {array.shape}")
@@ -131,7 +134,7 @@ def as_point(point: ArrayLike, what: str) -> tuple[float, float]:
 
 
 def as_radius(radius: float) -> float:
-    """A radius of at least 0, or GeometryError."""
+    """Return a radius of at least 0 [m], or raise GeometryError."""
     array = as_numbers(radius, "radius")
     if array.ndim > 0 or not (math.isfinite(array) and array >= 0.0):
         raise GeometryError(f"radius must be a finite number of meters of at least 0, got {reprlib.repr(radius)}")
@@ -139,7 +142,7 @@ def as_radius(radius: float) -> float:
 
 
 def as_limit(limit: float) -> float:
-    """A distance to look within, infinite perhaps, or GeometryError."""
+    """Return a greatest distance of at least 0 [m], which may be infinite, or raise GeometryError."""
     array = as_numbers(limit, "limit")
     if array.ndim > 0 or not array >= 0.0:
         raise GeometryError(f"limit must be a number of meters of at least 0, or infinite, got {reprlib.repr(limit)}")
@@ -147,21 +150,21 @@ def as_limit(limit: float) -> float:
 
 
 def as_workers(workers: int | None) -> int | None:
-    """A number of threads, or None for as many as pay, or GeometryError."""
+    """Return a number of threads, or None for as many as pay, or raise GeometryError."""
     if not (workers is None or isinstance(workers, int | np.integer)):
         raise GeometryError(f"workers: expected a whole number of threads or None, got {workers!r}")
     return workers
 
 
 def as_optimality(optimality: str) -> str:
-    """One of :data:`OPTIMALITIES`, or GeometryError."""
+    """Return one of :data:`OPTIMALITIES`, or raise GeometryError."""
     if optimality not in OPTIMALITIES:
         raise GeometryError(f"optimality: {optimality!r} is none of {', '.join(map(repr, OPTIMALITIES))}")
     return optimality
 
 
 def as_path_radii(radii: ArrayLike, count: int, least: float) -> Floats:
-    """Radii (count,) of paths from one for all or one for each, all at least ``least``; or GeometryError."""
+    """Return radii (count,) of at least ``least`` [m], from one for all or one for each, or raise GeometryError."""
     array = as_numbers(radii, "radii")
     if array.shape not in ((), (count,)):
         raise GeometryError(f"radii: expected one number or {count}, one for each start, got shape {array.shape}")

@@ -1,4 +1,4 @@
-"""Which places of a mesh a disc can go between."""
+"""Components of a mesh for discs of several radii, remembered."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from crowdsim.navmesh.mesh.mesh_arrays import MeshArrays
 from crowdsim.navmesh.paths.component_kernels import label_sides
 
 _KEPT = 8
-"""Radii whose components are remembered."""
+"""Number of radii whose components are remembered. More take memory, four bytes a half-edge each."""
 
 
 class ComponentCache:
-    """The components of the sides of one mesh as it is, remembered for the radii used last.
+    """The components of the sides of one unedited mesh, remembered for the radii used last.
 
-    Threads may share it: entries are replaced as a whole, so at worst two threads compute the same.
+    Threads can share it: entries are replaced as a whole, so at worst two threads compute the same.
     """
 
     def __init__(self) -> None:
         self._entries: tuple[tuple[float, NDArray[np.int32], int], ...] = ()
 
     def labels(self, mesh: MeshArrays, width: float) -> tuple[NDArray[np.int32], int]:
-        """Labels (3 nt,) of the half-edges for a disc of diameter ``width``, and how many components there are."""
+        """Return component labels (3 nt,) int32 of half-edges for a disc of diameter ``width``, and their number."""
         entries = self._entries
         entry = next((entry for entry in entries if entry[0] == width), None)
         if entry is None:

@@ -1,8 +1,9 @@
-"""Regions of a mesh that hang together by single sides, and the regions on the way to a goal.
+"""Regions of a mesh that are joined by single sides, and the regions on the way to a goal.
 
-A side is a bridge if free space falls apart without it; where bridges are taken away, regions are left. They form a
-tree, so a way from start to goal passes the bridges between them one by one, whatever its radius: rooms off the way
-need no search, and in each region the next bridge is a better aim than the goal. Bridges are those of Tarjan (1974).
+A side is a bridge if free space would fall apart without it. Without its bridges, free space is left as regions, which
+form a tree. So a way from start to goal crosses the bridges between them one by one, for any radius: regions off the
+way need no search, and in each region the next bridge is a better aim than the goal. Bridges are found as by Tarjan
+(1974).
 """
 
 import numpy as np
@@ -13,33 +14,35 @@ from crowdsim.navmesh.mesh.half_edge_kernels import nxt
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 
 REGION = np.dtype([(name, np.int32) for name in ("top", "up", "depth", "root")], align=True)
-"""A free triangle.
+"""The region of a free triangle.
 
-top: the triangle of its region that is nearest to the root of the tree, by which the region is known. up: half-edge
-towards the root, -1 there; that of a top triangle is a bridge. depth: of a top triangle, how many bridges there are to
-the root. root: the same for all triangles that free space joins, -1 where not free.
+top: the triangle of its region nearest to the root of the tree; it identifies the region. up: half-edge towards the
+root, -1 at the root; that of a top triangle is a bridge. depth: for a top triangle, the number of bridges to the root.
+root: the same for all triangles that free space joins, -1 for blocked ones.
 """
 
 
 _WALK = np.dtype([(name, np.int32) for name in ("triangle", "up", "before", "low", "todo", "source")], align=True)
-"""A triangle in a walk through free space, depth first, in the order they are found.
+"""A triangle in a depth-first walk through free space, in the order of discovery, and a stack of half-edges.
 
-up: half-edge by which it was found, -1 for the first. before: place in the order of the triangle beyond. low: first
-place next to what was found from it on, but for its way up. todo, source: a stack of half-edges of triangles to walk
-to, and where in the order they are walked to from.
+up: half-edge by which it was found, -1 for the first. before: index of the triangle it was found from. low: least index
+adjacent to it or to what was found from it, except along ``up``. todo, source: stacked half-edges of triangles to
+visit, and the index each is visited from.
 """
 
 
 @kernel
 def find_regions(m, regions):
-    """Fill ``regions`` (nt,) of :data:`REGION`."""
+    """Fill ``regions`` (nt,), records :data:`REGION`."""
     sides = m.sides
     triangles = m.frame[0].triangles
-    walk = np.empty(triangles + 3, _WALK)  # each triangle takes one off the stack and puts two on it, the first three
+    # Each triangle takes one half-edge off the stack and puts two on it; the first one puts three.
+    walk = np.empty(triangles + 3, _WALK)
     for t in range(triangles):
         regions[t].root = -1
         regions[t].top = -1
     found = 0
+    # One walk for each part of free space.
     for root in range(triangles):
         if m.cover[root] != 0 or regions[root].root >= 0:
             continue
@@ -49,11 +52,12 @@ def find_regions(m, regions):
         before = NONE
         top = 0
         while True:
-            # Until the regions are known, `depth` is the place in the order.
+            # ``depth`` holds the index in the order of discovery until the regions are known.
             low = found
             region = regions[t]
             region.root = root
             region.depth = found
+            # Stack the neighbors not found yet; those found already bound ``low``.
             for h in range(3 * t, 3 * t + 3):
                 if sides[h].constraints == 0 and h != up:
                     g = sides[h].twin
@@ -70,6 +74,7 @@ def find_regions(m, regions):
             at.low = low
             at.before = before
             found += 1
+            # Take the next triangle that was not found in the meantime.
             t = NONE
             while top > 0 and t < 0:
                 top -= 1
@@ -79,10 +84,13 @@ def find_regions(m, regions):
                     t = up // 3
             if t < 0:
                 break
+        # Pass ``low`` on from each triangle to the one it was found from.
         for k in range(found - 1, first, -1):
             at = walk[k]
             beyond = walk[at.before]
             beyond.low = min(beyond.low, at.low)
+        # In the order of discovery: if only ``up`` leads from a triangle, and those found from it, to earlier ones,
+        # then ``up`` is a bridge, and the triangle begins a region.
         for k in range(first, found):
             at = walk[k]
             region = regions[at.triangle]
@@ -99,13 +107,14 @@ def find_regions(m, regions):
 
 @helper
 def _lay(m, waypoints, stamp, region, following, h, radius):
-    """Aim the way in ``region`` at the bridge h that leads to the region ``following``."""
+    """Set the waypoint of ``region`` on the bridge h, which leads to the region ``following``."""
     a = m.vertices[m.sides[h].org]
     b = m.vertices[m.sides[nxt(h)].org]
     after = waypoints[following]
     ux = b.x - a.x
     uy = b.y - a.y
     length = hypot(ux, uy)
+    # The foot of the next waypoint, on the bridge cut by the radius at both ends.
     inset = min(radius / length, 0.5)
     at = ((after.x - a.x) * ux + (after.y - a.y) * uy) / (length * length)
     at = min(max(at, inset), 1.0 - inset)
@@ -118,9 +127,11 @@ def _lay(m, waypoints, stamp, region, following, h, radius):
 
 @helper
 def lay_waypoints(m, regions, waypoints, stack, stamp, start, goal, gx, gy, radius):
-    """Fill the ``waypoints`` of the regions from triangle ``start`` to ``goal``; whether free space joins the two.
+    """Fill the ``waypoints`` of the regions from triangle ``start`` to ``goal``.
 
-    ``stack`` has fields ``item`` and room for all regions.
+    Return False if free space does not join them.
+
+    ``stack`` has a field ``item`` and room for all regions.
     """
     sides = m.sides
     if regions[start].root != regions[goal].root:
@@ -133,6 +144,8 @@ def lay_waypoints(m, regions, waypoints, stack, stamp, start, goal, gx, gy, radi
     last.rest = 0.0
     last.stamp = stamp
     count = 0
+    # Climb from both ends to their common region. Waypoints are set from the goal on, so those of the start's branch
+    # wait on the stack.
     while a != b:
         if regions[a].depth > regions[b].depth:
             stack[count].item = a

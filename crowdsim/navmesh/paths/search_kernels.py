@@ -1,11 +1,12 @@
-"""A* over the sides of the free triangles: the channel that a disc passes through.
+"""A* over the sides of the free triangles, to find a channel that a disc can pass.
 
-A state is a half-edge that the path crosses out of its triangle, with the point where it is crossed best. In a refined
-mesh the widths of sides and corners decide exactly whether the disc fits; near its ends, `can_leave` does.
+A state is a half-edge by which the path leaves its triangle, with the best point to cross it. In a refined mesh the
+widths of sides and corners decide exactly if the disc fits; near the ends of the path `can_leave` decides.
 """
 
 import numpy as np
 
+from crowdsim.errors import BoundExceeded
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper
@@ -14,28 +15,34 @@ from crowdsim.navmesh.mesh.heap_kernels import HEAP_ROW, pop, push
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 
 _IMPROVING = 8
-"""Expansions, per half-edge of the mesh, while a half-edge reached before may be reached again at less cost."""
+"""Expansions, for each half-edge of the mesh, during which a half-edge may be reached again at less cost.
+
+More of them give shorter ways at more time.
+"""
 
 _STATE = np.dtype([("cost", np.float64), ("x", np.float64), ("y", np.float64)], align=True)
-"""Meters spent up to the point where a half-edge is crossed, and that point."""
+"""Length of the way up to the point where a half-edge is crossed [m], and that point."""
 
 
 @helper
 def can_leave(sides, vertices, h, x, y, width):
-    """Whether a disc of diameter ``width`` that stands free at (x, y) in the triangle of side h fits out through h."""
+    """Return True if a disc of diameter ``width``, free at (x, y) in the triangle of side h, can leave it across h."""
     if sides[h].constraints != 0:
         return False
     a = vertices[sides[h].org]
     b = vertices[sides[nxt(h)].org]
+    # The side itself is too short.
     if (b.x - a.x) ** 2 + (b.y - a.y) ** 2 < width * width:
         return False
-    # A closed base with the corner opposite of it may leave too little between the disc and h.
+    # A wall and the corner opposite of it may leave too little room between the disc and h.
     for base in (nxt(h), prv(h)):
         if sides[base].constraints == 0:
             continue
         a = vertices[sides[base].org]
         b = vertices[sides[nxt(base)].org]
         v = vertices[sides[prv(base)].org]
+        # They are a bottleneck if the corner's foot is inside the wall; it matters if the disc is on the far side of
+        # it.
         if point_segment_distance2(v.x, v.y, a.x, a.y, b.x, b.y) < width * width:
             ux = b.x - a.x
             uy = b.y - a.y
@@ -49,7 +56,7 @@ def can_leave(sides, vertices, h, x, y, width):
 
 @helper
 def _crossing_point(sides, vertices, h, radius, px, py, gx, gy):
-    """Point of side h, a ``radius`` off its ends, on the shortest way from p over h to g."""
+    """Return the point of side h, at least ``radius`` from its ends, on the shortest way from p across h to g."""
     a = vertices[sides[h].org]
     b = vertices[sides[nxt(h)].org]
     ax = a.x
@@ -59,6 +66,7 @@ def _crossing_point(sides, vertices, h, radius, px, py, gx, gy):
     length = hypot(ux, uy)
     ux /= length
     uy /= length
+    # Where the straight line crosses the side, by similar triangles, with p and g on either side of it.
     along_p = (px - ax) * ux + (py - ay) * uy
     along_g = (gx - ax) * ux + (gy - ay) * uy
     off_p = abs((px - ax) * uy - (py - ay) * ux)
@@ -72,16 +80,28 @@ def _crossing_point(sides, vertices, h, radius, px, py, gx, gy):
 
 @helper
 def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
-    """Half-edges (k,) crossed from triangle ``start`` to ``goal`` on about the shortest way; none if too narrow.
+    """Return the half-edges (k,) that a short way from triangle ``start`` to ``goal`` crosses.
 
-    ``width`` is the least width passed, that of the disc of ``radius`` less what rounding may take. A channel is found
-    wherever there is one; only how short its way is depends on the limit on expansions.
+    It is empty if all ways are too narrow. A channel is found if there is one; only how short it is depends on the
+    limit of expansions.
+
+    Parameters
+    ----------
+    m : MeshArrays
+        The mesh.
+    start, goal : int
+        Triangles of the start (sx, sy) and of the goal (gx, gy) [m].
+    radius : float
+        Radius of the disc [m].
+    width : float
+        Least width to pass [m]: the diameter less the tolerance.
     """
     sides = m.sides
     vertices = m.vertices
     room = 3 * m.frame[0].triangles
     states = np.empty(room, _STATE)
-    before = np.zeros(room, np.int32)  # the half-edge before, plus 2; 0 where not reached
+    # For each half-edge the one before it, plus 2 (1 for the start); 0 if it was not reached.
+    before = np.zeros(room, np.int32)
     heap = np.empty(256, HEAP_ROW)
     count = np.int64(0)
     expanded = 0
@@ -90,6 +110,7 @@ def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
     px = sx
     py = sy
     spent = 0.0
+    # Expand: the three sides of the first triangle, or the two others of the triangle behind h.
     while True:
         for i in range(3 if h < 0 else 2):
             if h < 0:
@@ -99,11 +120,13 @@ def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
             else:
                 g = sides[h].twin
                 e = nxt(g) if i == 0 else prv(g)
-                corner = e if i == 0 else g  # the turn is around the vertex that e and g share
+                # The turn is around the vertex that e and g share.
+                corner = e if i == 0 else g
                 if sides[e].constraints != 0 or sides[corner].corner_clearance < width:
                     continue
             x, y = _crossing_point(sides, vertices, e, radius, px, py, gx, gy)
             cost = spent + hypot(x - px, y - py)
+            # Reached for the first time, or at less cost.
             if before[e] == 0 or (cost < states[e].cost - 1e-9 and expanded < _IMPROVING * room):
                 state = states[e]
                 state.cost = cost
@@ -111,7 +134,7 @@ def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
                 state.y = y
                 before[e] = h + 2
                 heap, count = push(heap, count, cost + hypot(gx - x, gy - y), e)
-        # The next state is the first one of the heap that was not reached at less cost since.
+        # Take the next state from the heap; skip those that were reached at less cost since.
         h = NONE
         while count > 0 and h < 0:
             pop(heap, count)
@@ -130,10 +153,13 @@ def find_channel(m, start, sx, sy, goal, gx, gy, radius, width):
         if g // 3 == goal and can_leave(sides, vertices, g, gx, gy, width):
             found = h
             break
+    # Follow the half-edges back from the goal.
     length = 0
     h = found
     while h >= 0:
         length += 1
+        if length > before.size:
+            raise BoundExceeded
         h = before[h] - 2
     channel = np.empty(length, np.int64)
     h = found

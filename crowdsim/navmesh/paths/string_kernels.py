@@ -1,9 +1,10 @@
-"""The taut string of a disc made a path: its polyline checked piece by piece, and repaired where it is too close."""
+"""Turn the taut string of a disc into a path: check its polyline piece by piece and repair it where it is too close."""
 
 import math
 
 import numpy as np
 
+from crowdsim.errors import BoundExceeded
 from crowdsim.geometry.elementary_kernels import atan2
 from crowdsim.jit import helper
 from crowdsim.navmesh.clearance.clearance_kernels import capsule_nearest
@@ -14,24 +15,28 @@ from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.paths.tangent_kernels import COARSE, FINE, arc_corners, set_node, tangent
 
 _REPAIRS = 60
+"""Most repairs of one string before it counts as tangled."""
 
 _NEAR = 1.01
-"""How far around a piece its check looks, in shares of the least distance."""
+"""Distance up to which the check of a piece looks, in shares of the least distance."""
 
 _MARK = np.dtype([("points", np.int64), ("triangle", np.int64)], align=True)
-"""Where the polyline is before it bends around a node: how many points it has, and the triangle of the last."""
+"""State of the polyline before it bends around a node: its number of points, and the triangle of the last one."""
 
 
 @helper
 def tighten(nodes, count, i, last):
-    """Drop nodes from i to ``last`` at which the string turns away from its obstacle, and more as it moves by that.
+    """Drop nodes from i to ``last`` at which the string turns away from its obstacle, and those that this affects.
 
-    Returns the new number, or -1 if nodes are pinched, and the first node whose neighbors have changed.
+    Return the new number of nodes, or -1 if two nodes are too close for a tangent, and the first node with new
+    neighbors.
     """
     first = i
     before, ax, ay = tangent(nodes[i - 1], nodes[i])
     while i < count - 1 and i <= last:
         after, bx, by = tangent(nodes[i], nodes[i + 1])
+        # A turn to the other side than the obstacle's: the string does not touch it. The node before may change with
+        # it.
         if nodes[i].q * (ax * by - ay * bx) < 0.0:
             for k in range(i, count - 1):
                 nodes[k] = nodes[k + 1]
@@ -45,6 +50,7 @@ def tighten(nodes, count, i, last):
             ax = bx
             ay = by
         else:
+            # One of the two tangents does not exist.
             return -1, first
     exists, _, _ = tangent(nodes[0], nodes[1])
     return count if exists else -1, first
@@ -52,9 +58,9 @@ def tighten(nodes, count, i, last):
 
 @helper
 def arc_is_open(sides, vertices, v, ax, ay, bx, by, room):
-    """Whether nothing but vertex v is closer to it than ``room`` between the bearings a and b, counter-clockwise.
+    """Test that nothing but vertex v is closer to v than ``room`` between the bearings a and b, counter-clockwise.
 
-    Returns a triangle of the fan as well, the one of b if so. False in doubt: where a base of the fan is nearer.
+    Return (bool, a triangle of the fan around v, that of b if True). False in doubt, as if a base of the fan is nearer.
     """
     vx = vertices[v].x
     vy = vertices[v].y
@@ -65,13 +71,16 @@ def arc_is_open(sides, vertices, v, ax, ay, bx, by, room):
     p = vertices[sides[nxt(h)].org]
     rx = p.x - vx
     ry = p.y - vy
-    while True:
+    # Turn counter-clockwise from triangle to triangle; r and l are their right and left side, relative to v.
+    for _ in range(2 * sides.size):
         back = prv(h)
         p = vertices[sides[back].org]
         lx = p.x - vx
         ly = p.y - vy
+        # The fan begins with the triangle that holds bearing a.
         inside = inside or (rx * ay - ry * ax >= 0.0 and lx * ay - ly * ax < 0.0)
         if inside:
+            # The nearest point of the base is its foot if that is inside, else an end.
             ux = lx - rx
             uy = ly - ry
             off = rx * uy - ry * ux
@@ -82,6 +91,7 @@ def arc_is_open(sides, vertices, v, ax, ay, bx, by, room):
                     return False, h // 3
             elif min(rx * rx + ry * ry, lx * lx + ly * ly) < room * room:
                 return False, h // 3
+            # This triangle holds bearing b.
             if lx * by - ly * bx < 0.0 and rx * by - ry * bx >= 0.0:
                 return True, h // 3
             if sides[back].constraints != 0:
@@ -89,21 +99,23 @@ def arc_is_open(sides, vertices, v, ax, ay, bx, by, room):
         h = sides[back].twin
         rx = lx
         ry = ly
+        # The first triangle may come up twice, as the fan can begin anywhere.
         if h == first:
             rounds += 1
             if rounds == 2 or not inside:
                 return False, h // 3
+    raise BoundExceeded
 
 
 @helper
 def _trace(m, stack, nodes, count, least, marks, points, first):
-    """Polyline around the nodes from ``first`` on and its first piece closer than ``least`` to an obstacle.
+    """Trace the polyline around the nodes from ``first`` on, up to its first piece that is closer than ``least``.
 
-    What was traced before stands in ``marks`` and ``points``; these are filled.
+    ``marks`` and ``points`` hold what was traced before, and are filled.
 
-    Returns (points, their number, node, inside, vertex, edge, distance, x0, y0, x1, y1): ``node`` is -1 where nothing
-    is too close; otherwise the piece x0, y0 -> x1, y1 runs along node ``node`` (``inside``) or from it to the next, and
-    comes too close to a vertex or an edge.
+    Return (points, their number, node, inside, vertex, edge, distance, x0, y0, x1, y1). ``node`` is -1 if nothing is
+    too close. Otherwise the piece (x0, y0) -> (x1, y1) runs around node ``node`` (``inside``) or from there to the
+    next, and comes too close to a vertex or an edge.
     """
     sides = m.sides
     vertices = m.vertices
@@ -119,21 +131,25 @@ def _trace(m, stack, nodes, count, least, marks, points, first):
         ax = bx
         ay = by
         angle = 0.0
+        # The angle by which the string turns around the node.
         if i < count - 1:
             _, bx, by = tangent(node, nodes[i + 1])
             angle = atan2(ax * by - ay * bx, ax * bx + ay * by)
-            if node.q * angle < -1e-6 - 4e-6 * abs(node.q):  # a turn of more than half a circle, not rounding
+            # A turn to the wrong side, beyond rounding, is one of more than half a circle.
+            if node.q * angle < -1e-6 - 4e-6 * abs(node.q):
                 angle += math.copysign(2.0 * math.pi, node.q)
         steps, cx, cy, c, s = arc_corners(node.q, ax, ay, angle, node.bulge)
         while n + steps > points.shape[0]:
             points = longer_rows(points)
+        # Point 0 ends the tangent that leads here, the others go around the node.
         is_open = False
         for k in range(steps):
             x = node.x + cx
             y = node.y + cy
             cx, cy = c * cx - s * cy, s * cx + c * cy
             if k == 1 and abs(angle) < 3.0:
-                # The tangents keep clear of what is not between the ends of the arc, and so does the arc then.
+                # The tangents stay clear of all that is not between the ends of the arc. So if the fan of triangles
+                # between these is open, the arc is free.
                 room = abs(node.q) + math.sqrt(cx * cx + cy * cy)
                 if node.q < 0.0:
                     is_open, fan = arc_is_open(sides, vertices, node.vertex, -by, bx, -ay, ax, room)
@@ -144,6 +160,7 @@ def _trace(m, stack, nodes, count, least, marks, points, first):
             if not is_open:
                 if triangle < 0:
                     triangle = triangle_of(m, px, py, NONE)
+                # Sweep the piece. In doubt the exact distance decides.
                 free, end = sweep(sides, vertices, stack, triangle, px, py, x, y, least)
                 if not free:
                     distance, _, vertex, edge = capsule_nearest(m, px, py, x, y, _NEAR * least, triangle)
@@ -156,6 +173,7 @@ def _trace(m, stack, nodes, count, least, marks, points, first):
             px = x
             py = y
             n += 1
+        # The arc was not swept: find the triangle where it ends.
         if is_open:
             triangle = walk(sides, vertices, triangle, px, py)
             if triangle < 0:
@@ -165,7 +183,7 @@ def _trace(m, stack, nodes, count, least, marks, points, first):
 
 @helper
 def _turns_right(nodes, count, i):
-    """Whether the string turns towards its obstacle at node i."""
+    """Return True if the string turns towards its obstacle at node i, and both tangents exist."""
     if i <= 0 or i >= count - 1:
         return True
     before, ax, ay = tangent(nodes[i - 1], nodes[i])
@@ -175,9 +193,11 @@ def _turns_right(nodes, count, i):
 
 @helper
 def pull(m, stack, nodes, count, radius, least, start, taut):
-    """Check and repair until nothing is too close; (repaired, points).
+    """Check and repair the string until nothing is too close; return (done, points (n, 2)).
 
-    A string that is ``taut`` already is not repaired, as there may be no other; its polyline gets finer at most.
+    The string has ``count`` ``nodes`` with spare room, which change; it begins in triangle ``start``. Its arcs have the
+    given ``radius``; a clearance of ``least``, slightly less, is enough [m]. A string that is ``taut`` already is not
+    repaired, as there may be no other; its polyline only gets finer.
     """
     sides = m.sides
     vertices = m.vertices
@@ -187,7 +207,8 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
     points[0, 1] = nodes[0].y
     marks[1].points = 1
     marks[1].triangle = start
-    if not taut:  # which takes turns of more than half a circle for wrong ones
+    # Not for a taut string: tightening takes turns of more than half a circle for wrong ones.
+    if not taut:
         count, _ = tighten(nodes, count, np.int64(1), count)
     first = np.int64(1)
     finest = 0.25 * (radius - least)
@@ -199,13 +220,15 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
         )
         if i < 0:
             return True, points[:n]
+        # The piece starts outside of free space.
         if distance < 0.0:
             break
         dx = x - px
         dy = y - py
         crossed = False
         if vertex < 0:
-            # The end of the side nearer to the piece, or the far one if the string is around the near one already.
+            # Bend around the end of the side nearer to the piece, or the far one if the string is around the near one
+            # already.
             vertex = sides[edge].org
             far = sides[nxt(edge)].org
             near_off = abs(dx * (vertices[vertex].y - py) - dy * (vertices[vertex].x - px))
@@ -219,7 +242,7 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
         vy = vertices[vertex].y
         left = dx * (vy - py) - dy * (vx - px) > 0.0
         if distance > least - 2.0 * COARSE:
-            # Corners that stand off an arc may be all that is wrong, where they do so towards what is too close.
+            # The corners of the polyline stand off the arc. If only that is wrong, make them finer.
             fine = False
             size = math.sqrt(dx * dx + dy * dy)
             along = (dx * (vx - px) + dy * (vy - py)) / size if size > 0.0 else 0.0
@@ -230,10 +253,11 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
                 node = nodes[k]
                 if node.q == 0.0 or node.bulge <= finest:
                     continue
+                # Corners that stand off away from the obstacle are not at fault.
                 if not taut:
                     if (vx - nx) * (nx - node.x) + (vy - ny) * (ny - node.y) <= 0.0:
                         continue
-                    # Between two arcs the polyline is their tangent, but for as far as it overshoots it to its corners.
+                    # Between two arcs the polyline is their tangent, except where it runs on to a corner.
                     over = math.sqrt(node.bulge * (2.0 * radius + node.bulge))
                     if not inside and (along if k == i else size - along) > over:
                         continue
@@ -244,11 +268,14 @@ def pull(m, stack, nodes, count, radius, least, start, taut):
                 continue
         if taut:
             break
+        # Bend around the vertex, on the other side if the piece crosses the obstacle. Give up if the string does so
+        # already.
         q = radius if left != crossed else -radius
         if nodes[i].vertex == vertex or nodes[i + 1].vertex == vertex or (inside and q * nodes[i].q < 0.0):
             break
         if count == nodes.size:
             break
+        # Insert the node after node i. If the string does not turn around both then, they are in the wrong order.
         for k in range(count, i + 1, -1):
             nodes[k] = nodes[k - 1]
         set_node(nodes[i + 1], vx, vy, q, vertex)

@@ -10,25 +10,29 @@ from crowdsim.navmesh.mesh.half_edge_kernels import nxt
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 
 STRING_NODE = np.dtype([(n, np.float64) for n in ("x", "y", "q", "bulge")] + [("vertex", np.int64)], align=True)
-"""What a string bends around.
+"""A disc that a string bends around.
 
-q: +radius with the obstacle on the left, -radius on the right; start and goal have q = 0 and vertex -1. bulge: how far
-corners of the polyline may stand off the arc, meters.
+q: radius [m], positive with the obstacle on the left of the string, negative on the right; start and goal have q = 0
+and vertex -1. bulge: how far corners of the polyline may stand off the arc [m].
 """
 
 COARSE = 1e-3
 FINE = 2e-6
-"""Bulges, meters: normally, and in passages that leave no more room; there at most a quarter of the tolerance, too."""
+"""Bulges [m]: the normal one, and that of passages that leave no more room.
+
+There the bulge is at most a quarter of the tolerance, too. Smaller bulges make more points.
+"""
 
 PINCH = 1e-2
-"""How much less than the radii may lie between two circles, as a part of them, before they have no tangent.
+"""Overlap of two circles, as a share of the sum of their radii, up to which they still have a tangent.
 
-Rounding leaves so much of the tolerance at the smallest radii; what it means is decided by an exact sweep.
+At the smallest radii the tolerance is so large a share. An exact sweep decides if the string is free.
 """
 
 
 @helper
 def set_node(node, x, y, q, vertex):
+    """Fill a record :data:`STRING_NODE`, with the coarse bulge."""
     node.x = x
     node.y = y
     node.q = q
@@ -38,7 +42,7 @@ def set_node(node, x, y, q, vertex):
 
 @helper
 def tangent(a, b):
-    """(exists, direction x, y) of the taut string from node a to node b."""
+    """Return (exists, direction x, y) of the taut string from node a to node b."""
     ex = b.x - a.x
     ey = b.y - a.y
     distance = math.sqrt(ex * ex + ey * ey)
@@ -46,6 +50,7 @@ def tangent(a, b):
         return False, 1.0, 0.0
     ex /= distance
     ey /= distance
+    # s is the sine of the angle between the line of the centers and the tangent.
     s = (b.q - a.q) / distance
     exists = abs(s) <= 1.0 + PINCH
     s = min(max(s, -1.0), 1.0)
@@ -55,19 +60,20 @@ def tangent(a, b):
 
 @helper
 def arc_corners(q, dx, dy, angle, bulge):
-    """Corners around a node that the string reaches in direction d and leaves turned by ``angle``.
+    """Find corners around a node that the string reaches in direction d and leaves turned by ``angle``.
 
-    Returns (count, first x, first y from the node, cosine, sine of the step to the next): the circumscribed polyline
-    stands off the arc by at most ``bulge``.
+    Return (count, x, y of the first one from the node, cosine, sine of the turn to the next). The polyline is
+    circumscribed and stands off the arc by at most ``bulge``.
     """
     radius = abs(q)
     if radius == 0.0:
         return 1, 0.0, 0.0, 1.0, 0.0
-    most = min(math.sqrt(8.0 * bulge / (radius + bulge)), 0.35)  # hardly less than 2 acos(radius / (radius + bulge))
+    # Slightly less than 2 acos(radius / (radius + bulge)), the angle at which a corner stands off by the bulge.
+    most = min(math.sqrt(8.0 * bulge / (radius + bulge)), 0.35)
     steps = max(1, math.ceil(abs(angle) / most))
     half = 0.5 * angle / steps
     c, s = cos_sin(half)
-    # The string touches the disc on its right side where the node is on the left, and the other way round.
+    # The string touches the disc on the disc's right side if the node is on the left, and the other way round.
     x = q * dy / c
     y = -q * dx / c
     return steps, c * x - s * y, s * x + c * y, c * c - s * s, 2.0 * s * c
@@ -75,7 +81,7 @@ def arc_corners(q, dx, dy, angle, bulge):
 
 @helper
 def _swallowed(one, other):
-    """Whether the circle of node ``other``, on the same side, is inside that of ``one``."""
+    """Return True if the circle of node ``other``, on the same side, is inside that of ``one``."""
     return (
         one.vertex >= 0
         and one.q * other.q > 0.0
@@ -85,11 +91,14 @@ def _swallowed(one, other):
 
 @helper
 def funnel(m, channel, count, reach, sx, sy, gx, gy):
-    """Nodes of the taut string through the first ``count`` sides of the channel, with room for more, and their number.
+    """Pull a string taut through the first ``count`` sides of the channel.
 
-    It keeps reach[v] meters off each vertex v (Lee and Preparata 1984, with circles for points).
+    Return its nodes, with room for more, and their number.
+
+    The string keeps reach[v] [m] away from each vertex v (Lee and Preparata 1984, with circles for points).
     """
-    # The funnel is a deque: left chain (outwards to lower places), apex, right chain (outwards to higher places).
+    # The funnel is a deque in ``chain``: the left chain (outwards to lower indices), the apex, the right chain (to
+    # higher ones).
     sides = m.sides
     vertices = m.vertices
     room = 2 * count + 4
@@ -102,6 +111,7 @@ def funnel(m, channel, count, reach, sx, sy, gx, gy):
     set_node(chain[apex], sx, sy, 0.0, NONE)
     nodes[0] = chain[apex]
     filled = 1
+    # The vertices last added on each side.
     before_left = NONE
     before_right = NONE
     target = chain[2 * room + 1]
@@ -126,6 +136,7 @@ def funnel(m, channel, count, reach, sx, sy, gx, gy):
             end = low if sign > 0 else high
             _, dx, dy = tangent(chain[end], target)
             if end != apex:
+                # A larger circle hides this one.
                 if _swallowed(target, chain[end]):
                     if sign > 0:
                         low += 1
@@ -137,6 +148,7 @@ def funnel(m, channel, count, reach, sx, sy, gx, gy):
                 at = apex + sign
             else:
                 break
+            # The new tangent does not cross the chain: the target fits behind this node.
             if sign * (heading[at, 0] * dy - heading[at, 1] * dx) >= 0.0:
                 break
             if end != apex:
@@ -144,6 +156,8 @@ def funnel(m, channel, count, reach, sx, sy, gx, gy):
                     low += 1
                 else:
                     high -= 1
+            # All of the chain is crossed, and the other chain too: its first node becomes the apex, and the string is
+            # fixed up to it.
             else:
                 apex += sign
                 nodes[filled] = chain[apex]
@@ -161,6 +175,7 @@ def funnel(m, channel, count, reach, sx, sy, gx, gy):
         chain[end] = target
         heading[end, 0] = dx
         heading[end, 1] = dy
+    # The goal came last, on the left: the left chain is the rest of the string.
     for i in range(apex - 1, low - 1, -1):
         nodes[filled] = chain[i]
         filled += 1

@@ -1,4 +1,4 @@
-"""Scratch memory of path searches: as large as a mesh, used again from query to query instead of cleared."""
+"""Scratch memory of path searches: as large as a mesh, and used again from query to query without being cleared."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ LABEL = np.dtype(
     + [(name, np.int32) for name in ("h", "before", "corner", "ends")],
     align=True,
 )
-"""Ways over one side: from a root, straight, over the part of the side that the root sees.
+"""Ways across one side: straight from a root across the part of the side that the root sees.
 
-rx, ry: the root, the last place where the way bends. spent: meters up to it. lx, ly, px, py: the left and the right end
-of the part of side h. corner: twice the half-edge that the root is an end of, plus 1 for its right end; -1 for the
-start. before: the label whose end became the root, or -1. ends: +1 if the left end is that of the passable side, so
-that the way may bend there; +2 if the right end is.
+rx, ry: the root, the last place where the way bends [m]. spent: length of the way up to it [m]. lx, ly, px, py: left
+and right end of the part of side h [m]. corner: twice the half-edge that the root is an end of, plus 1 for its right
+end; -1 for the start. before: the label whose end became the root, or -1. ends: +1 if the left end is that of the cut
+side, so that the way may bend there; +2 for the right end.
 """
 
 REACHED = np.dtype([("spent", np.float64), ("stamp", np.int64)], align=True)
-"""Fewest meters at which the end of a side became a root, in the query that ``stamp`` tells."""
+"""Least length [m] of a way up to an end of a side that became a root, in the query number ``stamp``."""
 
 WAYPOINT = np.dtype([("x", np.float64), ("y", np.float64), ("rest", np.float64), ("stamp", np.int64)], align=True)
-"""Where the way leaves a region for the goal, in the query that ``stamp`` tells, and about how far it is from there."""
+"""Where the way leaves a region towards the goal, and the length of the rest [m], in the query number ``stamp``."""
 
 
 class Workspace(NamedTuple):
-    """C-contiguous arrays with room for a mesh of nt triangles; only the stamp outlives a query."""
+    """C-contiguous scratch arrays with room for a mesh of nt triangles; only the stamp outlives a query."""
 
     labels: NDArray[Any]
     """(6 nt,) records :data:`LABEL`."""
@@ -48,7 +48,7 @@ class Workspace(NamedTuple):
 
 
 def empty_workspace(triangles: int) -> Workspace:
-    """A workspace for meshes of up to ``triangles``; the system gives memory only where it is written to."""
+    """Return a workspace for meshes of up to ``triangles``; the system provides memory only where it is written to."""
     return Workspace(
         np.empty(6 * triangles, LABEL),
         np.empty(6 * triangles, HEAP_ROW),
@@ -59,14 +59,14 @@ def empty_workspace(triangles: int) -> Workspace:
 
 
 class Workspaces:
-    """Workspaces of searches on one mesh, each lent to one thread and kept for the next one who asks."""
+    """Workspaces of searches on one mesh. Each is lent to one thread at a time and then kept for the next search."""
 
     def __init__(self) -> None:
         self._idle: list[Workspace] = []
         self._lock = threading.Lock()
 
     def __reduce__(self) -> tuple[type[Workspaces], tuple[()]]:
-        """Scratch memory is neither copied nor pickled: a copy starts with none of its own."""
+        """Copy and pickle without scratch memory: a copy starts with none."""
         return Workspaces, ()
 
     @contextmanager
@@ -76,7 +76,8 @@ class Workspaces:
             fit = next((k for k, idle in enumerate(self._idle) if len(idle.waypoints) >= triangles), None)
             found = None if fit is None else self._idle.pop(fit)
             if found is None:
-                self._idle.clear()  # too small for what is searched now
+                # Drop the others: they are too small for the mesh as it is now.
+                self._idle.clear()
         if found is None:
             found = empty_workspace(1 << max(triangles - 1, 1).bit_length())
         yield found

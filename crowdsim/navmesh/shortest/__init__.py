@@ -1,1 +1,1 @@
-"""Shortest paths of discs: the graph of tangents between corners, and the search on it."""
+"""Shortest paths of discs: the graph of tangents between corners, and the search in it."""

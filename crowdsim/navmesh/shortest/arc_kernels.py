@@ -1,9 +1,10 @@
-"""Arcs of free places around the corners of a mesh, where a taut string of one radius may bend."""
+"""Arcs around the corners of a mesh where a disc of one radius stands free, so that a taut string may bend there."""
 
 import math
 
 import numpy as np
 
+from crowdsim.errors import BoundExceeded
 from crowdsim.geometry.elementary_kernels import acos, atan2, cos_sin, hypot
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
@@ -12,34 +13,42 @@ from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv
 from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, NONE
 from crowdsim.navmesh.shortest.tangent_graph_arrays import ARC
 from crowdsim.navmesh.shortest.view_arrays import SIGHT
+from crowdsim.navmesh.shortest.visibility_kernels import LOOKS
 from crowdsim.navmesh.triangulation.refine_kernels import set_sight
 
 _TURN = 2.0 * math.pi
+"""A full turn [rad]."""
 
 _FLAT = 1e-9
-"""Corners that turn by less (radians) are none."""
+"""Corners that turn by less [rad] do not count as corners."""
 
 _SPAN = np.dtype([("lo", np.float64), ("hi", np.float64)], align=True)
-"""An interval of angles, radians."""
+"""An interval of angles [rad]."""
 
 
 @helper
 def _look_around(m, px, py, h, reach2, sights, found, count):
-    """Add what is seen from (px, py) across side ``h`` of its triangle to ``found``; the new count.
+    """Add what is seen from (px, py) across side ``h`` of its triangle to ``found``; return the new count.
 
-    A vertex v is added as v, a constrained side s as -1 - s. Sides whose squared distance is ``reach2`` or more are
-    not crossed. ``sights`` has room for all triangles.
+    A vertex v is added as v, a constrained side s as -1 - s. Sides whose squared distance is at least ``reach2`` [m2]
+    are not crossed. ``sights`` has room for all triangles.
     """
+    # The view: a stack of sides, each seen between a right ray r and a left ray l.
     sides = m.sides
     vertices = m.vertices
     right = vertices[sides[h].org]
     left = vertices[sides[nxt(h)].org]
     set_sight(sights[0], h, right.x - px, right.y - py, left.x - px, left.y - py)
     top = 1
+    turns = LOOKS * sides.size
     while top > 0:
+        turns -= 1
+        if turns < 0:
+            raise BoundExceeded
         top -= 1
         sight = sights[top]
         h = sight.side
+        # A wall ends the view.
         if sides[h].constraints != 0:
             found[count] = -1 - h
             count += 1
@@ -53,6 +62,7 @@ def _look_around(m, px, py, h, reach2, sights, found, count):
         ry = sight.ry
         lx = sight.lx
         ly = sight.ly
+        # The far corner w of the triangle behind the side divides the view; both parts go on if they are not empty.
         w = sides[prv(g)].org
         zx = vertices[w].x - px
         zy = vertices[w].y - py
@@ -75,12 +85,13 @@ def _look_around(m, px, py, h, reach2, sights, found, count):
 
 @helper
 def _block(spans, count, nx, ny, extent, cx, cy, half):
-    """Record that places within ``half`` radians of direction c are taken, as angles from direction n; the count.
+    """Insert the interval of angles from direction n that lie within ``half`` of direction c; return the new count.
 
-    ``spans`` stay in the order of their lower ends.
+    ``spans`` stay in the order of their lower ends. Only the part between 0 and ``extent`` matters.
     """
     middle = atan2(nx * cy - ny * cx, nx * cx + ny * cy)
-    for turns in range(3):  # places around a point obstacle go round twice
+    # Three turns: angles around a point obstacle go up to two turns.
+    for turns in range(3):
         lo = middle - half + turns * _TURN
         hi = middle + half + turns * _TURN
         if half > 0.0 and hi > 0.0 and lo < extent:
@@ -96,19 +107,25 @@ def _block(spans, count, nx, ny, extent, cx, cy, half):
 
 @helper
 def _block_wall(spans, count, nx, ny, extent, vx, vy, radius, least, a, b):
-    """Record the places around the corner v where the inside of wall ab is closer than ``least``; the count."""
+    """Insert the places around the corner v where the inside of wall ab is closer than ``least`` [m].
+
+    A place is the center of a disc that touches v: at ``radius`` [m] from it, at an angle from the direction (nx, ny),
+    of which those from 0 to ``extent`` [rad] matter. Its intervals are inserted into ``spans``; return the new count.
+    """
     tx = b.x - a.x
     ty = b.y - a.y
     length = hypot(tx, ty)
     tx /= length
     ty /= length
-    # v is left of the wall; the normal points to it.
+    # v is left of the wall: its height over the wall, and its foot along the wall.
     height = tx * (vy - a.y) - ty * (vx - a.x)
     along = tx * (vx - a.x) + ty * (vy - a.y)
-    below = (height - least) / radius  # places whose part towards the wall is more are taken
+    # Places closer than ``least`` to the wall's line are those whose part towards the wall is more than ``below``.
+    below = (height - least) / radius
     if below >= 1.0:
         return count
-    # Places at the angle g clockwise of t: sin g > below, and 0 < along + radius cos g < length.
+    # At the angle g clockwise of the wall's direction t, a place is taken if sin g > below and 0 < along + radius cos g
+    # < length. The second condition holds for g in (lo, hi) and mirrored; the first one cuts these.
     half = acos(max(below, -1.0))
     lo = acos(min(max((length - along) / radius, -1.0), 1.0))
     hi = acos(min(max(-along / radius, -1.0), 1.0))
@@ -125,17 +142,18 @@ def _block_wall(spans, count, nx, ny, extent, vx, vy, radius, least, a, b):
 
 @helper
 def _wedge_end(sides, first):
-    """The last spoke of the free wedge that begins with the constrained spoke ``first``: the next constrained one."""
+    """Return the last spoke of the free wedge that begins with the wall ``first``: the next constrained spoke."""
     h = first
-    while True:
+    for _ in range(sides.size):
         h = sides[prv(h)].twin
         if sides[h].constraints != 0:
             return h
+    raise BoundExceeded
 
 
 @helper
 def _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights, found, spans):
-    """(spans, count) of angles from direction n on where other obstacles take the places around the corner p.
+    """Collect the angles from direction n at which other obstacles take the places around the corner p; (spans, count).
 
     The wedge of the corner lies between the spokes ``begin`` and ``last`` (-1: all around).
     """
@@ -143,7 +161,8 @@ def _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights,
     vertices = m.vertices
     taken = np.int64(0)
     h = begin
-    while True:
+    # All triangles of the wedge: the far end of each spoke, and all that is seen across the outer sides.
+    for _ in range(sides.size):
         found[0] = sides[nxt(h)].org
         seen = _look_around(m, px, py, nxt(h), 4.0 * least * least, sights, found, np.int64(1))
         h = sides[prv(h)].twin
@@ -151,6 +170,7 @@ def _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights,
             found[seen] = sides[nxt(h)].org
             seen += 1
         for i in range(seen):
+            # A vertex adds at most three spans, a wall nine.
             if taken + 9 > spans.size:
                 spans = longer(spans)
             if found[i] < 0:
@@ -159,6 +179,7 @@ def _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights,
                 b = vertices[sides[nxt(wall)].org]
                 taken = _block_wall(spans, taken, nx, ny, extent, px, py, radius, least, a, b)
                 continue
+            # A vertex takes the places closer to it than ``least``: law of cosines.
             w = vertices[found[i]]
             dx = w.x - px
             dy = w.y - py
@@ -169,11 +190,15 @@ def _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights,
                 taken = _block(spans, taken, nx, ny, extent, dx, dy, half)
         if h in (last, begin):
             return spans, taken
+    raise BoundExceeded
 
 
 @helper
 def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spans):
-    """Add the arcs of the wedge of vertex v between the spokes ``first`` and ``last``; all around if they are -1."""
+    """Add the arcs of vertex v between its spokes ``first`` and ``last`` to ``arcs``; all around if they are -1.
+
+    Return (arcs, count).
+    """
     sides = m.sides
     vertices = m.vertices
     px = vertices[v].x
@@ -187,6 +212,8 @@ def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spa
     extent = 2.0 * _TURN
     begin = vertices[v].vhe
     if first >= 0:
+        # The wedge lies between two walls with directions a and b; the disc touches the corner alone from a + 90 to b -
+        # 90 degrees.
         begin = first
         a = vertices[sides[nxt(first)].org]
         b = vertices[sides[nxt(last)].org]
@@ -201,7 +228,8 @@ def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spa
         bx /= length
         by /= length
         across = ax * by - ay * bx
-        # Nothing bends at a flat corner; but a point that moves along its walls meets it.
+        # A string bends only in a free wedge of more than half a turn. At a flat corner it does not, but a point
+        # (radius 0) that moves along its walls meets it.
         flat = radius > 0.0 and ax * bx + ay * by <= 0.0
         if first != last and across > (-_FLAT if flat else _FLAT):
             return arcs, count
@@ -209,18 +237,18 @@ def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spa
         ny = ax
         extent = math.pi
         if first != last:
-            # From a + 90 degrees to b - 90 degrees.
+            # The angle of the arc, 180 degrees if the wedge is all around the end of a wall.
             extent = max(atan2(-across, -ax * bx - ay * by), 0.0)
     taken = np.int64(0)
     if radius > 0.0:
         spans, taken = _taken_places(m, px, py, nx, ny, extent, begin, last, radius, least, sights, found, spans)
+    # What lies between the taken angles is free.
     at = 0.0
     for i in range(taken + 1):
         end = min(spans[i].lo, extent) if i < taken else extent
         if end >= at and (first >= 0 or at < _TURN):
-            whole = (
-                first < 0 and end - at > _TURN
-            )  # a second arc, half a turn on, holds what crosses the first one's end
+            # A free circle: two arcs, half a turn apart, so that tangents which cross the end of one are on the other.
+            whole = first < 0 and end - at > _TURN
             for k in range(2 if whole else 1):
                 if count == arcs.size:
                     arcs = longer(arcs)
@@ -245,7 +273,22 @@ def _free_arcs(m, v, first, last, radius, least, arcs, count, sights, found, spa
 
 @kernel
 def find_arcs(m, radius, least):
-    """``arcs`` and ``arc_begin`` of :class:`crowdsim.navmesh.shortest.tangent_graph_arrays.TangentGraph`."""
+    """Find ``arcs`` and ``arc_begin`` of :class:`crowdsim.navmesh.shortest.tangent_graph_arrays.TangentGraph`.
+
+    Parameters
+    ----------
+    m : MeshArrays
+        The mesh.
+    radius, least : float
+        Radius of the disc, and clearance that counts as enough, slightly less [m].
+
+    Returns
+    -------
+    (na,) ARC
+        The arcs in the order of their vertices.
+    (nv + 1,) int64
+        Arcs of vertex v are those from begin[v] up to begin[v + 1].
+    """
     sides = m.sides
     vertices = m.vertices
     triangles = m.frame[0].triangles
@@ -260,9 +303,11 @@ def find_arcs(m, radius, least):
         begin[v] = count
         if v < BOX_CORNERS or v >= filled or vertices[v].vhe < 0:
             continue
+        # One wedge for each wall that starts at v with free ground on its left; a point obstacle has none, and its arcs
+        # go around.
         walls = 0
         h = vertices[v].vhe
-        while True:
+        for _ in range(sides.size):
             if sides[h].constraints != 0:
                 walls += 1
                 if m.cover[h // 3] == 0:
@@ -271,6 +316,8 @@ def find_arcs(m, radius, least):
             h = sides[prv(h)].twin
             if h == vertices[v].vhe:
                 break
+        else:
+            raise BoundExceeded
         if walls == 0 and m.cover[h // 3] == 0:
             arcs, count = _free_arcs(m, v, NONE, NONE, radius, least, arcs, count, sights, found, spans)
     begin[vertices.size] = count

@@ -1,7 +1,8 @@
-"""The same search with every arrival at an arc that a shortest path may need, for the few queries where it matters."""
+"""The search for a shortest path that keeps all arrivals at an arc, for the few queries in which one is not enough."""
 
 import numpy as np
 
+from crowdsim.errors import BoundExceeded
 from crowdsim.jit import helper
 from crowdsim.navmesh.mesh.growing_kernels import longer
 from crowdsim.navmesh.mesh.heap_kernels import pop, push
@@ -18,9 +19,9 @@ from crowdsim.navmesh.shortest.tangent_search_kernels import (
 
 @helper
 def _is_beaten(arrivals, k, first, radius):
-    """Whether another arrival at the node of arrival k is as good wherever the string goes on.
+    """Return True if another arrival at the node of arrival k is as good, however the string goes on.
 
-    The disc of one that has turned by more could go back along the arc; see
+    An arrival that has turned by more can go back along the arc; see
     :mod:`crowdsim.navmesh.shortest.tangent_search_kernels`.
     """
     one = arrivals[k]
@@ -28,6 +29,7 @@ def _is_beaten(arrivals, k, first, radius):
     while i >= 0:
         other = arrivals[i]
         if i != k:
+            # What the other costs more, with the way back along the arc. Of equals the first one stays.
             off = other.cost + 2.0 * radius * max(other.turned - one.turned, 0.0) - one.cost
             if off < -SAME or (off <= SAME and i < k):  # of equals the first one stays
                 return True
@@ -37,7 +39,7 @@ def _is_beaten(arrivals, k, first, radius):
 
 @helper
 def _arrive(arrivals, count, first, n, cost, turned, before, radius):
-    """Add an arrival at node n unless it is beaten; (arrivals, grown where needed, their number)."""
+    """Add an arrival at node n unless it is beaten; return (arrivals, their number). The array grows as needed."""
     if count == arrivals.size:
         arrivals = longer(arrivals)
     arrival = arrivals[count]
@@ -54,10 +56,14 @@ def _arrive(arrivals, count, first, n, cost, turned, before, radius):
 
 @helper
 def search_all(m, graph, scratch, start, goal, disc, longest):
-    """(arrivals, last arrival, length) of the shortest path of at most ``longest`` meters; -1 if there is none."""
+    """Search for the shortest path of at most ``longest`` meters.
+
+    Return (arrivals, last arrival, length), -1 if there is none.
+    """
     nodes = graph.nodes
     goals = scratch.goals
     radius = disc.radius
+    # Begin with the arcs that the start sees.
     count = begin_search(m, graph, scratch, start, goal, disc, longest)
     stamp = scratch.stamp[0]
     arrivals = np.empty(256, ARRIVAL)
@@ -72,6 +78,7 @@ def search_all(m, graph, scratch, start, goal, disc, longest):
             cost = end.length - radius * end.turned
             arrivals, filled = _arrive(arrivals, filled, first, end.node, cost, end.turned, NONE, radius)
             if filled > k:
+                # Even numbers in the heap are arrivals, odd ones their tangents to the goal.
                 node = nodes[end.node]
                 heap, size = push(heap, size, cost + distance(goal.x - node.x, goal.y - node.y), 2 * k)
     while size > 0:
@@ -80,9 +87,11 @@ def search_all(m, graph, scratch, start, goal, disc, longest):
         key = heap[size].key
         k = heap[size].item >> 1
         n = arrivals[k].node
+        # All that is left is longer.
         if key > longest:
             break
-        if heap[size].item & 1:  # a tangent to the goal
+        # A tangent to the goal. It is checked only now that it would be the end of the shortest path.
+        if heap[size].item & 1:
             end = goals[n]
             if end.stamp == stamp:
                 if is_free_end(m, scratch.stack, goal, disc, end):
@@ -91,7 +100,7 @@ def search_all(m, graph, scratch, start, goal, disc, longest):
             continue
         if _is_beaten(arrivals, k, first[n], radius):
             continue
-        # On to the goal and over all links that leave the arc later than it is met.
+        # Extend to the goal and across all links that leave the arc behind the place of arrival.
         cost = arrivals[k].cost
         turned = arrivals[k].turned - SAME
         if goals[n].stamp == stamp and goals[n].turned >= turned:
@@ -114,11 +123,14 @@ def search_all(m, graph, scratch, start, goal, disc, longest):
 
 @helper
 def string_of_arrival(graph, arrivals, last, start, goal, radius):
-    """Nodes of the string from the start to the goal whose last arc is that of arrival ``last``."""
+    """Return the nodes of the string from the start to the goal whose last arc is that of arrival ``last``."""
+    # Follow the arrivals back to the start.
     count = 0
     k = last
     while k >= 0:
         count += 1
+        if count > arrivals.size:
+            raise BoundExceeded
         k = arrivals[k].before
     ways = np.empty(count, np.int64)
     k = last

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from crowdsim.errors import BoundExceeded
 from crowdsim.geometry.elementary_kernels import cos_sin
 from crowdsim.geometry.predicates_kernels import orient2d
 from crowdsim.jit import helper
@@ -18,15 +19,18 @@ from crowdsim.navmesh.shortest.visibility_kernels import SLACK, see_corners
 
 @helper
 def _free_triangle(m, x, y, least):
-    """A free triangle whose closure holds (x, y), and whether there are others; (-1, False) where the disc is not free.
+    """Find a free triangle whose closure holds (x, y), for a path of discs of radius ``least`` [m], 0 for a point.
 
-    There are others where (x, y) is on a side or a corner, or beyond a side within rounding to the grid.
+    Return (triangle, True if there are others), or (-1, False) if the disc is not free there.
+
+    There are others if (x, y) is on a side or a corner, or beyond a side by rounding to the grid.
     """
     sides = m.sides
     vertices = m.vertices
     t = triangle_of(m, x, y, NONE)
     if t < 0:
         return NONE, False
+    # A disc: the exact clearance decides.
     if least > 0.0:
         distance, _ = disc_clearance(m, x, y, 1.01 * least, t)
         if distance < least:
@@ -35,6 +39,7 @@ def _free_triangle(m, x, y, least):
             if side(vertices, sides[h].org, sides[nxt(h)].org, x, y) <= 0.0:
                 return t, True
         return t, False
+    # A point may stand on a wall or a corner: on one side of the triangle, or on two at their common corner.
     on = 0
     for h in range(3 * t, 3 * t + 3):
         if side(vertices, sides[h].org, sides[nxt(h)].org, x, y) == 0.0:
@@ -42,14 +47,20 @@ def _free_triangle(m, x, y, least):
     if on > 0:
         for h in range(3 * t, 3 * t + 3):
             v = vertices[sides[h].org]
+            # On a corner: the first free triangle around it. If all are blocked, the loop comes back to where it began.
             if on == 2 and v.x == x and v.y == y:
                 first = h
-                while m.cover[h // 3] != 0:
+                for _ in range(sides.size):
+                    if m.cover[h // 3] == 0:
+                        break
                     h = sides[prv(h)].twin
                     if h == first:
                         break
+                else:
+                    raise BoundExceeded
                 t = h // 3
                 break
+            # On a side of a blocked triangle: the triangle behind it.
             if on == 1 and m.cover[t] != 0 and side(vertices, sides[h].org, sides[nxt(h)].org, x, y) == 0.0:
                 t = sides[h].twin // 3
                 break
@@ -58,20 +69,21 @@ def _free_triangle(m, x, y, least):
 
 @helper
 def stand_at(m, x, y, least):
-    """The :class:`crowdsim.navmesh.shortest.shortest_scratch.Stand` at (x, y)."""
+    """Return the :class:`crowdsim.navmesh.shortest.shortest_scratch.Stand` at (x, y)."""
     triangle, others = _free_triangle(m, x, y, least)
     return Stand(x, y, triangle, others)
 
 
 @helper
 def sees(m, t, x0, y0, x1, y1):
-    """Whether the straight line from (x0, y0) in the closure of the free triangle t stays free, for a point.
+    """Return True if a point can go straight from (x0, y0), in the closure of free triangle t, to (x1, y1).
 
-    False where the line meets a corner: the tangent graph knows of those.
+    If the line meets a corner the answer is False: the tangent graph knows of those paths.
     """
     sides = m.sides
     vertices = m.vertices
     came = NONE
+    # Walk along the line: leave each triangle across the side that the line crosses strictly between its ends.
     for _ in range(m.cover.size):
         out = NONE
         inside = True
@@ -95,19 +107,22 @@ def sees(m, t, x0, y0, x1, y1):
 
 @helper
 def see_each_other(m, t, x0, y0, x1, y1):
-    """Whether a straight way is free for a point that stands on a side or a corner of the free triangle t."""
+    """Return True if a point on a side or a corner of the free triangle t has a free straight line to (x1, y1)."""
     sides = m.sides
     vertices = m.vertices
+    # On a corner: try all free triangles around it.
     for h in range(3 * t, 3 * t + 3):
         v = vertices[sides[h].org]
         if v.x == x0 and v.y == y0:
             g = h
-            while True:
+            for _ in range(sides.size):
                 if m.cover[g // 3] == 0 and sees(m, g // 3, x0, y0, x1, y1):
                     return True
                 g = sides[prv(g)].twin
                 if g == h:
                     return False
+            raise BoundExceeded
+    # On a side: try the triangle behind it, too.
     for h in range(3 * t, 3 * t + 3):
         g = sides[h].twin
         on = side(vertices, sides[h].org, sides[nxt(h)].org, x0, y0) == 0.0
@@ -118,7 +133,10 @@ def see_each_other(m, t, x0, y0, x1, y1):
 
 @helper
 def _look(m, graph, scratch, eye, t, found):
-    """Add what ``eye`` in the closure of triangle t sees across its other sides to the outlook; the new count."""
+    """Add what ``eye``, in the closure of triangle t, sees across the sides it is not on to the view.
+
+    Return the new count.
+    """
     for h in range(3 * t, 3 * t + 3):
         if side(m.vertices, m.sides[h].org, m.sides[nxt(h)].org, eye.x, eye.y) > 0.0:
             found = see_corners(m, graph.arc_begin, eye, h, scratch.outlook, found)
@@ -127,11 +145,13 @@ def _look(m, graph, scratch, eye, t, found):
 
 @helper
 def find_ends(m, graph, scratch, stand, disc, to_goal):
-    """Tangents from a stand to arcs it sees, or from those to it; not checked for what cuts them; the count.
+    """Find the tangents between a stand and the arcs it sees, in the direction ``to_goal`` or from the start.
 
-    A disc that touches an obstacle may stand closer to it than its radius by the tolerance. Its tangents may then miss
-    the begin or the end of an arc by an angle, and lead to that place instead: a tangent dips into a circle by what
-    ``radius`` is more than ``least`` where it is off by this angle.
+    Return their number.
+
+    They are not checked for obstacles that cut them. A disc that touches an obstacle may stand closer to it than its
+    radius, by the tolerance. Its tangents may then miss the begin or the end of an arc by an angle and lead to that
+    place instead: a tangent that is off by this angle dips into a circle by the difference of ``radius`` and ``least``.
     """
     sides = m.sides
     vertices = m.vertices
@@ -142,38 +162,45 @@ def find_ends(m, graph, scratch, stand, disc, to_goal):
     triangle = stand.triangle
     radius = disc.radius
     margin = SLACK
+    # Off by an angle e, a tangent dips in by radius (1 - cos e), about radius e * e / 2.
     if disc.least > 0.0:
         margin += math.sqrt(2.0 * max(radius - disc.least, 0.0) / radius)
     eye = Viewpoint(x, y, 0.0, radius, disc.slack, margin, 0.0, 0.0, 0.0, 0.0)
     found = _look(m, graph, scratch, eye, triangle, np.int64(0))
-    # A stand on a side or a corner sees through what else touches it as well.
+    # A stand on a side or a corner also looks through the other triangles that touch it.
     if stand.others:
         for h in range(3 * triangle, 3 * triangle + 3):
             v = vertices[sides[h].org]
             if v.x == x and v.y == y:
                 g = sides[prv(h)].twin
-                while g != h:
+                for _ in range(sides.size):
+                    if g == h:
+                        break
                     if m.cover[g // 3] == 0:
                         found = _look(m, graph, scratch, eye, g // 3, found)
                     g = sides[prv(g)].twin
+                else:
+                    raise BoundExceeded
                 break
             w = sides[nxt(h)].org
             beyond = sides[h].twin // 3
             corner = vertices[w].x == x and vertices[w].y == y
             if not corner and side(vertices, sides[h].org, w, x, y) <= 0.0 and m.cover[beyond] == 0:
                 found = _look(m, graph, scratch, eye, beyond, found)
-    # The arcs of each corner seen, where a tangent touches them or nearly.
+    # The arcs of each corner seen that a tangent touches, exactly or nearly.
     count = 0
     for i in range(found):
         tangent = seen[i]
         q = int(math.copysign(1.0, tangent.q))
         for k in range(graph.arc_begin[tangent.vertex], graph.arc_begin[tangent.vertex + 1]):
+            # n: direction from the corner to the point of contact, a right angle from the heading.
             arc = graph.arcs[k]
             nx = q * tangent.ty
             ny = -q * tangent.tx
             length = tangent.length
             angle = turned_to(arc, nx, ny) if touches(arc, nx, ny) else -1.0
             if angle < 0.0:
+                # Missed: lead to the near end of the arc, if it is within the margin.
                 angle = nearest_end(arc, nx, ny, margin)
                 if angle < 0.0:
                     continue
@@ -181,6 +208,7 @@ def find_ends(m, graph, scratch, stand, disc, to_goal):
                 nx = arc.nx * c - arc.ny * s
                 ny = arc.ny * c + arc.nx * s
                 length = math.sqrt((arc.x + radius * nx - x) ** 2 + (arc.y + radius * ny - y) ** 2)
+            # Node 2 k passes the arc counter-clockwise, 2 k + 1 clockwise; tangents to the goal are searched backwards.
             clockwise = (q < 0) != to_goal
             end = ends[count]
             count += 1

@@ -1,4 +1,4 @@
-"""The shortest path of a disc: straight where it can be, otherwise along arcs and tangents."""
+"""The shortest path of a disc: straight if possible, otherwise along arcs and tangents."""
 
 import math
 
@@ -23,12 +23,15 @@ from crowdsim.navmesh.shortest.end_kernels import see_each_other, sees, stand_at
 from crowdsim.navmesh.shortest.tangent_search_kernels import SAME, distance, search_tangents, string_of
 
 _DETOUR = 1.06
-"""The first search is for paths at most so much longer than the straight line: most are, and it looks at little."""
+"""The first search is for paths at most this many times as long as the straight line: most are, and it is cheap."""
 
 
 @helper
 def _widen(string, radius):
-    """Take a taut string to circles of ``radius``, hardly another one; whether it still turns as it did."""
+    """Give the discs of a taut string the given radius, close to their old one.
+
+    Return True if its turns keep their side.
+    """
     ax = 0.0
     ay = 0.0
     for i in range(string.size):
@@ -45,12 +48,22 @@ def _widen(string, radius):
 
 @helper
 def shortest_path(m, graph, scratch, sx, sy, gx, gy, asked, disc):
-    """(status, points (n, 2), length) of the shortest path of a disc.
+    """Find the shortest path of a disc; return (status, points (n, 2), length [m]).
 
-    The points keep the radius ``asked`` for, which is more by the tolerance, where there is room for that.
-
-    ``graph`` is that of ``disc``, a :class:`crowdsim.navmesh.shortest.shortest_scratch.Disc`, and ``scratch`` a
-    :class:`crowdsim.navmesh.shortest.shortest_scratch.ShortestScratch`.
+    Parameters
+    ----------
+    m : MeshArrays
+        The mesh.
+    graph : TangentGraph
+        The tangent graph of ``disc``.
+    scratch : ShortestScratch
+        Scratch memory.
+    sx, sy, gx, gy : float
+        Start and goal [m].
+    asked : float
+        Radius that the points keep if there is room, more than that of ``disc`` by the tolerance [m].
+    disc : Disc
+        The disc for which the graph was made.
     """
     points = np.empty((0, 2))
     radius = disc.radius
@@ -61,7 +74,7 @@ def shortest_path(m, graph, scratch, sx, sy, gx, gy, asked, disc):
     goal = stand_at(m, gx, gy, least)
     if goal.triangle < 0:
         return GOAL_BLOCKED, points, math.nan
-    # The straight line, for which a point on a side or a corner looks from the other end.
+    # The straight line. A point on a side or a corner looks from the other end.
     straight = False
     if least > 0.0:
         straight = is_free_way(m, scratch.stack, start.triangle, sx, sy, gx, gy, least)
@@ -73,6 +86,7 @@ def shortest_path(m, graph, scratch, sx, sy, gx, gy, asked, disc):
         straight = see_each_other(m, start.triangle, sx, sy, gx, gy)
     if straight:
         return OK, straight_path(sx, sy, gx, gy), distance(gx - sx, gy - sy)
+    # First near the straight line, then everywhere.
     last = NONE
     length = np.inf
     lost = np.inf
@@ -80,6 +94,7 @@ def shortest_path(m, graph, scratch, sx, sy, gx, gy, asked, disc):
         last, length, lost = search_tangents(m, graph, scratch, start, goal, disc, longest)
         if last >= 0:
             break
+    # A path that the search has lost would be longer: its result stands. Otherwise search again with all arrivals.
     if lost == np.inf or lost > length + SAME:
         if last < 0:
             return NO_PASSAGE, points, math.nan
@@ -89,6 +104,8 @@ def shortest_path(m, graph, scratch, sx, sy, gx, gy, asked, disc):
         if last < 0:
             return NO_PASSAGE, points, math.nan
         string = string_of_arrival(graph, arrivals, last, start, goal, radius)
+    # Turn the string into points: around discs of the requested radius if they fit, else of the graph's. The latter is
+    # repaired if its turns are right, and only refined if they are not; then the other way round.
     done = False
     if _widen(string, asked):
         done, points = pull(m, scratch.stack, string, string.size, asked, least, start.triangle, np.bool_(True))
@@ -103,9 +120,9 @@ def shortest_path(m, graph, scratch, sx, sy, gx, gy, asked, disc):
 
 @kernel
 def shortest_paths(m, graph, scratch, batch, asked, disc):
-    """The points (k, 2) of the paths of :func:`shortest_path`, one by one, for a `crowdsim.navmesh.paths.batch.Batch`.
+    """Find the paths of a :class:`crowdsim.navmesh.paths.batch.Batch`; return their points (k, 2), path after path.
 
-    Fills its ``status``, ``lengths`` and ``counts``.
+    Fill the batch's ``status``, ``lengths`` and ``counts``. For the other arguments see :func:`shortest_path`.
     """
     starts, goals, status = batch.starts, batch.goals, batch.status
     points = np.empty((16 * status.size, 2))
@@ -116,6 +133,7 @@ def shortest_paths(m, graph, scratch, batch, asked, disc):
         status[i] = found
         batch.counts[i] = 0
         batch.lengths[i] = length
+        # ``points`` is one buffer for all paths, which grows.
         if found == OK:
             points, _ = append_path(points, filled, path)
             batch.counts[i] = path.shape[0]

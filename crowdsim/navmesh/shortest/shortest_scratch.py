@@ -15,11 +15,10 @@ LABEL = np.dtype(
     [(name, np.float64) for name in ("cost", "turned", "straight")] + [("before", np.int64), ("stamp", np.int64)],
     align=True,
 )
-"""How a node of the tangent graph is reached best, in the query that ``stamp`` tells.
+"""The best arrival at a node of the tangent graph, in the query number ``stamp``.
 
-cost: meters up to the arc less radius * ``turned``. turned: radians turned of the arc on arrival. straight:
-length of the tangent that arrives, meters. before: the node
-before, -1 for the start.
+cost: length up to the arc, less radius * ``turned`` [m]. turned: angle turned of the arc on arrival [rad]. straight:
+length of the tangent that arrives [m]. before: the node before, -1 for the start.
 """
 
 ARRIVAL = np.dtype(
@@ -28,19 +27,23 @@ ARRIVAL = np.dtype(
 )
 """One of several arrivals at a node of the tangent graph.
 
-cost, turned: as of a label. before: the arrival before, -1 for the start. next: another arrival at the node, or -1.
+cost, turned: as in :data:`LABEL`. before: the arrival before, -1 for the start. next: another arrival at the node, or
+-1.
 """
 
 END = np.dtype(
     [("node", np.int64), ("stamp", np.int64)] + [(name, np.float64) for name in ("length", "turned", "x", "y")],
     align=True,
 )
-"""A tangent of the given length between the start or the goal and the place (x, y) on the arc of ``node``, where
-``turned`` (radians) is turned of it; ``stamp`` as above."""
+"""A tangent between the start or the goal and an arc, in the query number ``stamp``.
+
+node: way around the arc. length: of the tangent [m]. turned: angle turned of the arc at the point of contact [rad]. x,
+y: place of the disc there [m].
+"""
 
 
 class Disc(NamedTuple):
-    """What is moved: radius, the clearance that counts as enough for it, and what walls may hide; meters."""
+    """The disc that is moved: its radius, the clearance that counts as enough, and how much walls may hide [m]."""
 
     radius: float
     least: float
@@ -48,7 +51,7 @@ class Disc(NamedTuple):
 
 
 class Stand(NamedTuple):
-    """A place, a free triangle whose closure holds it (-1 where the disc is not free), and whether there are others."""
+    """A place [m] and a free triangle whose closure holds it (-1 if the disc is not free), and if there are others."""
 
     x: float
     y: float
@@ -57,18 +60,18 @@ class Stand(NamedTuple):
 
 
 class ShortestScratch(NamedTuple):
-    """C-contiguous arrays; only the stamp outlives a query."""
+    """C-contiguous scratch arrays; only the stamp outlives a query."""
 
     labels: NDArray[Any]
     """(nodes,) records :data:`LABEL`."""
     goals: NDArray[Any]
-    """(nodes,) records :data:`END`: the tangent to the goal."""
+    """(nodes,) records :data:`END`: the tangents to the goal."""
     ends: NDArray[Any]
-    """(k,) records :data:`END`: what the start or the goal sees."""
+    """(k,) records :data:`END`: the arcs that the start or the goal sees."""
     outlook: View
-    """What is seen from the start or the goal."""
+    """The view from the start or the goal."""
     heap: NDArray[Any]
-    """(k,) records HEAP_ROW to begin with."""
+    """(k,) records HEAP_ROW; the search copies it into a larger one if it is full."""
     stack: NDArray[Any]
     """(k,) records of :mod:`crowdsim.navmesh.clearance.sweep_kernels`: SWEPT."""
     stamp: NDArray[np.int64]
@@ -76,7 +79,7 @@ class ShortestScratch(NamedTuple):
 
 
 def shortest_scratch(nodes: int, vertices: int, triangles: int) -> ShortestScratch:
-    """Scratch memory for a graph of so many nodes; the system gives memory only where it is written to."""
+    """Return scratch memory for a graph of so many nodes; the system provides memory only where it is written to."""
     return ShortestScratch(
         np.zeros(nodes, LABEL),
         np.zeros(nodes, END),

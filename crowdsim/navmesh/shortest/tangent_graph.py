@@ -1,4 +1,4 @@
-"""The tangent graph of a mesh for one radius, made by all processors, and what searches on it need."""
+"""The tangent graph of a mesh for one radius, made on all processors, and the scratch memory of searches in it."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ from crowdsim.navmesh.shortest.tangent_graph_arrays import TangentGraph
 from crowdsim.navmesh.shortest.view_arrays import empty_view
 
 _SLACK_CELLS = 4.0
-"""Grid cells by which walls may hide what lies along them, as their middles are rounded to the grid."""
+"""Grid cells by which walls may hide what lies along them, as their inner vertices are rounded to the grid."""
 
 
 _ROUNDING_CELLS = 1.0 / 64.0
-"""Grid cells by which arcs stand off what counts as enough clearance: far more than rounding, far less than a cell."""
+"""Grid cells by which arcs exceed the clearance that counts as enough: far more than rounding, far less than a cell."""
 
 
 class RadiusGraph:
-    """All arcs around corners and tangents between them that a disc of one radius can follow.
+    """All arcs around corners, and the tangents between them, that a disc of one radius can follow.
 
-    The disc is as small as the tolerance allows. So gaps as wide as the radius asked for leave it room, as much as
-    corners can move to the grid and more; one with the very radius would be stuck between arcs that touch or miss each
-    other by rounding, though the tolerance lets it pass.
+    The disc is as small as the tolerance allows. So a gap exactly as wide as a disc of the requested radius leaves it
+    room, more than corners can lose by moving to the grid. A disc of exactly that radius would be stuck between arcs
+    that touch or miss each other by rounding, although the tolerance lets it pass.
 
     Parameters
     ----------
     mesh
-        The mesh; it must not change while this is used.
+        The mesh; it must not change while the graph is used.
     radius, least
-        Radius of the disc and the clearance that counts as enough for it, meters. Where ``least`` is not positive, the
-        disc is a point.
+        Radius of the disc, and the clearance that counts as enough for it [m]. If ``least`` is not positive, the disc
+        is a point.
     workers
-        Threads that make it; the graph is the same for any number.
+        Threads that make the graph; it is the same for any number.
     """
 
     def __init__(self, mesh: MeshArrays, radius: float, least: float, workers: int) -> None:
@@ -52,6 +52,7 @@ class RadiusGraph:
         arcs, begin = arc_kernels.find_arcs(mesh, self.disc.radius, self.disc.least)
 
         def tangents(first: int, last: int) -> np.ndarray:
+            """Return the tangents from nodes ``first`` up to ``last``."""
             view = empty_view(self._vertices, self._triangles)
             part: np.ndarray = tangent_graph_kernels.find_tangents(mesh, arcs, begin, *self.disc, view, first, last)
             return part
@@ -67,7 +68,7 @@ class RadiusGraph:
 
     @contextmanager
     def scratch(self) -> Iterator[ShortestScratch]:
-        """Lend scratch memory to one thread; it is kept for the next one who asks."""
+        """Lend scratch memory to one thread; it is kept for the next search."""
         with self._lock:
             found = self._idle.pop() if self._idle else None
         if found is None:

@@ -1,8 +1,8 @@
 """The arrays of the tangent graph of one mesh and one radius.
 
-A disc's shortest path is made of arcs around corners and of tangents between them. Arc k can be passed in two ways:
-node 2 k passes it counter-clockwise, with the corner on the left, node 2 k + 1 clockwise. Going backwards turns a node
-n into n ^ 1 and a link i -> j into j ^ 1 -> i ^ 1.
+A shortest path of a disc consists of arcs around corners and tangents between them. Arc k can be passed in two
+directions: node 2 k passes it counter-clockwise, with the corner on the left, node 2 k + 1 clockwise. Backwards, a node
+n is n ^ 1, and a link i -> j is j ^ 1 -> i ^ 1.
 """
 
 from __future__ import annotations
@@ -16,22 +16,26 @@ ARC = np.dtype(
     [(name, np.float64) for name in ("x", "y", "ax", "ay", "bx", "by", "nx", "ny", "extent")] + [("vertex", np.int64)],
     align=True,
 )
-"""Places around a corner where the disc touches it alone.
+"""Places around a corner where the disc touches nothing but this corner.
 
-x, y: the corner. a, b: directions of the walls that begin and end the free side of the corner, counter-clockwise; zero
-for a point obstacle. n: direction from the corner to the first place, counter-clockwise. extent: radians.
+x, y: the corner [m]. a, b: unit vectors of the walls that begin and end the free side of the corner, counter-clockwise;
+zero for a point obstacle. n: unit vector from the corner to the first place, counter-clockwise. extent: angle of the
+arc [rad].
 """
 
 LINK = np.dtype(
     [("to", np.int64), ("cost", np.float64), ("leave", np.float64), ("arrive", np.float64)],
     align=True,
 )
-"""A tangent to node ``to`` that leaves its node after turning by ``leave`` from the begin of the arc and meets ``to``
-where ``arrive`` is turned already. cost: its length, plus radius * leave, less radius * arrive (meters)."""
+"""A tangent to node ``to``.
+
+leave: angle turned of its own arc when it leaves [rad]. arrive: angle turned of the arc of ``to`` when it arrives
+[rad]. cost: its length, plus radius * leave, less radius * arrive [m].
+"""
 
 
 NODE = np.dtype([("begin", np.int64), ("x", np.float64), ("y", np.float64)], align=True)
-"""A way around an arc: its first link, and where the disc stands at the begin (meters)."""
+"""A way around an arc: its first link, and the place of the disc at its begin [m]."""
 
 
 class TangentGraph(NamedTuple):
@@ -42,6 +46,6 @@ class TangentGraph(NamedTuple):
     arc_begin: NDArray[np.int64]
     """(nv + 1,) arcs of vertex v are arcs[arc_begin[v]:arc_begin[v + 1]]."""
     nodes: NDArray[Any]
-    """(2 na + 1,) records :data:`NODE`; the last one only ends the links of the one before."""
+    """(2 na + 1,) records :data:`NODE`; the last one only marks the end of the links."""
     links: NDArray[Any]
     """(nl,) records :data:`LINK`; those of node n are links[nodes[n].begin:nodes[n + 1].begin]."""

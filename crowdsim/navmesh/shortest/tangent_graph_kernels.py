@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from crowdsim.errors import BoundExceeded
 from crowdsim.geometry.elementary_kernels import atan2, cos_sin
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.sweep_kernels import SWEPT, is_free_way
@@ -16,18 +17,18 @@ from crowdsim.navmesh.shortest.visibility_kernels import SLACK, see_corners
 _TANGENT = np.dtype(
     [("i", np.int64), ("j", np.int64)] + [(n, np.float64) for n in ("length", "leave", "arrive")], align=True
 )
-"""A tangent from node i to node j, which leaves and arrives turned by so much."""
+"""A tangent from node i to node j: its length [m], and the angles turned where it leaves and arrives [rad]."""
 
 
 @helper
 def touches(arc, nx, ny):
-    """Whether the place in direction n of the arc's corner is off both walls of the corner."""
+    """Return True if the place in direction n from the arc's corner is off both walls of the corner."""
     return nx * arc.ax + ny * arc.ay <= SLACK and nx * arc.bx + ny * arc.by <= SLACK
 
 
 @helper
 def turned_to(arc, nx, ny):
-    """Radians from the begin of the arc to its place in direction n, or -1.0 if that is not on the arc."""
+    """Return the angle [rad] from the begin of the arc to its place in direction n, or -1.0 if it is not on the arc."""
     angle = atan2(arc.nx * ny - arc.ny * nx, arc.nx * nx + arc.ny * ny)
     if angle < -SLACK:
         angle += 2.0 * math.pi
@@ -38,7 +39,10 @@ def turned_to(arc, nx, ny):
 
 @helper
 def nearest_end(arc, nx, ny, margin):
-    """Radians turned at the end of the arc that direction n misses by less than ``margin`` radians; -1.0 if none."""
+    """Return the angle turned [rad] at the end of the arc that direction n misses by less than ``margin``.
+
+    Return -1.0 if there is none.
+    """
     angle = atan2(arc.nx * ny - arc.ny * nx, arc.nx * nx + arc.ny * ny)
     if abs(angle) < margin:
         return 0.0
@@ -48,19 +52,26 @@ def nearest_end(arc, nx, ny, margin):
 
 @helper
 def _add_tangent(m, stack, arcs, i, b, end, radius, least, tangents, count):
-    """Add the tangent ``end`` of node i to arc b, if it is free and meets the arc; (tangents, count)."""
+    """Add the tangent ``end``, from node i to a corner of arc b, if it is free and meets the arc.
+
+    Return (tangents, count).
+    """
     one = arcs[i >> 1]
     other = arcs[b]
+    # q and p: 1 with the corner on the left of the tangent, -1 on the right. The points of contact are a right angle
+    # from its heading.
     q = 1 - 2 * (i & 1)
     p = int(math.copysign(1.0, end.q))
     tx = end.tx
     ty = end.ty
+    # The disc must not reach into the walls of either corner; and there must be an arc at both points of contact.
     if not (touches(one, q * ty, -q * tx) and touches(other, p * ty, -p * tx)):
         return tangents, count
     leave = turned_to(one, q * ty, -q * tx)
     arrive = turned_to(other, p * ty, -p * tx)
     if leave < 0.0 or arrive < 0.0:
         return tangents, count
+    # A disc: test the segment between the points of contact exactly. For a point, to be seen is to be free.
     if least > 0.0:
         x0 = one.x + q * radius * ty
         y0 = one.y - q * radius * tx
@@ -75,6 +86,7 @@ def _add_tangent(m, stack, arcs, i, b, end, radius, least, tangents, count):
     link.i = i
     link.j = 2 * b if p > 0 else 2 * b + 1
     link.length = end.length
+    # Angles are measured in the direction of the node.
     link.leave = leave if q > 0 else one.extent - leave
     link.arrive = arrive if p > 0 else other.extent - arrive
     return tangents, count + 1
@@ -82,11 +94,27 @@ def _add_tangent(m, stack, arcs, i, b, end, radius, least, tangents, count):
 
 @kernel
 def find_tangents(m, arcs, begin, radius, least, slack, view, first_node, last_node):
-    """Free tangents from nodes first_node up to last_node, one a pair of opposite ones.
+    """Find free tangents from nodes first_node up to last_node, one for each pair of opposite ones.
 
-    Vertex v owns arcs[begin[v]:begin[v + 1]]. Nothing comes closer than ``least`` to the disc of ``radius``;
-    ``slack`` (meters) is what corners may be off their places; the ellipse of ``view``
-    (:class:`crowdsim.navmesh.shortest.view_arrays.View`) is that of all places.
+    Parameters
+    ----------
+    m : MeshArrays
+        The mesh.
+    arcs, begin : (na,) ARC and (nv + 1,) int64
+        Vertex v owns arcs[begin[v]:begin[v + 1]].
+    radius, least : float
+        Radius of the disc, and clearance that counts as enough, slightly less [m].
+    slack : float
+        How far corners may be off their places [m].
+    view : View
+        Scratch memory; its ellipse must be the one that holds all places.
+    first_node, last_node : int
+        The nodes to look from.
+
+    Returns
+    -------
+    (k,) records
+        The tangents, see ``_TANGENT``.
     """
     sides = m.sides
     tangents = np.empty(8 * arcs.size + 64, _TANGENT)
@@ -98,10 +126,11 @@ def find_tangents(m, arcs, begin, radius, least, slack, view, first_node, last_n
     for i in range(first_node, last_node):
         arc = arcs[i >> 1]
         q = 1 - 2 * (i & 1)
+        # Look in the headings at which an arc can be left, a quarter turn at a time.
         parts = max(1, math.ceil(arc.extent / (0.5 * math.pi)))
         stamp += 1
         for part in range(parts):
-            # Headings from a to b, turned from the place on the arc by a right angle.
+            # Headings from a to b: the direction to the place on the arc, turned by a right angle.
             angle = arc.extent * part / parts
             c, s = cos_sin(angle)
             ax = -q * (arc.ny * c + arc.nx * s)
@@ -111,21 +140,25 @@ def find_tangents(m, arcs, begin, radius, least, slack, view, first_node, last_n
             bx = -q * (arc.ny * c + arc.nx * s)
             by = q * (arc.nx * c - arc.ny * s)
             eye = Viewpoint(arc.x, arc.y, q * radius, radius, slack, SLACK, ax, ay, bx, by)
+            # Through all free triangles around the corner.
             h = m.vertices[arc.vertex].vhe
             first = h
-            while True:
+            for _ in range(sides.size):
                 if m.cover[h // 3] == 0:
                     found = see_corners(m, begin, eye, nxt(h), view, np.int64(0))
                     for k in range(found):
                         end = seen[k]
                         w = end.vertex
                         left = math.copysign(1.0, end.q) > 0.0
-                        # One of the two ways is enough: from left to left here and, by its number, from side to side.
+                        # Of a tangent and its opposite, one is kept: if it changes sides, the one from the lesser
+                        # vertex (the opposite also goes from left to right); otherwise the one with the corners on its
+                        # left.
                         if not left if q > 0 else left:
                             if w < arc.vertex:
                                 continue
                         elif q < 0:
                             continue
+                        # Views that meet behind another vertex report a corner twice; use it once.
                         mark = 2 * w + (1 if left else 0)
                         if stamps[mark] == stamp:
                             continue
@@ -139,17 +172,20 @@ def find_tangents(m, arcs, begin, radius, least, slack, view, first_node, last_n
                 h = sides[prv(h)].twin
                 if h == first:
                     break
+            else:
+                raise BoundExceeded
     return tangents[:count].copy()
 
 
 @kernel
 def link_arcs(arcs, tangents, radius):
-    """``nodes`` and ``links`` of :class:`crowdsim.navmesh.shortest.tangent_graph_arrays.TangentGraph`.
+    """Make ``nodes`` and ``links`` of :class:`crowdsim.navmesh.shortest.tangent_graph_arrays.TangentGraph`.
 
-    ``tangents`` are all of those that :func:`find_tangents` finds.
+    ``tangents`` are all those that :func:`find_tangents` finds; ``radius`` is that of the disc [m].
     """
     count = 2 * arcs.size
     nodes = np.zeros(count + 2, NODE)
+    # Counting sort by node, both ways of each tangent: count, add up, put in place.
     for tangent in tangents:
         nodes[tangent.i + 2].begin += 1
         nodes[(tangent.j ^ 1) + 2].begin += 1
@@ -163,9 +199,11 @@ def link_arcs(arcs, tangents, radius):
             link = links[nodes[i + 1].begin]
             nodes[i + 1].begin += 1
             link.to = j
+            # Backwards, the angles are measured from the other end of the arcs.
             link.leave = tangent.leave if way == 0 else arcs[i >> 1].extent - tangent.arrive
             link.arrive = tangent.arrive if way == 0 else arcs[j >> 1].extent - tangent.leave
             link.cost = tangent.length + radius * (link.leave - link.arrive)
+    # The place of the disc where each node begins.
     for n in range(count):
         arc = arcs[n >> 1]
         angle = arc.extent if n & 1 else 0.0

@@ -1,10 +1,10 @@
-"""A* over the tangent graph, from the arcs that the start sees to those the goal sees, with one arrival at each node.
+"""A* in the tangent graph, from the arcs that the start sees to those the goal sees, with one arrival at each node.
 
-What an arrival at a node costs is the length up to its arc less radius * the angle turned there, so that arrivals at
-different places of one arc compare. A string leaves an arc only where it has not passed yet. Still, the disc of a
-cheaper arrival that has turned by more could go back along the arc, which is free, for twice the radius * the angle
-back (there and, as it was counted, here): an arrival that costs more than this leads to no shortest path. One that
-costs less may, though it hardly ever does; then all arrivals have to be kept, see
+The cost of an arrival is the length up to its arc less radius * the angle turned there, so that arrivals at different
+places of one arc compare. A string can leave an arc only behind its place of arrival. Take a cheaper arrival that has
+turned by more: its disc can go back along the arc, which is free, for twice the radius * the angle back (once for the
+way, and once as the cost counts the angle). An arrival that costs more than this leads to no shortest path. One that
+costs less may, but hardly ever does; then all arrivals have to be kept, see
 :mod:`crowdsim.navmesh.shortest.complete_search_kernels`.
 """
 
@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from crowdsim.errors import BoundExceeded
 from crowdsim.geometry.elementary_kernels import tan
 from crowdsim.jit import helper
 from crowdsim.navmesh.clearance.sweep_kernels import is_free_way
@@ -22,32 +23,43 @@ from crowdsim.navmesh.shortest.end_kernels import find_ends
 from crowdsim.navmesh.shortest.visibility_kernels import set_ellipse
 
 SAME = 1e-9
-"""Meters and radians within which lengths and angles are equal."""
+"""Difference [m] or [rad] below which lengths and angles count as equal."""
 
 
 @helper
 def distance(dx, dy):
-    """Length of the vector d."""
+    """Return the length of the vector d."""
     return math.sqrt(dx * dx + dy * dy)
 
 
 @helper
 def _is_better(cost, turned, label):
-    """Whether an arrival is cheaper than the label of its node or, where they tie, leaves the arc from earlier on."""
+    """Return True if an arrival is cheaper than the label of its node or, at equal cost, has turned by less."""
     return cost < label.cost - SAME or (cost < label.cost + SAME and turned < label.turned - SAME)
 
 
 @helper
 def _is_shorter(back, radius, one, other):
-    """Whether two tangents of one arc cross, so that who takes the first one need not go ``back`` to take the other."""
+    """Return True if two tangents of one arc cross, so that a string can change from the first to the other.
+
+    It then need not go back along the arc, and a way over the crossing is shorter.
+
+    ``back`` is the angle between their points of contact [rad]; one and other are their lengths [m].
+    """
+    # Tangents at two points of a circle meet at this distance from both.
     reach = radius * tan(0.5 * back) if back < 3.0 else np.inf
     return one >= reach and other >= reach
 
 
 @helper
 def _least_lost(graph, goals, stamp, goal, disc, n, cost, turned, kept_cost, kept_turned, kept_straight):
-    """A bound on the lengths of strings that one arrival at node n leads to and a cheaper one that is kept does not."""
+    """Return a lower bound of the lengths of strings that are lost with an arrival at node n.
+
+    ``cost`` and ``turned`` are those of the lost arrival; kept_cost, kept_turned and kept_straight (length of its
+    tangent) are those of the cheaper one that is kept. Lost are the strings that only the former leads to.
+    """
     radius = disc.radius
+    # Tangents that leave between ``turned`` and ``until`` are cheaper than with the other arrival, which would go back.
     until = kept_turned - (cost - kept_cost) / (2.0 * radius) if radius > 0.0 else turned
     lost = np.inf
     if until <= turned + SAME:
@@ -55,6 +67,7 @@ def _least_lost(graph, goals, stamp, goal, disc, n, cost, turned, kept_cost, kep
     nodes = graph.nodes
     for k in range(nodes[n].begin, nodes[n + 1].begin):
         link = graph.links[k]
+        # Of these, those that the tangent of the other arrival does not cross. The bound is the estimate of A*.
         if link.leave >= turned - SAME and link.leave < until:
             straight = link.cost - radius * (link.leave - link.arrive)
             if not _is_shorter(kept_turned - link.leave, radius, kept_straight, straight):
@@ -69,14 +82,14 @@ def _least_lost(graph, goals, stamp, goal, disc, n, cost, turned, kept_cost, kep
 
 @helper
 def _lost_beside(graph, goals, stamp, goal, disc, n, cost, turned, label):
-    """What the strings of an arrival at node n are at least long that is not better than the node's label."""
+    """Return the bound of :func:`_least_lost` for an arrival at node n that is not better than the node's label."""
     kept = label.straight
     return _least_lost(graph, goals, stamp, goal, disc, n, cost, turned, label.cost, label.turned, kept)
 
 
 @helper
 def _settle(graph, goals, stamp, goal, disc, n, label, cost, turned, straight, before):
-    """Make a better arrival the label of node n; what the strings of the one it replaces are at least long."""
+    """Make a better arrival the label of node n; return the bound of :func:`_least_lost` for the one it replaces."""
     lost = np.inf
     if label.stamp == stamp:
         lost = _least_lost(graph, goals, stamp, goal, disc, n, label.cost, label.turned, cost, turned, straight)
@@ -90,8 +103,9 @@ def _settle(graph, goals, stamp, goal, disc, n, label, cost, turned, straight, b
 
 @helper
 def begin_search(m, graph, scratch, start, goal, disc, longest):
-    """Mark the arcs that the goal sees, and find the tangents from the start; how many these are."""
+    """Mark the arcs that the goal sees, and find the tangents from the start; return the number of these."""
     scratch.stamp[0] += 1
+    # Only corners in the ellipse can be on a way of at most ``longest``; the discs widen it.
     set_ellipse(scratch.outlook.ellipse[0], start.x, start.y, goal.x, goal.y, longest + 2.0 * disc.radius)
     ends = scratch.ends
     for i in range(find_ends(m, graph, scratch, goal, disc, np.bool_(True))):
@@ -103,15 +117,19 @@ def begin_search(m, graph, scratch, start, goal, disc, longest):
 
 @helper
 def is_free_end(m, stack, stand, disc, end):
-    """Whether the tangent between a stand and the place where ``end`` meets its arc is free; for a point it is."""
+    """Return True if the tangent between a stand and the place where ``end`` meets its arc is free.
+
+    For a point it always is.
+    """
     return disc.least <= 0.0 or is_free_way(m, stack, stand.triangle, stand.x, stand.y, end.x, end.y, disc.least)
 
 
 @helper
 def search_tangents(m, graph, scratch, start, goal, disc, longest):
-    """(last node, length, lost) of the shortest path of at most ``longest`` meters; the labels lead back from its node.
+    """Search for the shortest path of at most ``longest`` meters; return (last node, length, lost).
 
-    The node is -1 where there is none, with an infinite length. A path that is shorter yet is at least ``lost`` long.
+    The labels lead back from the last node. The node is -1 if there is no path, with an infinite length. If there is a
+    still shorter path, it is at least ``lost`` long.
     """
     nodes = graph.nodes
     labels = scratch.labels
@@ -121,7 +139,7 @@ def search_tangents(m, graph, scratch, start, goal, disc, longest):
     lost = np.inf
     heap = scratch.heap
     size = np.int64(0)
-    # Items of the heap: nodes, tangents from nodes to the goal, then tangents from the start.
+    # Items of the heap: nodes, then tangents from nodes to the goal, then tangents from the start.
     total = nodes.size
     count = begin_search(m, graph, scratch, start, goal, disc, longest)
     stamp = scratch.stamp[0]
@@ -134,9 +152,11 @@ def search_tangents(m, graph, scratch, start, goal, disc, longest):
         size -= 1
         item = heap[size].item
         key = heap[size].key
+        # All that is left is longer.
         if key > longest:
             break
-        if item >= 2 * total:  # a tangent from the start
+        # A tangent from the start; it is checked only now that it is the best item.
+        if item >= 2 * total:
             end = ends[item - 2 * total]
             n = end.node
             label = labels[n]
@@ -148,19 +168,21 @@ def search_tangents(m, graph, scratch, start, goal, disc, longest):
                 continue
             other = _settle(graph, goals, stamp, goal, disc, n, label, cost, end.turned, end.length, NONE)
             lost = min(lost, other)
-        elif item >= total:  # a tangent to the goal
+        # A tangent to the goal: if it is free, the path is found.
+        elif item >= total:
             n = item - total
             end = goals[n]
             if is_free_end(m, scratch.stack, goal, disc, end):
                 return n, key, lost
             end.stamp = -1
             continue
+        # A node, unless it was reached at less cost since.
         else:
             n = item
             label = labels[n]
             if key > label.cost + distance(goal.x - nodes[n].x, goal.y - nodes[n].y) + SAME:
                 continue
-        # On to the goal and over all links that leave the arc later than it is met.
+        # Extend to the goal and across all links that leave the arc behind the place of arrival.
         cost = label.cost
         turned = label.turned - SAME
         if goals[n].stamp == stamp and goals[n].turned >= turned:
@@ -184,7 +206,7 @@ def search_tangents(m, graph, scratch, start, goal, disc, longest):
 
 @helper
 def string_through(graph, ways, count, start, goal, radius):
-    """Nodes of the string from the start to the goal through ``count`` nodes of the graph, backwards in ``ways``."""
+    """Return the string from start to goal through ``count`` nodes of the graph, listed backwards in ``ways``."""
     string = np.empty(count + 2, STRING_NODE)
     set_node(string[0], start.x, start.y, 0.0, NONE)
     set_node(string[count + 1], goal.x, goal.y, 0.0, NONE)
@@ -197,11 +219,14 @@ def string_through(graph, ways, count, start, goal, radius):
 
 @helper
 def string_of(graph, labels, last, start, goal, radius):
-    """Nodes of the string from the start to the goal whose last arc is that of node ``last``."""
+    """Return the string from the start to the goal whose last arc is that of node ``last``."""
+    # Follow the labels back to the start.
     count = 0
     n = last
     while n >= 0:
         count += 1
+        if count > labels.size:
+            raise BoundExceeded
         n = labels[n].before
     ways = np.empty(count, np.int64)
     n = last

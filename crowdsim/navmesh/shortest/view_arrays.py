@@ -15,17 +15,20 @@ SIGHT = np.dtype(
 """A half-edge still to look across.
 
 r, l: directions that bound the view on the right and left. a, b: unit vectors that bound the headings of tangents on
-the right and left, for corners that are at least ``a_from``, ``b_from`` (meters) away. clipped: whether the view is
-within what the headings can reach.
+the right and left, for corners at least ``a_from`` or ``b_from`` away [m]. clipped: 1 if the view was cut to what the
+headings can reach.
 """
 
 ELLIPSE = np.dtype([(name, np.float64) for name in ("x", "y", "ux", "uy", "per_major", "per_minor")], align=True)
-"""Places on ways of limited length between two points: center, direction of the long axis, 1 / half axes (0: all)."""
+"""Places on ways of limited length between two points: center [m], direction of the long axis, 1 / half axes [1/m].
+
+The last two are 0 if all places count.
+"""
 
 SEEN = np.dtype(
     [("vertex", np.int64), ("q", np.float64)] + [(n, np.float64) for n in ("length", "tx", "ty")], align=True
 )
-"""A tangent to a vertex that it leaves on its left (q = radius) or right (-radius): length (meters) and heading t."""
+"""A tangent with a vertex on its left (q = radius) or right (q = -radius): length [m] and unit heading t."""
 
 
 AIM = np.dtype(
@@ -38,13 +41,17 @@ AIM = np.dtype(
     ],
     align=True,
 )
-"""A vertex seen: distance, direction; sine and cosine of the turn and heading of tangents left and right of it."""
+"""A vertex seen from an eye: its distance [m], its direction d, and the tangents with the vertex on the left and right.
+
+s, c: sine and cosine of the angle from d to the heading; x, y: the heading.
+"""
 
 
 class Viewpoint(NamedTuple):
-    """Where a look around starts, and what of it counts.
+    """Where a look around starts, and which headings count.
 
-    A point (q = 0), or the circle of ``radius`` around it with the center on the left (q = radius) or right (-radius).
+    It is a point (q = 0), or the circle of ``radius`` around it, which a tangent leaves with the center on its left (q
+    = radius) or right (q = -radius).
     """
 
     x: float
@@ -52,24 +59,24 @@ class Viewpoint(NamedTuple):
     q: float
     radius: float
     slack: float
-    """Meters: one sees past vertices that hide less."""
+    """Vertices hide only what is behind them by more than this [m]."""
     margin: float
-    """Radians that headings may be off what other vertices leave, at least that of `visibility_kernels`."""
+    """How far headings may be off what other vertices leave [rad], at least ``SLACK`` of visibility_kernels."""
     ax: float
     ay: float
-    """Unit vector, the first of the headings, counter-clockwise; zero for a point where all headings count."""
+    """Unit vector of the first heading, counter-clockwise; zero for a point from which all headings count."""
     bx: float
     by: float
-    """The last one, less than half a turn on."""
+    """Unit vector of the last heading, less than half a turn on."""
 
 
 class View(NamedTuple):
-    """C-contiguous arrays, none of which has to be cleared."""
+    """C-contiguous arrays; none has to be cleared."""
 
     sights: NDArray[Any]
     """(nt + 8,) records :data:`SIGHT`."""
     seen: NDArray[Any]
-    """(8 nv + 64,) records :data:`SEEN`: two for each vertex, and again where views meet behind another one."""
+    """(8 nv + 64,) records :data:`SEEN`: two for each vertex, and more if views meet again behind another vertex."""
     aim: NDArray[Any]
     """(1,) record :data:`AIM`."""
     ellipse: NDArray[Any]
@@ -77,7 +84,10 @@ class View(NamedTuple):
 
 
 def empty_view(vertices: int, triangles: int) -> View:
-    """A view for a mesh of so many vertices and triangles; the system gives memory only where it is written to."""
+    """Return a view for a mesh of so many vertices and triangles.
+
+    The system provides memory only where it is written to.
+    """
     return View(
         np.empty(triangles + 8, SIGHT),
         np.empty(8 * vertices + 64, SEEN),

@@ -1,16 +1,20 @@
-"""What corners a disc can go to straight: the view from a point or an arc across the triangles around it."""
+"""The corners to which a disc can go straight: the view from a point or an arc across the triangles around it."""
 
 import math
 
 import numpy as np
 
+from crowdsim.errors import BoundExceeded
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, inlined
 from crowdsim.navmesh.mesh.half_edge_kernels import nxt, prv
 from crowdsim.navmesh.paths.tangent_kernels import PINCH
 
 SLACK = 1e-6
-"""Radians by which a tangent may miss the end of an arc or a vertex in its way for rounding; exact checks follow."""
+"""How far a tangent may miss the end of an arc, or a vertex in its way, by rounding [rad]; exact checks follow."""
+
+LOOKS = np.int64(1024)
+"""How often a look around crosses each side of the mesh at most: far more than any look that ends."""
 
 
 @helper
@@ -23,6 +27,7 @@ def _aim(aim, x, y, q0, radius):
     aim.distance = distance
     aim.dx = dx
     aim.dy = dy
+    # The sine of the angle between a tangent and the line of the centers is (q - q0) / distance.
     s = (radius - q0) * scale
     c = 1.0 if s == 0.0 else math.sqrt(max(1.0 - s * s, 0.0))
     aim.left_s = s
@@ -41,14 +46,16 @@ def _aim(aim, x, y, q0, radius):
 
 @helper
 def _report(seen, count, v, radius, aim, sight, margin):
-    """Add the tangents to both sides of vertex v that the headings allow within ``margin``; the new count."""
+    """Add the tangents to both sides of vertex v that the headings allow within ``margin``; return the new count."""
     right_bound = aim.distance >= sight.a_from
     left_bound = aim.distance >= sight.b_from
     for left in (True, False):
         tx = aim.left_x if left else aim.right_x
         ty = aim.left_y if left else aim.right_y
+        # The circles overlap: no tangent.
         if abs(aim.left_s if left else aim.right_s) > 1.0 + PINCH:
             continue
+        # Outside of the bounds of headings, if these hold for a vertex as far away.
         if right_bound and sight.ax * ty - sight.ay * tx < -margin:
             continue
         if left_bound and tx * sight.by - ty * sight.bx < -margin:
@@ -65,7 +72,7 @@ def _report(seen, count, v, radius, aim, sight, margin):
 
 @helper
 def _tighten_right(sight, aim, reach):
-    """Bound the headings by a vertex that tangents leave on their right."""
+    """Bound the headings on the right by a vertex that tangents have on their right."""
     if aim.right_s >= -1.0 and sight.ax * aim.right_y - sight.ay * aim.right_x > 0.0:
         sight.ax = aim.right_x
         sight.ay = aim.right_y
@@ -74,7 +81,7 @@ def _tighten_right(sight, aim, reach):
 
 @helper
 def _tighten_left(sight, aim, reach):
-    """Bound the headings by a vertex that tangents leave on their left."""
+    """Bound the headings on the left by a vertex that tangents have on their left."""
     if aim.left_s <= 1.0 and aim.left_x * sight.by - aim.left_y * sight.bx > 0.0:
         sight.bx = aim.left_x
         sight.by = aim.left_y
@@ -91,6 +98,7 @@ def set_ellipse(ellipse, x0, y0, x1, y1, length):
     ellipse.y = 0.5 * (y0 + y1)
     ellipse.per_major = 0.0
     ellipse.per_minor = 0.0
+    # The foci are the two points; the long axis is ``length``.
     if length < np.inf:
         ellipse.ux = dx / distance
         ellipse.uy = dy / distance
@@ -100,11 +108,12 @@ def set_ellipse(ellipse, x0, y0, x1, y1, length):
 
 @helper
 def _meets(ellipse, a, b):
-    """Whether the side from vertex a to vertex b meets the ellipse."""
+    """Return True if the side from vertex a to vertex b meets the ellipse."""
     ax = a.x - ellipse.x
     ay = a.y - ellipse.y
     bx = b.x - ellipse.x
     by = b.y - ellipse.y
+    # Scale the plane so that the ellipse becomes the unit circle.
     ux = ellipse.ux * ellipse.per_major
     uy = ellipse.uy * ellipse.per_major
     vx = -ellipse.uy * ellipse.per_minor
@@ -118,9 +127,10 @@ def _meets(ellipse, a, b):
 
 @inlined
 def _leads_on(sight, h, vertices, sides, eye, ellipse):
-    """Whether a tangent may lead across side h, if that is free, at the headings of a view.
+    """Return True if a tangent may lead across side h, if that is open, at the headings of a view.
 
-    Only outwards: a view that sees past vertices by a little would otherwise go round those that line up for ever.
+    Only sides seen from inside count: a view that sees slightly past vertices would otherwise go round and round those
+    in line.
     """
     if sides[h].constraints != 0:
         return False
@@ -132,6 +142,7 @@ def _leads_on(sight, h, vertices, sides, eye, ellipse):
         return False
     if ellipse.per_major > 0.0 and not _meets(ellipse, a, b):
         return False
+    # The headings exclude each other only for corners beyond both bounds.
     if sight.ax * sight.by - sight.ay * sight.bx >= -eye.margin:
         return True
     far = max(sight.a_from, sight.b_from)
@@ -140,9 +151,9 @@ def _leads_on(sight, h, vertices, sides, eye, ellipse):
 
 @inlined
 def _first_sight(sight, h, v, w, eye):
-    """Set the view across side h from vertex v to w; False for a point at one of the two.
+    """Set the view across side h from vertex v to vertex w; return False if the eye is at one of the two.
 
-    Without headings to keep to, these are from v to w.
+    If the eye has no bounds of headings, they run from v to w.
     """
     sight.side = h
     sight.rx = v.x - eye.x
@@ -158,6 +169,7 @@ def _first_sight(sight, h, v, w, eye):
     sight.by = eye.by
     if eye.ax != 0.0 or eye.ay != 0.0:
         return True
+    # All headings count: the ends of the side bound them, for corners behind these ends.
     right = math.sqrt(sight.rx * sight.rx + sight.ry * sight.ry)
     left = math.sqrt(sight.lx * sight.lx + sight.ly * sight.ly)
     if right == 0.0 or left == 0.0:
@@ -174,17 +186,21 @@ def _first_sight(sight, h, v, w, eye):
 
 @inlined
 def _clip(sight, eye):
-    """Clip a view to the headings, less and more by 30 degrees; whether anything of it is left.
+    """Clip a view to the eye's headings, a to b, and 30 degrees more on both sides; return False if nothing is left.
 
-    These hold the directions of corners that are farther than four radii. The view may be wider than half a turn only
-    if it does not reach far.
+    Only a view that begins at least four radii from the eye may be clipped: every corner there is within these bounds.
+    A nearer view may be wider than half a turn, for which the tests by cross products below do not hold.
+
+    sight: record :data:`~crowdsim.navmesh.shortest.view_arrays.SIGHT`, whose right bound is r and left bound l.
     """
     sight.clipped = 1
+    # Turn a to the right and b to the left by 30 degrees, whose sine is 0.5.
     c = math.sqrt(0.75)
     ax = c * eye.ax + 0.5 * eye.ay
     ay = c * eye.ay - 0.5 * eye.ax
     bx = c * eye.bx - 0.5 * eye.by
     by = c * eye.by + 0.5 * eye.bx
+    # Cut what lies outside of the bounds; nothing is left if all of the view does.
     if sight.rx * ay - sight.ry * ax > 0.0:
         if ax * sight.ly - ay * sight.lx < 0.0:
             return False
@@ -202,8 +218,11 @@ def _clip(sight, eye):
 def _split(sight, other, zx, zy, aim, slack, reach):
     """Split a view at the vertex seen at z from the eye: ``sight`` keeps its right part, ``other`` takes the left one.
 
-    Both see past the vertex by ``slack``, and what their headings leave beside it is bounded from ``reach`` beyond on.
+    Both see past the vertex by ``slack`` [m]. Beside the vertex, headings are bounded for corners more than ``reach``
+    behind it. sight, other: records :data:`~crowdsim.navmesh.shortest.view_arrays.SIGHT`. aim: unit vector (dx, dy) of
+    the view's heading.
     """
+    # The left part inherits all bounds of the view.
     other.clipped = sight.clipped
     other.lx = sight.lx
     other.ly = sight.ly
@@ -213,6 +232,7 @@ def _split(sight, other, zx, zy, aim, slack, reach):
     other.by = sight.by
     other.a_from = sight.a_from
     other.b_from = sight.b_from
+    # The left part begins slightly right of the vertex, but not outside of the old view; the right part ends alike.
     other.rx = zx + slack * aim.dy
     other.ry = zy - slack * aim.dx
     if sight.rx * other.ry - sight.ry * other.rx < 0.0:
@@ -229,15 +249,28 @@ def _split(sight, other, zx, zy, aim, slack, reach):
 
 @helper
 def see_corners(m, arc_begin, eye, h, view, count):
-    """Add the tangents to corners that are seen across side ``h`` of a triangle at ``eye`` to the view; the new count.
+    """Add the tangents to corners seen across side ``h`` of a triangle at ``eye`` to the view; return the new count.
 
-    ``eye`` is a :class:`crowdsim.navmesh.shortest.view_arrays.Viewpoint`. Vertex v has the arcs
-    arc_begin[v]:arc_begin[v + 1]; those without are no corners. No free tangent is left out, but some are added that
-    other obstacles cut, and some twice. Places outside of the view's ellipse do not matter.
+    No free tangent is left out, but some are added that obstacles cut, and some twice.
 
-    A free tangent and the line between the centers of its ends have no vertex between them. So who looks from center to
-    center sees all corners there are tangents to; a tangent to a corner beyond a vertex by more than the radii keeps
-    the radius from this vertex, which bounds the headings.
+    A free tangent and the line between the centers of its ends have no vertex between them. So a view from center to
+    center sees all corners to which there are tangents. A tangent to a corner that is behind a vertex by more than the
+    radii keeps the radius from this vertex, which bounds its headings.
+
+    Parameters
+    ----------
+    m : MeshArrays
+        The mesh.
+    arc_begin : (nv + 1,) int64
+        Vertex v has the arcs arc_begin[v]:arc_begin[v + 1]; those without are no corners.
+    eye : Viewpoint
+        Where the look starts.
+    h : int
+        The side.
+    view : View
+        Scratch memory, and the tangents; places outside of its ellipse do not matter.
+    count : int
+        Tangents in the view so far.
     """
     sides = m.sides
     vertices = m.vertices
@@ -245,7 +278,7 @@ def see_corners(m, arc_begin, eye, h, view, count):
     ellipse = view.ellipse[0]
     aim = view.aim[0]
     radius = eye.radius
-    # The ends of the first side.
+    # The ends of the first side are reported, and bound the headings.
     v = sides[h].org
     w = sides[nxt(h)].org
     sight = sights[0]
@@ -262,18 +295,23 @@ def see_corners(m, arc_begin, eye, h, view, count):
     _tighten_right(sight, aim, reach)
     top = 1 if _leads_on(sight, h, vertices, sides, eye, ellipse) else 0
     near2 = (4.0 * radius) * (4.0 * radius)
+    turns = LOOKS * sides.size
     while top > 0:
-        # Across one side after the other.
+        # Cross one side after the other, depth first.
+        turns -= 1
+        if turns < 0:
+            raise BoundExceeded
         top -= 1
         sight = sights[top]
         h = sight.side
         g = sides[h].twin
         a = vertices[sides[h].org]
         b = vertices[sides[g].org]
+        # Far enough for all headings: cut the view to them.
         is_far = sight.clipped == 0 and point_segment_distance2(eye.x, eye.y, a.x, a.y, b.x, b.y) >= near2
         if is_far and not _clip(sight, eye):
             continue
-        # The vertex opposite: is it in view?
+        # Is the vertex opposite in view, give or take the slack?
         w = sides[prv(g)].org
         zx = vertices[w].x - eye.x
         zy = vertices[w].y - eye.y
@@ -285,7 +323,7 @@ def see_corners(m, arc_begin, eye, h, view, count):
         visible = left_of_right and right_of_left
         if visible and arc_begin[w] != arc_begin[w + 1]:
             count = _report(view.seen, count, w, radius, aim, sight, eye.margin)
-        # The view goes on over the two other sides, or over the one that it is on.
+        # The view goes on across the two other sides, or across the one it lies on.
         if visible:
             other = sights[top + 1]
             other.side = prv(g)
@@ -293,6 +331,7 @@ def see_corners(m, arc_begin, eye, h, view, count):
             sight.side = nxt(g)
             first = _leads_on(sight, nxt(g), vertices, sides, eye, ellipse)
             second = _leads_on(other, prv(g), vertices, sides, eye, ellipse)
+            # Keep the parts that lead on, the left one on top.
             if first:
                 top += 2 if second else 1
             elif second:

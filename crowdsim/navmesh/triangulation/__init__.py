@@ -1,1 +1,1 @@
-"""The constrained triangulation: points, segments, refinement, and the mesh of an area built from them."""
+"""The constrained Delaunay triangulation: points, segments, refinement, and the mesh of an area built from them."""

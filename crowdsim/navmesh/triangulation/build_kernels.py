@@ -1,4 +1,4 @@
-"""From snapped rings to a finished mesh: constraints, free triangles, refinement, corner widths, hints."""
+"""Build a finished mesh from snapped rings: constraints, free triangles, refinement, corner clearances, hints."""
 
 import numpy as np
 
@@ -14,13 +14,15 @@ from crowdsim.navmesh.triangulation.work_kernels import bound_turns, enqueue
 
 @helper
 def _start_box(m):
-    """Two triangles that fill the box."""
+    """Fill the box with two triangles."""
     sides = m.sides
     vertices = m.vertices
     frame = m.frame[0]
+    # Corners counter-clockwise from (x0, y0).
     for v in range(BOX_CORNERS):
         vertices[v].x = frame.x0 if v == 0 or v == 3 else frame.x1
         vertices[v].y = frame.y0 if v < 2 else frame.y1
+    # Triangles (0, 1, 2) and (0, 2, 3), which share the diagonal.
     for h, v in enumerate((0, 1, 2, 0, 2, 3)):
         sides[h].org = v
         vertices[v].vhe = h
@@ -34,11 +36,13 @@ def _start_box(m):
 
 @helper
 def _fill_hints(m):
+    """Enter a triangle near the center of each cell of the hint grid."""
     frame = m.frame[0]
     cell = frame.cell
     t = np.int64(0)
     nx = frame.nx
     for row in range(frame.ny):
+        # Every second row backwards, so that each search starts from the cell next to it.
         for step in range(nx):
             column = step if row % 2 == 0 else nx - 1 - step
             x = min(np.rint((frame.x0 + (column + 0.5) * frame.hint_cell) / cell) * cell, frame.x1)
@@ -49,16 +53,29 @@ def _fill_hints(m):
 
 @kernel
 def build(m, points, ids, ring_ends, order, w):
-    """Fill an empty or merely triangulated mesh with rings, ``points`` (n, 2) on the grid; 0, FULL or STUCK.
+    """Fill a mesh, empty or only triangulated, with the rings; return 0, FULL or STUCK.
 
-    Ring k is points[ring_ends[k-1]:ring_ends[k]] with blocked space on the left of each side; points past the last ring
-    are obstacles of their own. ``order`` (k,) is a good order of insertion; points that it leaves out are in the mesh
-    already, as vertices ``ids`` (n,). After FULL or STUCK the mesh is useless.
+    Parameters
+    ----------
+    m : MeshArrays
+        The mesh to fill. After FULL or STUCK it is useless.
+    points : (n, 2) float64
+        Corners on the grid [m]. Ring k is points[ring_ends[k-1]:ring_ends[k]], with blocked ground on the left of each
+        side. Points after the last ring are obstacles of their own.
+    ids : (n,) int64
+        Vertices of the points; filled for those in ``order``.
+    ring_ends : (r,) int64
+        Where each ring ends in ``points``.
+    order : (k,) int64
+        Order of insertion. Points that it leaves out are in the mesh already.
+    w : Workshop
+        Scratch memory.
     """
     vertices = m.vertices
     frame = m.frame[0]
     if frame.vertices == 0:
         _start_box(m)
+    # Insert the corners, each searched from the triangle of the one before.
     hint = np.int64(0)
     for k in order:
         bound_turns(m, w, np.int64(1))
@@ -68,6 +85,7 @@ def build(m, points, ids, ring_ends, order, w):
         ids[k] = v
         vertices[v].vref += 1
         hint = vertices[v].vhe // 3
+    # Insert the sides of the rings. Corners that were snapped together make no side.
     begin = 0
     for end in ring_ends:
         for i in range(begin, end):
@@ -79,14 +97,17 @@ def build(m, points, ids, ring_ends, order, w):
                 if status < 0:
                     return status
         begin = end
+    # Find out which triangles are free, then refine from all vertices.
     flood(m, w.stack)
     for v in range(BOX_CORNERS, frame.vertices):
-        vertices[v].vref = max(vertices[v].vref, 1)  # crossings of input segments are corners too
+        # Crossings of input segments are corners of obstacles, too.
+        vertices[v].vref = max(vertices[v].vref, 1)
         enqueue(w, v)
     bound_turns(m, w, points.shape[0])
     status = refine(m, w)
     if status < 0:
         return status
+    # Refinement has ended: measure all corners.
     for t in range(frame.triangles):
         measure_triangle(m, t)
     _fill_hints(m)

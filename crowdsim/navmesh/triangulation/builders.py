@@ -1,7 +1,7 @@
-"""From a valid area to the arrays of its mesh, by the engine's own triangulation or by Shewchuk's Triangle.
+"""Build the arrays of a mesh from a valid area, by the engine's own triangulation or by Shewchuk's Triangle.
 
-Both number the vertices alike and leave constraints, refinement and widths to the same kernel, so their meshes differ
-only where four corners lie on one circle and either diagonal is Delaunay.
+Both number the vertices alike and leave constraints, refinement and clearances to the same kernel. So their meshes
+differ only if four corners lie on one circle and either diagonal is Delaunay.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 BUILDERS = ("own", "triangle")
-"""What triangulates: the engine itself, or the package `triangle`."""
+"""The triangulation to use: the engine's own, or the package `triangle`."""
 
 
 def mesh_frame(points: Floats) -> NDArray[Any]:
-    """The frame (1,) of an empty mesh around ``points``, with a hint cell for about two of them."""
+    """Return the frame (1,) of an empty mesh around ``points`` (n, 2), with hint cells for about two points each."""
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.05 * float((high - low).max())
     frame = np.zeros(1, FRAME)
@@ -41,7 +41,7 @@ def mesh_frame(points: Floats) -> NDArray[Any]:
 
 
 def _rings(area: shapely.Polygon | shapely.MultiPolygon) -> tuple[Rings, NDArray[Any]]:
-    """The rings of a valid area, snapped, and the frame they fit."""
+    """Return the rings of a valid area, snapped to the grid, and the frame that fits them."""
     rings = shapely.get_rings(shapely.get_parts(shapely.orient_polygons(area, exterior_cw=True)))
     coordinates = shapely.get_coordinates(rings)
     counts = shapely.get_num_coordinates(rings)
@@ -53,17 +53,18 @@ def _rings(area: shapely.Polygon | shapely.MultiPolygon) -> tuple[Rings, NDArray
 
 
 def _spread(v: Ints) -> Ints:
-    """Integers below 2**16 with a zero bit between each two bits."""
+    """Return the integers ``v``, below 2**16, with a zero bit between each two bits."""
     for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
         v = (v | v << shift) & mask
     return v
 
 
 def insertion_order(points: Floats, frame: NDArray[Any]) -> Ints:
-    """Order (n,) that visits ``points`` (n, 2) along a Z-curve, each near the one before, and coarsely first.
+    """Return an order (n,) int64 of ``points`` (n, 2) along a Z-curve, each near the one before, coarse levels first.
 
-    Every eighth of the curve's points comes before the others, of those every eighth again, and so on: points along
-    two opposite walls, inserted wall after wall, would flip about as many sides for each point as there are points.
+    Every eighth point of the curve comes before the others, of those every eighth again, and so on. Without these
+    levels, points along two opposite walls, inserted wall after wall, would flip about as many sides for each point as
+    there are points.
     """
     x0, y0, x1, y1 = frame[["x0", "y0", "x1", "y1"]][0].item()
     x, y = ((points - (x0, y0)) * (65536.0 / max(x1 - x0, y1 - y0))).astype(np.int64).T  # none is on the box
@@ -77,19 +78,26 @@ def insertion_order(points: Floats, frame: NDArray[Any]) -> Ints:
 
 
 def triangulate(area: shapely.Polygon | shapely.MultiPolygon, builder: str = "own") -> MeshArrays:
-    """The finished mesh of a valid polygonal area (see :func:`crowdsim.geometry.polygons.clean_polygon`).
+    """Return the finished mesh of a valid polygonal area (see :func:`crowdsim.geometry.polygons.clean_polygon`).
+
+    Parameters
+    ----------
+    area
+        Walkable area [m].
+    builder
+        One of :data:`BUILDERS`.
 
     Raises
     ------
     GeometryError
-        For a ``builder`` that is not one of :data:`BUILDERS` or not installed, or if the triangulation fails.
+        If ``builder`` is unknown or not installed, or if the triangulation fails.
     """
     if builder not in BUILDERS:
         raise GeometryError(f"builder: expected {' or '.join(map(repr, BUILDERS))}, got {builder!r}")
     rings, frame = _rings(area)
     order = insertion_order(rings.points, frame)
     if builder == "triangle":
-        # Imported here: whoever may not ship the package does without it.
+        # Imported here, as the package is optional.
         from crowdsim.navmesh.triangulation import triangle_builder
 
         found = triangle_builder.triangulation(rings, order, frame)

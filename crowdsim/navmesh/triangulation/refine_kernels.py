@@ -1,9 +1,15 @@
-"""Refinement: after it, widths of sides and corners alone decide what fits where; and these widths."""
+"""Refinement of the triangulation, and the corner clearances.
+
+A bottleneck is a place where the passage between a vertex and its foot on a wall is narrowest: the disc with both as
+opposite points touches nothing else. Refinement makes the foot of each bottleneck a vertex. Afterwards the lengths of
+sides and the heights of corners alone decide what fits where (docs/navmesh.md, "Refinement").
+"""
 
 import math
 
 import numpy as np
 
+from crowdsim.errors import BoundExceeded
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper
@@ -14,12 +20,18 @@ from crowdsim.navmesh.triangulation.triangulation_kernels import split_edge, spl
 from crowdsim.navmesh.triangulation.work_kernels import CHANGED, STUCK, dequeue, enqueue, is_spent, touch
 
 _SLACK = 1e-9
-"""Share of a side by which the bounds of a search give way: what is found is told by the clearance between its ends."""
+"""Share of a side by which the bounds of a search are widened against rounding.
+
+The exact clearance decides in the end.
+"""
 
 
 @helper
 def _cut(lo, hi, at0, at1):
-    """Part lo..hi of a segment where a function, linear from at0 to at1 along the segment, is not positive."""
+    """Return the part of lo..hi of a segment where a function, linear from at0 to at1 along it, is not positive.
+
+    The part is empty (lo > hi) if the function is positive at both ends.
+    """
     if at0 > 0.0 and at1 > 0.0:
         return 1.0, 0.0
     if at0 > 0.0:
@@ -31,14 +43,14 @@ def _cut(lo, hi, at0, at1):
 
 @helper
 def _nearer(lo, hi, ax, ay, bx, by, wx, wy):
-    """Part lo..hi of the segment ab that is not farther along w than w itself."""
+    """Return the part of lo..hi of segment ab that lies, along the direction of w, no farther than w itself."""
     most = wx * wx + wy * wy
     return _cut(lo, hi, ax * wx + ay * wy - most, bx * wx + by * wy - most)
 
 
 @helper
 def set_sight(sight, side, rx, ry, lx, ly):
-    """Set the view across a side, between the rays r on the right and l on the left."""
+    """Set the view from a vertex across ``side``, between the ray r on the right and l on the left."""
     sight.side = side
     sight.rx = rx
     sight.ry = ry
@@ -48,12 +60,16 @@ def set_sight(sight, side, rx, ry, lx, ly):
 
 @helper
 def _reaches_beyond(xx, xy, yx, yy, qx, qy, least):
-    """Whether a foot seen from vertex v between x and y may be as far along q as ``least`` asks; all are relative to v.
+    """Return True if a foot seen from vertex v between x and y may lie at least ``least`` along q.
 
-    The foot is in the hull of v, x, y and what is opposite of v on their circle.
+    All are relative to v.
+
+    The foot is in the hull of v, x, y and the point opposite of v on their circle, so one of these must be far enough.
     """
     x2 = xx * xx + xy * xy
     y2 = yx * yx + yy * yy
+    # Dot products of x and y with q, then of the point opposite of v: twice the center of the circle through v, x and
+    # y.
     return (
         xx * qx + xy * qy >= least
         or yx * qx + yy * qy >= least
@@ -63,10 +79,10 @@ def _reaches_beyond(xx, xy, yx, yy, qx, qy, least):
 
 @helper
 def _foot_at(m, s, part, x, y, near):
-    """(whether there is a bottleneck, foot x, y) between (x, y) and the place at ``part`` of the constrained side s.
+    """Test for a bottleneck between (x, y) and the place at ``part`` (0 to 1) of wall s: (bool, foot x, foot y).
 
-    That is one if the disc around the middle of the two, as wide as they are apart, touches nothing else; ``near`` is a
-    triangle near by. Next to an end of the side, the edge to that end measures the passage as well.
+    It is one if the disc around the middle, as wide as the two are apart, touches nothing else. ``near`` is a triangle
+    nearby. Close to an end of the side there is none, as the side to that end measures the passage as well.
     """
     cell = m.frame[0].cell
     a = m.vertices[m.sides[s].org]
@@ -77,6 +93,7 @@ def _foot_at(m, s, part, x, y, near):
     fy = np.rint((a.y + part * ey) / cell) * cell
     width = hypot(fx - x, fy - y)
     aside = min(part, 1.0 - part) * math.sqrt(ex * ex + ey * ey)
+    # Within eight cells of an end, a new vertex would make slivers.
     if aside < 8.0 * cell or aside * aside < 1e-7 * width * width:
         return False, fx, fy
     middle, _ = disc_clearance(m, 0.5 * (x + fx), 0.5 * (y + fy), width, near)
@@ -84,26 +101,44 @@ def _foot_at(m, s, part, x, y, near):
 
 
 @helper
-def find_bottleneck(m, v, qx, qy, w):
-    """A constrained side seen from vertex v across other sides, where the passage between v and its foot is narrowest.
+def _part_in_view(lo, hi, ax, ay, bx, by, xx, xy, yx, yy, r0, r1, l0, l1):
+    """Return the part of lo..hi of side ab (0 at a, 1 at b) that may hold the foot of the origin; lo > hi if none.
 
-    Returns (half-edge, foot x, foot y), or -1 for the half-edge. Such a place is where a disc around the middle between
-    v and the foot touches nothing else; so the foot is not farther along any seen vertex w than w itself, which bounds
-    the search. Only discs that hold (qx, qy) count, whose feet are at least as far along q as q itself; where q is at v
-    these are all.
+    It is in view from ray r to ray l, and w . foot <= w . w for each vertex w seen (x, y, a, b), or their disc holds w.
+    """
+    lo, hi = _nearer(lo, hi, ax, ay, bx, by, xx, xy)
+    lo, hi = _nearer(lo, hi, ax, ay, bx, by, yx, yy)
+    if lo > hi + _SLACK:
+        return lo, hi
+    lo, hi = _nearer(lo, hi, ax, ay, bx, by, ax, ay)
+    lo, hi = _nearer(lo, hi, ax, ay, bx, by, bx, by)
+    lo, hi = _cut(lo, hi, ax * r1 - ay * r0, bx * r1 - by * r0)
+    return _cut(lo, hi, l0 * ay - l1 * ax, l0 * by - l1 * bx)
+
+
+@helper
+def find_bottleneck(m, v, qx, qy, w):
+    """Find a wall seen from vertex v across open sides, such that v and its foot on the wall are a bottleneck.
+
+    Return (half-edge, foot x, foot y), with -1 for the half-edge if there is none. As the disc between v and the foot
+    holds no vertex, the foot is not farther along any seen vertex w than w itself, which bounds the search. Only discs
+    that hold (qx, qy) count: their feet are at least as far along q as q itself. If q is at v all count. ``w`` is the
+    workshop.
     """
     sights = w.sights
     sides = m.sides
     vertices = m.vertices
     cover = m.cover
+    # From here on, coordinates are relative to v.
     px = vertices[v].x
     py = vertices[v].y
     qx -= px
     qy -= py
     least = (1.0 - _SLACK) * (qx * qx + qy * qy)
+    # Turn around v: one search for each triangle between two spokes x and y.
     first = vertices[v].vhe
     corner = first
-    while True:
+    for _ in range(sides.size):
         base = nxt(corner)
         x = vertices[sides[base].org]
         y = vertices[sides[prv(corner)].org]
@@ -111,13 +146,14 @@ def find_bottleneck(m, v, qx, qy, w):
         xy = x.y - py
         yx = y.x - px
         yy = y.y - py
-        # The triangle between two spokes, unless its base is a wall or it cannot lead to a foot.
+        # Start across its base, unless that is a wall or cannot lead to a foot.
         top = 0
         if cover[corner // 3] == 0 and sides[base].constraints == 0 and _reaches_beyond(xx, xy, yx, yy, qx, qy, least):
             set_sight(sights[0], base, xx, xy, yx, yy)
             top = 1
         while top > 0 and not is_spent(w):
             top -= 1
+            # Cross the side into triangle g, whose far corner z splits the view in two.
             sight = sights[top]
             g = sides[sight.side].twin
             rx = sight.rx
@@ -128,7 +164,7 @@ def find_bottleneck(m, v, qx, qy, w):
             zx = apex.x - px
             zy = apex.y - py
             for h in (nxt(g), prv(g)):
-                # x -> apex is seen right of the apex, apex -> y left of it.
+                # The half right of z keeps the left ray or z, whichever is farther right; the other half alike.
                 r0 = rx
                 r1 = ry
                 l0 = lx
@@ -140,6 +176,7 @@ def find_bottleneck(m, v, qx, qy, w):
                 elif rx * zy - ry * zx > 0.0:
                     r0 = zx
                     r1 = zy
+                # The view through this side is empty.
                 if r0 * l1 - r1 * l0 <= 0.0:
                     continue
                 a = vertices[sides[h].org]
@@ -148,23 +185,18 @@ def find_bottleneck(m, v, qx, qy, w):
                 ay = a.y - py
                 bx = b.x - px
                 by = b.y - py
-                # The part of the side where a foot may be: far enough along q, no farther along what is seen, in view.
+                # The part of the side where a foot may be: far enough along q, and in view.
                 lo, hi = _cut(0.0, 1.0, least - ax * qx - ay * qy, least - bx * qx - by * qy)
-                lo, hi = _nearer(lo, hi, ax, ay, bx, by, xx, xy)
-                lo, hi = _nearer(lo, hi, ax, ay, bx, by, yx, yy)
+                lo, hi = _part_in_view(lo, hi, ax, ay, bx, by, xx, xy, yx, yy, r0, r1, l0, l1)
                 if lo > hi + _SLACK:
                     continue
-                lo, hi = _nearer(lo, hi, ax, ay, bx, by, ax, ay)
-                lo, hi = _nearer(lo, hi, ax, ay, bx, by, bx, by)
-                lo, hi = _cut(lo, hi, ax * r1 - ay * r0, bx * r1 - by * r0)
-                lo, hi = _cut(lo, hi, l0 * ay - l1 * ax, l0 * by - l1 * bx)
-                if lo > hi + _SLACK:
-                    continue
+                # An open side: look on beyond it.
                 if sides[h].constraints == 0:
                     if top < sights.size:
                         set_sight(sights[top], h, r0, r1, l0, l1)
                         top += 1
                     continue
+                # A wall: the foot of v, if it falls into that part.
                 ex = bx - ax
                 ey = by - ay
                 length2 = ex * ex + ey * ey
@@ -177,16 +209,18 @@ def find_bottleneck(m, v, qx, qy, w):
         corner = sides[prv(corner)].twin
         if corner == first:
             return NONE, 0.0, 0.0
+    raise BoundExceeded
 
 
 @helper
 def inside_circle(m, t, ax, ay, bx, by, lo, hi):
-    """Part of lo..hi of the segment ab (0 at a, 1 at b) inside the circle of triangle t, a little more for rounding."""
+    """Return the part of lo..hi of segment ab (0 at a, 1 at b) inside the circle of triangle t, slightly widened."""
     sides = m.sides
     vertices = m.vertices
     p = vertices[sides[3 * t].org]
     q = vertices[sides[3 * t + 1].org]
     r = vertices[sides[3 * t + 2].org]
+    # Center c of the circle, relative to corner p.
     ux = q.x - p.x
     uy = q.y - p.y
     vx = r.x - p.x
@@ -200,7 +234,8 @@ def inside_circle(m, t, ax, ay, bx, by, lo, hi):
     ey = by - ay
     wx = ax - p.x
     wy = ay - p.y
-    # The power of a point at t is length2 t2 + 2 middle t + first; written so that large circles lose no digits.
+    # At parameter s the power of the point is length2 s * s + 2 middle s + first. It is taken relative to p, which
+    # loses no digits for large circles.
     length2 = ex * ex + ey * ey
     middle = (wx - cx) * ex + (wy - cy) * ey
     first = wx * (wx - 2.0 * cx) + wy * (wy - 2.0 * cy)
@@ -214,12 +249,13 @@ def inside_circle(m, t, ax, ay, bx, by, lo, hi):
 
 @helper
 def _find_foot(m, s, w):
-    """The place on the constrained side s where the passage to a vertex seen across other sides is narrowest.
+    """Find the foot on the constrained side s of a vertex seen across other sides, if the two are a bottleneck.
 
-    Returns (whether there is one, x, y): what :func:`find_bottleneck` finds from the vertex. A disc between the two
-    that touches nothing else lies, before each side that it crosses on the way to the vertex, inside of the circle of
-    the triangle behind, as it holds none of its corners. So the foot is in all these circles, which bounds the search;
-    and it is before each of these sides, without which the search would go around a vertex next to s for ever.
+    Return (bool, x, y): the same places as :func:`find_bottleneck` finds from the vertex. A disc between the two that
+    touches nothing else holds no corner of the triangles it crosses. So behind each side that it crosses on the way to
+    the vertex, it lies within the circle of the triangle there (before that side). The foot is thus in all these
+    circles, which bounds the search. It is also in front of each of these sides; without this bound the search would
+    circle around a vertex next to s.
     """
     sights = w.sights
     sides = m.sides
@@ -234,6 +270,7 @@ def _find_foot(m, s, w):
     ey = by - ay
     length2 = ex * ex + ey * ey
     top = 0
+    # Begin with the open sides of the triangle of s; lo..hi is the part of s where the foot may be.
     for e in (nxt(s), prv(s)):
         if sides[e].constraints == 0:
             sight = sights[top]
@@ -248,6 +285,7 @@ def _find_foot(m, s, w):
         g = sides[e].twin
         start = sides[e].org
         end = sides[g].org
+        # Keep what is in front of side e, then what is in the circle of the triangle behind it.
         lo, hi = _cut(sight.lo, sight.hi, side(vertices, end, start, ax, ay), side(vertices, end, start, bx, by))
         if lo > hi:
             continue
@@ -258,10 +296,12 @@ def _find_foot(m, s, w):
         zx = z.x
         zy = z.y
         part = ((zx - ax) * ex + (zy - ay) * ey) / length2
+        # The far corner z is a corner of an obstacle and its foot falls into that part.
         if z.vref > 0 and part >= lo - _SLACK and part <= hi + _SLACK:
             found, fx, fy = _foot_at(m, s, part, zx, zy, g // 3)
             if found:
                 return True, fx, fy
+        # Go on across the open sides of that triangle.
         for f in (nxt(g), prv(g)):
             if sides[f].constraints == 0 and top < sights.size:
                 sight = sights[top]
@@ -274,7 +314,10 @@ def _find_foot(m, s, w):
 
 @helper
 def add_foot(m, h, x, y, w):
-    """Split the constrained side h at (x, y) and let the sides around wait; the new vertex, FULL or STUCK."""
+    """Split the constrained side h at (x, y) and queue the vertices around for refinement.
+
+    Return the new vertex, FULL or STUCK.
+    """
     sides = m.sides
     f = split_edge(m, h, x, y, w)
     if f < 0:
@@ -282,37 +325,40 @@ def add_foot(m, h, x, y, w):
     touch(w, f)
     w.to_do[f].mark |= CHANGED
     enqueue(w, f)
-    # What changed is the star of the new vertex.
+    # All triangles that changed are around the new vertex.
     first = m.vertices[f].vhe
     g = first
-    while True:
+    for _ in range(sides.size):
         enqueue(w, sides[nxt(g)].org)
         g = sides[prv(g)].twin
         if g == first:
             return f
+    raise BoundExceeded
 
 
 @helper
 def refine(m, w):
-    """Add the foot of every bottleneck, for constrained sides from waiting vertices and what changes; 0, FULL or STUCK.
+    """Add the foot of every bottleneck of the constrained sides at queued vertices; return 0, FULL or STUCK.
 
-    Afterwards each narrowest place between two obstacles is a side or the height of a corner over a constrained
-    side, so that widths of sides and corners decide what fits where. A side whose triangle has been measured since it
-    changed is left out.
+    What the new feet change is queued in turn. Afterwards each narrowest place between two obstacles is a side, or the
+    height of a corner over a constrained side. A side is left out if its triangle was measured since its last change.
     """
     sides = m.sides
     while w.progress[0].waiting > 0:
         if is_spent(w):
             return STUCK
         v = dequeue(w)
+        # No obstacle ends at a corner of the box.
         if v < BOX_CORNERS:
             continue
         first = m.vertices[v].vhe
         h = first
-        while True:
+        # All walls that start at v, and have a changed free triangle on their left.
+        for _ in range(sides.size):
             if sides[h].constraints != 0 and m.cover[h // 3] == 0 and is_dirty(sides, h // 3):
                 found, x, y = _find_foot(m, h, w)
                 if found:
+                    # The split changed the sides around v: look at them anew later.
                     enqueue(w, v)
                     foot = add_foot(m, h, x, y, w)
                     if foot < 0:
@@ -321,14 +367,16 @@ def refine(m, w):
             h = sides[prv(h)].twin
             if h == first:
                 break
+        else:
+            raise BoundExceeded
     return 0
 
 
 @helper
 def measure_triangle(m, t):
-    """Fill ``corner_clearance`` of triangle t: what a turn around a corner leaves.
+    """Fill ``corner_clearance`` of triangle t: the diameter [m] of the largest disc that can turn around each corner.
 
-    That is the shorter side, or the height over a wall.
+    It is the shorter of the two sides at the corner, or the distance to the third side if that is a wall.
     """
     sides = m.sides
     vertices = m.vertices
@@ -336,6 +384,7 @@ def measure_triangle(m, t):
         base = nxt(h)
         last = prv(h)
         sides[h].corner_clearance = 0.0
+        # Blocked, or nothing passes through a side of the corner.
         if m.cover[t] != 0 or sides[h].constraints != 0 or sides[last].constraints != 0:
             continue
         v = vertices[sides[h].org]

@@ -1,12 +1,13 @@
 """Segments of a constrained Delaunay triangulation.
 
-Half-edge numbers change under flips, so whatever must survive a flip is kept as a pair of vertices.
+Flips change the numbers of half-edges, so a side that must survive a flip is kept as a pair of vertices.
 """
 
 import math
 
 import numpy as np
 
+from crowdsim.errors import BoundExceeded
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper
 from crowdsim.navmesh.mesh.growing_kernels import longer
@@ -24,19 +25,26 @@ from crowdsim.navmesh.triangulation.use_kernels import joined
 from crowdsim.navmesh.triangulation.work_kernels import STUCK, is_spent, touch
 
 _NEAR = 0.75
-"""Cells: a vertex this close to a segment is on it (snap rounding: Hobby 1999), so that two segments that hardly differ
-do not cross again and again. A segment always gets nearer to its end by that, as vertices are a cell apart."""
+"""Distance [grid cells] up to which a vertex counts as on a segment (snap rounding: Hobby 1999).
+
+Without it, two segments that hardly differ would cross again and again. As vertices are at least a cell apart, each
+such vertex is nearer to the segment's end than the one before. A larger value bends segments more.
+"""
 
 _WAY = np.dtype(
     [("start", np.int64), ("goal", np.int64)]
     + [(name, np.int64) for name in ("constraints", "winding", "use", "back")],
     align=True,
 )
-"""Vertices still to join, and the load of the join: what its sides get added (``back``: the use of their twins)."""
+"""Two vertices still to join, and the load of the join.
+
+constraints, winding, use: what the sides from start to goal get added; back: the use of their twins.
+"""
 
 
 @helper
 def _set_way(way, start, goal, constraints, winding, use, back):
+    """Fill the record ``way``, see :data:`_WAY`."""
     way.start = start
     way.goal = goal
     way.constraints = constraints
@@ -47,10 +55,11 @@ def _set_way(way, start, goal, constraints, winding, use, back):
 
 @helper
 def _cross(m, e, ways, top, w):
-    """Let the last of the ``top`` ways meet the constrained side e that it crosses; how many ways there are then.
+    """Let the last of the ``top`` ways cross the constrained side e; return the new number of ways.
 
-    The place where they cross moves to the grid. Where that is not next to e, or a vertex is about there, both take
-    the way over it, so that the two never cross again.
+    The crossing moves to the grid. If it is then inside the two triangles at e, e is split there. Otherwise e is taken
+    out, and both the way and e go through the vertex nearest to the crossing, or through a new one if none is near. So
+    the two never cross again.
     """
     sides = m.sides
     vertices = m.vertices
@@ -66,6 +75,7 @@ def _cross(m, e, ways, top, w):
     v = sides[nxt(e)].org
     ux = vertices[u].x
     uy = vertices[u].y
+    # Side e runs from u to v; the crossing is at share ``part`` of it.
     su = side(vertices, a, b, ux, uy)
     part = su / (su - side(vertices, a, b, vertices[v].x, vertices[v].y))
     mx = ux + part * (vertices[v].x - ux)
@@ -79,7 +89,7 @@ def _cross(m, e, ways, top, w):
             return p
     else:
         f = sides[e].twin
-        # A vertex next to the crossing will do: new ones beside it could go on crossing for long.
+        # Take a vertex near the crossing if there is one: new ones beside it could go on crossing for long.
         p = NONE
         least = 1.5 * cell
         for c in (a, b, u, v, sides[prv(e)].org, sides[prv(f)].org):
@@ -87,6 +97,7 @@ def _cross(m, e, ways, top, w):
             if distance < least:
                 least = distance
                 p = c
+        # Take e out of the mesh, and keep its load as a way u -> p -> v.
         forth = sides[e]
         way = ways[top]
         _set_way(
@@ -107,6 +118,7 @@ def _cross(m, e, ways, top, w):
         w.progress[0].rerouted = 1
         w.pairs[0, 0] = u
         w.pairs[0, 1] = v
+        # Without its constraint, e may be no Delaunay side.
         status = restore_delaunay(m, w, np.int64(1))
         if status < 0:
             return status
@@ -118,6 +130,7 @@ def _cross(m, e, ways, top, w):
         _set_way(ways[top + 1], p, v, way.constraints, way.winding, way.use, way.back)
         top += 2
     touch(w, p)
+    # What is left of the way is a -> p, which comes first, and p -> b.
     rest.start = p
     _set_way(ways[top], a, p, constraints, winding, use, back)
     return top + 1
@@ -125,9 +138,11 @@ def _cross(m, e, ways, top, w):
 
 @helper
 def _clear_way(m, w, a, b, crossed):
-    """Flip the ``crossed`` pairs of ``pairs`` until vertices a and b are joined, then restore Delaunay around the join.
+    """Flip the ``crossed`` sides in ``pairs`` until vertices a and b are joined; return 0 or STUCK.
 
-    ``pairs`` is a ring buffer of the crossed sides first and the stack of the new ones afterwards.
+    Sloan's algorithm (1993): flip a crossed side if the two triangles at it are convex together, otherwise try it again
+    after the others. Afterwards the new sides are made Delaunay. ``pairs`` is first the ring buffer of crossed sides,
+    then the stack of new ones.
     """
     sides = m.sides
     vertices = m.vertices
@@ -147,12 +162,14 @@ def _clear_way(m, w, a, b, crossed):
         e = find_half_edge(sides, vertices, u, v)
         if e < 0:
             return STUCK
+        # Side u -> v has the far corners p and q.
         p = sides[prv(e)].org
         q = sides[prv(sides[e].twin)].org
         px = vertices[p].x
         py = vertices[p].y
         qx = vertices[q].x
         qy = vertices[q].y
+        # Strictly convex: both new triangles have an area.
         if side(vertices, p, u, qx, qy) > 0.0 and side(vertices, q, v, px, py) > 0.0:
             touch(w, p)
             touch(w, q)
@@ -161,6 +178,8 @@ def _clear_way(m, w, a, b, crossed):
             v = q
             p_ends = p in (a, b)
             q_ends = q in (a, b)
+            # The new side p-q no longer crosses a-b: it ends there, or has both ends on one side of it. a-b itself is
+            # not listed.
             if p_ends or q_ends or side(vertices, a, b, px, py) * side(vertices, a, b, qx, qy) >= 0.0:
                 if not (p_ends and q_ends):
                     if made == fresh.shape[0]:
@@ -169,6 +188,7 @@ def _clear_way(m, w, a, b, crossed):
                     fresh[made, 1] = q
                     made += 1
                 continue
+        # Not convex, or still crossing: to the end of the queue.
         tail = (head + left) % room
         pairs[tail, 0] = u
         pairs[tail, 1] = v
@@ -176,7 +196,8 @@ def _clear_way(m, w, a, b, crossed):
     h = find_half_edge(sides, vertices, a, b)
     if h < 0:
         return STUCK
-    sides[h].constraints += 1  # holds the join still meanwhile
+    # A constraint holds the join while the sides around it are flipped.
+    sides[h].constraints += 1
     sides[sides[h].twin].constraints += 1
     for i in range(made):
         pairs[i, 0] = fresh[i, 0]
@@ -194,9 +215,9 @@ def _clear_way(m, w, a, b, crossed):
 
 @helper
 def _look_ahead(m, cur, goal, near):
-    """In the star of vertex cur: (the half-edge along the way to ``goal``, the side across which it lies), -1 for none.
+    """Find how the way to ``goal`` leaves vertex cur: (half-edge along the way, side that it crosses), -1 for none.
 
-    Along the way is a neighbor within ``near`` of it, as twice the area with both ends.
+    A neighbor counts as on the way if twice the area of the triangle it forms with both ends is at most ``near``.
     """
     sides = m.sides
     vertices = m.vertices
@@ -207,13 +228,15 @@ def _look_ahead(m, cur, goal, near):
     length2 = gx * gx + gy * gy
     first = vertices[cur].vhe
     h = first
-    while True:
+    for _ in range(sides.size):
         x = vertices[sides[nxt(h)].org]
         sx = side(vertices, cur, goal, x.x, x.y)
+        # A neighbor on the way, ahead of cur. If it is exactly on the line it may lie beyond the goal.
         if abs(sx) <= near:
             ahead = (x.x - cx) * gx + (x.y - cy) * gy
             if ahead > 0.0 and (sx == 0.0 or ahead < length2):
                 return h, NONE
+        # The way leaves between the neighbor x on its right and the next one, y, on its left.
         if sx < 0.0:
             y = vertices[sides[prv(h)].org]
             sy = side(vertices, cur, goal, y.x, y.y)
@@ -225,11 +248,15 @@ def _look_ahead(m, cur, goal, near):
         h = sides[prv(h)].twin
         if h == first:
             return NONE, NONE
+    raise BoundExceeded
 
 
 @helper
 def _load(m, w, along, way):
-    """Add the load of a way to half-edge ``along`` and its twin, and go on from its end; 0 or FULL."""
+    """Add the load of a way to half-edge ``along`` and its twin, and move the way's start to its end.
+
+    Return 0 or FULL.
+    """
     sides = m.sides
     forth = sides[along]
     back = sides[forth.twin]
@@ -239,6 +266,7 @@ def _load(m, w, along, way):
     back.winding -= way.winding
     soil(sides, along // 3)
     soil(sides, forth.twin // 3)
+    # Lists of uses are merged; the pool may be full.
     if way.use >= 0 or way.back >= 0:
         forth.use = joined(w, forth.use, way.use)
         back.use = joined(w, back.use, way.back)
@@ -251,13 +279,15 @@ def _load(m, w, along, way):
 
 @helper
 def insert_segment(m, a, b, winding, use, w):
-    """Constrain the way from vertex a to b, with ``winding`` and ``use`` on half-edges along it; 0 or FULL or STUCK.
+    """Constrain the way from vertex a to b, with ``winding`` and ``use`` on its half-edges; return 0, FULL or STUCK.
 
-    Vertices about on the way split the segment; constrained sides met are split where they cross.
+    Vertices on the way, or close to it, split the segment. Constrained sides it meets are split at the crossing.
+    winding, use: fields of half-edges, see :mod:`crowdsim.navmesh.mesh.mesh_arrays`. w: workshop of the edit.
     """
     sides = m.sides
     vertices = m.vertices
     pairs = w.pairs
+    # A stack of ways still to join, the next one last.
     ways = np.empty(32, _WAY)
     _set_way(ways[0], a, b, np.int64(1), winding, use, NONE)
     count = np.int64(1)
@@ -278,7 +308,7 @@ def insert_segment(m, a, b, winding, use, w):
         along, e = _look_ahead(m, cur, goal, near)
         if along < 0 and e < 0:
             return STUCK
-        # Across one side after the other, until a vertex is on the way or a constrained side is met.
+        # Cross one side after the other, until a vertex is on the way or a constrained side is met.
         crossed = 0
         while along < 0:
             if is_spent(w):
@@ -290,6 +320,7 @@ def insert_segment(m, a, b, winding, use, w):
                 if count < 0:
                     return count
                 break
+            # Keep the crossed side; z is the far corner of the triangle behind it.
             if crossed == pairs.shape[0]:
                 return FULL
             pairs[crossed, 0] = sides[e].org
@@ -298,6 +329,7 @@ def insert_segment(m, a, b, winding, use, w):
             f = sides[e].twin
             z = sides[prv(f)].org
             sz = side(vertices, cur, goal, vertices[z].x, vertices[z].y)
+            # The way ends at z or goes through it: flip the crossed sides away.
             if sz == 0.0:
                 status = _clear_way(m, w, cur, z, crossed)
                 if status < 0:
@@ -309,7 +341,7 @@ def insert_segment(m, a, b, winding, use, w):
             if abs(sz) <= near:
                 ahead = (vertices[z].x - cx) * gx + (vertices[z].y - cy) * gy
                 if ahead > 0.0 and ahead < length2:
-                    # First to the vertex that is about on the way, then on from there.
+                    # z is close to the way: first to z, then on from there.
                     if count + 1 > ways.size:
                         ways = longer(ways)
                     way = ways[count - 1]
@@ -317,6 +349,7 @@ def insert_segment(m, a, b, winding, use, w):
                     way.start = z
                     count += 1
                     break
+            # The way leaves the triangle on the right of z if z is left of the way, and the other way round.
             e = nxt(f) if sz > 0.0 else prv(f)
         if along >= 0:
             status = _load(m, w, along, ways[count - 1])

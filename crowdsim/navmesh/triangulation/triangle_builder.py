@@ -1,8 +1,8 @@
 """The constrained triangulation of Shewchuk's Triangle in the engine's own arrays.
 
-The package `triangle` compiles code whose license excludes commercial distribution, so it is imported only when it is
-asked for. It ends the process on NaN, fails on collinear points and leaves duplicate vertices unconnected; what it gets
-from here is finite, distinct and inside a box whose corners it gets, too.
+The package `triangle` compiles code whose license excludes commercial distribution, so it is imported only on request.
+It ends the process on NaN, fails on collinear points and leaves duplicate vertices unconnected. So the points it gets
+from here are finite, distinct and inside a box whose corners it gets as well.
 """
 
 from __future__ import annotations
@@ -22,24 +22,25 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 _MOST_PASSES = 16
-"""Triangulations until no segments cross: crossings are moved to the grid, which may make new ones, ever fewer."""
+"""Most triangulations until no segments cross. Crossings move to the grid, which may make new ones, fewer each time."""
 
 
 class Triangulation(NamedTuple):
-    """What Triangle found for rings, which got a corner more at each crossing."""
+    """The result of Triangle for rings; the rings have got one more corner at each crossing."""
 
     rings: Rings
     ids: Ints
     """(n,) vertex of each point of the rings."""
     vertices: Floats
-    """(nv, 2) corners of the box first."""
+    """(nv, 2) places [m]; the corners of the box first."""
     triangles: Ints
     """(nt, 3) vertices, counter-clockwise."""
     neighbors: Ints
-    """(nt, 3) triangle opposite of each corner, -1 outside of the box."""
+    """(nt, 3) triangle opposite to each corner, -1 outside of the box."""
 
 
 def _package() -> ModuleType:
+    """Import the package `triangle`, or raise GeometryError."""
     try:
         import triangle
     except ImportError as error:
@@ -52,7 +53,10 @@ def _package() -> ModuleType:
 
 
 def _distinct(points: Floats, order: Ints, frame: NDArray[Any]) -> tuple[Floats, Ints]:
-    """Distinct ``points`` (n, 2) as ``order`` (n,) first meets them, and which of those each point is (n,)."""
+    """Return the distinct ``points`` in the order they are first met, and the index of each point among them (n,).
+
+    ``points`` is (n, 2); ``order`` (n,) says in which order they are met.
+    """
     x0, y0, cell = frame[["x0", "y0", "cell"]][0].item()
     x, y = ((points[order] - (x0, y0)) / cell).astype(np.int64).T
     _, first, same = np.unique(x << 31 | y, return_index=True, return_inverse=True)
@@ -65,7 +69,7 @@ def _distinct(points: Floats, order: Ints, frame: NDArray[Any]) -> tuple[Floats,
 
 
 def _next_points(rings: Rings) -> Ints:
-    """(n,) the point that follows each point around its ring; points of no ring follow themselves."""
+    """Return for each point (n,) the next one around its ring; points of no ring follow themselves."""
     begins = np.append(0, rings.ends)
     following = np.arange(len(rings.points))
     following[: begins[-1]] += 1
@@ -74,7 +78,10 @@ def _next_points(rings: Rings) -> Ints:
 
 
 def _through(rings: Rings, order: Ints, places: Floats, cell: float) -> tuple[Rings, Ints]:
-    """The rings, and their order, with each side led through those ``places`` (k, 2) whose grid cells it meets."""
+    """Lead each side of the rings through those ``places`` (k, 2) whose grid cells it meets.
+
+    Return rings and their order.
+    """
     ends = rings.points[_next_points(rings)]
     tree = shapely.STRtree(shapely.linestrings(np.stack([rings.points, ends], axis=1)))
     low, high = places - 0.5 * cell, places + 0.5 * cell
@@ -92,17 +99,23 @@ def _through(rings: Rings, order: Ints, places: Floats, cell: float) -> tuple[Ri
 
 
 def _turns(a: Floats, b: Floats, c: Floats) -> Floats:
-    """-1, 0 or 1 (n,): whether points c (n, 2) are right of, on or left of the lines from a to b, exactly."""
+    """Return -1, 0 or 1 (n,) if points c (n, 2) are right of, on or left of the lines from a to b.
+
+    Exact on the grid.
+    """
     (ux, uy), (vx, vy) = (b - a).T, (c - a).T
     turns: Floats = np.sign(ux * vy - uy * vx)
     return turns
 
 
 def crossings(rings: Rings) -> Floats:
-    """(k, 2) where sides of ``rings`` cross each other; Triangle finds them, too, but may never end on them."""
+    """Return the places (k, 2) where sides of ``rings`` cross each other.
+
+    Triangle finds them as well, but may never end on them.
+    """
     a, b = rings.points, rings.points[_next_points(rings)]
     sides = shapely.linestrings(np.stack([a, b], axis=1))
-    # Whose boxes meet; points on the grid tell the rest in a tenth of the time that shapely's predicate takes.
+    # Pairs whose boxes meet. The exact test on the grid takes a tenth of the time of shapely's predicate.
     one, other = shapely.STRtree(sides).query(sides)
     one, other = one[one < other], other[one < other]
     cross = _turns(a[one], b[one], a[other]) * _turns(a[one], b[one], b[other]) < 0.0
@@ -112,17 +125,18 @@ def crossings(rings: Rings) -> Floats:
 
 
 def triangulation(rings: Rings, order: Ints, frame: NDArray[Any]) -> Triangulation:
-    """Triangulate the box of ``frame`` (1,) with the sides of ``rings``; vertices are numbered in ``order`` (n,).
+    """Triangulate the box of ``frame`` (1,) with the sides of ``rings``; number the vertices in ``order`` (n,).
 
     Raises
     ------
     GeometryError
-        If `triangle` is not installed, or crossings on the grid keep making new ones.
+        If `triangle` is not installed, or if crossings moved to the grid keep making new ones.
     """
     package = _package()
     x0, y0, x1, y1, cell = frame[["x0", "y0", "x1", "y1", "cell"]][0].item()
     box = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
-    border = np.array([(0, 1), (1, 2), (2, 3), (0, 3)])  # without it, Triangle drops what no ring encloses
+    # Triangle drops all that no ring encloses, so the box is a ring.
+    border = np.array([(0, 1), (1, 2), (2, 3), (0, 3)])
     for _ in range(_MOST_PASSES):
         met = crossings(rings)
         if len(met):
@@ -144,7 +158,7 @@ def triangulation(rings: Rings, order: Ints, frame: NDArray[Any]) -> Triangulati
 
 
 def fill(mesh: MeshArrays, found: Triangulation) -> None:
-    """Enter vertices and triangles into an empty mesh with room for them; constraints are left to ``build``."""
+    """Enter vertices and triangles into an empty mesh that has room for them; ``build`` adds the constraints."""
     count, triangles = len(found.vertices), found.triangles.astype(np.int64)
     opposite = found.neighbors.astype(np.int64)[:, [2, 0, 1]]  # across the side that starts at each corner
     starts_there = triangles[opposite] == triangles[:, [1, 2, 0], None]

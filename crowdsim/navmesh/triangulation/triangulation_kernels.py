@@ -1,4 +1,4 @@
-"""Points of an incremental Delaunay triangulation on exact predicates; sides with a constraint are never flipped."""
+"""Points of an incremental Delaunay triangulation with exact predicates; constrained sides are never flipped."""
 
 import numpy as np
 
@@ -9,11 +9,12 @@ from crowdsim.navmesh.mesh.mesh_arrays import NONE
 from crowdsim.navmesh.triangulation.work_kernels import STUCK, is_spent, touch_triangle
 
 FULL = -2
-"""Status: the arrays have no room for another vertex; build again in larger ones."""
+"""Status: the arrays have no room for another vertex; build again in larger arrays."""
 
 
 @helper
 def link(sides, h, g):
+    """Make half-edges h and g twins; g may be -1 for a side on the hull."""
     sides[h].twin = g
     if g >= 0:
         sides[g].twin = h
@@ -21,7 +22,7 @@ def link(sides, h, g):
 
 @helper
 def take(sides, h, source):
-    """Half-edge h takes over twin and constraint of ``source``."""
+    """Give half-edge h the twin and the constraint of half-edge ``source``."""
     target = sides[h]
     target.constraints = sides[source].constraints
     target.winding = sides[source].winding
@@ -31,9 +32,10 @@ def take(sides, h, source):
 
 @helper
 def flip(sides, vertices, e):
-    """Replace the shared side of two triangles by the other diagonal.
+    """Replace the side shared by two triangles by the other diagonal.
 
-    e = u -> w of (u, w, p) and its twin of (w, u, q) become u -> q of (u, q, p) and w -> p of (w, p, q).
+    Half-edge e = u -> w of triangle (u, w, p) and its twin f of (w, u, q) become u -> q of (u, q, p) and w -> p of (w,
+    p, q).
     """
     f = sides[e].twin
     en = nxt(e)
@@ -42,12 +44,14 @@ def flip(sides, vertices, e):
     fp = prv(f)
     p = sides[ep].org
     q = sides[fp].org
+    # Each corner keeps a half-edge that leaves it.
     vertices[sides[e].org].vhe = e
     vertices[sides[f].org].vhe = f
     vertices[p].vhe = ep
     vertices[q].vhe = fp
     sides[en].org = q
     sides[fn].org = p
+    # The outer sides w -> p and u -> q move to e and f; the numbers after them become the diagonal p-q.
     take(sides, e, fn)
     take(sides, f, en)
     for h in (en, fn):
@@ -60,7 +64,7 @@ def flip(sides, vertices, e):
 
 @helper
 def not_delaunay(sides, vertices, h, cell):
-    """Whether the far corner beyond the unconstrained side h is strictly inside the circle of its triangle."""
+    """Return True if the far corner beyond the unconstrained side h is strictly inside the circle of h's triangle."""
     g = sides[h].twin
     if g < 0 or sides[h].constraints != 0:
         return False
@@ -73,7 +77,7 @@ def not_delaunay(sides, vertices, h, cell):
 
 @helper
 def _fill(sides, vertices, t, u, v, w):
-    """Corners of triangle t, and no constraint on its second and third side."""
+    """Set the corners of triangle t and clear the constraints of its second and third side."""
     h = 3 * t
     for corner in (u, v, w):
         sides[h].org = corner
@@ -90,7 +94,7 @@ def _fill(sides, vertices, t, u, v, w):
 def _legalize(m, w, top):
     """Restore the Delaunay property around a new vertex, the corner opposite of each of the ``top`` stacked sides.
 
-    0, FULL or STUCK.
+    Return 0, FULL or STUCK.
     """
     sides = m.sides
     vertices = m.vertices
@@ -104,6 +108,7 @@ def _legalize(m, w, top):
         top -= 1
         e = stack[top]
         if not_delaunay(sides, vertices, e, cell):
+            # Lawson's flip joins the new vertex to the far corner; two sides opposite of it are new.
             far = prv(sides[e].twin)
             flip(sides, vertices, e)
             stack[top] = e
@@ -114,7 +119,10 @@ def _legalize(m, w, top):
 
 @helper
 def restore_delaunay(m, w, top):
-    """Flip what is not Delaunay among the first ``top`` of ``pairs``, and what that leads to; 0, FULL or STUCK."""
+    """Flip the sides in the first ``top`` of ``pairs`` that are not Delaunay, and those this affects.
+
+    Return 0, FULL or STUCK.
+    """
     sides = m.sides
     vertices = m.vertices
     pairs = w.pairs
@@ -125,11 +133,13 @@ def restore_delaunay(m, w, top):
         top -= 1
         u = pairs[top, 0]
         v = pairs[top, 1]
-        if vertices[u].vhe < 0 or vertices[v].vhe < 0:  # removed meanwhile
+        # A vertex of the pair was removed meanwhile.
+        if vertices[u].vhe < 0 or vertices[v].vhe < 0:
             continue
         e = find_half_edge(sides, vertices, u, v)
         if e < 0 or not not_delaunay(sides, vertices, e, cell):
             continue
+        # Flip, and look at the four sides around the two new triangles.
         g = sides[e].twin
         u = sides[e].org
         v = sides[g].org
@@ -149,11 +159,15 @@ def restore_delaunay(m, w, top):
 
 @helper
 def _new_vertex(m, x, y):
-    """A vertex at (x, y) that no triangle has yet, and two triangles without corners; the vertex, or FULL."""
+    """Reserve a vertex at (x, y) that no triangle has yet, and two triangles without corners.
+
+    Return the vertex or FULL.
+    """
     frame = m.frame[0]
     p = frame.spare
     if (p == 0 and frame.vertices == m.vertices.size) or frame.triangles + 2 > m.cover.size:
         return FULL
+    # Use the number of a removed vertex if there is one.
     if p == 0:
         p = frame.vertices
         frame.vertices += 1
@@ -169,13 +183,15 @@ def _new_vertex(m, x, y):
 
 @helper
 def split_edge(m, h, x, y, w):
-    """Put a new vertex at (x, y) on side h and split both of its triangles; the vertex, FULL or STUCK."""
+    """Put a new vertex at (x, y) on side h and split both triangles at it; return the vertex, FULL or STUCK."""
     sides = m.sides
     vertices = m.vertices
     cover = m.cover
     p = _new_vertex(m, x, y)
     if p < 0:
         return p
+    # The triangles t0 = (a, b, c) and t2 = (b, a, d) at h = a -> b become four around p: (c, a, p), (b, c, p), (d, b,
+    # p) and (a, d, p). The first side of each is an old outer side, which must be read before it is overwritten.
     t3 = m.frame[0].triangles - 1
     t1 = t3 - 1
     f = sides[h].twin
@@ -203,13 +219,14 @@ def split_edge(m, h, x, y, w):
         # The third side of each new triangle is the second one of the next around the new vertex.
         link(sides, 3 * t + 2, 3 * after + 1)
         w.stack[i] = 3 * t
+    # Both halves of h keep its constraint; winding and use depend on the direction.
     for e, sign in ((3 * t0 + 1, 1), (3 * t3 + 2, -1), (3 * t1 + 2, 1), (3 * t2 + 1, -1)):
         sides[e].constraints = count
         sides[e].winding = sign * winding
         sides[e].use = along if sign > 0 else against
     status = _legalize(m, w, np.int64(4))
     if status == 0 and count != 0:
-        # A constraint bends by up to a cell where it is split: the new side across may not be Delaunay then.
+        # A constraint bends by up to a cell if it is split, so the new sides across it may not be Delaunay.
         w.pairs[0, 0] = p
         w.pairs[0, 1] = c
         w.pairs[1, 0] = p
@@ -220,11 +237,15 @@ def split_edge(m, h, x, y, w):
 
 @helper
 def insert_point(m, x, y, hint, w):
-    """Vertex at the grid point (x, y), a new one unless there is one; FULL or STUCK. The point is inside the box."""
+    """Return the vertex at the grid point (x, y), which must be inside the box, a new one if needed.
+
+    Return FULL or STUCK if that fails.
+    """
     sides = m.sides
     vertices = m.vertices
     t = locate(m, x, y, hint)
     h = 3 * t
+    # ``on``: a side of the triangle that holds the point, if any.
     on = NONE
     for e in range(h, h + 3):
         v = sides[e].org
@@ -237,6 +258,7 @@ def insert_point(m, x, y, hint, w):
     p = _new_vertex(m, x, y)
     if p < 0:
         return p
+    # Inside of the triangle: (a, b, c) becomes (a, b, p), (b, c, p) and (c, a, p).
     t2 = m.frame[0].triangles - 1
     t1 = t2 - 1
     a = sides[h].org
@@ -249,6 +271,7 @@ def insert_point(m, x, y, hint, w):
     _fill(sides, vertices, t2, c, a, p)
     m.cover[t1] = m.cover[t]
     m.cover[t2] = m.cover[t]
+    # The three sides that end at p.
     link(sides, h + 1, 3 * t1 + 2)
     link(sides, 3 * t1 + 1, 3 * t2 + 2)
     link(sides, 3 * t2 + 1, h + 2)
@@ -261,8 +284,9 @@ def insert_point(m, x, y, hint, w):
 
 @helper
 def split_is_robust(sides, vertices, h, x, y):
-    """Whether (x, y) near side h is strictly inside the union of its two triangles, so that a split inverts none."""
+    """Return True if (x, y), near side h, is strictly inside the union of its two triangles: a split inverts none."""
     g = sides[h].twin
+    # Left of all four outer sides.
     inside = True
     for e in (nxt(h), prv(h), nxt(g), prv(g)):
         inside = inside and side(vertices, sides[e].org, sides[nxt(e)].org, x, y) > 0.0

@@ -1,4 +1,7 @@
-"""Which inserted obstacles run along a half-edge: sorted lists in a pool, never changed, so that any may share them."""
+"""Lists of the inserted obstacles that run along a half-edge.
+
+Lists are sorted by owner, kept in a pool and never changed, so that half-edges can share them or their ends.
+"""
 
 import numpy as np
 
@@ -8,7 +11,10 @@ from crowdsim.navmesh.mesh.mesh_arrays import NONE
 
 @helper
 def new_use(w, owner, following):
-    """The list of ``owner`` and the items of list ``following``; where the pool is full, that is noted."""
+    """Put ``owner`` in front of the list ``following``; return the new list.
+
+    If the pool is full, note that and return an empty list.
+    """
     progress = w.progress[0]
     if progress.uses == w.uses.size:
         progress.full = 1
@@ -22,7 +28,7 @@ def new_use(w, owner, following):
 
 @helper
 def _turned(w, use):
-    """The items of list ``use`` in the opposite order."""
+    """Return the items of list ``use`` in the opposite order."""
     turned = NONE
     k = np.int64(use)
     while k >= 0:
@@ -33,14 +39,14 @@ def _turned(w, use):
 
 @helper
 def joined(w, one, other):
-    """The items of both lists."""
+    """Return a list of the items of both lists, sorted by owner."""
     a = np.int64(one)
     b = np.int64(other)
     if a < 0:
         return b
     if b < 0:
         return a
-    # Lists grow at their heads, so the merged one comes out the wrong way round.
+    # Merge the two. Lists grow at their heads, so the result is in the opposite order and is turned in the end.
     turned = NONE
     while a >= 0 or b >= 0:
         if b < 0 or (a >= 0 and w.uses[a].owner <= w.uses[b].owner):
@@ -54,10 +60,11 @@ def joined(w, one, other):
 
 @helper
 def without(w, use, owner):
-    """The items of list ``use`` but for those of ``owner``."""
+    """Return the items of list ``use`` without those of ``owner``."""
     k = np.int64(use)
     while k >= 0 and w.uses[k].owner == owner:
         k = np.int64(w.uses[k].next)
+    # If ``owner`` occurs only in front, the rest is shared; otherwise the list is copied without it.
     i = k
     while i >= 0 and w.uses[i].owner != owner:
         i = np.int64(w.uses[i].next)
@@ -73,7 +80,7 @@ def without(w, use, owner):
 
 @helper
 def count_use(uses, use, owner):
-    """How often ``owner`` is in list ``use``."""
+    """Return how often ``owner`` is in list ``use``."""
     count = 0
     k = np.int64(use)
     while k >= 0:
@@ -85,9 +92,10 @@ def count_use(uses, use, owner):
 
 @helper
 def same_uses(uses, one, other):
-    """Whether two lists have the same items."""
+    """Return True if two lists have the same items."""
     a = np.int64(one)
     b = np.int64(other)
+    # Two lists that come to the same item share the rest.
     while a != b:
         if a < 0 or b < 0 or uses[a].owner != uses[b].owner:
             return False
@@ -98,14 +106,21 @@ def same_uses(uses, one, other):
 
 @kernel
 def keep_used(m, uses, kept):
-    """Copy the lists of ``uses`` (k,) that half-edges have to the start of ``kept`` (k,); how many items they have."""
+    """Copy the lists of ``uses`` (k,) that half-edges refer to, to the start of ``kept`` (k,).
+
+    Return how many items they have.
+
+    The half-edges then refer to ``kept``.
+    """
     sides = m.sides
+    # ``place``: where an item was copied to.
     place = np.full(uses.size, -1, np.int32)
     count = 0
     for h in range(3 * m.frame[0].triangles):
         head = np.int64(sides[h].use)
         before = NONE
         k = head
+        # Copy items until the end, or until one that another list has copied already.
         while k >= 0 and place[k] < 0:
             place[k] = count
             kept[count].owner = uses[k].owner
@@ -115,6 +130,7 @@ def keep_used(m, uses, kept):
             before = np.int64(count)
             count += 1
             k = np.int64(uses[k].next)
+        # Share the rest of that list.
         if k >= 0 and before >= 0:
             kept[before].next = place[k]
         if head >= 0:

@@ -1,4 +1,7 @@
-"""How many obstacles cover each triangle, from the winding along half-edges."""
+"""Winding numbers: how many obstacles cover each triangle, from the winding along half-edges.
+
+Across a half-edge the winding number on its left is that on its right plus the half-edge's winding.
+"""
 
 import numpy as np
 
@@ -7,16 +10,18 @@ from crowdsim.navmesh.mesh.half_edge_kernels import locate, soil
 from crowdsim.navmesh.triangulation.work_kernels import touch_triangle
 
 _UNKNOWN = -(1 << 30)
+"""Winding number of a triangle that the flood has not reached."""
 
 
 @helper
 def flood(m, stack):
-    """Winding numbers of all triangles: 1 outside of the walkable area, 0 where nothing covers it."""
+    """Compute the winding numbers of all triangles: 1 outside of the walkable area, 0 in free space."""
     sides = m.sides
     cover = m.cover
     frame = m.frame[0]
     for t in range(frame.triangles):
         cover[t] = _UNKNOWN
+    # The corner of the box is outside of the area; all other numbers follow from side to side.
     outside = locate(m, frame.x0, frame.y0, np.int64(0))
     cover[outside] = 1
     stack[0] = outside
@@ -34,23 +39,43 @@ def flood(m, stack):
 
 @helper
 def follow(m, w, count, begin):
-    """Let windings follow a change along the ``count`` half-edges in the first column of ``pairs``; whether they do.
+    """Update winding numbers after a change along half-edges.
 
-    What is right of these half-edges is taken for unchanged. ``stack`` is free to use from ``begin`` on. Where the
-    half-edges contradict each other (an outline that snapping folded over), or what is right of them did change, the
-    answer is False and windings are wrong. Windings that fit each other are right if the outside of the area has 1.
+    Return False if they contradict each other and are now wrong.
+
+    Numbers that fit each other are right if the outside of the area has 1.
+
+    Parameters
+    ----------
+    m : MeshArrays
+        The mesh.
+    w : Workshop
+        The first column of ``pairs`` holds the half-edges; the triangles on their right are taken for unchanged.
+    count : int
+        How many half-edges there are.
+    begin : int
+        First free item of ``stack``.
+
+    Returns
+    -------
+    bool
+        False if the half-edges contradict each other (an outline that snapping folded over), or if triangles on their
+        right changed as well.
     """
     sides = m.sides
     cover = m.cover
     stack = w.stack
+    # A consistent change visits each triangle about once; more says that it contradicts itself.
     budget = 2 * m.frame[0].triangles
     for i in range(count):
         h = w.pairs[i, 0]
+        # The number left of h must be that on its right plus the winding.
         value = cover[sides[h].twin // 3] + sides[h].winding
         if cover[h // 3] == value:
             continue
         top = begin
         t = h // 3
+        # Flood from there to all triangles that do not fit.
         while True:
             if cover[t] != value:
                 budget -= 1
@@ -72,6 +97,7 @@ def follow(m, w, count, begin):
             e = stack[top]
             t = sides[e].twin // 3
             value = cover[e // 3] - sides[e].winding
+    # The flood may have changed numbers on the right of another half-edge.
     for i in range(count):
         h = w.pairs[i, 0]
         if cover[h // 3] != cover[sides[h].twin // 3] + sides[h].winding:
@@ -81,7 +107,7 @@ def follow(m, w, count, begin):
 
 @helper
 def flood_again(m, w):
-    """Windings of all triangles anew, for the rare change that :func:`follow` cannot tell; all count as touched."""
+    """Compute the winding numbers of all triangles anew, if :func:`follow` failed; all triangles count as changed."""
     flood(m, w.stack)
     for t in range(m.frame[0].triangles):
         soil(m.sides, t)

@@ -1,34 +1,37 @@
-"""Lists of vertices that an edit still has to look at, each vertex at most once in each."""
+"""Lists of vertices that an edit still has to look at; each vertex is at most once in each list.
+
+The marks are bits of the field ``mark`` of :data:`crowdsim.navmesh.mesh.mesh_arrays.TO_DO`.
+"""
 
 from crowdsim.jit import helper
 from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, TURNS
 
 QUEUED = 1
-"""Mark: the constrained sides from the vertex wait for refinement."""
+"""Mark: the constrained sides from the vertex are queued for refinement."""
 TOUCHED = 2
 """Mark: triangles around the vertex may have changed."""
 KEPT = 8
-"""Mark: the vertex is touched and cannot be taken out."""
+"""Mark: the vertex is touched and cannot be removed."""
 LOOKING = 16
-"""Mark: the vertex is touched, and may be the near end of a bottleneck that is new."""
+"""Mark: the vertex is touched, and may be an end of a new bottleneck."""
 CHANGED = 32
 """Mark: the vertex is touched, and triangles around it did change."""
 VISITED = 4
-"""Mark of a walk, which clears it."""
+"""Mark of a walk that visits each vertex once; the walk clears it."""
 
 STUCK = -3
-"""Status: an edit went on beyond its bound, or met what no mesh may hold; the mesh is useless."""
+"""Status: an edit exceeded its bound of loop turns, or met an impossible mesh; the mesh is useless."""
 
 
 @helper
 def bound_turns(m, w, corners):
-    """Begin an edit of so many corners: give its loops their turns."""
+    """Begin an edit of ``corners`` corners: set the bound of its loop turns."""
     w.progress[0].left = TURNS * (m.frame[0].triangles + corners + 1024)
 
 
 @helper
 def is_spent(w):
-    """Take one of the turns that are left; whether there was none."""
+    """Use one loop turn; return True if none was left."""
     progress = w.progress[0]
     progress.left -= 1
     return progress.left < 0
@@ -36,7 +39,7 @@ def is_spent(w):
 
 @helper
 def touch(w, v):
-    """Note that triangles around vertex v may have changed."""
+    """List vertex v as touched: triangles around it may have changed."""
     item = w.to_do[v]
     if item.mark & TOUCHED == 0:
         item.mark |= TOUCHED
@@ -47,7 +50,8 @@ def touch(w, v):
 
 @helper
 def touch_triangle(sides, w, t):
-    """Note that triangle t changed, at a corner that is not one of the box."""
+    """Note that triangle t changed, at its first corner that is not one of the box."""
+    # One such corner is enough: the walk around it finds the triangle.
     for h in range(3 * t, 3 * t + 3):
         v = sides[h].org
         touch(w, v)
@@ -58,11 +62,12 @@ def touch_triangle(sides, w, t):
 
 @helper
 def note_changed(w, t, cell):
-    """Note the number of a triangle that is another one than before the edit, or not as it was, and its hint cell.
+    """List triangle t, which changed or got another number, with its hint cell, so that the edit can be undone.
 
-    Those for which there is no room are counted.
+    Triangles for which there is no room are counted only.
     """
     progress = w.progress[0]
+    # Count on beyond the room, so that the overflow shows.
     if progress.changed < w.to_do.size:
         w.to_do[progress.changed].changed = t
         w.to_do[progress.changed].cell = cell
@@ -71,18 +76,19 @@ def note_changed(w, t, cell):
 
 @helper
 def enqueue(w, v):
-    """Let the constrained sides from vertex v wait for refinement."""
+    """Queue vertex v: its constrained sides wait for refinement."""
     item = w.to_do[v]
     if item.mark & QUEUED == 0:
         item.mark |= QUEUED
         progress = w.progress[0]
+        # A ring buffer. Each vertex is in it at most once, so it cannot overflow.
         w.to_do[(progress.head + progress.waiting) % w.to_do.size].waiting = v
         progress.waiting += 1
 
 
 @helper
 def dequeue(w):
-    """The vertex that waited longest."""
+    """Remove the vertex that waited longest from the queue and return it."""
     progress = w.progress[0]
     v = w.to_do[progress.head].waiting
     progress.head = (progress.head + 1) % w.to_do.size

@@ -1,7 +1,7 @@
-"""The planner that layers are compared with: the published search, but with the whole body tested in 3D along paths.
+"""Baseline of table 1 of the 2018 paper: the published search, but with the whole body tested in 3D along paths.
 
-Baseline of table 1 of the 2018 paper. Paths are found in the lowest layer as ever; then, every :data:`SPACING`
-meters along them, the body of each behavior is posed in its cycle and tested against all surfaces of the place.
+Paths are found in the lowest layer as usual. Then, every :data:`SPACING` meters along them, the body of each behavior
+is posed in its cycle and tested against all surfaces of the place.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from crowdsim.planning.query.query import Query
 Floats = NDArray[np.float64]
 
 SPACING = 0.05
-"""Meters along a path between two poses that are tested."""
+"""Distance between two tested poses along a path [m]."""
 
 
 class Bodies(NamedTuple):
-    """What moves through a scene: for each behavior a cycle of its motion, and where it faces (radians)."""
+    """Scene, and for each behavior a cycle of its motion and its facing: heading less direction of motion [rad]."""
 
     scene: CollisionScene
     strides: tuple[Stride, ...]
@@ -38,9 +38,11 @@ class Bodies(NamedTuple):
 
 
 def make_bodies(scene: CollisionScene, behaviors: Sequence[Behavior]) -> Bodies:
-    """Bodies of behaviors of a library: the middle of the first clip of each, where it goes on steadily.
+    """Return the bodies of library behaviors: the middle half of each one's first clip, where it walks steadily.
 
-    BehaviorError or MotionError where its files cannot be used.
+    Raises
+    ------
+    BehaviorError, MotionError: if a behavior's files cannot be used.
     """
     strides, facings = [], []
     for behavior in behaviors:
@@ -54,12 +56,15 @@ def make_bodies(scene: CollisionScene, behaviors: Sequence[Behavior]) -> Bodies:
 
 
 def plan_collision3d(query: Query, bodies: Bodies) -> AnnotatedPath | None:
-    """The published planner with tests in 3D; None where no path fits any behavior."""
+    """Run the published planner with tests in 3D; return None if no path fits any behavior."""
     return plan_step_by_step(query, lambda points: annotated_in_3d(query, bodies, points))
 
 
 def annotated_in_3d(query: Query, bodies: Bodies, points: Floats) -> AnnotatedPath:
-    """The polyline (n, 2) with its cheapest sections by collisions of bodies; no sections where none fits."""
+    """Return the polyline (n, 2) with its cheapest sections by collisions of bodies in 3D.
+
+    No sections and infinite cost if no body fits somewhere.
+    """
     arc = arc_lengths(points)
     count = max(int(np.ceil(arc[-1] / SPACING)), 1)
     at = np.linspace(0.0, arc[-1], count + 1)
@@ -68,7 +73,7 @@ def annotated_in_3d(query: Query, bodies: Bodies, points: Floats) -> AnnotatedPa
     bearing = atan2(ahead[:, 1], ahead[:, 0])
     free = np.ones(count + 1, np.bool_)
     blocked = []
-    # From the narrowest, as no wider body fits where a narrower one does not.
+    # From the narrowest behavior on: where a narrower body collides, no wider one fits.
     for stride, facing in zip(bodies.strides, bodies.facings, strict=True):
         for k in np.flatnonzero(free):
             free[k] = not bodies.scene.collides(stride.body(at[k]), places[k, 0], places[k, 1], bearing[k] + facing)

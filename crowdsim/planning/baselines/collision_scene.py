@@ -1,4 +1,4 @@
-"""Whole bodies against whole obstacles in 3D: what layers are compared with (2018 paper, table 1)."""
+"""Whole bodies against whole obstacles in 3D: the test that layers are compared with (2018 paper, table 1)."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from crowdsim.environment.layers import AnySolid
 from crowdsim.environment.mesh_solid import MeshSolid
 from crowdsim.errors import CrowdSimError
 from crowdsim.geometry.elementary import cos, sin
-from crowdsim.geometry.products import dot
 from crowdsim.motion.clips.body_capsules import Capsules
 
 Floats = NDArray[np.float64]
 
 _RING = (6, 8)
-"""Rings along a capsule and points around it: its surface lies within 8 % of its radius of the round one."""
+"""Rings along a capsule and points around it. The inscribed surface is up to 8 % of the radius inside the round one;
+more points are slower."""
 
 
 def load_fcl() -> Any:
-    """The collision library; CrowdSimError says how to install it where it is absent."""
+    """Return the collision library; raise CrowdSimError with the command that installs it if it is missing."""
     try:
         import fcl
     except ImportError:
@@ -33,7 +33,7 @@ def load_fcl() -> Any:
 
 
 class CollisionScene:
-    """All solids of a place as surfaces of triangles in one broad-phase tree."""
+    """All solids of a place as triangle surfaces in one broad-phase tree."""
 
     def __init__(self, solids: Sequence[AnySolid]) -> None:
         self._fcl = load_fcl()
@@ -43,7 +43,7 @@ class CollisionScene:
         self._tree.setup()
 
     def collides(self, body: Any, x: float, y: float, heading: float) -> bool:
-        """Whether the surface of a posed body (:class:`Stride`) meets one of the scene where its track is so."""
+        """Return True if a body of :class:`Stride` with its track at (x, y, heading) touches the scene."""
         c, s = cos(heading), sin(heading)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         body.setTransform(self._fcl.Transform(turn, np.array([x, y, 0.0])))
@@ -53,27 +53,53 @@ class CollisionScene:
 
 
 class Stride:
-    """One cycle of a behavior: a surface of the whole body for each frame, and how far (meters) the cycle leads."""
+    """One cycle of a behavior: the surface of the whole body in each frame, and the length of the cycle [m]."""
 
     def __init__(self, capsules: Capsules, length: float) -> None:
-        import trimesh
-
         self.length = length
-        self._bodies = []
-        for frame in capsules.ends:
-            axes = zip(frame, capsules.radii.tolist(), strict=True)
-            parts = [_capsule(start, end, radius) for (start, end), radius in axes]
-            body = trimesh.util.concatenate(parts)
-            # Rounded, as trimesh takes sines of the C library.
-            points = np.round(np.asarray(body.vertices), 6)
-            self._bodies.append(_surface(points, np.asarray(body.faces, np.int64)))
+        self._points, self._triangles = _surfaces(capsules)
+        self._bodies: dict[int, Any] = {}
 
     def body(self, arc: float) -> Any:
-        """The body ``arc`` meters along its way."""
-        return self._bodies[int(arc / self.length * len(self._bodies)) % len(self._bodies)]
+        """Return the body ``arc`` meters along its path."""
+        frame = int(arc / self.length * len(self._points)) % len(self._points)
+        # Its tree is costly, and few frames may be asked for.
+        if frame not in self._bodies:
+            self._bodies[frame] = _surface(self._points[frame], self._triangles)
+        return self._bodies[frame]
+
+
+def _surfaces(capsules: Capsules) -> tuple[Floats, NDArray[np.int64]]:
+    """Return the points (F, V, 3) of all capsules of a body in each frame, and the triangles (T, 3) between them."""
+    import trimesh
+
+    # One capsule of radius 1 for all: each of its points goes with one end of the axis.
+    capsule = trimesh.creation.capsule(height=2.0, radius=1.0, count=_RING)
+    end = (capsule.vertices[:, 2] > 0.0).astype(np.int64)
+    directions = capsule.vertices - np.column_stack([np.zeros((len(end), 2)), 2.0 * end - 1.0])
+    # Three axes for each capsule; any pair across it will do, as it is round.
+    ends = capsules.ends
+    along = _unit(ends[:, :, 1] - ends[:, :, 0], (0.0, 0.0, 1.0))
+    other = np.where(np.abs(along[..., 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+    across = _unit(np.cross(other, along), (1.0, 0.0, 0.0))
+    axes = across, np.cross(along, across), along
+    offsets = sum(axis[:, :, None] * directions[:, k, None] for k, axis in enumerate(axes))
+    points = ends[:, :, end] + capsules.radii[:, None, None] * offsets
+    count, vertices = len(capsules.radii), len(end)
+    triangles = capsule.faces + vertices * np.arange(count)[:, None, None]
+    # Rounded, because trimesh uses the C library's sine, which differs between processors.
+    return np.round(points, 6).reshape(len(ends), count * vertices, 3), triangles.reshape(-1, 3).astype(np.int64)
+
+
+def _unit(vectors: Floats, instead: tuple[float, float, float]) -> Floats:
+    """Return vectors (..., 3) divided by their lengths; ``instead`` for those of no length."""
+    length = np.sqrt(np.sum(vectors * vectors, axis=-1, keepdims=True))
+    units: Floats = np.where(length > 0.0, vectors / np.where(length > 0.0, length, 1.0), instead)
+    return units
 
 
 def _surface(points: Floats, triangles: NDArray[np.int64]) -> Any:
+    """Return a collision object of points (V, 3) and triangles (T, 3)."""
     fcl = load_fcl()
     model = fcl.BVHModel()
     model.beginModel(len(points), len(triangles))
@@ -82,20 +108,8 @@ def _surface(points: Floats, triangles: NDArray[np.int64]) -> Any:
     return fcl.CollisionObject(model, fcl.Transform())
 
 
-def _capsule(start: Floats, end: Floats, radius: float) -> Any:
-    """A trimesh around the axis from ``start`` to ``end``."""
-    import trimesh
-
-    axis = end - start
-    length = float(np.sqrt(dot(axis, axis)))
-    capsule = trimesh.creation.capsule(height=length, radius=radius, count=_RING)
-    turn = trimesh.geometry.align_vectors([0.0, 0.0, 1.0], axis if length > 0.0 else [0.0, 0.0, 1.0])
-    turn[:3, 3] = 0.5 * (start + end)
-    return capsule.apply_transform(turn)
-
-
 def _triangles(solid: AnySolid) -> tuple[Floats, NDArray[np.int64]]:
-    """Points (V, 3) and triangles (T, 3) of a solid's surface."""
+    """Return points (V, 3) and triangles (T, 3) of a solid's surface."""
     if isinstance(solid, MeshSolid):
         return solid.vertices, solid.triangles
     import trimesh

@@ -1,8 +1,8 @@
-"""The published planner (2018 paper, algorithm 1): block what only the narrowest behavior passes, while that pays.
+"""The published planner (2018 paper, algorithm 1): block where only the narrowest behavior passes, while that pays.
 
-A blocker is taken out again before the next is tried, so that two detours are never combined. Paths are labelled as
-well as they can be, not from the start on (algorithm 2 takes the widest behavior first, however short its section
-gets), and their parts are not searched again.
+Each blocker is removed before the next is tried, so two detours are never combined. Unlike the paper's algorithm 2,
+which takes the widest behavior first however short its section gets, labels are optimal; and parts of paths are not
+searched again.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 Annotate = Callable[[Floats], AnnotatedPath]
-"""The points (n, 2) of a path to the path with its sections, none and infinite cost where nothing fits."""
+"""Function from points (n, 2) to the path with its sections; none and infinite cost if no behavior fits."""
 
 
 class MeshCopies:
-    """Copies of a mesh that planning threads edit, one thread to a copy; dropped when the mesh is edited."""
+    """Pool of mesh copies for planning threads to edit, one thread per copy; dropped when the mesh is edited."""
 
     def __init__(self, mesh: NavMesh) -> None:
         self._mesh = mesh
@@ -41,7 +41,7 @@ class MeshCopies:
         self._lock = threading.Lock()
 
     def take(self) -> tuple[int, Detours]:
-        """A copy that nobody else has, and the revision of the mesh that it is of."""
+        """Take a copy that no other thread has; return the mesh revision it was made of, and the copy."""
         revision = self._mesh.revision
         with self._lock:
             self._idle = [entry for entry in self._idle if entry[0] == revision]
@@ -56,9 +56,9 @@ class MeshCopies:
 
 
 def plan_greedy(query: Query, copies: MeshCopies) -> AnnotatedPath | None:
-    """Algorithm 1, on ``copies`` of the lowest mesh; None where no path fits any behavior.
+    """Run algorithm 1 on a copy of the lowest mesh; return None if no path fits any behavior.
 
-    Where the kernel cannot go on (memory is short, or a detour cannot be traced) the plan is made step by step.
+    If the kernel cannot go on (out of memory, or a detour cannot be traced), plan step by step.
     """
     revision, detours = copies.take()
     detours.aim(query.ends[0], query.ends[1], query.need.search_radius)
@@ -71,7 +71,7 @@ def plan_greedy(query: Query, copies: MeshCopies) -> AnnotatedPath | None:
 
 
 def plan_step_by_step(query: Query, annotate: Annotate) -> AnnotatedPath | None:
-    """What `plan_around` does, with each path searched for on its own; None where no path fits any behavior."""
+    """Do what `plan_around` does, with one path search per blocker; return None if no path fits any behavior."""
     mesh = query.meshes[0].with_points(np.empty((0, 2)))
 
     def shortest() -> AnnotatedPath:
@@ -96,7 +96,7 @@ def plan_step_by_step(query: Query, annotate: Annotate) -> AnnotatedPath | None:
 
 
 def conflict_points(query: Query, path: AnnotatedPath) -> Floats:
-    """Points (k, 2) every ``MIN_SECTION`` along the sections for the narrowest behavior, clear of both ends."""
+    """Return points (k, 2) every ``MIN_SECTION`` along the narrowest behavior's sections, away from both ends."""
     narrow = [section for section in path.sections if section.behavior == 0]
     if not path.sections and len(path.points):
         narrow = [Section(0, 0.0, path.length)]

@@ -13,15 +13,15 @@ from crowdsim.planning.labels.fitting_kernels import annotate
 from crowdsim.planning.labels.labelling_kernels import MIN_SECTION
 
 MOST_ROUNDS = 64
-"""Times that a detour takes the place of the path at most."""
+"""Largest number of times that a detour replaces the path."""
 
 SAME_PLACE = 1e-6
-"""Conflict points this close to each other are the same [m]."""
+"""Conflict points closer to each other than this, in x and in y, count as one [m]."""
 
 
 @helper
 def _point_along(points, arc):
-    """The point at ``arc`` meters along the polyline."""
+    """Return the point (x, y) at ``arc`` meters along the polyline; beyond the end, its last point."""
     last = points.shape[0] - 1
     for i in range(last):
         ux = points[i + 1, 0] - points[i, 0]
@@ -35,10 +35,10 @@ def _point_along(points, arc):
 
 @helper
 def _add_conflicts(points, sections, away, places, count):
-    """Add the conflict points of a path that are new to the first ``count`` of ``places``, which grow; (places, count).
+    """Append the new conflict points of a path to ``places`` (an array that grows); return (places, count).
 
-    They are every ``MIN_SECTION`` along the sections for the narrowest behavior, or along all of the path if nothing
-    fits it, and farther than ``away`` from both ends.
+    Conflict points lie every ``MIN_SECTION`` along the sections of the narrowest behavior, or along the whole path if
+    no behavior fits it, and farther than ``away`` from both ends.
     """
     last = points.shape[0] - 1
     for k in range(max(sections.shape[0], 1)):
@@ -49,6 +49,7 @@ def _add_conflicts(points, sections, away, places, count):
         elif sections[k, 0] == 0.0:
             start = sections[k, 1]
             end = sections[k, 2]
+        # The first point is half a step from the start, or in the middle of a section shorter than a step.
         start += 0.5 * min(MIN_SECTION, end - start)
         for i in range(math.ceil((end - start) / MIN_SECTION)):
             x, y = _point_along(points, start + i * MIN_SECTION)
@@ -56,6 +57,7 @@ def _add_conflicts(points, sections, away, places, count):
                 continue
             if hypot(x - points[last, 0], y - points[last, 1]) <= away:
                 continue
+            # Skip a point that an earlier round has blocked.
             known = 0
             while known < count and max(abs(places[known, 0] - x), abs(places[known, 1] - y)) > SAME_PLACE:
                 known += 1
@@ -71,13 +73,20 @@ def _add_conflicts(points, sections, away, places, count):
 
 @kernel
 def plan_around(search, fitting):
-    """Algorithm 1: (status, cost, points (n, 2), sections (k, 3)) of the path that no one blocker makes cheaper.
+    """Run algorithm 1: replace the path by its cheapest detour around one conflict point, while that pays.
 
-    ``search`` is a :class:`crowdsim.navmesh.editing.detour_kernels.DetourSearch`, ``fitting`` and the sections are as
-    of :func:`crowdsim.planning.labels.fitting_kernels.annotate`. Where the status is not DONE, the mesh has no room or
-    cannot be used any longer, or a detour could not be traced. The cost is infinite, and there are no sections, where
-    nothing fits.
+    Parameters
+    ----------
+    search: :class:`crowdsim.navmesh.editing.detour_kernels.DetourSearch`, on a copy of the legs' mesh.
+    fitting: :class:`crowdsim.planning.labels.fitting_kernels.Fitting`.
+
+    Returns
+    -------
+    (status, cost, points (n, 2), sections (k, 3)), sections as of
+    :func:`crowdsim.planning.labels.fitting_kernels.annotate`. A status other than DONE: the mesh is out of room or
+    unusable, or a detour could not be traced. No sections and infinite cost if no behavior fits.
     """
+    # search.ends: x, y of start and goal, the radius searched with, and the clearance that paths must keep.
     radius = search.ends[4]
     least = search.ends[5]
     preferred = fitting.costs[fitting.costs.size - 1]
@@ -92,20 +101,20 @@ def plan_around(search, fitting):
     places = np.empty((64, 2))
     count = np.int64(0)
     for _ in range(MOST_ROUNDS):
-        # Block each conflict point on its own. One that was blocked before leads to a detour that is known, and dearer.
+        # Block each conflict point on its own. A point blocked in an earlier round would give a known, dearer detour.
         first = count
         places, count = _add_conflicts(points, sections, 2.0 * radius, places, count)
         lowest = cost
         best = points
         labels = sections
         for k in range(first, count):
-            # The shortest path of all stays the shortest around a blocker that it keeps off.
+            # A blocker clear of the unblocked shortest path leads back to that path.
             if keeps_off(direct, places[k, 0], places[k, 1], least):
                 continue
             status, detour = find_detour(search, places[k, 0], places[k, 1])
             if status != DONE:
                 return status, cost, points, sections
-            # No sections cost less than the length at the preferred behavior.
+            # Lower bound of a detour's cost: its length at the preferred behavior.
             if detour.shape[0] == 0 or polyline_length(detour) * preferred >= lowest:
                 continue
             found, value, _ = annotate(fitting, detour)

@@ -1,4 +1,4 @@
-"""A path that says where to use which behavior."""
+"""A path with the behavior of each stretch."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from crowdsim.geometry.elementary import atan2
 from crowdsim.geometry.segments_kernels import add_lengths
 
 TANGENT_REACH = 0.25
-"""Meters before and after a sample between which its direction of motion is taken."""
+"""Half length of the chord that gives the direction of motion at a sample [m]. Longer chords smooth corners more."""
 
 
 class Section(NamedTuple):
-    """Behavior index from arc length ``start`` to ``end`` (meters)."""
+    """Behavior index for the arc lengths from ``start`` to ``end`` [m]."""
 
     behavior: int
     start: float
@@ -29,9 +29,9 @@ class Section(NamedTuple):
 class PathSamples(NamedTuple):
     """The path at equal steps, C-contiguous for the kernels of the follower.
 
-    pose: (m, 3) float64, x, y and direction of motion, smoothed over the corners of the polyline.
-    arc: (m,) float64, meters from the start.
-    behavior: (m,) int32, index of the behavior; where two sections meet, the narrower.
+    pose: (m, 3) float64, x, y [m] and direction of motion [rad], smoothed over the corners of the polyline.
+    arc: (m,) float64, arc length from the start [m].
+    behavior: (m,) int32, index of the behavior; the narrower one at a border of two sections.
     """
 
     pose: NDArray[np.float64]
@@ -41,11 +41,11 @@ class PathSamples(NamedTuple):
 
 @dataclass(frozen=True)
 class AnnotatedPath:
-    """Polyline (n, 2) with its cumulative length (n,) and contiguous sections that cover it from start to goal.
+    """Polyline (n, 2) with its arc lengths (n,) and contiguous sections from start to goal.
 
-    missing: meters of the planned clearance that the path lacks at most next to its start and its goal, where these are
-    nearer to obstacles than plans go (see :mod:`crowdsim.planning.query.clear_ends`).
-    certificate: works out :attr:`bound` when it is asked for, on the meshes as they are then.
+    missing: largest shortfall of the planned clearance [m] next to the start and next to the goal, if these are closer
+    to obstacles than plans allow (see :mod:`crowdsim.planning.query.clear_ends`).
+    certificate: computes :attr:`bound` on first use, on the meshes as they are then.
     """
 
     points: NDArray[np.float64]
@@ -57,26 +57,28 @@ class AnnotatedPath:
 
     @property
     def length(self) -> float:
+        """Return the length of the polyline [m]."""
         return float(self.arc[-1])
 
     @cached_property
     def bound(self) -> float:
-        """Proven lower bound of the cost of every path between the same ends, 0 where nothing proves one."""
+        """Return a proven lower bound of the cost of every path between the same ends; 0 if there is no proof."""
         return 0.0 if self.certificate is None else self.certificate()
 
     @property
     def gap(self) -> float:
-        """How much more than :attr:`bound` the path costs, as a share of the bound: infinite where that is 0."""
+        """Return the cost above :attr:`bound` as a share of the bound; infinite if the bound is 0."""
         return max(self.cost / self.bound - 1.0, 0.0) if self.bound > 0.0 else (np.inf if self.cost > 0.0 else 0.0)
 
     def at(self, arc: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Points (m, 2) at arc lengths (m,), held at both ends."""
+        """Return the points (m, 2) at arc lengths (m,) [m]; arc lengths beyond an end give that end."""
         return points_at(self.points, self.arc, arc)
 
     def sample(self, spacing: float = 0.1) -> PathSamples:
-        """Samples at equal steps of at most ``spacing`` meters, both ends included."""
+        """Return samples at equal steps of at most ``spacing`` [m], both ends included."""
         if not spacing > 0.0:
             raise GeometryError(f"a path cannot be sampled every {spacing} m; give a positive spacing")
+        # The tolerance keeps rounding from adding a sample to a path of a whole number of steps.
         count = int(np.ceil(self.length / spacing - 1e-9)) + 1
         arc = np.linspace(0.0, self.length, max(count, 2))
         chord = self.at(arc + TANGENT_REACH) - self.at(arc - TANGENT_REACH)
@@ -85,18 +87,19 @@ class AnnotatedPath:
         pose[:, 2] = atan2(chord[:, 1], chord[:, 0])
         starts = np.array([section.start for section in self.sections])
         labels = np.array([section.behavior for section in self.sections], dtype=np.int32)
+        # At a border of two sections, a sample belongs to both and takes the narrower behavior, the one of less index.
         after = np.maximum(np.searchsorted(starts, arc + 1e-9, side="right") - 1, 0)
         before = np.maximum(np.searchsorted(starts, arc - 1e-9, side="right") - 1, 0)
         return PathSamples(pose, arc, np.minimum(labels[before], labels[after]))
 
 
 def arc_lengths(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Cumulative length (n,) of a polyline (n, 2)."""
+    """Return the arc length (n,) at each vertex of a polyline (n, 2)."""
     arc = np.empty(len(points))
     add_lengths(points, arc)
     return arc
 
 
 def points_at(points: NDArray[np.float64], arc: NDArray[np.float64], where: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (m, 2) of a polyline at arc lengths (m,), held at both ends."""
+    """Return points (m, 2) of a polyline at arc lengths (m,); arc lengths beyond an end give that end."""
     return np.stack([np.interp(where, arc, points[:, 0]), np.interp(where, arc, points[:, 1])], axis=-1)

@@ -1,4 +1,4 @@
-"""Which behavior fits where along a path: exact intervals of all behaviors in one pass, and the cheapest sections."""
+"""Where each behavior fits along a path: exact intervals for all behaviors in one pass, then the cheapest sections."""
 
 from __future__ import annotations
 
@@ -19,46 +19,49 @@ from crowdsim.navmesh.mesh.mesh_arrays import BOX_CORNERS, NONE
 from crowdsim.planning.labels.labelling_kernels import label_stretches
 
 OWN_SPAN = np.dtype([("lo", np.float64), ("hi", np.float64), ("owner", np.int64)], align=True)
-"""An interval of arc length where behavior ``owner`` does not fit."""
+"""Arc-length interval ``lo`` to ``hi`` [m] of a path in which behavior ``owner`` does not fit."""
 
 _GRAZE = 1e-9
-"""Meters within which a piece that touches an obstacle's side may as well cross it."""
+"""Distance within which a piece that touches an obstacle's side counts as crossing it [m]."""
 
 
 class Fitting(NamedTuple):
-    """What tells which behaviors fit where along a path, and what sections of them cost."""
+    """Input of the labelling kernels: clearances and costs of the n behaviors on m layers."""
 
     layers: NDArray[np.int64]
-    """(m, 5, 2) of `layers_of`: all but the legs' if there are others, as paths are found with the legs' clearance."""
+    """(m, 5, 2) array of `layers_of`: all layers but the legs' if there are others, as every path keeps the legs'
+    clearance."""
     radii: NDArray[np.float64]
-    """(b, m) clearance of each behavior on each of them [m]."""
+    """(n, m) required clearance of each behavior on each of these layers [m]."""
     costs: NDArray[np.float64]
-    """(b,) cost a meter."""
+    """(n,) cost per meter, narrowest behavior first."""
     turned: NDArray[np.bool_]
-    """(b,) whether the body moves turned off its way."""
+    """(n,) True if the body faces away from its direction of motion (side-stepping)."""
     terms: NDArray[np.float64]
-    """(4,) as :data:`crowdsim.planning.labels.labelling_kernels.TERMS`."""
+    """(4,) lengths and cost of a change of behavior, see :data:`crowdsim.planning.labels.labelling_kernels.TERMS`."""
 
 
 class Piece(NamedTuple):
-    """A straight piece of a path, in whose frame obstacles are measured: x along it from its start, y to its left."""
+    """Straight piece of a path. Its frame has x along the piece from its start and y to its left."""
 
     x: float
     y: float
-    """Its start."""
+    """Start of the piece."""
     ux: float
     uy: float
-    """Its direction, of length 1."""
+    """Unit direction of the piece."""
     start: float
-    """Arc length of its start along the path [m]."""
+    """Arc length of the start along the whole path [m]."""
     length: float
+    """Length of the piece [m]."""
 
 
 @helper
 def _crosses(ax, ay, bx, by, length):
-    """Whether side ab and the segment (0, 0) -> (length, 0) meet, or nearly."""
+    """Return True if side ab meets the segment (0, 0) -> (length, 0), or passes within :data:`_GRAZE` of it."""
     if min(ay, by) > _GRAZE or max(ay, by) < -_GRAZE:
         return False
+    # Extent of the crossing along x: the whole side if it is parallel to the x axis, else the one point at y = 0.
     low = min(ax, bx)
     high = max(ax, bx)
     if abs(by - ay) > _GRAZE:
@@ -70,15 +73,16 @@ def _crosses(ax, ay, bx, by, length):
 
 @helper
 def _inside(m, t, piece):
-    """Interval (lo, hi) of meters along the line of the piece that is inside triangle t; lo > hi if none."""
+    """Return the interval (lo, hi) [m] of the piece's line inside triangle t; lo > hi if there is none."""
     sides = m.sides
     vertices = m.vertices
+    # Clip the line by the half-planes of the three sides (Cyrus-Beck).
     lo = -math.inf
     hi = math.inf
     for h in range(3 * t, 3 * t + 3):
         a = vertices[sides[h].org]
         b = vertices[sides[nxt(h)].org]
-        # To the left of the side, which is inside: at + rate * s > 0.
+        # Point s of the line is left of the side, that is inside, if at + rate * s > 0.
         at = (b.x - a.x) * (piece.y - a.y) - (b.y - a.y) * (piece.x - a.x)
         rate = (b.x - a.x) * piece.uy - (b.y - a.y) * piece.ux
         if rate > 0.0:
@@ -92,10 +96,11 @@ def _inside(m, t, piece):
 
 @helper
 def _add_span(spans, lasts, count, owner, lo, hi):
-    """Record the interval for behavior ``owner``, or widen that one's last by it; the new count.
+    """Record the interval lo..hi for behavior ``owner``, or merge it into its last one; return the new count.
 
-    Callers see to room. An array that came back would be counted anew in each call.
+    The caller makes room in ``spans``. Returning the array would make numba count its references in each call.
     """
+    # lasts[owner]: index of this behavior's last interval on this layer, or NONE.
     k = lasts[owner]
     if k >= 0:
         last = spans[k]
@@ -113,15 +118,17 @@ def _add_span(spans, lasts, count, owner, lo, hi):
 
 @helper
 def _add_corner(spans, lasts, count, radii, k, x, y, piece):
-    """Record for each behavior where the piece is too near to the corner at (x, y) of its frame; the new count."""
+    """Record where the piece is too close to a corner at (x, y), for each behavior; return the new count."""
     for b in range(radii.shape[0] - 1, -1, -1):
+        # The disc of the behavior's radius around the corner cuts the piece's line in x - half .. x + half.
         half2 = radii[b, k] * radii[b, k] - y * y
+        # Radii ascend with the behavior: if this one keeps clear, all narrower ones do.
         if half2 <= 0.0:
             break
         half = math.sqrt(half2)
         lo = max(x - half, 0.0)
         hi = min(x + half, piece.length)
-        if lo >= hi:  # what is clear enough for this one is for all that are narrower
+        if lo >= hi:
             break
         count = _add_span(spans, lasts, count, b, lo + piece.start, hi + piece.start)
     return count
@@ -129,13 +136,13 @@ def _add_corner(spans, lasts, count, radii, k, x, y, piece):
 
 @helper
 def _add_side(spans, lasts, count, radii, k, ax, ay, bx, by, piece):
-    """Record for each behavior where the piece is beside the side ab of its frame and too near; the new count."""
+    """Record where the piece is too close to the inside of side ab, for each behavior; return the new count."""
     ex = bx - ax
     ey = by - ay
     size = hypot(ex, ey)
     ex /= size
     ey /= size
-    # Beside the side: 0 < e.(x - a) < size.
+    # Part of the piece beside the side, least..most: 0 < e.(x - a) < size, with e the unit direction of the side.
     from_a = -ex * ax - ey * ay
     least = 0.0
     most = piece.length
@@ -147,9 +154,10 @@ def _add_side(spans, lasts, count, radii, k, ax, ay, bx, by, piece):
         s1 = (size - from_a) / ex
         least = max(min(s0, s1), 0.0)
         most = min(max(s0, s1), piece.length)
+    # Signed distance of (s, 0) from the side's line: off - s * ey.
     off = ey * ax - ex * ay
     for b in range(radii.shape[0] - 1, -1, -1):
-        # Too near: |n.(x - a)| < radius.
+        # Too close: |off - s * ey| < radius. For a side parallel to the piece the distance is constant.
         radius = radii[b, k]
         lo = least
         hi = most
@@ -161,6 +169,7 @@ def _add_side(spans, lasts, count, radii, k, ax, ay, bx, by, piece):
             s1 = (off - radius) / ey
             lo = max(lo, min(s0, s1))
             hi = min(hi, max(s0, s1))
+        # Narrower behaviors have shorter intervals, within this one.
         if lo >= hi:
             break
         count = _add_span(spans, lasts, count, b, lo + piece.start, hi + piece.start)
@@ -169,7 +178,7 @@ def _add_side(spans, lasts, count, radii, k, ax, ay, bx, by, piece):
 
 @helper
 def _add_inside(m, t, piece, behaviors, spans, lasts, count):
-    """Record for all behaviors where the piece is in the blocked triangle t; the new count."""
+    """Record where the piece is inside the blocked triangle t, for all behaviors; return the new count."""
     lo, hi = _inside(m, t, piece)
     lo = max(lo, 0.0)
     hi = min(hi, piece.length)
@@ -181,10 +190,14 @@ def _add_inside(m, t, piece, behaviors, spans, lasts, count):
 
 @helper
 def add_misfits(m, stack, marks, mark, root, piece, radii, k, spans, lasts, count):
-    """Record where the piece is too near to obstacles of layer k for each behavior; (spans, count, stack).
+    """Record where the piece is too close to obstacles of layer k, for each behavior; return (spans, count, stack).
 
-    Triangles are walked from ``root``, that of its start, as far as the widest behavior reaches. Sides of obstacles
-    are passed only where the piece itself does: from any free place of it, what lies behind one is farther off than it.
+    Triangles are visited from ``root``, the triangle of the piece's start, out to the reach of the widest behavior. The
+    search crosses an obstacle's side only if the piece itself does: seen from a free point of the piece, the side is
+    closer than anything behind it.
+
+    m: arrays of the layer's mesh. stack: scratch of :data:`SWEPT`. marks (triangles,): the visited triangles hold
+    ``mark``. radii: (n, m) required clearances [m]. spans, lasts, count: as in `_add_span`.
     """
     sides = m.sides
     vertices = m.vertices
@@ -192,9 +205,10 @@ def add_misfits(m, stack, marks, mark, root, piece, radii, k, spans, lasts, coun
     length = piece.length
     behaviors = radii.shape[0]
     reach = radii[behaviors - 1, k]
-    if count + 4 * behaviors > spans.size:  # for the corners and the inside of the first triangle
+    if count + 4 * behaviors > spans.size:  # for the corners and the interior of the first triangle
         spans = longer(spans)
-    # The first triangle: its corners, its inside if it is blocked, and its sides on the stack, in the piece's frame.
+    # The first triangle: its corners (those of the bounding box are no obstacles), its interior if it is blocked, and
+    # its sides on the stack, in the piece's frame.
     for i in range(3):
         row = stack[i]
         row.h = 3 * root + i
@@ -211,6 +225,7 @@ def add_misfits(m, stack, marks, mark, root, piece, radii, k, spans, lasts, coun
     marks[root] = mark
     if cover[root] != 0:
         count = _add_inside(m, root, piece, behaviors, spans, lasts, count)
+    # Depth-first over the triangles that the piece, widened by reach, may touch.
     top = 3
     while top > 0:
         top -= 1
@@ -219,14 +234,15 @@ def add_misfits(m, stack, marks, mark, root, piece, radii, k, spans, lasts, coun
         ay = row.ay
         bx = row.bx
         by = row.by
+        # Skip a side that the widened piece does not reach, and with it all that lies behind.
         near = is_close(ax, ay, length, reach) or is_close(bx, by, length, reach)
         if not near and not is_met(ax, ay, bx, by, length, reach):
             continue
-        if count + 3 * behaviors > spans.size:  # for a side, a corner and the inside of a triangle
+        if count + 3 * behaviors > spans.size:  # for one side, one corner and the interior of one triangle
             spans = longer(spans)
         h = row.h
         side = sides[h]
-        # A side of an obstacle hides what is behind it, unless the piece itself passes through.
+        # Stop at a side of an obstacle unless the piece itself passes through it.
         if side.constraints != 0:
             count = _add_side(spans, lasts, count, radii, k, ax, ay, bx, by, piece)
             if not _crosses(ax, ay, bx, by, length):
@@ -235,7 +251,7 @@ def add_misfits(m, stack, marks, mark, root, piece, radii, k, spans, lasts, coun
         t = g // 3
         if g < 0 or marks[t] == mark:
             continue
-        # The triangle behind: its inside, the corner across, and its two other sides on the stack.
+        # The triangle behind: its interior, the opposite corner, and its two other sides on the stack.
         marks[t] = mark
         if cover[t] != 0:
             count = _add_inside(m, t, piece, behaviors, spans, lasts, count)
@@ -268,13 +284,17 @@ def add_misfits(m, stack, marks, mark, root, piece, radii, k, spans, lasts, coun
 
 @helper
 def label_spans(spans, total, costs, turned, terms, length):
-    """Cheapest sections and their cost, as of `label_stretches`, of a path with ``total`` intervals, in any order."""
+    """Return the cheapest sections (k, 3) of a path and their cost, given the intervals where behaviors do not fit.
+
+    spans: the first ``total`` rows count, in any order. The result is that of `label_stretches`.
+    """
     count = costs.size
     ends = np.zeros(count, np.int64)
     own = np.empty(total + 1, SPAN)
     blocked = np.empty((total, 2))
     rows = 0
     for b in range(count):
+        # Merge the intervals of behavior b; rows ends[b - 1]..ends[b] of blocked are its own.
         filled = np.int64(0)
         for s in range(total):
             if spans[s].owner == b:
@@ -282,7 +302,7 @@ def label_spans(spans, total, costs, turned, terms, length):
                 own[filled].hi = spans[s].hi
                 filled += 1
         union = merged(own, filled)
-        # Not as slices, whose shape checks compile for a second.
+        # Copied value by value: numba takes a second to compile the shape checks of slice assignment.
         for s in range(union.shape[0]):
             blocked[rows, 0] = union[s, 0]
             blocked[rows, 1] = union[s, 1]
@@ -293,13 +313,25 @@ def label_spans(spans, total, costs, turned, terms, length):
 
 @kernel
 def annotate(fitting, points):
-    """Cheapest sections (k, 3) of the polyline (n, 2), as of `label_stretches`; their cost; the polyline's length."""
+    """Find the cheapest sections of a polyline.
+
+    Parameters
+    ----------
+    fitting: :class:`Fitting`
+    points: (n, 2) float64, vertices of the path [m].
+
+    Returns
+    -------
+    (sections (k, 3), cost, length): rows (behavior, start, end) and the cost as of `label_stretches`, and the length of
+    the polyline [m].
+    """
     layers, radii, costs, turned, terms = fitting
     count = costs.size
     pieces = points.shape[0] - 1
     stack = np.empty(64, SWEPT)
     lasts = np.empty(count, np.int64)
     spans = np.empty(64, OWN_SPAN)
+    # One array of marks serves all layers: as long as the largest mesh, and each piece has a mark of its own.
     most = 0
     for k in range(len(layers)):
         most = max(most, mesh_at(layers[k]).cover.size)
@@ -307,6 +339,7 @@ def annotate(fitting, points):
     mark = 0
     total = np.int64(0)
     length = 0.0
+    # On each layer, follow the path from triangle to triangle and collect intervals of all behaviors.
     for k in range(len(layers)):
         m = mesh_at(layers[k])
         start = 0.0
@@ -318,7 +351,7 @@ def annotate(fitting, points):
             qx = points[i + 1, 0]
             qy = points[i + 1, 1]
             size = hypot(qx - px, qy - py)
-            # Where a disc of the widest behavior moves freely, all fit.
+            # If a disc of the widest behavior moves freely along the piece, all behaviors fit: no intervals.
             free = False
             end = triangle
             if m.cover[triangle] == 0:

@@ -1,4 +1,4 @@
-"""From the stretches where behaviors do not fit to the sections of an annotated path (2018 paper, algorithm 2)."""
+"""Sections of a path from the intervals where behaviors do not fit (2018 paper, algorithm 2)."""
 
 from __future__ import annotations
 
@@ -22,15 +22,24 @@ def label_path(
     length: float,
     terms: NDArray[np.float64] = TERMS,
 ) -> tuple[tuple[Section, ...], float]:
-    """Cheapest sections over a path of ``length`` meters, and their cost; ((), inf) where some place fits no behavior.
+    """Find the cheapest sections over a path, and their cost.
 
-    blocked[i]: (k, 2) arc-length intervals where behavior i does not fit; what does not fit a narrower behavior fits no
-    wider one. costs: (n,) a meter. turned: (n,) whether the body moves turned off its way. terms: as
-    :data:`~crowdsim.planning.labels.labelling_kernels.TERMS`.
+    A stretch that requires a narrower behavior is lengthened to ``MIN_SECTION`` if it is shorter, as narrower always
+    fits; a shorter stretch that would allow a wider behavior keeps the narrower one. Turned sections border on the
+    preferred behavior, with room to turn, or on the ends of the path, where a character may stand at any heading.
 
-    A stretch shorter than ``MIN_SECTION`` that asks for a narrower behavior is lengthened, for narrower always fits;
-    a shorter stretch that would allow a wider one is given to the narrower. Turned sections border on the
-    preferred behavior with room to turn, or on the ends of the path, where a character may stand as it likes.
+    Parameters
+    ----------
+    blocked: blocked[i] (k, 2), arc-length intervals in which behavior i does not fit [m]. Where a behavior does not
+    fit, no wider one does.
+    costs: (n,) cost per meter.
+    turned: (n,) True if the body faces away from its direction of motion.
+    length: length of the path [m].
+    terms: (4,) as :data:`~crowdsim.planning.labels.labelling_kernels.TERMS`.
+
+    Returns
+    -------
+    (sections, cost); ((), inf) if some place fits no behavior.
     """
     ends = np.cumsum([len(intervals) for intervals in blocked])
     stretches = np.concatenate(blocked) if ends[-1] else _NOWHERE

@@ -1,4 +1,4 @@
-"""The cheapest behavior for every stretch of a path."""
+"""The cheapest behavior for every stretch of a path (2018 paper, algorithm 2, by dynamic programming)."""
 
 import math
 
@@ -8,34 +8,37 @@ from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.clearance.violation_kernels import SPAN, merged, record
 
 MIN_SECTION = 0.6
-"""Meters a section lasts at least: the shortest movement worth changing the behavior for."""
+"""Least length of a section [m]: the shortest movement worth a change of behavior."""
 
 TURN_ROOM = 0.7
-"""Meters of straight walking that a turn into or out of a turned behavior takes in addition."""
+"""Straight walking that a turn into or out of a turned behavior needs in addition [m]."""
 
 BETWEEN_TURNED = 2.0
-"""Meters of straight walking between two turned sections: the turns out of the one and into the other."""
+"""Straight walking between two turned sections [m]: the turn out of the first and the turn into the second."""
 
 SWITCH_COST = 0.15
-"""Cost of one change of behavior, in meters of the preferred behavior."""
+"""Cost of one change of behavior, in meters of the preferred behavior. A larger cost makes changes rarer."""
 
 TERMS = np.array([SWITCH_COST, MIN_SECTION, TURN_ROOM, BETWEEN_TURNED])
-"""What changes of behavior take, beside the meters themselves; all 0 where a path is labelled place by place."""
+"""What changes of behavior cost and need, (4,): SWITCH_COST, MIN_SECTION, TURN_ROOM, BETWEEN_TURNED. All 0: every place
+gets its cheapest behavior on its own."""
 
 ROUNDING = 1e-9
-"""Meters that a section may fall short of what it needs."""
+"""Shortfall of a section's required length that is put down to rounding [m]."""
 
 
 @helper
 def required_length(before, label, after, turned, terms):
-    """Meters a section of ``label`` needs between sections ``before`` and ``after`` (n where the path ends).
+    """Return the least length [m] of a section of behavior ``label`` between sections ``before`` and ``after``.
 
-    Infinite where the neighbors do not go together: a body turns only beside the preferred behavior. ``terms`` (4,) are
-    as :data:`TERMS`.
+    ``before`` or ``after`` is n if the path begins or ends there. The length is infinite if the sections may not meet:
+    a body turns only next to the preferred behavior, n - 1. ``terms`` (4,): as :data:`TERMS`.
     """
     n = len(turned)
+    # All lengths zero: no constraints at all, not even on turns.
     if terms[1] + terms[2] + terms[3] == 0.0:
         return 0.0
+    # Count the neighbors that need a turn of the body, and the ends of the path.
     turns = 0
     ends = 0
     for other in (before, after):
@@ -45,6 +48,7 @@ def required_length(before, label, after, turned, terms):
             if max(other, label) != n - 1:
                 return math.inf
             turns += 1
+    # A path of one section, or one that starts or ends turned, may be as short as it likes.
     if ends == 2 or (ends == 1 and turned[label]):
         return 0.0
     if turned[label] or turns == 0:
@@ -56,27 +60,34 @@ def required_length(before, label, after, turned, terms):
 
 @kernel
 def label_cells(cuts, widest, costs, turned, terms, best, chosen_start, chosen_before, labels):
-    """Cheapest labels of the cells between ``cuts``; returns their cost, infinite where there are none.
+    """Find the cheapest labels of the cells between ``cuts`` and return their cost, infinite if there are none.
 
-    cuts: (c + 1,) float64, ascending arc lengths; widest: (c,) int32, largest feasible label of each cell, all smaller
-    ones being feasible too. costs: (n,) float64 a meter; turned: (n,) bool; terms: as :data:`TERMS`. Scratch:
-    best (c + 1, n, n + 1) float64, chosen_start and chosen_before of the same shape, int32. Result: labels (c,) int32.
+    Dynamic programming over the ends of sections, O(c^2 n^3) for c cells and n behaviors.
 
-    ``best[k, i, j]`` is the cost up to cut k where a section of label i ends that a section of label j follows (j = n:
-    the path ends). Dynamic programming over section ends, O(c^2 n^3).
+    Parameters
+    ----------
+    cuts: (c + 1,) float64, ascending arc lengths [m].
+    widest: (c,) int32, widest behavior that fits each cell; all narrower ones fit too.
+    costs, turned, terms: (n,) float64, (n,) bool, (4,) float64, as in :class:`Fitting
+    <crowdsim.planning.labels.fitting_kernels.Fitting>`.
+    best, chosen_start, chosen_before: scratch, (c + 1, n, n + 1) of float64, int32 and int32.
+    labels: (c,) int32, filled with the behavior of each cell.
     """
     n = len(costs)
     cells = len(widest)
-    # best[end, label, after] = min over start, before of best[start, before, label] + change + length * cost.
+    # best[end, i, j]: least cost up to cuts[end] if a section of behavior i ends there and one of j follows (j = n: the
+    # path ends). Recursion: best[end, i, j] = min over start, h of best[start, h, i] + change + length * costs[i].
     best[:] = math.inf
     for end in range(1, cells + 1):
         for label in range(n):
             for start in range(end - 1, -1, -1):
+                # The section start..end grows backwards until it meets a cell that the behavior does not fit.
                 if widest[start] < label:
                     break
                 length = cuts[end] - cuts[start]
                 first = 0 if start > 0 else n
                 last = n if start > 0 else n + 1
+                # before = n only for the first section, which pays no change of behavior.
                 for before in range(first, last):
                     if before == label:
                         continue
@@ -85,13 +96,14 @@ def label_cells(cuts, widest, costs, turned, terms, best, chosen_start, chosen_b
                         continue
                     paid += length * costs[label]
                     for after in range(n + 1):
+                        # Only the last section is followed by the end of the path.
                         if after == label or (after == n) != (end == cells) or paid >= best[end, label, after]:
                             continue
                         if length + ROUNDING >= required_length(before, label, after, turned, terms):
                             best[end, label, after] = paid
                             chosen_start[end, label, after] = start
                             chosen_before[end, label, after] = before
-    # The cheapest last section, the widest of those that cost the same; then back from section to section.
+    # The cheapest last section, ties to the wider behavior; then back from section to section.
     total = math.inf
     label = -1
     for i in range(n - 1, -1, -1):
@@ -112,7 +124,7 @@ def label_cells(cuts, widest, costs, turned, terms, best, chosen_start, chosen_b
 
 @helper
 def _lengthened(stretches, shortest, length, spans):
-    """Put the rows of ``stretches`` (k, 2) into ``spans``, at least ``shortest`` long, within 0 and ``length``."""
+    """Write ``stretches`` (k, 2) to ``spans``, grown about their middles to at least ``shortest``, within 0..length."""
     count = np.int64(0)
     for k in range(stretches.shape[0]):
         low = stretches[k, 0]
@@ -120,6 +132,7 @@ def _lengthened(stretches, shortest, length, spans):
         missing = 0.5 * max(shortest - (high - low), 0.0)
         low -= missing
         high += missing
+        # A stretch that would leave the path is moved back into it.
         over = max(high - length, 0.0)
         under = min(low, 0.0)
         spans, count = record(spans, count, max(low - over, 0.0), min(high - under, length))
@@ -128,9 +141,9 @@ def _lengthened(stretches, shortest, length, spans):
 
 @helper
 def _sort_distinct(values, filled):
-    """Sort the first ``filled`` of ``values`` in place and drop repetitions; how many are left.
+    """Sort the first ``filled`` entries of ``values`` in place, drop repetitions, and return how many are left.
 
-    By insertion: they are few, and numpy's own takes two seconds to compile.
+    Insertion sort, as there are few; numpy's own sort takes two seconds to compile.
     """
     count = 0
     for i in range(filled):
@@ -149,16 +162,26 @@ def _sort_distinct(values, filled):
 
 @kernel
 def label_stretches(blocked, ends, costs, turned, terms, length):
-    """Cheapest sections (k, 3) of a path of ``length`` meters (behavior, start, end), and their cost.
+    """Find the cheapest sections of a path, given where each behavior does not fit.
 
-    Behavior i does not fit in the arc-length intervals blocked[ends[i - 1] : ends[i]] (rows of two). No rows and
-    infinite cost where some place fits no behavior. See :func:`crowdsim.planning.labels.labelling.label_path`.
+    Parameters
+    ----------
+    blocked: (r, 2) float64; behavior i does not fit in the arc-length intervals blocked[ends[i - 1] : ends[i]] [m].
+    ends: (n,) int64.
+    costs, turned, terms: (n,) float64, (n,) bool, (4,) float64, see :data:`TERMS`.
+    length: length of the path [m].
+
+    Returns
+    -------
+    (sections (k, 3), cost): rows (behavior, start, end). No rows and infinite cost if some place fits no behavior.
     """
     n = costs.size
     spans = np.empty(64, SPAN)
+    # Behavior 0 is the narrowest: where it does not fit, nothing does.
     if ends[0] > 0:
         return np.empty((0, 3)), math.inf
     grown = np.empty((0, 2))
+    # Two cuts for the ends of the path, and two for each interval, also those inherited from narrower behaviors.
     most = 2
     for i in range(1, n):
         most += 2 * (ends[i] - ends[0])
@@ -168,7 +191,8 @@ def label_stretches(blocked, ends, costs, turned, terms, length):
     filled = np.int64(2)
     inside = np.empty((n, most))
     counts = np.zeros(n, np.int64)
-    # Where each behavior must not be: where it or a narrower one does not fit, lengthened to a section's least length.
+    # Where each behavior i is ruled out: where i or a narrower one does not fit, grown to the least length of a
+    # section. (A stretch that short would get a narrower behavior for that length anyway.)
     for i in range(1, n):
         count = np.int64(0)
         for k in range(grown.shape[0]):
@@ -184,7 +208,8 @@ def label_stretches(blocked, ends, costs, turned, terms, length):
                 inside[i, 2 * k + side] = grown[k, side]
                 cuts[filled] = grown[k, side]
                 filled += 1
-    # Cells between all ends of these stretches, and the widest behavior that is allowed in each.
+    # Cells between all ends of these intervals, and the widest behavior allowed in each. The bounds of a behavior's
+    # intervals ascend, so an odd rank among them means inside one.
     cells = max(_sort_distinct(cuts, filled), 2) - 1
     widest = np.zeros(cells, np.int32)
     for cell in range(cells):
@@ -203,6 +228,7 @@ def label_stretches(blocked, ends, costs, turned, terms, length):
     count = 0
     if cost == math.inf:
         return sections[:0], cost
+    # Join neighboring cells of one behavior to sections.
     for cell in range(cells):
         if cell == 0 or labels[cell] != labels[cell - 1]:
             sections[count, 0] = labels[cell]

@@ -1,8 +1,8 @@
-"""Moving a path off the obstacles where there is room.
+"""Shift a path away from obstacles where there is room.
 
-The cheapest path touches corners at exactly the clearance of its behaviors, though motions follow it only nearly. At
-stations along it the path may shift to one side, and dynamic programming chooses the shifts: length times the cost of
-the behavior that fits, and a price for every station that lacks margin.
+The cheapest path touches corners at exactly the clearance of its behaviors, but motions follow it only approximately.
+Stations along the path may shift to either side; dynamic programming chooses the shifts that minimize length times the
+cost of the behavior that fits, plus a price for each station that lacks margin.
 """
 
 from __future__ import annotations
@@ -18,35 +18,35 @@ from crowdsim.planning.query.query import Query
 from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 
 STATION = 0.12
-"""Meters between stations, at most."""
+"""Largest distance between stations [m]."""
 
 MARGIN = 0.1
-"""Meters of clearance beyond the planned that a path takes where they cost (almost) nothing."""
+"""Clearance beyond the planned one that a path takes where it costs (almost) nothing [m]."""
 
 SHIFTS = MARGIN * np.linspace(-1.0, 1.0, 9)
-"""Meters to the left by which a station may shift."""
+"""Shifts of a station, to the left [m]."""
 
 MARGIN_PRICE = 0.1
-"""Cost a meter of the preferred behavior, as a share of its own, for lacking all of the margin."""
+"""Price of lacking the whole margin, as a share of the preferred behavior's cost per meter. Higher: wider detours."""
 
 MARGIN_WORTH = 0.03
-"""Share of the cost that the margin may take altogether."""
+"""Largest share of the path's cost that the margin may add altogether."""
 
 _CHORD = 0.01
-"""Meters of clearance that shifted stations have left, for the straight pieces between them."""
+"""Spare clearance of shifted stations for the straight pieces between them [m]."""
 
 _ROOMY = 1e-6
-"""Meters by which a path must be roomier than asked for to be left alone at once: places on it are rounded."""
+"""Clearance beyond the margin that skips the search at once [m]; covers rounded coordinates."""
 
 _ROUNDS = 4
 _STAY = len(SHIFTS) // 2
 
 
 def with_clearance_margin(query: Query, path: AnnotatedPath) -> AnnotatedPath:
-    """The same way with more clearance where there is some: through the middle of gaps, wide around corners."""
+    """Return the route with more clearance where there is room: through the middle of gaps, wide around corners."""
     if path.length < 2.0 * STATION:
         return path
-    # Where all is roomy there is nothing to gain: one sweep tells most of these, and costs next to nothing.
+    # One cheap sweep: if the whole path has the margin already, nothing can be gained.
     pieces = np.concatenate([path.points[:-1], path.points[1:]], axis=1)
     layers = layers_of(query.meshes)
     if are_free(layers, query.need.radii.max(axis=0) + MARGIN + _ROOMY, pieces):
@@ -69,7 +69,7 @@ def with_clearance_margin(query: Query, path: AnnotatedPath) -> AnnotatedPath:
         if not len(tight):
             roomy = query.annotated(points)
             return roomy if roomy.sections and roomy.cost <= path.cost * (1.0 + MARGIN_WORTH) else path
-        # Straight pieces between stations cut a corner there: they stay where they were.
+        # A straight piece between stations cuts a corner there: these stations keep their places.
         at = arc_lengths(points)[first]
         for low, high in tight.tolist():
             begin, end = np.searchsorted(at, [low, high])
@@ -78,9 +78,10 @@ def with_clearance_margin(query: Query, path: AnnotatedPath) -> AnnotatedPath:
 
 
 def _prices(query: Query, places: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """(n, shifts) cost a meter at each of ``places`` (n, shifts, 2), infinite where nobody fits; None if all is roomy.
+    """Return the cost per meter (n, shifts) at each of ``places`` (n, shifts, 2); None if every station has the margin.
 
-    The cost is that of the most preferred behavior that fits, and the price of the margin that it lacks.
+    It is the cost of the most preferred behavior that fits, plus the price of the margin that it lacks; infinite where
+    no behavior fits.
     """
     need = query.need
     reach = need.radii.max(axis=0) + MARGIN
@@ -89,7 +90,7 @@ def _prices(query: Query, places: NDArray[np.float64]) -> NDArray[np.float64] | 
         roomy &= mesh.clearances(places[:, _STAY], limit) >= limit
     if roomy.all():
         return None
-    # Those next to a station that is too close may have to shift as well.
+    # Stations within three of one that lacks margin may have to shift as well.
     close = np.flatnonzero(np.lib.stride_tricks.sliding_window_view(np.pad(~roomy, 3), 7).any(axis=1))
     room = np.full((len(close), len(SHIFTS), need.count), np.inf)
     for layer, mesh in enumerate(query.meshes):
@@ -107,7 +108,11 @@ def _prices(query: Query, places: NDArray[np.float64]) -> NDArray[np.float64] | 
 
 
 def _cheapest_shifts(prices: NDArray[np.float64], steps: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Shift (n,) of each station with the least sum of length times mean price; steps: (n - 1, from, to) meters."""
+    """Return the shift (n,) of each station with the least sum of length times mean price, by Bellman's recursion.
+
+    prices: (n, SHIFTS) cost per meter at each place of each station, infinite where nothing fits; the first and the
+    last station stay. steps: (n - 1, from, to) distance between the places of neighboring stations [m].
+    """
     before = np.full(steps.shape[:2], _STAY)
     total = np.zeros(len(SHIFTS))
     every = np.arange(len(SHIFTS))
@@ -115,6 +120,8 @@ def _cheapest_shifts(prices: NDArray[np.float64], steps: NDArray[np.float64]) ->
     free = np.isfinite(prices).sum(axis=1) > 1
     pieces = np.flatnonzero(free[:-1] | free[1:])
     costs = 0.5 * (prices[pieces, :, None] + prices[pieces + 1, None, :]) * steps[pieces]
+    # total: least cost up to station k by its place; before[k]: the place of station k on the way to each place of the
+    # next one.
     for k, cost in zip(pieces.tolist(), costs, strict=True):
         sums = cost + total[:, None]
         best = before[k] = sums.argmin(axis=0)
@@ -128,9 +135,9 @@ def _cheapest_shifts(prices: NDArray[np.float64], steps: NDArray[np.float64]) ->
 def _shifted(
     path: AnnotatedPath, arc: NDArray[np.float64], places: NDArray[np.float64], chosen: NDArray[np.int64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """The path through its stations as they are shifted, and which of its points they are.
+    """Return the path through its shifted stations, and the indices of its points that are stations.
 
-    Where neither of two stations shifts, it is the path itself between them.
+    Between two stations that do not shift, it is the path itself.
     """
     stays = chosen == _STAY
     own = np.searchsorted(arc, path.arc, side="right") - 1
@@ -144,7 +151,7 @@ def _shifted(
 
 
 def joined(pieces: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Polylines end to end, without repeated points."""
+    """Concatenate polylines and drop repeated points."""
     points = np.concatenate(pieces)
     keep = np.append(True, hypot(*np.diff(points, axis=0).T) > 1e-9)
     return np.ascontiguousarray(points[keep])

@@ -1,4 +1,4 @@
-"""The middle of each turn of a path led aside by what it lacks of what a body reaches while it turns."""
+"""Bend a path at its turns, where a turning body reaches farther than the path's clearance."""
 
 import numpy as np
 
@@ -12,33 +12,38 @@ from crowdsim.planning.labels.labelling_kernels import TURN_ROOM
 from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 
 STATION = 0.06
-"""Meters between the places of a turn that are looked at."""
+"""Distance between the stations of a turn [m]."""
 
 WORTH = 0.005
-"""Share of the cost that the room for a turn may take."""
+"""Largest share of the path's cost that the room for one turn may add."""
 
 PROBE = 0.03
-"""Meters to the sides where it is looked for more room."""
+"""Distance to either side at which clearance is probed for the better side [m]."""
 
 CHORD = 0.002
-"""Meters of clearance beyond what is needed, for the straight pieces between stations."""
+"""Spare clearance of moved stations for the straight pieces between them [m]."""
 
 SPARED = 0.004
-"""Meters that a turn may lack of what it reaches: less is not worth a bend."""
+"""Shortfall of a turn's reach that is not worth a bend [m]."""
 
 INNER = int(0.25 * TURN_ROOM / STATION) + 1
-"""Places on both sides of the middle of a turn that may be led aside."""
+"""Stations on each side of a turn's middle that may move: those in the middle half of TURN_ROOM."""
 
 RAMP = 2
-"""Stations from the last of these to the place where the path is as it was."""
+"""Stations from the last of these to the point where the bend rejoins the path."""
 
 _ENDS = INNER + RAMP
+"""Station number, counted from the middle, of both ends of the bend."""
 _PLACES = 2 * INNER + 3
+"""Places of a bend: the middle, INNER on each side and one next to these at each end."""
 
 
 @helper
 def _place_stations(points, arc, middle, places):
-    """Fill ``places`` (s, 2) of the path about the middle of a turn, an arc length; the first and the last stay."""
+    """Fill ``places`` (s, 2) with the stations of the path around the middle of a turn, at arc length ``middle``.
+
+    The first and the last are where the bend leaves and rejoins the path; they stay.
+    """
     piece = np.int64(0)
     for i in range(_PLACES):
         step = i - INNER - 1
@@ -57,7 +62,11 @@ def _place_stations(points, arc, middle, places):
 
 @helper
 def _lacking(layers, radii, turning, label, back, x, y):
-    """Meters that (x, y) lacks of what the turn reaches, in layers where that is beyond the plan; at least -PROBE."""
+    """Return the clearance that (x, y) lacks for a turn of behavior ``label`` [m], at least -PROBE.
+
+    Only layers count in which the turn reaches beyond the plan. ``back`` is 0 for the turn into the behavior, 1 for the
+    turn out of it.
+    """
     top = radii.shape[0] - 1
     lack = -PROBE
     for i in range(len(layers)):
@@ -70,12 +79,15 @@ def _lacking(layers, radii, turning, label, back, x, y):
 
 @helper
 def _lead_aside(layers, radii, turning, label, back, places):
-    """Move ``places`` (s, 2) to where they have the clearance of the turn; whether any lacks of it."""
+    """Move ``places`` (s, 2) [m] to where they have the clearance of the turn; return True if any lacked it.
+
+    The first and the last place stay. Other arguments as of :func:`_lacking`.
+    """
     bends = False
     x = places[0, 0]
     y = places[0, 1]
     for i in range(1, _PLACES - 1):
-        # To the left of the path, of which the places before may have moved.
+        # (ax, ay): PROBE to the left of the path, between the place before, as it was, and the place after.
         ax = y - places[i + 1, 1]
         ay = places[i + 1, 0] - x
         size = hypot(ax, ay)
@@ -87,6 +99,7 @@ def _lead_aside(layers, radii, turning, label, back, places):
         if lack <= 0.0:
             continue
         bends = True
+        # Move to the side that lacks less, by what is missing here.
         left = _lacking(layers, radii, turning, label, back, x + ax, y + ay)
         right = _lacking(layers, radii, turning, label, back, x - ax, y - ay)
         aside = (lack + CHORD if left <= right else -lack - CHORD) / PROBE
@@ -97,10 +110,17 @@ def _lead_aside(layers, radii, turning, label, back, places):
 
 @kernel
 def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turned):
-    """The path with room to turn: its polyline (n, 2), arc lengths (n,), sections (k, 3) and cost.
+    """Bend a path to give each turn its room; return (points (n, 2), arc (n,), sections (k, 3), cost).
 
-    No points where nothing bends. layers: all meshes, as of `layers_of`. points, arc, sections, cost: the path as it
-    is. Others: as of :class:`crowdsim.planning.query.requirements.Requirements`.
+    Parameters
+    ----------
+    layers: all meshes, as of `layers_of`.
+    points, arc, sections, cost: the path as it is.
+    radii, turning, costs, turned: as of :class:`crowdsim.planning.query.requirements.Requirements`.
+
+    Returns
+    -------
+    The bent path; no points if nothing is bent.
     """
     count = sections.shape[0]
     least = np.empty(len(layers))
@@ -119,12 +139,14 @@ def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turne
         other = int(sections[k + 1, 0])
         if turned[one] == turned[other]:
             continue
-        # Off the way into a turned section (back = 0), or back from one: the turn is walked in the section that is not.
+        # The body turns where a section that faces ahead meets a turned one (label). back = 0: into it, back = 1: out
+        # of it. It turns while walking in the section that faces ahead (index whole, behavior walking).
         back = 1 if turned[one] else 0
         label = one if back == 1 else other
         whole = k + back
         walking = int(sections[whole, 0])
-        # Nothing to do where the turn reaches no farther than what is planned, or has no room within its section.
+        # Skip a turn that reaches no farther than the plan, or whose bend does not fit in its section or overlaps the
+        # bend before.
         reaches = False
         for i in range(len(layers)):
             reaches = reaches or turning[label, back, i] - SPARED > radii[walking, i]
@@ -136,7 +158,7 @@ def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turne
         _place_stations(points, arc, middle, places)
         if not _lead_aside(layers, radii, turning, label, back, places):
             continue
-        # The bent part must be free and cost little more.
+        # Keep the bend only if it is free and costs little more.
         more = first - last
         for i in range(_PLACES - 1):
             more += hypot(places[i + 1, 0] - places[i, 0], places[i + 1, 1] - places[i, 1])
@@ -146,7 +168,7 @@ def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turne
             least[i] = radii[walking, i] - CONTACT_TOLERANCE
         if more * costs[walking] > WORTH * cost or not are_free(layers, least, pieces):
             continue
-        # The path up to the turn as it is, then the bent part, whose length moves all that comes after.
+        # Copy the path up to the turn, then the bend, whose extra length shifts all sections behind it.
         while kept < arc.size and arc[kept] <= first:
             line[filled, 0] = points[kept, 0]
             line[filled, 1] = points[kept, 1]
@@ -163,12 +185,14 @@ def bend_turns(layers, points, arc, sections, cost, radii, turning, costs, turne
             bent[later, 1] += more
             bent[later, 2] += more
         end = last
+    # No bends: the caller keeps its path.
     if filled == 0:
         return line[:0], arc, sections, cost
     for i in range(kept, points.shape[0]):
         line[filled, 0] = points[i, 0]
         line[filled, 1] = points[i, 1]
         filled += 1
+    # Arc lengths anew; each section costs more by what it became longer.
     lengths = np.empty(filled)
     lengths[0] = 0.0
     for i in range(1, filled):

@@ -1,4 +1,4 @@
-"""Room for hands that swing out while a body turns: the middle of a turn asks for more than walking ahead."""
+"""Room for hands that swing out while a body turns: the middle of a turn needs more clearance than walking ahead."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from crowdsim.planning.query.query import Query, as_sections
 
 
 def with_turn_room(query: Query, path: AnnotatedPath) -> AnnotatedPath:
-    """The same way, farther from obstacles where a body reaches beyond its planned clearance while it turns.
+    """Return the route led away from obstacles where a turning body reaches beyond its planned clearance.
 
-    That is the middle half of the room for a turn, in the section of the behavior that is not turned. Where the path
-    cannot lead aside it stays as it is.
+    This concerns the middle half of the room for a turn, in the section of the behavior that is not turned. The path
+    stays as it is where there is no room.
     """
     need = query.need
     turned = need.turned.tolist()

@@ -1,8 +1,7 @@
 """Where each behavior may go: the meshes that are searched for paths.
 
-The lowest layer alone cannot tell a bench from a wall: a body with swinging arms passes closer to the one than to the
-other. So each behavior has an area, in which a disc of the legs' clearance moves just where the
-behavior fits on all layers.
+The lowest layer alone cannot tell a bench from a wall: a body with swinging arms passes closer to the bench. So each
+behavior has an area in which a disc of the legs' clearance can move exactly where the behavior fits on all layers.
 """
 
 from __future__ import annotations
@@ -24,14 +23,15 @@ if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
 
 _ARC_STEPS = 4
-"""Chords of a quarter circle around a corner; they stay outside of the circle."""
+"""Chords of a quarter circle around a grown corner; they stay outside the circle. More: tighter areas, more
+vertices."""
 
 
 class BehaviorArea(NamedTuple):
-    """Where to search for paths that fit a behavior.
+    """Mesh in which to search for paths that fit a behavior.
 
-    radius: clearance with which a path on ``mesh`` does. behavior: the one whose polygon of :func:`area_polygons` the
-    mesh is of, None where it is a layer.
+    radius: clearance of such paths on ``mesh`` [m]. behavior: index k if the mesh is of polygon k of
+    :func:`area_polygons`, None if it is a layer.
     """
 
     mesh: NavMesh
@@ -39,17 +39,17 @@ class BehaviorArea(NamedTuple):
     behavior: int | None = None
 
     def find_path(self, ends: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Points of the shortest path; PathNotFound if there is none."""
+        """Return the points of the shortest path between ``ends`` (2, 2); raise PathNotFound if there is none."""
         return self.mesh.find_path(ends[0], ends[1], self.radius).points
 
 
 def area_polygons(
     layers: Sequence[shapely.Geometry], behaviors: Sequence[Behavior], margin: float = TRACKING_MARGIN
 ) -> tuple[shapely.Geometry, ...]:
-    """The area of each behavior, from the walkable areas of the layers, the legs' first.
+    """Return the area of each behavior, from the walkable areas of the layers, the legs' first.
 
-    The obstacles of the upper layers grow by what the behavior needs there beyond the legs' clearance. An area may fall
-    apart or be empty.
+    The obstacles of the upper layers grow by what the behavior needs there beyond the legs' clearance. An area may be
+    empty or consist of several parts.
     """
     areas = []
     for growths in area_growths(behaviors, len(layers), margin):
@@ -62,7 +62,7 @@ def area_polygons(
 
 
 def area_growths(behaviors: Sequence[Behavior], layers: int, margin: float = TRACKING_MARGIN) -> NDArray[np.float64]:
-    """(B, layers - 1) meters by which the obstacles of the upper layers grow in each behavior's area, 0 if not."""
+    """Return (n, layers - 1): growth of the upper layers' obstacles in each behavior's area [m], 0 for none."""
     need = Requirements.of(behaviors, layers, margin)
     widened: NDArray[np.float64] = np.maximum(need.radii[:, 1:] - need.search_radius, 0.0) / cos(
         np.pi / 4.0 / _ARC_STEPS
@@ -71,23 +71,26 @@ def area_growths(behaviors: Sequence[Behavior], layers: int, margin: float = TRA
 
 
 def grown(obstacle: shapely.Geometry, growth: float) -> shapely.Geometry:
-    """An obstacle of an upper layer as a behavior area holds it."""
+    """Return an upper layer's obstacle as a behavior area contains it."""
     return buffered(obstacle, growth, quad_segs=_ARC_STEPS) if growth > 0.0 else obstacle
 
 
 def area_excess(growth: float) -> float:
-    """Meters by which obstacles in an area are at most too large that should have grown by ``growth``."""
+    """Return by how much an obstacle grown by ``growth`` is too large at most, as its arcs are chords [m]."""
     return max(growth, 0.0) * (1.0 / float(cos(np.pi / 4.0 / _ARC_STEPS)) - 1.0)
 
 
 def make_areas(
     meshes: Sequence[NavMesh], need: Requirements, given: Sequence[NavMesh | None] | None
 ) -> tuple[BehaviorArea, ...]:
-    """Behavior areas from the widest behavior to the narrowest.
+    """Return the behavior areas from the widest behavior to the narrowest.
 
-    ``given`` holds a mesh of each of :func:`area_polygons`, None for one that is empty. Without, an area is the lowest
-    layer with the largest clearance that the behavior asks of any. The last area has the legs' clearance, whether a
-    behavior fits there or not.
+    The last area has the legs' clearance, whether a behavior fits there or not.
+
+    Parameters
+    ----------
+    given: mesh of each of :func:`area_polygons`, None for an empty one. Without it, an area is the lowest layer with
+    the largest clearance that the behavior needs on any layer.
     """
     if given is not None:
         least = need.search_radius

@@ -1,4 +1,4 @@
-"""Where a path may begin and end when a character stands nearer to obstacles than plans go."""
+"""Free ends of a path for a character that stands closer to obstacles than plans allow."""
 
 from __future__ import annotations
 
@@ -20,22 +20,26 @@ if TYPE_CHECKING:
     from crowdsim.navmesh.navmesh import NavMesh
 
 REACH = 0.1
-"""Meters off which such a place is looked for: twice the usual margin, for in a corner it lies farther off than one."""
+"""Largest distance of the free place from the given one [m]: twice the usual margin, as in a corner the nearest free
+place is farther than one margin."""
 
 _RINGS = 8
+"""Rings of candidate places around the given one."""
 _DIRECTIONS = 24
+"""Candidate places on each ring."""
 _ROUNDING = 1e-7
+"""Clearance shortfall that counts as rounding [m]."""
 _PROBE = 0.005
-"""Meters between places whose clearance is looked at: it differs by half of that in between, at most."""
+"""Distance between places whose clearance is measured [m]; clearance differs by at most half of that in between."""
 
 
 def clear_ends(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Each of ``points`` (n, 2), or a place nearby where a path keeps its clearance if only bodies have theirs here.
+    """Return each of ``points`` (n, 2), or a place nearby with planned clearance if the point has only the body's own.
 
-    A motion strays from its path, so whoever stands where it came to rest may be nearer to obstacles than planned.
-    What counts is the widest behavior that fits; one for which the body must turn does only where no other fits.
+    A motion strays from its path, so a character at rest may be closer to obstacles than planned. The widest behavior
+    that fits counts; a behavior that turns the body counts only if no other fits.
     """
-    upright = need.narrowest_upright  # where a wider behavior fits, the narrower does
+    upright = need.narrowest_upright  # if a wider behavior fits, this one fits, too
     if upright is not None:
         places = np.concatenate([points, points], axis=1)
         if are_free(layers_of(meshes), upright - _ROUNDING, places):
@@ -48,10 +52,12 @@ def clear_ends(meshes: Sequence[NavMesh], need: Requirements, points: NDArray[np
 
 
 def _clear_end(meshes: Sequence[NavMesh], need: Requirements, point: NDArray[np.float64]) -> NDArray[np.float64]:
-    """``point`` (2,) or a place around it, where no behavior fits here that walks straight."""
+    """Return ``point`` (2,), at which no upright behavior has its planned clearance, or a place near it that has it."""
     ring, offsets = _rings()
     places = point + offsets
     clear = np.array([mesh.clearances(places, float(need.radii.max()) + REACH) for mesh in meshes]) + _ROUNDING
+    # The widest behavior whose body fits here (place 0) and whose planned clearance exists nearby; of the nearest ring,
+    # the place with the most room.
     for radii, body in zip(need.radii[::-1], need.bodies[::-1], strict=True):
         room = (clear - radii[:, None]).min(axis=0)
         if (clear[:, 0] >= body).all() and (room >= 0.0).any():
@@ -62,7 +68,7 @@ def _clear_end(meshes: Sequence[NavMesh], need: Requirements, point: NDArray[np.
 
 
 def nearby_place(mesh: NavMesh, point: NDArray[np.float64], radius: float) -> NDArray[np.float64] | None:
-    """``point`` (2,), or a place within REACH of it, with ``radius`` meters of clearance; None if none was found."""
+    """Return ``point`` (2,) or a place within REACH of it with clearance ``radius`` [m]; None if none was found."""
     if mesh.clearances(point[None], 2.0 * radius)[0] >= radius:
         return point
     _, offsets = _rings()
@@ -73,7 +79,7 @@ def nearby_place(mesh: NavMesh, point: NDArray[np.float64], radius: float) -> ND
 
 @cache
 def _rings() -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Ring number (n,) and place (n, 2) of the origin and of points around it out to REACH."""
+    """Return ring number (n,) and offset (n, 2) of the origin and of places around it out to REACH."""
     ring = np.append(0, np.repeat(np.arange(1, _RINGS + 1), _DIRECTIONS))
     angle = np.append(0.0, np.tile(np.arange(_DIRECTIONS) * 2.0 * np.pi / _DIRECTIONS, _RINGS))
     return ring, (ring * REACH / _RINGS)[:, None] * np.stack([cos(angle), sin(angle)], axis=1)
@@ -82,7 +88,7 @@ def _rings() -> tuple[NDArray[np.int64], NDArray[np.float64]]:
 def missing_at_ends(
     meshes: Sequence[NavMesh], need: Requirements, path: AnnotatedPath, ends: NDArray[np.float64]
 ) -> tuple[float, float]:
-    """Meters of the planned clearance that are missing at most between the path and each of ``ends`` (2, 2)."""
+    """Return the largest shortfalls of planned clearance between the path and each of ``ends`` (2, 2) [m]."""
     pieces = ((ends[0], path.points[0], path.sections[0]), (path.points[-1], ends[1], path.sections[-1]))
     before, after = (_missing(meshes, need.radii[section.behavior], one, other) for one, other, section in pieces)
     return before, after
@@ -91,7 +97,7 @@ def missing_at_ends(
 def _missing(
     meshes: Sequence[NavMesh], radii: NDArray[np.float64], one: NDArray[np.float64], other: NDArray[np.float64]
 ) -> float:
-    """Meters that the straight way between two places lacks of clearances (m,)."""
+    """Return by how much the straight line from ``one`` to ``other`` falls short of clearances ``radii`` (m,) [m]."""
     length = distance(one, other)
     if length == 0.0:
         return 0.0
@@ -101,7 +107,7 @@ def _missing(
 
 
 def joined_to(path: AnnotatedPath, ends: NDArray[np.float64], costs: NDArray[np.float64]) -> AnnotatedPath:
-    """The path with its first and last section lengthened to start and goal (2, 2)."""
+    """Return the path with its first and last section lengthened to start and goal (2, 2)."""
     before, after = distance(path.points[0], ends[0]), distance(path.points[-1], ends[1])
     if before == after == 0.0:
         return path

@@ -1,4 +1,4 @@
-"""A proven lower bound of the cost of any path (ALGORITHMS 3.6)."""
+"""A proven lower bound of the cost of any path (docs/planning.md, "Bound")."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 
 
 def lower_bound(query: Query) -> float:
-    """No path from ends[0] to ends[1] costs less, whatever its sections.
+    """Return a cost below which no path joins ends[0] and ends[1], whatever its sections.
 
-    The worst behavior k of a path tells two things: the path stays where k fits, so that it is at least as long as the
-    shortest one there; and it has a section of k, with its changes and its least length, or at an end of the path at
-    least as long as it takes to leave where the preferred behavior fits, and as one there has to be.
+    Let k be the worst behavior of a path. The path stays where k fits, so it is at least as long as the shortest path
+    there. And it has a section of k: two changes and the least length, or one change at an end of the path and the way
+    out of the region in which the preferred behavior does not fit. The least sum over all k is the bound.
     """
     need = query.need
     preferred = float(need.costs[-1])
@@ -30,10 +30,11 @@ def lower_bound(query: Query) -> float:
 
 
 def least_extra(query: Query, k: int, shortest: float, out: float) -> float:
-    """What paths of ``shortest`` meters and more whose worst behavior is ``k`` cost beyond their length at the lowest.
+    """Return the least cost beyond length for paths of ``shortest`` meters or more whose worst behavior is ``k``.
 
-    All of such a path is of k, or a section within it, or one at an end: then at least ``out`` meters, of `way_out`.
-    How long sections have to be is as of :func:`crowdsim.planning.labels.labelling_kernels.required_length`.
+    Three cases: the whole path is of k, or a section within it, or one at an end, which lasts at least ``out`` meters
+    (see `way_out`). Lengths of sections are those of
+    :func:`crowdsim.planning.labels.labelling_kernels.required_length`.
     """
     need = query.need
     terms: list[float] = query.terms.tolist()
@@ -48,10 +49,11 @@ def least_extra(query: Query, k: int, shortest: float, out: float) -> float:
 
 
 def way_out(query: Query, k: int) -> float:
-    """Meters that can be walked from start and from goal before the preferred behavior does not fit, though ``k`` does.
+    """Return how far start and goal both are from where the preferred behavior stops fitting although ``k`` fits [m].
 
-    At least so many, and no more than tell anything about costs. A section of k at an end of a path is that long: any
-    neighbor that fits all along it would take its place, and the preferred one is the first to fit no longer.
+    The length is a lower bound, and at most the length beyond which costs no longer change. A section of k at an end of
+    a path lasts at least that long: a neighbor that fits all along the section would replace it, and the preferred
+    behavior is the first that does not fit.
     """
     need = query.need
     terms: list[float] = query.terms.tolist()
@@ -66,16 +68,20 @@ def way_out(query: Query, k: int) -> float:
 
 
 def _shortest(query: Query, behavior: int) -> float:
-    """Lower bound of the length of paths that fit ``behavior`` everywhere; infinite where there are none.
+    """Return a lower bound of the length of paths that fit ``behavior`` everywhere; infinite if there are none.
 
-    Each layer alone gives one, and so does the behavior's area, which is a little too narrow, made that much wider.
+    Each layer alone gives a bound, and so does the behavior's area, searched with less radius because it is slightly
+    too narrow.
     """
     radii = query.need.radii[behavior].tolist()
-    where = list(zip(query.meshes, radii, strict=True))
+    # An area's obstacles are grown by what the behavior needs beyond the search radius, with chords instead of arcs:
+    # searched with that excess less, the area holds every path that fits.
+    searches = list(zip(query.meshes, radii, strict=True))
     excess = area_excess(max(radii) - query.need.search_radius)
-    where += [(area.mesh, area.radius - excess) for area in query.areas if area.behavior == behavior]
+    searches += [(area.mesh, area.radius - excess) for area in query.areas if area.behavior == behavior]
     longest = 0.0
-    for mesh, radius in where:
+    for mesh, radius in searches:
+        # Paths may be closer than planned by the tolerance. Taking twice that keeps the bound below them.
         try:
             path = mesh.find_path(query.ends[0], query.ends[1], radius - 2.0 * CONTACT_TOLERANCE, optimality="best")
         except PathNotFound:

@@ -1,4 +1,4 @@
-"""One question to a planner: where from and to, through which layers, with which behaviors."""
+"""One query to a planner: start and goal, layers and behaviors."""
 
 from __future__ import annotations
 
@@ -18,7 +18,11 @@ if TYPE_CHECKING:
 
 
 class Query(NamedTuple):
-    """Layers, what the behaviors need, their areas from wide to narrow, start and goal (2, 2), terms of changes."""
+    """Input of one plan.
+
+    meshes: one per layer, the legs' first. need: clearances and costs of the behaviors. areas: behavior areas, widest
+    first. ends: (2, 2) start and goal [m]. terms: (4,) as :data:`crowdsim.planning.labels.labelling_kernels.TERMS`.
+    """
 
     meshes: tuple[NavMesh, ...]
     need: Requirements
@@ -27,20 +31,23 @@ class Query(NamedTuple):
     terms: NDArray[np.float64]
 
     def annotated(self, points: NDArray[np.float64]) -> AnnotatedPath:
-        """Algorithm 2: the polyline (n, 2) with its cheapest sections; none and infinite cost where nothing fits."""
+        """Return the path along ``points`` (n, 2) with its cheapest sections (2018 paper, algorithm 2).
+
+        No sections and infinite cost if some place fits no behavior.
+        """
         found, cost, _ = annotate(self.fitting(), points)
         return with_sections(points, found, cost)
 
     def fitting(self) -> Fitting:
-        """What kernels of sections are given."""
+        """Return the input of the labelling kernels."""
         return self.need.fitting(layers_of(self.meshes), self.terms)
 
 
 def with_sections(points: NDArray[np.float64], found: NDArray[np.float64], cost: float) -> AnnotatedPath:
-    """The path along ``points`` (n, 2) with sections (k, 3), as of `annotate`."""
+    """Return the path along ``points`` (n, 2) with sections (k, 3), as of `annotate`."""
     return AnnotatedPath(points, arc_lengths(points), as_sections(found), float(cost))
 
 
 def as_sections(found: NDArray[np.float64]) -> tuple[Section, ...]:
-    """Sections from an array (k, 3), as kernels have them."""
+    """Return sections from the rows (behavior, start, end) of a kernel's array (k, 3)."""
     return tuple([Section(int(label), start, end) for label, start, end in found.tolist()])

@@ -1,4 +1,4 @@
-"""The clearances that a set of behaviors asks of the layers, as arrays."""
+"""The clearances that a set of behaviors needs on the layers, as arrays."""
 
 from __future__ import annotations
 
@@ -14,17 +14,19 @@ from crowdsim.errors import BehaviorError
 from crowdsim.planning.labels.fitting_kernels import Fitting
 
 CONTACT_TOLERANCE = 8e-6
-"""Meters a path may come closer than planned: it touches corners at exactly its clearance."""
+"""Distance by which a path may be closer than planned [m]: it touches corners at exactly its clearance."""
 
 
 @dataclass(frozen=True)
 class Requirements:
-    """n behaviors on m layers, narrowest behavior first, the searched layer (the legs') first.
+    """Clearances and costs of n behaviors on m layers, narrowest behavior first, the legs' layer first.
 
-    radii: (n, m) float64, planned clearance; on the searched layer all equal to the largest of the behaviors',
-    on the others at least that of narrower ones.
-    bodies: (n, m), the bodies' own clearance. costs: (n,) float64 a meter. turned: (n,) bool.
-    turning: (n, 2, m) float64, what a body reaches while it turns off its way, and back onto it; 0 where no clip does.
+    radii: (n, m) float64, planned clearance [m]. On the legs' layer all are equal to the largest of the behaviors'; on
+    the others each is at least that of the narrower ones.
+    bodies: (n, m) float64, clearance of the body alone [m]. costs: (n,) float64, cost per meter. turned: (n,) bool,
+    True if the body faces away from its direction of motion.
+    turning: (n, 2, m) float64, reach of a body that turns into the behavior and out of it [m]; 0 if no clip turns.
+    widest: clip and frame that determine the least clearance on each layer, () if they are not known.
     """
 
     radii: NDArray[np.float64]
@@ -32,10 +34,11 @@ class Requirements:
     costs: NDArray[np.float64]
     turned: NDArray[np.bool_]
     turning: NDArray[np.float64]
+    widest: tuple[str, ...] = ()
 
     @staticmethod
     def of(behaviors: Sequence[Behavior], layers: int, margin: float) -> Requirements:
-        """Planned clearances; BehaviorError where behaviors and layers do not go together."""
+        """Collect the planned clearances; raise BehaviorError if behaviors and layers do not match."""
         if not behaviors:
             raise BehaviorError("a plan needs at least one behavior")
         for behavior in behaviors:
@@ -51,7 +54,7 @@ class Requirements:
         bodies = np.array([behavior.radii for behavior in behaviors])
         radii = bodies + margin
         radii[:, 0] = radii[:, 0].max()
-        # Wherever a behavior fits, all narrower ones count as fitting.
+        # Ascending radii: wherever a behavior fits, all narrower ones fit.
         radii = np.maximum.accumulate(radii, axis=0)
         return Requirements(
             radii=radii,
@@ -61,25 +64,35 @@ class Requirements:
             turning=np.array(
                 [np.zeros((2, layers)) if behavior.turning is None else behavior.turning for behavior in behaviors]
             ),
+            widest=_widest(behaviors, bodies),
         )
 
     def fitting(self, layers: NDArray[np.int64], terms: NDArray[np.float64]) -> Fitting:
-        """What kernels of sections are given; ``layers`` as of `layers_of`."""
-        first = min(1, len(layers) - 1)  # the legs' layer asks all behaviors for the same
+        """Return the input of the labelling kernels; ``layers`` (m, 5, 2) as of `layers_of`."""
+        first = min(1, len(layers) - 1)  # all behaviors need the same clearance on the legs' layer
         radii = np.ascontiguousarray(self.radii[:, first:] - CONTACT_TOLERANCE)
         return Fitting(layers[first:], radii, self.costs, self.turned, terms)
 
     @property
     def count(self) -> int:
+        """Return the number of behaviors."""
         return len(self.costs)
 
     @cached_property
     def narrowest_upright(self) -> NDArray[np.float64] | None:
-        """Clearances (m,) of the narrowest behavior that is not turned; None where all are."""
+        """Return the clearances (m,) of the narrowest behavior that is not turned [m]; None if all are."""
         upright = np.flatnonzero(~self.turned)
         return self.radii[upright[0]] if len(upright) else None
 
     @property
     def search_radius(self) -> float:
-        """Clearance of the legs, the least that a path must keep from everything."""
+        """Return the clearance of the legs [m], the least that a path keeps from every obstacle."""
         return float(self.radii[0, 0])
+
+
+def _widest(behaviors: Sequence[Behavior], bodies: NDArray[np.float64]) -> tuple[str, ...]:
+    """Return the clip and frame behind each layer's least clearance; on the legs' layer that of the widest behavior."""
+    if not all(behavior.widest for behavior in behaviors):
+        return ()
+    legs = behaviors[int(np.argmax(bodies[:, 0]))]
+    return legs.widest[0], *behaviors[0].widest[1:]

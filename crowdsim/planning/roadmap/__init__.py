@@ -1,1 +1,1 @@
-"""The roadmap: building it, searching it, pulling paths taut."""
+"""The roadmap: build it, search it, pull paths taut along it."""

@@ -1,9 +1,9 @@
-"""The roadmap of a place: points on the sides of the lowest mesh's triangles, and the straight ways between them.
+"""Build the roadmap of a place: points on the sides of the lowest mesh's triangles, and straight ways between them.
 
-A side gets the points where paths are likely to cross it: both ends of each stretch that is clear enough for the widest
-behavior, for there a path winds around the corner, points between them, and the widest place of each stretch that is
-clear enough for a narrower one only. Ways cross one triangle; a way that cuts the corner its sides share counts with
-the arc around it.
+Points lie where paths are likely to cross a side: at both ends of each stretch that is clear enough for the widest
+behavior, because paths wind around corners there; between these ends; and at the widest place of each stretch that only
+a narrower behavior passes. A way crosses one triangle. If it cuts the corner that its two sides share, its length is
+that of the arc around the corner.
 """
 
 import math
@@ -24,39 +24,43 @@ from crowdsim.planning.roadmap.measuring_kernels import SOFT, length_around, lev
 ROAD_POINT = np.dtype(
     [("x", np.float64), ("y", np.float64), ("level", np.int64), ("begin", np.int64), ("side", np.int64)], align=True
 )
-"""A point of the roadmap.
+"""Point of the roadmap.
 
-level: the widest behavior it is clear enough for. begin: its first way in the list of them. side: the
-half-edge it is on, the smaller of the two.
+level: widest behavior that fits there. begin: index of its first way in the list of ways. side: its half-edge, the
+smaller of the two twins.
 """
 
 ROAD_WAY = np.dtype([("to", np.int32), ("level", np.int32), ("length", np.float64), ("tight", np.float64)], align=True)
-"""A way to point ``to`` for all behaviors up to ``level``.
+"""Way to point ``to`` for all behaviors up to ``level``.
 
-length: meters. tight: meters of it where the widest behavior does not fit, or all where it fits everywhere: what a
-narrower behavior costs more is paid for these.
+length: [m]. tight: meters of it in which the widest behavior does not fit, or the whole length if it fits everywhere. A
+narrower behavior pays its higher cost per meter on these only.
 """
 
 SPAN_OF = np.dtype([("first", np.int64), ("last", np.int64)], align=True)
-"""Points first <= k < last of a half-edge."""
+"""Points first <= k < last lie on a half-edge."""
 
 _PAIR = np.dtype(
     [("a", np.int32), ("b", np.int32), ("level", np.int64), ("length", np.float64), ("tight", np.float64)], align=True
 )
+"""Way between points a and b, in both directions; fields as of :data:`ROAD_WAY`."""
 
 _STEP = 0.08
-"""Meters between the places of a side that are measured."""
+"""Distance between the samples of a side [m]. Shorter steps find narrower stretches and take longer."""
 
 _MOST_STEPS = 96
+"""Largest number of steps between samples of one side."""
 
 _BETWEEN = 0.4
-"""Meters at most between points of a short stretch; a long one has :data:`_MOST_BETWEEN` of them."""
+"""Largest distance between points of a stretch [m], if :data:`_MOST_BETWEEN` of them suffice."""
 
 _MOST_BETWEEN = 6
+"""Largest number of points within one stretch, its ends not counted."""
 
 
 @helper
 def _add_point(points, count, x, y, level, h):
+    """Append a point on half-edge ``h`` to ``points``, an array that grows; return (points, count)."""
     if count == points.size:
         points = longer(points)
     point = points[count]
@@ -69,7 +73,7 @@ def _add_point(points, count, x, y, level, h):
 
 @helper
 def _border(layers, hints, radii, ax, ay, ux, uy, inside, outside):
-    """Meters along u from a, between ``inside`` and ``outside``, up to where the widest behavior fits."""
+    """Bisect between s = ``inside`` and ``outside`` for the end of the stretch of a + s * u that fits all behaviors."""
     top = radii.shape[0] - 1
     for _ in range(6):
         middle = 0.5 * (inside + outside)
@@ -82,9 +86,16 @@ def _border(layers, hints, radii, ax, ay, ux, uy, inside, outside):
 
 @kernel
 def place_points(layers, radii):
-    """Points (k,) of the roadmap, and for each half-edge of the lowest layer's mesh its first and last one.
+    """Place the points of the roadmap on the free sides of the lowest mesh.
 
-    layers: tuple of the meshes, the legs' first. radii: (n, m) float64, clearance of each behavior in each layer.
+    Parameters
+    ----------
+    layers: (m, 5, 2) array of `layers_of`, the legs' layer first.
+    radii: (n, m) float64, clearance of each behavior in each layer [m].
+
+    Returns
+    -------
+    (points (k,) of :data:`ROAD_POINT`, spans (half-edges,) of :data:`SPAN_OF`)
     """
     m = mesh_at(layers[0])
     sides = m.sides
@@ -99,6 +110,7 @@ def place_points(layers, radii):
     least = 2.0 * radii[0, 0]
     for h in range(3 * m.frame[0].triangles):
         g = sides[h].twin
+        # Each pair of twins once; no sides of obstacles, and none inside of obstacles.
         if g < h or sides[h].constraints != 0 or m.cover[h // 3] != 0:
             continue
         a = vertices[sides[h].org]
@@ -108,17 +120,19 @@ def place_points(layers, radii):
         ux = b.x - ax
         uy = b.y - ay
         length = hypot(ux, uy)
+        # Too short for the disc of the narrowest behavior to pass between its ends, even as softly as levels count.
         if length < least - 2.0 * SOFT:
             continue
         ux /= length
         uy /= length
         hints[0] = h // 3
+        # The level and the room at samples along the side; an even number of steps, so that the middle is one.
         steps = min(_MOST_STEPS, max(4, 2 * math.ceil(0.5 * length / _STEP)))
         for k in range(steps + 1):
             s = length * k / steps
             levels[k], rooms[k] = level_at(layers, hints, radii, ax + s * ux, ay + s * uy)
         first = count
-        # Stretches of places in a row that are clear enough for a level, but nowhere for the next one.
+        # Runs of samples of at least a level that nowhere reach the next level: they are points of this level.
         for level in range(n):
             k = 0
             while k <= steps:
@@ -135,18 +149,19 @@ def place_points(layers, radii):
                     k += 1
                 if widest > level:
                     continue
-                # For a narrower behavior, the widest place alone.
+                # A narrower behavior gets the widest place alone.
                 if level < n - 1:
                     s = length * best / steps
                     points, count = _add_point(points, count, ax + s * ux, ay + s * uy, level, h)
                     continue
-                # For the widest one, both ends, found by halving, and points between them.
+                # The widest behavior gets both ends of the stretch, found by bisection, and points between them.
                 low = length * begin / steps
                 high = length * (k - 1) / steps
                 if begin > 0:
                     low = _border(layers, hints, radii, ax, ay, ux, uy, low, length * (begin - 1) / steps)
                 if k <= steps:
                     high = _border(layers, hints, radii, ax, ay, ux, uy, high, length * k / steps)
+                # A stretch of less than 5 cm gets one point, in its middle.
                 parts = min(1 + _MOST_BETWEEN, math.ceil((high - low) / _BETWEEN))
                 if high - low < 0.05:
                     s = 0.5 * (low + high)
@@ -155,7 +170,7 @@ def place_points(layers, radii):
                     for i in range(parts + 1):
                         s = low + (high - low) * i / parts
                         points, count = _add_point(points, count, ax + s * ux, ay + s * uy, level, h)
-        if first == count:  # a passage that is measured across corners, not sides
+        if first == count:  # no sample fits, but a passage across corners may exist
             points, count = _add_point(points, count, ax + 0.5 * length * ux, ay + 0.5 * length * uy, 0, h)
         spans[h].first = first
         spans[h].last = count
@@ -166,7 +181,10 @@ def place_points(layers, radii):
 
 @kernel
 def corner_radii(layers, radii):
-    """(nv, n) float64: how far each behavior stays off each vertex of the lowest mesh, by the layers it stands in."""
+    """Return (nv, n) float64: the distance [m] that each behavior keeps from each vertex of the lowest mesh.
+
+    A vertex counts for a layer if an obstacle of that layer touches it; it always counts for the legs' layer.
+    """
     vertices = mesh_at(layers[0]).vertices
     around = np.zeros((vertices.size, radii.shape[0]))
     for v in range(vertices.size):
@@ -183,7 +201,17 @@ def corner_radii(layers, radii):
 
 @kernel
 def join_points(layers, radii, around, points, spans):
-    """Ways (k,) of all points, in their order; fills the begin of ``points``, the last of which ends the list."""
+    """Find the ways between the points on the sides of each free triangle.
+
+    Parameters
+    ----------
+    layers, radii, points, spans: as of `place_points`; the ``begin`` of the points is filled.
+    around: (nv, n) of `corner_radii`.
+
+    Returns
+    -------
+    (k,) of :data:`ROAD_WAY`, sorted by the point they leave from. The last point's ways end at the end of the array.
+    """
     m = mesh_at(layers[0])
     sides = m.sides
     vertices = m.vertices
@@ -192,6 +220,7 @@ def join_points(layers, radii, around, points, spans):
     stack = np.empty(64, SWEPT)
     pairs = np.empty(8 * points.size + 16, _PAIR)
     count = np.int64(0)
+    # legs_suffice: on every layer, the narrowest behavior needs no more clearance than the legs do on theirs.
     width = 2.0 * radii[0, 0] * (1.0 - 1e-6)
     legs_suffice = True
     for k in range(1, len(layers)):
@@ -200,7 +229,7 @@ def join_points(layers, radii, around, points, spans):
         if m.cover[t] != 0:
             continue
         for h in range(3 * t, 3 * t + 3):
-            # Side h and the one before it share the corner at the origin of h.
+            # Side h and the side e before it share the corner v at the origin of h.
             e = nxt(nxt(h))
             v = sides[h].org
             cx = vertices[v].x
@@ -208,6 +237,7 @@ def join_points(layers, radii, around, points, spans):
             for i in range(spans[h].first, spans[h].last):
                 p = points[i]
                 hints[0] = t
+                # Called for its effect: hints become the triangles that contain p.
                 level_at(layers, hints, radii, p.x, p.y)
                 for k in range(hints.size):
                     roots[k] = hints[k]
@@ -216,7 +246,8 @@ def join_points(layers, radii, around, points, spans):
                     top = min(p.level, q.level)
                     level = way_level(layers, roots, hints, stack, radii, p.x, p.y, q.x, q.y, top, cx, cy, around[v])
                     if level < 0:
-                        # What the mesh knows to be wide enough for the legs may be a bend too tight for straight ways.
+                        # The corner is wide enough for the legs by the mesh's own measure, so a bend exists even if no
+                        # straight way fits.
                         if sides[h].corner_clearance < width or not legs_suffice:
                             continue
                         level = 0
@@ -231,7 +262,7 @@ def join_points(layers, radii, around, points, spans):
                     if level < radii.shape[0] - 1:
                         pair.tight *= tight_share(layers, hints, radii, p.x, p.y, q.x, q.y, cx, cy, around[v])
                     count += 1
-    # Both directions of each pair, sorted by where they begin (a counting sort).
+    # Both directions of each pair, sorted by their first point (counting sort).
     begins = np.zeros(points.size + 1, np.int64)
     for k in range(count):
         begins[pairs[k].a + 1] += 1
@@ -254,7 +285,12 @@ def join_points(layers, radii, around, points, spans):
 
 @helper
 def see_points(layers, hints, radii, around, points, spans, x, y, seen):
-    """Ways from (x, y) to the points of the sides of its triangle, in ``seen``, which grows; (seen, count)."""
+    """Find the ways from (x, y) to the points on the sides of its triangle; return (seen, count).
+
+    They are written to ``seen``, an array of :data:`ROAD_WAY` that grows.
+
+    No ways if no behavior fits at (x, y). Other parameters as of `join_points`.
+    """
     m = mesh_at(layers[0])
     sides = m.sides
     vertices = m.vertices
@@ -268,7 +304,7 @@ def see_points(layers, hints, radii, around, points, spans, x, y, seen):
     for h in range(3 * t, 3 * t + 3):
         for k in range(spans[h].first, spans[h].last):
             point = points[k]
-            # The corner of the triangle that is nearest to the way is wound around.
+            # The way winds around the corner of the triangle that is nearest to it.
             corner = NONE
             nearest = math.inf
             for e in range(3 * t, 3 * t + 3):

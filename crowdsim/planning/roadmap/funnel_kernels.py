@@ -1,4 +1,9 @@
-"""A way over the roadmap pulled taut, around corners as wide as the behavior at each of them asks for."""
+"""Pull a way over the roadmap taut, around each corner with the radius that the behavior there needs.
+
+The sides that the way crosses are its channel; the vertices of these sides are the corners. The path is kept as a
+string: nodes (:data:`crowdsim.navmesh.paths.tangent_kernels.STRING_NODE`) are circles around corners, joined by their
+tangents. ``m`` is the legs' mesh; half-edge h belongs to triangle h // 3.
+"""
 
 import numpy as np
 
@@ -14,25 +19,29 @@ CORNER = np.dtype(
     + [("reach", np.float64), ("kept", np.float64), ("vertex", np.int64), ("first", np.int64), ("last", np.int64)],
     align=True,
 )
-"""A vertex of a channel. side: 1 where it is to the left, -1 to the right. most: how far a string may keep from it and
-still pass. reach: how far it is to; kept: the same where nothing is pinned. first, last: sides of the channel it ends.
+"""Vertex of a channel, with the distances that the string keeps from it [m].
+
+side: 1 if it is to the left of the channel, -1 to the right. most: largest distance at which the string still passes.
+reach: distance that it keeps now. kept: ``reach`` of the path without pins. first, last: first and last side of the
+channel that ends here.
 """
 
 FULL = 0.98
-"""Share of a gap that the circles around its ends fill at most."""
+"""Share of a gap that the circles around its two ends may fill."""
 
 _LOOK_BACK = 16
-"""Corners before this one among which a vertex is looked for, to have each but once."""
+"""Number of latest corners among which a vertex is looked up, so that it is not listed twice."""
 
 _TOUCHING = 1e-4
-"""Meters by which the string may be closer to a corner than it is to."""
+"""Distance by which the string may be closer to a corner than its reach [m]."""
 
 
 @helper
 def road_channel(m, points, road, start, goal, cap, channel, levels):
-    """Half-edges crossed from triangle ``start`` to ``goal``, with the behavior at each, at most ``cap``; how many.
+    """Fill ``channel`` with the half-edges that a road crosses, ``levels`` with their behaviors; return their number.
 
-    -1 where the road does not hang together.
+    points: those of the roadmap. road: (k, 2) rows (point, behavior). start, goal: triangles of both ends. cap: largest
+    behavior written. Return -1 if two consecutive points are on no common triangle.
     """
     sides = m.sides
     count = 0
@@ -40,18 +49,18 @@ def road_channel(m, points, road, start, goal, cap, channel, levels):
     for k in range(road.shape[0]):
         h = points[road[k, 0]].side
         level = min(road[k, 1], cap)
-        if k > 0 and road[k, 0] == road[k - 1, 0]:  # a change of behavior
+        if k > 0 and road[k, 0] == road[k - 1, 0]:  # same point: a change of behavior; the side gets the narrower one
             if count > 0:
                 levels[count - 1] = min(levels[count - 1], level)
             continue
         g = sides[h].twin
         if count > 0 and (channel[count - 1] == h or channel[count - 1] == g):
-            # Back over the side it came by.
+            # The road turns back over the side it came by: both crossings go.
             count -= 1
             triangle = channel[count] // 3
             continue
         if h // 3 != triangle and g // 3 != triangle:
-            # The way did not leave the triangle at its last side.
+            # The point is on no side of this triangle: the way stayed in the one before, so the last crossing goes.
             if count == 0:
                 return -1
             count -= 1
@@ -60,6 +69,7 @@ def road_channel(m, points, road, start, goal, cap, channel, levels):
                 count -= 1
                 triangle = channel[count] // 3
                 continue
+        # Cross from the half-edge in the present triangle to its twin.
         if h // 3 != triangle:
             h, g = g, h
         if h // 3 != triangle:
@@ -68,6 +78,7 @@ def road_channel(m, points, road, start, goal, cap, channel, levels):
         levels[count] = level
         count += 1
         triangle = g // 3
+    # The last crossing may have led out of the goal's triangle.
     if count > 0 and triangle != goal:
         count -= 1
         triangle = channel[count] // 3
@@ -76,10 +87,14 @@ def road_channel(m, points, road, start, goal, cap, channel, levels):
 
 @helper
 def channel_corners(m, channel, count, around, radius, ends, corners):
-    """Fill ``corners`` with the vertices of the channel, in its order; how many they are.
+    """Fill ``corners`` with the vertices of the channel, in its order, and return their number.
 
-    A string keeps off each what the widest behavior asks for, or as far as leaves ``radius`` to what is narrowest
-    beside it: the far end of a side, or an edge across. The ends of the way are not closer.
+    The string keeps from each what the widest behavior needs, or as much as leaves ``radius`` to the narrowest passage
+    beside it: the opposite end of a side, or an edge across. No circle reaches over either end of the path.
+
+    channel: half-edges that the way crosses, the first ``count`` of them. around: (nv, n) clearance [m] that each of n
+    behaviors, the narrowest first, keeps from each vertex. radius: body's clearance there at least [m]. ends: (2, 2)
+    start and goal [m]. corners: CORNER[2 * count] at least.
     """
     sides = m.sides
     vertices = m.vertices
@@ -91,12 +106,16 @@ def channel_corners(m, channel, count, around, radius, ends, corners):
             vertices[sides[h].org].x - vertices[sides[nxt(h)].org].x,
             vertices[sides[h].org].y - vertices[sides[nxt(h)].org].y,
         )
+        # turn: the half-edge that begins at the corner which the channel turns around between the last side and this
+        # one. Both sides belong to one triangle, the last one as its twin, so they share a vertex: the begin of h if h
+        # follows the twin, else the begin of the twin.
         turn = NONE
         if k > 0:
             turn = sides[channel[k - 1]].twin
             turn = h if nxt(turn) == h else turn
         for left in range(2):
             v = sides[nxt(h) if left == 1 else h].org
+            # A vertex ends several sides in a row; list it once.
             known = filled - 1
             while known >= 0 and known >= filled - _LOOK_BACK and corners[known].vertex != v:
                 known -= 1
@@ -110,20 +129,26 @@ def channel_corners(m, channel, count, around, radius, ends, corners):
                 corner.y = vertices[v].y
                 corner.side = 1.0 if left == 1 else -1.0
                 corner.most = around[v, top]
+                # The circle may touch the start and the goal, but not enclose them.
                 for end in range(2):
                     corner.most = min(corner.most, hypot(corner.x - ends[end, 0], corner.y - ends[end, 1]))
             corner = corners[known]
             corner.last = k
+            # The narrowest passage beside the corner: the side's length, or the corner's width from the mesh.
             wide = gap
             if turn >= 0 and sides[turn].org == v:
                 wide = min(wide, sides[turn].corner_clearance)
+            # Leave ``radius`` on the far side of the passage; but never keep less than the narrowest behavior needs.
             corner.most = max(radius, around[v, 0], min(corner.most, FULL * wide - radius))
     return filled
 
 
 @helper
 def fill_gaps(m, channel, levels, count, around, corners, filled, radius, reach):
-    """Set the reach of all corners, in ``reach`` (nv,) too: what the behaviors ask for that pass."""
+    """Set the reach of all corners to what the behaviors that pass there need, and ``reach`` (nv,) likewise.
+
+    levels (count,): behavior at each side of the channel. A side with a narrower behavior limits both of its ends.
+    """
     sides = m.sides
     top = around.shape[1] - 1
     for c in range(filled):
@@ -141,20 +166,21 @@ def fill_gaps(m, channel, levels, count, around, corners, filled, radius, reach)
 
 @helper
 def keep_off(nodes, size, corners, filled, low, high):
-    """Wind the string around all corners that it is closer to than their reach; its new size, -1 where it tangles.
+    """Wind the string around all corners that it is closer to than their reach; return its new size, -1 if it tangles.
 
-    Only those count that end a side of the channel from ``low`` to ``high``.
-
-    The funnel takes the ends of sides one after the other, but wide circles of close corners may touch the string in
+    Only corners count that end a side of the channel from ``low`` to ``high``. This repairs the funnel's result: the
+    funnel takes the ends of sides one after the other, but wide circles of close corners may touch the string in
     another order.
     """
     size, _ = tighten(nodes, size, np.int64(1), size)
     i = np.int64(0)
+    # Go along the straight pieces; each inserted node may shift the pieces before it. The count bounds the repairs.
     for _ in range(2 * filled + 64):
         if size < 0 or i >= size - 1:
             break
         a = nodes[i]
         b = nodes[i + 1]
+        # The straight piece: the tangent of the circles a and b, from its contact point (ax, ay) in direction (dx, dy).
         exists, dx, dy = tangent(a, b)
         if not exists:
             return -1
@@ -167,7 +193,8 @@ def keep_off(nodes, size, corners, filled, low, high):
             corner = corners[c]
             if corner.last < low or corner.first > high:
                 continue
-            # How far beyond its circle, on the other side of it, the line is.
+            # How far the line enters the corner's circle. At 2 * reach it passes the circle on the wrong side: not this
+            # corner's piece.
             over = corner.reach - corner.side * ((corner.y - ay) * dx - (corner.x - ax) * dy)
             if over > most and over < 2.0 * corner.reach:
                 along = (corner.x - ax) * dx + (corner.y - ay) * dy
@@ -179,6 +206,7 @@ def keep_off(nodes, size, corners, filled, low, high):
             continue
         if size == nodes.size:
             return -1
+        # Insert the circle that is entered deepest, and drop nodes around it that the string no longer touches.
         for k in range(size, i + 1, -1):
             nodes[k] = nodes[k - 1]
         corner = corners[worst]

@@ -1,7 +1,9 @@
-"""Taut paths pinned in gates: where only a narrow behavior passes, the least of the way is walked with it.
+"""Pin taut paths in gates, so that the narrow behavior is walked over the shortest distance.
 
-A gate is a stretch of a channel that the widest behavior does not pass. Its circles around both ends of the first side
-meet in front of it: up to there it walks, and from where those of the last side meet behind it.
+A gate is a stretch of the channel that the widest behavior does not pass. The circles that it keeps around both ends of
+the gate's first side meet in front of the gate: a path can be walked with the widest behavior up to there. Those of the
+last side meet behind the gate: from there on it can again. ``m`` is the legs' mesh, ``around`` (nv, n) the distance
+that each behavior keeps from each of its vertices [m].
 """
 
 import math
@@ -21,26 +23,27 @@ GATE = np.dtype(
     + [(name, np.float64) for name in ("ax", "ay", "bx", "by")],
     align=True,
 )
-"""Sides low <= k <= high of a channel, and the places in front of it and behind it.
+"""Sides low <= k <= high of a channel, with the places a in front of the gate and b behind it.
 
-fits: whether a taut path may be pinned there: both places are clear enough for the legs.
+fits: 1 if a taut path may be pinned there, as both places are clear enough for the legs. pinned: 1 if it is.
 """
 
 _OFF = 2e-6
-"""Meters that pins stay off the circles, so that there is a tangent."""
+"""Distance that pins stay off the circles [m], so that a tangent exists."""
 
 
 @helper
 def circles_meet(ax, ay, bx, by, one, other, sign):
-    """Where circles of radii ``one`` around a and ``other`` around b meet, to the left of a -> b for a ``sign`` of 1.
+    """Return (True, x, y) if circles of radii ``one`` around a and ``other`` around b meet, else (False, 0, 0).
 
-    Whether they do, x, y.
+    Of the two points it is the one to the left of a -> b for a ``sign`` of 1, to the right for -1.
     """
     dx = bx - ax
     dy = by - ay
     gap = hypot(dx, dy)
     if gap == 0.0 or gap >= one + other:
         return False, 0.0, 0.0
+    # Distance from a along ab to the line through both points, and from ab to each of them.
     along = 0.5 * (gap * gap + one * one - other * other) / gap
     off2 = one * one - along * along
     if off2 <= 0.0:
@@ -51,7 +54,7 @@ def circles_meet(ax, ay, bx, by, one, other, sign):
 
 @helper
 def _meeting(m, around, h, sign):
-    """`circles_meet` for those of the widest behavior around both ends of half-edge h."""
+    """Apply `circles_meet` to the widest behavior's circles around the ends of half-edge h."""
     a = m.sides[h].org
     b = m.sides[nxt(h)].org
     top = around.shape[1] - 1
@@ -62,9 +65,9 @@ def _meeting(m, around, h, sign):
 
 @helper
 def find_gates(m, channel, levels, count, around, least, gates):
-    """Fill ``gates`` with the stretches of the channel walked by a narrow behavior that the widest does not pass.
+    """Fill ``gates`` with the stretches of the channel that the widest behavior does not pass; return their number.
 
-    least: clearance in meters that pins must have.
+    Only sides walked with a narrower behavior count (levels). least: clearance that pins must have [m].
     """
     top = around.shape[1] - 1
     found = 0
@@ -76,6 +79,7 @@ def find_gates(m, channel, levels, count, around, least, gates):
         gate = gates[found]
         gate.low = NONE
         gate.pinned = 0
+        # One gate lasts from the first to the last narrow side of a stretch without the widest behavior.
         while k < count and levels[k] < top:
             narrow, x, y = _meeting(m, around, channel[k], 1.0)
             if narrow:
@@ -87,6 +91,7 @@ def find_gates(m, channel, levels, count, around, least, gates):
             k += 1
         if gate.low >= 0:
             _, gate.bx, gate.by = _meeting(m, around, channel[gate.high], -1.0)
+            # Other obstacles than the side's two ends may be in the way of the legs.
             before, _ = disc_clearance(m, gate.ax, gate.ay, least, channel[gate.low] // 3)
             behind, _ = disc_clearance(m, gate.bx, gate.by, least, channel[gate.high] // 3)
             gate.fits = np.int64(min(before, behind) >= least)
@@ -96,15 +101,16 @@ def find_gates(m, channel, levels, count, around, least, gates):
 
 @helper
 def _is_beside(corner, gate):
-    """Whether the corner ends a side of the gate."""
+    """Return True if the corner ends a side of the gate."""
     return corner.last >= gate.low and corner.first <= gate.high
 
 
 @helper
 def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
-    """The taut path through the pins of all gates that are pinned, in ``taut``; its number of nodes, -1 if it tangles.
+    """Write the taut path through the pins of all pinned gates to ``taut``; return its node count, -1 if it tangles.
 
-    nodes: the taut path without. Between gates it keeps off their corners what the widest behavior asks for.
+    nodes: the taut path without pins. Between gates the path keeps the distance from the gates' corners that the widest
+    behavior needs.
     """
     top = around.shape[1] - 1
     taut[0] = nodes[0]
@@ -115,13 +121,14 @@ def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
         if g < found and gates[g].pinned == 0:
             continue
         for inside in range(2):
-            # First the way to the gate, then the one through it.
+            # First the part up to the gate (inside = 0), then the part through it (inside = 1). Behind the last gate:
+            # the part to the goal.
             if g == found and inside == 1:
                 break
             high = corners[filled - 1].last + 1
             if g < found:
                 high = gates[g].high if inside == 1 else gates[g].low
-            # This part of the taut path leads from the last place written to the gate's front, or on to its back.
+            # The part leads from the last node written, f, to t: the front of the gate, its back, or the goal.
             begin = written - 1
             fx = taut[begin].x
             fy = taut[begin].y
@@ -134,6 +141,9 @@ def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
                 corner = corners[c]
                 if corner.last < low or corner.first > high:
                     continue
+                # Reach of each corner on this part. Through a gate: as without pins. Between gates: the widest
+                # behavior's beside these two gates, elsewhere as much as passes; corners of gates not pinned stay as
+                # they were.
                 corner.reach = corner.kept
                 if inside == 0:
                     free = True
@@ -144,9 +154,10 @@ def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
                             before >= 0 and _is_beside(corner, gates[before])
                         )
                         corner.reach = around[corner.vertex, top] if beside else corner.most
+                # No circle may cover an end of the part.
                 near = min(hypot(corner.x - fx, corner.y - fy), hypot(corner.x - tx, corner.y - ty))
                 corner.reach = min(corner.reach, near - 0.5 * _OFF)
-            # The corners that the taut path without pins winds around, with their reach on this part.
+            # Start from the corners that the unpinned path winds around, with their reach on this part.
             for i in range(1, size - 1):
                 for c in range(filled):
                     corner = corners[c]
@@ -161,6 +172,7 @@ def pinned_path(nodes, size, corners, filled, around, gates, found, taut):
                     break
             set_node(taut[written], tx, ty, 0.0, NONE)
             written += 1
+            # Then wind it around the other corners of this part.
             part = keep_off(taut[begin:], written - begin, corners, filled, low, high)
             if part < 0:
                 return np.int64(-1)

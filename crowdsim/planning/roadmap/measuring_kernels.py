@@ -1,4 +1,9 @@
-"""What behaviors fit at places of a roadmap and on straight ways between them."""
+"""Measure which behaviors fit at points of the roadmap and along ways between them.
+
+A behavior's number is called its level here: 0 is the narrowest, n - 1 the widest. ``layers`` (m, 5, 2) are the mesh
+addresses of `layers_of`, ``radii`` (n, m) the clearances of all behaviors on all layers [m], ``hints`` (m,) triangles
+near the last place on each layer.
+"""
 
 import math
 
@@ -9,20 +14,20 @@ from crowdsim.navmesh.clearance.sweep_kernels import sweep
 from crowdsim.navmesh.mesh.address_kernels import mesh_at
 
 _TIGHT_STEP = 0.06
-"""Meters between places of a way that are looked at to tell how much of it is tight."""
+"""Distance between samples of a way that tell how much of it is tight [m]."""
 
 REACH = 0.5
-"""Meters beyond what is needed up to which clearance is measured."""
+"""Clearance is measured up to this much beyond the required one [m]."""
 
 SOFT = 0.005
-"""Meters by which a way may be too close: it is bent when a path is made of it."""
+"""Clearance that a way may lack [m]: pulling the path taut bends it away."""
 
 
 @helper
 def room_at(layers, hints, radii, level, x, y):
-    """Least clearance at (x, y) of all layers beyond what behavior ``level`` needs there, at most ``REACH``.
+    """Return the least clearance at (x, y) over all layers beyond what behavior ``level`` needs [m], at most ``REACH``.
 
-    ``hints`` (m,) are triangles near the place in each layer, and hold those of the place afterwards.
+    ``hints`` (m,) are triangles near (x, y) in each layer, and are set to those that contain it.
     """
     least = REACH
     for k in range(len(layers)):
@@ -37,7 +42,7 @@ def room_at(layers, hints, radii, level, x, y):
 
 @helper
 def level_at(layers, hints, radii, x, y):
-    """The widest behavior that fits at (x, y), -1 for none, and the room that the narrowest has there."""
+    """Return the widest behavior that fits at (x, y), -1 if none, and the narrowest one's spare clearance there [m]."""
     n = radii.shape[0]
     level = n - 1
     least = REACH
@@ -46,6 +51,7 @@ def level_at(layers, hints, radii, x, y):
         distance, triangle = disc_clearance(m, x, y, radii[n - 1, k] + REACH, hints[k])
         if triangle >= 0:
             hints[k] = triangle
+        # Each layer lowers the level to what fits it, too.
         while level >= 0 and distance < radii[level, k]:
             level -= 1
         least = min(least, distance - radii[0, k])
@@ -54,7 +60,7 @@ def level_at(layers, hints, radii, x, y):
 
 @helper
 def length_around(px, py, qx, qy, cx, cy, radius):
-    """Length of the shortest way from p to q that keeps ``radius`` from c, which both do."""
+    """Return the length of the shortest way from p to q that keeps ``radius`` from c, as both ends do [m]."""
     ax = px - cx
     ay = py - cy
     bx = qx - cx
@@ -64,8 +70,10 @@ def length_around(px, py, qx, qy, cx, cy, radius):
     db = hypot(bx, by)
     if straight == 0.0 or da <= radius or db <= radius:
         return straight
+    # Two tangents and the arc between their contact points: the angle p-c-q less those from each end to its contact.
     angle = abs(atan2(ax * by - ay * bx, ax * bx + ay * by))
     arc = angle - acos(radius / da) - acos(radius / db)
+    # The tangent points lie the other way round: the straight line clears the circle.
     if arc <= 0.0:
         return straight
     return math.sqrt(da * da - radius * radius) + math.sqrt(db * db - radius * radius) + radius * arc
@@ -73,7 +81,7 @@ def length_around(px, py, qx, qy, cx, cy, radius):
 
 @helper
 def _is_open(layers, roots, stack, radii, level, px, py, qx, qy):
-    """Whether a disc of behavior ``level`` moves straight from p, in triangles ``roots`` (m,), to q in all layers."""
+    """Return True if a disc of behavior ``level`` moves straight from p, in triangles ``roots``, to q on all layers."""
     for k in range(len(layers)):
         m = mesh_at(layers[k])
         if roots[k] < 0 or m.cover[roots[k]] != 0:
@@ -86,7 +94,7 @@ def _is_open(layers, roots, stack, radii, level, px, py, qx, qy):
 
 @helper
 def _pushed_off(x, y, cx, cy, radius):
-    """The place at (x, y), or on the circle of ``radius`` around (cx, cy) if it is inside of that."""
+    """Return (x, y), or the nearest point on the circle of ``radius`` around c if (x, y) is inside it."""
     dx = x - cx
     dy = y - cy
     off = hypot(dx, dy)
@@ -97,15 +105,19 @@ def _pushed_off(x, y, cx, cy, radius):
 
 @helper
 def way_level(layers, roots, hints, stack, radii, px, py, qx, qy, top, cx, cy, around):
-    """The widest behavior, at most ``top``, that fits on the way from p to q, -1 for none.
+    """Return the widest behavior, at most ``top``, that fits on the way from p to q; -1 if none.
 
-    Where the way is closer to the corner c than ``around`` (n,) of the behavior, it is taken to wind around it.
-    roots: (m,) triangles of p in each layer. stack: scratch for `sweep`.
+    The way is the straight line from p to q. Where it passes the corner c at less than ``around[level]`` [m], it goes
+    along the circle of that radius around c instead. ``roots`` (m,) are the triangles that contain p in each layer,
+    ``stack`` is scratch of `sweep`.
     """
     length = hypot(qx - px, qy - py)
     for level in range(top, -1, -1):
+        # Cheap test first: the disc moves straight.
         if _is_open(layers, roots, stack, radii, level, px, py, qx, qy):
             return level
+        # Else look at places along the way, wound around the corner. Nothing is nearer than the spare clearance
+        # ``room``, so the next place may be as far off; it is at least 0.1 m off, so that there are few.
         at = 0.0
         free = True
         while at < length and free:
@@ -123,9 +135,10 @@ def way_level(layers, roots, hints, stack, radii, px, py, qx, qy, top, cx, cy, a
 
 @helper
 def tight_share(layers, hints, radii, px, py, qx, qy, cx, cy, around):
-    """Share of the way from p to q where the widest behavior does not fit; see `way_level`."""
+    """Return the share of the way p -> q, wound around c, that the widest behavior does not fit; see `way_level`."""
     top = radii.shape[0] - 1
     steps = max(2, math.ceil(hypot(qx - px, qy - py) / _TIGHT_STEP))
+    # Sample the middles of equal steps.
     tight = 0
     for i in range(steps):
         k = (i + 0.5) / steps

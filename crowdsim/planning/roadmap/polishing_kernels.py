@@ -1,6 +1,6 @@
-"""The cheapest taut path along a way over the roadmap: pinned in gates or not, which is found by trying.
+"""Find the cheapest taut path along a way over the roadmap, pinned in gates or not, by trying the variants.
 
-And any path made cheaper where it is narrow, by shifting stations along it time and again.
+Also make any path cheaper where it is narrow, by shifting stations along it repeatedly.
 """
 
 import math
@@ -27,25 +27,35 @@ from crowdsim.planning.roadmap.gate_kernels import GATE, find_gates, pinned_path
 from crowdsim.planning.roadmap.shifting_kernels import shifted_path
 
 MOST_GATES = 8
-"""Gates that are pinned at most."""
+"""Largest number of gates of one road that are pinned."""
 
 SPREAD = 0.12
-"""Meters by which stations of the cheapest path may shift aside at once; half as many after each time in vain."""
+"""Largest shift of stations at first [m]; halved after each attempt that does not pay."""
 
 _LEAST_SPREAD = 0.05
+"""Shift below which nothing more is tried [m]."""
 
 _ROUNDS = 4
-"""Times that stations shift, each from where they were shifted to."""
+"""Number of attempts to shift, each from the result of the last one."""
 
 
 @kernel
 def polish_road(layers, fitting, points, road, around, reach, ends, radius, least):
-    """Polyline (n, 2), its sections (k, 3) and cost, of the cheapest taut path along a road; no rows if all tangle.
+    """Find the cheapest taut path along a road; return (points (n, 2), sections (k, 3), cost), no rows if all tangle.
 
-    The first is as wide as the road's behaviors and not pinned, the second pinned in all gates and elsewhere as
-    wide as can be, the next differ from the cheapest by one gate each.
-    All keep ``radius`` in the lowest of ``layers``, ``least`` of it at least. fitting: as of `annotate`. around:
-    (nv, n) of `corner_radii`. reach: (nv,), for scratch.
+    The first variant is as wide as the road's behaviors and not pinned, the second is pinned in all gates and as wide
+    as possible elsewhere, each further one differs from the cheapest by one gate.
+
+    Parameters
+    ----------
+    layers: (m, 5, 2) of `layers_of`, the legs' first.
+    fitting: :class:`crowdsim.planning.labels.fitting_kernels.Fitting`.
+    points: (p,) points of the roadmap.
+    road: (r, 2) int64, point and behavior, as of `find_road`.
+    around: (nv, n) of `corner_radii` [m].
+    reach: (nv,) scratch.
+    ends: (2, 2) start and goal.
+    radius, least: clearance that the path is pulled to on the lowest layer, and that it must keep there [m].
     """
     m = mesh_at(layers[0])
     top = fitting.costs.size - 1
@@ -58,14 +68,14 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
     cost = math.inf
     start = triangle_of(m, ends[0, 0], ends[0, 1], NONE)
     goal = triangle_of(m, ends[1, 0], ends[1, 1], NONE)
-    # The sides that the road crosses, the vertices beside it, and the gates that only a narrow behavior passes.
+    # The sides that the road crosses, the vertices beside it, and the gates that the widest behavior does not pass.
     count = road_channel(m, points, road, start, goal, top, channel, levels)
     if count < 0:
         return line, sections, cost
     filled = channel_corners(m, channel, count, around, radius, ends, corners)
     gates = np.empty(MOST_GATES, GATE)
     found_gates = find_gates(m, channel, levels, count, around, least, gates)
-    # The taut path around them, as wide as the behaviors at each.
+    # The funnel around the corners, each as wide as the behaviors that pass it.
     fill_gaps(m, channel, levels, count, around, corners, filled, radius, reach)
     nodes, size = funnel(m, channel, count, reach, ends[0, 0], ends[0, 1], ends[1, 0], ends[1, 1])
     taut = np.empty(nodes.size + 4 * found_gates + 64, STRING_NODE)
@@ -75,7 +85,7 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
     pins = 0
     for g in range(found_gates):
         pins += gates[g].fits
-    # Not pinned; pinned in all gates; then one gate after the other the other way, which stays where it is cheaper.
+    # Variant 0: no pins. 1: pins in all gates. From 2 on: one gate flipped at a time, kept if that is cheaper.
     for tried in range(2 + found_gates):
         flip = tried - 2
         if tried == 1:
@@ -95,11 +105,13 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
             written = pinned_path(nodes, size, corners, filled, around, gates, found_gates, taut)
         value = math.inf
         if written >= 0:
+            # Check and repair the path exactly; label it only if its length alone is not too dear already.
             done, found = pull(m, stack, taut, written, radius, least, start, np.bool_(False))
             if done and polyline_length(found) * fitting.costs[top] < cost:
                 labels, value, _ = annotate(fitting, found)
                 if value < cost:
                     line, sections, cost = found, labels, value
+        # Flip the gate back if that did not pay.
         if flip >= 0 and value > cost:
             gates[flip].pinned = 1 - gates[flip].pinned
     return line, sections, cost
@@ -107,10 +119,14 @@ def polish_road(layers, fitting, points, road, around, reach, ends, radius, leas
 
 @kernel
 def shift_path(layers, fitting, points, sections, cost, radii, least):
-    """Polyline (n, 2), its sections (k, 3) and cost, of the path with stations shifted aside where that is cheaper.
+    """Shift stations of a path aside where that is cheaper; return (points (n, 2), sections (k, 3), cost).
 
-    fitting, sections, cost: as of `annotate`, of the path along ``points``. radii: (n, m), on all ``layers``. The legs
-    keep ``least`` meters at least.
+    Parameters
+    ----------
+    layers, fitting: as of `polish_road`.
+    points, sections, cost: the path as it is, with its labels as of `annotate`.
+    radii: (n, m) clearances on all ``layers`` [m].
+    least: clearance that the legs must keep [m].
     """
     stack = np.empty(64, SWEPT)
     hints = np.full(len(layers), NONE)
@@ -118,12 +134,14 @@ def shift_path(layers, fitting, points, sections, cost, radii, least):
     for _ in range(_ROUNDS):
         if spread < _LEAST_SPREAD:
             break
+        # terms[1] is the least length of a section.
         found = shifted_path(
             layers, hints, radii, fitting.costs, points, sections, fitting.terms[1], spread, stack, least
         )
         value = math.inf
         if found.shape[0] > 0:
             labels, value, _ = annotate(fitting, found)
+        # Go on from the better path, or try shifts half as wide.
         if value < cost:
             points, sections, cost = found, labels, value
         else:

@@ -1,4 +1,4 @@
-"""The roadmap of a place for a set of behaviors: made once for meshes as they are, searched by any thread."""
+"""The roadmap of a place for a set of behaviors: made once for the meshes as they are, searched by any thread."""
 
 from __future__ import annotations
 
@@ -22,20 +22,30 @@ if TYPE_CHECKING:
 
 
 LANDMARKS = 24
-"""Points of the roadmap from where the costs to all others are kept, as bounds for the search."""
+"""Points of the roadmap from which the costs to all others are kept, as bounds for the search. More: fewer states
+searched, slower building, more memory."""
 
 _NEVER = 1e9
+"""Cost between two points without a way, as float32 differences of infinities would be NaN."""
 
 _ENTRY = 0.05
-"""Meters of the least length of a section that a change of behavior counts for, as what is walked of it counts too."""
+"""Part of a section's least length that is charged, at the difference in cost, with each change of behavior [m]; the
+rest is charged when a section ends too short."""
 
 
 _WORTH = 0.03
-"""Share of the cost of a path that narrow sections cost beyond their least lengths, up to which nothing is shifted."""
+"""Share of a path's cost that narrow sections may cost beyond their least lengths before stations are shifted."""
 
 
 class Roadmap:
-    """Points, ways and landmarks (:mod:`crowdsim.planning.roadmap.build_kernels`) of meshes as they are now."""
+    """Points, ways and landmarks (:mod:`crowdsim.planning.roadmap.build_kernels`) of meshes as they are now.
+
+    Parameters
+    ----------
+    meshes: one per layer, the legs' first.
+    need: clearances and costs of the behaviors.
+    terms: (4,) as :data:`~crowdsim.planning.labels.labelling_kernels.TERMS`.
+    """
 
     def __init__(self, meshes: Sequence[NavMesh], need: Requirements, terms: NDArray[np.float64] = TERMS) -> None:
         self._kept = [mesh.arrays for mesh in meshes]  # the addresses are theirs
@@ -58,7 +68,7 @@ class Roadmap:
         self._idle: list[tuple[NDArray[Any], int]] = []
 
     def _landmarks(self) -> NDArray[np.float32]:
-        """(states, l) costs from landmarks, each as far as can be from those before."""
+        """Return (states, l) costs from landmarks, each landmark as far as possible from those before."""
         n, count = self.need.count, len(self.points)
         costs = np.empty((min(LANDMARKS, count), count * n))
         nearest = np.full(count, np.inf)
@@ -69,19 +79,23 @@ class Roadmap:
                 self.points, self.ways, self.need.costs, self.need.turned, self.change, source, heap, out
             )
             least = np.minimum(nearest, out.reshape(count, n).min(axis=1))
-            # An island next where most of the points are not reached yet.
+            # While most points are unreached, the next landmark is in another component; later, unreached points are
+            # ignored.
             reached = np.isfinite(least)
             nearest = least
             source = int(np.argmax(np.where(reached, least, np.inf if reached.mean() < 0.5 else -1.0)))
         return np.minimum(costs, _NEVER).T.astype(np.float32, order="C")
 
     def find(self, ends: NDArray[np.float64]) -> tuple[NDArray[np.int64], float]:
-        """Points and behaviors (k, 2) of about the cheapest way from ends[0] to ends[1], and about what it costs.
+        """Return about the cheapest way from ends[0] to ends[1], and its estimated cost.
 
-        No rows where there is no way.
+        ``ends`` (2, 2) are x and y [m]. The way is rows (k, 2) of a point's number and the behavior on the way to it.
+        The cost is in meters walked in the preferred behavior.
         """
+        # States of an earlier search serve again: what it wrote bears its stamp, so nothing has to be cleared. Threads
+        # take them off the list, which is atomic, so that no two have the same.
         try:
-            states, stamp = self._idle.pop()  # one thread gets it
+            states, stamp = self._idle.pop()
         except IndexError:
             states, stamp = np.zeros(len(self.points) * self.need.count, search_kernels.STATE), 0
         road, cost = search_kernels.find_road(
@@ -91,7 +105,7 @@ class Roadmap:
         return road, float(cost)
 
     def polish(self, road: NDArray[np.int64], ends: NDArray[np.float64]) -> AnnotatedPath | None:
-        """The cheapest taut path found along a road, or None where it tangles or fits nothing."""
+        """Return the cheapest taut path found along a road, or None if all tangle or fit no behavior."""
         line, found, cost = polishing_kernels.polish_road(
             self.layers,
             self.fitting,
@@ -106,11 +120,11 @@ class Roadmap:
         return with_sections(line, found, float(cost)) if len(found) else None
 
     def excess(self, path: AnnotatedPath) -> list[float]:
-        """What each section costs more than the preferred behavior for what it is longer than the least."""
+        """Return each section's cost above the preferred behavior's for its length beyond the least."""
         return [self._more[s.behavior] * max(s.end - s.start - self._shortest, 0.0) for s in path.sections]
 
     def shifted(self, path: AnnotatedPath) -> AnnotatedPath:
-        """The path with stations shifted aside, if it is cheaper, where narrow sections cost more than their least."""
+        """Return the path with stations shifted aside if that is cheaper; unchanged if narrow sections are short."""
         if math.fsum(self.excess(path)) <= _WORTH * path.cost:
             return path
         sections = np.array(path.sections)

@@ -1,4 +1,4 @@
-"""A* over the states (point of the roadmap, behavior)."""
+"""A* over the states (point of the roadmap, behavior), with landmarks for the lower bound."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.errors import BoundExceeded
 from crowdsim.geometry.elementary_kernels import hypot
 from crowdsim.jit import helper, kernel
 from crowdsim.navmesh.mesh.heap_kernels import HEAP_ROW, pop, push
@@ -19,72 +20,82 @@ STATE = np.dtype(
     + [("before", np.int64), ("stamp", np.int64)],
     align=True,
 )
-"""How a state is reached best, in the search that ``stamp`` tells.
+"""The cheapest way known to a state; valid in the search whose number is ``stamp``.
 
-since: meters since a turned section, 0 in one, infinite where there was none. run: meters of the section, infinite in
-the first. rest: lower bound of what is still to pay. before: the state before, -1 the start.
+cost: up to this state. since: meters walked since the last turned section, 0 in one, infinite if there was none. run:
+meters walked in the present section, infinite in the first. rest: lower bound of the cost still to pay. before:
+previous state, -1 for the start.
 """
 
 
 TELLING = 8
-"""Landmarks that a search asks: those that tell most of the way from its start to its goal."""
+"""Landmarks that one search uses: those that give the largest bounds from its start to its goal."""
 
 
 class Prices(NamedTuple):
-    """What walking and changes of behavior cost."""
+    """Costs of walking and of changes of behavior, for n behaviors."""
 
     costs: NDArray[np.float64]
-    """(n,) cost of a meter of each behavior."""
+    """(n,) cost per meter."""
     turned: NDArray[np.bool_]
-    """(n,) whether the body moves turned off its way."""
+    """(n,) True if the body faces away from its direction of motion."""
     terms: NDArray[np.float64]
     """(4,) as :data:`crowdsim.planning.labels.labelling_kernels.TERMS`."""
     change: NDArray[np.float64]
-    """(n, n) cost of a change between two behaviors."""
+    """(n, n) cost of a change from one behavior to another."""
 
 
 class RoadGraph(NamedTuple):
-    """The points of a roadmap, the ways between them, and the costs from landmarks."""
+    """Points of a roadmap, the ways between them, and the costs from landmarks.
+
+    State s is behavior s % n at point s // n, for n behaviors.
+    """
 
     points: NDArray[Any]
+    """(p,) of :data:`crowdsim.planning.roadmap.build_kernels.ROAD_POINT`."""
     spans: NDArray[Any]
+    """(half-edges,) of :data:`crowdsim.planning.roadmap.build_kernels.SPAN_OF`."""
     ways: NDArray[Any]
+    """(w,) of :data:`crowdsim.planning.roadmap.build_kernels.ROAD_WAY`."""
     marks: NDArray[np.float32]
-    """(states, l)"""
+    """(states, l) cost between each state and each of l landmarks."""
 
 
 class _Goal(NamedTuple):
-    """Where a search leads, and what bounds the costs to it."""
+    """Goal of a search, with the data for lower bounds of the cost to it."""
 
     x: float
     y: float
     marks: NDArray[np.float64]
-    """(l,) costs from landmarks to it."""
+    """(l,) cost between the goal and each landmark."""
     telling: NDArray[np.int64]
-    """(k,) numbers of the landmarks asked."""
+    """(k,) indices of the landmarks in use."""
 
 
 @helper
 def way_cost(way, i, costs):
-    """Cost of a way walked in a section of behavior i."""
+    """Return the cost of a way in a section of behavior i: tight meters cost costs[i], others the preferred cost."""
     preferred = costs[costs.size - 1]
     return preferred * way.length + (costs[i] - preferred) * way.tight
 
 
 @helper
 def _may_follow(i, j, turned):
-    """Whether a section of behavior j may follow one of i: a body turns only beside the preferred behavior."""
+    """Return True if behavior j may follow behavior i: a body turns only next to the preferred behavior."""
     return turned[i] == turned[j] or max(i, j) == turned.size - 1
 
 
 @helper
 def _too_short(i, j, run, since, costs, turned, terms, paid):
-    """About what it costs that a section of behavior i, ``run`` meters long, is too short before one of j.
+    """Estimate what it costs that a section of behavior i, ``run`` meters long, is too short before one of j.
 
-    ``paid``: what the changes into it and out of it count for its least length already.
+    since: meters since the last turned section. paid: cost of the changes into and out of the section that already
+    counts for its least length. terms: (4,), see :data:`crowdsim.planning.labels.labelling_kernels.TERMS`.
     """
+    # A narrow section before a wider one is lengthened at the expense of the wider one.
     if costs[i] > costs[j]:
         return max(0.0, (costs[i] - costs[j]) * (terms[1] - run) - paid)
+    # A wide section needs room for the turn at either end; since == run: a turned section is right before it.
     needed = terms[1]
     if turned[j]:
         needed = terms[3] if since == run else terms[1] + terms[2]
@@ -92,7 +103,7 @@ def _too_short(i, j, run, since, costs, turned, terms, paid):
         needed = terms[1] + terms[2]
     if run >= needed:
         return 0.0
-    # The narrower of its neighbors goes on instead.
+    # Too short, it is given to the narrower of its neighbors, which saves two changes.
     narrow = costs[j]
     for k in range(costs.size):
         if turned[k] and (turned[j] or since == run):
@@ -102,9 +113,10 @@ def _too_short(i, j, run, since, costs, turned, terms, paid):
 
 @helper
 def _bound_to_goal(graph, goal, state, p, preferred):
-    """Lower bound of the cost from ``state`` of point p to the goal: straight, and by the triangle inequality.
+    """Return a lower bound of the cost from ``state`` of point p to the goal.
 
-    The latter is over landmarks: |cost to goal - cost to state| from the same landmark.
+    It is the straight distance at the preferred behavior or, if larger, |cost to goal - cost to state| from any
+    landmark in use (triangle inequality).
     """
     bound = hypot(graph.points[p].x - goal.x, graph.points[p].y - goal.y) * preferred
     for i in range(goal.telling.size):
@@ -115,10 +127,15 @@ def _bound_to_goal(graph, goal, state, p, preferred):
 
 @helper
 def _reach(graph, goal, preferred, states, stamp, s, p, value, before, since, run):
-    """Reach state ``s`` of point p at cost ``value``, if that is less than known; whether it is."""
+    """Record that state ``s`` of point p is reached at cost ``value``, if that is cheaper; return True if it is.
+
+    before, since, run: the state before it, meters since the last turned section, and meters of the present section.
+    ``stamp`` is the number of the search: states with other stamps are left over from earlier ones.
+    """
     state = states[s]
     if state.stamp == stamp and state.cost <= value:
         return False
+    # First visit in this search: the bound is computed once for each state.
     if state.stamp != stamp:
         state.rest = _bound_to_goal(graph, goal, s, p, preferred)
     state.stamp = stamp
@@ -131,11 +148,14 @@ def _reach(graph, goal, preferred, states, stamp, s, p, value, before, since, ru
 
 @helper
 def _road_to(states, last, behaviors):
-    """Points and behaviors (k, 2) of the way to state ``last``, from the start on; no rows for -1."""
+    """Return the points and behaviors (k, 2) from the start to state ``last``; no rows for -1."""
+    # Count the states, then fill them in from the end.
     found = 0
     s = last
     while s >= 0:
         found += 1
+        if found > states.size:
+            raise BoundExceeded
         s = states[s].before
     road = np.empty((found, 2), np.int64)
     s = last
@@ -149,12 +169,20 @@ def _road_to(states, last, behaviors):
 
 @helper
 def choose_landmarks(marks, of_goal, seen, starts, behaviors, telling):
-    """Put the landmarks that tell most of the way from the ``starts`` first points of ``seen`` into ``telling``."""
+    """Fill ``telling`` with the landmarks that bound the cost from the start to the goal best (ALT).
+
+    By the triangle inequality, a way from state to goal costs at least the difference of their costs from a landmark;
+    the bounds are summed over the points that the start sees, ``seen[:starts]``.
+
+    marks: (states, K) cost of each state from each landmark [m]. of_goal: (K,) the goal's. telling: int64, filled with
+    landmarks, the best one first.
+    """
     bounds = np.zeros(of_goal.size)
     for k in range(of_goal.size):
         for i in range(starts):
             state = np.int64(seen[i].to) * behaviors + seen[i].level
             bounds[k] += abs(marks[state, k] - of_goal[k])
+    # Take the largest sum, and mark it as taken, as bounds are never negative.
     for i in range(telling.size):
         best = 0
         for k in range(bounds.size):
@@ -166,7 +194,10 @@ def choose_landmarks(marks, of_goal, seen, starts, behaviors, telling):
 
 @kernel
 def costs_from(points, ways, costs, turned, change, source, heap, out):
-    """Fill ``out`` (states,) with the least cost from all states of point ``source``; sections have no least length."""
+    """Fill ``out`` (states,) with the least cost from any state of point ``source`` (Dijkstra); return the heap.
+
+    Least lengths of sections do not count, so that the costs bound those of a search from below.
+    """
     n = costs.size
     out[:] = math.inf
     count = np.int64(0)
@@ -178,10 +209,12 @@ def costs_from(points, ways, costs, turned, change, source, heap, out):
         count -= 1
         cost = heap[count].key
         state = heap[count].item
+        # Pushed before a cheaper way was found.
         if cost > out[state]:
             continue
         p = state // n
         i = state - p * n
+        # Changes of behavior at the point, then ways to other points.
         for j in range(points[p].level + 1):
             if j != i and _may_follow(i, j, turned) and cost + change[i, j] < out[p * n + j]:
                 out[p * n + j] = cost + change[i, j]
@@ -200,10 +233,21 @@ def costs_from(points, ways, costs, turned, change, source, heap, out):
 
 @kernel
 def find_road(layers, radii, around, prices, graph, states, stamp, ends):
-    """Points and behaviors (k, 2) of the cheapest way over the roadmap from ends[0] to ends[1], and its cost.
+    """Find about the cheapest way over the roadmap from ends[0] to ends[1]; return (road (k, 2), cost).
 
-    around: (nv, n) of `corner_radii`. prices, graph: of :class:`Prices` and :class:`RoadGraph`. states: scratch with
-    the ``stamp`` of this search. No rows where there is no way.
+    Parameters
+    ----------
+    layers, radii: (m, 5, 2) of `layers_of`; (n, m) clearances [m].
+    around: (nv, n) of `corner_radii` [m].
+    prices, graph: :class:`Prices`, :class:`RoadGraph`.
+    states: (states,) of :data:`STATE`, scratch kept from search to search.
+    stamp: number of this search, unused before with these ``states``.
+    ends: (2, 2) start and goal.
+
+    Returns
+    -------
+    Rows (point, behavior) and the cost. No rows and infinite cost if there is no way. The cost is an estimate: sections
+    that are too short pay about what the exact labels would cost.
     """
     costs, turned, terms, change = prices
     points, spans, ways, marks = graph
@@ -215,7 +259,7 @@ def find_road(layers, radii, around, prices, graph, states, stamp, ends):
     near, goals = see_points(layers, hints, radii, around, points, spans, ends[1, 0], ends[1, 1], near)
     hints[:] = NONE
     seen, starts = see_points(layers, hints, radii, around, points, spans, ends[0, 0], ends[0, 1], seen)
-    # The points that the goal is seen from, and how far the goal is from each landmark over them.
+    # Points that see the goal, and the goal's cost from each landmark: the least over these points.
     goal = _Goal(
         ends[1, 0], ends[1, 1], np.full(marks.shape[1], math.inf), np.empty(min(TELLING, marks.shape[1]), np.int64)
     )
@@ -226,7 +270,7 @@ def find_road(layers, radii, around, prices, graph, states, stamp, ends):
             for m in range(goal.marks.size):
                 goal.marks[m] = min(goal.marks[m], marks[near[k].to * n + i, m] + way_cost(near[k], i, costs))
     choose_landmarks(marks, goal.marks, seen, starts, n, goal.telling)
-    # States at the points that the start sees: in the first section, which may be as short as it likes.
+    # Start states: all behaviors at the points that the start sees, in a first section that may have any length.
     heap = np.empty(256, HEAP_ROW)
     count = np.int64(0)
     for k in range(starts):
@@ -242,7 +286,7 @@ def find_road(layers, radii, around, prices, graph, states, stamp, ends):
     while count > 0:
         pop(heap, count)
         count -= 1
-        # What is cheapest at its best costs as much as the way found: that is the cheapest.
+        # The heap's least bound is no less than the cost of the way found: that way is the cheapest.
         if heap[count].key >= best:
             break
         at = heap[count].item
@@ -250,17 +294,17 @@ def find_road(layers, radii, around, prices, graph, states, stamp, ends):
         cost = state.cost
         since = state.since
         run = state.run
-        if heap[count].key > cost + state.rest + 1e-9:  # reached cheaper since it was pushed
+        if heap[count].key > cost + state.rest + 1e-9:  # outdated: reached at a lower cost since
             continue
         p = at // n
         i = at - p * n
-        # Straight to the goal.
+        # Complete the way if this point sees the goal.
         if to_goal[p] > 0:
             end = near[to_goal[p] - 1]
             if end.level >= i and cost + way_cost(end, i, costs) < best:
                 best = cost + way_cost(end, i, costs)
                 last = at
-        # A change of behavior at the point, which costs more where the section behind was too short.
+        # Change the behavior at the point; a section that was too short costs extra.
         for j in range(points[p].level + 1):
             if j == i or not _may_follow(i, j, turned):
                 continue
@@ -269,7 +313,7 @@ def find_road(layers, radii, around, prices, graph, states, stamp, ends):
             s = p * n + j
             if _reach(graph, goal, preferred, states, stamp, s, p, value, at, 0.0 if turned[j] else since, 0.0):
                 heap, count = push(heap, count, value + states[s].rest, s)
-        # Ways to other points with the same behavior.
+        # Walk on to other points with the same behavior.
         end_ways = points[p + 1].begin if p + 1 < points.size else ways.size
         for k in range(points[p].begin, end_ways):
             way = ways[k]

@@ -1,7 +1,8 @@
-"""A path made cheaper where only narrow behaviors fit: stations along it shift aside, by dynamic programming.
+"""Make a path cheaper where only narrow behaviors fit: shift stations along it aside, by dynamic programming.
 
-A taut path has one radius around each corner. The cheapest path through a gap often leaves its corner straight outward
-and goes on around it as wide as the next behavior asks for: it refracts where the cost of a meter changes.
+A taut path has one radius around each corner. But the cheapest path through a gap often leaves the corner straight
+outward and then goes around it as wide as the next behavior needs: it refracts where the cost per meter changes
+(Snell's law).
 """
 
 import math
@@ -17,43 +18,44 @@ from crowdsim.navmesh.mesh.half_edge_kernels import triangle_near
 from crowdsim.navmesh.mesh.mesh_arrays import NONE
 
 STATION = 0.12
-"""Meters between stations, at most."""
+"""Largest distance between stations [m]."""
 
 BESIDE = 0.6
-"""Meters before and after a section of a narrow behavior where stations may shift."""
+"""Distance before and behind a narrow section within which stations may shift [m]."""
 
 SHIFTS = 7
-"""Places of a station: its own in the middle, and as many to both sides."""
+"""Places of each station: its own in the middle, and as many to either side. Odd."""
 
 CHORD = 0.008
-"""Meters of clearance that shifted stations have left, for the straight pieces between them."""
+"""Spare clearance of shifted stations for the straight pieces between them [m]."""
 
 _SINE = 1e-4
-"""Meters that a place may lack where its station does not shift."""
+"""Clearance that a place may lack if its station does not shift [m]."""
 
 _SPARE = 0.1
-"""Share of the least length of a section that one is longer by at least where stations may shift."""
+"""Stations shift only at sections longer than the least length by at least this share."""
 
 _REPAIRS = 3
+"""Largest number of attempts; after each, stations whose pieces cut a corner are fixed."""
 
 PLACE = np.dtype(
     [(name, np.float64) for name in ("x", "y", "nx", "ny", "at", "most")]
     + [("piece", np.int64), ("near", np.int64), ("label", np.int64), ("shift", np.int64)],
     align=True,
 )
-"""A place on a path: where, the direction to its left, and how far along.
+"""Station on a path: place (x, y), unit vector (nx, ny) to the left, arc length ``at`` [m].
 
-piece: of the polyline. near: whether it may shift. label: the widest behavior it is worth having there. shift: the
-place that is chosen.
+piece: index of its piece of the polyline. near: 1 if it may shift. label: widest behavior that pays there. shift:
+number of the place chosen, SHIFTS // 2 for its own.
 """
 
 
 @helper
 def place_stations(points, sections, costs, least, stations):
-    """Fill ``stations`` along the polyline (n, 2), whose sections (k, 3) are as of `annotate`; its length.
+    """Place ``stations`` along the polyline (n, 2) with sections (k, 3) as of `annotate`; return its length [m].
 
-    Those closer than :data:`BESIDE` to a section of a narrow behavior may shift. The ``least`` length in the middle of
-    such a section cannot be shortened: no wider behavior is worth having there.
+    Stations within :data:`BESIDE` of a narrow section may shift. The middle ``least`` meters of such a section cannot
+    get shorter, so a wider behavior does not pay there.
     """
     top = costs.size - 1
     count = stations.size
@@ -70,6 +72,7 @@ def place_stations(points, sections, costs, least, stations):
             before += size
             piece += 1
             size = hypot(points[piece + 1, 0] - points[piece, 0], points[piece + 1, 1] - points[piece, 1])
+        # Interpolate on the piece that contains the arc length.
         share = (at - before) / size if size > 0.0 else 0.0
         station.x = points[piece, 0] + share * (points[piece + 1, 0] - points[piece, 0])
         station.y = points[piece, 1] + share * (points[piece + 1, 1] - points[piece, 1])
@@ -82,6 +85,7 @@ def place_stations(points, sections, costs, least, stations):
         station.ny = 0.0
         while k < last and sections[k, 2] < at:
             k += 1
+        # The station's own section and its two neighbors.
         for j in range(max(k - 1, 0), min(k + 2, last + 1)):
             label = int(sections[j, 0])
             if sections[j, 2] - sections[j, 1] <= (1.0 + _SPARE) * least:
@@ -91,6 +95,7 @@ def place_stations(points, sections, costs, least, stations):
                 middle = 0.5 * (sections[j, 1] + sections[j, 2])
                 if abs(at - middle) <= 0.5 * least:
                     station.label = label
+    # Both ends stay in place, exactly.
     stations[0].x = points[0, 0]
     stations[0].y = points[0, 1]
     stations[0].near = 0
@@ -98,6 +103,7 @@ def place_stations(points, sections, costs, least, stations):
     stations[count - 1].y = points[points.shape[0] - 1, 1]
     stations[count - 1].near = 0
     for s in range(1, count - 1):
+        # The normal of a station is that of the chord between its neighbors.
         dx = stations[s + 1].x - stations[s - 1].x
         dy = stations[s + 1].y - stations[s - 1].y
         d = hypot(dx, dy)
@@ -108,10 +114,11 @@ def place_stations(points, sections, costs, least, stations):
 
 @helper
 def price_places(layers, hints, radii, costs, stations, spread, prices):
-    """Fill ``prices`` (stations, SHIFTS): cost of a meter at each place, infinite where nothing fits."""
+    """Fill ``prices`` (stations, SHIFTS) with the cost per meter at each place; infinite if no behavior fits."""
     top = costs.size - 1
     for s in range(stations.size):
         station = stations[s]
+        # A station that stays has a single place, and any price is the same for all choices there.
         if station.near == 0:
             prices[s, SHIFTS // 2] = costs[top]
             continue
@@ -119,6 +126,7 @@ def price_places(layers, hints, radii, costs, stations, spread, prices):
             shift = spread * (k - SHIFTS // 2) / (SHIFTS // 2)
             x = station.x + shift * station.nx
             y = station.y + shift * station.ny
+            # Shifted places need spare clearance; the place on the path may lack a little.
             more = CHORD if k != SHIFTS // 2 else -_SINE
             level = top
             for i in range(len(layers)):
@@ -131,25 +139,32 @@ def price_places(layers, hints, radii, costs, stations, spread, prices):
                 if level < 0:
                     break
             prices[s, k] = costs[min(level, station.label)] if level >= 0 else math.inf
+            # The path passes its own place, however narrow: there is always a choice.
             if level < 0 and k == SHIFTS // 2:
                 prices[s, k] = costs[0]
 
 
 @helper
 def choose_shifts(stations, spread, prices, befores):
-    """Choose the shift of each station: the least sum of lengths times mean price. befores: scratch, as ``prices``."""
+    """Choose the shift of each station with the least sum of length times mean price; return True if any shifts.
+
+    stations: PLACE[n] along the path. spread: largest shift to either side [m]. prices: (n, SHIFTS) cost per meter at
+    each place of each station, infinite where no behavior fits. befores: scratch, shaped as ``prices``.
+    """
     count = stations.size
     totals = np.empty((2, SHIFTS))
     middle = SHIFTS // 2
     for k in range(SHIFTS):
         totals[0, k] = 0.0 if k == middle else math.inf
     now = 0
-    # totals[now, k]: least cost up to station s - 1 where that takes place k (Bellman's recursion).
+    # Bellman's recursion: totals[now, k] is the least cost up to station s - 1 if that takes place k; befores[s, k] is
+    # the best place of station s - 1.
     for s in range(1, count):
         a = stations[s - 1]
         b = stations[s]
         for k in range(SHIFTS):
             totals[1 - now, k] = math.inf
+            # Stations away from narrow sections keep their own place.
             if (b.near == 0 and k != middle) or prices[s, k] == math.inf:
                 continue
             shift = spread * (k - middle) / middle
@@ -168,7 +183,7 @@ def choose_shifts(stations, spread, prices, befores):
                     befores[s, k] = j
             totals[1 - now, k] = best
         now = 1 - now
-    # Back from the end, which does not shift.
+    # Trace back from the end, which does not shift.
     k = middle
     moved = False
     for s in range(count - 1, 0, -1):
@@ -181,9 +196,10 @@ def choose_shifts(stations, spread, prices, befores):
 
 @helper
 def through_stations(points, stations, spread, line, owners):
-    """Polyline through the stations as they are shifted, in ``line``; how many points it has.
+    """Write the polyline through the shifted stations to ``line``; return its number of points.
 
-    Where neither of two stations shifts it is the path itself. owners: the station before each point.
+    Between two stations that do not shift it is the path itself. owners: filled with the station at or before each
+    point.
     """
     middle = SHIFTS // 2
     filled = 0
@@ -191,6 +207,7 @@ def through_stations(points, stations, spread, line, owners):
         station = stations[s]
         shift = spread * (station.shift - middle) / middle
         stays = station.shift == middle
+        # A station that stays between two that stay adds no point: the path's own vertices suffice.
         corner = s > 0 and s < stations.size - 1 and stays
         if corner and stations[s - 1].shift == middle and stations[s + 1].shift == middle:
             pass
@@ -210,9 +227,9 @@ def through_stations(points, stations, spread, line, owners):
 
 @helper
 def shifted_path(layers, hints, radii, costs, points, sections, section, spread, stack, least):
-    """The path (n, 2) with stations shifted aside by at most ``spread`` meters, where that is cheaper; else no rows.
+    """Return the path (n, 2) with stations shifted aside by at most ``spread`` [m] where that is cheaper; else no rows.
 
-    ``section``: least length of a section. ``least``: clearance that the legs must keep.
+    section: least length of a section [m]. least: clearance that the legs must keep [m]. Others as of `shift_path`.
     """
     length = sections[sections.shape[0] - 1, 2]
     count = math.ceil(length / STATION) + 1
@@ -228,6 +245,7 @@ def shifted_path(layers, hints, radii, costs, points, sections, section, spread,
     m = mesh_at(layers[0])
     middle = SHIFTS // 2
     for _ in range(_REPAIRS):
+        # Nothing to gain by a shift.
         if not choose_shifts(stations, spread, prices, befores):
             break
         size = through_stations(points, stations, spread, line, owners)
@@ -236,11 +254,11 @@ def shifted_path(layers, hints, radii, costs, points, sections, section, spread,
         for i in range(size - 1):
             a = owners[i]
             b = owners[i + 1]
-            # Between stations that stay, the path is as it was, and clear.
+            # The path between two stations that stay is as it was, and clear.
             if stations[a].shift == middle and stations[b].shift == middle and b - a <= 1:
                 triangle = triangle_near(m, line[i + 1, 0], line[i + 1, 1], triangle)
                 continue
-            # A straight piece between stations that cuts a corner: the stations at its ends stay from now on.
+            # A straight piece that cuts a corner: the stations at its ends stay from now on.
             open_, end = sweep(
                 m.sides, m.vertices, stack, triangle, line[i, 0], line[i, 1], line[i + 1, 0], line[i + 1, 1], least
             )
