@@ -1,1 +1,1 @@
-"""Behaviors: files, sets, clips and clearances of each."""
+"""Behaviors: their files, clips, clearances, and motion graph."""

@@ -1,9 +1,10 @@
-"""A locomotion behavior: how wide a body it makes, what a meter of it costs, where its clips are."""
+"""A locomotion behavior: its clearance, its cost per meter, and the files of its clips."""
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, NoReturn
@@ -18,21 +19,41 @@ from crowdsim.motion.graph.features import DETECTORS
 from crowdsim.yamlfile.document import Complaint, read_document, read_text
 from crowdsim.yamlfile.messages import nearest, schema_problems
 
+FRONTAL = "frontal"
+HELD = "arm_constrained"
+LATERAL = "lateral"
+CAPTURED = (FRONTAL, HELD, LATERAL)
+"""Behaviors that can be made from a folder of captures."""
+
 FILE_NAME = "behavior.yaml"
 
 
 @dataclass(frozen=True)
 class Behavior:
-    """One way to move.
+    """A way to walk, such as frontally or sideways.
 
-    facings: radians, body heading relative to the direction of motion, one for each side it can be done on.
-    detectors: names of the feature detectors that cut its clips.
-    cost_per_meter: relative to 1.0; the planner minimizes its sum along the path.
-    speed: preferred, m/s. color: "#rrggbb" of its sections in pictures.
-    radii: (layers,) float64, meters the body reaches off its track across the motion, in each height band.
-    folder: where its ``behavior.yaml`` is.
-    turning: (2, layers) float64, meters the body reaches to the sides of its way while it turns off it, and back onto
-        it; None where no clip leads in or out.
+    Attributes
+    ----------
+    name, description : str
+        Name of its folder, and a sentence about it.
+    facings : tuple of float
+        Heading of the body relative to the direction of motion [rad], one for each side it can be walked on.
+    detectors : tuple of str
+        Names of the feature detectors that cut its clips into segments.
+    cost_per_meter : float
+        Cost of walking one meter, relative to 1.0; plans minimize the sum along the path.
+    speed : float
+        Preferred speed [m/s].
+    color : str
+        Color of its sections in pictures, "#rrggbb".
+    radii : (layers,) float64
+        Clearance in each layer: largest distance from the track that the body reaches across the motion [m].
+    folder : Path
+        Folder of its ``behavior.yaml``.
+    turning : (2, layers) float64 or None
+        Clearance while the body turns into the behavior, and out of it [m]; None if no clip does either.
+    widest : tuple of str
+        Clip and frame that determine the radius of each layer; empty if radii were not measured cycle by cycle.
     """
 
     name: str
@@ -45,16 +66,25 @@ class Behavior:
     radii: NDArray[np.float64]
     folder: Path
     turning: NDArray[np.float64] | None = None
+    widest: tuple[str, ...] = ()
 
     @property
     def turned(self) -> bool:
-        """Whether the body moves turned off its way, so that it has to turn before and after."""
+        """Return whether the body faces away from its direction of motion, so that it has to turn before and after."""
         return min(abs(facing) for facing in self.facings) > np.pi / 4.0
+
+
+def facings_of(behaviors: Sequence[Behavior]) -> NDArray[np.float64]:
+    """Return the angles at which each of B behaviors may face off its motion, (B, F) [rad], padded with nan."""
+    rows = np.full((len(behaviors), max(len(behavior.facings) for behavior in behaviors)), np.nan)
+    for row, behavior in zip(rows, behaviors, strict=True):
+        row[: len(behavior.facings)] = behavior.facings
+    return rows
 
 
 @dataclass(frozen=True)
 class BehaviorClips:
-    """Clips of one behavior: its own, those it waits in, and those that lead (clip, from, to) between two by name."""
+    """Clips of one behavior: its own, those for standing, and transitions (clip, from, to) between named behaviors."""
 
     clips: tuple[Clip, ...]
     idle: tuple[Clip, ...]
@@ -92,23 +122,34 @@ def _checked_color(color: str) -> str:
 
 
 class BehaviorFile(_Model):
-    """What a ``behavior.yaml`` says; angles in degrees."""
+    """The content of a ``behavior.yaml``; angles are in degrees.
 
-    name: Annotated[str, AfterValidator(_checked_name)]
-    description: str
-    facing: Annotated[tuple[Annotated[float, Field(gt=-180.0, le=180.0)], ...], Field(strict=False, min_length=1)]
-    detectors: Annotated[tuple[str, ...], Field(strict=False, min_length=1)]
+    ``cost_per_meter`` is what it must say. One that lists neither ``idle`` nor ``transitions`` is :attr:`captured`: its
+    clips are captures, all in its folder if it lists none, and what is missing is made of them.
+    """
+
+    name: Annotated[str, AfterValidator(_checked_name)] = ""
+    description: str = ""
+    facing: Annotated[tuple[Annotated[float, Field(gt=-180.0, le=180.0)], ...], Field(strict=False, min_length=1)] = (
+        0.0,
+    )
+    detectors: Annotated[tuple[str, ...], Field(strict=False, min_length=1)] = ("crossing", "standing")
     cost_per_meter: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-    speed: Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
-    color: Annotated[str, AfterValidator(_checked_color)]
-    clips: Annotated[tuple[ClipEntry, ...], Field(strict=False, min_length=1)]
+    speed: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 0.0
+    color: Annotated[str, AfterValidator(_checked_color)] = ""
+    clips: Annotated[tuple[ClipEntry, ...], Field(strict=False, min_length=1)] = ()
     transitions: Annotated[tuple[TransitionEntry, ...], Field(strict=False)] = ()
     idle: Annotated[tuple[ClipEntry, ...], Field(strict=False)] = ()
+
+    @property
+    def captured(self) -> bool:
+        """Whether the clips are captures that more has to be made of."""
+        return not self.idle and not self.transitions
 
     def behavior(
         self, radii: NDArray[np.float64], folder: Path, turning: NDArray[np.float64] | None = None
     ) -> Behavior:
-        """The behavior, with body radii measured from its clips, and those of its turns."""
+        """Return the behavior with radii measured from its clips, and those of its turns."""
         return Behavior(
             name=self.name,
             description=self.description,
@@ -124,19 +165,41 @@ class BehaviorFile(_Model):
 
 
 def list_behaviors(folder: Path) -> tuple[str, ...]:
-    """Names of the behaviors in a library folder, in alphabetical order."""
+    """Return the names of the behaviors in a library folder, in alphabetical order."""
     return tuple(sorted(path.parent.name for path in folder.glob(f"*/{FILE_NAME}")))
 
 
-def read_behavior(name: str, library: Path) -> BehaviorFile:
-    """The checked ``behavior.yaml`` of behavior ``name`` in a library folder.
+def is_own(entry: str) -> bool:
+    """Whether an entry of ``behaviors`` is the path of a folder, as ``./crouch``, not a name in the library."""
+    return entry.startswith(".") or "/" in entry or "\\" in entry
 
-    BehaviorError names the file, line and key of everything that is wrong in it, and the nearest valid name.
+
+def behavior_folder(entry: str, beside: Path, library: Path) -> Path:
+    """Return the folder of an entry of ``behaviors``; the folder of an own behavior is relative to ``beside``."""
+    return Path(os.path.normpath(beside.absolute() / entry)) if is_own(entry) else library / entry
+
+
+def carrier(radii: Sequence[NDArray[np.float64]], before: int, after: int) -> int:
+    """Which of two behaviors a clip that leads from one to the other counts as: the wider one."""
+    return max((before, after), key=lambda index: (float(radii[index].max()), index))
+
+
+def read_behavior(name: str, library: Path) -> BehaviorFile:
+    """Read and check the ``behavior.yaml`` of the behavior ``name`` in a library folder.
+
+    Raises
+    ------
+    BehaviorError
+        With file, line and key of everything that is wrong, or the nearest name if there is no such behavior.
     """
     path = library / name / FILE_NAME
     if not path.is_file():
         known = list_behaviors(library)
         raise BehaviorError(f"no behavior '{name}' in {library}; {nearest(name, known, 'there are')}")
+    try:
+        checked = _checked_name(name)
+    except ValueError as error:
+        raise BehaviorError(f"{library / name}: the folder names the behavior; {error}") from None
     text, problems = read_text(path, str(path))
     document, more = read_document(text, str(path))
     if problems := [*problems, *more]:
@@ -150,8 +213,13 @@ def read_behavior(name: str, library: Path) -> BehaviorFile:
         if detector not in DETECTORS:
             message = f"no feature detector '{detector}'; {nearest(detector, sorted(DETECTORS), 'there are')}"
             complaints.append((("detectors", number), message))
-    if entry.name != name:
+    if entry.name not in ("", name):
         complaints.append((("name",), f"'{entry.name}' is not the name of its folder, '{name}'"))
+    if entry.captured:
+        complaints += _of_captures(entry)
+    else:
+        needed = [key for key in ("speed", "color", "clips") if not getattr(entry, key)]
+        complaints += [((), f"'{key}' is missing, which goes with 'idle' and 'transitions'") for key in needed]
     for key in ("clips", "idle", "transitions"):
         for number, listed in enumerate(getattr(entry, key)):
             if not (path.parent / listed.file).is_file():
@@ -161,7 +229,13 @@ def read_behavior(name: str, library: Path) -> BehaviorFile:
             complaints.append((("transitions", number), f"'{transition.file}' neither begins nor ends with '{name}'"))
     if complaints:
         _refuse(document.problem(*complaint) for complaint in complaints)
-    return entry
+    return entry.model_copy(update={"name": checked})
+
+
+def _of_captures(entry: BehaviorFile) -> list[Complaint]:
+    """Return what captures cannot give."""
+    message = "captures give behaviors that go ahead; drop this key, or list 'idle' and 'transitions' of your own"
+    return [((key,), message) for key in ("facing", "detectors") if key in entry.model_fields_set]
 
 
 def _refuse(problems: Iterable[Problem]) -> NoReturn:

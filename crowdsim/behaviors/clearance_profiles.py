@@ -1,4 +1,4 @@
-"""How wide a body is at each height in each behavior, and the heights that stand for layers (2018 paper, 3.1, 3.2)."""
+"""Width of the body over height for each behavior, and heights that represent layers (2018 paper, 3.1, 3.2)."""
 
 from __future__ import annotations
 
@@ -21,16 +21,25 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 PROFILE_FILE = "clearance.csv"
-"""What :func:`write_profile` writes beside a behavior's ``behavior.yaml``."""
+"""Name of the file that :func:`write_profile` writes beside a behavior's ``behavior.yaml``."""
 
 HEIGHTS = np.round(np.arange(0.05, 1.95, 0.05), 2)
-"""Meters above the floor at which bodies are measured."""
+"""Heights above the floor at which bodies are measured [m]."""
 
 
 class ClearanceProfile(NamedTuple):
-    """Diameters that enclose the body across its motion.
+    """Diameters that enclose the body across its motion, by height.
 
-    heights: (H,) meters. diameters: (H,) the largest of any frame, 0 above the head. quartiles: (3, H) over all frames.
+    Attributes
+    ----------
+    behavior, color : str
+        Name and color of the behavior.
+    heights : (H,) float64
+        Heights above the floor [m].
+    diameters : (H,) float64
+        Largest diameter of any frame [m], 0 above the head.
+    quartiles : (3, H) float64
+        Quartiles over all frames [m].
     """
 
     behavior: str
@@ -41,9 +50,12 @@ class ClearanceProfile(NamedTuple):
 
 
 def measure_profile(name: str, library: Path, heights: Floats = HEIGHTS) -> ClearanceProfile:
-    """Measure all clips of the behavior ``name`` in a library folder, to whichever side it faces.
+    """Measure all clips of the behavior ``name`` in a library folder, over all sides that it faces.
 
-    BehaviorError or MotionError where its files cannot be used.
+    Raises
+    ------
+    BehaviorError, MotionError
+        If its files cannot be used.
     """
     behavior = read_behavior(name, library)
     clips = [read_clip(library / name / entry.file) for entry in behavior.clips]
@@ -58,9 +70,9 @@ def measure_profile(name: str, library: Path, heights: Floats = HEIGHTS) -> Clea
 def representative_heights(
     profiles: Sequence[ClearanceProfile], bands: Sequence[tuple[float, float]]
 ) -> tuple[float, ...]:
-    """The height in each band (low, high) at which the widest behavior is widest: where one plane says most.
+    """Return the height in each band (low, high) at which the widest behavior is widest, the lowest of equal ones [m].
 
-    The lowest of several as wide.
+    One horizontal plane at this height represents the band best.
     """
     widest = np.max([profile.diameters for profile in profiles], axis=0)
     heights = profiles[0].heights
@@ -72,7 +84,7 @@ def representative_heights(
 
 
 def write_profile(profile: ClearanceProfile, library: Path) -> Path:
-    """Write heights and diameters (meters) beside the ``behavior.yaml`` of the behavior."""
+    """Write heights and diameters [m] beside the ``behavior.yaml`` of the behavior."""
     file = library / profile.behavior / PROFILE_FILE
     rows = np.column_stack([profile.heights, profile.diameters, profile.quartiles.T])
     with whole_file(file, (".csv",), "profiles") as written:
@@ -83,7 +95,7 @@ def write_profile(profile: ClearanceProfile, library: Path) -> Path:
 
 
 def draw_profiles(profiles: Sequence[ClearanceProfile], bands: Sequence[tuple[str, float, float]]) -> Figure:
-    """Diameters over height for each behavior, and the layers' bands (name, low, high) (2018 paper, figure 2)."""
+    """Draw diameters over height for each behavior, and the layers' bands (name, low, high) (2018 paper, figure 2)."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.0, 6.0), dpi=110, layout="constrained")
@@ -96,7 +108,7 @@ def draw_profiles(profiles: Sequence[ClearanceProfile], bands: Sequence[tuple[st
         axes.plot(profile.diameters[some], heights, color=profile.color, linewidth=2.0, label=name)
         axes.plot(middle, heights, color=profile.color, linewidth=1.0, linestyle="--")
         axes.fill_betweenx(heights, low, high, color=profile.color, alpha=0.15, linewidth=0.0)
-    # Of the lowest layer the legs count; hanging hands belong to the next.
+    # Only the legs count for the lowest layer; hanging hands belong to the next.
     planes = representative_heights(
         profiles, [(low, min(high, LEGS_TOP) if k == 0 else high) for k, (_, low, high) in enumerate(bands)]
     )

@@ -1,8 +1,9 @@
-"""Where captured and steered motion meet: the phase of the gait in every node, and frames at which to enter nodes.
+"""Switches between captured and steered motion: gait phases of all frames, and frames at which to enter or leave nodes.
 
-A captured character that becomes steered begins with the phase of the frame it shows (:func:`node_phases`), best if it
-walks or stands then (:func:`find_exits`). A steered one that becomes captured enters a node at a frame with its own
-phase and speed (:func:`find_entries`), whose origin is such that its track goes on (:func:`entry_origins`).
+A captured character that becomes steered keeps the gait phase of its current frame (:func:`node_phases`); this looks
+best while it walks or stands (:func:`find_exits`). A steered character that becomes captured enters a node of the
+motion graph at a frame of equal phase and similar speed (:func:`find_entries`); the node's origin is placed so that the
+track continues (:func:`entry_origins`).
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.behaviors.behavior import carrier
 from crowdsim.behaviors.gaits import natural_speed
 from crowdsim.behaviors.library import BehaviorSet
 from crowdsim.constants import CAPTURE_RATE, NONE
@@ -26,18 +28,18 @@ from crowdsim.motion.deformed.phase_kernels import STAND
 from crowdsim.motion.graph.assembly import clip_frames
 
 _LEAST_LEFT = 0.15
-"""Seconds that a node still lasts after the frame in which it is entered, at least."""
+"""Least time between the frame of an entry and the end of its node [s]."""
 _AROUND = 0.1
-"""Seconds before and after a frame over which its speed and its turning are measured, within the node."""
+"""Time before and after a frame over which speed and turning rate are measured, within the node [s]."""
 _SPEED_OFF = 0.15
-"""Share of the natural speed by which the speed of an entry differs from it, at most."""
+"""Largest relative difference between the speed of an entry and the behavior's natural speed."""
 _MOST_ASIDE = np.radians(10.0)
-"""Angle between where a body faces and goes, at most [rad]."""
+"""Largest angle between heading and direction of motion at an entry [rad]."""
 _MOST_TURN = 0.2
-"""Turning, then and on average until the node ends, at most [rad/s]."""
+"""Largest turning rate at an entry, and on average until the node ends [rad/s]."""
 
 _WALKING = 0.7
-"""Share of the natural speed from which a body walks as a steered one does, and neither sets off nor comes to rest."""
+"""Least speed of an exit, as a share of the natural speed: below it a body sets off or comes to rest."""
 _AT_REST = 0.05
 """Speed below which a body stands [m/s]."""
 
@@ -46,19 +48,29 @@ Ints = NDArray[np.int32]
 
 @dataclass(frozen=True)
 class Entries:
-    """The E frames at which a walking body may enter nodes, by behavior, then phase, node and frame; B behaviors.
+    """The E frames at which a walking body may enter nodes of the motion graph, for B behaviors.
 
-    node, frame: (E,) int32; the node and how many of its frames were played before.
-    phase: (E,) float64 cycles in [0, 1), as of deformed clips: the left foot lands at 0, the right one at 0.5.
-    speed: (E,) float64, of the track along its way [m/s].
-    track: (E, 3) float64, track pose of the frame from the node's origin: x, y [m], heading [rad].
-    foot: (E, 2) float64, ball of the foot that landed last (the left one for phases below 0.5, else the right one) from
-        the track pose: ahead, left [m].
-    first: (B + 1,) int64; rows ``first[b]`` to before ``first[b + 1]`` are those of behavior b, none if it goes
-        sideways.
-    natural_speed: (B,) float64, of the cycle that bodies of each behavior are deformed from [m/s].
-    idle_node: (B,) int32, node in which a body of each behavior stands and waits, entered at frame 0; NONE if there is
-        none.
+    Rows are sorted by behavior, then phase, node and frame.
+
+    Attributes
+    ----------
+    node, frame : (E,) int32
+        Node, and frame within it.
+    phase : (E,) float64
+        Gait phase in cycles, in [0, 1): the left foot lands at 0, the right foot at 0.5.
+    speed : (E,) float64
+        Speed of the track [m/s].
+    track : (E, 3) float64
+        Track pose of the frame relative to the node's origin: x, y [m], heading [rad].
+    foot : (E, 2) float64
+        Ball of the foot that landed last (the left one for phases below 0.5), relative to the track pose: ahead, left
+        [m].
+    first : (B + 1,) int64
+        Behavior b has the rows ``first[b]`` to ``first[b + 1] - 1``; none if it walks sideways.
+    natural_speed : (B,) float64
+        Speed of the cycle that bodies of the behavior are deformed from [m/s].
+    idle_node : (B,) int32
+        Node in which a body of the behavior stands, entered at frame 0; NONE if there is none.
     """
 
     node: Ints
@@ -73,7 +85,7 @@ class Entries:
 
 
 def node_phases(behavior_set: BehaviorSet) -> Floats:
-    """The phase of the gait in every frame of every node.
+    """Return the gait phase of every frame of every node.
 
     Parameters
     ----------
@@ -105,7 +117,7 @@ def node_phases(behavior_set: BehaviorSet) -> Floats:
         alike = clips.get((behavior, name), [])
         if not alike:
             raise MotionError(f"node '{node_name}' was cut from a clip that its behavior does not have")
-        # Clips of one name, as transitions from several behaviors to one may have, differ in their poses.
+        # Several clips may share a name (transitions from two behaviors to a third): take the one with these poses.
         shown = graph.poses.pool_rotations[rows, 1:]
         number = int(np.argmin([_difference(clip, first, last, shown) for clip in alike]))
         key = behavior, name, number
@@ -116,41 +128,45 @@ def node_phases(behavior_set: BehaviorSet) -> Floats:
 
 
 def _difference(clip: Clip, first: int, last: int, shown: NDArray[np.float32]) -> float:
-    """How much the joints of some frames of a clip differ from those ``shown`` (F, J - 1, 4), each in its parent."""
+    """Return how much the joint rotations of some frames of a clip differ from ``shown`` (F, J - 1, 4), summed."""
     own = clip.rotations[first : last + 1, 1:]
     if own.shape != shown.shape:
         return np.inf
-    # Quaternions of both signs are one rotation.
+    # q and -q are the same rotation; 1 - |q . p| is 0 for equal rotations.
     return float((1.0 - np.abs((own * shown).sum(axis=2))).sum())
 
 
 def _clips(behavior_set: BehaviorSet) -> Iterator[tuple[int, Clip]]:
-    """All clips with the behavior that their nodes have: of two, the wider one."""
+    """Yield all clips with the behavior index of their nodes; a transition has the wider of its two behaviors."""
     names = [behavior.name for behavior in behavior_set.behaviors]
+    radii = [behavior.radii for behavior in behavior_set.behaviors]
     for behavior, clips in enumerate(behavior_set.clips):
         yield from ((behavior, clip) for clip in (*clips.clips, *clips.idle))
-        yield from ((max(names.index(before), names.index(after)), clip) for clip, before, after in clips.transitions)
+        yield from (
+            (carrier(radii, names.index(before), names.index(after)), clip) for clip, before, after in clips.transitions
+        )
 
 
 def find_entries(behavior_set: BehaviorSet, gaits: tuple[Clip, ...], phases: Floats) -> Entries:
-    """Frames at which a body that walks on a track may enter the motion graph.
+    """Find the frames at which a body that walks on a track may enter the motion graph.
 
-    There the motion goes straight ahead about as fast as the behavior's gait, the node goes on for 0.15 s or more, and
-    after it the graph goes on, and leads to a stand. Nodes that lead from one behavior to another are none.
+    At such a frame the motion goes straight ahead at about the natural speed of the behavior, and does so until the
+    node ends, 0.15 s later or more. The graph continues after the node, and leads to a stand. Nodes cut from
+    transitions between behaviors are excluded.
 
     Parameters
     ----------
     behavior_set : BehaviorSet
         Behaviors with their graph.
     gaits : tuple of Clip
-        A clip of each behavior, as of :func:`~crowdsim.behaviors.gaits.gait_clips`.
+        Clip of each behavior, from :func:`~crowdsim.behaviors.gaits.gait_clips`.
     phases : (P,) float64
-        As of :func:`node_phases`.
+        From :func:`node_phases`.
 
     Returns
     -------
     Entries
-        Arrays of all of them.
+        All such frames.
 
     Raises
     ------
@@ -166,7 +182,7 @@ def find_entries(behavior_set: BehaviorSet, gaits: tuple[Clip, ...], phases: Flo
     left = arrays.node_frames[nodes] - frames
     velocity, turn = _movement(arrays.tracks, frames, left)
     speed = hypot(velocity[:, 0], velocity[:, 1])
-    # Straight ahead at the natural speed, now and until the node ends.
+    # Direction and turning rate, now and on average until the node ends.
     wanted = natural[behavior]
     aheads = np.abs(velocity[:, 1]) <= tan(_MOST_ASIDE) * velocity[:, 0]
     last = (arrays.node_track + arrays.node_frames)[nodes]
@@ -196,24 +212,24 @@ def find_entries(behavior_set: BehaviorSet, gaits: tuple[Clip, ...], phases: Flo
 
 
 def find_exits(behavior_set: BehaviorSet, entries: Entries, phases: Floats) -> NDArray[np.bool_]:
-    """Frames at which a captured body may become steered without its feet being far from where steered ones stand.
+    """Find the frames at which a captured body may become steered with its feet near those of a steered body.
 
-    It walks ahead, at 0.7 of the natural speed or more, or it stands on both feet. Who is setting off, coming to rest,
-    stepping sideways or turning on the spot does better to wait, a second at most.
+    At such a frame it walks ahead at 0.7 of the natural speed or more, or stands on both feet. While it sets off, comes
+    to rest, steps sideways or turns on the spot, it should stay captured until the movement ends.
 
     Parameters
     ----------
     behavior_set : BehaviorSet
         Behaviors with their graph.
     entries : Entries
-        As of :func:`find_entries`.
+        From :func:`find_entries`.
     phases : (P,) float64
-        As of :func:`node_phases`.
+        From :func:`node_phases`.
 
     Returns
     -------
     (P,) bool
-        For each frame of every node, in the rows of ``phases``.
+        Whether each frame is one, in the rows of ``phases``.
     """
     arrays = behavior_set.graph.arrays
     nodes = np.repeat(np.arange(len(arrays.node_frames)), arrays.node_frames + 1)
@@ -228,14 +244,14 @@ def find_exits(behavior_set: BehaviorSet, entries: Entries, phases: Floats) -> N
 
 
 def entry_origins(entries: Entries, rows: NDArray[np.int64], poses: Floats) -> Floats:
-    """Origins (n, 3) of the nodes of entries ``rows`` (n,) whose frames then have the world track ``poses`` (n, 3)."""
+    """Return node origins (n, 3) that give frames of entries ``rows`` (n,) the world track poses ``poses`` (n, 3)."""
     return compose(poses, invert(entries.track[rows]))
 
 
 def _movement(tracks: Floats, frames: NDArray[np.int64], left: NDArray[np.int64]) -> tuple[Floats, Floats]:
-    """Velocity (P, 2) of each frame ahead and left [m/s], and turning (P,) [rad/s], from the frames around in its node.
+    """Return velocities (P, 2), ahead and left [m/s], and turning rates (P,) [rad/s], by central differences.
 
-    frames, left: (P,) frames of the node before each one, and after it.
+    The differences stay within the node: ``frames`` and ``left`` (P,) are the numbers of its frames before and after.
     """
     reach = round(_AROUND * CAPTURE_RATE)
     rows = np.arange(len(tracks))
@@ -247,7 +263,7 @@ def _movement(tracks: Floats, frames: NDArray[np.int64], left: NDArray[np.int64]
 
 
 def _lead_on(behavior_set: BehaviorSet) -> NDArray[np.bool_]:
-    """(N,) whether some node that is not idle follows each node, and a stand after it or at its end."""
+    """Return (N,) bool: whether a node is followed by one that is not idle, and ends standing or leads to a stand."""
     arrays = behavior_set.graph.arrays
     source = np.repeat(np.arange(len(arrays.node_frames)), np.diff(arrays.edge_start))
     onward = np.bincount(source[~arrays.node_idle[arrays.edge_target]], minlength=len(arrays.node_frames)) > 0
@@ -256,7 +272,7 @@ def _lead_on(behavior_set: BehaviorSet) -> NDArray[np.bool_]:
 
 
 def _plain(behavior_set: BehaviorSet) -> NDArray[np.bool_]:
-    """(N,) whether each node was cut from a clip of its behavior, not from one that leads to another one."""
+    """Return (N,) bool: whether a node was cut from a clip of its own behavior, not from a transition."""
     own = {(number, clip.name) for number, clips in enumerate(behavior_set.clips) for clip in clips.clips}
     graph = behavior_set.graph
     names = (clip_frames(name)[0] for name in graph.node_names)
@@ -264,7 +280,7 @@ def _plain(behavior_set: BehaviorSet) -> NDArray[np.bool_]:
 
 
 def _foot_places(behavior_set: BehaviorSet, rows: NDArray[np.int64], phases: Floats) -> Floats:
-    """(n, 2) ball of the foot that landed last in frames ``rows`` of all nodes, from the track: ahead, left [m]."""
+    """Return (n, 2) the ball of the foot that landed last in pose rows ``rows``, from the track: ahead, left [m]."""
     poses, skeleton = behavior_set.graph.poses, behavior_set.graph.skeleton
     places, _ = forward_kinematics(
         skeleton, poses.pool_root[rows].astype(np.float64), poses.pool_rotations[rows].astype(np.float64)
@@ -275,7 +291,7 @@ def _foot_places(behavior_set: BehaviorSet, rows: NDArray[np.int64], phases: Flo
 
 
 def _idle_nodes(behavior_set: BehaviorSet) -> Ints:
-    """(B,) the first idle node of each behavior, NONE if there is none."""
+    """Return (B,) the first idle node of each behavior, NONE if there is none."""
     arrays = behavior_set.graph.arrays
     idle = np.full(len(behavior_set.behaviors), NONE, np.int32)
     nodes = np.flatnonzero(arrays.node_idle)[::-1]

@@ -1,4 +1,4 @@
-"""The clip of each behavior that steered bodies are posed from.
+"""Choose the clip of each behavior that steered bodies are posed from.
 
 2018 paper, section 3.1: one deformable clip for each behavior.
 """
@@ -20,21 +20,21 @@ from crowdsim.motion.deformed.clip_cycle import Cycle, find_cycle
 from crowdsim.motion.deformed.deformed_clip import deform_clip
 
 _MOST_ASIDE = np.radians(35.0)
-"""Angle between where a cycle goes and where its behavior goes, seen from the body, at most [rad]."""
+"""Largest angle between the direction of a cycle and that of its behavior, seen from the body [rad]."""
 _MOST_TURN = np.radians(30.0)
-"""Angle that the body turns by in a cycle, at most [rad]."""
+"""Largest turn of the body during a cycle [rad]."""
 _SLOWEST = 0.5
-"""Speed of a cycle as a share of its behavior's, at least."""
+"""Least speed of a cycle, as a share of its behavior's speed."""
 
 _CONTEXT = CAPTURE_RATE // 2
-"""Frames kept before and after a cycle, so that its steps are told and smoothed as in the whole clip."""
+"""Frames kept before and after a cycle, so that its steps are detected and smoothed as in the whole clip."""
 
 
 def gait_clips(behavior_set: BehaviorSet) -> tuple[Clip, ...]:
     """Choose the clip of each behavior that is deformed to the tracks of steered agents.
 
-    It has a cycle of steps that goes where the behavior goes (ahead, or to a side of a turned body), turns little, is
-    nearest to the behavior's speed, and can be deformed.
+    It has a cycle of steps that goes in the direction of the behavior (ahead, or to a side of a turned body), turns
+    little, is nearest to the behavior's speed, and can be deformed.
 
     Parameters
     ----------
@@ -44,25 +44,33 @@ def gait_clips(behavior_set: BehaviorSet) -> tuple[Clip, ...]:
     Returns
     -------
     tuple of Clip
-        A clip for each behavior, in their order: the part of it with the cycle that ``deform_clip(clip)`` takes, with
-        values of float32, as recordings keep them.
+        A clip for each behavior, in their order: the part with the cycle that ``deform_clip(clip)`` uses, rounded to
+        float32, as recordings store it.
 
     Raises
     ------
     MotionError
         If a behavior has no such clip.
     """
-    pairs = zip(behavior_set.behaviors, behavior_set.clips, strict=True)
-    return tuple(_gait(behavior, clips.clips) for behavior, clips in pairs)
+
+    def choose() -> tuple[Clip, ...]:
+        pairs = zip(behavior_set.behaviors, behavior_set.clips, strict=True)
+        return tuple(_gait(behavior, clips.clips) for behavior, clips in pairs)
+
+    return behavior_set.once("gaits", choose)
 
 
 def natural_speed(gait: Clip) -> float:
-    """Speed of the cycle that a clip of :func:`gait_clips` is deformed from [m/s]."""
+    """Return the speed of the cycle that a clip of :func:`gait_clips` is deformed from [m/s]."""
     cycle = find_cycle(gait)
     return cycle.stride / cycle.seconds
 
 
 def _gait(behavior: Behavior, clips: Sequence[Clip]) -> Clip:
+    """Return the part of a clip around its straightest cycle that costs least and can be deformed.
+
+    Raise MotionError with one of the reasons if there is none.
+    """
     ranked: list[tuple[float, int, Clip]] = []
     reasons: list[str] = []
     for number, clip in enumerate(clips):
@@ -90,7 +98,7 @@ def _gait(behavior: Behavior, clips: Sequence[Clip]) -> Clip:
 
 
 def _around_cycle(clip: Clip, speed: float) -> Clip:
-    """The part of a clip with its cycle nearest to ``speed`` [m/s], if that part alone shows a cycle; else the clip."""
+    """Return the part of a clip around its cycle nearest to ``speed`` [m/s]; the whole clip if that shows no cycle."""
     times = find_cycle(clip, speed).times
     part = slice(max(int(times[0]) - _CONTEXT, 0), int(times[-1]) + _CONTEXT + 1)
     cut = Clip(clip.name, clip.skeleton, clip.root_positions[part], clip.rotations[part])
@@ -102,7 +110,7 @@ def _around_cycle(clip: Clip, speed: float) -> Clip:
 
 
 def _cost(behavior: Behavior, cycle: Cycle) -> tuple[float, str]:
-    """How far a cycle is from the behavior, in m/s and radians, and why it cannot be taken; '' if it can be."""
+    """Return how far a cycle is from the behavior (m/s plus radians), and why it cannot be used; '' if it can."""
     way = cycle.track[-1, :2] - cycle.track[0, :2]
     speed = cycle.stride / cycle.seconds
     steps = np.diff(cycle.track[:, :2], axis=0)
@@ -121,6 +129,6 @@ def _cost(behavior: Behavior, cycle: Cycle) -> tuple[float, str]:
 
 
 def _as_recorded(clip: Clip) -> Clip:
-    """The clip with the values that a recording keeps of it, so that what is chosen is what is played."""
+    """Return the clip with the float32 values that a recording stores, so that the clip chosen is the clip played."""
     root, rotations = (values.astype(np.float32).astype(np.float64) for values in (clip.root_positions, clip.rotations))
     return Clip(clip.name, clip.skeleton, root, rotations)

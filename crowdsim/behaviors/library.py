@@ -1,38 +1,76 @@
-"""Behaviors with their clips: read, measured, ordered, and joined into one motion graph."""
+"""Read behaviors with their clips, measure them, order them, and join them into one motion graph."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from collections.abc import Callable, Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
+from itertools import permutations
 from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.behaviors.behavior import Behavior, BehaviorClips, BehaviorFile, read_behavior
-from crowdsim.behaviors.captured import CAPTURED, captured_clips
-from crowdsim.errors import BehaviorError
+from crowdsim.behaviors.behavior import (
+    Behavior,
+    BehaviorClips,
+    BehaviorFile,
+    behavior_folder,
+    carrier,
+    is_own,
+    read_behavior,
+)
+from crowdsim.constants import CAPTURE_PATTERNS
+from crowdsim.errors import BehaviorError, MotionError
 from crowdsim.library import library_folder
-from crowdsim.motion.captures.reader import read_clip
+from crowdsim.motion.captures.reader import capture_paths, read_clip
 from crowdsim.motion.clips.clearance import measure_clearances, measure_turning
 from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.graph.assembly import clip_frames
 from crowdsim.motion.graph.motion_graph import MotionGraph, MotionSource, build_motion_graph
 from crowdsim.motion.synthesis.styles import DEFAULT_SET
 
+if TYPE_CHECKING:
+    from crowdsim.behaviors.captured import CapturedSet
+
 LEGS_TOP = 0.60
-"""Meters up to which a body is measured for the lowest layer of several: hanging hands are the next layer's."""
+"""Height up to which a body is measured for the lowest of several layers [m]: hanging hands belong to the next
+layer."""
 
 Band = tuple[float, float]
+
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True)
 class BehaviorSet:
-    """Behaviors, least preferred and narrowest first, the motion graph whose nodes carry their indices, their clips."""
+    """Behaviors from the least preferred to the preferred one, and their motion graph.
+
+    Attributes
+    ----------
+    behaviors : tuple of Behavior
+        The behaviors; nodes of the graph carry their indices.
+    graph : MotionGraph
+        One graph of all clips.
+    clips : tuple of BehaviorClips
+        Clips of each behavior.
+    notes : tuple of str
+        What was left out of captures, and what was synthesized, one sentence each.
+    """
 
     behaviors: tuple[Behavior, ...]
     graph: MotionGraph
     clips: tuple[BehaviorClips, ...]
+    notes: tuple[str, ...] = ()
+    _made: dict[str, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def once(self, name: str, make: Callable[[], Made]) -> Made:
+        """Return what ``make`` computes from this set, under a name; it is called once, and shared by all runs."""
+        if name not in self._made:
+            self._made[name] = make()
+        made: Made = self._made[name]
+        return made
 
 
 def load_behavior_set(
@@ -40,51 +78,167 @@ def load_behavior_set(
     bands: Sequence[Band],
     library: Path | None = None,
     captures: Path | None = None,
-    capture_patterns: Sequence[str] = ("*.bvh",),
+    capture_patterns: Sequence[str] = CAPTURE_PATTERNS,
     motion_set: str = DEFAULT_SET,
+    meters_per_unit: float | None = None,
+    joints: Mapping[str, str] | None = None,
+    beside: Path | None = None,
 ) -> BehaviorSet:
-    """Read the behaviors ``names``, measure them in height bands (low, high) meters, and build their graph.
+    """Read behaviors, measure their clearance in height bands, and build their motion graph.
 
-    library: folder of behavior folders, the built-in one if None. captures: folder of the user's own walks, from whose
-    files that match ``capture_patterns`` frontal walking and, with the arms edited, arm-constrained walking are made.
-    motion_set: other clips for the same behaviors (see ``MANNERS``), made when they are asked for; captures come first.
+    Parameters
+    ----------
+    names : sequence of str
+        Names of the behaviors; paths of own ones, as ``./crouch``.
+    bands : sequence of (low, high)
+        Height bands of the layers [m].
+    library : Path or None
+        Folder of behavior folders; None for the built-in one.
+    captures : Path or None
+        Folder of the user's own walks. Frontal walking and, with the arms edited, arm-constrained walking are made from
+        its files that match ``capture_patterns``; ``motion_set`` is then ignored.
+    capture_patterns : sequence of str
+        Patterns of file names.
+    motion_set : str
+        Other clips for the same behaviors (see ``MANNERS``), synthesized on demand.
+    meters_per_unit, joints
+        Unit and joint names of captures, if they cannot be found automatically.
+    beside : Path or None
+        Folder that these paths are relative to; None for the working directory.
+
     Raises
     ------
-    BehaviorError: for files that are wrong, or behaviors that contradict each other.
-    MotionError: for clips that cannot be read, cut or joined.
+    BehaviorError
+        If a file is wrong, or behaviors contradict each other.
+    MotionError
+        If a clip cannot be read, cut or joined.
     """
     library = library_folder("behaviors") if library is None else library
-    files = {name: read_behavior(name, library) for name in names}
+    folders = {folder.name: folder for folder in (behavior_folder(name, beside or Path(), library) for name in names)}
+    files = {name: read_behavior(name, folder.parent) for name, folder in folders.items()}
+    own = {name: file for name, file in files.items() if file.captured}
     if captures is not None:
-        _require_captured(names, captures)
-        clips = captured_clips(captures, capture_patterns, names)
-    elif motion_set == DEFAULT_SET:
-        clips = {name: _library_clips(file, library / name, names) for name, file in files.items()}
-    else:
-        # Not before it is needed: the synthesizer takes no part in loading the default set.
+        if any(is_own(name) for name in names):
+            raise BehaviorError("own behaviors go with a built-in set; put these captures in a behavior of their own")
+        paths = capture_paths(captures, capture_patterns)
+        return _load_captured(files, library, captures, paths, bands, meters_per_unit, joints)
+    styled = {} if motion_set == DEFAULT_SET else {n: f for n, f in files.items() if folders[n].parent == library}
+    clips = {
+        name: _library_clips(file, folders[name], tuple(files))
+        for name, file in files.items()
+        if name not in own and name not in styled
+    }
+    if styled:
+        # Imported late: the default set does not need the synthesizer.
         from crowdsim.behaviors.styled import styled_clips
 
-        clips = styled_clips(motion_set, files)
-    radii = {name: _radii(file, clips[name].clips, bands) for name, file in files.items()}
-    order = sorted(files, key=lambda name: (float(radii[name].max()), name))
+        clips |= styled_clips(motion_set, styled)
+    radii = {name: _radii(files[name], clips[name].clips, bands) for name in clips}
+    left_out: dict[str, Set[tuple[str, int, int]]] = {}
+    notes: list[str] = []
+    if own:
+        # Not before it is needed, as it compiles how clips are deformed.
+        from crowdsim.behaviors.own import read_own
+
+        others = {name: (files[name], clips[name]) for name in clips}
+        found = read_own(own, folders, others, _measured(bands), _layer_names(bands))
+        files |= found.files
+        for name, behavior in found.found.items():
+            clips[name], radii[name], left_out[name] = behavior.clips, behavior.radii, behavior.left_out
+        notes += found.notes
+    order = sorted(files, key=lambda name: (-files[name].cost_per_meter, float(radii[name].max()), name))
     behaviors = tuple(
-        files[name].behavior(radii[name], library / name, _turning(name, clips[name], bands)) for name in order
+        files[name].behavior(radii[name], folders[name], _turning(name, clips[name], bands)) for name in order
+    )
+    if any(is_own(name) for name in names):
+        notes += _never_used(behaviors)
+        notes += [_told(behavior, _layer_names(bands)) for behavior in behaviors if behavior.folder.parent != library]
+    else:
+        _require_worth(behaviors)
+    graph = build_motion_graph(_sources(files, clips, order, radii, left_out))
+    _require_joined(behaviors, graph)
+    return BehaviorSet(behaviors, graph, tuple(clips[name] for name in order), tuple(notes))
+
+
+def _load_captured(
+    files: dict[str, BehaviorFile],
+    library: Path,
+    folder: Path,
+    paths: Sequence[Path],
+    bands: Sequence[Band],
+    meters_per_unit: float | None,
+    joints: Mapping[str, str] | None,
+) -> BehaviorSet:
+    """Load the behaviors ``files`` from captures; synthesize missing movements, or all if the graph is disconnected."""
+    # Imported late: it compiles the kernels that deform clips.
+    from crowdsim.behaviors.captured import captured_set, read_captures
+
+    names = tuple(files)
+    captures = read_captures(folder, paths, _measured(bands), _layer_names(bands), meters_per_unit, joints)
+    found = captured_set(captures, names)
+    try:
+        joined = _joined_captures(found, files, library, bands)
+    except (MotionError, BehaviorError) as error:
+        again = captured_set(captures, names, make_all=True)
+        if not again.made:
+            raise MotionError(
+                f"the captures of {folder} do not join into a walk that can begin and end standing, and no clip walks "
+                "ahead for a whole cycle of steps that could be made into one; add a clip that walks straight on for "
+                "four steps or more"
+            ) from error
+        return _joined_captures(again, files, library, bands)
+    apart = {clip_frames(name) for name, _ in joined.graph.report.dropped}
+    again = captured_set(captures, names, apart)
+    return joined if again.made == found.made else _joined_captures(again, files, library, bands)
+
+
+def _joined_captures(
+    found: CapturedSet, files: dict[str, BehaviorFile], library: Path, bands: Sequence[Band]
+) -> BehaviorSet:
+    """Return the motion graph of captured behaviors; notes say which pieces are not connected to it."""
+    given = found.behaviors
+    order = sorted(given, key=lambda name: (float(given[name].radii.max()), name))
+    clips = {name: given[name].clips for name in order}
+    behaviors = tuple(
+        replace(
+            files[name].behavior(given[name].radii, library / name, _turning(name, clips[name], bands)),
+            speed=given[name].speed or files[name].speed,
+            widest=given[name].widest,
+        )
+        for name in order
     )
     _require_worth(behaviors)
-    graph = build_motion_graph(_sources(files, clips, order))
-    _require_joined(behaviors, graph)
-    return BehaviorSet(behaviors, graph, tuple(clips[name] for name in order))
-
-
-def _require_captured(names: Sequence[str], captures: Path) -> None:
-    foreign = [name for name in names if name not in CAPTURED]
-    if foreign:
-        raise BehaviorError(
-            f"walks captured in {captures} give no '{foreign[0]}'; name only {' and '.join(CAPTURED)} in 'behaviors'"
+    graph = build_motion_graph(
+        _sources(
+            files,
+            clips,
+            order,
+            {name: given[name].radii for name in order},
+            {name: given[name].left_out for name in order},
         )
+    )
+    _require_joined(behaviors, graph)
+    for index, behavior in enumerate(behaviors):
+        if not (graph.arrays.node_idle & (graph.arrays.node_behavior == index)).any():
+            raise MotionError(f"no motion leads to standing and back in '{behavior.name}'")
+    apart: dict[str, list[str]] = {}
+    for name, _ in graph.report.dropped:
+        clip, first, last = clip_frames(name)
+        if clip in found.captured:
+            apart.setdefault(clip, []).append(f"{first} to {last}")
+    notes = [
+        f"clip '{clip}' is partly unused, because no motion leads there and back: frames {', '.join(frames)}"
+        for clip, frames in apart.items()
+    ]
+    return BehaviorSet(behaviors, graph, tuple(clips.values()), (*found.notes, *notes))
+
+
+def _layer_names(bands: Sequence[Band]) -> list[str]:
+    return ["legs", "torso"] if len(bands) == 2 else [f"height of {low:g} to {high:g} m" for low, high in bands]
 
 
 def _library_clips(file: BehaviorFile, folder: Path, names: Sequence[str]) -> BehaviorClips:
+    """Return the clips of a behavior file; transitions only from and to behaviors in ``names``."""
     return BehaviorClips(
         tuple(read_clip(folder / entry.file) for entry in file.clips),
         tuple(read_clip(folder / entry.file) for entry in file.idle),
@@ -97,7 +251,7 @@ def _library_clips(file: BehaviorFile, folder: Path, names: Sequence[str]) -> Be
 
 
 def _radii(file: BehaviorFile, clips: Sequence[Clip], bands: Sequence[Band]) -> NDArray[np.float64]:
-    """(bands,) largest reach of any clip of the behavior, to whichever side it may face."""
+    """Return the largest reach (bands,) of any clip of the behavior, over all sides that it may face [m]."""
     measured = _measured(bands)
     reaches = [measure_clearances(clip, measured, float(np.radians(side))) for clip in clips for side in file.facing]
     farthest: NDArray[np.float64] = np.max(reaches, axis=0)
@@ -105,35 +259,65 @@ def _radii(file: BehaviorFile, clips: Sequence[Clip], bands: Sequence[Band]) -> 
 
 
 def _measured(bands: Sequence[Band]) -> list[Band]:
-    """Where bodies are measured for each band."""
+    """Return the heights between which bodies are measured for each band."""
     legs_top = LEGS_TOP if len(bands) > 1 else np.inf
     return [(bands[0][0], min(bands[0][1], legs_top)), *bands[1:]]
 
 
 def _turning(name: str, clips: BehaviorClips, bands: Sequence[Band]) -> NDArray[np.float64] | None:
-    """(2, bands) largest reach of any clip that leads into a behavior, and out of it, while it turns; None if none."""
+    """Return the largest reach (2, bands) while turning into a behavior, and out of it [m]; None if no clip does."""
     reaches: list[NDArray[np.float64]] = [np.zeros((2, len(bands)))]
     for clip, before, _ in clips.transitions:
         back = before == name
         own = measure_turning(clip, _measured(bands), back)
+        # Row 0 for a clip that leads into the behavior, row 1 for one that leads out of it.
         reaches.append(own * np.array([[not back], [back]]))
     most = np.max(reaches, axis=0)
     return most if most.any() else None
 
 
+def _useless(behaviors: Sequence[Behavior]) -> list[tuple[Behavior, Behavior]]:
+    """Pairs of a behavior and a wider one that costs as much, and is never used, as the first fits wherever it does."""
+    return [
+        (narrow, wide)
+        for narrow, wide in permutations(behaviors, 2)
+        if narrow.cost_per_meter <= wide.cost_per_meter
+        and narrow.radii.max() < wide.radii.max()
+        and (narrow.radii <= wide.radii).all()
+    ]
+
+
 def _require_worth(behaviors: Sequence[Behavior]) -> None:
-    """BehaviorError where a wider behavior costs as much as a narrower one, which fits wherever it does."""
-    for narrow, wide in pairwise(behaviors):
-        if narrow.cost_per_meter <= wide.cost_per_meter:
-            raise BehaviorError(
-                f"'{narrow.name}' is narrower than '{wide.name}' ({narrow.radii.max():.3f} m, {wide.radii.max():.3f} m)"
-                f" and no costlier, so '{wide.name}' would never be used; "
-                f"raise cost_per_meter in {narrow.folder}/behavior.yaml"
-            )
+    """Raise BehaviorError if a wider behavior is not cheaper than a narrower one, which fits wherever it does."""
+    for narrow, wide in _useless(behaviors):
+        raise BehaviorError(
+            f"'{narrow.name}' is narrower than '{wide.name}' ({narrow.radii.max():.3f} m, {wide.radii.max():.3f} m)"
+            f" and no costlier, so '{wide.name}' would never be used; "
+            f"raise cost_per_meter in {narrow.folder}/behavior.yaml"
+        )
+
+
+def _never_used(behaviors: Sequence[Behavior]) -> list[str]:
+    """Return a sentence for each behavior that no plan can use."""
+    return [
+        f"no plan asks for '{wide.name}': '{narrow.name}' is narrower ({narrow.radii.max():.3f} m, "
+        f"{wide.radii.max():.3f} m) and no costlier"
+        for narrow, wide in _useless(behaviors)
+    ]
+
+
+def _told(behavior: Behavior, layers: Sequence[str]) -> str:
+    """How wide and how fast an own behavior was measured to be."""
+    reach = ", ".join(f"{radius:.3f} m at the {layer}" for layer, radius in zip(layers, behavior.radii, strict=True))
+    return f"'{behavior.name}' reaches {reach} to a side of its way, and goes at {behavior.speed:.2f} m/s"
 
 
 def _require_joined(behaviors: Sequence[Behavior], graph: MotionGraph) -> None:
-    """BehaviorError for a behavior that the motion graph lost, because no motion leads into it or out of it."""
+    """Raise BehaviorError for a behavior without nodes in the motion graph.
+
+    The graph is the largest part in which motion leads from every node to every other one, so motion does not lead
+    both into and out of a behavior that is missing there.
+    """
     for index, behavior in enumerate(behaviors):
         if index not in graph.arrays.node_behavior:
             others = " and ".join(f"'{other.name}'" for other in behaviors if other is not behavior)
@@ -144,16 +328,32 @@ def _require_joined(behaviors: Sequence[Behavior], graph: MotionGraph) -> None:
 
 
 def _sources(
-    files: dict[str, BehaviorFile], clips: dict[str, BehaviorClips], order: Sequence[str]
+    files: dict[str, BehaviorFile],
+    clips: dict[str, BehaviorClips],
+    order: Sequence[str],
+    radii: Mapping[str, NDArray[np.float64]],
+    left_out: Mapping[str, Set[tuple[str, int, int]]] = MappingProxyType({}),
 ) -> list[MotionSource]:
-    """Every clip with the index of its behavior; one that leads to another behavior carries the wider of the two."""
+    """Return every clip with the index of its behavior; a transition carries the wider of its two behaviors.
+
+    ``left_out`` lists for each behavior the pieces (clip, first frame, last frame) that must not become nodes.
+    """
     sources = []
     for index, name in enumerate(order):
         detectors = tuple(files[name].detectors)
-        sources += [MotionSource(clip, index, detectors) for clip in clips[name].clips]
+        unused = left_out.get(name, frozenset())
+        sources += [
+            MotionSource(
+                clip,
+                index,
+                detectors,
+                left_out=frozenset((first, last) for of, first, last in unused if of == clip.name),
+            )
+            for clip in clips[name].clips
+        ]
         sources += [MotionSource(clip, index, detectors, idle=True) for clip in clips[name].idle]
         for clip, before, after in clips[name].transitions:
-            wider = max(order.index(before), order.index(after))
+            wider = carrier([radii[each] for each in order], order.index(before), order.index(after))
             both = tuple(dict.fromkeys([*files[before].detectors, *files[after].detectors]))
             sources.append(MotionSource(clip, wider, both))
     return sources

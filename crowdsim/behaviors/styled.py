@@ -1,4 +1,4 @@
-"""Behaviors in another manner: the clips of a built-in motion set that is synthesized rather than read."""
+"""Behaviors in another manner, such as happy: their clips come from a synthesized motion set."""
 
 from __future__ import annotations
 
@@ -13,10 +13,17 @@ from crowdsim.motion.synthesis.styles import DEFAULT_SET, find_manner
 
 
 def styled_clips(motion_set: str, files: Mapping[str, BehaviorFile]) -> dict[str, BehaviorClips]:
-    """Clips of the behaviors ``files`` as the motion set called ``motion_set`` has them.
+    """Return the clips of the behaviors ``files`` from the motion set ``motion_set``.
 
-    What waits and what leads where is told by the ``behavior.yaml``; all other clips that the set has for a behavior
-    are its own. MotionError for a set that is none, BehaviorError for behaviors and clips that the set does not have.
+    The ``behavior.yaml`` names the clips for standing and the transitions; all other clips of the set for a behavior
+    are its own.
+
+    Raises
+    ------
+    MotionError
+        If there is no such set.
+    BehaviorError
+        If the set lacks a behavior or a clip.
     """
     made: dict[str, dict[str, Clip]] = {}
     for folder, name, clip in synthesize_set(find_manner(motion_set)):
@@ -27,6 +34,8 @@ def styled_clips(motion_set: str, files: Mapping[str, BehaviorFile]) -> dict[str
 def _clips(
     motion_set: str, file: BehaviorFile, made: Mapping[str, Clip], files: Mapping[str, BehaviorFile]
 ) -> BehaviorClips:
+    """Return the clips of a motion set for a behavior: those that its file names, and others made for it."""
+
     def find(path: str) -> Clip:
         if Path(path).name not in made:
             raise BehaviorError(

@@ -1,7 +1,7 @@
-"""What a set of motions can follow: how often it leads around a turn, by the turn's radius and the room there is.
+"""Measure what turns a set of motions can follow, by the turn's radius and the clearance.
 
-Each trial is a straight, a turn and a straight, in which every joint of the body is to keep within the clearance. Turns
-to which nothing leads tell what motions a set lacks (2012 paper, section 7).
+Each trial is a straight, a turn and a straight, on which every joint of the body must stay within the clearance. Turns
+that are never followed show which motions a set lacks (2012 paper, section 7).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from crowdsim.constants import NONE
 from crowdsim.errors import MotionError
 from crowdsim.following.follower.body_reach import body_reach
-from crowdsim.following.follower.path_follower import Character, FollowOptions, FollowStatus, follow_path
+from crowdsim.following.follower.path_follower import Character, FollowOptions, FollowStatus, search_path
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.geometry.elementary import cos, sin
 from crowdsim.motion.graph.motion_graph import MotionGraph
@@ -28,24 +28,30 @@ from crowdsim.navmesh.navmesh import NavMesh
 Floats = NDArray[np.float64]
 
 RADII = (8.0, 4.0, 2.0, 1.0, 0.5, 0.25)
-"""Meters, radii of turns to either side; the straight comes besides."""
+"""Radii of turns to either side [m]; a straight is added."""
 
 CLEARANCES = (0.2, 0.25, 0.3, 0.35, 0.4, 0.5)
+"""Clearances of the trials [m]."""
 ANGLES = (45.0, 90.0, 135.0)
+"""Angles of the turns [degrees]."""
 LEADS = (1.5, 1.7, 1.9, 2.1)
-"""Meters of the straight before a turn: motions that fit must not be a matter of where their steps fall."""
+"""Lengths of the straight before a turn [m]; several, so that the result does not depend on where steps fall."""
 
 _AFTER = 1.5
+"""Length of the straight behind a turn [m]."""
 _SPACING = 0.1
+"""Largest distance between samples of a path [m]."""
 _BUDGET = 200
+"""Map queries per trial."""
 _RADIUS = 0.05  # meters of the discs tested: on open ground they are free anyway
 
 
 @dataclass(frozen=True)
 class Coverage:
-    """How many trials were followed.
+    """Shares of the trials that were followed.
 
-    curvature: (K,) one over the radius of a turn, positive to the left. clearance: (C,) meters. share: (K, C), 0 to 1.
+    curvature: (K,) one over the radius of a turn, positive to the left [1/m]. clearance: (C,) [m]. share: (K, C), from
+    0 to 1.
     """
 
     curvature: Floats
@@ -54,6 +60,8 @@ class Coverage:
 
 
 class _Samples(NamedTuple):
+    """A path at equal steps, as of :class:`crowdsim.following.follower.follow_workspace.Samples`."""
+
     pose: Floats
     arc: Floats
     behavior: NDArray[np.int32]
@@ -71,9 +79,18 @@ def measure_coverage(
 ) -> Coverage:
     """Follow turns of each radius to both sides, and a straight, with each clearance.
 
-    facings: (B, F) radians the body may face off its direction of motion, padded with nan. behavior: the one that is
-    planned everywhere. workers: threads, with the same result for any number. progress: called with the cells of the
-    table that are done and their number. MotionError where a number is not positive.
+    Parameters
+    ----------
+    motion, maps: motion graph and its maps.
+    facings: (B, F) angles off the direction of motion at which the body may face [rad], padded with nan.
+    behavior: the behavior planned everywhere.
+    radii, clearances: [m].
+    workers: number of threads; the result is the same for any number.
+    progress: called with the number of table cells done and of all cells.
+
+    Raises
+    ------
+    MotionError: if a number is not positive.
     """
     if not radii or not clearances or min(*radii, *clearances) <= 0.0 or workers < 1:
         raise MotionError(
@@ -89,29 +106,36 @@ def measure_coverage(
     bends = [1.0 / radius for radius in sorted(radii)]
     curvature = [*bends, 0.0, *[-bend for bend in reversed(bends)]]
 
-    def share(place: tuple[float, float]) -> float:
-        bend, clearance = place
-        kept = reach._replace(room=np.full(len(facings), clearance), least=clearance)
-        character = Character(graph, maps, discs, facings, kept)
-        found = [
-            follow_path(character, path, (ground,), path.pose[0].copy(), start_node, options)
-            for path in _paths(bend, behavior)
-        ]
-        return sum(one.status == FollowStatus.FOUND for one in found) / len(found)
+    rooms = sorted(set(clearances))
 
-    cells = [(bend, clearance) for bend in curvature for clearance in clearances]
-    shares = []
+    def shares_of(bend: float) -> list[float]:
+        """Return a turn's share for each clearance; trials followed with less clearance count for all greater ones."""
+        paths = _paths(bend, behavior)
+        found = [False] * len(paths)
+        shares = []
+        for clearance in rooms:
+            kept = reach._replace(room=np.full(len(facings), clearance), least=clearance)
+            character = Character(graph, maps, discs, facings, kept)
+            for number, path in enumerate(paths):
+                if not found[number]:
+                    start = path.pose[0].copy()
+                    result = search_path(character, path, (ground,), start, start_node, options)
+                    found[number] = result.status == FollowStatus.FOUND
+            shares.append(sum(found) / len(found))
+        return [shares[rooms.index(clearance)] for clearance in clearances]
+
+    table = []
     with ThreadPoolExecutor(workers, thread_name_prefix="crowdsim") as pool:
-        for done, result in enumerate(pool.map(share, cells), 1):
-            shares.append(result)
+        for done, shares in enumerate(pool.map(shares_of, curvature), 1):
+            table.append(shares)
             if progress is not None:
-                progress(done, len(cells))
-    table = np.array(shares).reshape(len(curvature), len(clearances))
-    return Coverage(np.array(curvature), np.array(clearances), table)
+                for cell in range(1, len(clearances) + 1):
+                    progress((done - 1) * len(clearances) + cell, len(curvature) * len(clearances))
+    return Coverage(np.array(curvature), np.array(clearances), np.array(table))
 
 
 def coverage_rows(coverage: Coverage) -> list[dict[str, Any]]:
-    """A line for each turn: percent of the trials that were followed, by clearance."""
+    """Return a row for each turn: percentage of the trials followed, by clearance."""
     rows = []
     for curvature, shares in zip(coverage.curvature, coverage.share, strict=True):
         turn = "straight"
@@ -125,8 +149,19 @@ def coverage_rows(coverage: Coverage) -> list[dict[str, Any]]:
     return rows
 
 
+def missing_turns(coverage: Coverage) -> list[str]:
+    """Return a sentence for each kind of motion that nothing follows, even with the most clearance."""
+    most = coverage.share[:, int(np.argmax(coverage.clearance))]
+    kinds = (
+        ("walking straight on", coverage.curvature == 0.0, "a straight walk of four steps or more"),
+        ("turns to the left", coverage.curvature > 0.0, "walks that turn left by 45 and by 90 degrees"),
+        ("turns to the right", coverage.curvature < 0.0, "walks that turn right by 45 and by 90 degrees"),
+    )
+    return [f"no motion follows {what}: add {how}" for what, rows, how in kinds if rows.any() and not most[rows].any()]
+
+
 def _paths(bend: float, behavior: int) -> list[_Samples]:
-    """Paths that turn with the curvature ``bend`` (1/m, to the left) by each angle after each straight."""
+    """Return paths that turn with the curvature ``bend`` [1/m], left positive, by each angle after each straight."""
     paths = []
     for lead in LEADS:
         for degrees in ANGLES if bend != 0.0 else (0.0,):
@@ -147,7 +182,7 @@ def _paths(bend: float, behavior: int) -> list[_Samples]:
 
 
 def draw_coverage(coverage: Coverage, name: str) -> Any:
-    """The table as a picture (matplotlib figure): green where everything is followed, red where nothing is."""
+    """Draw the table as a matplotlib figure: green where everything is followed, red where nothing is."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(2.5 + 1.0 * len(coverage.clearance), 1.5 + 0.45 * len(coverage.curvature)), dpi=110)

@@ -1,0 +1,1 @@
+"""Motion: captures and clips, motion graphs, motion maps, and clips deformed to tracks."""

@@ -1,1 +1,1 @@
-"""The path follower: lays, tests and scores branches."""
+"""The path follower: lay, test and score branches along a path."""

@@ -1,6 +1,7 @@
-"""Exact arrival: the last transitions of a motion turned so that it ends at the very goal (2011 paper, section 6).
+"""Exact arrival: turn the last transitions of a motion so that it ends at the goal (2011 paper, section 6).
 
-The motion that a search has found is bent as a planar chain and tested as the search tests its branches.
+The motion that a search has found is bent as a planar chain, whose joints are the planted feet at its transitions, and
+tested as the search tests its branches.
 """
 
 import math
@@ -17,22 +18,26 @@ from crowdsim.jit import helper, kernel
 from crowdsim.motion.graph.track_kernels import next_origin, node_end
 
 MOST_BENT = 16
-"""Joints that are bent at most, the last of the motion."""
+"""Largest number of joints that are bent, the last ones of the motion."""
 
 HEADING_LEVER = 0.4
-"""Meters a radian, by which bending weighs an error of heading."""
+"""Weight of a heading error against a position error when bending [m/rad]."""
 
 EXACT = 5e-4
-"""Meters from the goal at which a motion is bent enough."""
+"""Distance from the goal at which bending stops [m]."""
 
 _WITHIN = 0.9
-"""Share of the tolerance of a heading that is aimed at where the heading has to be turned, too."""
+"""Share of the heading tolerance that is aimed at if the heading has to be turned, too."""
 
 
 @helper
 def _read_chain(graph, search, chain, count, bent):
-    """Make the last ``bent`` transitions of the solution joints, each with the turn it has; its end is the chain's."""
+    """Fill ``chain`` with the last ``bent`` transitions of the solution as joints, with the turn that each has now.
+
+    The chain's end is the end of the solution.
+    """
     first = count - bent
+    # Joint j is the pivot (the planted foot) of the edge from node i to node i + 1, in world coordinates.
     for i in range(first - 1, count):
         ox, oy, oh = search.best_place[i, 0], search.best_place[i, 1], search.best_place[i, 2]
         x, y, heading = node_end(graph, np.int64(search.best_step[i, 0]), ox, oy, oh)
@@ -48,13 +53,18 @@ def _read_chain(graph, search, chain, count, bent):
 
 @helper
 def _bend(graph, search, chain, count, bent, goal, within, heading, tolerance):
-    """Turn the last ``bent`` transitions to the goal; whether they lead there, with the heading if one is asked for."""
+    """Turn the last ``bent`` transitions to the goal; return True if they end there, with the heading unless it is nan.
+
+    within: largest distance from the goal [m]. heading, tolerance: [rad].
+    """
     _read_chain(graph, search, chain, count, bent)
+    # First to the place, with any heading.
     goal[2] = math.nan
     miss = bend_chain(chain.joint, chain.limit, chain.turn, bent, chain.end, goal, HEADING_LEVER, EXACT)
     if miss > within or math.isnan(heading):
         return miss <= within
     off = wrap_angle(chain.end[2] - heading)
+    # Then, from the original turns, to a heading just inside the tolerance.
     if abs(off) > tolerance:
         _read_chain(graph, search, chain, count, bent)
         goal[2] = heading + math.copysign(_WITHIN * tolerance, off)
@@ -64,11 +74,16 @@ def _bend(graph, search, chain, count, bent, goal, within, heading, tolerance):
 
 @helper
 def _arc_before(graph, guide, search, first):
-    """Arc length of the path that the solution has come to where its node ``first`` begins."""
+    """Return the arc length of the path beside the start of the solution's node ``first`` [m].
+
+    Follow the solution (:class:`~crowdsim.following.follower.follow_workspace.Search`) from its begin: a path that
+    comes by the same place twice has two such arc lengths.
+    """
     arc = 0.0
     for i in range(first):
         node = np.int64(search.best_step[i, 0])
         x, y, _ = node_end(graph, node, search.best_place[i, 0], search.best_place[i, 1], search.best_place[i, 2])
+        # The first node may begin anywhere along the start of the path; later ones only near the end of the last.
         low, beyond = (arc - 0.2, 0.3) if i > 0 else (0.0, 1.0)
         arc = max(project(guide, x, y, low, arc + graph.node_length[node] + beyond)[0], arc)
     return arc
@@ -76,18 +91,20 @@ def _arc_before(graph, guide, search, first):
 
 @helper
 def _lay_chain(graph, guide, rules, search, laid, chain, first, bent, x, y, heading, arc):
-    """Lay the nodes behind the chain's joints, from the pose and arc length at which the first of them begins.
+    """Lay the nodes behind the chain's joints as rows of ``laid``, from the given pose and arc length on.
 
-    Each is an entry of ``laid``. False where one ends farther off the path than the rules allow.
+    Return False if a node ends farther off the path than the rules allow.
     """
     for j in range(bent):
         node, edge = np.int64(search.best_step[first + j, 0]), np.int64(search.best_step[first + j, 1])
         ox, oy, oh = next_origin(graph, edge, chain.turn[j], x, y, heading)
         x, y, heading = node_end(graph, node, ox, oy, oh)
+        # Same window of arc length as in the search: a little back, and one node's length ahead.
         after, gap = project(guide, x, y, arc - 0.2, arc + graph.node_length[node] + 0.3)
         if gap > rules.deviation:
             return False
         after = max(after, arc)
+        # A node wider than planned anywhere along it needs the whole planned clearance.
         wide = False
         for i in range(sample_before(guide, arc), sample_index(guide, after) + 1):
             wide = wide or graph.node_behavior[node] > guide.behavior[i]
@@ -96,6 +113,7 @@ def _lay_chain(graph, guide, rules, search, laid, chain, first, bent, x, y, head
         laid.end[j, 0], laid.end[j, 1], laid.end[j, 2] = x, y, heading
         laid.arc[j] = after
         laid.wide[j] = wide
+        # Nothing is tested yet.
         for k in range(laid.free.shape[1]):
             laid.free[j, k] = False
         arc = after
@@ -106,13 +124,20 @@ def _lay_chain(graph, guide, rules, search, laid, chain, first, bent, x, y, head
 def arrive(graph, guide, rules, layers, reach, search, laid, chain, count, within, heading, tolerance):
     """Bend the solution of ``count`` nodes in ``search.best_*`` so that it ends within ``within`` meters of the goal.
 
-    The last two joints are turned alone if that is enough, then twice as many each time: so most of the motion stays as
-    it was found. heading, tolerance: radians, how the body must be turned in the end; nan where any will do. ``laid``
-    has room for the joints bent, which ``search.branch`` counts up; chain: places, limits and turns of as many, and the
-    end. Discs are tested on all ``layers``, joints where ``reach`` is given, from the first node that moves on.
+    First the last two joints are turned, then twice as many each time, so that most of the motion stays as it was
+    found. Bent nodes are tested from the first that moves on: discs on all ``layers``, joints if ``reach`` is given.
 
-    Returns how many nodes at the end were laid anew, rows of ``laid`` from 0 on, and the arc length that their end is
-    beside; 0 where no bent motion arrives and is free.
+    Parameters
+    ----------
+    graph, guide, rules, layers, reach, search: as of :func:`crowdsim.following.follower.follow_kernels.follow`.
+    laid, chain: scratch of :func:`crowdsim.following.follower.follow_workspace.make_chain`.
+    within: largest distance from the goal [m].
+    heading, tolerance: heading of the body at the end and its tolerance [rad]; nan for any heading.
+
+    Returns
+    -------
+    (bent, arc): number of nodes at the end that were laid anew, rows of ``laid`` from 0 on, and the arc length beside
+    their end. (0, 0.0) if no bent motion arrives and is free.
     """
     hints = np.full(len(layers), np.int64(NONE))
     last = guide.pose.shape[0] - 1
@@ -125,11 +150,13 @@ def arrive(graph, guide, rules, layers, reach, search, laid, chain, count, withi
         bent = min(2 * bent, joints)
         if not _bend(graph, search, chain, count, bent, goal, within, heading, tolerance):
             continue
+        # Where the first moved node begins: the end of the node before it, which stays.
         first = count - bent
         before = search.best_place[first - 1]
         x, y, h = node_end(graph, np.int64(search.best_step[first - 1, 0]), before[0], before[1], before[2])
         stage_end[0], stage_end[1], stage_end[2] = x, y, h
         arc = _arc_before(graph, guide, search, first)
+        # Lay the bent nodes and test them like a branch of the search.
         free = _lay_chain(graph, guide, rules, search, laid, chain, first, bent, x, y, h, arc)
         for k, mesh in enumerate(layers):
             free = free and branch_is_free(graph, rules, mesh, np.int64(k), search, laid, bent, stage_end, True, hints)

@@ -1,4 +1,4 @@
-"""How far the joints of a body reach from its track, frame by frame: to keep all of it in the planned section."""
+"""Positions of a body's joints off its track, frame by frame, to keep the whole body in the planned section."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ Floats = NDArray[np.float64]
 
 
 class BodyReach(NamedTuple):
-    """R frames of J joints, the form that kernels read.
+    """Joints of N nodes and E edges in R frames of J joints, in the form that kernels read.
 
-    node_first: (N,) int64, the row of each node's frame 0. edge_first: (E,) int64, of the frame 0 of each edge's target
-    after its source, whose pose fades out over the first BLEND_FRAMES frames: those have rows of their own.
-    node_pace: (N,) meters, the most that a track moves from one frame to the next.
-    node_most, edge_most: (N,) and (E,) meters, the farthest joint in any of these rows.
-    joint: (R, J, 2) float32, floor projections in the frame of the track pose, the farthest first.
-    far: (R,) meters from there to the farthest in this frame or the next of the node up to WINDOW in all.
-    room: (B,) meters from the path within which every joint must lie where it was planned for each behavior.
-    least: the least of them.
+    node_first: (N,) int64, row of each node's frame 0. edge_first: (E,) int64, row of frame 0 of each edge's target
+    when it follows its source: while the source's pose fades, in the first BLEND_FRAMES frames, poses differ.
+    node_pace: (N,) largest movement of the track between two frames [m].
+    node_most, edge_most: (N,) and (E,) distance of the farthest joint in any of these rows [m].
+    joint: (R, J, 2) float32, floor projections in the frame of the track pose, the farthest first [m].
+    far: (R,) distance of the farthest joint in this frame or the next ones of the node, WINDOW in all [m].
+    room: (B,) distance from the path within which each joint must stay in sections of each behavior [m]. least: the
+    least of ``room``.
     """
 
     node_first: NDArray[np.int64]
@@ -44,18 +44,24 @@ class BodyReach(NamedTuple):
 
 
 def body_reach(graph: GraphArrays, poses: PoseTable, room: Floats) -> BodyReach:
-    """Where all joints of ``poses`` (of the nodes of ``graph``) are.
+    """Compute where all joints are in all frames of all nodes.
 
-    room: (B,) meters for each behavior, the clearance that paths for it are planned with. MotionError where there is
-    none for one of them, or no room.
+    Parameters
+    ----------
+    graph, poses: motion graph, and the poses of its nodes.
+    room: (B,) clearance with which paths for each behavior are planned [m].
+
+    Raises
+    ------
+    MotionError: if a behavior has no clearance above 0.
     """
     room = np.ascontiguousarray(room, np.float64)
     behaviors = int(graph.node_behavior.max(initial=0)) + 1
     if room.ndim != 1 or len(room) < behaviors or not (room > 0.0).all():
-        raise MotionError(f"each of the {behaviors} behaviors needs a clearance above 0 to keep in, not {room}")
+        raise MotionError(f"each of the {behaviors} behaviors needs a clearance above 0, not {room}")
     nodes, edges = len(graph.node_frames), len(graph.edge_target)
     source = np.repeat(np.arange(nodes), np.diff(graph.edge_start))
-    # All frames of every node on its own, then the first of every edge's target.
+    # Rows: all frames of each node on its own, then the first frames of each edge's target behind its source.
     counts = np.concatenate([graph.node_frames + 1, np.minimum(graph.node_frames[graph.edge_target] + 1, BLEND_FRAMES)])
     first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     node = np.repeat(np.concatenate([np.arange(nodes), graph.edge_target]), counts)
@@ -65,6 +71,7 @@ def body_reach(graph: GraphArrays, poses: PoseTable, room: Floats) -> BodyReach:
     positions = np.empty((first[-1], joints, 3), np.float32)
     columns = node.astype(np.int32), before.astype(np.int32), frame.astype(np.float64)
     pose_joints(poses, *columns, np.zeros((first[-1], 3)), positions, np.empty((first[-1], joints, 4), np.float32))
+    # Joints sorted by distance from the track; far looks ahead over the faded rows, then over the node's own.
     flat = positions[:, :, :2]
     away = hypot(flat[:, :, 0], flat[:, :, 1])
     order = np.argsort(-away, axis=1, kind="stable")

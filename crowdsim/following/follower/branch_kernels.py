@@ -1,7 +1,8 @@
-"""The branches of a motion map laid on the path: steered, judged, tested.
+"""Branches of a motion map laid on the path: steered, scored and tested.
 
-Entries of the map at hand are laid down one by one, each after its parent, and remembered in ``laid`` (rows by
-entry): twist, origin, end pose and arc length of the path at the end. A row is of the stage whose serial it carries.
+The entries of the present map are laid down one by one, each after its parent. ``laid`` keeps, in a row per entry, its
+twist, origin, end pose and the arc length of the path beside its end. A row is valid for the stage whose serial number
+it carries.
 """
 
 import math
@@ -17,48 +18,48 @@ from crowdsim.motion.graph.track_kernels import next_origin, node_end, track_pos
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 
 TEST_FRAMES = 4
-"""Frames between two samples of the collision test."""
+"""Frames between two samples of the collision test. Fewer: safer and slower."""
 
 IN_PLACE = 0.15
-"""Meters from start to end below which a node counts as turning in place: its heading is free."""
+"""Distance from start to end below which a node counts as turning in place, so that any heading is allowed [m]."""
 
 _BEYOND = 1e-6
-"""Meters beyond the needed clearance up to which it is measured, so that rounding cannot make it look short."""
+"""Clearance is measured up to this much beyond what is needed, so that rounding cannot make it look short [m]."""
 
 _MOST_BACKWARD = 0.1
-"""Meters of path that a node may lose: a sway, no step back."""
+"""Arc length that a node may lose [m]: a sway, not a step back."""
 
 _MOST_TURNS = 64
-"""Full turns that are taken off an angle, at most."""
+"""Largest number of full turns taken off an angle."""
 
 _HEADING_LEVER = 0.2
-"""Meters by which steering weighs an error of heading (radians) against one of place (meters)."""
+"""Weight of a heading error against a position error when steering [m/rad]."""
 
 _HEADING_WINDOW = 0.3
-"""Meters of path around the end of a node in which its heading must fit."""
+"""Arc length before and behind the end of a node in which the path's direction may match its heading [m]."""
 
 NODE_COST = 0.01
-"""Square meters that each node adds to the area between branch and path: few long nodes rather than many short."""
+"""Cost per node, in square meters between branch and path: prefers few long nodes to many short ones."""
 
 _TIME_COST = 0.02
-"""Square meters a second, against standing about."""
+"""Cost of time, against standing about [m2/s]."""
 
 _SWITCH_COST = 0.05
-"""Square meters for ending where another behavior than the planned goes on."""
+"""Cost of ending in a behavior other than the planned one [m2]."""
 
 MISFIT_COST = 0.15
-"""Square meters a meter moved with a behavior one step off the planned one."""
+"""Cost of moving in a behavior one step off the planned one [m2/m]."""
 
 _END_COST = 0.25
-"""Weight (meters) of what the end of a branch is off the path: meters aside, and half of the radians."""
+"""Weight of the error at a branch's end [m]: its distance from the path [m] plus half its heading error [rad]."""
 
 
 @helper
 def _fit_heading(maps, guide, rules, node, heading, arc, window):
-    """Smallest turn that makes the heading of a body at the end of ``node`` fit the path at ``arc``.
+    """Return the smallest turn that makes a body's heading at the end of ``node`` fit the path at ``arc`` [rad].
 
-    It fits where the body faces as the node's behavior, or one that may follow it here, asks for. The path's
-    direction is taken anywhere within ``window`` meters: a body rounds a corner sooner or later than its path.
+    The heading fits if it is a facing of the node's behavior, or of a behavior that may follow it here. The path's
+    direction counts anywhere within ``window`` meters, as a body may round a corner sooner or later than its path.
     """
     best = math.pi
     here = sample_index(guide, arc)
@@ -73,6 +74,7 @@ def _fit_heading(maps, guide, rules, node, heading, arc, window):
                 continue
             for i in range(begin, end + 1):
                 turn = guide.pose[i, 2] + facing - heading
+                # Wrap to (-pi, pi] by repeated subtraction.
                 for _ in range(_MOST_TURNS):
                     if turn > math.pi:
                         turn -= 2.0 * math.pi
@@ -87,11 +89,10 @@ def _fit_heading(maps, guide, rules, node, heading, arc, window):
 
 @helper
 def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
-    """Extra rotation about the planted foot of ``edge`` that brings the end of its target nearest to the path.
+    """Return the extra rotation about the planted foot of ``edge`` that brings its target's end nearest to the path.
 
-    One joint of the planar chain of the 2011 paper (inverse branch kinematics): the angle that points the end at
-    the path and the angle that mends the heading, weighed by the lever each has, clamped to the edge's range.
-    (x, y, heading) is the end of the node before, ``arc`` its place on the path.
+    One joint of the 2011 paper's planar chain (inverse branch kinematics). (x, y, heading) is the end of the node
+    before, ``arc`` its place on the path. The result is clamped to the edge's range [rad].
     """
     low, high = graph.edge_low[edge], graph.edge_high[edge]
     if high - low <= 0.0:
@@ -99,10 +100,12 @@ def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
     node = np.int64(graph.edge_target[edge])
     c, s = cos_sin(heading)
     tx, ty = graph.edge_transform[edge, 0], graph.edge_transform[edge, 1]
+    # The target's origin and end without extra rotation, and the pivot (jx, jy).
     ox, oy, oh = x + c * tx - s * ty, y + s * tx + c * ty, heading + graph.edge_transform[edge, 2]
     px, py = graph.edge_pivot[edge, 0], graph.edge_pivot[edge, 1]
     jx, jy = x + c * px - s * py, y + s * px + c * py
     ex, ey, eh = node_end(graph, np.int64(node), ox, oy, oh)
+    # toward: angle at the pivot from the end to the path's nearest point. mend: turn that corrects the heading.
     aim, _ = project(guide, ex, ey, arc - 0.2, arc + graph.node_length[node] + 0.3)
     gx, gy = path_point(guide, aim)
     lever = (ex - jx) ** 2 + (ey - jy) ** 2
@@ -112,15 +115,17 @@ def _steer(graph, maps, guide, rules, edge, x, y, heading, arc):
         mend = _fit_heading(maps, guide, rules, node, eh, aim, 0.0)
     else:
         mend = wrap_angle(rules.goal_heading - eh)
+    # Least squares: minimize lever * (t - toward)^2 + weight * (t - mend)^2 over the rotation t.
     weight = _HEADING_LEVER * _HEADING_LEVER
     return min(max((lever * toward + weight * mend) / (lever + weight), low), high)
 
 
 @helper
 def _place_entry(graph, maps, guide, rules, laid, root, entry, x, y, heading, arc):
-    """Lay an entry down after the pose (x, y, heading) at ``arc``, with the twist that steers it to the path.
+    """Lay an entry after the pose (x, y, heading) at ``arc``, steered to the path.
 
-    Its node, edge, twist, origin and end go to ``laid``. False if its behavior may not be used here.
+    Write its node, edge, twist, origin and end to ``laid``. Without a root (-1), the entry is a node that begins at the
+    pose itself. Return False if its behavior is not allowed here.
     """
     node = entry
     edge = np.int64(NONE)
@@ -145,10 +150,11 @@ def _place_entry(graph, maps, guide, rules, laid, root, entry, x, y, heading, ar
 
 @helper
 def _stray(graph, maps, guide, laid, entry, arc, arc_after, area):
-    """Walk the outline of an entry beside the path from ``arc`` to ``arc_after``.
+    """Integrate the gap between an entry's track and the path from ``arc`` to ``arc_after``.
 
-    Enters whether it is wider than planned anywhere and how far it strays into ``laid``, and returns ``area`` with what
-    lies between the two added, and the square of how near it comes to the goal.
+    Return ``area`` plus that integral [m2], and the least squared distance from the track to the goal [m2]. A behavior
+    other than the planned one counts as a gap of MISFIT_COST a step between the two. Set ``laid.wide`` (wider than
+    planned anywhere) and ``laid.strayed`` (largest gap [m]).
     """
     node = laid.node[entry]
     behavior = graph.node_behavior[node]
@@ -157,10 +163,11 @@ def _stray(graph, maps, guide, laid, entry, arc, arc_after, area):
     c, s = cos_sin(laid.origin[entry, 2])
     goal_x, goal_y = path_point(guide, guide.length)
     nearest = math.inf
-    # Where a node begins its body is there already, which the outline leaves out.
+    # The outline omits the node's first point, but the body is there: compare its behavior with the plan, too.
     wide = behavior > guide.behavior[sample_before(guide, arc)]
     begin, end = maps.outline_first[node], maps.outline_first[node + 1]
     step = travel / (end - begin)
+    # Outline points are matched to the path by their share of the length walked.
     pace = (arc_after - arc) / max(travel, 1e-9)
     qx, qy = path_point(guide, arc)
     strayed = math.sqrt((ox - qx) * (ox - qx) + (oy - qy) * (oy - qy))
@@ -183,7 +190,11 @@ def _stray(graph, maps, guide, laid, entry, arc, arc_after, area):
 
 @helper
 def _reaches(graph, guide, rules, laid, entry, nearest):
-    """Whether an entry is at the goal: ends there as the rules ask, or comes by (``nearest``, squared meters)."""
+    """Return True if an entry ends at the goal as the rules require, or passes it if that suffices.
+
+    nearest: least squared distance of its track from the goal [m2].
+    """
+    # Neither a stand nor a heading is required: passing the goal is enough.
     if not rules.end_standing and math.isnan(rules.goal_heading):
         return nearest <= rules.goal_tolerance * rules.goal_tolerance
     goal_x, goal_y = path_point(guide, guide.length)
@@ -197,15 +208,17 @@ def _reaches(graph, guide, rules, laid, entry, nearest):
 
 @helper
 def _judge_entry(graph, maps, guide, rules, laid, entry, arc, area):
-    """Judge an entry that was placed after ``arc``: fit or not, at the goal or not, what it adds to ``area``."""
+    """Decide if an entry placed after ``arc`` may be taken and if it reaches the goal, and add its cost to ``area``."""
     node = laid.node[entry]
     x, y, heading = laid.end[entry, 0], laid.end[entry, 1], laid.end[entry, 2]
     moved = hypot(graph.node_motion[node, 0], graph.node_motion[node, 1])
+    # The path beside the end of the node: searched a little back, and one node's length ahead.
     arc_after, end_gap = project(guide, x, y, arc - 0.2, arc + graph.node_length[node] + 0.3)
     backward = arc - arc_after
     arc_after = max(arc_after, arc)
     error = abs(_fit_heading(maps, guide, rules, node, heading, arc_after, _HEADING_WINDOW))
     here = sample_index(guide, arc_after)
+    # Fit: near the path, no step back, facing as a behavior allows, and of a behavior that is allowed here.
     fit = (
         end_gap <= rules.deviation
         and backward <= _MOST_BACKWARD
@@ -221,10 +234,10 @@ def _judge_entry(graph, maps, guide, rules, laid, entry, arc, area):
         if maps.leads_to[node] != guide.behavior[here]:
             area += _SWITCH_COST
     reached = _reaches(graph, guide, rules, laid, entry, nearest)
-    # Near the end the heading that is asked for counts, not that of the path.
+    # Near the goal the required heading counts, not that of the path.
     if not math.isnan(rules.goal_heading) and arc_after > guide.length - _HEADING_WINDOW:
         error = abs(wrap_angle(rules.goal_heading - heading))
-    # Who stands past the end, out of reach of the goal, could only shuffle: there are no steps back.
+    # A node that ends standing past the goal is useless: there are no steps back.
     stuck = rules.end_standing and graph.node_ends_standing[node]
     last = guide.length if stuck else guide.length + rules.goal_tolerance
     laid.fit[entry] = fit and (reached or arc_after <= last)
@@ -238,20 +251,21 @@ def _judge_entry(graph, maps, guide, rules, laid, entry, arc, area):
 
 @helper
 def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, stage_arc, serial):
-    """Lay the first ``depth`` entries of ``search.branch`` after the end pose of a stage; how many are to be taken.
+    """Lay the first ``depth`` entries of ``search.branch`` after the end pose of a stage; return how many to take.
 
-    Less than ``depth`` where an entry reaches the goal before; 0 where one is not fit: where it ends far off, goes
-    back, faces wrong, passes the goal, or is of a behavior that may not be used here. Without a root (-1) an entry is a
-    node, laid down at the stage's end pose itself. ``laid.area`` gathers the area between branch and path (the sum in
-    equation 5 of the 2012 paper, at equal shares of the node's length) and in the same unit a little for each node,
-    its time, and behaviors other than the planned.
+    The number is less than ``depth`` if an entry reaches the goal before, and 0 if an entry is unfit: it ends far off
+    the path, goes back, faces a wrong way, passes the goal, or its behavior is not allowed here. Without a root (-1) an
+    entry is a node, laid at the stage's end pose itself.
+
+    ``laid.area`` sums the area between branch and path (equation 5 of the 2012 paper, with equal shares of each node's
+    length), plus the costs of nodes, time and behaviors other than planned, in the same unit.
     """
     x, y, heading = stage_end[0], stage_end[1], stage_end[2]
     arc = stage_arc
     area = 0.0
     for d in range(depth):
         entry = search.branch[d]
-        # Branches share their first entries: one that this stage laid before is not laid again.
+        # Branches share their first entries: skip those that this stage has already laid.
         if laid.serial[entry] != serial:
             laid.serial[entry] = serial
             laid.fit[entry] = False
@@ -269,11 +283,11 @@ def lay_branch(graph, maps, guide, rules, search, laid, root, depth, stage_end, 
 
 @helper
 def branch_is_free(graph, rules, mesh, layer, search, laid, depth, stage_end, joined, hints):
-    """Whether the body's discs are free on one layer all along a laid branch.
+    """Return True if the body's disc is free on one layer along a laid branch; else mark the first blocked node unfit.
 
-    The first node where they are not is marked unfit for the stage. A node of a wider behavior than the planned
-    needs the whole room that a plan would have asked for: the plan is narrow for want of it. The seam to the node
-    before fades out over the first frames; there is one to the stage's end where ``joined``.
+    A node of a wider behavior than planned needs the whole planned clearance (radius + margin), as the plan is narrow
+    for lack of that space. ``joined``: the branch follows the stage's end with a seam; seams fade out over a node's
+    first frames.
     """
     x, y, heading = stage_end[0], stage_end[1], stage_end[2]
     for d in range(depth):
@@ -281,11 +295,13 @@ def branch_is_free(graph, rules, mesh, layer, search, laid, depth, stage_end, jo
         if not laid.free[entry, layer]:
             node = laid.node[entry]
             ox, oy, oh = laid.origin[entry, 0], laid.origin[entry, 1], laid.origin[entry, 2]
+            # The seam: the end of the node before less the origin of this one.
             dx, dy, dh = 0.0, 0.0, 0.0
             if joined or d > 0:
                 dx, dy, dh = x - ox, y - oy, wrap_angle(heading - oh)
             need = rules.radii[graph.node_behavior[node], layer] + (rules.margin if laid.wide[entry] else rules.slack)
             frames = np.int64(graph.node_frames[node])
+            # Test every TEST_FRAMES-th frame and the last one.
             frame = np.int64(-TEST_FRAMES)
             while frame < frames:
                 frame = min(frame + TEST_FRAMES, frames)

@@ -1,4 +1,4 @@
-"""Path following that ends exactly at the end of the path, by branch kinematics on what the follower finds."""
+"""Follow a path to its very end, by branch kinematics on the solutions of the path follower."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ Floats = NDArray[np.float64]
 
 _QUICK_TRIES = 40
 _TRIES = 200
-"""Solutions looked at in a quick search and in one with the whole budget: what is found after the first ends elsewhere,
-and costs little."""
+"""Solutions tried in a quick search and in one with the whole budget. Further solutions end elsewhere and cost
+little."""
 
 FEW_BRANCHES = 8
-"""Branches laid at each stage of searches that shall come to other motions than broader ones, sooner."""
+"""Branches laid at each stage of narrow searches, which find other motions than broad ones, and sooner."""
 
 
 def follow_exactly(
@@ -43,12 +43,16 @@ def follow_exactly(
     options: FollowOptions | None = None,
     arrival: float = 0.01,
 ) -> tuple[FollowResult, float]:
-    """Follow a path to a stand, with the last transitions turned so that it is within ``arrival`` meters of the end.
+    """Follow a path to a stand within ``arrival`` meters of its end, by turning the last transitions.
 
-    Arguments as of :func:`follow_path`. Of the motions that end within the tolerance in ``options`` (10 cm without)
-    the first that can be bent is taken. Searches that end elsewhere follow one another until one does: to within other
-    distances, a wider range of headings, of more branches. Returns the motion and the meters it ends off: that of least
-    where none arrives, the one that came farthest where none is found.
+    Of the solutions within the tolerance of ``options`` (10 cm by default), take the first that can be bent. If none
+    can, searches with other tolerances, a wider range of headings and other numbers of branches follow until one
+    succeeds. Arguments as of :func:`follow_path`.
+
+    Returns
+    -------
+    (result, distance of its end from the goal [m]). If none arrives it is the nearest solution; if none is found, the
+    partial one that came farthest.
     """
     graph = character.graph
     options = replace(options or FollowOptions(goal_tolerance=0.1), end_standing=True)
@@ -76,10 +80,10 @@ def follow_exactly(
 
 
 def _searches(options: FollowOptions) -> Iterator[tuple[FollowOptions, int]]:
-    """What is searched for one after the other until something arrives, and how many solutions of it are looked at.
+    """Yield the options of one search after the other, with the number of solutions to try in each.
 
-    Where motions end is a matter of chance, and one search goes on to what ends alike: searches of another breadth that
-    end within other tolerances find others. A wider heading may be turned to the one that is asked for.
+    The ends of motions are a matter of chance, and one search continues to similar ends; searches of another breadth
+    and tolerance find others. A solution with a heading in a wider range may be turned to the required one.
     """
     spreads = (1.0,) if options.goal_heading is None else (1.0, 2.0)
     rounds = (
@@ -101,22 +105,22 @@ def _searches(options: FollowOptions) -> Iterator[tuple[FollowOptions, int]]:
 
 
 def _rank(found: FollowResult, off: float) -> tuple[bool, float]:
-    """Lower is better: a solution that ends nearer, or what came farther without being one."""
+    """Return a sort key, least is best: solutions by distance from the goal, then partial ones by how far they came."""
     solved = found.status == FollowStatus.FOUND
     return not solved, off if solved else -found.reached
 
 
 def _faces(graph: GraphArrays, found: FollowResult, options: FollowOptions) -> bool:
-    """Whether a motion ends with the heading that is asked for, if one is."""
+    """Return True if a motion ends with the required heading, or none is required."""
     if options.goal_heading is None:
         return True
     heading = found.origins[-1, 2] + graph.node_motion[found.nodes[-1], 2]
-    # Kernels round otherwise.
+    # The kernel rounds differently.
     return abs(float(wrap_angle(heading - options.goal_heading))) <= options.goal_heading_tolerance + 1e-9
 
 
 def meters_off(graph: GraphArrays, found: FollowResult, goal: Floats) -> float:
-    """From where a motion ends to ``goal`` (2,); infinite where there is none."""
+    """Return the distance from a motion's end to ``goal`` (2,) [m]; infinite if it has no nodes."""
     if not len(found.nodes):
         return math.inf
     end = compose(found.origins[-1], graph.node_motion[found.nodes[-1]])

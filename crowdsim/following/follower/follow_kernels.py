@@ -1,8 +1,8 @@
 """The path-following search: stages, candidates from the motion maps, backtracking (2012 paper, algorithm 2).
 
-A stage is the last node of a partial solution with its place. Its candidates are branches of that node's map
-that keep to the path, best score first; the first whose bodies are free is appended and its last node is
-the next stage. A stage without candidates left is dropped and the one before goes on with its next.
+A stage is the last node of a partial solution, with its place. Its candidates are branches of that node's map that stay
+near the path. The one with the best score whose bodies are free is appended; its last node is the next stage. A stage
+without candidates left is dropped, and the one before continues.
 """
 
 import math
@@ -20,7 +20,7 @@ from crowdsim.jit import helper, kernel
 from crowdsim.motion.graph.track_kernels import node_end
 
 GOAL_FIRST = 1e6
-"""Taken off the score of branches that reach the goal: they are tried before all others."""
+"""Subtracted from the score of branches that reach the goal: they come first."""
 
 FOUND = 0
 OUT_OF_BUDGET = 1
@@ -35,43 +35,43 @@ NEXT = 4
 SERIAL = 5
 SINGLES = 6
 STAGE_COLUMNS = 7
-"""Columns of ``search.stage``: last node, nodes of the solution up to it, how many of them since the path was last
-gained on, candidates, the next of them, serial (0 until candidates are collected), and what these are: none yet (-1),
-those found along the path (0), single successors (1)."""
+"""Columns of ``search.stage``: last node; nodes of the solution up to it; how many of these since the path was last
+gained on; number of candidates; the next one; serial number (0 until candidates are collected); their kind: none yet
+(-1), along the path (0), single successors (1)."""
 
 TOP = 0
 QUERIES = 1
 BEST = 2
 KEPT = 3
 STATE_COLUMNS = 4
-"""Columns of ``search.state``: the stage on top, map queries made, nodes of the best solution, and nodes of the present
-one that may not be changed any more, as they are being played."""
+"""Columns of ``search.state``: stage on top, map queries made, nodes of the best solution, nodes of the present one
+that must stay."""
 
 ROW = 0
 ENTRY = 1
-"""Rows of ``search.marked``: rows of the map that a stage has looked at, and entries that it lists; by its serial."""
+"""Rows of ``search.marked``: map rows looked at, and entries listed, by the stage of that serial number."""
 
 _GAIN = 0.05
-"""Meters of path that count as gained: a branch that gains less stands still."""
+"""Arc length that a branch must gain to count as moving on [m]."""
 
 _LAST = 2.0
-"""Meters before the end of a path from which on single successors are looked at together with all others."""
+"""Arc length before the path's end from which single successors compete with the others [m]."""
 
 _QUERY_STEP = 2.0 * CELL
-"""Meters between query points: with the cells around them, these leave no gaps."""
+"""Distance between query points [m]; with their neighboring cells they leave no gaps."""
 
 _MOST_STILL = 6
-"""Nodes in a row that may turn or shift in place: what more of them reach, fewer do too."""
+"""Largest number of nodes in a row that turn or shift in place."""
 
 _PLACE_GRAIN = 0.05
 _HEADING_GRAIN = math.pi / 24.0
 _ARC_GRAIN = 0.1
-"""Two stages within one grain of place (m), heading (rad) and arc (m) and of one family count as the same."""
+"""Stages in one grain of place [m], heading [rad] and arc [m] count as one if their nodes have the same successors."""
 
 
 @helper
 def _load_branch(maps, search, root, entry):
-    """List the entries from the root of a map (left out) to ``entry`` in ``search.branch``; their number."""
+    """Write the entries from a root (excluded; -1 for a first node) to ``entry`` to ``search.branch``; count them."""
     if root < 0:
         search.branch[0] = entry
         return 1
@@ -85,7 +85,10 @@ def _load_branch(maps, search, root, entry):
 
 @helper
 def _keep(scores, items, begin, count, capacity, score, item):
-    """Sort an item into the list of at most ``capacity`` from row ``begin`` on; ties by item. Returns the new count."""
+    """Insert an item into the sorted list of at most ``capacity`` from row ``begin`` on; return the new count.
+
+    Ascending by score, ties by item, so the order of insertion has no effect. A full list drops its last item.
+    """
     at = begin + count
     if count == capacity:
         at -= 1
@@ -103,7 +106,7 @@ def _keep(scores, items, begin, count, capacity, score, item):
 
 @helper
 def _first_row(keys, begin, end, low):
-    """First row of the ascending ``keys`` between ``begin`` and ``end`` that is not below ``low``."""
+    """Return the first row of ascending ``keys[begin:end]`` that is not below ``low``, by bisection."""
     while begin < end:
         middle = (begin + end) >> 1
         if keys[middle] < low:
@@ -115,24 +118,23 @@ def _first_row(keys, begin, end, low):
 
 @helper
 def _facing_bins(rules, along):
-    """Heading bins of a map, as bits, that a body may be in that moves in the direction ``along`` in some behavior."""
+    """Return the map's heading bins, as bits, in or next to which a body moving in direction ``along`` may be."""
     bins = np.int64(0)
     for b in range(rules.facings.shape[0]):
         for f in range(rules.facings.shape[1]):
             facing = rules.facings[b, f]
             if not math.isnan(facing):
-                middle = np.int64(math.floor((along + facing) / BIN + 0.5)) + 12
+                middle = np.int64(math.floor((along + facing) / BIN + 0.5)) + 12  # never negative
                 bins |= 1 << (middle - 1) % 12 | 1 << middle % 12 | 1 << (middle + 1) % 12
     return bins
 
 
 @helper
 def _list_along_path(maps, guide, rules, search, root, origin, arc, serial):
-    """List the entries of the map to be laid: in and around the cells that the path crosses from ``arc`` on.
+    """List the entries of the map in and around the cells that the path crosses from ``arc`` on; return their number.
 
-    Query points lie two cells apart up to the map's average length. Of more than ``search.listed`` has room for those
-    that promise most are listed: what they would about score as the map has them, without extra rotations, with the
-    area between branch and path taken for a triangle over what its end is off. Returns their number.
+    Query points lie two cells apart, up to the map's average length. ``search.listed`` keeps the entries with the best
+    estimated scores: those before extra rotations, with a triangle over the gap at the end as the area.
     """
     base, stop = maps.first[root], maps.first[root + 1]
     points = int(maps.average[root] / _QUERY_STEP) + 1
@@ -149,6 +151,7 @@ def _list_along_path(maps, guide, rules, search, root, origin, arc, serial):
         iy = math.floor(ly / CELL + 0.5)
         bins = _facing_bins(rules, along)
         for column in range(ix - 1, ix + 2):
+            # Keys sort by x, y, bin, so the three cells of a column are one range of rows.
             high = pack_cell(column, iy + 1, 15)
             for row in range(_first_row(maps.key, base, stop, pack_cell(column, iy - 1, 0)), stop):
                 key = maps.key[row]
@@ -160,6 +163,7 @@ def _list_along_path(maps, guide, rules, search, root, origin, arc, serial):
                 level = np.float64(ahead[row, LEVEL])
                 if level < 1.0:
                     continue
+                # Gap between the entry's end and the path as many meters on as the entry walks.
                 walked = np.float64(ahead[row, WALKED])
                 px, py = path_point(guide, arc + walked)
                 mx, my = np.float64(ahead[row, END_X]), np.float64(ahead[row, END_Y])
@@ -167,6 +171,7 @@ def _list_along_path(maps, guide, rules, search, root, origin, arc, serial):
                 py -= origin[1] + s * mx + c * my
                 gap = math.sqrt(px * px + py * py)
                 misfit = abs(ahead[row, BEHAVIOR] - guide.behavior[sample_index(guide, arc + walked)])
+                # Estimated score: area 0.5 * gap * gain, end error, nodes and behavior, over the square of the gain.
                 gain = max(walked, 0.1)
                 cost = gap * (0.5 * gain + 0.25) + NODE_COST * level + MISFIT_COST * misfit * gain
                 score = cost / (gain * gain)
@@ -180,11 +185,11 @@ def _list_along_path(maps, guide, rules, search, root, origin, arc, serial):
 
 @helper
 def _collect(graph, maps, guide, rules, search, laid, top, along, singles):
-    """Score the candidates of stage ``top`` into its list; returns their number.
+    """Score the candidates of stage ``top`` into its list; return their number.
 
-    These are the best branches found ``along`` the path and the ``singles``, all other single successors, which keep a
-    stage going where the path leaves the cells of the map. Without a root every node may be the first. The score is
-    equation 5 of the 2012 paper, with the last node's own track: where it begins, all children of a node look alike.
+    Candidates are the best branches ``along`` the path and, if ``singles``, all other direct successors, which help
+    where the path leaves the map's cells. Without a root every node may be the first. The score is equation 5 of the
+    2012 paper, with the last node's own track, as all children of a node begin alike.
     """
     root, serial = search.stage[top, NODE], search.stage[top, SERIAL]
     origin, end, arc = search.stage_origin[top], search.stage_end[top], search.stage_arc[top]
@@ -196,13 +201,14 @@ def _collect(graph, maps, guide, rules, search, laid, top, along, singles):
     if singles and root >= 0:
         base = maps.first[root]
         first, stop = np.int64(1), np.int64(1)
-        while stop < maps.first[root + 1] - base and maps.level[base + stop] == 1:
+        while stop < maps.first[root + 1] - base and maps.level[base + stop] == 1:  # direct successors
             stop += 1
     elif singles:
         stop = np.int64(graph.node_frames.shape[0])
     count = np.int64(0)
     for i in range(listed + stop - first):
         entry = search.listed[i] if i < listed else first + i - listed
+        # Skip successors already listed, and idle nodes as a first node.
         if i >= listed and (search.marked[ENTRY, entry] == serial or (root < 0 and graph.node_idle[entry])):
             continue
         depth = _load_branch(maps, search, root, entry)
@@ -210,10 +216,12 @@ def _collect(graph, maps, guide, rules, search, laid, top, along, singles):
         if taken == 0:
             continue
         entry = search.branch[taken - 1]
+        # The branch reaches the goal before its end: its shorter part is a candidate, once.
         if taken < depth:
             if search.marked[ENTRY, entry] == serial:
                 continue
             search.marked[ENTRY, entry] = serial
+        # Equation 5: area over the square of the gain, so that branches of different length compare.
         gain = max(laid.arc[entry] - arc, 0.1)
         score = (laid.area[entry] + laid.off[entry]) / (gain * gain)
         if laid.reached[entry]:
@@ -225,13 +233,15 @@ def _collect(graph, maps, guide, rules, search, laid, top, along, singles):
 
 @helper
 def _seen(search, family, end, arc):
-    """Enter a stage into the memory of visited ones; whether one like it was there."""
+    """Enter a stage (family of its node, end pose, arc [m]) into the visited ones; return True if one like it is in."""
+    # One key of five numbers; 48 headings are a full turn. Unlike stages with equal keys cost only a candidate.
     key = np.int64(family)
     key = key * 1000003 + np.int64(math.floor(end[0] / _PLACE_GRAIN + 0.5))
     key = key * 1000003 + np.int64(math.floor(end[1] / _PLACE_GRAIN + 0.5))
     key = key * 1000003 + np.int64(math.floor(end[2] / _HEADING_GRAIN + 0.5)) % 48
     key = key * 1000003 + np.int64(math.floor(arc / _ARC_GRAIN + 0.5))
     key |= 1
+    # Fibonacci hashing, linear probing; 0 marks a free slot, so keys have their lowest bit set.
     mask = search.memory.shape[0] - 1
     slot = ((key * np.int64(-7046029254386353131)) >> 32) & mask
     for _ in range(search.memory.shape[0]):
@@ -241,15 +251,12 @@ def _seen(search, family, end, arc):
             search.memory[slot] = key
             break
         slot = (slot + 1) & mask
-    return False  # where the memory is full, stages are taken for new
+    return False  # memory full: treat stages as new
 
 
 @helper
 def _open_stage(search, top, node, origin, end, arc, count, still):
-    """Put a stage on top of the stack: the last of ``count`` nodes of the solution, its place, its end's arc length.
-
-    ``still`` counts the nodes since the path was last gained on.
-    """
+    """Push the last of a solution's ``count`` nodes as a stage; ``still``: nodes since the path was last gained on."""
     search.stage[top, STILL] = still
     search.stage[top, NODE] = node
     for k in range(3):
@@ -264,7 +271,7 @@ def _open_stage(search, top, node, origin, end, arc, count, still):
 
 @helper
 def _record_best(search, count):
-    """Remember the present solution as the best."""
+    """Copy the present solution of ``count`` nodes to the best one; return ``count``."""
     for i in range(count):
         for k in range(2):
             search.best_step[i, k] = search.step[i, k]
@@ -275,7 +282,7 @@ def _record_best(search, count):
 
 @helper
 def _begin(graph, guide, start_pose, start_node, search):
-    """Open the first stage: at ``start_pose``, or where a node ends that begins there."""
+    """Open the first stage, at ``start_pose`` or at the end of ``start_node``, which begins there."""
     end = np.empty(3)
     for k in range(3):
         end[k] = start_pose[k]
@@ -290,7 +297,7 @@ def _begin(graph, guide, start_pose, start_node, search):
             search.place[0, k] = start_pose[k]
         search.place[0, 3] = 0.0
         count = 1
-    arc, _ = project(guide, end[0], end[1], 0.0, travel + 1.0)
+    arc, _ = project(guide, end[0], end[1], 0.0, travel + 1.0)  # only where the body can be: 1 m more than it walked
     _open_stage(search, np.int64(0), start_node, start_pose, end, max(arc, 0.0), count, np.int64(0))
     search.state[TOP] = 0
     search.state[BEST] = 0
@@ -299,12 +306,22 @@ def _begin(graph, guide, start_pose, start_node, search):
 
 @kernel
 def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, search, laid):
-    """Search the motion along a path. Returns (status, nodes of the best solution, arc it reached, map queries).
+    """Search a motion along a path.
 
-    The best solution is left in ``search.best_*``: complete where the status is FOUND, else the one that came farthest.
-    ``start_node`` is -1 where any node may begin at ``start_pose``. ``reach`` says where the body's joints are, to keep
-    them in their section, or is None. A search that has found a solution goes on to the next when called again, one out
-    of budget goes on with a greater one, and one that would have to change a kept node is PAST_KEPT.
+    Another call continues: to the next solution, or with a greater budget.
+
+    Parameters
+    ----------
+    graph, maps: GraphArrays of the motion graph, MapArrays of its maps.
+    guide, rules, search, laid: as of :mod:`crowdsim.following.follower.follow_workspace`.
+    layers: tuple of the layers' mesh arrays. reach: BodyReach to keep all joints in their section, or None.
+    start_pose: (3,) x, y [m] and heading [rad]. start_node: node that begins there; -1 for any.
+
+    Returns
+    -------
+    (status, nodes of the best solution, arc length it reached [m], map queries made). The best solution is in
+    ``search.best_*``: complete if the status is FOUND, else the one that came farthest. PAST_KEPT: all that is left
+    would change a node that must stay.
     """
     hints = np.full(len(layers), np.int64(NONE))
     room = search.candidate.shape[0] // search.stage.shape[0]
@@ -320,6 +337,7 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
         end = search.stage_end[top]
         arc = search.stage_arc[top]
         begin = top * room
+        # First visit: remember the solution if it came farther, and pay one map query.
         if search.stage[top, SERIAL] == 0:
             if arc > search.best_arc[0] + _GAIN:
                 search.best_arc[0] = arc
@@ -330,17 +348,19 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
             queries += 1
             search.stage[top, SERIAL] = queries
             search.stage[top, SINGLES] = NONE
+        # No candidates left: collect those along the path, then the single successors, then backtrack.
         if search.stage[top, NEXT] == search.stage[top, SIZE]:
             if search.stage[top, SINGLES] == 1:
                 top -= 1
                 continue
             along = search.stage[top, SINGLES] == NONE
-            # Near the end a single node may be all that is wanted.
+            # Near the end a single node may be all that is needed.
             singles = not along or arc > guide.length - _LAST
             search.stage[top, SINGLES] = np.int64(singles)
             search.stage[top, NEXT] = 0
             search.stage[top, SIZE] = _collect(graph, maps, guide, rules, search, laid, top, along, singles)
             continue
+        # Lay the next candidate anew, as others have been laid over its rows, and test it.
         entry = search.candidate[begin + search.stage[top, NEXT]]
         search.stage[top, NEXT] += 1
         depth = _load_branch(maps, search, root, entry)
@@ -352,6 +372,7 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
             free = free and branch_keeps_in(graph, guide, rules, reach, search, laid, depth, end, arc, root >= 0)
         if not free:
             continue
+        # Free: append its nodes to the present solution.
         count = search.stage[top, COUNT]
         for d in range(depth):
             entry = search.branch[d]
@@ -361,11 +382,13 @@ def follow(graph, maps, guide, rules, layers, reach, start_pose, start_node, sea
                 search.place[count, k] = laid.origin[entry, k]
             search.place[count, 3] = laid.twist[entry]
             count += 1
+        # At the goal: keep the stack as it is, so that another call continues the search.
         if laid.reached[entry]:
             state[TOP], state[QUERIES] = top, queries
             search.best_arc[0] = laid.arc[entry]
             state[BEST] = _record_best(search, count)
             return FOUND, count, laid.arc[entry], queries
+        # Go no deeper if the stack is full, too many nodes did not advance, or a like stage was visited before.
         still = search.stage[top, STILL] + depth if laid.arc[entry] - arc < _GAIN else 0
         if top + 1 == search.stage.shape[0] or still > _MOST_STILL:
             continue

@@ -1,4 +1,4 @@
-"""What a search along a path reads and writes: the path as kernels read it, the rules, room for stages and branches."""
+"""Input and workspace of a search along a path: the path as kernels read it, rules, arrays of stages and branches."""
 
 from __future__ import annotations
 
@@ -16,20 +16,29 @@ Floats = NDArray[np.float64]
 
 
 class Samples(Protocol):
-    """A path at equal steps: pose (m, 3) x, y and direction of motion; arc (m,); behavior (m,) int32."""
+    """A path at equal steps: pose (m, 3) x, y [m], direction of motion [rad]; arc (m,) [m]; behavior (m,) int32."""
 
     @property
-    def pose(self) -> Floats: ...
+    def pose(self) -> Floats:
+        """Return x, y [m] and direction of motion [rad] of each sample, (m, 3)."""
+        ...
+
     @property
-    def arc(self) -> Floats: ...
+    def arc(self) -> Floats:
+        """Return the arc length of each sample (m,) [m]."""
+        ...
+
     @property
-    def behavior(self) -> NDArray[np.int32]: ...
+    def behavior(self) -> NDArray[np.int32]:
+        """Return the behavior of each sample (m,) int32."""
+        ...
 
 
 class Guide(NamedTuple):
     """A path as :mod:`crowdsim.following.follower.path_kernels` reads it.
 
-    allowed: (B, m), where each behavior may be used.
+    pose: (m, 3) as of :class:`Samples`. behavior: (m,) planned behavior. allowed: (B, m), True where each behavior may
+    be used. length: arc length of the path [m]. step: distance between samples [m]. per_meter: samples per meter.
     """
 
     pose: Floats
@@ -41,7 +50,10 @@ class Guide(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """Radii and facings of the behaviors, and the options of a search; goal_heading is nan where any will do."""
+    """Radii and facings of the behaviors as of `Character`, and the options of a search as of `FollowOptions`.
+
+    goal_heading is nan if any heading will do.
+    """
 
     radii: Floats
     facings: Floats
@@ -58,11 +70,12 @@ class Rules(NamedTuple):
 
 
 class Laid(NamedTuple):
-    """Entries of the map at hand as they were laid last, a row each, of the stage whose ``serial`` it carries.
+    """Entries of the present map as they were laid last, one row each, valid for the stage whose ``serial`` it carries.
 
-    fit: may be taken. wide: of a wider behavior than planned. reached: at the goal. free: (entries, layers + 1) found
-    free on each layer, and of joints out of their section. strayed: meters that the track is off the path at most.
-    The rest as in :func:`crowdsim.following.follower.branch_kernels.lay_branch`.
+    fit: may be taken. wide: of a wider behavior than planned. reached: at the goal. free: (entries, layers + 1), found
+    free on each layer, and all joints found in their section. node, edge, twist [rad], origin, end: as in a solution.
+    arc: arc length of the path beside the end [m]. area: cost up to the end, off: cost of the error at the end [m2].
+    strayed: largest distance of the track from the path [m].
     """
 
     serial: NDArray[np.int64]
@@ -82,11 +95,13 @@ class Laid(NamedTuple):
 
 
 class Search(NamedTuple):
-    """Stack of stages, their candidates, and the present and the best solution.
+    """Stack of S stages, their candidates, and the present and the best solution of up to K nodes.
 
-    state: (STATE_COLUMNS,); best_arc: (1,) meters of path that the best solution reached.
-    stage: (S, STAGE_COLUMNS); stage_origin, stage_end: (S, 3); stage_arc: (S,); candidate, score: S equal shares.
-    step, best_step: (K, 2) node and the edge taken into it; place, best_place: (K, 4) its origin and twist.
+    state: (STATE_COLUMNS,). best_arc: (1,) arc length that the best solution reached [m].
+    stage: (S, STAGE_COLUMNS). stage_origin, stage_end: (S, 3) poses. stage_arc: (S,) [m]. candidate, score: S equal
+    shares. listed, listed_score: entries to be laid, with their estimated scores. marked: (2, entries) serial numbers.
+    branch: entries of one branch. memory: hash set of visited stages.
+    step, best_step: (K, 2) node and the edge into it. place, best_place: (K, 4) origin and twist of each node.
     """
 
     state: NDArray[np.int64]
@@ -109,7 +124,7 @@ class Search(NamedTuple):
 
 
 class Chain(NamedTuple):
-    """Joints that are bent: joint (J, 2) places, limit (J, 2) and turn (J,) radians; end (3,) of what they carry."""
+    """Joints to be bent: joint (J, 2) places [m], limit (J, 2) and turn (J,) [rad]; end (3,) pose that they carry."""
 
     joint: Floats
     limit: Floats
@@ -118,6 +133,7 @@ class Chain(NamedTuple):
 
 
 def make_guide(samples: Samples, facings: Floats, reach: float) -> Guide:
+    """Return the path as kernels read it; ``reach`` [m] as `FollowOptions.transition_reach`."""
     length = float(samples.arc[-1])
     pieces = len(samples.arc) - 1
     allowed = _allowed(samples, facings, reach)
@@ -125,10 +141,10 @@ def make_guide(samples: Samples, facings: Floats, reach: float) -> Guide:
 
 
 def _allowed(samples: Samples, facings: Floats, reach: float) -> NDArray[np.bool_]:
-    """Where along the path each behavior may be used, (B, m).
+    """Return where along the path each behavior may be used, (B, m).
 
-    A behavior that faces along the motion may be used anywhere; one that does not (stepping sideways) only within
-    ``reach`` of a section planned for it or for a narrower one.
+    A behavior that faces within 45 degrees of its motion may be used anywhere; any other (side-stepping) only within
+    ``reach`` [m] of a section planned for it or for a narrower one.
     """
     allowed = np.ones((len(facings), len(samples.arc)), np.bool_)
     for b, row in enumerate(facings):
@@ -148,12 +164,15 @@ def _allowed(samples: Samples, facings: Floats, reach: float) -> NDArray[np.bool
 def make_workspace(
     graph: GraphArrays, maps: MotionMaps, length: float, rules: Rules, branches: int
 ) -> tuple[Search, Laid]:
-    """Room for one search; a solution has some nodes for each meter of path."""
+    """Return empty arrays for one search along ``length`` meters, of ``branches`` listed entries a stage.
+
+    The number of stages grows with the length. Memory that is never written is never taken from the system.
+    """
     depth = maps.depth
     stages = 64 + int(8.0 * length)
     nodes = stages * depth + 1
     entries = max(maps.most_entries, len(graph.node_frames))
-    # Every single successor is an entry; what of the pool is never touched takes no memory.
+    # Every direct successor is an entry, so one stage may have that many candidates.
     pool = stages * (rules.candidates + entries)
     memory = 1 << max(10, int(2 * rules.budget).bit_length())
 
@@ -183,6 +202,7 @@ def make_workspace(
 
 
 def _make_laid(entries: int, rules: Rules) -> Laid:
+    """Return empty rows for ``entries`` entries."""
     return Laid(
         serial=np.zeros(entries, np.int64),
         fit=np.empty(entries, np.bool_),
@@ -202,6 +222,6 @@ def _make_laid(entries: int, rules: Rules) -> Laid:
 
 
 def make_chain(search: Search, rules: Rules) -> tuple[Search, Laid, Chain]:
-    """Room to bend the solutions of a search in: its last nodes are entries of their own, 0 being the first of them."""
+    """Return a search and arrays to bend its solutions in: row 0 is the first of the last MOST_BENT nodes."""
     chain = Chain(np.empty((MOST_BENT, 2)), np.empty((MOST_BENT, 2)), np.empty(MOST_BENT), np.empty(3))
     return search._replace(branch=np.arange(MOST_BENT)), _make_laid(MOST_BENT, rules), chain

@@ -1,7 +1,8 @@
-"""From an annotated path to the nodes of the motion graph that walk it."""
+"""Find the nodes of the motion graph that walk along an annotated path."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.behaviors.behavior import Behavior, facings_of
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.errors import MotionError
 from crowdsim.following.follower.arrival_kernels import arrive
@@ -43,7 +45,7 @@ Floats = NDArray[np.float64]
 
 
 class FollowStatus(IntEnum):
-    """How a search for motion along a path ended. PAST_KEPT: all that is left would change nodes that must stay."""
+    """Result of a search along a path. PAST_KEPT: all that is left would change nodes that must stay."""
 
     FOUND = FOUND
     OUT_OF_BUDGET = OUT_OF_BUDGET
@@ -52,26 +54,41 @@ class FollowStatus(IntEnum):
 
 
 THOROUGH_BRANCHES = 200
-"""Branches laid at each stage of the second search, where a quick one found nothing."""
+"""Branches laid at each stage of the second search, if the quick one found nothing."""
 
 
 @dataclass(frozen=True)
 class FollowOptions:
-    """What the follower holds to.
+    """Requirements and limits of a search along a path.
 
-    goal_tolerance: meters from the path's end within which the last node must pass, or end where end_standing.
-    end_standing: whether the last node must end standing.
-    goal_heading: radians, how the body must be turned where the last node ends, which then is within the tolerance of
-        the goal; None where that does not matter. goal_heading_tolerance: radians.
-    margin: meters kept free beyond the body's radius by nodes of a wider behavior than the planned: what plans keep.
-    transition_reach: meters around a section in which a behavior that faces off the direction of motion is allowed.
-    heading_tolerance: radians between body and path at the end of each node that moves.
-    deviation: meters that the end of a node may lie off the path.
-    slack: meters kept free beyond the body's radius, for what passes between two samples of the test.
-    candidates: branches kept at each stage beside the single successors.
-    branches: branches laid on the path at each stage beside the single successors: of more, those that promise most.
-        A search that finds nothing with them is made again with THOROUGH_BRANCHES.
-    budget: map queries until the search gives up.
+    Attributes
+    ----------
+    goal_tolerance : float
+        Largest distance from the path's end at which the last node passes, or ends if it must [m].
+    end_standing : bool
+        True if the last node must end standing.
+    goal_heading : float or None
+        Heading of the body at the end of the last node [rad], which then must end within the goal tolerance; None for
+        any.
+    goal_heading_tolerance : float
+        Largest difference from ``goal_heading`` [rad].
+    margin : float
+        Clearance beyond the body's radius for nodes of a wider behavior than planned [m]: the margin of plans.
+    transition_reach : float
+        Distance from a section within which its behavior may be used, if that faces off the motion [m].
+    heading_tolerance : float
+        Largest angle between body and path at the end of each node that moves [rad].
+    deviation : float
+        Largest distance of the end of a node from the path [m].
+    slack : float
+        Clearance beyond the body's radius that covers the motion between two samples of the test [m].
+    candidates : int
+        Branches kept at each stage besides the single successors.
+    branches : int
+        Branches laid on the path at each stage besides the single successors, the most promising first. If a search
+        with so many finds nothing, it is repeated with THOROUGH_BRANCHES. More: slower, a little more often successful.
+    budget : int
+        Map queries before the search gives up.
     """
 
     goal_tolerance: float = 0.35
@@ -88,13 +105,28 @@ class FollowOptions:
     budget: int = 4_000
 
 
+TIGHTER = (0.45, 0.4, 0.35, 0.3, 0.25, 0.2)
+"""Smaller clearances that are tried for a path that cannot be followed in its own [m]."""
+
+
 @dataclass(frozen=True)
 class FollowResult:
     """Nodes of the motion graph in order, as far as the search came.
 
-    nodes, edges: (K,) int32, edge taken into each node, -1 for the first. twists: (K,) radians of extra rotation at
-    that edge. origins: (K, 3) world pose where each node starts. reached: arc length of the path at the end.
-    expansions: map queries made.
+    Attributes
+    ----------
+    status : FollowStatus
+        FOUND if the path was followed to its end.
+    nodes, edges : (K,) int32
+        Each node, and the edge taken into it, -1 for the first.
+    twists : (K,) float64
+        Extra rotation at that edge [rad].
+    origins : (K, 3) float64
+        World pose at the start of each node: x, y [m], heading [rad].
+    reached : float
+        Arc length of the path at the end [m].
+    expansions : int
+        Number of map queries.
     """
 
     status: FollowStatus
@@ -108,11 +140,20 @@ class FollowResult:
 
 @dataclass(frozen=True)
 class Character:
-    """Who follows paths: its motions, its body, and which way it may face.
+    """Motions and body of a character that follows paths, with B behaviors.
 
-    radii: (B, layers) meters, the radius of the body in each behavior on each layer. facings: (B, F) radians off the
-    direction of motion that the body may face in each behavior, padded with NaN. reach: where the body's joints are, to
-    keep every one of them in its section; without it the discs alone count.
+    Attributes
+    ----------
+    graph : GraphArrays
+        Motion graph.
+    maps : MotionMaps
+        Motion maps of that graph.
+    radii : (B, layers) float64
+        Radius of the body in each behavior on each layer [m].
+    facings : (B, F) float64
+        Angles off the direction of motion at which the body may face in each behavior [rad], padded with nan.
+    reach : BodyReach or None
+        Positions of the body's joints, to keep each of them in its section; None tests the discs alone.
     """
 
     graph: GraphArrays
@@ -121,11 +162,17 @@ class Character:
     facings: Floats
     reach: BodyReach | None = None
 
+    @classmethod
+    def of(cls, behaviors: Sequence[Behavior], graph: GraphArrays, maps: MotionMaps) -> Character:
+        """Return the character that walks with ``behaviors``, whose numbers are those of the graph."""
+        radii = np.ascontiguousarray([behavior.radii for behavior in behaviors], np.float64)
+        return cls(graph, maps, radii, facings_of(behaviors))
+
 
 class PathFollower:
-    """One search for motion along a path, that can be asked for more than the first solution.
+    """One search for motion along a path, which can be continued beyond the first solution.
 
-    Arguments as of :func:`follow_path`. Of one thread at a time.
+    Arguments as of :func:`follow_path`. One thread at a time.
     """
 
     def __init__(
@@ -160,18 +207,19 @@ class PathFollower:
         self._arguments = graph, maps.arrays, guide, rules, meshes, reach, start, int(start_node), self._search, laid
 
     def next(self) -> FollowResult:
-        """The first solution, or the next: how the search goes on from there. Not FOUND where there is no further one.
+        """Return the first solution, or the next one; a status other than FOUND if there is none.
 
-        Expansions are counted from the first on.
+        Expansions are counted from the first call on.
         """
         status, count, reached, expansions = follow(*self._arguments)
         search = self._search
         return _result(status, search.best_step[:count], search.best_place[:count], reached, expansions)
 
     def advance(self, queries: int, kept: int = 0) -> FollowResult | None:
-        """Go on for so many map queries: what :meth:`next` gives, or None where the search and its budget are not over.
+        """Continue for ``queries`` map queries; return a result as of :meth:`next`, None if the search is not over.
 
-        kept: nodes at the beginning of what :attr:`present` was last that must stay, as they are being played.
+        kept: number of nodes at the beginning of the last :attr:`present` that must not change, as they are being
+        played.
         """
         state, (graph, maps, guide, rules, *rest) = self._search.state, self._arguments
         limit = min(int(state[QUERIES]) + queries, rules.budget)
@@ -183,11 +231,16 @@ class PathFollower:
         return _result(status, search.best_step[:count], search.best_place[:count], reached, expansions)
 
     def arrive(self, within: float, heading_tolerance: float | None = None) -> FollowResult | None:
-        """What :meth:`next` found last, with its last transitions turned so that it ends at the end of the path.
+        """Turn the last transitions of the latest solution so that it ends at the end of the path; None if that fails.
 
-        within: meters from there that are near enough. heading_tolerance: radians within which the heading must be that
-        the options ask for, if they do; theirs by default. What is bent is tested as the search tests. None where it
-        cannot be bent so. For searches that end standing: others pass the end on their way.
+        What is bent is tested as the search tests. Only for searches that end standing; others pass the end on their
+        way.
+
+        Parameters
+        ----------
+        within: largest distance from the path's end [m].
+        heading_tolerance: tolerance of the options' ``goal_heading``, if they have one [rad]; that of the options by
+        default.
         """
         (graph, _, guide, rules, layers, reach, *_), count = self._arguments, int(self._search.state[BEST])
         tolerance = rules.goal_heading_tolerance if heading_tolerance is None else heading_tolerance
@@ -202,18 +255,19 @@ class PathFollower:
 
     @cached_property
     def _chain(self) -> tuple[Search, Laid, Chain]:
+        """Return arrays to bend solutions in, made on first use."""
         return make_chain(self._search, self._arguments[3])
 
     @property
     def present(self) -> FollowResult:
-        """What the search is trying to go on from, after :meth:`advance` gave None; ``reached`` is its end."""
+        """Return the partial solution that the search tries to continue, after :meth:`advance` returned None."""
         search, top = self._search, self._search.state[TOP]
         count, reached = int(search.stage[top, COUNT]), float(search.stage_arc[top])
         return _result(OUT_OF_BUDGET, search.step[:count], search.place[:count], reached, int(search.state[QUERIES]))
 
 
 def _result(status: int, steps: NDArray[np.int64], places: Floats, reached: float, expansions: int) -> FollowResult:
-    """A copy of a solution."""
+    """Return a copy of a solution."""
     return FollowResult(
         FollowStatus(status),
         steps[:, 0].astype(np.int32),
@@ -235,11 +289,61 @@ def follow_path(
 ) -> FollowResult:
     """Find nodes that walk along a path with every body disc free on all layers (2012 paper, section 5).
 
-    meshes: kernel arrays of each layer's mesh. start_pose: (3,) where the first node starts. start_node: the first
-    node, taken as being played already and not tested; -1 to choose one. Safe to call from several threads at once.
-    MotionError where shapes do not fit.
+    If all joints must stay in their sections and nothing is found, try again with less clearance: motions that need
+    less are valid with more, and a search among many free branches may go astray that tighter limits keep on the path.
+    So more clearance is never worse. Safe to call from several threads at once.
 
-    A quarter of the budget goes into a quick search. Where that finds nothing, a thorough one looks at more branches.
+    Parameters
+    ----------
+    character : Character
+        Motions and body.
+    samples : Samples
+        The path at equal steps, as :meth:`AnnotatedPath.sample` gives it.
+    meshes : tuple of MeshArrays
+        Kernel arrays of each layer's mesh, legs first: ``mesh.arrays``.
+    start_pose : (3,) float64
+        x, y [m] and heading [rad] at which the first node starts.
+    start_node : int
+        The first node, which is being played already and not tested; -1 to choose one.
+    options : FollowOptions or None
+        Requirements and limits of the search; None for the defaults.
+
+    Returns
+    -------
+    FollowResult
+        Nodes of the motion graph, and where each begins.
+
+    Raises
+    ------
+    MotionError
+        If shapes do not match, or a number is out of range.
+    """
+    found = search_path(character, samples, meshes, start_pose, start_node, options)
+    reach = character.reach
+    if reach is None:
+        return found
+    spent = found.expansions
+    for room in TIGHTER:
+        if found.status == FollowStatus.FOUND or room >= reach.least:
+            continue
+        tighter = reach._replace(room=np.minimum(reach.room, room), least=room)
+        again = search_path(replace(character, reach=tighter), samples, meshes, start_pose, start_node, options)
+        spent += again.expansions
+        found = again if again.status == FollowStatus.FOUND else found
+    return replace(found, expansions=spent)
+
+
+def search_path(
+    character: Character,
+    samples: Samples,
+    meshes: tuple[Any, ...],
+    start_pose: Floats,
+    start_node: int = -1,
+    options: FollowOptions | None = None,
+) -> FollowResult:
+    """Do as :func:`follow_path`, in the given clearance only.
+
+    A quarter of the budget goes into a quick search. If that finds nothing, a thorough one looks at more branches.
     """
     options = options or FollowOptions()
     quick = replace(options, budget=max(options.budget // 4, 1))
@@ -257,11 +361,11 @@ def follow_path(
 
 
 def _check(character: Character, samples: Samples, meshes: tuple[Any, ...], options: FollowOptions) -> None:
-    """MotionError where shapes or numbers do not fit."""
+    """Raise MotionError if shapes do not match or numbers are out of range."""
     radii, facings, reach = character.radii, character.facings, character.reach
     behaviors = int(character.graph.node_behavior.max(initial=0)) + 1
     if len(samples.arc) < 2 or not samples.arc[-1] > 0.0:
-        raise MotionError("a path to follow needs two samples and a length; there is nothing to walk")
+        raise MotionError("a path to follow needs at least two samples and a length above 0")
     if len(radii) < behaviors or len(facings) != len(radii) or radii.shape[1] != len(meshes):
         raise MotionError(
             f"radii {radii.shape} and facings {facings.shape} must have a row for each of the {behaviors} behaviors,"
@@ -269,8 +373,8 @@ def _check(character: Character, samples: Samples, meshes: tuple[Any, ...], opti
         )
     if options.branches < 1 or options.candidates < 1:
         raise MotionError(
-            "a search keeps one candidate and looks at one branch or more, "
-            f"not {options.candidates}, {options.branches}"
+            "a search needs at least one candidate and one branch, "
+            f"not {options.candidates} candidates and {options.branches} branches"
         )
     if reach is not None and len(reach.room) <= int(np.max(samples.behavior)):
-        raise MotionError(f"the body has room for {len(reach.room)} behaviors; the path is planned for more")
+        raise MotionError(f"the body has clearances for {len(reach.room)} behaviors, but the path is planned for more")

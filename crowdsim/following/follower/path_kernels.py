@@ -1,8 +1,8 @@
-"""A path as samples at equal steps of arc length: where it is, where it goes, the nearest point of a stretch.
+"""A path as samples at equal steps of arc length: its points and directions, and the nearest point of a stretch.
 
-``guide.pose`` holds the samples, ``guide.step`` meters apart, ``guide.per_meter`` of them a meter. An arc length runs
-from 0 to the path's length; a path goes on straight beyond both ends, so that a motion that starts before it or
-overshoots it still has somewhere to aim.
+``guide.pose`` (m, 3) are the samples, ``guide.step`` meters apart, ``guide.per_meter`` of them per meter. Arc length
+runs from 0 to the path's length. The path continues straight beyond both ends, so that a motion that starts before it
+or overshoots it still has a target.
 """
 
 import math
@@ -14,20 +14,20 @@ from crowdsim.jit import helper
 
 @helper
 def sample_index(guide, arc):
-    """Index of the path sample nearest to ``arc``."""
-    # Cutting off rounds up below 0, where the first sample is meant all the same.
+    """Return the index of the path sample nearest to ``arc``."""
+    # Truncation rounds negative numbers up, but there the first sample is right anyway.
     return min(max(np.int64(arc * guide.per_meter + 0.5), 0), guide.pose.shape[0] - 1)
 
 
 @helper
 def sample_before(guide, arc):
-    """Index of the last path sample at or before ``arc``."""
+    """Return the index of the last path sample at or before ``arc``."""
     return min(max(np.int64(arc * guide.per_meter), 0), guide.pose.shape[0] - 1)
 
 
 @helper
 def path_point(guide, arc):
-    """Point (x, y) at ``arc``."""
+    """Return the point (x, y) of the path at ``arc``."""
     samples = arc * guide.per_meter
     i = min(max(np.int64(samples), 0), guide.pose.shape[0] - 2)
     u = samples - i
@@ -37,16 +37,17 @@ def path_point(guide, arc):
 
 @helper
 def project(guide, x, y, low, high):
-    """Arc length of the point nearest to (x, y) between the arcs ``low`` and ``high``, and its distance.
+    """Return the arc length of the path's point nearest to (x, y), between ``low`` and ``high``, and its distance [m].
 
-    Of points equally near the first. Pieces that cannot be nearer than the best, or than the sample at ``high``, are
-    leapt over: no sample is farther from the next than a step.
+    The first of several nearest points wins. Pieces that cannot be nearer than the best are skipped, as consecutive
+    samples are at most a step apart.
     """
     pose = guide.pose
     per_meter = guide.per_meter
     last = pose.shape[0] - 1
     begin = min(max(np.int64(low * per_meter), 0), last - 1)
     end = min(max(np.int64(high * per_meter), begin), last - 1)
+    # near: an upper bound of the least squared distance, from the sample at high.
     ux, uy = x - pose[end, 0], y - pose[end, 1]
     near = ux * ux + uy * uy
     worth = 8.0 * guide.step * guide.step
@@ -58,6 +59,7 @@ def project(guide, x, y, low, high):
         dx, dy = pose[i + 1, 0] - ax, pose[i + 1, 1] - ay
         ux, uy = x - ax, y - ay
         along, whole = ux * dx + uy * dy, dx * dx + dy * dy
+        # Clamp the foot to the piece, except on the first and last, which continue the path straight.
         if along <= 0.0 and i > 0:
             u = 0.0
             gap = ux * ux + uy * uy
@@ -71,18 +73,18 @@ def project(guide, x, y, low, high):
             best = gap
             best_at = i + u
             near = min(near, gap)
-        # Nothing can be leapt over unless this piece is two steps farther than the nearest, which is cheap to see.
+        # A piece two steps farther than the nearest lets the search skip ahead; test that without a square root.
         leap = np.int64(1)
         if gap > 2.0 * near + worth:
             leap = max(np.int64((math.sqrt(gap) - math.sqrt(near)) * per_meter) - 1, leap)
-        # The last piece goes on beyond the end of the path and may be nearer than its samples.
+        # The last piece extends beyond the path's end, so it may be nearer than its samples: never skip it.
         i = max(min(i + leap, last - 1), i + 1)
     return best_at * guide.step, math.sqrt(best)
 
 
 @helper
 def path_gap(guide, x, y, low, high):
-    """As :func:`project`, but a path ends at its ends."""
+    """Do as :func:`project`, but with a path that stops at its ends."""
     arc, gap = project(guide, x, y, low, high)
     if arc < 0.0 or arc > guide.length:
         arc = min(max(arc, 0.0), guide.length)

@@ -1,4 +1,4 @@
-"""Whether every joint of a body keeps within its section: the clearance that the path was planned with."""
+"""Test that every joint of a body stays within its section: the clearance that the path was planned with."""
 
 import math
 
@@ -12,15 +12,15 @@ from crowdsim.jit import helper
 from crowdsim.motion.graph.track_kernels import BLEND_FRAMES, track_pose
 
 WINDOW = 6
-"""Frames over which ``reach.far`` looks ahead."""
+"""Number of frames that ``reach.far`` covers, this one included."""
 
 _BESIDE = 0.15
-"""Meters of path around where a track should be, or a joint might, in which the nearest place is looked for."""
+"""Arc length around the expected place of a track or joint in which its nearest path point is searched [m]."""
 
 
 @helper
 def _first_and_most(reach, node, edge):
-    """First row of the node's frames once the seam has faded, first row of those before, and the farthest joint."""
+    """Return a node's first row without a seam, its first row while the seam fades, and its farthest joint [m]."""
     rows = reach.node_first[node]
     if edge < 0:
         return rows, rows, reach.node_most[node]
@@ -29,15 +29,16 @@ def _first_and_most(reach, node, edge):
 
 @helper
 def _joints_keep_in(guide, reach, row, gap, at, x, y, heading):
-    """Whether all joints in one frame lie within the room of the section that is nearest; ``gap`` is that of the track.
+    """Return True if all joints in one frame lie within the room of the section nearest to each.
 
-    The joints are sorted from the farthest from the track to the nearest, so that only those that may leave are looked
-    at. ``at`` is the arc length that the track is beside.
+    Joints are sorted from the farthest from the track to the nearest, so the loop ends at the first that cannot leave.
+    gap: distance of the track from the path [m]; at: arc length beside the track [m].
     """
     c, s = cos_sin(heading)
     for j in range(reach.joint.shape[1]):
         u, v = reach.joint[row, j, 0], reach.joint[row, j, 1]
         far = math.sqrt(u * u + v * v)
+        # This joint and all nearer ones are within the smallest room of any section.
         if gap + far <= reach.least:
             return True
         far += _BESIDE
@@ -49,7 +50,10 @@ def _joints_keep_in(guide, reach, row, gap, at, x, y, heading):
 
 @helper
 def _frame_of_passing(graph, guide, node, frames, x, y, heading, dx, dy, dh):
-    """Frame in which the track of ``node`` is nearest to the end of the path."""
+    """Return the frame of ``node``, 0 to ``frames``, in which its track is nearest to the end of the path.
+
+    x, y, heading: origin of the node [m, rad]. dx, dy, dh: blend offset at its begin, which fades [m, rad].
+    """
     last = guide.pose.shape[0] - 1
     nearest = math.inf
     best = frames
@@ -63,11 +67,11 @@ def _frame_of_passing(graph, guide, node, frames, x, y, heading, dx, dy, dh):
 
 @helper
 def branch_keeps_in(graph, guide, rules, reach, search, laid, depth, stage_end, stage_arc, joined):
-    """Whether every joint in every frame of a laid branch keeps in its section, as it is shown, seams faded.
+    """Return True if every joint in every frame of a laid branch, with seams faded, stays in its section.
 
-    The first node where one does not is marked unfit for the stage. Arguments as of
-    :func:`crowdsim.following.follower.branch_kernels.branch_is_free`; what was tested is in the last column of
-    ``laid.free``. A motion that need not stand is over where it passes the goal.
+    Else mark the first node that leaves unfit for the stage. Arguments as of
+    :func:`crowdsim.following.follower.branch_kernels.branch_is_free`; tested nodes are marked in the last column of
+    ``laid.free``. A motion that need not end standing ends where it passes the goal.
     """
     column = laid.free.shape[1] - 1
     x, y, heading = stage_end[0], stage_end[1], stage_end[2]
@@ -81,13 +85,15 @@ def branch_keeps_in(graph, guide, rules, reach, search, laid, depth, stage_end, 
             if joined or d > 0:
                 dx, dy, dh = x - ox, y - oy, wrap_angle(heading - oh)
             rows, fading, most = _first_and_most(reach, node, edge)
-            # Between two points of the outline a track is at most half a cell from one of them.
+            # Quick test of the whole node: farthest joint plus largest stray of the track plus the seam. The track is
+            # at most half a cell from a point of its outline.
             seam = math.sqrt(dx * dx + dy * dy)
             if laid.strayed[entry] + 0.5 * CELL + seam + most > reach.least:
                 frames = np.int64(graph.node_frames[node])
                 if laid.reached[entry] and not rules.end_standing and math.isnan(rules.goal_heading):
                     frames = _frame_of_passing(graph, guide, node, frames, ox, oy, oh, dx, dy, dh)
-                # The seam fades fastest half way: by 1.5 times what it does on average.
+                # pace: largest step of the track between frames. The smoothstep fade is fastest half way, at 1.5 times
+                # its mean.
                 pace = reach.node_pace[node] + 1.5 * seam / BLEND_FRAMES + 1e-9
                 at, moved = arc, 0.0
                 frame = np.int64(0)
@@ -95,13 +101,15 @@ def branch_keeps_in(graph, guide, rules, reach, search, laid, depth, stage_end, 
                     row = frame + (fading if frame < BLEND_FRAMES else rows)
                     px, py, ph = track_pose(graph, node, frame, ox, oy, oh, dx, dy, dh)
                     at, gap = path_gap(guide, px, py, at - _BESIDE, at + moved + _BESIDE)
+                    # far covers WINDOW frames: if neither they nor the track's movement can reach out, skip them all.
                     leap = np.int64(1)
                     if gap + reach.far[row] + (WINDOW - 1) * pace <= reach.least:
                         leap = np.int64(WINDOW)
                     elif not _joints_keep_in(guide, reach, row, gap, at, px, py, ph):
                         laid.fit[entry] = False
                         return False
-                    # Before that the track cannot come so far off that the farthest joint of any frame would leave.
+                    # The track needs at least this many frames to get so far off that the farthest joint of any frame
+                    # could leave.
                     leap = max(leap, np.int64((reach.least - gap - most) / pace))
                     moved = leap * pace
                     frame += leap

@@ -1,1 +1,1 @@
-"""A* on the motion graph, in the open and in channels."""
+"""A* on the motion graph, with collision tests or in channels."""

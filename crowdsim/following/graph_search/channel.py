@@ -1,4 +1,4 @@
-"""The free channel of a planned path, to search for motion in without a collision test (2011 paper, section 5)."""
+"""The free channel of a planned path, to search for motion without collision tests (2011 paper, section 5)."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ from crowdsim.geometry.elementary import hypot
 Floats = NDArray[np.float64]
 
 CELL = 0.1
-"""Meters, side of a cell of a channel's grid."""
+"""Side of a cell of the channel's grid [m]."""
 
 _PIECE = 1.0
-"""Meters of the longest piece of a channel's path: the grid is filled piece by piece, each within its own box."""
+"""Length of the longest piece of a channel's path [m]: the grid is filled piece by piece, each in its own box."""
 
 
 class Channel(NamedTuple):
     """The places within ``radius`` of a planned path, as a grid; see :func:`make_channel`.
 
-    points: (n, 2) the path. near: (columns, rows) int32, the piece nearest to each cell, -1 where none is near.
+    points: (n, 2) path [m]. near: (columns, rows) int32, the piece nearest to each cell, -1 if none is near. low_x,
+    low_y: corner of the grid [m]. cell: side of a cell [m]. radius: [m].
     """
 
     points: Floats
@@ -36,10 +37,12 @@ class Channel(NamedTuple):
 
 
 def make_channel(points: ArrayLike, radius: float) -> Channel:
-    """The free channel of a path (n, 2) that was planned with the clearance ``radius``, meters."""
+    """Return the free channel of a path (n, 2) that was planned with clearance ``radius`` [m]."""
     given = np.asarray(points, np.float64)
     if given.ndim != 2 or given.shape[1] != 2 or len(given) < 2 or not np.isfinite(given).all() or not radius > 0.0:
-        raise MotionError(f"a channel needs a path of two points or more and a radius, not {given.shape} and {radius}")
+        raise MotionError(
+            f"a channel needs a path of at least two points and a radius above 0, not {given.shape} and {radius}"
+        )
     pieces = np.maximum(np.ceil(hypot(*np.diff(given, axis=0).T) / _PIECE), 1.0).astype(np.int64)
     at = np.concatenate([np.arange(n) / n + i for i, n in enumerate(pieces)] + [[len(given) - 1.0]])
     whole = np.arange(len(given))

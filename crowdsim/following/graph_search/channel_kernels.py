@@ -1,7 +1,7 @@
-"""The free channel of a planned path: whether a place lies within it, at the cost of one look into a grid.
+"""The free channel of a planned path: test if a place lies within it by one look into a grid.
 
-A path planned with a clearance of r promises that every place within r of it is free. Each cell of the grid knows
-which piece of the path is nearest to its center.
+A path planned with clearance r guarantees that every place within r of it is free. Each cell of the grid stores the
+piece of the path nearest to its center.
 """
 
 import math
@@ -12,10 +12,11 @@ from crowdsim.jit import helper, kernel
 
 @helper
 def _piece_distance2(points, piece, x, y):
-    """Square of the distance from (x, y) to the piece from ``points[piece]`` to the next."""
+    """Return the squared distance from (x, y) to the piece from ``points[piece]`` to the next point [m2]."""
     ax, ay = points[piece, 0], points[piece, 1]
     ux, uy = points[piece + 1, 0] - ax, points[piece + 1, 1] - ay
     square = ux * ux + uy * uy
+    # Share of the piece at the foot of the perpendicular, clamped to the piece; 0 for one of no length.
     u = 0.0
     if square > 0.0:
         u = min(max(((x - ax) * ux + (y - ay) * uy) / square, 0.0), 1.0)
@@ -25,15 +26,20 @@ def _piece_distance2(points, piece, x, y):
 
 @kernel
 def draw_channel(points, low_x, low_y, cell, reach, near, best):
-    """Enter the nearest piece of the path into every cell whose center is within ``reach`` meters of it.
+    """Write the nearest piece of the path to every cell whose center is within ``reach`` [m] of it.
 
-    points: (n, 2) meters. The corner of the grid is (low_x, low_y). near: (columns, rows) int32, NONE before;
-    best: the same shape, float64, infinite before, squares of the distances after.
+    Parameters
+    ----------
+    points: (n, 2) path [m].
+    low_x, low_y, cell: corner of the grid and side of its cells [m].
+    near: (columns, rows) int32, NONE before; filled.
+    best: (columns, rows) float64, infinite before; filled with squared distances.
     """
     columns, rows = near.shape
     for piece in range(points.shape[0] - 1):
         ax, ay = points[piece, 0], points[piece, 1]
         bx, by = points[piece + 1, 0], points[piece + 1, 1]
+        # Cells of the piece's bounding box, grown by reach.
         first = max(math.floor((min(ax, bx) - reach - low_x) / cell), 0)
         last = min(math.floor((max(ax, bx) + reach - low_x) / cell), columns - 1)
         bottom = max(math.floor((min(ay, by) - reach - low_y) / cell), 0)
@@ -41,6 +47,7 @@ def draw_channel(points, low_x, low_y, cell, reach, near, best):
         for i in range(first, last + 1):
             x = low_x + (i + 0.5) * cell
             for k in range(bottom, top + 1):
+                # Strictly nearer: of equally near pieces the first stays.
                 gap = _piece_distance2(points, piece, x, low_y + (k + 0.5) * cell)
                 if gap <= reach * reach and gap < best[i, k]:
                     best[i, k] = gap
@@ -49,9 +56,9 @@ def draw_channel(points, low_x, low_y, cell, reach, near, best):
 
 @helper
 def channel_gap(channel, x, y):
-    """Distance from (x, y) to the piece of the path that its cell knows; infinite where that knows none.
+    """Return the distance from (x, y) to the piece stored in its cell [m]; infinite if there is none.
 
-    Never less than the distance to the path, and at most a cell's diagonal more.
+    It is at least the distance to the path, and at most a cell's diagonal more.
     """
     i = math.floor((x - channel.low_x) / channel.cell)
     k = math.floor((y - channel.low_y) / channel.cell)

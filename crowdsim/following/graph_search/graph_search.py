@@ -1,6 +1,6 @@
-"""A* on a motion graph with collision tests or within a channel, and inverse branch kinematics (2011 paper, 5 and 6).
+"""A* on a motion graph with collision tests or in a channel, and inverse branch kinematics (2011 paper, sections 5, 6).
 
-The search of both papers that motion maps are measured against, and the one that reaches a place exactly.
+This is the search of both papers with which motion maps are compared, and one that arrives at a place exactly.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SearchOptions:
-    """What a search holds to.
+    """Requirements and limits of a search.
 
-    goal_tolerance: meters from the goal within which a node must end (the papers' d).
-    heading_tolerance: radians, for goals with a heading.
-    on_the_way: whether it is enough that a node passes within the tolerance, as the path follower asks.
-    end_standing: whether the last node must end standing.
-    branch_kinematics: whether branches that end near the goal are bent to reach it.
-    bend_reach: meters from the goal within which that is tried (d_o).
-    arrival: meters from the goal within which a bent branch must end (d_i).
-    heading_lever: meters a radian, by which bending weighs an error of heading, for goals with one.
-    weight: of the distance to the goal against that walked. With 1 a plain search finds the shortest motion; with more
-        it finds one that is longer by that factor at most, sooner.
-    place_grain, heading_grain: meters and radians within which two ends of one node count as the same.
-    budget: nodes expanded until the search gives up.
+    goal_tolerance: largest distance from the goal at which a node may end [m] (d in the papers).
+    heading_tolerance: for goals with a heading [rad].
+    on_the_way: True if it is enough that a node passes within the tolerance, as for the path follower.
+    end_standing: True if the last node must end standing.
+    branch_kinematics: True to bend branches that end near the goal so that they reach it.
+    bend_reach: distance from the goal within which that is tried [m] (d_o).
+    arrival: largest distance from the goal at which a bent branch may end [m] (d_i).
+    heading_lever: weight of a heading error when bending, for goals with a heading [m/rad].
+    weight: weight of the distance to the goal against the distance walked. 1 finds the shortest motion; a greater
+    weight finds one sooner that is longer by at most that factor.
+    place_grain, heading_grain: distances within which two ends of one node count as the same [m], [rad].
+    budget: nodes expanded before the search gives up.
     """
 
     goal_tolerance: float = 0.1
@@ -66,10 +66,10 @@ class SearchOptions:
 class SearchResult:
     """Nodes of the motion graph in order: a solution, or the chain that came nearest to the goal.
 
-    nodes, edges: (K,) int32, edge taken into each node, -1 for the first. twists: (K,) radians of extra rotation at
-    that edge. origins: (K, 3) world pose where each node starts. length: meters along all of them. gap: meters from
-    the last one's end to the goal. bent: whether branch kinematics made the solution. expansions: nodes expanded.
-    collision_tests: discs tested on a mesh. channel_tests: places tested in the channel. bends: chains bent.
+    nodes, edges: (K,) int32, each node and the edge taken into it, -1 for the first. twists: (K,) extra rotation at
+    that edge [rad]. origins: (K, 3) world pose at the start of each node. length: of all nodes and seams [m]. gap:
+    distance from the last end to the goal [m]. bent: True if branch kinematics made the solution. expansions: nodes
+    expanded. collision_tests: discs tested on a mesh. channel_tests: places tested in the channel. bends: chains bent.
     """
 
     status: FollowStatus
@@ -87,6 +87,8 @@ class SearchResult:
 
 
 class _Rules(NamedTuple):
+    """Options of the search for kernels: as of `SearchOptions`, and where bodies are tested."""
+
     in_channel: bool
     in_meshes: bool
     goal_tolerance: float
@@ -103,7 +105,10 @@ class _Rules(NamedTuple):
 
 
 class _Space(NamedTuple):
-    """What a body is tested in, with its probes, what is counted, and a hint of each mesh, (2,) int64."""
+    """Probes, and the channel and meshes in which they are tested.
+
+    counters: (COUNTERS,). hints: (2,) a triangle near the last place on each mesh.
+    """
 
     probes: Probes
     channel: Channel
@@ -114,7 +119,10 @@ class _Space(NamedTuple):
 
 
 class _Tree(NamedTuple):
-    """Nodes that wait in a queue, in the order of ``heap``; rows of those that were laid; the closed set of these."""
+    """Search nodes: waiting ones, in the order of ``heap``; laid ones in rows of ``link`` and ``place``.
+
+    closed: hash set of the laid ones.
+    """
 
     heap: NDArray[np.void]
     waiting: NDArray[np.int32]
@@ -124,6 +132,8 @@ class _Tree(NamedTuple):
 
 
 class _Chain(NamedTuple):
+    """Joints to be bent: joint (J, 2) [m], limit (J, 2) and turn (J,) [rad], end (3,) pose that they carry."""
+
     joint: Floats
     limit: Floats
     turn: Floats
@@ -131,6 +141,8 @@ class _Chain(NamedTuple):
 
 
 class _Out(NamedTuple):
+    """Solution: step (K, 2), node and edge into it; place (K, 4), origin and twist."""
+
     step: NDArray[np.int32]
     place: Floats
 
@@ -146,22 +158,22 @@ def search_graph(
     meshes: tuple[MeshArrays, MeshArrays] | None = None,
     options: SearchOptions | None = None,
 ) -> SearchResult:
-    """Find a short motion from a pose to a place by A* over the graph unrolled.
+    """Find a short motion from a pose to a place by A* over the unrolled graph. Safe to call from several threads.
 
     Parameters
     ----------
-    graph, probes: the motion graph, and where a body is tested in each of its nodes.
-    start_pose: (3,) where the first node starts. start_node: that node, taken as being played already and not tested;
-        -1 to choose one.
-    goal: x, y in meters, or x, y and a heading.
-    channel: what the body must stay within. meshes: kernel arrays of the legs' and the torso's mesh, where every
-        probe must be free. With neither the floor is open; with both, both hold.
+    graph, probes: motion graph, and the places at which a body is tested in each of its nodes.
+    start_pose: (3,) x, y [m] and heading [rad] at which the first node starts.
+    start_node: the first node, which is being played already and not tested; -1 to choose one.
+    goal: x, y [m], or x, y and a heading [rad].
+    channel: region that the body must not leave.
+    meshes: kernel arrays of the legs' and the torso's mesh, on which every probe must be free. Without channel and
+    meshes nothing is tested; with both, both apply.
+    options: requirements and limits.
 
     Raises
     ------
-    MotionError: where numbers do not fit.
-
-    Safe to call from several threads at once.
+    MotionError: if shapes do not match or a number is out of range.
     """
     options = options or SearchOptions()
     nodes = len(graph.node_frames)
@@ -175,9 +187,9 @@ def search_graph(
             f"(at most {columns.MOST_NODES})"
         )
     if not options.weight >= 1.0:
-        raise MotionError(f"a search weighs the distance to the goal by 1 or more, not {options.weight}")
+        raise MotionError(f"the weight of the distance to the goal must be at least 1, not {options.weight}")
     if options.budget < 1 or not (options.place_grain >= 0.001 and options.heading_grain >= 0.02):
-        raise MotionError("a search needs a budget of one node, and grains of a millimeter and 0.02 radians, or more")
+        raise MotionError("a search needs a budget of at least 1 node, and grains of at least 0.001 m and 0.02 rad")
     rules = _rules(options, channel, meshes)
     space = _space(probes, channel, meshes)
     out = _Out(np.empty((rules.budget + 1, 2), np.int32), np.empty((rules.budget + 1, 4)))
@@ -204,13 +216,13 @@ def search_graph(
 
 
 def _length(graph: GraphArrays, nodes: NDArray[np.int32], origins: Floats) -> float:
-    """Meters along the tracks of a chain of nodes and across the seams between them."""
+    """Return the length of a chain of nodes along their tracks and across the seams between them [m]."""
     seams = compose(origins[:-1], graph.node_motion[nodes[:-1]])[:, :2] - origins[1:, :2]
     return float(graph.node_length[nodes].sum() + hypot(*seams.T).sum())
 
 
 def _as_goal(goal: ArrayLike) -> Floats:
-    """(3,) x, y and heading, nan where any will do."""
+    """Return the goal as (3,) x, y and heading, nan for any."""
     given = np.array(goal, np.float64)
     if given.shape not in ((2,), (3,)) or not np.isfinite(given).all():
         raise MotionError(f"a goal is x, y or x, y and a heading, all finite, not {given}")
@@ -218,6 +230,7 @@ def _as_goal(goal: ArrayLike) -> Floats:
 
 
 def _rules(options: SearchOptions, channel: Channel | None, meshes: tuple[MeshArrays, MeshArrays] | None) -> _Rules:
+    """Return the options in the form that kernels read."""
     return _Rules(
         in_channel=channel is not None,
         in_meshes=meshes is not None,
@@ -236,7 +249,10 @@ def _rules(options: SearchOptions, channel: Channel | None, meshes: tuple[MeshAr
 
 
 def _tree(graph: GraphArrays, budget: int) -> _Tree:
-    """Room for the most that can happen; what is never touched takes no memory."""
+    """Return empty arrays of the largest size possible; memory that is never written is never taken.
+
+    The last one is a hash table, with a power of two of slots of which at most a quarter is used.
+    """
     room = len(graph.node_frames) + budget * int(np.diff(graph.edge_start).max(initial=0))
     return _Tree(
         np.empty(room, HEAP_ROW),
@@ -248,18 +264,20 @@ def _tree(graph: GraphArrays, budget: int) -> _Tree:
 
 
 def _space(probes: Probes, channel: Channel | None, meshes: tuple[MeshArrays, MeshArrays] | None) -> _Space:
+    """Return channel and meshes in the form that kernels read, with stand-ins for those not given."""
     nowhere = _nowhere()
     counters, hints = np.zeros(columns.COUNTERS, np.int64), np.full(2, NONE, np.int64)
     return _Space(probes, channel or nowhere[0], *(meshes or nowhere[1]), counters, hints)
 
 
 def _chain() -> _Chain:
+    """Return empty arrays for the joints to be bent."""
     most = columns.MOST_BENT
     return _Chain(np.empty((most, 2)), np.empty((most, 2)), np.empty(most), np.empty(3))
 
 
 @cache
 def _nowhere() -> tuple[Channel, tuple[MeshArrays, MeshArrays]]:
-    """What stands in for a channel or meshes that are not given, and is never looked at."""
+    """Return a channel and meshes that stand in for those not given; kernels never read them."""
     arrays = NavMesh(shapely.box(0.0, 0.0, 1.0, 1.0)).arrays
     return make_channel([(0.0, 0.0), (1.0, 0.0)], 0.1), (arrays, arrays)

@@ -1,8 +1,8 @@
-"""A* on a motion graph: the baseline of both papers, with collision tests or within a channel (2011 paper, 5 and 6).
+"""A* on a motion graph, with collision tests or in a channel (2011 paper, sections 5 and 6): baseline of both papers.
 
-A node of the search is a node of the motion graph at a place. It waits in a queue by f = meters walked to its end +
-``weight`` times the straight distance from there to the goal, and is laid down, tested and expanded when it is taken
-out. The jump at a seam is walked, too: otherwise turning in place would be a way to get along for nothing.
+A search node is a node of the motion graph at a place. It waits in a queue by f = distance walked to its end +
+``weight`` times the straight distance from there to the goal. It is laid down, tested and expanded when it is taken
+out. The jump at a seam counts as walked; otherwise turning in place would be a free way to advance.
 """
 
 import math
@@ -22,43 +22,40 @@ from crowdsim.navmesh.mesh.heap_kernels import place, pop
 
 X, Y, ASIDE_X, ASIDE_Y, FADE, LEGS, TORSO = range(7)
 PROBE_COLUMNS = 7
-"""Columns of ``probes.row``: place of the track in the node's frame, from there to what is tested, share of the seam
-that is left, and the radius to be free on each layer (nothing is tested where it is 0)."""
+"""Columns of ``probes.row``: place of the track in the node's frame, vector from there to the tested point, share of
+the seam that is left, and the radius that must be free on each layer (0: not tested)."""
 
 PARENT, EDGE, NODE = range(3)
-"""Columns of ``tree.link``, the first two those of ``tree.waiting``, too."""
+"""Columns of ``tree.link``; the first two are those of ``tree.waiting``, too."""
 
 END = 3
 WALKED = 6
 PLACE_COLUMNS = 7
-"""Columns of ``tree.place``: the origin from 0 on, the end from END on, meters walked to it."""
+"""Columns of ``tree.place``: the origin pose from 0 on, the end pose from END on, distance walked to the end."""
 
 COLLISION_TESTS, CHANNEL_TESTS, BENDS, BENT = range(4)
 COUNTERS = 4
-"""What is counted: discs tested on a mesh, places tested in the channel, chains bent, and whether the result is bent.
-
-The last is 0 or 1.
-"""
+"""Counters: discs tested on a mesh, places tested in the channel, chains bent, and 1 if the result is bent, else 0."""
 
 MOST_NODES = 1 << 14
-"""Nodes of a graph at most: what a key of the closed set has room for."""
+"""Largest number of nodes in a graph: a key of the closed set has 14 bits for them."""
 
 MOST_BENT = 8
-"""Joints that are bent at most, the last of a branch: more swing it far off the way it was found free on."""
+"""Largest number of joints bent, the last of a branch: more would swing it far off where it was found free."""
 
 HASTE = 0.1
-"""Meters by which a branch may be longer than any solution must be, to be bent when it is not its turn yet."""
+"""A branch is bent before its turn if it is longer by at most this than any solution must be [m]."""
 
 EXACT = 5e-4
-"""Meters from the goal at which a branch is bent enough."""
+"""Distance from the goal at which bending stops [m]."""
 
 _BEYOND = 1e-6
-"""Meters beyond the needed clearance up to which it is measured, so that rounding cannot make it look short."""
+"""Clearance is measured up to this much beyond what is needed, so that rounding cannot make it look short [m]."""
 
 
 @helper
 def _node_is_free(space, rules, node, x, y, heading, dx, dy, dh, goal):
-    """Whether ``node`` with its origin at (x, y, heading) is free, and how near its track comes to the goal.
+    """Return True if ``node`` from (x, y, heading) on is free, and the least distance of its track to the goal [m].
 
     (dx, dy, dh) is the seam: the end of the node before less this origin.
     """
@@ -66,14 +63,17 @@ def _node_is_free(space, rules, node, x, y, heading, dx, dy, dh, goal):
     c, s = cos_sin(heading)
     nearest = math.inf
     for row in range(probes.first[node], probes.first[node + 1]):
+        # The track's place in the world, moved by the share of the seam that is left.
         lx, ly, fade = probes.row[row, X], probes.row[row, Y], probes.row[row, FADE]
         px, py = x + c * lx - s * ly + fade * dx, y + s * lx + c * ly + fade * dy
         nearest = min(nearest, hypot(goal[0] - px, goal[1] - py))
+        # The tested point off the track turns with the heading; a disc about the track has none.
         jx, jy = probes.row[row, ASIDE_X], probes.row[row, ASIDE_Y]
         if jx != 0.0 or jy != 0.0:
             cj, sj = cos_sin(heading + fade * dh)
             px, py = px + cj * jx - sj * jy, py + sj * jx + cj * jy
         low, high = probes.row[row, LEGS], probes.row[row, TORSO]
+        # In the channel: distance to the path at most the planned clearance less the disc's radius.
         if rules.in_channel:
             counters[CHANNEL_TESTS] += 1
             if channel_gap(space.channel, px, py) > space.channel.radius - max(low, high):
@@ -93,7 +93,10 @@ def _node_is_free(space, rules, node, x, y, heading, dx, dy, dh, goal):
 
 @helper
 def _key(rules, node, x, y, heading):
-    """What the closed set knows a node by: its number and the grains of place and heading that it ends in."""
+    """Return a node's key in the closed set: its number, and the grains of place and heading in which it ends.
+
+    20 bits each for x and y, 9 for the heading, 14 for the node; + 1 as 0 marks a free slot.
+    """
     ix = np.int64(math.floor(x / rules.place_grain + 0.5)) & 0xFFFFF
     iy = np.int64(math.floor(y / rules.place_grain + 0.5)) & 0xFFFFF
     bins = math.floor(2.0 * math.pi / rules.heading_grain + 0.5)
@@ -103,7 +106,7 @@ def _key(rules, node, x, y, heading):
 
 @helper
 def _slot(closed, key):
-    """Where ``key`` stands in the closed set, or would."""
+    """Return the slot of ``key`` in the closed set, or the free slot for it (Fibonacci hashing, linear probing)."""
     mask = closed.shape[0] - 1
     slot = ((key * np.int64(-7046029254386353131)) >> 32) & mask
     while closed[slot] != 0 and closed[slot] != key:
@@ -113,7 +116,10 @@ def _slot(closed, key):
 
 @helper
 def _put(tree, count, made, parent, edge, cost):
-    """Put a node into the queue: the edge taken after row ``parent``, or the first node's number where that is NONE."""
+    """Push a search node as row ``made``: ``edge`` taken after row ``parent``; return the queue's size.
+
+    Without a parent (NONE), ``edge`` is the number of the first node.
+    """
     tree.waiting[made, PARENT] = parent
     tree.waiting[made, EDGE] = edge
     return place(tree.heap, count, cost, made)
@@ -121,7 +127,12 @@ def _put(tree, count, made, parent, edge, cost):
 
 @helper
 def _list_branch(tree, out, row):
-    """Write the nodes from the first to ``row`` of the search to ``out``; returns how many."""
+    """Write the branch that ends with search node ``row``, from the root on, to ``out``; return its number of nodes.
+
+    tree, out: ``_Tree`` and ``_Out`` of :mod:`~crowdsim.following.graph_search.graph_search`. Of each node, its number,
+    the edge into it, its origin x, y, heading, and a twist of 0 are written, as nothing is bent yet.
+    """
+    # Count the parents, then fill the list from its end.
     count = np.int64(0)
     at = row
     while at >= 0:
@@ -140,7 +151,7 @@ def _list_branch(tree, out, row):
 
 @helper
 def _link(graph, tree, chain, j, row, edge):
-    """Make ``edge`` behind ``row`` of the search joint ``j``: it turns about the planted foot."""
+    """Fill joint ``j`` of ``chain`` with ``edge`` behind ``row`` of the search: its pivot is the planted foot."""
     x, y, heading = tree.place[row, END], tree.place[row, END + 1], tree.place[row, END + 2]
     px, py = graph.edge_pivot[edge, 0], graph.edge_pivot[edge, 1]
     chain.joint[j, 0], chain.joint[j, 1], _ = compose(x, y, heading, px, py, 0.0)
@@ -153,10 +164,10 @@ def _link(graph, tree, chain, j, row, edge):
 def _bend_branch(graph, space, rules, goal, row, edge, x, y, heading, tree, chain, out):
     """Bend the branch through ``row`` and ``edge``, which ends at (x, y, heading), to the goal.
 
-    Returns how many nodes the bent branch has, left in ``out``, or 0 where none arrives that is free. The last joints
-    are bent alone if that is enough: first two, then twice as many each time. So most of the branch stays as it was
-    found free.
+    Return the number of nodes of the bent branch, which is left in ``out``; 0 if none arrives and is free. First the
+    last two joints are bent, then twice as many each time, so that most of the branch stays as it was found free.
     """
+    # One joint per transition of the branch.
     joints = np.int64(0)
     at = row
     while at >= 0 and joints < MOST_BENT:
@@ -166,6 +177,7 @@ def _bend_branch(graph, space, rules, goal, row, edge, x, y, heading, tree, chai
     while bent < joints:
         bent = min(2 * bent, joints)
         at = row
+        # The chain's joints from the last transition back.
         _link(graph, tree, chain, bent - 1, at, edge)
         for j in range(bent - 2, -1, -1):
             before = np.int64(tree.link[at, PARENT])
@@ -186,10 +198,10 @@ def _bend_branch(graph, space, rules, goal, row, edge, x, y, heading, tree, chai
 
 @helper
 def _within_reach(chain, count, goal):
-    """Whether the chain may reach the goal: False only where it cannot, for it is too short or turns too little.
+    """Return False if the chain cannot reach the goal, because it is too short or turns too little.
 
-    With turns t about joints from which the end is at v, the end moves by the sum of t x v, and what is beyond that is
-    at most half of (the sum of |t|)^2 times the length of the chain.
+    With turns t about joints from which the end is at v, the end moves by the sum of t x v to first order. The rest is
+    at most half of (the sum of |t|)^2 times the chain's length.
     """
     straight = 0.0
     aside = 0.0
@@ -201,21 +213,24 @@ def _within_reach(chain, count, goal):
         jx, jy = chain.joint[j, 0], chain.joint[j, 1]
         straight += hypot(x - jx, y - jy)
         x, y = jx, jy
+        # Movement toward the goal per radian, times gap; the better limit of each joint counts.
         toward = (chain.end[0] - jx) * dy - (chain.end[1] - jy) * dx
         less, more = chain.limit[j, 0] - chain.turn[j], chain.limit[j, 1] - chain.turn[j]
         aside += max(less * toward, more * toward)
         turned += max(-less, more)
     if gap * gap > aside + 0.5 * turned * turned * straight * gap:
         return False
+    # The base is no farther from the goal than the stretched chain is long.
     return hypot(goal[0] - x, goal[1] - y) <= straight
 
 
 @helper
 def _lay_bent(graph, space, rules, goal, row, edge, bent, tree, chain, out):
-    """Lay the branch to ``out``, its last joints as the chain is turned; its nodes, 0 if what moves is not free."""
+    """Lay the branch to ``out``, its joints turned as in ``chain``; return its length, 0 if a moved node is blocked."""
     count = _list_branch(tree, out, row) + 1
     out.step[count - 1, 0] = graph.edge_target[edge]
     out.step[count - 1, 1] = edge
+    # The first moved node begins at the end of the node before it.
     first = count - bent
     before = out.place[first - 1]
     x, y, heading = node_end(graph, np.int64(out.step[first - 1, 0]), before[0], before[1], before[2])
@@ -235,7 +250,7 @@ def _lay_bent(graph, space, rules, goal, row, edge, bent, tree, chain, out):
 
 @helper
 def _put_first(graph, rules, start, start_node, goal, tree):
-    """Put the nodes that may begin at ``start`` into the queue; how many they are."""
+    """Push the nodes that may begin at ``start``: ``start_node``, or any that is not idle; return their number."""
     count = np.int64(0)
     for node in range(graph.node_frames.shape[0]):
         if node == start_node or (start_node < 0 and not graph.node_idle[node]):
@@ -247,12 +262,13 @@ def _put_first(graph, rules, start, start_node, goal, tree):
 
 @helper
 def _lay(graph, space, rules, start, start_node, goal, tree, item, row):
-    """Lay the node that ``item`` of the queue stands for in ``row`` of the tree.
+    """Lay the search node of queue row ``item`` in ``row`` of the tree.
 
-    Returns whether it is laid, which it is not if it is closed or not free, and how near its track comes to the goal.
+    Return False if it is closed or not free, and the least distance of its track to the goal [m].
     """
     parent = np.int64(tree.waiting[item, PARENT])
     edge = np.int64(tree.waiting[item, EDGE])
+    # The first node begins at the start, any other behind its parent's end with a seam.
     node, walked = edge, 0.0
     ox, oy, oh = start[0], start[1], start[2]
     dx, dy, dh = 0.0, 0.0, 0.0
@@ -268,6 +284,7 @@ def _lay(graph, space, rules, start, start_node, goal, tree, item, row):
     if tree.closed[slot] == key:
         return False, math.inf
     nearest = math.inf
+    # A given start node is being played already, so it is not tested.
     if parent >= 0 or start_node < 0:
         free, nearest = _node_is_free(space, rules, node, ox, oy, oh, dx, dy, dh, goal)
         if not free:
@@ -284,17 +301,26 @@ def _lay(graph, space, rules, start, start_node, goal, tree, item, row):
 
 @helper
 def _is_goal(rules, goal, heading, gap):
-    """Whether a node that may end a motion is at the goal, ``gap`` meters off it with this heading."""
+    """Return True if a node that may end a motion, ``gap`` meters off the goal with this heading, is at the goal."""
     off = 0.0 if math.isnan(goal[2]) else abs(wrap_angle(goal[2] - heading))
     return gap <= rules.goal_tolerance and off <= rules.heading_tolerance
 
 
 @kernel
 def search(graph, space, rules, start, start_node, goal, tree, chain, out):
-    """Search the shortest motion to the goal. Returns (status, nodes of the solution, nodes expanded).
+    """Search the shortest motion to the goal.
 
-    The solution is left in ``out``: complete where the status is FOUND, else the one whose end is nearest to the goal.
-    ``start_node`` is played already and not tested; -1 where any node may begin at ``start``. ``rules`` says the rest.
+    Parameters
+    ----------
+    graph: :class:`crowdsim.motion.graph.arrays.GraphArrays`.
+    space, rules, tree, chain, out: as of :mod:`crowdsim.following.graph_search.graph_search`.
+    start: (3,) x, y [m] and heading [rad]. start_node: node that begins there and is not tested; -1 for any.
+    goal: (3,) x, y and heading, nan for any.
+
+    Returns
+    -------
+    (status, nodes of the solution, nodes expanded). The solution is in ``out``: complete if the status is FOUND, else
+    the one whose end is nearest to the goal.
     """
     count = _put_first(graph, rules, start, start_node, goal, tree)
     made = count
@@ -302,7 +328,7 @@ def search(graph, space, rules, start, start_node, goal, tree, chain, out):
     best = np.int64(NONE)
     best_gap = math.inf
     while count > 0 and expanded < rules.budget:
-        # Take the most promising node out and lay it down.
+        # Take out the node of least f and lay it down.
         pop(tree.heap, count)
         count -= 1
         promised = tree.heap[count].key
@@ -317,7 +343,7 @@ def search(graph, space, rules, start, start_node, goal, tree, chain, out):
         if gap < best_gap:
             best = row
             best_gap = gap
-        # It may be the last: bend the branch to the goal, or take it as it is.
+        # If it may be the last node: bend the branch to the goal, or accept it as it is.
         if graph.node_ends_standing[node] or not rules.end_standing:
             if parent >= 0 and gap < rules.bend_reach:
                 edge = np.int64(tree.link[row, EDGE])
@@ -326,7 +352,7 @@ def search(graph, space, rules, start, start_node, goal, tree, chain, out):
                     return FOUND, length, expanded
             if _is_goal(rules, goal, heading, min(gap, nearest) if rules.on_the_way else gap):
                 return FOUND, _list_branch(tree, out, row), expanded
-        # Put what may follow into the queue; a branch that promises as much is bent to the goal at once.
+        # Push its successors. One that is no longer than a solution must be is bent to the goal at once.
         for e in range(np.int64(graph.edge_start[node]), np.int64(graph.edge_start[node + 1])):
             target = np.int64(graph.edge_target[e])
             if graph.node_idle[target]:

@@ -1,4 +1,4 @@
-"""Where a body is tested while it plays a node: discs about its track, or its outermost joints one by one."""
+"""Places at which a body is tested while it plays a node: discs about its track, or its outermost joints."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from crowdsim.motion.graph.track_kernels import BLEND_FRAMES
 Floats = NDArray[np.float64]
 
 SPLIT = 0.6
-"""Meters above the floor below which a joint is tested against the obstacles of the legs."""
+"""Height below which a joint is tested against the obstacles of the legs [m]."""
 
 FLESH = 0.06
-"""Meters from a joint to the skin."""
+"""Distance from a joint to the skin [m]."""
 
 
 class Probes(NamedTuple):
-    """Probes of N nodes, the form that kernels read: rows ``first[n]`` to ``first[n + 1]`` are node n's.
+    """Probes of N nodes in the form that kernels read: rows ``first[n]`` to ``first[n + 1]`` are those of node n.
 
     first: (N + 1,) int64. row: (S, PROBE_COLUMNS) float64, see
     :mod:`crowdsim.following.graph_search.graph_search_kernels`.
@@ -47,10 +47,16 @@ class Probes(NamedTuple):
 
 
 def body_probes(graph: GraphArrays, radii: Floats, slack: float = 0.005) -> Probes:
-    """Discs about the track every fourth frame, as the path follower tests them.
+    """Return discs about the track every fourth frame, as the path follower tests them.
 
-    radii: (B, 2) meters, radius of each behavior on the two layers; ``slack`` is added for what passes between samples.
-    MotionError where a behavior of the graph has none.
+    Parameters
+    ----------
+    radii: (B, 2) radius of each behavior on the two layers [m].
+    slack: added to the radii for the motion between samples [m].
+
+    Raises
+    ------
+    MotionError: if a behavior of the graph has no radii.
     """
     behaviors = int(graph.node_behavior.max(initial=0)) + 1
     if len(radii) < behaviors or radii.shape[1] != 2:
@@ -65,9 +71,15 @@ def body_probes(graph: GraphArrays, radii: Floats, slack: float = 0.005) -> Prob
 
 
 def joint_probes(graph: GraphArrays, poses: PoseTable, joints: Sequence[int], flesh: float = FLESH) -> Probes:
-    """The floor projections of ``joints`` every fourth frame, each against the layer it is in (2011 paper, section 5).
+    """Return the floor projections of ``joints`` every fourth frame, each for its own layer (2011 paper, section 5).
 
-    poses: of the same nodes. joints: indices of those that reach out, such as hands, toes and head.
+    A joint below SPLIT [m] is tested on the legs' layer, one above on the torso's; its radius on the other one is 0.
+
+    Parameters
+    ----------
+    poses: poses of the graph's nodes.
+    joints: indices of joints that reach out, such as hands, toes and head.
+    flesh: distance from a joint to the skin [m].
     """
     parts = []
     for node in range(len(graph.node_frames)):
@@ -83,12 +95,13 @@ def joint_probes(graph: GraphArrays, poses: PoseTable, joints: Sequence[int], fl
 
 
 def _tested_frames(graph: GraphArrays, node: int) -> NDArray[np.int64]:
-    """Every TEST_FRAMES-th frame of a node, and its last."""
+    """Return every TEST_FRAMES-th frame of a node, and its last."""
     last = int(graph.node_frames[node])
     return np.unique(np.append(np.arange(0, last, TEST_FRAMES), last))
 
 
 def _rows(graph: GraphArrays, node: int, frames: NDArray[np.int64]) -> Floats:
+    """Return probe rows of ``frames`` with the track's places and the share of the seam that is left (smoothstep)."""
     rows = np.zeros((len(frames), PROBE_COLUMNS))
     rows[:, [X, Y]] = graph.tracks[graph.node_track[node] + frames, :2]
     u = np.minimum(frames / BLEND_FRAMES, 1.0)
@@ -97,7 +110,7 @@ def _rows(graph: GraphArrays, node: int, frames: NDArray[np.int64]) -> Floats:
 
 
 def _joint_positions(graph: GraphArrays, poses: PoseTable, node: int, frames: NDArray[np.int64]) -> NDArray[np.float32]:
-    """(F, J, 3) joints in the node's frame."""
+    """Return the joints' positions (F, J, 3) in the node's frame [m]."""
     count, joints = len(frames), len(poses.parents)
     positions, rotations = np.empty((count, joints, 3), np.float32), np.empty((count, joints, 4), np.float32)
     track = np.ascontiguousarray(graph.tracks[graph.node_track[node] + frames])
@@ -108,5 +121,6 @@ def _joint_positions(graph: GraphArrays, poses: PoseTable, node: int, frames: ND
 
 
 def _joined(parts: Sequence[Floats]) -> Probes:
+    """Concatenate the probes of all nodes."""
     first = np.concatenate([[0], np.cumsum([len(part) for part in parts])]).astype(np.int64)
     return Probes(first, np.ascontiguousarray(np.concatenate(parts)))

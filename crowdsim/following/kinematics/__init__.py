@@ -1,1 +1,1 @@
-"""Chains of nodes turned at their joints."""
+"""Inverse kinematics of chains of nodes, turned at their joints."""

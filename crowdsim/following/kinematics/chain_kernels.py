@@ -1,4 +1,7 @@
-"""Inverse branch kinematics: a branch of a motion graph is a planar chain, bent to a goal (2011 paper, section 6)."""
+"""Inverse branch kinematics: a branch of a motion graph is a planar chain, bent to a goal (2011 paper, section 6).
+
+A joint is the planted foot at a transition; turning it rotates all that comes after it.
+"""
 
 import math
 
@@ -7,37 +10,39 @@ from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.jit import helper, kernel
 
 ROUNDS = 100
-"""Rounds at most, each a sweep over the chain and a leap."""
+"""Largest number of rounds, each a sweep over the chain and a leap of all joints."""
 
 _STALL = 0.05
-"""Share of the miss that a round must take off, or it counts as idle."""
+"""Share of the miss that a round must remove, or it counts as idle."""
 
 _IDLE_ROUNDS = 3
-"""Idle rounds in a row after which the chain is at the end of what it can do."""
+"""Consecutive idle rounds after which the chain has reached its limits."""
 
 _DAMPING = 0.5
-"""Share of the square of the miss by which a leap is damped: with it, leaps near a straight chain stay short."""
+"""Damping of a leap, as a share of the squared miss. It keeps leaps short if the chain is nearly straight."""
 
 _TINY = 1e-12
 
 
 @helper
 def _miss(goal, ex, ey, eh, lever):
-    """Meters from an end to the goal, its heading counted by ``lever`` if it has one."""
+    """Return the distance from an end (ex, ey, eh) to the goal [m], including its heading error times ``lever``."""
     off = 0.0 if math.isnan(goal[2]) else lever * wrap_angle(goal[2] - eh)
     return math.sqrt((goal[0] - ex) ** 2 + (goal[1] - ey) ** 2 + off * off)
 
 
 @helper
 def _leap_vector(joint, limit, turn, count, ex, ey, dx, dy, dh, lever):
-    """The vector p for which turns J'p bring the end nearest by (dx, dy) and ``lever`` dh; damped least squares.
+    """Return the vector p for which the turns J'p move the end by about (dx, dy) and ``lever`` dh.
 
-    J holds a column for each joint: how the end moves as it turns. Joints that stand at a limit and would turn past
-    it are left out.
+    Damped least squares: p = (J J' + damping I)^-1 e, with a column of J per joint: the end's velocity as it turns.
+    Joints at a limit that would turn beyond it are left out.
     """
     damping = _DAMPING * (dx * dx + dy * dy + dh * dh) + _TINY
+    # Upper triangle of J J' + damping I.
     a, b, c, d, e, f = damping, 0.0, 0.0, damping, 0.0, damping
     for j in range(count):
+        # Column of joint j: (u, v, lever); slope: its turn for p = e.
         u, v = joint[j, 1] - ey, ex - joint[j, 0]
         slope = u * dx + v * dy + lever * dh
         if (turn[j] <= limit[j, 0] and slope < 0.0) or (turn[j] >= limit[j, 1] and slope > 0.0):
@@ -48,7 +53,7 @@ def _leap_vector(joint, limit, turn, count, ex, ey, dx, dy, dh, lever):
         d += v * v
         e += v * lever
         f += lever * lever
-    # The inverse of the symmetric matrix ((a, b, c), (b, d, e), (c, e, f)) by its cofactors.
+    # Solve with the symmetric matrix ((a, b, c), (b, d, e), (c, e, f)) by its cofactors.
     ca, cb, cc = d * f - e * e, c * e - b * f, b * e - c * d
     scale = 1.0 / (a * ca + b * cb + c * cc)
     cd, ce, cf = a * f - c * c, b * c - a * e, a * d - b * b
@@ -61,13 +66,19 @@ def _leap_vector(joint, limit, turn, count, ex, ey, dx, dy, dh, lever):
 
 @helper
 def _leap(joint, limit, turn, count, ex, ey, eh, px, py, ph, lever, real):
-    """The end after all joints turned by J'p at once, within their limits; joints and turns are set if ``real``."""
+    """Turn all joints at once by J'p, with p of :func:`_leap_vector`, cut off at their limits; return the end's pose.
+
+    Joints and turns are stored if ``real``; otherwise the leap is only tried. The pose is x, y [m] and heading [rad].
+    """
+    # Motion of the chain beyond the joints so far: p -> (c x - s y + tx, s x + c y + ty).
     c, s, tx, ty = 1.0, 0.0, 0.0, 0.0
     x, y, heading = ex, ey, eh
     for j in range(count):
+        # Row j of J'p: the end's velocity as joint j turns, times p, both on the chain as it was before the leap.
         by = (joint[j, 1] - ey) * px + (ex - joint[j, 0]) * py + lever * ph
         after = min(max(turn[j] + by, limit[j, 0]), limit[j, 1])
         by = after - turn[j]
+        # Place of the joint as those before it have moved it; then turn the end about it.
         jx = c * joint[j, 0] - s * joint[j, 1] + tx
         jy = s * joint[j, 0] + c * joint[j, 1] + ty
         if real:
@@ -84,21 +95,23 @@ def _leap(joint, limit, turn, count, ex, ey, eh, px, py, ph, lever, real):
 
 @helper
 def _sweep(joint, limit, turn, count, ex, ey, eh, goal, lever):
-    """The end after every joint, from the base on, turned it towards the goal as far as its limits allow."""
+    """Turn each joint, base first, toward the goal within its limits (cyclic coordinate descent); return the end."""
     aimed = not math.isnan(goal[2])
-    # What the joints so far did to all that comes after them: p -> (c x - s y + tx, s x + c y + ty).
+    # Motion of the chain beyond the joints so far: p -> (c x - s y + tx, s x + c y + ty).
     c, s, tx, ty = 1.0, 0.0, 0.0, 0.0
     for j in range(count):
         jx = c * joint[j, 0] - s * joint[j, 1] + tx
         jy = s * joint[j, 0] + c * joint[j, 1] + ty
         joint[j, 0] = jx
         joint[j, 1] = jy
+        # Angle at the joint from the end to the goal.
         ux, uy = ex - jx, ey - jy
         vx, vy = goal[0] - jx, goal[1] - jy
         cross = ux * vy - uy * vx
         dot = ux * vx + uy * vy
         toward = atan2(cross, dot)
         if aimed:
+            # With a goal heading: minimize distance and weighted heading error together (small angles).
             pull = math.sqrt(cross * cross + dot * dot)
             weight = lever * lever
             toward = (pull * toward + weight * wrap_angle(goal[2] - eh)) / max(pull + weight, _TINY)
@@ -117,19 +130,29 @@ def _sweep(joint, limit, turn, count, ex, ey, eh, goal, lever):
 
 @kernel
 def bend_chain(joint, limit, turn, count, end, goal, lever, enough):
-    """Turn ``count`` joints until the end is within ``enough`` of the goal, or no nearer for some rounds.
+    """Turn ``count`` joints until the end is within ``enough`` of the goal, or no longer gets nearer.
 
-    A round is a sweep of cyclic coordinate descent, as published, and a leap of all joints at once by damped least
-    squares, taken if it comes nearer: by sweeps alone a chain that is almost straight hardly ever gets shorter.
+    A round is a sweep of cyclic coordinate descent, as published, and a leap of all joints by damped least squares,
+    taken if it comes nearer. Sweeps alone hardly shorten a chain that is almost straight.
 
-    joint: (K, 2) meters, places of the joints from the base on; turning one carries all after it and the end along.
-    limit: (K, 2) radians, least and greatest turn. turn: (K,) radians, the turn each has. end: (3,) x, y, heading.
-    goal: (3,), its heading nan where any will do. lever: meters a radian, by which an error of heading is weighed.
+    Parameters
+    ----------
+    joint: (K, 2) float64 places of the joints from the base on [m]; updated.
+    limit: (K, 2) float64 least and greatest turn of each joint [rad].
+    turn: (K,) float64 present turn of each joint [rad]; updated.
+    count: joints of the chain, at most K.
+    end: (3,) float64 pose x, y [m] and heading [rad] of the chain's end; updated.
+    goal: (3,) float64 pose to reach; its heading is nan if any will do.
+    lever: weight of a heading error [m/rad].
+    enough: distance at which to stop [m].
 
-    All but ``limit`` and ``goal`` are left as bent. Returns the miss in meters, that of the heading included.
+    Returns
+    -------
+    The remaining distance [m], weighted heading error included.
     """
     ex, ey, eh = end[0], end[1], end[2]
     miss = _miss(goal, ex, ey, eh, lever)
+    # If any heading will do, leaps give it no weight.
     reach = lever if not math.isnan(goal[2]) else 0.0
     idle = 0
     for _ in range(ROUNDS):
@@ -141,11 +164,13 @@ def bend_chain(joint, limit, turn, count, end, goal, lever, enough):
         if miss > enough:
             off = reach * wrap_angle(goal[2] - eh) if reach > 0.0 else 0.0
             px, py, ph = _leap_vector(joint, limit, turn, count, ex, ey, goal[0] - ex, goal[1] - ey, off, reach)
+            # Try the leap without storing it; take it if it comes nearer.
             x, y, heading = _leap(joint, limit, turn, count, ex, ey, eh, px, py, ph, reach, False)
             nearer = _miss(goal, x, y, heading, lever)
             if nearer < miss:
                 _leap(joint, limit, turn, count, ex, ey, eh, px, py, ph, reach, True)
                 ex, ey, eh, miss = x, y, heading, nearer
+        # Several rounds in a row that hardly come nearer: the joints are at their limits.
         idle = idle + 1 if before - miss < _STALL * before else 0
     end[0], end[1], end[2] = ex, ey, eh
     return miss

@@ -1,1 +1,1 @@
-"""Motion maps: building them, keeping them in files."""
+"""Motion maps: build them, keep them in files."""

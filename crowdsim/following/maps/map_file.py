@@ -1,4 +1,4 @@
-"""Motion maps in a file of flat arrays, named by what they were built of and mapped into memory to be loaded."""
+"""Motion maps in a file of flat arrays, named by a hash of their input, and loaded by mapping it into memory."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from crowdsim.motion.graph.arrays import GraphArrays
 from crowdsim.whole_files import whole_file
 
 VERSION = 4
-"""Of the file and of the way maps are built: raise it when either changes, and maps are built anew."""
+"""Version of the file and of the way maps are built. Raise it if either changes; maps are then built anew."""
 
 SUFFIX = ".maps"
 
@@ -38,17 +38,17 @@ def maps_in_file(
     progress: Callable[[int, int], None] | None = None,
     workers: int = 1,
 ) -> MotionMaps:
-    """The maps of ``graph`` out of ``folder``, or built and kept there; arguments as of :meth:`MotionMaps.build`.
+    """Return the maps of ``graph`` from a file in ``folder``, or build them and store them there.
 
-    The file's name is a hash of the graph and the numbers, so that maps of another graph are never taken. One that
-    is damaged is built anew, with a warning.
+    The file's name is a hash of the graph and the numbers, so maps of another graph are never taken. A damaged file is
+    replaced, with a warning. Arguments as of :meth:`MotionMaps.build`.
     """
     file = folder / f"{maps_key(graph, depth, reach, max_entries)}{SUFFIX}"
     if file.is_file():
         try:
             return load_maps(file)
         except MotionError as error:
-            message = f"motion maps that were kept are made anew: {error}"
+            message = f"stored motion maps are rebuilt: {error}"
             warnings.warn(message, CacheWarning, stacklevel=2)
     maps = MotionMaps.build(graph, depth, reach, max_entries, progress, workers)
     folder.mkdir(parents=True, exist_ok=True)
@@ -57,7 +57,7 @@ def maps_in_file(
 
 
 def maps_key(graph: GraphArrays, depth: int, reach: float, max_entries: int) -> str:
-    """Hash of all that maps are built of."""
+    """Return the hash of all input of a build."""
     digest = hashlib.sha256(f"{VERSION} {depth} {float(reach)!r} {max_entries}".encode())
     columns: tuple[NDArray[Any], ...] = tuple(graph)
     for name, column in zip(graph._fields, columns, strict=True):
@@ -67,7 +67,7 @@ def maps_key(graph: GraphArrays, depth: int, reach: float, max_entries: int) -> 
 
 
 def save_maps(maps: MotionMaps, file: Path) -> None:
-    """Write maps to a file, which takes its name when it is whole."""
+    """Write maps to a file, which gets its name when it is complete."""
     header: dict[str, Any] = {"version": VERSION, "arrays": {}}
     offset = 0
     columns: tuple[NDArray[Any], ...] = tuple(maps.arrays)
@@ -86,18 +86,19 @@ def save_maps(maps: MotionMaps, file: Path) -> None:
 
 
 def _checksum(column: NDArray[Any]) -> int:
+    """Return the CRC-32 of an array's bytes."""
     return zlib.crc32(np.ascontiguousarray(column).data)
 
 
 def load_maps(file: Path) -> MotionMaps:
-    """Maps whose arrays lie in the file, read-only; MotionError where it holds none of this version."""
+    """Return maps whose arrays lie in the file, read-only; raise MotionError if it holds none of this version."""
     try:
         with file.open("rb") as stream:
             if stream.read(len(_MAGIC)) != _MAGIC:
-                raise ValueError("it begins otherwise")
+                raise ValueError("no header of motion maps")
             check, _, text = stream.readline().rstrip(b"\n").partition(b" ")
             if int(check, 16) != zlib.crc32(text):
-                raise ValueError("its head is damaged")
+                raise ValueError("its header is damaged")
             header = json.loads(text)
             begin = -(-stream.tell() // _ALIGNED) * _ALIGNED
             if header["version"] != VERSION:
@@ -113,4 +114,4 @@ def load_maps(file: Path) -> MotionMaps:
                 raise ValueError(f"{name} is damaged")
         return MotionMaps(MapArrays(**columns))
     except (OSError, ValueError, LookupError, TypeError, OverflowError) as error:
-        raise MotionError(f"{file}: no motion maps that can be read ({error}); delete it") from error
+        raise MotionError(f"{file}: cannot be read as motion maps ({error}); delete it") from error

@@ -1,7 +1,7 @@
-"""Growing motion maps: the tree of motions that can follow each node (2012 paper, algorithm 1).
+"""Grow motion maps: the tree of motions that can follow each node (2012 paper, algorithm 1).
 
-An entry of a map is one node of that tree, stored at the pose where the node *starts*, in the frame of the
-root's own start. The root is entry 0.
+An entry of a map is one node of that tree, stored by the pose at which the node *starts*, in the frame of the root's
+own start. The root is entry 0.
 """
 
 import math
@@ -13,40 +13,42 @@ from crowdsim.jit import helper, kernel
 from crowdsim.motion.graph.track_kernels import next_origin, node_end
 
 CELL = 0.1
-"""Meters, side of a cell in x and y."""
+"""Side of a cell in x and y [m]."""
 
 BIN = math.pi / 6.0
-"""Radians, height of a cell in heading."""
+"""Height of a cell in heading [rad]."""
 
 TURN_COST = 0.3
-"""Meters of search cost for a radian of turning, so that turning in place is not free."""
+"""Search cost of turning [m/rad], so that turning in place is not free."""
 
 NODE_COST = 0.1
-"""Meters of search cost for each node, so that chains of idle shuffling do not fill a map."""
+"""Search cost per node [m], so that chains of idle shuffling do not fill a map."""
 
 SEAM_WEIGHT = 2.0
-"""What a meter from the end of a node to where the next begins counts as in the length of a branch.
-
-Many branches of deep maps lead along a path only by what they leap at their seams. With this they seem to lag behind.
-"""
+"""Weight of the jump from the end of a node to the start of the next in the length of a branch. Many branches of deep
+maps advance along a path only by their seams; with this weight they seem to lag behind."""
 
 END_X, END_Y, WALKED, LEVEL, BEHAVIOR = range(5)
 AHEAD_COLUMNS = 5
-"""Columns of ``maps.ahead``: where an entry's node ends, meters from the end of the root to there (of track, and those
-of seams by their weight), edges since the root, and the node's behavior."""
+"""Columns of ``maps.ahead``: end of an entry's node, distance from the root's end to there (track, and seams by their
+weight) [m], edges since the root, and the node's behavior."""
 
 _OFFSET = 1 << 19
+"""Makes cell indices positive: 20 bits each for x and y."""
 
 
 @helper
 def pack_cell(ix, iy, heading_bin):
-    """One int64 that sorts cells by x, then y, then heading bin."""
+    """Return one int64 that sorts cells by x, then y, then heading bin."""
     return ((np.int64(ix) + _OFFSET) << 20 | (np.int64(iy) + _OFFSET)) * 16 + np.int64(heading_bin)
 
 
 @helper
 def cell_key(x, y, heading):
-    """Cell of a pose; cells and bins are centered on multiples of their size, so that straight ahead is one bin."""
+    """Return the cell of a pose (x, y [m], heading [rad]).
+
+    Cells and bins are centered on multiples of their size, so that straight ahead is one bin.
+    """
     ix = math.floor(x / CELL + 0.5)
     iy = math.floor(y / CELL + 0.5)
     return pack_cell(ix, iy, math.floor(heading / BIN + 0.5) % 12)
@@ -54,7 +56,8 @@ def cell_key(x, y, heading):
 
 @helper
 def _occupy(table_key, table_node, table_stamp, stamp, key, node):
-    """Enter (cell, node) into the frontier; False where it stood there already."""
+    """Enter (cell, node) into the frontier of map ``stamp``, a hash table; return False if it was there already."""
+    # Fibonacci hashing, linear probing; slots with an older stamp are free.
     mask = table_key.shape[0] - 1
     mixed = (key * 31 + node) * np.int64(-7046029254386353131)
     slot = (mixed >> 32) & mask
@@ -70,7 +73,7 @@ def _occupy(table_key, table_node, table_stamp, stamp, key, node):
 
 @helper
 def _sift_up(heap, cost, at):
-    """Restore the heap of entries ordered by (cost, entry) after one was put at position ``at``."""
+    """Restore the heap of entries, ordered by (cost, entry), after one was put at position ``at``."""
     entry = heap[at]
     while at > 0:
         above = (at - 1) >> 1
@@ -84,7 +87,7 @@ def _sift_up(heap, cost, at):
 
 @helper
 def _sift_down(heap, cost, size):
-    """Restore the heap after its top was replaced."""
+    """Restore the heap of ``size`` entries after its top was replaced: least cost first, then least number."""
     entry = heap[0]
     at = 0
     while 2 * at + 1 < size:
@@ -103,13 +106,21 @@ def _sift_down(heap, cost, size):
 
 @kernel
 def grow_maps(graph, begin, end, depth, reach, capacity, first, key, parent, edge, node, level, pose, length):
-    """Grow the maps of the nodes ``begin`` to ``end``; returns the number of their entries.
+    """Grow the maps of the nodes ``begin`` to ``end`` by Dijkstra's search; return the number of their entries.
 
-    All children of an entry start where its node ends, at one cost: the queue holds the parents, by the cost at
-    which their children start, and an entry's children are put in together. first: (nodes + 1,) int64; the other
-    outputs hold ``capacity`` rows a map. The frontier never culls a successor of the root: a small turn may be
-    taken twice within one cell.
+    All children of an entry start where its node ends, at one cost: the queue holds the parents, by the cost at which
+    their children start, and all children of a parent are entered together.
+
+    Parameters
+    ----------
+    graph: :class:`crowdsim.motion.graph.arrays.GraphArrays`.
+    depth: largest number of edges of a branch. reach: search cost up to which entries are expanded [m].
+    capacity: largest number of entries per map.
+    first: (nodes + 1,) int64, filled with the first entry of each map.
+    key, parent, edge, node, level, pose, length: (nodes * capacity, ...), filled with the entries' columns; pose (x, y
+    [m], heading [rad]) and length [m] of the branch up to the entry's start.
     """
+    # One hash table for all maps, at most a quarter full; the root's number is its stamp.
     table = 16
     while table < 4 * capacity:
         table *= 2
@@ -121,6 +132,7 @@ def grow_maps(graph, begin, end, depth, reach, capacity, first, key, parent, edg
     total = 0
     for root in range(begin, end):
         first[root - begin] = total
+        # The root, entry 0 of its map, at the origin.
         key[total] = cell_key(0.0, 0.0, 0.0)
         parent[total] = -1
         edge[total] = -1
@@ -134,6 +146,7 @@ def grow_maps(graph, begin, end, depth, reach, capacity, first, key, parent, edg
         size = 1
         count = 1
         while size > 0 and count < capacity:
+            # Take out the parent whose children start at the least cost.
             local = heap[0]
             size -= 1
             if size > 0:
@@ -141,12 +154,15 @@ def grow_maps(graph, begin, end, depth, reach, capacity, first, key, parent, edg
                 _sift_down(heap, cost, size)
             above = total + local
             source = np.int64(node[above])
+            # Its node's end, where its children start.
             x, y, heading = np.float64(pose[above, 0]), np.float64(pose[above, 1]), np.float64(pose[above, 2])
             x, y, heading = node_end(graph, np.int64(source), x, y, heading)
             for e in range(np.int64(graph.edge_start[source]), np.int64(graph.edge_start[source + 1])):
                 target = graph.edge_target[e]
                 if graph.node_idle[target] or count == capacity:
                     continue
+                # A node enters each cell once, except successors of the root: a small turn may be taken twice within
+                # one cell.
                 px, py, ph = next_origin(graph, np.int64(e), 0.0, x, y, heading)
                 cell = cell_key(px, py, ph)
                 if not _occupy(table_key, table_node, table_stamp, root, cell, target) and local > 0:
@@ -164,6 +180,7 @@ def grow_maps(graph, begin, end, depth, reach, capacity, first, key, parent, edg
                 cost[count] = (
                     cost[local] + graph.node_length[target] + TURN_COST * abs(graph.node_motion[target, 2]) + NODE_COST
                 )
+                # Queue the child as a parent, unless the map ends there.
                 if level[row] < depth and cost[count] <= reach:
                     heap[size] = count
                     size += 1

@@ -1,4 +1,4 @@
-"""Motion maps: for every node of the motion graph, where the motions that begin with it lead."""
+"""Motion maps: for every node of the motion graph, the places to which motions lead that begin with it."""
 
 from __future__ import annotations
 
@@ -29,28 +29,32 @@ from crowdsim.motion.graph.arrays import GraphArrays
 DEPTH = 4
 REACH = 3.5
 MAX_ENTRIES = 2500
+"""Defaults of :meth:`MotionMaps.build`: largest number of edges of a branch, search cost [m], entries per map."""
 
 _BATCHES = 16
 _ROWS_AT_ONCE = 500_000
-"""A build is cut into so many batches of nodes at least, of so many entries at most: what workers take one by one, and
-what it tells of its progress. Both are the same for any number of workers."""
+"""A build is cut into at least _BATCHES batches of nodes, with at most _ROWS_AT_ONCE entries each: the units of work
+and of progress. Both are the same for any number of workers."""
 
 
 class MapArrays(NamedTuple):
-    """All maps one after the other, the form that kernels read; entries of a map are in the order of the search.
+    """All maps one after the other, in the form that kernels read; entries of a map in the order of the search.
 
-    first: (N + 1,) int64, entries ``first[n]:first[n + 1]`` are the map of node n; entry 0 of a map is its root.
-    key, order: (E,) int64 and int32, cells of a map in ascending order and the entry (counted within the map) in each.
-    parent: (E,) int32, entry before, counted within the map, -1 for the root.
-    edge, node, level: (E,) int32, edge taken into the entry's node, the node, edges since the root.
-    ahead: (E, AHEAD_COLUMNS) float32, in the order of ``key``: what a search asks of an entry before it lays it down,
-    see :mod:`crowdsim.following.maps.map_kernels`. Places are in the frame of the root's start.
-    average: (N,) float64, mean of the meters before the entries of a map (2012 paper, equation 2), seams weighed.
-    family: (N,) int32, equal for nodes that have the same successors.
-    ends_as: (N, B) bool, whether a node is of a behavior or leads straight to one of it.
+    N nodes, E entries, B behaviors.
+    first: (N + 1,) int64; entries ``first[n]:first[n + 1]`` are the map of node n, the first of them is its root.
+    key, order: (E,) int64 and int32, cells of each map in ascending order, and the entry in each, counted within the
+    map.
+    parent: (E,) int32, the entry before, counted within the map, -1 for the root.
+    edge, node, level: (E,) int32, edge taken into the entry's node, that node, number of edges since the root.
+    ahead: (E, AHEAD_COLUMNS) float32, in the order of ``key``: data for ranking an entry before it is laid down, see
+    :mod:`crowdsim.following.maps.map_kernels`. Places are in the frame of the root's start.
+    average: (N,) float64, mean length of a map's branches [m] (2012 paper, equation 2), seams weighted.
+    family: (N,) int32, equal for nodes with the same successors.
+    ends_as: (N, B) bool, True if a node is of a behavior or has a successor of it.
     leads_to: (N,) int32, behavior of most successors.
     outline_first: (N + 1,) int64, rows of ``outline`` for each node.
-    outline: (S, 3) float64, x, y, arc length of points at most a cell apart along each node's track, its end included.
+    outline: (S, 3) float64, x, y and arc length of points along each node's track, its end included, at most a cell
+    apart [m].
     """
 
     first: NDArray[np.int64]
@@ -71,32 +75,46 @@ class MapArrays(NamedTuple):
 
 @dataclass(frozen=True)
 class MotionMaps:
-    """Precomputed maps of one motion graph (2012 paper, section 4)."""
+    """Precomputed maps of one motion graph (2012 paper, section 4); made by :meth:`build`.
+
+    Attributes
+    ----------
+    arrays : MapArrays
+        The maps in the form that kernels read.
+
+    Examples
+    --------
+    >>> maps = MotionMaps.build(load_behavior_set(["frontal"], [(0.0, 2.0)]).graph.arrays)
+    >>> maps.depth
+    4
+    """
 
     arrays: MapArrays
 
     @property
     def entry_count(self) -> int:
+        """Return the number of entries of all maps."""
         return len(self.arrays.key)
 
     @property
     def cell_count(self) -> int:
-        """Occupied cells of all maps together."""
+        """Return the number of occupied cells of all maps."""
         a = self.arrays
         return sum(len(np.unique(a.key[i:j])) for i, j in zip(a.first[:-1], a.first[1:], strict=True))
 
     @cached_property
     def depth(self) -> int:
-        """Most edges of a branch."""
+        """Return the largest number of edges of a branch."""
         return max(int(self.arrays.level.max(initial=1)), 1)
 
     @cached_property
     def most_entries(self) -> int:
-        """Entries of the largest map."""
+        """Return the number of entries of the largest map."""
         return int(np.diff(self.arrays.first).max(initial=1))
 
     @property
     def bytes(self) -> int:
+        """Return the size of all arrays [bytes]."""
         return sum(column.nbytes for column in self.arrays)
 
     @classmethod
@@ -111,10 +129,25 @@ class MotionMaps:
     ) -> MotionMaps:
         """Grow the map of every node by Dijkstra's search over track length (2012 paper, algorithm 1).
 
-        depth: most edges of a branch. reach: meters of search cost (track length, turning, a little for each
-        node) beyond which no node is expanded. max_entries: most entries of a map; all successors of a node
-        always fit. progress: called with the nodes done and their number. workers: threads that grow them, to the same
-        bits whatever their number. MotionError where a number is out of range.
+        Parameters
+        ----------
+        graph : GraphArrays
+            ``MotionGraph.arrays``.
+        depth : int
+            Largest number of edges of a branch. Deeper maps see farther and are larger and slower to query.
+        reach : float
+            Search cost (track length, turning, a little per node) up to which nodes are expanded [m].
+        max_entries : int
+            Largest number of entries of a map; all direct successors of a node always fit.
+        progress : callable, optional
+            Called with the number of nodes done and of all nodes.
+        workers : int
+            Number of threads; the result has the same bits for any number.
+
+        Raises
+        ------
+        MotionError
+            If a number is out of range.
         """
         degree = int(np.diff(graph.edge_start).max(initial=0))
         if depth < 1 or not reach > 0.0 or max_entries < 1 or workers < 1:
@@ -161,9 +194,9 @@ class MotionMaps:
 def _grow(
     graph: GraphArrays, begin: int, end: int, depth: int, reach: float, capacity: int
 ) -> tuple[NDArray[Any], ...]:
-    """Maps of the nodes ``begin`` to ``end``: their sizes and averages, and columns of :class:`MapArrays`.
+    """Return the maps of the nodes ``begin`` to ``end``: sizes, averages, and columns of :class:`MapArrays`.
 
-    These are key, order, parent, edge, node, level and ahead.
+    The columns are key, order, parent, edge, node, level and ahead.
     """
     rows = (end - begin) * capacity
     first = np.empty(end - begin + 1, np.int64)
@@ -187,7 +220,7 @@ def _grow(
 
 
 def _families(graph: GraphArrays) -> NDArray[np.int32]:
-    """Number of each node's set of successors, in order of first appearance."""
+    """Return the number of each node's set of successors, in order of first appearance."""
     numbers: dict[bytes, int] = {}
     family = np.empty(len(graph.node_frames), np.int32)
     for n in range(len(family)):
@@ -197,7 +230,7 @@ def _families(graph: GraphArrays) -> NDArray[np.int32]:
 
 
 def _behavior_counts(graph: GraphArrays) -> NDArray[np.int32]:
-    """How often each behavior (N, B) stands among a node and its successors."""
+    """Return how often each behavior occurs among a node and its successors, (N, B)."""
     nodes = len(graph.node_frames)
     table = np.zeros((nodes, int(graph.node_behavior.max(initial=0)) + 1), np.int32)
     table[np.arange(nodes), graph.node_behavior] = 1
@@ -207,7 +240,10 @@ def _behavior_counts(graph: GraphArrays) -> NDArray[np.int32]:
 
 
 def _outlines(graph: GraphArrays) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Track of each node resampled by arc length; a node that turns in place gives its end alone."""
+    """Return each node's track resampled by arc length; a node that turns in place gives its end alone.
+
+    Two arrays as ``outline_first`` and ``outline`` of :class:`MapArrays`.
+    """
     outlines = []
     for track, frames in zip(graph.node_track, graph.node_frames, strict=True):
         points = graph.tracks[track : track + frames + 1, :2]

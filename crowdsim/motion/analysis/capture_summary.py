@@ -1,8 +1,8 @@
-"""What a folder of captures gives, file by file: what was assumed, cut out, found, and how well the feet keep still."""
+"""Summary of a folder of captures, file by file: what was assumed, removed and found, and how far feet drift."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +18,17 @@ from crowdsim.motion.graph.segmentation import require_locomotion
 from crowdsim.motion.graph.transition_drift import clip_stances
 
 
-def summarize(path: Path) -> dict[str, Any]:
-    """One row of a table: figures by name, units in the names, None where there is none; ``problem`` says why.
+def summarize(
+    path: Path, meters_per_unit: float | None = None, joints: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """Return one row of a table: figures by name, units in the names, None if there is none; ``problem`` says why.
 
     A file that cannot be read has a row with nothing but its problem.
     """
     row: dict[str, Any] = dict.fromkeys(_COLUMNS)
     row["file"] = path.name
     try:
-        capture = read_capture(path)
+        capture = read_capture(path, meters_per_unit, joints)
     except MotionError as error:
         row["problem"] = str(error).removeprefix(f"{path}: ")
         return row
@@ -38,9 +40,11 @@ def summarize(path: Path) -> dict[str, Any]:
     return row
 
 
-def summarize_all(paths: Iterable[Path]) -> list[dict[str, Any]]:
-    """A row for each of ``paths``."""
-    return [summarize(path) for path in paths]
+def summarize_all(
+    paths: Iterable[Path], meters_per_unit: float | None = None, joints: Mapping[str, str] | None = None
+) -> list[dict[str, Any]]:
+    """Return a row for each of ``paths``."""
+    return [summarize(path, meters_per_unit, joints) for path in paths]
 
 
 _COLUMNS = tuple(
@@ -52,6 +56,7 @@ _COLUMNS = tuple(
 
 
 def _assumed(capture: Capture) -> dict[str, Any]:
+    """Return the columns of the reader's report."""
     report = capture.report
     cuts = sorted({frame for frame, _ in report.glitches})
     return {
@@ -69,7 +74,7 @@ def _assumed(capture: Capture) -> dict[str, Any]:
 
 
 def _found(clips: Iterable[Clip]) -> dict[str, Any]:
-    """Figures of the movement, the stretches taken together; MotionError where joints for them are missing."""
+    """Return figures of the motion over all stretches; raise MotionError if joints for them are missing."""
     length, turn, frames, crossings, rests = 0.0, 0.0, 0, 0, 0
     drifts: list[float] = []
     problem: str | None = None

@@ -1,7 +1,7 @@
-"""The distance of every frame from every other one, and its valleys: where a standard motion graph makes transitions.
+"""The distance of every frame to every other one, and its valleys: where a standard motion graph makes transitions.
 
-Kovar, Gleicher and Pighin (2002), section 3. The sums over a window that a distance is made of are sums along diagonals
-of the sums over single frames, and those are matrix products: all pairs cost what single frames cost.
+Kovar, Gleicher and Pighin (2002), section 3. The sums over a window that make up a distance are sums along diagonals of
+the sums over single frames, and those are matrix products: all windows cost no more than single frames.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from crowdsim.motion.graph.frame_distance import WINDOW_REACH, cloud_joints
 WINDOW = 2 * WINDOW_REACH + 1
 
 VALLEY_REACH = 12
-"""Frames (0.2 s) either way within which one valley of the image hides the others."""
+"""Frames (0.2 s) either way within which only the deepest valley counts."""
 
 _ROUNDING = 1e-6
-"""Meters to which distances are rounded, so that no order of summation decides which of two is the smaller."""
+"""Distances are rounded to multiples of this [m], so that the order of summation never decides which is smaller."""
 
 _BLOCK = 160
 """Frames of a clip compared at once with as many others: few enough to stay in the cache."""
 
 _PRODUCT = 200_000
-"""Multiplications up to which OpenBLAS does a matrix product on one thread."""
+"""Multiplications up to which OpenBLAS computes a matrix product on one thread."""
 
 _NEIGHBORS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
 
@@ -39,7 +39,7 @@ _NEIGHBORS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)
 class ErrorImage:
     """Distances between all frames of several clips, one clip after the other.
 
-    distance: (F, F) float32 meters, symmetric, root mean square over a 21-frame window under the best alignment.
+    distance: (F, F) float32, symmetric, root mean square over a 21-frame window under the best alignment [m].
     clip_first: (C + 1,) first row of each clip, and F.
     """
 
@@ -47,12 +47,12 @@ class ErrorImage:
     clip_first: NDArray[np.int64]
 
     def clip_of(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Clip that each of ``rows`` belongs to."""
+        """Return the clip of each of ``rows``."""
         return np.searchsorted(self.clip_first, rows, side="right") - 1
 
 
 def error_image(clips: Sequence[Clip]) -> ErrorImage:
-    """The error image of ``clips``, which share their joints; windows hold a clip's last pose beyond its ends."""
+    """Return the error image of ``clips`` on the same joints; windows repeat a clip's end poses beyond its ends."""
     clip_first = np.concatenate([[0], np.cumsum([clip.frame_count for clip in clips])])
     image = np.empty((clip_first[-1], clip_first[-1]), np.float32)
     pieces = [piece for clip, row in zip(clips, clip_first, strict=False) for piece in _pieces(clip, int(row))]
@@ -66,10 +66,10 @@ def error_image(clips: Sequence[Clip]) -> ErrorImage:
 
 
 def valleys(image: ErrorImage, threshold: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows and columns (n,) of the local minima of at most ``threshold`` meters, in row order.
+    """Return rows and columns (n,) of the local minima of at most ``threshold`` meters, in row order.
 
-    A minimum is below its eight neighbors, of equal ones the first in row order. Of those within 0.2 s of each other
-    the deepest stays. A moment and itself, and moments whose window reaches beyond their clip, are none.
+    A minimum is below its eight neighbors, the first of equal ones in row order. Of those within 0.2 s of each other
+    the deepest stays. A moment paired with itself does not count, nor one whose window reaches beyond its clip.
     """
     frames = np.arange(image.clip_first[-1])
     clip = image.clip_of(frames)
@@ -96,7 +96,7 @@ def valleys(image: ErrorImage, threshold: float) -> tuple[NDArray[np.int64], NDA
 
 
 def _deepest(i: NDArray[np.int64], j: NDArray[np.int64], value: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """(n,) whether no kept deeper minimum is within VALLEY_REACH; the first of equals goes before."""
+    """Return (n,): True if no deeper kept minimum is within VALLEY_REACH; the first of equal ones wins."""
     keep = np.zeros(len(i), bool)
     if not len(i):
         return keep
@@ -108,10 +108,10 @@ def _deepest(i: NDArray[np.int64], j: NDArray[np.int64], value: NDArray[np.float
 
 @dataclass(frozen=True)
 class _Piece:
-    """A few consecutive frames of a clip, with those their windows reach, about their planar middle.
+    """A few consecutive frames of a clip and those that their windows reach, about their planar mean.
 
-    rows: where they are in the image. flat, turned, up: (n + 2 reach, k J) x and y, y and -x, and z of all joints.
-    mean_x, mean_y: (n,) middles of the windows; own: (n,) sums of squares about them; points: of a window.
+    rows: their rows in the image. flat, turned, up: (n + 2 reach, k J) x and y, y and -x, and z of all joints. mean_x,
+    mean_y: (n,) means of the windows; own: (n,) sums of squares about them; points: number of points of a window.
     """
 
     rows: slice
@@ -125,6 +125,7 @@ class _Piece:
 
 
 def _pieces(clip: Clip, row: int) -> list[_Piece]:
+    """Return a clip's frames in pieces of at most _BLOCK, with the sums that do not depend on the other clip."""
     joints = clip.joint_positions[:, cloud_joints(clip.skeleton)]
     held = np.concatenate([np.repeat(joints[:1], WINDOW_REACH, 0), joints, np.repeat(joints[-1:], WINDOW_REACH, 0)])
     points = WINDOW * joints.shape[1]
@@ -143,7 +144,7 @@ def _pieces(clip: Clip, row: int) -> list[_Piece]:
 
 
 def _distances(a: _Piece, b: _Piece) -> Floats:
-    """(n, m) meters between the moments of two pieces."""
+    """Return the distances (n, m) between the moments of two pieces [m]."""
     dot = _diagonal_sums(_products(a.flat, b.flat))
     dot -= a.points * (np.outer(a.mean_x, b.mean_x) + np.outer(a.mean_y, b.mean_y))
     cross = _diagonal_sums(_products(a.turned, b.flat))
@@ -156,9 +157,9 @@ def _distances(a: _Piece, b: _Piece) -> Floats:
 
 
 def _products(a: Floats, b: Floats) -> Floats:
-    """The matrix product ``a @ b.T`` (n, m), a few rows at once, so that BLAS does each part on the calling thread.
+    """Return the matrix product ``a @ b.T`` (n, m), a few rows at a time, so that BLAS computes on the calling thread.
 
-    Its threads wait for each other busily, which takes ten times as long where another program has one of the cores.
+    Its own threads wait for each other actively, which is very slow if another program uses one of the cores.
     """
     rows = max(1, _PRODUCT // (len(b) * b.shape[1]))
     whole = len(a) // rows * rows
@@ -167,13 +168,13 @@ def _products(a: Floats, b: Floats) -> Floats:
 
 
 def _window_sums(values: Floats) -> Floats:
-    """(n - 2 reach,) sums of ``values`` (n,) over each whole window."""
+    """Return the sums (n - 2 reach,) of ``values`` (n,) over each whole window."""
     sums: Floats = np.lib.stride_tricks.sliding_window_view(values, WINDOW).sum(axis=1)
     return sums
 
 
 def _diagonal_sums(products: Floats) -> Floats:
-    """Sums of WINDOW entries down each diagonal, from the first entry on, by doubling: WINDOW is 16 + 4 + 1."""
+    """Return sums of WINDOW entries down each diagonal, by doubling: WINDOW is 16 + 4 + 1."""
     total, span = products, 1
     parts = []
     remaining = WINDOW

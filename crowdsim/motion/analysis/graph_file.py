@@ -1,4 +1,4 @@
-"""A motion graph in one file, which is built anew only when what it was built of has changed."""
+"""A motion graph in a file, which is rebuilt only if its input has changed."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from crowdsim.whole_files import whole_file
 
 FORMAT = "crowdsim motion graph"
 VERSION = 2
-"""Of the file and of the way graphs are built: raise it when either changes, and graphs are built anew."""
+"""Version of the file and of the way graphs are built. Raise it if either changes; graphs are then built anew."""
 
 SUFFIX = ".npz"
 
 
 @dataclass(frozen=True)
 class GraphSettings:
-    """How to build a graph; see :func:`build_motion_graph` and :func:`build_standard_graph`."""
+    """Settings of a graph; see :func:`build_motion_graph` and :func:`build_standard_graph`."""
 
     standard: bool = False
     threshold: float = DEFAULT_THRESHOLD
@@ -43,19 +43,21 @@ class GraphSettings:
 
 
 def build_graph(paths: Sequence[Path], settings: GraphSettings) -> MotionGraph:
-    """The graph of the captures ``paths``; MotionError where they or the settings do not give one."""
+    """Build the graph of the captures ``paths``; raise MotionError if they or the settings give none."""
     sources = as_sources(read_clips(paths), settings.detectors)
     if not settings.standard:
         return build_motion_graph(
             sources, settings.threshold, settings.max_out_edges, settings.branching, settings.most_drift
         )
     if settings.branching is not None:
-        raise MotionError("a standard graph is built at a threshold, not for a branching factor; leave the latter out")
+        raise MotionError(
+            "a standard graph needs a threshold and takes no branching factor; remove the branching factor"
+        )
     return build_standard_graph(sources, settings.threshold, settings.max_out_edges, most_drift=settings.most_drift)
 
 
 def graph_in_file(file: Path, paths: Sequence[Path], settings: GraphSettings) -> tuple[MotionGraph, bool]:
-    """The graph in ``file``, and whether it had to be built: there was none, or captures or settings are others now."""
+    """Return the graph in ``file``, and True if it had to be built as the file, captures or settings changed."""
     made_of = _made_of(paths, settings)
     if file.is_file():
         header, stored = _read(file)
@@ -67,30 +69,32 @@ def graph_in_file(file: Path, paths: Sequence[Path], settings: GraphSettings) ->
 
 
 def save_graph(graph: MotionGraph, file: Path) -> None:
-    """Write ``graph`` to a .npz file, which takes its name when it is whole."""
+    """Write ``graph`` to a .npz file, which gets its name when it is complete."""
     _write(file, graph, {})
 
 
 def load_graph(file: Path) -> MotionGraph:
-    """The graph in ``file``; MotionError where that is no motion graph of this version."""
+    """Return the graph in ``file``; raise MotionError if it is no motion graph of this version."""
     header, graph = _read(file)
     if graph is None:
-        raise MotionError(f"{file}: a motion graph of version {header['version']}, not {VERSION}; build it anew")
+        raise MotionError(f"{file}: a motion graph of version {header['version']}, not {VERSION}; rebuild it")
     return graph
 
 
 def _made_of(paths: Sequence[Path], settings: GraphSettings) -> dict[str, Any]:
+    """Return the hashes of all input files, and the settings."""
     hashes = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in _with_skeletons(paths)}
     return {"sources": hashes, "settings": json.loads(json.dumps(asdict(settings)))}
 
 
 def _with_skeletons(paths: Sequence[Path]) -> list[Path]:
-    """``paths`` and the ASF files that any AMC among them may be read with."""
+    """Return ``paths`` and the ASF files with which any AMC files among them may be read."""
     folders = {path.parent for path in paths if path.suffix.lower() == ".amc"}
     return [*paths, *sorted(skeleton for folder in folders for skeleton in folder.glob("*.asf"))]
 
 
 def _write(file: Path, graph: MotionGraph, made_of: dict[str, Any]) -> None:
+    """Write a graph and a description of its input."""
     skeleton = graph.skeleton
     header = {
         "format": FORMAT,
@@ -112,7 +116,7 @@ _SKELETON = ("parents", "offsets", "end_parents", "end_offsets")
 
 
 def _read(file: Path) -> tuple[dict[str, Any], MotionGraph | None]:
-    """What the file says of itself, and the graph unless that is of another version."""
+    """Return the header of a file, and its graph unless that is of another version."""
     try:
         with file.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
             header = json.loads(stored["header"].tobytes())
@@ -120,12 +124,11 @@ def _read(file: Path) -> tuple[dict[str, Any], MotionGraph | None]:
                 raise MotionError(f"{file}: not a motion graph")
             return header, _graph(header, stored) if header["version"] == VERSION else None
     except (OSError, ValueError, LookupError, TypeError, zipfile.BadZipFile, EOFError) as error:
-        raise MotionError(
-            f"{file}: not a motion graph that can be read ({error}); delete it or name another"
-        ) from error
+        raise MotionError(f"{file}: cannot be read as a motion graph ({error}); delete it or name another") from error
 
 
 def _graph(header: dict[str, Any], stored: Any) -> MotionGraph:
+    """Return the graph of a file's arrays."""
     arrays = GraphArrays(**{name: stored[f"graph_{name}"] for name in GraphArrays._fields})
     poses = PoseTable(**{name: stored[f"poses_{name}"] for name in PoseTable._fields})
     parents, offsets, end_parents, end_offsets = (stored[f"skeleton_{name}"] for name in _SKELETON)

@@ -1,4 +1,4 @@
-"""The error image with the transitions of both graphs (2011 paper, figure 2), and the feature-based graph itself."""
+"""Draw the error image with the transitions of both graphs (2011 paper, figure 2), and the feature-based graph."""
 
 from __future__ import annotations
 
@@ -18,12 +18,13 @@ if TYPE_CHECKING:
 
 _CLIP_COLORS = "tab20"
 _PIXELS = 2000
+"""Largest number of rows of the image that are drawn."""
 _LABEL = 25
 """Characters of a clip's name beside its node."""
 
 
 def draw_motion_graph(sources: Sequence[MotionSource], graph: MotionGraph) -> Figure:
-    """The error image of ``sources`` with both graphs' transitions, and their feature-based ``graph``."""
+    """Draw the error image of ``sources`` with both graphs' transitions, and their feature-based ``graph``."""
     from matplotlib.figure import Figure
 
     image = error_image([source.clip for source in sources])
@@ -36,6 +37,7 @@ def draw_motion_graph(sources: Sequence[MotionSource], graph: MotionGraph) -> Fi
 
 
 def _draw_image(axes: Axes, image: ErrorImage, sources: Sequence[MotionSource], graph: MotionGraph) -> None:
+    """Draw the error image, its local minima, and the graph's transitions and cuts."""
     count = int(image.clip_first[-1])
     step = max(1, count // _PIXELS)
     shown = axes.imshow(
@@ -86,7 +88,7 @@ def _draw_image(axes: Axes, image: ErrorImage, sources: Sequence[MotionSource], 
 
 
 def _cut_frames(sources: Sequence[MotionSource], image: ErrorImage) -> list[int]:
-    """Rows of the image at which features cut."""
+    """Return the rows of the image at which features cut."""
     rows: set[int] = set()
     for prepared, first in zip(prepare_sources(sources), image.clip_first.tolist(), strict=False):
         for segment in feature_segments(prepared):
@@ -95,7 +97,7 @@ def _cut_frames(sources: Sequence[MotionSource], image: ErrorImage) -> list[int]
 
 
 def _draw_graph(axes: Axes, sources: Sequence[MotionSource], graph: MotionGraph) -> None:
-    """Nodes around a circle in the order of their clips; gray where one goes on with the same capture."""
+    """Draw the nodes on a circle in the order of their clips, with their edges; gray ones continue the capture."""
     from matplotlib import colormaps
     from matplotlib.collections import LineCollection
     from matplotlib.lines import Line2D
@@ -151,7 +153,7 @@ def _draw_graph(axes: Axes, sources: Sequence[MotionSource], graph: MotionGraph)
 
 
 def _label(node: str) -> str:
-    """The name of a node, with its middle left out where it is long: trials differ at both ends."""
+    """Return a node's name, shortened in the middle if it is long: trials differ at both ends."""
     clip, first, last = clip_frames(node)
     if len(clip) > _LABEL:
         _, _, tail = clip[6 - _LABEL :].partition("_")
@@ -160,7 +162,7 @@ def _label(node: str) -> str:
 
 
 def _curve(a: Floats, b: Floats) -> Floats:
-    """(n, 2) points from a to b, bent toward the middle; a loop outward where they are one."""
+    """Return points (n, 2) from a to b, bent toward the middle; an outward loop if they are the same."""
     if np.allclose(a, b):
         turn = np.linspace(0.0, 2.0 * np.pi, 13)[:, None]
         side = np.array([-a[1], a[0]])

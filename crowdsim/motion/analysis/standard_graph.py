@@ -1,6 +1,7 @@
 """Standard motion graphs (Kovar, Gleicher and Pighin 2002), with which the 2011 paper compares feature-based ones.
 
-All frames are compared with all; clips are cut and joined at the local minima of that error image, wherever these are.
+All frames are compared with all others; clips are cut and joined at the local minima of that error image, wherever they
+are.
 """
 
 from __future__ import annotations
@@ -34,9 +35,18 @@ def build_standard_graph(
 ) -> MotionGraph:
     """Cut the clips at the valleys of their error image, join them there, keep the largest strongly connected part.
 
-    ``max_out_edges`` keeps the nearest so many transitions out of each frame. ``image`` is the error image of the
-    clips, if it is known. ``most_drift`` is that of :func:`build_motion_graph`. Detectors do not matter here, and idle
-    clips are left out.
+    Detectors have no effect here, and idle clips are left out.
+
+    Parameters
+    ----------
+    threshold: largest distance of moments that join [m].
+    max_out_edges: keep only so many nearest transitions out of each frame.
+    image: error image of the clips, if it is known.
+    most_drift: as of :func:`build_motion_graph` [m].
+
+    Raises
+    ------
+    MotionError: if no moments join.
     """
     sources = [source for source in sources if not source.idle]
     prepared = prepare_sources(sources)
@@ -76,7 +86,7 @@ def _joined(
     after: NDArray[np.int64],
     threshold: float,
 ) -> tuple[MotionGraph, NDArray[np.bool_]]:
-    """The largest component of ``nodes`` joined by edges ``before`` to ``after``, and (N,) the nodes that are in it."""
+    """Return the largest component of ``nodes`` with edges ``before`` to ``after``, and the mask (N,) of its nodes."""
     keep = largest_component(len(nodes), before, after)
     inside = keep[before] & keep[after]
     before, after = before[inside], after[inside]
@@ -92,7 +102,7 @@ def _joined(
 def _nearest(
     image: ErrorImage, leave: NDArray[np.int64], enter: NDArray[np.int64], count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The ``count`` nearest transitions out of each frame, in the order they had."""
+    """Return the ``count`` nearest transitions out of each frame, in their order."""
     order = np.lexsort((enter, image.distance[leave, enter], leave))
     ordered = leave[order]
     rank = np.arange(len(order)) - np.searchsorted(ordered, ordered)
@@ -101,6 +111,7 @@ def _nearest(
 
 
 def _segments(source: PreparedSource, frames: list[int]) -> list[Segment]:
+    """Return the segments between ``frames``; a cut stands if both feet are slow."""
     still = source.foot_speed.max(axis=1) < StandingDetector.speed
     return [Segment(a, b, bool(still[a]), bool(still[b])) for a, b in pairwise(frames)]
 
@@ -108,7 +119,7 @@ def _segments(source: PreparedSource, frames: list[int]) -> list[Segment]:
 def _edges(
     nodes: Sequence[Node], image: ErrorImage, leave: NDArray[np.int64], enter: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Sources and targets (E,) of what may follow each other, sorted: what goes on in its clip, and the transitions."""
+    """Return sources and targets (E,) of all edges, sorted: continuations of clips, and transitions."""
     count = int(image.clip_first[-1])
     ending, starting = np.full(count, -1), np.full(count, -1)
     for index, node in enumerate(nodes):
@@ -123,6 +134,7 @@ def _edges(
 
 
 def _align(nodes: Sequence[Node], source: NDArray[np.int64], target: NDArray[np.int64]) -> PairAlignments:
+    """Return the alignments of edges (source, target), a few at a time."""
     parts = []
     for begin in range(0, len(source), _PAIRS):
         chosen = slice(begin, begin + _PAIRS)

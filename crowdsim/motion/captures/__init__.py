@@ -1,1 +1,1 @@
-"""Motion capture files: read, cleaned, retargeted, written."""
+"""Motion capture files: read, clean, retarget, write."""

@@ -1,7 +1,7 @@
-"""Acclaim's ASF (skeleton) and AMC (motion) text to raw motion.
+"""Read Acclaim's ASF (skeleton) and AMC (motion) files as raw motion.
 
-Joints stand where bones begin, as in BVH: a bone's direction and length lead to the joints of its children. A bone's
-angles turn about its own axes C, so that its rotation relative to its parent's bone is C M C^-1.
+Joints are placed where bones begin, as in BVH: a bone's direction and length lead to the joints of its children. A
+bone's angles turn about its own axes C, so its rotation relative to its parent's bone is C M C^-1.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from crowdsim.motion.clips.kinematics import Floats, conjugate, multiply
 from crowdsim.whole_files import require_regular
 
 ASSUMED_RATE = 120.0
-"""Frames a second of an AMC file, which does not say: that of the CMU captures."""
+"""Frame rate of an AMC file, which does not contain it [1/s]: that of the CMU captures."""
 
 _MOST_FRAMES = 1_000_000
 
 
 @dataclass(frozen=True)
 class _Bone:
-    """``axes`` orders its own axes and ``turns`` its angles, the first applied first."""
+    """Bone of an ASF file; ``axes`` is the order of its own axes, ``turns`` that of its angles, first applied first."""
 
     name: str
     offset: Floats
@@ -37,8 +37,8 @@ class _Bone:
 def parse_amc(path: Path) -> RawMotion:
     """Read an AMC file on the skeleton beside it.
 
-    That is the ASF file of the same name, or of the name up to the last underscore (``16.asf`` of ``16_27.amc``), or
-    the only one in the folder. MotionError names the file and line of what is wrong.
+    The skeleton is the ASF file of the same name, or of the name up to the last underscore (``16.asf`` for
+    ``16_27.amc``), or the only one in the folder. Raise MotionError with file and line of an error.
     """
     if not path.is_file():
         raise MotionError(f"{path}: no such capture file")
@@ -52,7 +52,7 @@ def parse_amc(path: Path) -> RawMotion:
     scale = np.pi / 180.0 if degrees else 1.0
     rotations = [_root_rotations(bones["root"], root[:, 3:] * scale, scale)]
     rotations += [_rotations(bones[name], values[name] * scale, scale) for name in names[1:]]
-    # A joint stands at the end of its parent's bone; those of the root stand on it.
+    # A joint is at the end of its parent's bone; children of the root are at the root.
     offsets = [np.zeros(3) if parent <= 0 else bones[names[parent]].offset for parent in parents]
     ends = [index for index in range(1, len(names)) if index not in parents]
     raw = RawMotion(
@@ -74,6 +74,7 @@ def parse_amc(path: Path) -> RawMotion:
 
 
 def _skeleton_path(path: Path) -> Path:
+    """Return the ASF file for an AMC file; raise MotionError if it is missing or ambiguous."""
     for stem in (path.stem, path.stem.rpartition("_")[0]):
         if stem and (path.parent / f"{stem}.asf").is_file():
             return path.parent / f"{stem}.asf"
@@ -87,12 +88,12 @@ def _skeleton_path(path: Path) -> Path:
 
 
 def _lines(path: Path) -> Iterator[tuple[str, list[str]]]:
-    """(place, words) of each line that says something."""
+    """Yield (place, words) of each line that is not empty or a comment."""
     require_regular(path, MotionError)
     try:
         text = path.read_text(encoding="ascii")
     except (UnicodeDecodeError, OSError) as error:
-        raise MotionError(f"{path}: not a text file that can be read: {error}") from None
+        raise MotionError(f"{path}: cannot be read as text: {error}") from None
     for number, line in enumerate(text.splitlines(), start=1):
         words = line.partition("#")[0].split()
         if words:
@@ -100,6 +101,7 @@ def _lines(path: Path) -> Iterator[tuple[str, list[str]]]:
 
 
 def _numbers(place: str, words: list[str]) -> Floats:
+    """Return words as numbers; raise MotionError with the place if they are not."""
     try:
         return np.array([float(word) for word in words])
     except ValueError:
@@ -107,7 +109,7 @@ def _numbers(place: str, words: list[str]) -> Floats:
 
 
 def _parse_asf(path: Path) -> tuple[dict[str, _Bone], dict[str, list[str]], bool]:
-    """Bones by name with "root" among them, the children of each, and whether angles are degrees."""
+    """Return bones by name (with "root"), the children of each, and True if angles are in degrees."""
     section, degrees = "", True
     bones: dict[str, _Bone] = {}
     children: dict[str, list[str]] = {}
@@ -132,41 +134,46 @@ def _parse_asf(path: Path) -> tuple[dict[str, _Bone], dict[str, list[str]], bool
         elif section == ":hierarchy" and key not in ("begin", "end"):
             children.setdefault(words[0], []).extend(rest)
     if "root" not in children:
-        raise MotionError(f"{path}: not an ASF file that can be read: its hierarchy has no root")
+        raise MotionError(f"{path}: cannot be read as an ASF file: its hierarchy has no root")
     turns = tuple(word for word in root.get("order", []))
     if sorted(word.upper() for word in turns) != ["RX", "RY", "RZ", "TX", "TY", "TZ"]:
-        raise MotionError(f"{path}: the root's order '{' '.join(turns)}' is not that of three TX and three RX")
+        raise MotionError(f"{path}: the root's order '{' '.join(turns)}' must name TX, TY, TZ, RX, RY and RZ once each")
     axis = _numbers(f"{path}: orientation", root.get("orientation", ["0", "0", "0"]))
     order = "".join(root.get("axis", ["XYZ"])).upper()
     bones["root"] = _Bone("root", np.zeros(3), axis, order, tuple(word.upper() for word in turns))
     unknown = sorted({name for names in children.values() for name in names} | set(children) - {"root"} - set(bones))
     unknown = [name for name in unknown if name not in bones]
     if unknown:
-        raise MotionError(f"{path}: the hierarchy names bones that are not there: {', '.join(unknown)}")
+        raise MotionError(f"{path}: the hierarchy names bones that are not defined: {', '.join(unknown)}")
     return bones, children, degrees
 
 
 def _bone(place: str, words: dict[str, list[str]]) -> _Bone:
+    """Return a bone from the words of its block; raise MotionError with the place of an error."""
     missing = [key for key in ("name", "direction", "length", "axis") if not words.get(key)]
     if missing:
         raise MotionError(f"{place}: a bone has no {', '.join(missing)}")
     direction, length = _numbers(place, words["direction"]), _numbers(place, words["length"])
     axis, order = _numbers(place, words["axis"][:3]), "".join(words["axis"][3:]).upper() or "XYZ"
     if len(direction) != 3 or len(length) != 1 or len(axis) != 3 or sorted(order) != ["X", "Y", "Z"]:
-        raise MotionError(f"{place}: bone '{words['name'][0]}' needs three of direction, one length and three of axis")
+        raise MotionError(
+            f"{place}: bone '{words['name'][0]}' needs three numbers of direction, one of length and three of axis"
+        )
     turns = tuple(word.upper() for word in words.get("dof", []))
     if any(turn not in ("RX", "RY", "RZ") for turn in turns):
-        raise MotionError(f"{place}: bone '{words['name'][0]}' moves in {' '.join(turns)}; only rx, ry and rz are read")
+        raise MotionError(
+            f"{place}: bone '{words['name'][0]}' moves in {' '.join(turns)}; only rx, ry and rz are supported"
+        )
     return _Bone(words["name"][0], direction * length, axis, order, turns)
 
 
 def _parse_amc(path: Path, bones: dict[str, _Bone]) -> tuple[Floats, dict[str, Floats]]:
-    """The root's (F, 6), places first, then its turns as they come, and the angles (F, n) of each bone, 0 if none."""
+    """Return the root's values (F, 6), place first, then turns in file order, and the angles (F, n) of each bone."""
     frames: list[dict[str, Floats]] = []
     for place, words in _lines(path):
         if words[0].startswith(":"):
             if words[0].upper() == ":RADIANS":
-                raise MotionError(f"{place}: angles in radians are not read; convert them to degrees")
+                raise MotionError(f"{place}: angles in radians are not supported; convert them to degrees")
             continue
         if len(words) == 1 and words[0].isdigit():
             if int(words[0]) != len(frames) + 1 or len(frames) >= _MOST_FRAMES:
@@ -175,16 +182,18 @@ def _parse_amc(path: Path, bones: dict[str, _Bone]) -> tuple[Floats, dict[str, F
             continue
         if not frames or words[0] not in bones:
             raise MotionError(
-                f"{place}: '{words[0]}' is no bone of the skeleton" if frames else f"{place}: no frame yet"
+                f"{place}: '{words[0]}' is not a bone of the skeleton"
+                if frames
+                else f"{place}: values before the first frame number"
             )
         values = _numbers(place, words[1:])
         if len(values) != len(bones[words[0]].turns):
             raise MotionError(
-                f"{place}: {len(values)} values for '{words[0]}', which moves in {len(bones[words[0]].turns)} ways"
+                f"{place}: {len(values)} values for '{words[0]}', which has {len(bones[words[0]].turns)} angles"
             )
         frames[-1][words[0]] = values
     if not frames:
-        raise MotionError(f"{path}: not an AMC file that can be read: it has no frames")
+        raise MotionError(f"{path}: cannot be read as an AMC file: it has no frames")
     result: dict[str, Floats] = {}
     for name, bone in bones.items():
         given = [frame[name] for frame in frames if name in frame]
@@ -199,21 +208,22 @@ def _parse_amc(path: Path, bones: dict[str, _Bone]) -> tuple[Floats, dict[str, F
 def _walk(
     children: dict[str, list[str]], name: str, index: int, names: list[str], parents: list[int], path: Path
 ) -> None:
-    """Add all below joint ``name`` with ``index``, each bone before its children."""
+    """Append all joints below joint ``name`` with ``index``, each before its children."""
     for child in children.get(name, []):
         if child in names:
-            raise MotionError(f"{path}: bone '{child}' hangs on two others")
+            raise MotionError(f"{path}: bone '{child}' has two parents")
         names.append(child)
         parents.append(index)
         _walk(children, child, len(names) - 1, names, parents, path)
 
 
 def _own_axes(bone: _Bone, scale: float) -> Floats:
+    """Return the rotation C (4,) of a bone's own axes."""
     return euler_rotations((bone.axis * scale)[::-1], bone.axes[::-1])
 
 
 def _rotations(bone: _Bone, angles: Floats, scale: float) -> Floats:
-    """(F, 4) rotation of the bone relative to its parent's, for ``angles`` (F, n) radians in the order of its turns."""
+    """Return rotations (F, 4) relative to the parent's bone, for ``angles`` (F, n) in the order of its turns [rad]."""
     count = len(angles)
     if not bone.turns:
         return np.broadcast_to(np.array([1.0, 0.0, 0.0, 0.0]), (count, 4))
@@ -223,5 +233,6 @@ def _rotations(bone: _Bone, angles: Floats, scale: float) -> Floats:
 
 
 def _root_rotations(bone: _Bone, angles: Floats, scale: float) -> Floats:
+    """Return rotations (F, 4) of the root from its turns, the places left out."""
     turns = tuple(turn for turn in bone.turns if turn[0] == "R")
     return _rotations(_Bone(bone.name, bone.offset, bone.axis, bone.axes, turns), angles, scale)

@@ -1,4 +1,4 @@
-"""BVH text to raw motion, by pybvh."""
+"""Read BVH files as raw motion, with pybvh."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from typing import Any
 import numpy as np
 
 from crowdsim.errors import MotionError
+from crowdsim.motion.captures.bvh_channels import is_plain, plain_channels
 from crowdsim.motion.captures.raw_motion import RawMotion, euler_rotations, require_unique, snap_rate, without_flips
 from crowdsim.motion.clips.kinematics import Floats
 from crowdsim.whole_files import require_regular
 
 MOST_JOINTS = 1000
-"""Joints of a skeleton: the most detailed bodies, with fingers and faces, have a few hundred."""
+"""Largest number of joints that is read; the most detailed bodies, with fingers and faces, have a few hundred."""
 
 _MOTION = re.compile(r"\bMOTION\s+Frames:\s*(?P<frames>\S+)\s+Frame\s+Time:\s*(?P<time>\S+)")
 _STARTS_LINE = frozenset(("HIERARCHY", "ROOT", "JOINT", "End", "OFFSET", "CHANNELS", "{", "}"))
 
 
 def parse_bvh(path: Path) -> RawMotion:
-    """The file through pybvh, whose many kinds of error all become one."""
+    """Read a BVH file; raise MotionError for any error of pybvh."""
     import pybvh
 
     require_regular(path, MotionError)
@@ -33,19 +34,20 @@ def parse_bvh(path: Path) -> RawMotion:
     try:
         with warnings.catch_warnings(), TemporaryDirectory() as folder:
             warnings.simplefilter("error")
-            bvh = pybvh.read_bvh_file(_in_lines(path, Path(folder)), world_up="+y", warn_on_world_up_disagreement=False)
-        return _from_pybvh(bvh)
+            file, assumed = _in_lines(path, Path(folder))
+            bvh = pybvh.read_bvh_file(file, world_up="+y", warn_on_world_up_disagreement=False)
+        return _from_pybvh(bvh, assumed)
     except MotionError as error:
         raise MotionError(f"{path}: {error}") from None
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, OSError, Warning) as error:
-        raise MotionError(f"{path}: not a BVH file that can be read: {error}") from error
+        raise MotionError(f"{path}: cannot be read as a BVH file: {error}") from error
 
 
-def _in_lines(path: Path, folder: Path) -> Path:
-    """``path``, or the same in ``folder`` with the lines that pybvh goes by, if the file has others.
+def _in_lines(path: Path, folder: Path) -> tuple[Path, tuple[str, ...]]:
+    """Return ``path``, or a copy in ``folder`` with the lines and channels that pybvh needs, and what that assumes.
 
-    MotionError for what pybvh does not mind: parts that are missing, braces that do not match, rows that run into each
-    other, and more joints than anybody has.
+    Raise MotionError for errors that pybvh accepts: missing parts, unbalanced braces, rows that run into each other,
+    and more joints than a body has.
     """
     text = path.read_text(encoding="utf-8-sig")
     head, word, _ = text.partition("HIERARCHY")
@@ -57,32 +59,43 @@ def _in_lines(path: Path, folder: Path) -> Path:
     lines = _hierarchy_lines(text[: motion.start()].split())
     counts = [int(line[1]) for line in lines if line[0] == "CHANNELS"]
     if len(counts) > MOST_JOINTS:
-        raise MotionError(f"{len(counts)} joints with channels, more than the {MOST_JOINTS} that are read")
+        raise MotionError(f"{len(counts)} joints with channels, more than the {MOST_JOINTS} supported")
     channels = sum(counts)
     if channels <= 0:
         raise MotionError("no joint has channels")
     rows = [line.split() for line in text[motion.end() :].splitlines() if line and not line.isspace()]
     values = sum(len(row) for row in rows)
     if values % channels:
-        raise MotionError(f"MOTION holds {values} values, which make no rows of {channels} channels")
+        raise MotionError(f"MOTION holds {values} values, not a multiple of its {channels} channels")
     if len(rows) > 1:
         ends = set(accumulate(len(row) for row in rows))
         short = next((k for k in range(channels, values, channels) if k not in ends), None)
         if short is not None:
             raise MotionError(f"row {short // channels} of MOTION ends within a line; it has {channels} values")
     as_usual = len(text[: motion.start()].splitlines()) >= len(lines) and all(len(row) == channels for row in rows)
-    if as_usual and len(motion[0].split()) == 6 and len(motion[0].splitlines()) == 3:
-        return path
+    as_usual = as_usual and len(motion[0].split()) == 6 and len(motion[0].splitlines()) == 3
+    if as_usual and is_plain(lines):
+        return path, ()
     words = [word for row in rows for word in row]
+    assumed: tuple[str, ...] = ()
+    if not is_plain(lines):
+        try:
+            table = np.array(words, np.float64).reshape(-1, channels)
+        except ValueError as error:
+            raise MotionError(f"MOTION holds a value that is not a number: {error}") from None
+        lines, table, assumed = plain_channels(lines, table)
+        channels = table.shape[1]
+        words = [repr(float(value)) for value in table.ravel()]
+        values = len(words)
     lines += [["MOTION"], ["Frames:", motion["frames"]], ["Frame", "Time:", motion["time"]]]
     lines += [words[k : k + channels] for k in range(0, values, channels)]
     file = folder / path.name
     file.write_text("\n".join(" ".join(line) for line in lines) + "\n")
-    return file
+    return file, assumed
 
 
 def _hierarchy_lines(words: list[str]) -> list[list[str]]:
-    """The words of a hierarchy, line by line."""
+    """Return the words of a hierarchy, line by line."""
     depth = 0
     lines: list[list[str]] = []
     for before, word in zip(["", *words], words, strict=False):
@@ -97,7 +110,8 @@ def _hierarchy_lines(words: list[str]) -> list[list[str]]:
     return lines
 
 
-def _from_pybvh(bvh: Any) -> RawMotion:
+def _from_pybvh(bvh: Any, assumed: tuple[str, ...]) -> RawMotion:
+    """Return the raw motion of a file that pybvh has read."""
     joints = [node for node in bvh.nodes if not node.is_end_site()]
     ends = [node for node in bvh.nodes if node.is_end_site()]
     names = tuple(node.name for node in joints)
@@ -112,13 +126,14 @@ def _from_pybvh(bvh: Any) -> RawMotion:
         np.asarray(bvh.root_pos, np.float64),
         _quaternions(np.asarray(bvh.joint_angles, np.float64), [tuple(node.rot_channels) for node in joints]),
         snap_rate(1.0 / bvh.frame_time),
+        assumed,
     )
     raw.require_sound()
     return raw
 
 
 def _quaternions(angles: Floats, orders: list[tuple[str, ...]]) -> Floats:
-    """Quaternions (F, J, 4) of Euler angles (F, J, 3), each joint in its own channel order, without sign flips."""
+    """Return quaternions (F, J, 4) of Euler angles (F, J, 3), each joint in its channel order, without sign flips."""
     result = np.empty(angles.shape[:2] + (4,))
     for order in sorted(set(orders)):
         chosen = [joint for joint, own in enumerate(orders) if own == order]

@@ -1,4 +1,4 @@
-"""Clips written as BVH: Y up, centimeters, facing +Z at rest, left toward +X."""
+"""Write clips as BVH: Y up, centimeters, facing +Z at rest, left toward +X."""
 
 from __future__ import annotations
 
@@ -11,20 +11,21 @@ from crowdsim.constants import CAPTURE_RATE
 from crowdsim.errors import MotionError
 from crowdsim.geometry.elementary import asin, atan2
 from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.whole_files import whole_file
 
 Floats = NDArray[np.float64]
 
-_CENTIMETERS = 100.0
+CENTIMETERS = 100.0
 
 
 def to_y_up(v: Floats) -> Floats:
-    """Vectors (..., 3) of x ahead, y left, z up as BVH's X left, Y up, Z ahead."""
+    """Return vectors (..., 3) of x ahead, y left, z up in BVH's axes: X left, Y up, Z ahead."""
     return v[..., [1, 2, 0]]
 
 
 def euler_zxy(q: Floats) -> Floats:
-    """Degrees (..., 3) about Z, X, Y of quaternions (w, x, y, z), so that R = Rz Rx Ry."""
+    """Return angles (..., 3) about Z, X, Y [degrees] of quaternions (w, x, y, z), so that R = Rz Rx Ry."""
     w, x, y, z = np.moveaxis(q, -1, 0)
     about_x = asin(np.clip(2.0 * (y * z + w * x), -1.0, 1.0))
     about_z = atan2(-2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z))
@@ -33,21 +34,27 @@ def euler_zxy(q: Floats) -> Floats:
     return angles
 
 
+def joint_angles(rotations: Floats) -> Floats:
+    """Return channel values (..., 3) [degrees] of joints turned by quaternions (..., 4) of x ahead, y left, z up."""
+    return euler_zxy(rotations[..., [0, 2, 3, 1]])
+
+
 def _number(value: float, decimals: int) -> str:
+    """Return a number as short text, without trailing zeros and -0."""
     text = f"{value:.{decimals}f}".rstrip("0").rstrip(".")
     return "0" if text in ("-0", "") else text
 
 
-def _hierarchy(clip: Clip) -> tuple[list[str], list[int]]:
-    """Lines of the joint tree, and the joints in the order in which it names them."""
-    skeleton = clip.skeleton
+def hierarchy(skeleton: Skeleton) -> tuple[list[str], list[int]]:
+    """Return the lines of the joint tree, and the joints in the order of these lines."""
     lines = ["HIERARCHY"]
     order: list[int] = []
 
     def offset(v: Floats) -> str:
-        return "OFFSET " + " ".join(_number(c, 4) for c in to_y_up(v) * _CENTIMETERS)
+        return "OFFSET " + " ".join(_number(c, 4) for c in to_y_up(v) * CENTIMETERS)
 
     def visit(joint: int, depth: int) -> None:
+        """Write a joint and all below it, depth first: the order in which the file lists the channels."""
         order.append(joint)
         pad, inner = "  " * depth, "  " * (depth + 1)
         is_root = skeleton.parents[joint] < 0
@@ -69,12 +76,12 @@ def _hierarchy(clip: Clip) -> tuple[list[str], list[int]]:
 
 
 def bvh_text(clip: Clip) -> str:
-    """The whole BVH file of ``clip``: positions to a micrometer, angles to a thousandth of a degree."""
+    """Return the whole BVH file of ``clip``: positions to a micrometer, angles to a thousandth of a degree."""
     if not (np.isfinite(clip.root_positions).all() and np.isfinite(clip.rotations).all()):
         raise MotionError(f"clip '{clip.name}' holds numbers that are not finite and cannot be written")
-    lines, order = _hierarchy(clip)
-    positions = to_y_up(clip.root_positions) * _CENTIMETERS
-    angles = euler_zxy(clip.rotations[:, order][..., [0, 2, 3, 1]]).reshape(clip.frame_count, -1)
+    lines, order = hierarchy(clip.skeleton)
+    positions = to_y_up(clip.root_positions) * CENTIMETERS
+    angles = joint_angles(clip.rotations[:, order]).reshape(clip.frame_count, -1)
     lines.extend(["MOTION", f"Frames: {clip.frame_count}", f"Frame Time: {1.0 / CAPTURE_RATE:.8f}"])
     for place, turns in zip(positions.tolist(), angles.tolist(), strict=True):
         lines.append(" ".join([_number(c, 4) for c in place] + [_number(c, 3) for c in turns]))
@@ -82,6 +89,6 @@ def bvh_text(clip: Clip) -> str:
 
 
 def write_bvh(clip: Clip, path: Path) -> None:
-    """Write ``clip`` to ``path``; the file bears its name only once it is whole."""
+    """Write ``clip`` to ``path``; the file gets its name when it is complete."""
     with whole_file(path, (".bvh",), "clips") as file:
         file.write_bytes(bvh_text(clip).encode("ascii"))

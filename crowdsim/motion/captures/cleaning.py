@@ -1,4 +1,4 @@
-"""Bad frames out of a capture, and its rate to the engine's."""
+"""Remove bad frames from a capture, and convert its rate to the engine's."""
 
 from __future__ import annotations
 
@@ -7,20 +7,24 @@ import numpy as np
 from crowdsim.motion.clips.kinematics import Floats, slerp
 
 GLITCH_SPEED = 30.0
-"""Meters a second no joint of a person reaches: 0.25 m in one frame at 120 Hz."""
+"""Speed that no joint of a person reaches [m/s]: 0.25 m per frame at 120 Hz."""
 
 _TPOSE_RATIO = 10.0
 _TPOSE_LEAP = 0.05
+"""A first frame is a calibration pose if joints leap from it by this distance [m] and by _TPOSE_RATIO times the
+median."""
 _MARGIN = 0.025
+"""Time around a jump that is removed as well [s]."""
 _SHORTEST = 0.3
+"""Shortest stretch that is kept after removing jumps [s]."""
 
 
 def clean_stretches(positions: Floats, rate: float) -> tuple[list[tuple[int, int]], bool, list[tuple[int, int]]]:
-    """Frames of (F, J, 3) world ``positions`` that can be used.
+    """Find the frames of world ``positions`` (F, J, 3) that can be used.
 
-    Returns the clean stretches as (first, last) frames; whether the first frame was a calibration pose; and the
-    jumps as (frame, joint). A jump takes the frames within 25 ms of it away, since spikes have shoulders; what is
-    then left shorter than 0.3 s is dropped, unless the whole capture was that short.
+    Return the clean stretches as (first, last) frames, True if the first frame was a calibration pose, and the jumps as
+    (frame, joint). The frames within 25 ms of a jump are removed, as spikes have shoulders. Remaining stretches shorter
+    than 0.3 s are dropped, unless there was no jump.
     """
     count = len(positions)
     leaps = np.linalg.norm(np.diff(positions, axis=0), axis=-1)
@@ -45,7 +49,7 @@ def clean_stretches(positions: Floats, rate: float) -> tuple[list[tuple[int, int
 
 
 def resample(root_positions: Floats, rotations: Floats, rate: float, target: float) -> tuple[Floats, Floats]:
-    """The motion at ``target`` frames a second: every n-th frame where that is exact, else interpolated."""
+    """Return the motion at ``target`` frames per second: every n-th frame if that is exact, else interpolated."""
     ratio = rate / target
     step = round(ratio)
     if step >= 1 and abs(ratio - step) < 1e-9:

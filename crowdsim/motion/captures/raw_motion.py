@@ -1,4 +1,4 @@
-"""What a capture file holds before units, axes and rate are settled."""
+"""Content of a capture file before units, axes and rate are determined."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from crowdsim.errors import MotionError
 from crowdsim.motion.clips.kinematics import Floats, about_axis, multiply
 
 RATES = (1.0, 10_000.0)
-"""Frames a second of captures: others are mistakes, of which resampling would make frames without end."""
+"""Plausible frame rates [1/s]; others are errors, and resampling them could make an endless number of frames."""
 
 _FARTHEST = 1e9
-"""Units of a file."""
+"""Largest plausible coordinate, in file units."""
 
 
 @dataclass(frozen=True)
 class RawMotion:
-    """The file's content in its own unit, axes and rate; see Skeleton for the tree.
+    """Content of a file in its own unit, axes and rate; see Skeleton for the tree.
 
-    root_positions: (F, 3). rotations: (F, J, 4) unit quaternions relative to the parent. rate: frames a second.
-    assumed: what the format does not say and the reader took for granted.
+    root_positions: (F, 3). rotations: (F, J, 4) unit quaternions relative to the parent. rate: frames per second.
+    assumed: what the format does not say and the reader assumed.
     """
 
     names: tuple[str, ...]
@@ -37,7 +37,7 @@ class RawMotion:
     assumed: tuple[str, ...] = ()
 
     def require_sound(self) -> None:
-        """MotionError for numbers that are not finite, or a rate that is none."""
+        """Raise MotionError for numbers that are not finite or not plausible."""
         for what, values in (("offset", self.offsets), ("end site", self.end_offsets)):
             if not np.isfinite(values).all():
                 raise MotionError(f"a joint's {what} is not a finite number")
@@ -51,24 +51,24 @@ class RawMotion:
             )
         longest = max(float(np.abs(values).max(initial=0.0)) for values in (self.root_positions, self.offsets))
         if longest > _FARTHEST:
-            raise MotionError(f"places up to {longest:g} units away are none of a person")
+            raise MotionError(f"positions of up to {longest:g} units are not those of a person")
 
 
 def require_unique(names: Sequence[str]) -> None:
-    """MotionError where two joints have one name."""
+    """Raise MotionError if two joints have the same name."""
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise MotionError(f"joint names must be unique, but {', '.join(twice)} stands more than once; rename them")
+        raise MotionError(f"joint names must be unique, but {', '.join(twice)} occurs more than once; rename them")
 
 
 def snap_rate(rate: float) -> float:
-    """Files round their frame time; a rate within 0.2 % of a whole number is that number."""
+    """Return the whole number within 0.2 % of ``rate``, as files round their frame time; else ``rate``."""
     nearest = float(round(rate))
     return nearest if nearest > 0.0 and abs(rate - nearest) <= 0.002 * nearest else rate
 
 
 def euler_rotations(angles: Floats, order: Sequence[str]) -> Floats:
-    """Quaternions (..., 4) of the turns by ``angles`` (..., n) about the axes ``order``, the last one applied first."""
+    """Return quaternions (..., 4) of turns by ``angles`` (..., n) about axes ``order``, the last applied first."""
     result = about_axis(np.eye(3)["XYZ".index(order[0])], angles[..., 0])
     for i, axis in enumerate(order[1:], start=1):
         result = multiply(result, about_axis(np.eye(3)["XYZ".index(axis)], angles[..., i]))
@@ -76,7 +76,7 @@ def euler_rotations(angles: Floats, order: Sequence[str]) -> Floats:
 
 
 def without_flips(rotations: Floats) -> Floats:
-    """The same rotations (F, ..., 4), each with the sign that is nearest to the frame before."""
+    """Return the same rotations (F, ..., 4), each with the sign nearest to the frame before."""
     flips = np.sign(np.sum(rotations[1:] * rotations[:-1], axis=-1, keepdims=True))
     result = rotations.copy()
     result[1:] *= np.cumprod(np.where(flips < 0.0, -1.0, 1.0), axis=0)

@@ -1,18 +1,18 @@
-"""Capture files (BVH, ASF/AMC) to clips: units, axes, rate and bad frames are settled here, once.
+"""Read capture files (BVH, ASF/AMC) as clips: units, axes, rate and bad frames are settled here.
 
-Such a file says neither its unit nor which way is up, and captures carry calibration poses and spikes. What was
-assumed and what was cut out stands in the :class:`CaptureReport`.
+Such a file contains neither its unit nor its up axis, and captures contain calibration poses and spikes. The
+:class:`CaptureReport` lists what was assumed and what was removed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from crowdsim.constants import CAPTURE_RATE
+from crowdsim.constants import CAPTURE_PATTERNS, CAPTURE_RATE
 from crowdsim.errors import MotionError
 from crowdsim.geometry.elementary import log
 from crowdsim.geometry.products import dot
@@ -23,25 +23,29 @@ from crowdsim.motion.captures.raw_motion import RawMotion
 from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.clips.joint_roles import find_roles
 from crowdsim.motion.clips.kinematics import Floats, end_positions, forward_kinematics
-from crowdsim.motion.clips.skeleton import Skeleton
+from crowdsim.motion.clips.skeleton import ROLES, Skeleton
+from crowdsim.yamlfile.messages import nearest
 
-UNITS = {"m": 1.0, "cm": 0.01, "inch": 0.0254, "CMU unit": 0.056444}
-"""Meters a file unit, for the units that captures come in."""
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "inch": 0.0254, "CMU unit": 0.056444}
+"""Meters per file unit, for the units of captures."""
 
 _ADULT_LEG = 0.86
-_LEG_RANGE = (0.35, 1.25)
+_LEG_RANGES = ((0.7, 1.05), (0.35, 0.7), (1.05, 1.25))
+"""Leg lengths of adults, children and giants [m], in the order in which a unit is searched."""
 
 
 @dataclass(frozen=True)
 class CaptureReport:
     """What reading a capture file assumed and removed.
 
-    leg_length: meters from hip to ankle along the bones (to the lowest point where the joints have no known names).
+    meters_per_unit: [m]. leg_length: from hip to ankle along the bones [m] (to the lowest point if the joints have no
+    known names).
     up, facing: signed axes of the file that became +z and +x.
-    source_rate: frames a second of the file.
-    dropped_first: whether the first frame was a calibration pose.
-    glitches: (frame of the file, joint) of every jump that was cut out.
-    assumed: what else the format does not say and was taken for granted.
+    source_rate: frames per second of the file. source_frames: its frames.
+    dropped_first: True if the first frame was a calibration pose.
+    glitches: (frame of the file, joint) of every jump that was removed.
+    kept_frames: frames of the file in clean stretches.
+    assumed: what else the format does not say and was assumed.
     """
 
     path: Path
@@ -60,29 +64,36 @@ class CaptureReport:
 
 @dataclass(frozen=True)
 class Capture:
-    """The clean stretches of one file, in order, and what was done to get them."""
+    """The clean stretches of one file, in order, and the report on reading it."""
 
     clips: tuple[Clip, ...]
     report: CaptureReport
 
 
-def read_clip(path: str | Path, meters_per_unit: float | None = None) -> Clip:
-    """The longest clean stretch of a capture file; see :func:`read_capture`."""
-    clips = read_capture(path, meters_per_unit).clips
+def read_clip(path: str | Path, meters_per_unit: float | None = None, joints: Mapping[str, str] | None = None) -> Clip:
+    """Return the longest clean stretch of a capture file; see :func:`read_capture`."""
+    clips = read_capture(path, meters_per_unit, joints).clips
     return max(clips, key=lambda clip: clip.frame_count)
 
 
-def read_capture(path: str | Path, meters_per_unit: float | None = None) -> Capture:
+def read_capture(
+    path: str | Path, meters_per_unit: float | None = None, joints: Mapping[str, str] | None = None
+) -> Capture:
     """Read a capture file as clips at 60 Hz, z up, meters, the lowest point of the feet at z = 0.
 
-    ``path`` ends in ``.bvh``, or in ``.amc`` with its ``.asf`` beside it (see :func:`parse_amc`).
+    Parameters
+    ----------
+    path: ends in ``.bvh``, or in ``.amc`` with its ``.asf`` beside it (see :func:`parse_amc`).
+    meters_per_unit: overrides the unit found from the leg length [m].
+    joints: overrides the joint in a role (see ``ROLES``), such as ``{"left_hip": "LeftThighBone"}``.
 
-    ``meters_per_unit`` overrides the unit that the leg length suggests. Raises MotionError for a file that is
-    malformed, not finite, or of no recognizable size.
+    Raises
+    ------
+    MotionError: for a file that is malformed, not finite, or of no plausible size.
     """
     path = Path(path)
     raw = _parse(path)
-    roles = find_roles(raw.names)
+    roles = _roles(raw, joints, path)
     file_tree = Skeleton(raw.names, raw.parents, raw.offsets, raw.end_parents, raw.end_offsets, roles)
     positions, world = forward_kinematics(file_tree, raw.root_positions, raw.rotations)
     tips = end_positions(file_tree, positions, world)
@@ -127,8 +138,8 @@ def read_capture(path: str | Path, meters_per_unit: float | None = None) -> Capt
     return Capture(tuple(clips), report)
 
 
-def capture_paths(folder: str | Path, patterns: Sequence[str] = ("*.bvh", "*.amc")) -> list[Path]:
-    """The capture files of a folder that match one of ``patterns``, by name; MotionError where there are none."""
+def capture_paths(folder: str | Path, patterns: Sequence[str] = CAPTURE_PATTERNS) -> list[Path]:
+    """Return the capture files of a folder that match ``patterns``, by name; raise MotionError if there are none."""
     folder = Path(folder)
     if not folder.is_dir():
         if folder.is_file():
@@ -141,14 +152,29 @@ def capture_paths(folder: str | Path, patterns: Sequence[str] = ("*.bvh", "*.amc
 
 
 def _parse(path: Path) -> RawMotion:
+    """Read a capture file by its ending."""
     formats = {".bvh": parse_bvh, ".amc": parse_amc}
     if path.suffix.lower() not in formats:
         raise MotionError(f"{path}: captures are read from {' and '.join(formats)} files")
     return formats[path.suffix.lower()](path)
 
 
+def _roles(raw: RawMotion, joints: Mapping[str, str] | None, path: Path) -> dict[str, int]:
+    """Return the joint index of each role; raise MotionError for unknown roles or joints."""
+    unknown = sorted(set(joints or ()) - set(ROLES))
+    if unknown:
+        raise MotionError(f"no joint has a role '{unknown[0]}'; {nearest(unknown[0], ROLES, 'there are')}")
+    try:
+        return find_roles(raw.names, raw.parents.tolist(), joints)
+    except MotionError as error:
+        raise MotionError(f"{path}: {error}") from None
+
+
 def _axes(skeleton: Skeleton, positions: Floats, tips: Floats, path: Path) -> tuple[Floats, Floats]:
-    """Unit axes of the file that point up and to the body's left in rest; BVH's own custom (+y, +x) where unnamed."""
+    """Return the file's unit axes that point up and to the body's left in rest.
+
+    Without known hip joints these are +y and +x, the usual axes of BVH.
+    """
     roles = skeleton.roles
     if "left_hip" not in roles or "right_hip" not in roles:
         return np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
@@ -159,14 +185,14 @@ def _axes(skeleton: Skeleton, positions: Floats, tips: Floats, path: Path) -> tu
     up, left = _snap_axis(upward), _snap_axis(across)
     if not up.any() or not left.any() or abs(dot(up, left)) > 0.5:
         raise MotionError(
-            f"{path}: cannot tell which way is up: the hips are at {across} from each other in rest "
-            f"and {upward} above the feet on average"
+            f"{path}: cannot tell which way is up: the vector between the hips is {across} in rest "
+            f"and that from the feet to the hips {upward} on average"
         )
     return up, left
 
 
 def _low_points(skeleton: Skeleton, positions: Floats, tips: Floats) -> Floats:
-    """(F, n, 3) ankles, or where these have no known name the end sites below the hip joints."""
+    """Return the ankles (F, n, 3), or the end sites below the hip joints if ankles have no known name."""
     roles = skeleton.roles
     if "left_ankle" in roles and "right_ankle" in roles:
         return positions[:, [roles["left_ankle"], roles["right_ankle"]]]
@@ -179,11 +205,12 @@ def _low_points(skeleton: Skeleton, positions: Floats, tips: Floats) -> Floats:
 
 
 def _in_axes(basis: Floats, vectors: Floats) -> Floats:
-    """Vectors (..., 3) in the axes that are the rows of ``basis`` (3, 3)."""
+    """Return vectors (..., 3) in the axes that are the rows of ``basis`` (3, 3)."""
     return np.stack([dot(vectors, axis) for axis in basis], axis=-1)
 
 
 def _snap_axis(vector: Floats) -> Floats:
+    """Return the signed coordinate axis nearest to a vector; zero for a zero vector."""
     axis = np.zeros(3)
     largest = int(np.argmax(np.abs(vector)))
     axis[largest] = np.sign(vector[largest])
@@ -191,6 +218,7 @@ def _snap_axis(vector: Floats) -> Floats:
 
 
 def _axis_name(axis: Floats) -> str:
+    """Return the name of a signed axis, such as ``+y``."""
     largest = int(np.argmax(np.abs(axis)))
     return ("-" if axis[largest] < 0 else "+") + "xyz"[largest]
 
@@ -198,9 +226,9 @@ def _axis_name(axis: Floats) -> str:
 def _unit(
     raw: RawMotion, roles: dict[str, int], basis: Floats, given: float | None, path: Path
 ) -> tuple[str, float, float]:
-    """Name of the unit, meters a unit, and leg length in meters."""
+    """Return the name of the unit, meters per unit, and the leg length [m]."""
     rest_tree = Skeleton(raw.names, raw.parents, raw.offsets, raw.end_parents, raw.end_offsets, roles)
-    if all(f"{side}_{part}" in roles for side in ("left", "right") for part in ("knee", "ankle")):
+    if all(f"{side}_{part}" in roles for side in ("left", "right") for part in ("hip", "knee", "ankle")):
         leg = rest_tree.leg_length()
     else:
         rest = rest_tree.rest_positions()
@@ -209,16 +237,18 @@ def _unit(
     if given is not None:
         return "given", given, leg * given
     if leg > 0.0:
-        unit = min(UNITS, key=lambda name: abs(log(leg * UNITS[name] / _ADULT_LEG)))
-        if _LEG_RANGE[0] <= leg * UNITS[unit] <= _LEG_RANGE[1]:
-            return unit, UNITS[unit], leg * UNITS[unit]
+        for low, high in _LEG_RANGES:
+            fitting = [name for name in UNITS if low <= leg * UNITS[name] < high]
+            if fitting:
+                unit = min(fitting, key=lambda name: abs(log(leg * UNITS[name] / _ADULT_LEG)))
+                return unit, UNITS[unit], leg * UNITS[unit]
     raise MotionError(
-        f"{path}: the legs are {leg:g} units long, which is no person in any of {', '.join(UNITS)}; "
-        f"pass meters_per_unit. The joints are {', '.join(raw.names)}"
+        f"{path}: the legs are {leg:g} units long, which fits no person in any of {', '.join(UNITS)}; give the unit "
+        f"with unit: in the scenario, --unit, or meters_per_unit. The joints are {', '.join(raw.names)}"
     )
 
 
 def _floor_height(positions: Floats, tips: Floats, up: Floats, stretches: list[tuple[int, int]]) -> float:
-    """Height of the lowest joint or end site in the frames that are kept: the sole that stands."""
+    """Return the height of the lowest joint or end site in the kept frames, which is a standing sole."""
     height = np.minimum(dot(positions, up).min(axis=1), dot(tips, up).min(axis=1, initial=np.inf))
     return min(float(height[first : last + 1].min()) for first, last in stretches)

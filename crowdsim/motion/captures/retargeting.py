@@ -1,4 +1,4 @@
-"""Clips of several people on one skeleton, so that they may share a motion graph."""
+"""Put clips of several people on one skeleton, so that they can share a motion graph."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from crowdsim.motion.clips.skeleton import Skeleton
 
 
 def retarget(clip: Clip, skeleton: Skeleton) -> Clip:
-    """The movement of ``clip`` on the bones of ``skeleton``, which has the same joints.
+    """Return the motion of ``clip`` on the bones of ``skeleton``, which has the same joints.
 
-    Joints keep their rotations; places scale with the length of the legs, so that a foot that stands keeps standing.
-    MotionError where the joints differ.
+    Joints keep their rotations; positions scale with leg length, so that a standing foot stays in place. Raise
+    MotionError if the joints differ.
     """
     own = clip.skeleton
     if own.names != skeleton.names or not np.array_equal(own.parents, skeleton.parents):
@@ -33,5 +33,5 @@ def retarget(clip: Clip, skeleton: Skeleton) -> Clip:
 
 
 def on_one_skeleton(clips: Sequence[Clip]) -> list[Clip]:
-    """``clips`` on the skeleton of the first one."""
+    """Return ``clips`` on the skeleton of the first one."""
     return [retarget(clip, clips[0].skeleton) for clip in clips]

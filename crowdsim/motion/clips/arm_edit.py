@@ -1,7 +1,7 @@
 """Arms held close to the body, on any clip: regular walking with modified arm trajectories (2018 paper, section 4).
 
-Upper arms hang at the sides and forearms fold in front of the belly, which is how people make themselves narrow
-without turning. Only the shoulder and elbow joints are touched.
+Upper arms hang at the sides and forearms fold in front of the belly, as people make themselves narrow without turning.
+Only the shoulder and elbow joints change.
 """
 
 from __future__ import annotations
@@ -22,15 +22,21 @@ _HANGING_UPPER: Direction = (0.0, 0.0, -1.0)
 _HANGING_FOREARM: Direction = (0.35, 0.0, -0.94)
 _HELD_UPPER: dict[str, Direction] = {"left": (0.04, -0.02, -1.0), "right": (0.06, 0.02, -1.0)}
 _HELD_FOREARM: dict[str, Direction] = {"left": (0.62, -0.74, 0.22), "right": (0.70, 0.70, -0.10)}
-"""The left hand lies over the right one, so that they do not meet."""
+"""Directions of held arms. The left hand lies above the right one, so that they do not touch."""
 _SWING_LEFT = 0.08
-"""Part of the arms' own movement that held arms keep; nothing on a living body is rigid."""
+"""Share of the arms' own movement that held arms keep; nothing on a living body is rigid."""
 
 
 def edit_arms(clip: Clip, weight: Floats) -> Clip:
-    """``clip`` with both arms held close to the body by ``weight`` (F,) in [0, 1]; 0 leaves a frame as it is.
+    """Return ``clip`` with both arms held close to the body.
 
-    Raises MotionError for weights of another length or range, and for skeletons without arms.
+    Parameters
+    ----------
+    weight: (F,) share from 0 (frame unchanged) to 1 (arms fully held).
+
+    Raises
+    ------
+    MotionError: for weights of another length or range, and for skeletons without arms.
     """
     weight = np.asarray(weight, np.float64)
     if weight.shape != (clip.frame_count,) or not ((weight >= 0.0) & (weight <= 1.0)).all():
@@ -51,7 +57,7 @@ def edit_arms(clip: Clip, weight: Floats) -> Clip:
 
 
 def _shoulder_frame(clip: Clip) -> Floats:
-    """(F, 3, 3) axes ahead, left and up of the shoulders, as columns; up leans no more than the neck does."""
+    """Return axes (F, 3, 3) ahead, left and up of the shoulders, as columns; up leans as the spine does."""
     skeleton, joints = clip.skeleton, clip.joint_positions
     left = unit(joints[:, skeleton.joint("left_shoulder")] - joints[:, skeleton.joint("right_shoulder")])
     spine = unit(joints[:, skeleton.joint("neck")] - joints[:, skeleton.joint("hips")])
@@ -60,10 +66,10 @@ def _shoulder_frame(clip: Clip) -> Floats:
 
 
 def _pointed(clip: Clip, rotations: Floats, joint: int, tip: int, hanging: Direction, held: Direction) -> Floats:
-    """Local rotations (F, 4) of ``joint`` that point the way to ``tip`` along ``held``.
+    """Return local rotations (F, 4) of ``joint`` that turn the direction to ``tip`` to ``held``.
 
-    ``rotations`` (F, J, 4) are those of the clip with the joints between chest and ``joint`` already edited.
-    The way's own deviation from ``hanging`` stays in part.
+    rotations (F, J, 4): those of the clip, with the joints between chest and ``joint`` already edited. A share of the
+    direction's own deviation from ``hanging`` is kept.
     """
     positions, world = forward_kinematics(clip.skeleton, clip.root_positions, rotations)
     frame = _shoulder_frame(clip)
@@ -77,6 +83,6 @@ def _pointed(clip: Clip, rotations: Floats, joint: int, tip: int, hanging: Direc
 
 
 def _between(a: Floats, b: Floats) -> Floats:
-    """Shortest rotations (F, 4) from unit vectors a to unit vectors b (F, 3)."""
+    """Return the shortest rotations (F, 4) from unit vectors a to unit vectors b (F, 3)."""
     q = np.concatenate([1.0 + dot(a, b)[:, None], np.cross(a, b)], axis=-1)
     return unit(q)

@@ -1,4 +1,4 @@
-"""A body as capsules about its bones: the shape that collision tests in 3D move."""
+"""A body as capsules about its bones: the shape for collision tests in 3D."""
 
 from __future__ import annotations
 
@@ -15,14 +15,13 @@ from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.motion.clips.tracks import track_of
 
 _TIP = 0.03
-"""Meters of flesh about the end of a bone that ends on the skin."""
+"""Radius of flesh about the end of a bone that ends at the skin [m]."""
 
 
 class Capsules(NamedTuple):
     """Capsules of a body in every frame, relative to its track.
 
-    ends: (F, K, 2, 3) meters, both ends of each axis. radii: (K,) meters. legs: (K,) bool, which of them are below the
-    hips.
+    ends: (F, K, 2, 3) both ends of each axis [m]. radii: (K,) [m]. legs: (K,) bool, True below the hips.
     """
 
     ends: Floats
@@ -31,9 +30,9 @@ class Capsules(NamedTuple):
 
 
 def body_capsules(clip: Clip, first: int, last: int) -> Capsules:
-    """The body of a clip from frame ``first`` to before ``last``, a capsule a bone, as thick as the thinner end.
+    """Return the body of a clip from frame ``first`` to before ``last``, one capsule per bone.
 
-    As thick as the thinner, because a capsule as thick as the hips would make the thighs wider than the body is.
+    Each is as thick as the thinner end of its bone: as thick as the hips, the thighs would be wider than the body.
     """
     skeleton = clip.skeleton
     positions, world = forward_kinematics(skeleton, clip.root_positions, clip.rotations)
@@ -57,7 +56,7 @@ def body_capsules(clip: Clip, first: int, last: int) -> Capsules:
 
 
 def _below_hips(skeleton: Skeleton) -> NDArray[np.bool_]:
-    """(J,) whether a joint is that of a hip or hangs on one."""
+    """Return (J,): True for hip joints and all joints below them."""
     hips = {skeleton.roles[role] for role in ("left_hip", "right_hip") if role in skeleton.roles}
     below = np.zeros(skeleton.joint_count, np.bool_)
     for joint, parent in enumerate(skeleton.parents):

@@ -1,4 +1,4 @@
-"""How much room a motion needs beside its track, by height band (2018 paper, section 3.1).
+"""Clearance that a motion needs beside its track, by height band (2018 paper, section 3.1).
 
 The paper measures diameters that enclose the body orthogonally to its motion; the engine keeps radii about the track.
 """
@@ -6,35 +6,35 @@ The paper measures diameters that enclose the body orthogonally to its motion; t
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.constants import CAPTURE_RATE
-from crowdsim.geometry.elementary import cos, sin
+from crowdsim.geometry.elementary import cos, hypot, sin
 from crowdsim.motion.clips.clip import Clip
-from crowdsim.motion.clips.kinematics import Floats, end_positions, forward_kinematics
+from crowdsim.motion.clips.kinematics import Floats, end_positions
 from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.motion.clips.tracks import track_of
 
 _HEEL = 0.06
-"""Meters from the ankle joint back to the end of the heel, which no joint marks."""
+"""Distance from the ankle joint back to the end of the heel, which no joint marks [m]."""
 
 _CURVE = 0.5
-"""Radians a meter above which a body turns rather than goes on (a curve of 2 m radius); such frames say nothing about
-a passage."""
+"""Curvature above which a body turns rather than goes on [rad/m]; such frames say nothing about a straight passage."""
 
 _MOVING = 0.1
-"""Meters a second below which it stands: neither do those."""
+"""Speed below which a body stands [m/s]; such frames do not count either."""
 
 _FACING = 0.2
-"""Radians within which a body counts as facing some way."""
+"""Angle within which a body counts as facing a direction [rad]."""
 
 _SPACING = 0.04
-"""Meters between the points that stand for a bone."""
+"""Distance between the sample points of a bone [m]."""
 
 _FLESH = 0.06
-"""Meters from a bone to the skin, where no role says better."""
+"""Distance from a bone to the skin for joints without a role [m]."""
 
 _FLESH_BY_ROLE: Mapping[str, float] = {
     "hips": 0.12,
@@ -55,25 +55,29 @@ _FLESH_BY_ROLE: Mapping[str, float] = {
         )
     },
 }
-"""Meters of flesh about the joint that plays the role; a bone tapers from joint to joint."""
+"""Distance from the joint in a role to the skin [m]; a bone tapers from joint to joint."""
 
 
 def measure_clearances(clip: Clip, bands: Sequence[tuple[float, float]], facing: float = 0.0) -> Floats:
-    """(bands,) meters, largest reach of the body to either side of its track within each height band.
+    """Return the largest reach of the body to either side of its track within each height band, (bands,) [m].
 
-    ``bands`` holds (low, high) heights. ``facing`` is the angle from the direction of motion to the heading
-    (`Behavior.facing`): 0 for a body that walks ahead, pi/2 for one that side-steps, whose depth then counts. Frames
-    in a curve tighter than 2 m or hardly moving are left out: there is no side to a sharp turn or to a stand. Where
-    nothing of the body is in a band, or no frame goes on, the clearance is 0.
+    Frames in a curve tighter than 2 m or almost at rest are left out: a sharp turn or a stand has no side. The
+    clearance is 0 if no part of the body is in a band, or no frame goes on.
+
+    Parameters
+    ----------
+    bands: (low, high) heights [m].
+    facing: angle from the direction of motion to the heading (`Behavior.facing`) [rad]: 0 for a body that walks ahead,
+    pi/2 for one that side-steps, whose depth then counts.
     """
     found = _beside_track(clip, facing)
     if found is None:
         return np.zeros(len(bands))
-    return _reaches(*found, bands)
+    return _reaches(found.offset, found.height, found.flesh, bands)
 
 
 def _reaches(offset: Floats, height: Floats, flesh: Floats, bands: Sequence[tuple[float, float]]) -> Floats:
-    """(bands,) the most that points to the side (F, P), at heights (F, P), reach with the flesh (P,) about them."""
+    """Return the largest reach (bands,) of points (F, P) beside the track, at ``height``, with ``flesh`` (P,) [m]."""
     reach = np.abs(offset) + flesh
     result = []
     for low, high in bands:
@@ -82,36 +86,75 @@ def _reaches(offset: Floats, height: Floats, flesh: Floats, bands: Sequence[tupl
     return np.array(result)
 
 
-def measure_turning(clip: Clip, bands: Sequence[tuple[float, float]], back: bool) -> Floats:
-    """(bands,) meters, largest reach of the body to either side of its way while it turns off it, or ``back`` onto it.
+def frame_reaches(
+    clip: Clip, bands: Sequence[tuple[float, float]], facing: float = 0.0
+) -> tuple[NDArray[np.int64], Floats]:
+    """Return the frames (n,) that go on, and the reach (n, bands) of the body to a side of its track in each [m].
 
-    The way leads where the body faces in the first frame, or in the last where it turns back; frames in which it faces
-    nearly as in either do not count. Bands as in :func:`measure_clearances`.
+    As :func:`measure_clearances`, but the lowest of several bands measures only the legs: low hands, or those of a
+    ducked body, belong to the next band.
+    """
+    found = _beside_track(clip, facing)
+    if found is None:
+        return np.zeros(0, np.int64), np.zeros((0, len(bands)))
+    offset, height, flesh, owner = found.offset, found.height, found.flesh, found.owner
+    reach = np.abs(offset) + flesh
+    result = np.zeros((len(reach), len(bands)))
+    legs = _below_hips(clip.skeleton)[owner]
+    for k, (low, high) in enumerate(bands):
+        inside = (height + flesh >= low) & (height - flesh <= high)
+        if k == 0 and len(bands) > 1:
+            inside &= legs
+        result[:, k] = np.max(np.where(inside, reach, 0.0), axis=1)
+    return found.frames, result
+
+
+def frame_spreads(clip: Clip) -> Floats:
+    """Return the distance (F,) from the track to the farthest point of the body, seen from above [m]."""
+    points, flesh, _ = _body_points(clip)
+    away = points[..., :2] - track_of(clip)[:, None, :2]
+    spreads: Floats = np.max(hypot(away[..., 0], away[..., 1]) + flesh, axis=1)
+    return spreads
+
+
+def _below_hips(skeleton: Skeleton) -> NDArray[np.bool_]:
+    """Return (J,): True for hip joints and all joints below them."""
+    legs = {skeleton.joint("left_hip"), skeleton.joint("right_hip")}
+    for joint, parent in enumerate(skeleton.parents):
+        if int(parent) in legs:
+            legs.add(joint)
+    return np.isin(np.arange(skeleton.joint_count), sorted(legs))
+
+
+def measure_turning(clip: Clip, bands: Sequence[tuple[float, float]], back: bool) -> Floats:
+    """Return the largest reach (bands,) of the body to either side while it turns off its way, or ``back`` onto it [m].
+
+    The way points where the body faces in the first frame, or in the last one if it turns back. Frames in which it
+    faces nearly as in the first or last one do not count. Bands as in :func:`measure_clearances`.
     """
     track = track_of(clip)
     heading = np.unwrap(track[:, 2])
     way = float(heading[-1] if back else heading[0])
     turning = np.minimum(np.abs(heading - heading[0]), np.abs(heading - heading[-1])) > _FACING
-    points, flesh = _body_points(clip)
+    points, flesh, _ = _body_points(clip)
     x, y = np.moveaxis(points[turning, :, :2] - track[turning, None, :2], -1, 0)
     offset = y * cos(way) - x * sin(way)
     return _reaches(offset, points[turning, :, 2], flesh, bands)
 
 
 def clearance_profile(clip: Clip, heights: Floats, facing: float = 0.0) -> Floats:
-    """(F, heights) meters, smallest diameter that encloses the body across its motion, in planes at ``heights``.
+    """Return the least diameter that encloses the body across its motion, in planes at ``heights``, (F, heights) [m].
 
-    One row for each frame that goes on (see :func:`measure_clearances`), 0 where nothing of the body is in the plane.
-    Unlike a clearance, which is measured about the track, a diameter does not ask where the body is (2018 paper,
-    section 3.1 and figure 2).
+    One row per frame that goes on (see :func:`measure_clearances`), 0 if no part of the body is in the plane. Unlike a
+    clearance, a diameter does not depend on where the track is (2018 paper, section 3.1 and figure 2).
     """
     found = _beside_track(clip, facing)
     if found is None:
         return np.zeros((0, len(heights)))
-    offset, height, flesh = found
+    offset, height, flesh = found.offset, found.height, found.flesh
     profile = np.zeros((len(offset), len(heights)))
     for k, plane in enumerate(heights):
-        # What a plane cuts from the ball of flesh about a point.
+        # Half width of the plane's cut through the ball of flesh about a point.
         cut = np.sqrt(np.maximum(np.square(flesh) - np.square(height - plane), 0.0))
         inside = cut > 0.0
         left = np.max(np.where(inside, offset + cut, -np.inf), axis=1)
@@ -120,11 +163,22 @@ def clearance_profile(clip: Clip, heights: Floats, facing: float = 0.0) -> Float
     return profile
 
 
-def _beside_track(clip: Clip, facing: float) -> tuple[Floats, Floats, Floats] | None:
-    """Points of the body to the left of the track (F, P), their heights (F, P) and the flesh (P,) about them.
+class _Beside(NamedTuple):
+    """Points of the body in the n frames that go on.
 
-    Of the frames that go on; None if none does.
+    frames: (n,) their numbers. offset, height: (n, P) distance to the left of the track, and above the floor [m].
+    flesh, owner: (P,) flesh about each point [m], and the joint that it belongs to.
     """
+
+    frames: NDArray[np.int64]
+    offset: Floats
+    height: Floats
+    flesh: Floats
+    owner: NDArray[np.int64]
+
+
+def _beside_track(clip: Clip, facing: float) -> _Beside | None:
+    """Return the body's points beside the track in the frames that go on; None if there are no such frames."""
     track = track_of(clip)
     if len(track) < 2:
         return None
@@ -133,25 +187,38 @@ def _beside_track(clip: Clip, facing: float) -> tuple[Floats, Floats, Floats] | 
     goes_on = (np.abs(velocity[:, 2]) <= _CURVE * speed) & (speed >= _MOVING)
     if not goes_on.any():
         return None
-    points, flesh = _body_points(clip)
+    points, flesh, owner = _body_points(clip)
     points, motion, track = points[goes_on], track[goes_on, 2] - facing, track[goes_on]
     x, y = np.moveaxis(points[..., :2] - track[:, None, :2], -1, 0)
-    return y * cos(motion)[:, None] - x * sin(motion)[:, None], points[..., 2], flesh
+    offset = y * cos(motion)[:, None] - x * sin(motion)[:, None]
+    return _Beside(np.flatnonzero(goes_on), offset, points[..., 2], flesh, owner)
 
 
-def _body_points(clip: Clip) -> tuple[Floats, Floats]:
-    """Points (F, P, 3) along the bones out to the end sites and heels, and the flesh (P,) about each."""
+def _body_points(clip: Clip) -> tuple[Floats, Floats, NDArray[np.int64]]:
+    """Return points (F, P, 3) along the bones, end sites and heels; the flesh (P,) about each; its joint (P,)."""
     skeleton = clip.skeleton
-    positions, world = forward_kinematics(skeleton, clip.root_positions, clip.rotations)
+    positions, world = clip.posed
     around = joint_flesh(skeleton)
-    points, flesh = [positions], [around]
+    points, flesh, owner = [positions], [around], [np.arange(skeleton.joint_count)]
+
+    def add_bone(start: Floats, end: Floats, thick: float, thin: float, joint: int) -> None:
+        """Sample a bone with ends (frames, 3) [m] every _SPACING; its flesh [m] goes from ``thick`` to ``thin``."""
+        length = float(np.max(np.linalg.norm(end - start, axis=1)))
+        count = int(np.ceil(length / _SPACING))
+        if count < 1:
+            return
+        share = np.arange(1, count + 1) / count
+        points.append(start[:, None] + share[None, :, None] * (end - start)[:, None])
+        flesh.append(thick + share * (thin - thick))
+        owner.append(np.full(count, joint))
+
     for joint, parent in enumerate(skeleton.parents):
         if parent >= 0:
-            _add_bone(points, flesh, positions[:, parent], positions[:, joint], around[parent], around[joint])
+            add_bone(positions[:, parent], positions[:, joint], around[parent], around[joint], joint)
     ends = end_positions(skeleton, positions, world)
     for k, parent in enumerate(skeleton.end_parents):
-        # An end site lies on the skin: the flesh about it must not reach beyond.
-        _add_bone(points, flesh, positions[:, parent], ends[:, k], around[parent], 0.02)
+        # An end site lies on the skin, so the flesh about it must not reach farther.
+        add_bone(positions[:, parent], ends[:, k], around[parent], 0.02, int(parent))
     for side in ("left", "right"):
         if f"{side}_ankle" in skeleton.roles and f"{side}_toe" in skeleton.roles:
             ankle, toe = positions[:, skeleton.joint(f"{side}_ankle")], positions[:, skeleton.joint(f"{side}_toe")]
@@ -159,25 +226,14 @@ def _body_points(clip: Clip) -> tuple[Floats, Floats]:
             along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
             points.append((ankle - (_HEEL - 0.02) * along)[:, None])
             flesh.append(np.array([0.02]))
-    return np.concatenate(points, axis=1), np.concatenate(flesh)
+            owner.append(np.array([skeleton.joint(f"{side}_ankle")]))
+    return np.concatenate(points, axis=1), np.concatenate(flesh), np.concatenate(owner)
 
 
 def joint_flesh(skeleton: Skeleton) -> Floats:
-    """(J,) meters: by role, and joints without one as their nearest ancestor with one."""
+    """Return the flesh (J,) by role [m]; joints without a role as their nearest ancestor with one."""
     flesh = np.full(skeleton.joint_count, _FLESH)
     by_joint = {joint: _FLESH_BY_ROLE[role] for role, joint in skeleton.roles.items()}
     for joint, parent in enumerate(skeleton.parents):
         flesh[joint] = by_joint.get(joint, flesh[parent] if parent >= 0 else _FLESH)
     return flesh
-
-
-def _add_bone(
-    points: list[Floats], flesh: list[NDArray[np.float64]], start: Floats, end: Floats, thick: float, thin: float
-) -> None:
-    length = float(np.max(np.linalg.norm(end - start, axis=1)))
-    count = int(np.ceil(length / _SPACING))
-    if count < 1:
-        return
-    share = np.arange(1, count + 1) / count
-    points.append(start[:, None] + share[None, :, None] * (end - start)[:, None])
-    flesh.append(thick + share * (thin - thick))

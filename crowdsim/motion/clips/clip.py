@@ -1,4 +1,4 @@
-"""A stretch of captured or synthesized movement."""
+"""A stretch of captured or synthesized motion."""
 
 from __future__ import annotations
 
@@ -28,19 +28,20 @@ class Clip:
 
     @property
     def frame_count(self) -> int:
+        """Return the number of frames."""
         return len(self.root_positions)
 
     @property
     def duration(self) -> float:
-        """Seconds from the first frame to the last."""
+        """Return the time from the first frame to the last [s]."""
         return (self.frame_count - 1) / CAPTURE_RATE
 
     @property
     def joint_positions(self) -> NDArray[np.float64]:
-        """(F, J, 3) world positions of all joints."""
+        """Return the world positions (F, J, 3) of all joints [m]."""
         return self.posed[0]
 
     @cached_property
     def posed(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """World positions (F, J, 3) and world rotations (F, J, 4) of all joints."""
+        """Return world positions (F, J, 3) [m] and world rotations (F, J, 4) of all joints."""
         return forward_kinematics(self.skeleton, self.root_positions, self.rotations)

@@ -1,4 +1,4 @@
-"""Legs of two bones that are bent and turned so that their ankles come to wanted places."""
+"""Bend and turn legs of two bones so that their ankles reach given places."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from crowdsim.geometry.elementary import acos, cos, sin
 from crowdsim.motion.clips.kinematics import Floats, multiply, unit
 
 _BENT = 0.05
-"""Sine of a bend below which the hinge of the knee is not told from the bones alone."""
+"""Sine of a bend below which the bones alone do not give the hinge of the knee."""
 
 
 class Leg(NamedTuple):
@@ -29,13 +29,13 @@ class Leg(NamedTuple):
 
 
 def stretch(leg: Leg) -> Floats:
-    """(n,) how far each ankle is from its hip, as a share of the length of the leg."""
+    """Return the distance (n,) of each ankle from its hip, as a share of the leg's length."""
     far: Floats = _length(leg.ankles - leg.hips) / _whole(leg)
     return far
 
 
 def missing_height(leg: Leg, targets: Floats, most: Floats) -> Floats:
-    """(n,) meters by which hips must come down for ankles to reach ``targets`` (n, 3); negative if they need not.
+    """Return how far hips must come down for ankles to reach ``targets`` (n, 3), (n,) [m]; negative if they need not.
 
     most: (n,) stretch up to which legs may reach.
     """
@@ -46,9 +46,9 @@ def missing_height(leg: Leg, targets: Floats, most: Floats) -> Floats:
 
 
 def bend_legs(leg: Leg, targets: Floats, most: Floats) -> tuple[Floats, Floats]:
-    """World rotations (n, 4) of the joints of hip and knee that bring ankles to ``targets`` (n, 3).
+    """Return world rotations (n, 4) of the joints of hip and knee that bring ankles to ``targets`` (n, 3).
 
-    The knee bends by the law of cosines, in the plane in which it is bent; then the leg turns the shortest way. A leg
+    The knee bends by the law of cosines in the plane in which it is bent; then the leg turns the shortest way. A leg
     that does not reach points to its target. most: (n,) stretch up to which legs may reach.
     """
     thigh, shank = leg.knees - leg.hips, leg.ankles - leg.knees
@@ -59,7 +59,7 @@ def bend_legs(leg: Leg, targets: Floats, most: Floats) -> tuple[Floats, Floats]:
     angle = _angle((far * far - upper * upper - lower * lower) / (2.0 * upper * lower))
     down, along = unit(thigh), unit(shank)
     across = np.cross(down, along)
-    # A straight leg does not tell where its knee bends, and one that is bent backwards is bent forward from now on.
+    # A straight leg does not show where its knee bends, and one bent backward is bent forward.
     lacking = np.maximum(_BENT - np.sum(across * leg.hinges, axis=-1), 0.0)
     hinge = across + lacking[:, None] * leg.hinges
     hinge = unit(hinge - np.sum(hinge * down, axis=-1, keepdims=True) * down)
@@ -71,19 +71,22 @@ def bend_legs(leg: Leg, targets: Floats, most: Floats) -> tuple[Floats, Floats]:
 
 
 def _shortest(a: Floats, b: Floats) -> Floats:
-    """Rotations (n, 4) that turn unit vectors ``a`` (n, 3) into ``b`` (n, 3), which are not opposite, the short way."""
+    """Return rotations (n, 4) that turn unit vectors ``a`` (n, 3) into ``b`` (not opposite) the shortest way."""
     return unit(np.concatenate([1.0 + np.sum(a * b, axis=-1, keepdims=True), np.cross(a, b)], axis=-1))
 
 
 def _whole(leg: Leg) -> Floats:
+    """Return the length (n,) of thigh and shank [m]."""
     return _length(leg.knees - leg.hips) + _length(leg.ankles - leg.knees)
 
 
 def _length(vectors: Floats) -> Floats:
+    """Return the length of vectors (..., 3)."""
     length: Floats = np.sqrt(np.sum(vectors * vectors, axis=-1))
     return length
 
 
 def _angle(cosine: Floats) -> Floats:
+    """Return the arc cosine of values that rounding may move out of [-1, 1]."""
     angle: Floats = acos(np.clip(cosine, -1.0, 1.0))
     return angle

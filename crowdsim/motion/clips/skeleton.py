@@ -1,4 +1,4 @@
-"""The joint tree that clips are recorded on."""
+"""The joint tree on which clips are recorded."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ ROLES = tuple(
         "left_hip left_knee left_ankle left_toe right_hip right_knee right_ankle right_toe"
     ).split()
 )
-"""Joints that detectors, arm editing and clearances ask for, whatever a file calls them."""
+"""Roles of the joints that detectors, arm editing and clearances use, whatever a file calls them."""
 
 HEEL_BACK = 0.055
-"""Meters from the ankle joint back to where the heel touches the floor, which no joint marks."""
+"""Distance from the ankle joint back to where the heel touches the floor, which no joint marks [m]."""
 
 
 @dataclass(frozen=True)
@@ -44,10 +44,11 @@ class Skeleton:
 
     @property
     def joint_count(self) -> int:
+        """Return the number of joints."""
         return len(self.names)
 
     def rest_positions(self) -> NDArray[np.float64]:
-        """(J, 3) joints relative to the root with all rotations identity."""
+        """Return joint positions (J, 3) relative to the root with all rotations identity [m]."""
         rest = np.zeros((self.joint_count, 3))
         for joint, parent in enumerate(self.parents):
             if parent >= 0:
@@ -55,12 +56,22 @@ class Skeleton:
         return rest
 
     def leg_length(self) -> float:
-        """Meters from hip over knee to ankle along the bones, mean of both sides; MotionError without such joints."""
-        bones = [self.joint(f"{side}_{part}") for side in ("left", "right") for part in ("knee", "ankle")]
+        """Return the length from hip over knee to ankle along the bones, mean of both sides [m].
+
+        Raise MotionError if the skeleton has no such joints.
+        """
+        bones: list[int] = []
+        for side in ("left", "right"):
+            hip, _, joint = (self.joint(f"{side}_{part}") for part in ("hip", "knee", "ankle"))
+            leg: list[int] = []
+            while joint != hip and joint >= 0:
+                leg.append(joint)
+                joint = int(self.parents[joint])
+            bones += leg[::-1]
         return float(np.linalg.norm(self.offsets[bones], axis=1).sum() / 2.0)
 
     def joint(self, role: str) -> int:
-        """Index of the joint that plays ``role``; MotionError where the skeleton has none."""
+        """Return the index of the joint in ``role``; raise MotionError if there is none."""
         try:
             return self.roles[role]
         except KeyError:

@@ -1,4 +1,4 @@
-"""The track of a clip: where the body as a whole is and where it faces, without the sway of the hips."""
+"""The track of a clip: place and heading of the body as a whole, without the sway of the hips."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from crowdsim.motion.clips.clip import Clip
 from crowdsim.motion.clips.kinematics import Floats, unit
 
 _WIDEST = 0.45
-"""Width (s) of the smoothing of a walking body: leaves 5 mm of a sway of 3 cm and 1.1 s."""
+"""Smoothing width of a walking body [s]: leaves 5 mm of a sway of 3 cm with a period of 1.1 s."""
 
 _STANDING_SPEED = 0.2
-"""Hip speed (m/s), smoothed over _SPEED_SPAN (s), below which a body stands and its hips are not smoothed at all."""
+"""Hip speed, smoothed over _SPEED_SPAN [s], below which a body stands and its hips are not smoothed at all [m/s]."""
 
 _SPEED_SPAN = 0.10
 
 _REACH_PER_SECOND = 1.5
-"""Seconds of smoothing gained for each second since or until standing: slow enough that starts and stops keep their
-shape, fast enough that the hips' shift onto the first standing leg is smoothed away."""
+"""Smoothing width gained per second since or until standing: slow enough that starts and stops keep their shape, fast
+enough to smooth the hips' shift onto the first standing leg."""
 
 
 def track_of(clip: Clip) -> Floats:
-    """(F, 3) planar track pose of every frame: x, y in meters, heading in radians without jumps.
+    """Return the planar track pose of every frame, (F, 3): x, y [m], heading without jumps [rad].
 
-    Heading follows the hip and shoulder lines. The position is the middle of the hip joints, which people carry over
-    the middle between heels and toes: in captures it is within 4 cm of it, walking or standing.
+    The heading follows the hip and shoulder lines. The position is the middle of the hip joints, which people carry
+    above the middle between heels and toes.
     """
     hips, heading = _hips_and_heading(clip)
     span = np.minimum(_REACH_PER_SECOND * _seconds_from_standing(hips), _WIDEST)
@@ -34,7 +34,7 @@ def track_of(clip: Clip) -> Floats:
 
 
 def _hips_and_heading(clip: Clip) -> tuple[Floats, Floats]:
-    """Ground projection (F, 2) of the middle of the hip joints, and the unsmoothed facing (F,), unwrapped."""
+    """Return the middle (F, 2) of the hip joints on the ground, and the unsmoothed, unwrapped heading (F,)."""
     joints, skeleton = clip.joint_positions, clip.skeleton
     left, right = joints[:, skeleton.joint("left_hip"), :2], joints[:, skeleton.joint("right_hip"), :2]
     across = unit(left - right)
@@ -46,7 +46,7 @@ def _hips_and_heading(clip: Clip) -> tuple[Floats, Floats]:
 
 
 def _seconds_from_standing(hips: Floats) -> Floats:
-    """(F,) seconds to the nearest frame in which the hips rest; infinite where they never do."""
+    """Return the time (F,) to the nearest frame in which the hips rest [s]; infinite if they never do."""
     if len(hips) < 2:
         return np.zeros(len(hips))
     steady = _smooth(hips, np.full(len(hips), _SPEED_SPAN))
@@ -65,9 +65,9 @@ def _seconds_from_standing(hips: Floats) -> Floats:
 def _smooth(values: Floats, span: Floats) -> Floats:
     """Smooth the rows of ``values`` (F, D) over a Gaussian window of ``span`` (F,) seconds each.
 
-    The window is the fourth-order one, (3 - u^2) exp(-u^2 / 2), which leaves a constant acceleration alone where a
-    plain mean would cut the corners of turns and lead and lag at starts and stops. Beyond its ends the motion
-    continues as its own point reflection: it keeps its end and its speed there, so the result neither lags nor shrinks.
+    The kernel is of fourth order, (3 - u^2) exp(-u^2 / 2): it preserves a constant acceleration, while a plain mean
+    would cut the corners of turns and blur starts and stops. Beyond its ends the motion continues as its own point
+    reflection, so that the ends keep their place and speed.
     """
     count = len(values)
     reach = min(int(np.ceil(3.0 * float(span.max(initial=0.0)) * CAPTURE_RATE)), count - 1)

@@ -1,1 +1,1 @@
-"""Steered bodies: one clip a behavior, deformed so that its feet stand on the track of an agent."""
+"""Steered bodies: one clip per behavior, deformed so that its feet stand on an agent's track."""

@@ -1,6 +1,7 @@
-"""A deformed body in parts: the pelvis of a track, feet that stand, and what their legs can reach.
+"""Parts of a deformed body: the pelvis on a track, standing feet, and the reach of their legs.
 
-Rotations are quaternions (w, x, y, z) in tuples; world axes are x, y on the floor and z up.
+Rotations are unit quaternions (w, x, y, z) in tuples. World axes are x, y on the floor and z up. ``model`` is a
+:class:`crowdsim.motion.deformed.deformed_clip.ClipModel`; foot 0 is the left one, 1 the right one.
 """
 
 import math
@@ -14,22 +15,22 @@ X, Y, HEADING, PHASE, SHARE, AHEAD, DROP, TWIST = 0, 1, 2, 3, 4, 5, 6, 7
 COLUMNS = 8
 
 HEEL_BACK = 0.055
-"""Meters from the ankle joint back to the end of the heel."""
+"""Distance from the ankle joint back to the end of the heel [m]."""
 REACH = 0.9965
-"""Share of its length to which a leg stretches at most."""
+"""Largest share of its length to which a leg stretches. Below 1, so that knees do not lock and snap."""
 SOLE_DOWN = 0.125
 """Phase after landing at which the whole sole is on the floor, and from which a heel rises if its leg needs it."""
 _FREE = 0.15
-"""Phase over which a foot that is down becomes free to pivot."""
+"""Phase over which a foot on the floor becomes free to pivot."""
 _STEEPEST = 1.25
-"""Radians to which a heel rises at most."""
+"""Largest pitch of a foot whose heel rises [rad]."""
 _TWIST, _EASE = 0.5, 0.2
-"""Radians that a leg twists before its foot pivots on the ball, and over which the pivoting sets in."""
+"""Twist of a leg from which its foot pivots on the ball, and range over which pivoting sets in [rad]."""
 
 
 @helper
 def multiply(a, b):
-    """Hamilton product of two rotations: ``b``, then ``a``."""
+    """Return the Hamilton product of two rotations: ``b``, then ``a``."""
     return (
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
         a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
@@ -40,19 +41,19 @@ def multiply(a, b):
 
 @helper
 def conjugate(a):
-    """Inverse of a rotation."""
+    """Return the inverse of a rotation."""
     return a[0], -a[1], -a[2], -a[3]
 
 
 @helper
 def quaternion(rows, row):
-    """Row of an array (n, 4) as a tuple."""
+    """Return a row of an array (n, 4) as a tuple."""
     return rows[row, 0], rows[row, 1], rows[row, 2], rows[row, 3]
 
 
 @helper
 def rotate(q, x, y, z):
-    """Vector turned by a rotation."""
+    """Return the vector (x, y, z) turned by a rotation."""
     tx = 2.0 * (q[2] * z - q[3] * y)
     ty = 2.0 * (q[3] * x - q[1] * z)
     tz = 2.0 * (q[1] * y - q[2] * x)
@@ -65,7 +66,7 @@ def rotate(q, x, y, z):
 
 @helper
 def turned_by(x, y, z):
-    """Rotation of a half rotation vector, to 1e-4 up to a quarter turn, by the series of cosine and sine."""
+    """Return the rotation of a half rotation vector, to 1e-4 up to a quarter turn, by the series of cosine and sine."""
     square = x * x + y * y + z * z
     c = square / 40320.0 - 1.0 / 720.0
     c = ((c * square + 1.0 / 24.0) * square - 0.5) * square + 1.0
@@ -77,14 +78,17 @@ def turned_by(x, y, z):
 
 @helper
 def ease(u):
-    """From 0 to 1 with no speed and no acceleration at the ends, u in [0, 1]."""
+    """Return a value from 0 to 1 for u from 0 to 1, without speed or acceleration at the ends."""
     u = min(max(u, 0.0), 1.0)
     return u * u * u * (10.0 + u * (6.0 * u - 15.0))
 
 
 @helper
 def track_at(samples, first, count, step, time):
-    """All columns of a track at ``time`` seconds after its first sample."""
+    """Return all eight columns of a track ``time`` seconds after its first sample, row ``first`` of ``samples``.
+
+    There are ``count`` samples, ``step`` seconds apart, and a smooth curve runs near them.
+    """
     span, share = span_of(time, step, first, count)
     weights = weights_of(share)
     return (
@@ -101,10 +105,13 @@ def track_at(samples, first, count, step, time):
 
 @helper
 def pelvis_of(model, track):
-    """Place and rotation of the root on a track: the clip's sway, bob, surge and turns by the share of its stride."""
+    """Return place and rotation of the root on a track.
+
+    It is the clip's sway, bob, surge and turns, scaled by the share of the clip's stride that the body takes.
+    """
     share = track[SHARE]
     c1, s1 = cos_sin(2.0 * math.pi * (track[PHASE] - math.floor(track[PHASE])))
-    # Sum the harmonics; cosine and sine of each follow from those of the one before.
+    # Sum the harmonics (Fourier series over the phase). Angle addition gives each one's cosine and sine from the last.
     ahead, left, up, tx, ty, tz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     c, s = c1, s1
     waves = model.waves
@@ -116,11 +123,12 @@ def pelvis_of(model, track):
         ty += waves[4, k] * c + waves[4, k + 1] * s
         tz += waves[5, k] * c + waves[5, k + 1] * s
         c, s = c * c1 - s * s1, s * c1 + c * s1
-    # A body at rest stands taller than one that walks; the bob grows with the square of the stride.
+    # A body at rest stands taller than one that walks. The bob grows with the square of the stride (inverted pendulum).
     walking = min(share, 1.0)
     ahead = model.root[0] + share * ahead
     left = model.root[1] + share * left
     height = (1.0 - walking) * model.stand + walking * model.root[2] + share * share * up - track[DROP]
+    # Turn to the heading: half angles for the quaternion, whole ones for the place.
     hc, hs = cos_sin(0.5 * track[HEADING])
     c, s = hc * hc - hs * hs, 2.0 * hc * hs
     swung = multiply(quaternion(model.mean, 0), turned_by(share * tx, share * ty, share * tz))
@@ -130,14 +138,14 @@ def pelvis_of(model, track):
 
 @helper
 def hip_of(model, foot, place, turn):
-    """Hip joint of a leg, of a root at ``place`` with rotation ``turn``."""
+    """Return the hip joint of a leg for a root at ``place`` with rotation ``turn``."""
     x, y, z = rotate(turn, model.hips[foot, 0], model.hips[foot, 1], model.hips[foot, 2])
     return place[0] + x, place[1] + y, place[2] + z
 
 
 @helper
 def sampled(rows, foot, u):
-    """Row ``foot`` of samples (2, S + 1) over a cycle, at its share ``u``."""
+    """Return row ``foot`` of samples (2, S + 1) over a cycle, interpolated at its share ``u``."""
     last = rows.shape[1] - 1
     place = min(max(u, 0.0), 1.0) * last
     k = min(int(place), last - 1)
@@ -146,11 +154,13 @@ def sampled(rows, foot, u):
 
 @helper
 def standing_yaw(print_yaw, out, heading, u):
-    """Heading of a foot that stands: its print's, but turned on its ball as far as the leg would twist too much.
+    """Return the heading of a standing foot: its print's, but turned on its ball if the leg would twist too much [rad].
 
-    out: heading of the foot where the body faces the print. u: share of the foot's cycle; on its heel it does not turn.
+    out: heading of the foot relative to the body when the body faces along the print. u: share of the foot's cycle. A
+    foot on its heel does not turn.
     """
     twist = heading + out - print_yaw
+    # Beyond the free twist the foot follows; b * b / (b + ease) starts without a kink.
     beyond = abs(twist) - _TWIST
     if beyond <= 0.0:
         return print_yaw
@@ -160,30 +170,36 @@ def standing_yaw(print_yaw, out, heading, u):
 
 @helper
 def ankle_over(bones, foot, pitch):
-    """Ankle of a foot that stands on its ball: ahead of the ball, and up; on its heel if the toes point up."""
+    """Return the ankle of a standing foot relative to its ball: distance ahead and height [m].
+
+    The foot turns about its heel if the toes point up (pitch > 0), else about the ball joint.
+    """
     length = bones[foot, 2]
     high = bones[foot, 3]
     c, s = cos_sin(pitch)
     if pitch > 0.0:
         return HEEL_BACK * (c - 1.0) - high * s - length, HEEL_BACK * s + high * c
+    # The ankle circles the ball joint, which is bones[foot, 4] above the floor.
     rise = high - bones[foot, 4]
     return -length * c - rise * s, -length * s + rise * c + bones[foot, 4]
 
 
 @helper
 def reaching_pitch(bones, foot, pitch, hip, ball, c, s):
-    """Pitch of a foot on its ball: ``pitch``, or as much lower as its leg needs to reach the ankle.
+    """Return ``pitch`` of a foot on its ball, or as much lower as its leg needs to reach the ankle [rad].
 
-    hip: place of the hip joint. ball: place of the ball on the floor. c, s: heading of the foot. The ankle circles the
-    ball joint; the leg reaches where the law of cosines says so.
+    hip: place of the hip joint. ball: place of the ball on the floor. c, s: cosine and sine of the foot's heading.
     """
     most = REACH * (bones[foot, 0] + bones[foot, 1])
+    # The hip seen from the ball in the foot's frame; done if the leg reaches the ankle as it is.
     x = c * (hip[0] - ball[0]) + s * (hip[1] - ball[1])
     y = c * (hip[1] - ball[1]) - s * (hip[0] - ball[0])
     ahead, up = ankle_over(bones, foot, pitch)
     dz = hip[2] - up
     if (x - ahead) * (x - ahead) + y * y + dz * dz <= most * most:
         return pitch
+    # Else raise the heel. The ankle moves on a circle about the ball joint; by the law of cosines in the triangle ball,
+    # ankle, hip the leg has its full length at one angle above the direction to the hip.
     z = hip[2] - bones[foot, 4]
     length = bones[foot, 2]
     rise = bones[foot, 3] - bones[foot, 4]
@@ -196,7 +212,8 @@ def reaching_pitch(bones, foot, pitch, hip, ball, c, s):
 
 @helper
 def lacking(bones, foot, hip, ankle):
-    """Meters by which the pelvis must come down for a leg to reach its ankle; negative if it need not."""
+    """Return how far the pelvis must come down for a leg to reach its ankle [m]; negative if it need not."""
+    # Pythagoras: the hip's largest height above the ankle at this horizontal distance.
     most = REACH * (bones[foot, 0] + bones[foot, 1])
     x = hip[0] - ankle[0]
     y = hip[1] - ankle[1]

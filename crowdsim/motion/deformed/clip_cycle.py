@@ -1,4 +1,4 @@
-"""The cycle of a clip that is deformed: from one landing of the left foot to the next, the right foot's between."""
+"""The cycle of a clip that is deformed: from one landing of the left foot to the next, the right foot's in between."""
 
 from __future__ import annotations
 
@@ -21,18 +21,19 @@ SAMPLES = 64
 """Samples of a cycle, at equal steps of the phase."""
 
 _BOTH_FEET = 0.1
+"""Phase after a landing at which the other foot lifts."""
 _SHORTEST, _LONGEST = 0.5, 3.5
-"""Seconds of a cycle."""
+"""Shortest and longest cycle [s]."""
 _GAP = 3
-"""Frames between events, below which they say nothing of when a foot lifts."""
+"""Frames between events below which a lift-off is not used."""
 _ROLLING = 12
-"""Frames that a foot rolls before it stands still and after, at most."""
+"""Largest number of frames that a foot rolls before and after it stands still."""
 _HEEL_DOWN, _HEEL_UP = 0.14, 0.26
-"""Radians of pitch above which a foot lands on its heel, and of which it lifts from its ball."""
+"""Pitch above which a foot lands on its heel, and pitch of the raised heel above which it lifts from its ball [rad]."""
 _NEARLY = 0.88
-"""Share of the largest pitch that counts as largest."""
+"""Share of the largest pitch that counts as the largest."""
 _BRIDGED = 6
-"""Frames off the floor below which a foot has not been lifted."""
+"""Frames off the floor below which a foot counts as not lifted."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +42,8 @@ class Cycle:
 
     times: (SAMPLES + 1,) float64 frames of the clip. The left foot lands at phase 0 and lifts at 0.6, the right one
     lands at 0.5 and lifts at 0.1, as far as the clip shows its feet lifting in this order.
-    track: (SAMPLES + 1, 3) float64 track pose of these times.
-    stride: meters that the track goes. seconds: that it takes.
+    track: (SAMPLES + 1, 3) float64 track pose at these times.
+    stride: length of the track [m]. seconds: duration.
     """
 
     times: Floats
@@ -52,26 +53,26 @@ class Cycle:
 
 
 def find_cycle(clip: Clip, speed: float | None = None) -> Cycle:
-    """The cycle of ``clip`` that goes straightest, ends most as it began, and is nearest to ``speed`` [m/s].
+    """Find the cycle of ``clip`` that is straightest, ends most as it began, and is nearest to ``speed``.
 
-    Steps of both feet that take as long as each other count too.
+    Cycles in which both feet's steps take the same time are preferred, too.
 
     Parameters
     ----------
     clip : Clip
-        Walking, or side-stepping.
+        Walking or side-stepping.
     speed : float, optional
-        Preferred speed.
+        Preferred speed [m/s].
 
     Returns
     -------
     Cycle
-        Where it lies in the clip, and its track.
+        Its times in the clip, and its track.
 
     Raises
     ------
     MotionError
-        If the clip does not show the left foot land twice, with the right one between.
+        If the left foot does not land twice, with one landing of the right foot in between.
     """
     track = track_of(clip)
     candidates = _cycles(clip)
@@ -95,7 +96,7 @@ def find_cycle(clip: Clip, speed: float | None = None) -> Cycle:
 
 
 def _cycles(clip: Clip) -> list[tuple[int, int, int, int, int]]:
-    """Frames (left lands, right lands, left lands again, left lifts, right lifts) of all cycles of a clip."""
+    """Return frames (left lands, right lands, left lands again, left lifts, right lifts) of all cycles of a clip."""
     left, right = foot_stances(clip)
     cycles = []
     for (begin, lift), (end, _) in pairwise(left):
@@ -108,9 +109,9 @@ def _cycles(clip: Clip) -> list[tuple[int, int, int, int, int]]:
 
 
 def foot_stances(clip: Clip) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-    """Stances of the left and the right foot of a clip in order: frames in which it lands, and in which it lifts.
+    """Return the stances of the left and the right foot of a clip in order: frames of landing and lift-off.
 
-    A foot that is down in the first frame lands there, one that is down in the last frame lifts there.
+    A foot on the floor in the first frame lands there; one on the floor in the last frame lifts there.
     """
     positions, world = clip.posed
     feet = feet_of(clip.skeleton, positions, world)
@@ -120,7 +121,7 @@ def foot_stances(clip: Clip) -> tuple[list[tuple[int, int]], list[tuple[int, int
 
 
 def _pitch(clip: Clip, side: str) -> Floats:
-    """(F,) radians that the toes of a foot point up; 0 for a skeleton without toe joints."""
+    """Return the pitch (F,) of a foot, toes up [rad]; 0 for a skeleton without toe joints."""
     skeleton = clip.skeleton
     toe = skeleton.roles.get(f"{side}_toe")
     if toe is None:
@@ -131,10 +132,10 @@ def _pitch(clip: Clip, side: str) -> Floats:
 
 
 def _stances(planted: NDArray[np.bool_], pitch: Floats) -> list[tuple[int, int]]:
-    """(first, end) frames of stances, from when the heel comes down until the ball lifts.
+    """Return (first, end) frames of stances, from when the heel comes down until the ball lifts.
 
-    planted: (F - 1,) whether the foot stands still. A foot that leaves the floor for a moment only has not lifted.
-    The heel lands when the toes begin to sink, the ball lifts when the heel has risen most.
+    The heel lands when the toes begin to sink; the ball lifts when the heel has risen most. A foot that leaves the
+    floor for a moment only has not lifted. planted: (F - 1,) True if the foot stands still.
     """
     joined: list[tuple[int, int]] = []
     for first, end in runs(planted):
@@ -156,7 +157,7 @@ def _stances(planted: NDArray[np.bool_], pitch: Floats) -> list[tuple[int, int]]
 
 
 def _cost(clip: Clip, track: Floats, begin: int, end: int, speed: float | None) -> float:
-    """Meters by which the pose at the end differs from that at the beginning, and what turning and speed count."""
+    """Return the difference of last and first pose [m], plus the turn [rad] and the deviation from ``speed`` [m/s]."""
     seconds = (end - begin) / CAPTURE_RATE
     joints = clip.joint_positions[[begin, end]] - np.append(track[[begin, end], :2], np.zeros((2, 1)), axis=1)[:, None]
     turn = float(wrap_angle(track[end, 2] - track[begin, 2]))

@@ -1,6 +1,6 @@
-"""The phase of the gait in every frame of a clip, whatever its steps: from which feet stand on the floor.
+"""The phase of the gait in every frame of a clip, whatever its steps: from which feet are on the floor.
 
-A clip that plays and a clip that is deformed to a track are in step where their phases agree.
+A clip that plays and a clip deformed to a track are in step if their phases agree.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from crowdsim.motion.deformed.clip_cycle import foot_stances
 from crowdsim.motion.deformed.phase_kernels import BOTH_FEET, STAND
 
 _NOBODY, _LEFT, _RIGHT, _BOTH = 0, 1, 2, 3
-"""Feet on the floor."""
+"""Feet on the floor; _NOBODY stands for none."""
 
 _SWING = 0.5 - BOTH_FEET
 """Phase that passes while one foot stands alone."""
 _USUAL = 0.4
-"""Seconds that a foot stands alone if the clip does not show one that does from beginning to end."""
+"""Time that a foot stands alone, if the clip does not show one from beginning to end [s]."""
 _REST = 0.3
-"""Seconds on both feet from which a body stands rather than walks on."""
+"""Time on both feet from which a body stands rather than walks on [s]."""
 _SETTLING, _LEAVING = 0.1, 0.07
-"""Seconds after the last foot landed in which a body that stands goes over to STAND, and before the next one lifts in
-which it leaves it."""
+"""Times in which a standing body goes over to STAND after the last landing, and leaves it before the next lift-off
+[s]."""
 
 
 class _Run(NamedTuple):
@@ -40,19 +40,19 @@ class _Run(NamedTuple):
 
 
 def clip_phases(clip: Clip) -> Floats:
-    """The phase of the gait in each frame of ``clip``.
+    """Return the phase of the gait in each frame of ``clip``.
 
     Parameters
     ----------
     clip : Clip
-        Any movement on two feet; steps need neither be even nor follow each other.
+        Any motion on two feet; steps need neither be even nor follow each other.
 
     Returns
     -------
     (F,) float64
         Cycles in [0, 1): the left foot lands at 0 and lifts at 0.6, the right one lands at 0.5 and lifts at 0.1, as in
-        a deformed clip. Between these moments the phase goes on evenly. It is STAND, or STAND + 0.5 if the left foot
-        lifts next, while both feet stand for long; from one to the other it jumps.
+        a deformed clip, evenly in between. While both feet stand for long it is STAND, or STAND + 0.5 if the left foot
+        lifts next; between these two it jumps.
     """
     runs = _runs(_feet_down(clip))
     phases = np.empty(clip.frame_count)
@@ -68,18 +68,18 @@ def clip_phases(clip: Clip) -> Floats:
 
 
 def _feet_down(clip: Clip) -> NDArray[np.int64]:
-    """(F,) feet on the floor in each frame, between when each lands and when it lifts."""
+    """Return the feet on the floor in each frame (F,), from landing to lift-off."""
     down = np.zeros((clip.frame_count, 2), bool)
     for foot, stances in enumerate(foot_stances(clip)):
         for land, lift in stances:
-            # A foot that is down to the end does not lift in the last frame.
+            # A foot that is down to the end has no lift-off in the last frame.
             down[land : lift + (lift == clip.frame_count - 1), foot] = True
     feet: NDArray[np.int64] = _LEFT * down[:, 0] + _RIGHT * down[:, 1]
     return feet
 
 
 def _runs(feet: NDArray[np.int64]) -> list[_Run]:
-    """Runs of frames with the same feet down; who is in the air belongs to the stances before and after, by half."""
+    """Return runs of frames with the same feet down; a phase in the air is split between the stances around it."""
     changes = np.flatnonzero(np.diff(feet)) + 1
     bounds = [0, *changes.tolist(), len(feet)]
     ground = feet.copy()
@@ -95,13 +95,13 @@ def _runs(feet: NDArray[np.int64]) -> list[_Run]:
 
 
 def _usual_frames(runs: list[_Run], frames: int) -> float:
-    """Frames that a foot stands alone, as a rule."""
+    """Return the usual number of frames that a foot stands alone (median)."""
     whole = [run.end - run.first for run in runs if run.feet != _BOTH and run.first > 0 and run.end < frames]
     return float(np.median(whole)) if whole else _USUAL * CAPTURE_RATE
 
 
 def _share(run: _Run, usual: float, frames: int) -> Floats:
-    """(n,) how much of its time alone a foot has stood in each frame; what a clip cuts off takes as long as usual."""
+    """Return the share (n,) of its time alone that a foot has stood; one cut off by the clip's end lasts as usual."""
     length = float(run.end - run.first)
     begin = float(run.first)
     if run.first == 0 or run.end == frames:
@@ -113,14 +113,17 @@ def _share(run: _Run, usual: float, frames: int) -> Floats:
 
 
 def _on_both(run: _Run, before: int, after: int) -> Floats:
-    """(n,) phases while both feet stand, after ``before`` stood alone and until ``after`` does; _BOTH for nobody."""
+    """Return phases (n,) while both feet stand, after ``before`` stood alone and until ``after`` does.
+
+    _BOTH stands for the beginning or end of the clip.
+    """
     frames = np.arange(run.end - run.first, dtype=np.float64)
     landed = 0.5 * (before == _LEFT) if before != _BOTH else 0.5 * (after == _RIGHT)
     leaves = 0.5 * (after == _RIGHT) if after != _BOTH else landed
     if landed == leaves and _BOTH not in (before, after) and len(frames) <= _REST * CAPTURE_RATE:
         even: Floats = landed + BOTH_FEET * (frames / len(frames))
         return even
-    # Settle, stand, and leave; over to the other foot in the middle.
+    # Settle, stand, and leave; change to the other foot in the middle.
     since = frames / CAPTURE_RATE if before != _BOTH else np.full(len(frames), np.inf)
     until = (len(frames) - frames) / CAPTURE_RATE if after != _BOTH else np.full(len(frames), np.inf)
     half = np.where(2 * frames < len(frames), landed, leaves)

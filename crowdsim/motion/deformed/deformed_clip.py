@@ -1,4 +1,4 @@
-"""What is kept of a clip to deform it: one cycle about its mean pose, and how its legs and feet are made.
+"""The model of a clip for deforming it: one cycle about its mean pose, and the geometry of its legs and feet.
 
 2018 paper, section 3.1: one deformable clip for each behavior.
 """
@@ -20,33 +20,34 @@ from crowdsim.motion.deformed.clip_cycle import SAMPLES, Cycle, find_cycle
 from crowdsim.motion.deformed.leg_frames import foot_shape, leg_turns, mean_rotation
 
 WAVES = 4
-"""Harmonics of a cycle that the pelvis keeps: the fifth would be faster than 5 Hz."""
+"""Harmonics of a cycle that the pelvis keeps; the fifth would be faster than 5 Hz."""
 
 _STAND_REACH = 0.993
 """Share of its length that a leg has at rest; the knee is then bent by 13 degrees."""
 _RISE = 0.06
-"""Meters that a body at rest stands taller than it walks, at most: who walks ducked waits ducked."""
+"""Largest height by which a body stands taller than it walks [m]: ducked walkers wait ducked."""
 _STAND_HALF_WIDTH = 0.07
-"""Meters from the middle to each foot of a body that stands or steps sideways."""
+"""Distance from the middle to each foot of a body that stands or side-steps [m]."""
 _FOOT_LENGTH = 0.18
-"""Meters from heel to ball."""
+"""Distance from heel to ball [m]."""
 _NARROWEST = 0.03
+"""Least half width of steps [m]."""
 _MOST_IN, _MOST_OUT = 0.1, 0.3
-"""Radians that feet point inwards and outwards at most."""
+"""Largest angles at which feet point inward and outward [rad]."""
 _STRAIGHT = 0.03
-"""Radians of pitch below which a foot on the floor is flat."""
+"""Pitch below which a foot on the floor counts as flat [rad]."""
 _SOLE_DOWN = 0.125
 """Phase after landing at which the whole sole is on the floor."""
 _HEEL_UNTIL, _BALL_FROM = 0.2, 0.25
-"""Phase after landing until which a foot may stand on its heel, and from which it may on its ball."""
+"""Phase after landing until which a foot may stand on its heel, and from which it may stand on its ball."""
 _QUICKEST = 1.3
-"""Cycles a second at which the pelvis must still move gently."""
+"""Cadence at which the pelvis must still move gently [cycles/s]."""
 _GENTLE = 6.0
-"""Acceleration that its place may then have in one axis [m/s2]."""
+"""Largest acceleration of the pelvis along one axis at that cadence [m/s2]."""
 _TILTED = 0.12
-"""Half of the angle that it turns about one axis at most [rad]."""
+"""Half of the largest angle that the pelvis turns about one axis [rad]."""
 _HIGHEST = 0.12
-"""Meters of lift that are kept of a clip: kicks are no steps."""
+"""Largest lift of a foot that is kept of a clip [m]: kicks are no steps."""
 _Z = np.array([0.0, 0.0, 1.0])
 
 
@@ -54,18 +55,19 @@ class ClipModel(NamedTuple):
     """A cycle of one clip in arrays; S + 1 samples at equal phases, J joints, U of them neither root nor leg.
 
     mean: (J, 4) float64, mean rotation of each joint relative to its parent; the root's relative to the heading.
-    upper: (U,) int32 joints. swings: (S + 1, U, 3) float64 half rotation vectors by which each leaves its mean.
-    waves: (6, 2 * WAVES) float64, cosines and sines of the root: place ahead, left, up [m], half rotation vector.
-    root: (3,) float64 mean place of the root: ahead, left [m] of the track, and height walking.
-    legs: (2, 4) int32 joints of hip, knee, ankle, toe, left first; the toe -1 if there is none.
-    hips: (2, 3) float64 hip joints in the frame of the root. turns: (2, 5, 4) float64 rotations, see
-    :func:`~crowdsim.motion.deformed.leg_frames.leg_turns`, and of the flat foot and toe.
-    bones: (2, 5) float64 thigh, shank, ankle to ball along the foot, heights of ankle and ball [m].
-    pitch: (2, S + 1) float64 radians, toes up, from each foot's landing on. lift: (2, S + 1) float64 meters, ankle over
-    a smooth way from where it lifts to where it lands, in the swing.
-    prints: (2, 3) float64 ball from the track while the body is over it: ahead, left [m], and its heading.
+    upper: (U,) int32 joints. swings: (S + 1, U, 3) float64, half rotation vectors by which each leaves its mean.
+    waves: (6, 2 * WAVES) float64, cosine and sine coefficients of the root: ahead, left, up [m], half rotation vector.
+    root: (3,) float64, mean place of the root: ahead and left of the track, and height when walking [m].
+    legs: (2, 4) int32, joints of hip, knee, ankle, toe, left leg first; the toe is -1 if there is none.
+    hips: (2, 3) float64, hip joints in the frame of the root [m]. turns: (2, 5, 4) float64, rotation of the joint that
+    carries the hip, those of :func:`~crowdsim.motion.deformed.leg_frames.leg_turns`, and those of the flat foot and
+    toe.
+    bones: (2, 5) float64, thigh, shank, ankle to ball along the foot, heights of ankle and ball [m].
+    pitch: (2, S + 1) float64, toes up, from each foot's landing on [rad]. lift: (2, S + 1) float64, height of the ankle
+    above a smooth curve from lift-off to landing, in the swing [m].
+    prints: (2, 3) float64, ball relative to the track while the body is over it: ahead, left [m], heading [rad].
     spine: how many of ``upper``, the first ones, lead from the root to the chest.
-    stride: meters of the cycle. stand: height of the root at rest [m]. width: half of the step width at rest [m].
+    stride: length of the cycle [m]. stand: height of the root at rest [m]. width: half of the step width at rest [m].
     """
 
     mean: Floats
@@ -88,7 +90,7 @@ class ClipModel(NamedTuple):
 
 @dataclass(frozen=True)
 class DeformedClip:
-    """A clip that bodies of ``skeleton`` are posed from, whatever their tracks."""
+    """A clip from which bodies of ``skeleton`` are posed on any tracks."""
 
     name: str
     skeleton: Skeleton
@@ -108,7 +110,7 @@ def deform_clip(clip: Clip, speed: float | None = None) -> DeformedClip:
     Returns
     -------
     DeformedClip
-        To plan steps and to pose bodies with, for any number of tracks.
+        Input of step plans and poses, for any number of tracks.
 
     Raises
     ------
@@ -161,10 +163,10 @@ def deform_clip(clip: Clip, speed: float | None = None) -> DeformedClip:
 
 
 def on_legs_of(clip: DeformedClip, walk: DeformedClip) -> DeformedClip:
-    """A body that walks on the legs and pelvis of ``walk`` and is above them as ``clip``, on the same skeleton.
+    """Return a body with the legs and pelvis of ``walk`` and the upper body of ``clip``, on the same skeleton.
 
-    Footsteps planned for one of several clips on the same legs hold for all, and no foot moves if bodies go over from
-    one to another.
+    Footsteps planned for one of several clips on the same legs are valid for all, so no foot moves if a body changes
+    from one clip to another.
     """
     mean = walk.model.mean.copy()
     mean[clip.model.upper] = clip.model.mean[clip.model.upper]
@@ -172,21 +174,21 @@ def on_legs_of(clip: DeformedClip, walk: DeformedClip) -> DeformedClip:
 
 
 def _leg_joints(skeleton: Skeleton) -> NDArray[np.int32]:
-    """(2, 4) hip, knee, ankle and toe of the left and right leg."""
+    """Return the joints (2, 4) of hip, knee, ankle and toe of the left and the right leg."""
     legs = []
     for side in ("left", "right"):
         hip, knee, ankle = (skeleton.joint(f"{side}_{part}") for part in ("hip", "knee", "ankle"))
         if skeleton.parents[knee] != hip or skeleton.parents[ankle] != knee:
             raise MotionError(
                 f"joints lie between {side} hip, knee and ankle ({skeleton.names[hip]}, {skeleton.names[knee]}, "
-                f"{skeleton.names[ankle]}); a leg to deform is two bones"
+                f"{skeleton.names[ankle]}); a leg can be deformed if it has two bones"
             )
         legs.append([hip, knee, ankle, skeleton.roles.get(f"{side}_toe", -1)])
     return np.array(legs, np.int32)
 
 
 def _sampled(clip: Clip, cycle: Cycle) -> tuple[Floats, Floats]:
-    """Root places (S + 1, 3) and joint rotations (S + 1, J, 4) at the times of a cycle."""
+    """Return root places (S + 1, 3) and joint rotations (S + 1, J, 4) at the times of a cycle."""
     before = np.minimum(cycle.times.astype(np.int64), clip.frame_count - 2)
     share = (cycle.times - before)[:, None]
     root = (1.0 - share) * clip.root_positions[before] + share * clip.root_positions[before + 1]
@@ -197,7 +199,7 @@ def _sampled(clip: Clip, cycle: Cycle) -> tuple[Floats, Floats]:
 
 
 def _half_vectors(q: Floats) -> Floats:
-    """Half rotation vectors (..., 3) of unit quaternions (..., 4)."""
+    """Return the half rotation vectors (..., 3) of unit quaternions (..., 4)."""
     q = np.where(q[..., :1] < 0.0, -q, q)
     sine = np.linalg.norm(q[..., 1:], axis=-1)
     scale = np.where(sine < 1e-9, 1.0, atan2(sine, q[..., 0]) / np.maximum(sine, 1e-9))
@@ -205,27 +207,27 @@ def _half_vectors(q: Floats) -> Floats:
 
 
 def _closed(values: Floats) -> Floats:
-    """The same samples (S + 1, ...) with what the last differs from the first taken out evenly."""
+    """Return samples (S + 1, ...) with the difference between the last and the first removed evenly."""
     share = (np.arange(len(values)) / (len(values) - 1) - 0.5).reshape(-1, *[1] * (values.ndim - 1))
     closed: Floats = values - share * (values[-1] - values[0])
     return closed
 
 
 def _beside(points: Floats, track: Floats) -> Floats:
-    """Points (S + 1, 3) seen from track poses (S + 1, 3): ahead, left, up."""
+    """Return points (S + 1, 3) relative to track poses (S + 1, 3): ahead, left, up [m]."""
     c, s = cos(track[:, 2]), sin(track[:, 2])
     x, y = points[:, 0] - track[:, 0], points[:, 1] - track[:, 1]
     return np.stack([c * x + s * y, c * y - s * x, points[:, 2]], axis=1)
 
 
 def _from_landing(foot: int, positions: Floats, world: Floats) -> tuple[Floats, Floats]:
-    """Positions and rotations with the foot's landing in the first row; the last row repeats it."""
+    """Return positions and rotations with the foot's landing in the first row, repeated in the last."""
     rows = np.append((np.arange(SAMPLES) + foot * SAMPLES // 2) % SAMPLES, foot * SAMPLES // 2)
     return positions[rows], world[rows]
 
 
 def _hip_in_root(skeleton: Skeleton, mean: Floats, hip: int) -> tuple[Floats, Floats]:
-    """Place (3,) of a hip joint in the frame of the root, and rotation (4,) of the joint that it hangs on."""
+    """Return the place (3,) of a hip joint in the root's frame, and the rotation (4,) of its parent joint."""
     chain = [int(skeleton.parents[hip])]
     while chain[-1] > 0:
         chain.append(int(skeleton.parents[chain[-1]]))
@@ -237,7 +239,7 @@ def _hip_in_root(skeleton: Skeleton, mean: Floats, hip: int) -> tuple[Floats, Fl
 
 
 def _spine(skeleton: Skeleton) -> list[int]:
-    """Joints from the root, without it, to the chest, which carries the arms; none if the skeleton has no chest."""
+    """Return the joints from the root (excluded) to the chest, which carries the arms; none if there is no chest."""
     joint, spine = skeleton.roles.get("chest", 0), []
     while joint > 0:
         spine.append(joint)
@@ -246,13 +248,13 @@ def _spine(skeleton: Skeleton) -> list[int]:
 
 
 def _bones(skeleton: Skeleton, leg: NDArray[np.int32], foot: Floats) -> Floats:
-    """Lengths of thigh and shank before the sizes of the foot [m]."""
+    """Return the lengths of thigh and shank, then the sizes of the foot [m]."""
     lengths = np.linalg.norm(skeleton.offsets[leg[1:3]], axis=1)
     return np.concatenate([lengths, foot])
 
 
 def _print(cycle: Cycle, ball: Floats, yaw: Floats, foot: int) -> Floats:
-    """Ball ahead and left of the track [m] and heading of the foot on the floor, as the body passes over it."""
+    """Return the ball's place ahead and left of the track [m] and the foot's heading, as the body passes over it."""
     rows = (np.arange(round(0.2 * SAMPLES), round(0.34 * SAMPLES)) + foot * SAMPLES // 2) % SAMPLES
     seen = _beside(ball, cycle.track)[rows]
     own = np.arange(round(0.2 * SAMPLES), round(0.34 * SAMPLES))
@@ -261,12 +263,12 @@ def _print(cycle: Cycle, ball: Floats, yaw: Floats, foot: int) -> Floats:
 
 
 def _half_width(out: float) -> float:
-    """Meters from the middle to the ball of each foot at rest, so that heels have room if the toes point ``out``."""
+    """Return the distance from the middle to each foot at rest [m]; heels need more if toes point ``out`` [rad]."""
     return _STAND_HALF_WIDTH + 0.5 * _FOOT_LENGTH * max(out, 0.0)
 
 
 def _even_prints(cycle: Cycle, prints: Floats) -> Floats:
-    """The same prints (2, 3) with both feet alike; those of a cycle that goes sideways stand under the body."""
+    """Return the prints (2, 3) made symmetric; those of a cycle that goes sideways stand under the body."""
     heading = cycle.track[:, 2].mean()
     way = cycle.track[-1, :2] - cycle.track[0, :2]
     ahead = float(cos(heading) * way[0] + sin(heading) * way[1])
@@ -279,32 +281,34 @@ def _even_prints(cycle: Cycle, prints: Floats) -> Floats:
 
 
 def _settled(pitch: Floats) -> Floats:
-    """Pitch (S + 1,) of a foot that stands on its heel, then flat, then on its ball, and nothing between."""
+    """Return the pitch (S + 1,) of a foot that is on its heel, then flat, then on its ball, and nothing in between."""
     phase = np.arange(SAMPLES + 1) / SAMPLES
     smooth = pitch.copy()
     smooth[1:-1] = 0.25 * pitch[:-2] + 0.5 * pitch[1:-1] + 0.25 * pitch[2:]
+    # Smooth, and take small pitches for flat. On its heel a foot only points up, on its ball (up to about where it
+    # lifts) only down.
     flat = np.sign(smooth) * np.maximum(np.abs(smooth) - _STRAIGHT, 0.0)
     early, late = phase <= _BALL_FROM, (phase >= _HEEL_UNTIL) & (phase < 0.62)
     flat = np.where(early, np.maximum(flat, 0.0), flat)
     flat = np.where(late, np.minimum(flat, 0.0), flat)
-    # Once on its ball a foot does not sink back on its heel before it lifts; nor does it rise on its heel.
+    # Monotone in both parts: a foot on its ball does not sink back to its heel, nor does it rise on its heel.
     rows = np.flatnonzero(late)
     flat[rows] = np.minimum.accumulate(flat[rows])
     rows = np.flatnonzero(phase <= _HEEL_UNTIL)
     flat[rows] = np.minimum.accumulate(flat[rows])
-    # The whole sole is down when the body is over the heel, to the last fraction of a degree.
+    # The whole sole is exactly flat when the body is over the heel.
     flat *= np.where(early, np.clip((_SOLE_DOWN - phase) / (0.5 * _SOLE_DOWN), 0.0, 1.0), 1.0)
     flat[-1] = flat[0]
     return flat
 
 
 def _alike(feet: list[Floats]) -> Floats:
-    """(2, S + 1) the mean of both feet for each of them: bodies on tracks step alike with both."""
+    """Return the mean of both feet for each of them (2, S + 1): bodies on tracks step alike with both."""
     return np.stack([0.5 * (feet[0] + feet[1])] * 2)
 
 
 def _lift(height: Floats) -> Floats:
-    """(S + 1,) meters that an ankle of height (S + 1,) is over a cubic from where it lifts to where it lands."""
+    """Return the height (S + 1,) of an ankle above a cubic from lift-off to landing, 0 in the stance [m]."""
     first = round(0.6 * SAMPLES)
     swing = height[first:]
     u = np.arange(len(swing)) / (len(swing) - 1)
@@ -319,7 +323,7 @@ def _lift(height: Floats) -> Floats:
 
 
 def _waves(samples: Floats) -> Floats:
-    """(D, 2 * WAVES) cosines and sines of closed samples (S + 1, D)."""
+    """Return Fourier coefficients (D, 2 * WAVES), cosine and sine of each harmonic, of closed samples (S + 1, D)."""
     angle = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
     waves = [
         2.0 * np.mean(samples[:-1] * wave(harmonic * angle)[:, None], axis=0)
@@ -330,9 +334,13 @@ def _waves(samples: Floats) -> Floats:
 
 
 def _gentle(waves: Floats) -> Floats:
-    """The same waves, without those that would shake a body that takes quicker steps than the clip.
+    """Return the waves without those that would shake a body whose steps are quicker than the clip's.
 
-    The quickest harmonics go first; what is then left is made smaller if it is still too much.
+    The highest harmonics are dropped first; the rest is scaled down if it is still too much.
+
+    waves: (6, 2 * WAVES) float64, cosine and sine coefficients by turns, of harmonic 1 on. Rows 0 to 2 are places [m],
+    whose second derivative at the cadence _QUICKEST is the acceleration that _GENTLE bounds; rows 3 to 5 are the half
+    rotation vector [rad], which _TILTED bounds itself.
     """
     angle = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
     gentle = waves.copy()
@@ -352,7 +360,7 @@ def _gentle(waves: Floats) -> Floats:
 
 
 def _standing_height(turn: Floats, hips: Floats, bones: Floats) -> float:
-    """Height of the root [m] at which both legs are nearly straight over feet side by side."""
+    """Return the root's height at which both legs are nearly straight over feet side by side [m]."""
     heights = []
     for foot, side in ((0, 1.0), (1, -1.0)):
         hip = rotate(turn, hips[foot])

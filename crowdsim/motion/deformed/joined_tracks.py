@@ -1,4 +1,4 @@
-"""Tracks of many bodies in one array: checked, and smoothed for being shown."""
+"""Tracks of many bodies in one array: checked, and smoothed for display."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from crowdsim.geometry.elementary import cos
 from crowdsim.motion.clips.kinematics import Floats
 
 STEP = 0.1
-"""Seconds between the samples of a track."""
+"""Time between the samples of a track [s]."""
 
 SMOOTHED = 0.7
-"""Seconds over which tracks are smoothed for being shown. Longer ones make movements gentler and stray more."""
+"""Width of the window that smooths displayed tracks [s]. Wider: gentler movements, farther from the track."""
 
 _FASTEST = 6.0
-"""Meters a second above which a track jumps."""
+"""Speed above which a track counts as jumping [m/s]."""
 _FASTEST_TURN = 12.0
-"""Radians a second above which it does."""
+"""Turn rate above which a track counts as jumping [rad/s]."""
 _FASTEST_PHASE = 2.5
-"""Cycles a second above which a phase does."""
+"""Cadence above which a phase counts as jumping [cycles/s]."""
 
 
 class JoinedTracks(NamedTuple):
     """Tracks of A bodies, one after the other.
 
-    samples: (N, 4) float64 x, y [m], heading without jumps [rad], phase [cycles] at equal steps of time. starts:
-    (A + 1,) int64 row at which each track begins, and N.
+    samples: (N, 4) float64 x, y [m], heading without jumps [rad], phase [cycles] at equal steps of time. starts: (A +
+    1,) int64, first row of each track, and N.
     """
 
     samples: Floats
@@ -38,26 +38,26 @@ class JoinedTracks(NamedTuple):
 
     @property
     def lengths(self) -> NDArray[np.int64]:
-        """(A,) samples of each track."""
+        """Return the number of samples of each track, (A,)."""
         return np.diff(self.starts)
 
     @property
     def bodies(self) -> NDArray[np.int64]:
-        """(N,) body of each sample."""
+        """Return the body of each sample, (N,)."""
         return np.repeat(np.arange(len(self.starts) - 1), self.lengths)
 
     @property
     def places(self) -> NDArray[np.int64]:
-        """(N,) samples before each one in its track."""
+        """Return the index of each sample in its track, (N,)."""
         return np.arange(len(self.samples)) - np.repeat(self.starts[:-1], self.lengths)
 
     def kept(self, keep: NDArray[np.bool_]) -> JoinedTracks:
-        """The tracks with only the samples that are to be kept, (N,); a track may become empty."""
+        """Return the tracks with only the samples in the mask ``keep`` (N,); a track may become empty."""
         before = np.concatenate([[0], np.cumsum(keep)])
         return JoinedTracks(self.samples[keep], before[self.starts].astype(np.int64))
 
     def chosen(self, bodies: NDArray[np.int64]) -> JoinedTracks:
-        """Only the tracks of ``bodies``, in the order asked."""
+        """Return only the tracks of ``bodies``, in that order."""
         lengths = self.lengths[bodies]
         starts = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
         rows = np.arange(starts[-1]) + np.repeat(self.starts[:-1][bodies] - starts[:-1], lengths)
@@ -65,7 +65,10 @@ class JoinedTracks(NamedTuple):
 
 
 def join_tracks(tracks: Sequence[Floats]) -> JoinedTracks:
-    """Join tracks (N, 4) whose headings may jump by whole turns. MotionError if one is empty or has another shape."""
+    """Join tracks (N, 4) whose headings may jump by whole turns.
+
+    Raise MotionError if a track is empty or has another shape.
+    """
     rows = [np.asarray(track, np.float64) for track in tracks]
     for number, track in enumerate(rows):
         if track.ndim != 2 or track.shape[1] != 4 or not len(track):
@@ -75,7 +78,7 @@ def join_tracks(tracks: Sequence[Floats]) -> JoinedTracks:
 
 
 def unwrapped(tracks: JoinedTracks) -> JoinedTracks:
-    """The tracks with whole turns added to their headings, so that none jumps by more than half a turn."""
+    """Return the tracks with whole turns added to headings, so that none jumps by more than half a turn."""
     samples, starts = tracks
     if not len(samples):
         return tracks
@@ -88,18 +91,23 @@ def unwrapped(tracks: JoinedTracks) -> JoinedTracks:
 
 
 def require_walkable(tracks: JoinedTracks, step: float) -> None:
-    """MotionError if a track is empty, not finite, jumps, or has a phase that goes back."""
+    """Raise MotionError if a track is empty, not finite, jumps, or has a phase that decreases or jumps.
+
+    step: time from one row to the next [s]. The bounds are _FASTEST [m/s], _FASTEST_TURN [rad/s] and _FASTEST_PHASE
+    [cycles/s].
+    """
     samples, starts = tracks
     if (tracks.lengths < 1).any():
         raise MotionError(f"track {int(np.argmin(tracks.lengths))} is empty")
     wrong: NDArray[np.bool_] = np.logical_not(np.isfinite(samples).all(axis=1))
     if wrong.any():
         raise MotionError("track {} is not finite in row {}".format(*_place(tracks, wrong)))
+    # Change from each row to the next; none from the last row of a track, which the next track follows.
     moved = np.diff(samples, axis=0, append=samples[-1:])
     moved[starts[1:] - 1] = 0.0
     faults: tuple[tuple[str, NDArray[np.bool_]], ...] = (
         ("jumps", np.sqrt(moved[:, 0] * moved[:, 0] + moved[:, 1] * moved[:, 1]) > _FASTEST * step),
-        ("turns at once", np.abs(moved[:, 2]) > _FASTEST_TURN * step),
+        ("turns too fast", np.abs(moved[:, 2]) > _FASTEST_TURN * step),
         ("has a phase that goes back", moved[:, 3] < 0.0),
         ("has a phase that jumps", moved[:, 3] > _FASTEST_PHASE * step),
     )
@@ -110,22 +118,22 @@ def require_walkable(tracks: JoinedTracks, step: float) -> None:
 
 
 def _place(tracks: JoinedTracks, found: NDArray[np.bool_]) -> tuple[int, int]:
-    """Body and row in its track of the first sample that is found."""
+    """Return body and row in its track of the first True of ``found`` (N,)."""
     row = int(np.flatnonzero(found)[0])
     return int(tracks.bodies[row]), int(tracks.places[row])
 
 
 def smooth_tracks(tracks: Sequence[Floats], seconds: float = SMOOTHED, step: float = STEP) -> list[Floats]:
-    """Smooth tracks for showing them.
+    """Smooth tracks for display.
 
     Parameters
     ----------
     tracks : sequence of (N, 4) float64
         x, y [m], heading [rad], phase [cycles] at equal steps of time.
     seconds : float
-        Width of the Hann window. At the ends of a track it shrinks, so that a track begins and ends where it does.
+        Width of the Hann window [s]. It shrinks toward the ends of a track, so that these stay in place.
     step : float
-        Seconds between samples.
+        Time between samples [s].
 
     Returns
     -------
@@ -137,7 +145,7 @@ def smooth_tracks(tracks: Sequence[Floats], seconds: float = SMOOTHED, step: flo
 
 
 def smooth_joined(tracks: JoinedTracks, seconds: float = SMOOTHED, step: float = STEP) -> JoinedTracks:
-    """Smooth joined tracks, as :func:`smooth_tracks` does."""
+    """Do as :func:`smooth_tracks`, for joined tracks."""
     reach = smoothing_reach(seconds, step)
     weights = 0.5 + 0.5 * cos(np.arange(-reach, reach + 1) * (2.0 * np.pi * step / seconds))
     smooth = tracks.samples.copy()
@@ -146,7 +154,7 @@ def smooth_joined(tracks: JoinedTracks, seconds: float = SMOOTHED, step: float =
     near = np.minimum(tracks.places, np.repeat(tracks.lengths, tracks.lengths) - 1 - tracks.places)
     total, norm = np.zeros_like(raw), np.zeros((count, 1))
     for offset in range(-reach, reach + 1):
-        # Where the window reaches beyond an end of the track, leave it out on both sides.
+        # Near the ends of a track the window shrinks on both sides alike.
         weight = np.where(abs(offset) <= near, weights[offset + reach], 0.0)[:, None]
         total += weight * raw[np.clip(np.arange(count) + offset, 0, max(count - 1, 0))]
         norm += weight
@@ -155,5 +163,5 @@ def smooth_joined(tracks: JoinedTracks, seconds: float = SMOOTHED, step: float =
 
 
 def smoothing_reach(seconds: float = SMOOTHED, step: float = STEP) -> int:
-    """Samples before and after one that its smoothed value depends on."""
+    """Return the number of samples before and after one on which its smoothed value depends."""
     return int(0.5 * seconds / step)

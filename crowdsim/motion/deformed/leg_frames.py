@@ -1,4 +1,4 @@
-"""How the joints of a leg are turned on their bones: read off a clip, since files rest their skeletons in any pose."""
+"""Rotations of leg joints relative to their bones, read from a clip: files rest their skeletons in any pose."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from crowdsim.motion.clips.skeleton import Skeleton
 _FLAT_FROM, _FLAT_TO = 0.15, 0.35
 """Phases after landing between which a foot is flat on the floor."""
 _LOWEST_BALL = 0.005
+"""Least height of the ball [m]."""
 _FOOT, _BALL = 0.12, 0.02
-"""Meters from ankle to ball, and height of the ball, of a skeleton without toe joints."""
+"""Distance from ankle to ball, and height of the ball, of a skeleton without toe joints [m]."""
 _X, _Y, _Z = np.eye(3)
 
 
@@ -23,8 +24,9 @@ _X, _Y, _Z = np.eye(3)
 class FootShape:
     """A foot over the S + 1 samples of a cycle from its landing on.
 
-    turns: (2, 4) rotations of ankle and toe joint of a flat foot that faces +x. sizes: (3,) meters from ankle to ball
-    along the foot, heights of ankle and ball. pitch, yaw, height: (S + 1,) radians toes up, heading, ankle height [m].
+    turns: (2, 4) rotations of ankle and toe joint of a flat foot that faces +x. sizes: (3,) distance from ankle to ball
+    along the foot, heights of ankle and ball [m]. pitch, yaw, height: (S + 1,) toes up, heading [rad], ankle height
+    [m].
     """
 
     turns: Floats
@@ -35,7 +37,7 @@ class FootShape:
 
 
 def mean_rotation(q: Floats) -> Floats:
-    """Mean (4,) of unit quaternions (n, 4) that lie within a half turn."""
+    """Return the mean (4,) of unit quaternions (n, 4) that lie within half a turn."""
     mean: Floats = q[0]
     for _ in range(3):
         signs = np.where(np.sum(q * mean, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
@@ -45,7 +47,7 @@ def mean_rotation(q: Floats) -> Floats:
 
 
 def frame_rotation(x: Floats, y: Floats, z: Floats) -> Floats:
-    """Quaternion (4,) of the frame whose axes are the unit vectors x, y, z (3,)."""
+    """Return the quaternion (4,) of the frame whose axes are the unit vectors x, y, z (3,)."""
     trace = x[0] + y[1] + z[2]
     choices = np.array([trace, x[0], y[1], z[2]])
     best = int(np.argmax(choices))
@@ -62,9 +64,9 @@ def frame_rotation(x: Floats, y: Floats, z: Floats) -> Floats:
 
 
 def leg_turns(leg: NDArray[np.int32], skeleton: Skeleton, positions: Floats, world: Floats) -> Floats:
-    """(2, 4) rotations that take a leg's canonical frame into the joints of hip and knee.
+    """Return rotations (2, 4) from a leg's canonical frame to the joints of hip and knee.
 
-    In the canonical frame z leads up the bone and y is the hinge of the knee, which points to the left.
+    In the canonical frame z points up the bone, and y is the hinge of the knee, which points left.
     """
     hip, knee, ankle = (int(joint) for joint in leg[:3])
     thigh, shank = positions[:, knee] - positions[:, hip], positions[:, ankle] - positions[:, knee]
@@ -78,7 +80,7 @@ def leg_turns(leg: NDArray[np.int32], skeleton: Skeleton, positions: Floats, wor
 
 
 def _bone_frame(hinge: Floats, bone: Floats) -> Floats:
-    """Rotation (4,) of the frame with z up a bone and y near its hinge, both given in the joint."""
+    """Return the rotation (4,) of the frame with z up a bone and y near its hinge, both given in the joint."""
     z = -bone / np.sqrt(np.sum(bone * bone))
     y = hinge if np.sum(hinge * hinge) > 1e-12 else _Y
     y = y - np.sum(y * z) * z
@@ -87,9 +89,14 @@ def _bone_frame(hinge: Floats, bone: Floats) -> Floats:
 
 
 def foot_shape(skeleton: Skeleton, leg: NDArray[np.int32], positions: Floats, world: Floats) -> FootShape:
-    """Shape and movement of the foot of ``leg`` (4,); ``positions`` and ``world`` begin with its landing."""
+    """Return shape and movement of the foot of ``leg``.
+
+    leg: (4,) joints hip, knee, ankle and toe, -1 for no toe. positions: (S + 1, J, 3) of joints over a cycle [m], and
+    world: (S + 1, J, 4) their rotations, both from the landing of the foot on.
+    """
     ankle, toe = int(leg[2]), int(leg[3])
     samples = len(positions) - 1
+    # The foot's own shape is its mean over the frames in which the whole sole is down, turned to face +x.
     flat = np.arange(round(_FLAT_FROM * samples), round(_FLAT_TO * samples))
     ahead = skeleton.offsets[toe] if toe >= 0 else _FOOT * _X
     pointing = rotate(world[:, ankle], ahead)
@@ -99,6 +106,7 @@ def foot_shape(skeleton: Skeleton, leg: NDArray[np.int32], positions: Floats, wo
     toes = mean_rotation(multiply(level, world[flat, toe])) if toe >= 0 else foot
     to_ball = rotate(foot, ahead)
     height = float(positions[flat, ankle, 2].mean())
+    # Without a toe joint, a foot of usual length.
     if toe < 0:
         sizes = np.array([_FOOT, height, min(_BALL, height)])
     else:

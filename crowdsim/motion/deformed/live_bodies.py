@@ -1,4 +1,4 @@
-"""Poses of bodies whose tracks are still being simulated, shown a little late."""
+"""Pose bodies whose tracks are still being simulated, with a short delay."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from crowdsim.motion.deformed.joined_tracks import STEP, JoinedTracks, smooth_jo
 from crowdsim.motion.deformed.step_plan import StepPlan, plan_joined, pose_at
 
 LATE = 2.0
-"""How late bodies are shown [s]: half of the smoothing, what footsteps look ahead, and the age of a plan."""
+"""Delay of the display [s]: half the smoothing window, how far footsteps look ahead, and the age of a plan."""
 
 HISTORY = 64
-"""Samples of each track that are kept: LATE, the age of a plan, and a cycle and a half of the slowest walk before."""
+"""Samples kept of each track: LATE, the age of a plan, and a cycle and a half of the slowest walk before."""
 
 GROUPS = 10
-"""Groups of bodies that get new plans in turn, one in each step: a plan is at most this many steps old."""
+"""Groups of bodies that are planned in turn, one per step, so that a plan is at most this many steps old."""
 
 
 class LiveBodies:
@@ -26,9 +26,9 @@ class LiveBodies:
     Parameters
     ----------
     clip : DeformedClip
-        What they are posed from.
+        Model from which they are posed.
     samples : (B, 4) float64
-        x, y [m], heading [rad] and phase [cycles] of each as it begins.
+        First x, y [m], heading [rad] and phase [cycles] of each.
     """
 
     def __init__(self, clip: DeformedClip, samples: Floats) -> None:
@@ -38,7 +38,7 @@ class LiveBodies:
         self._plans: list[tuple[int, StepPlan]] = [self._planned(group) for group in range(GROUPS)]
 
     def add(self, samples: Floats) -> None:
-        """Take in the next sample of every track, (B, 4), and plan the footsteps of one group anew."""
+        """Append the next sample (B, 4) of every track, and plan the footsteps of one group anew."""
         tracks = self._tracks
         tracks[:, :-1] = tracks[:, 1:]
         turned = samples[:, 2] - tracks[:, -2, 2]
@@ -68,7 +68,7 @@ class LiveBodies:
         return roots, rotations
 
     def _planned(self, group: int) -> tuple[int, StepPlan]:
-        """The present step, and footsteps of a group on its tracks so far."""
+        """Return the present step, and the footsteps of a group on its tracks so far."""
         tracks = self._tracks[group::GROUPS]
         starts: NDArray[np.int64] = np.arange(len(tracks) + 1, dtype=np.int64) * HISTORY
         shown = smooth_joined(JoinedTracks(tracks.reshape(-1, 4), starts))

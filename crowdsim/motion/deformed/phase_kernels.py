@@ -1,7 +1,7 @@
-"""The phase of the gait, advanced with each step of the simulation.
+"""Advance the phase of the gait with each step of the simulation.
 
 The phase counts cycles: the left foot lands at whole numbers, the right one half a cycle later. Cadence follows the
-walk ratio of human gait, step length by cadence, which hardly changes with speed: 0.0065 m by steps a minute.
+walk ratio of human gait, step length over cadence, which hardly changes with speed: 0.0065 m per step a minute.
 """
 
 import math
@@ -11,54 +11,55 @@ from crowdsim.geometry.planar_kernels import wrap_angle
 from crowdsim.jit import helper, kernel
 
 STANCE = 0.6
-"""Share of its cycle that a foot stands, from when it lands."""
+"""Share of its cycle that a foot is on the floor, from when it lands."""
 REFERENCE = 0.26
-"""Phase after it lands at which a foot is where the body stands over it."""
+"""Phase after landing at which the body is over the foot."""
 STAND = 0.06
-"""Phase after a foot lands at which the body comes to a stand: in the middle of the time on both feet."""
+"""Phase after a landing at which the body comes to a stand: the middle of double support."""
 BOTH_FEET = 0.1
-"""Phase after a foot lands at which the other one lifts."""
+"""Phase after a landing at which the other foot lifts."""
 
 _WALK_RATIO = 0.39
-"""Squared meters of a step for each meter a second: 0.0065 m by steps a minute."""
+"""Square of the step length over the speed [m s]: 0.0065 m per step a minute. Larger: longer, slower steps."""
 _BACKWARD = 1.35
-"""Cadence walking backwards, as a multiple."""
+"""Cadence walking backward, as a multiple of that ahead."""
 _SIDE_BEGIN, _SIDE_SLOPE, _SIDE_MOST = 0.5, 1.1, 1.7
-"""Cycles a second stepping sideways: at rest, for each m/s, and at most."""
+"""Cadence of side-stepping [cycles/s]: at the lowest speed, increase per m/s, and largest."""
 _TURN_BEGIN, _TURN_SLOPE, _TURN_MOST = 0.35, 0.4, 1.5
-"""Cycles a second turning on the spot: at rest, for each rad/s, and at most."""
+"""Cadence of turning on the spot [cycles/s]: at the lowest rate, increase per rad/s, and largest."""
 _LONGEST_STRIDE = 1.6
-"""Meters of a cycle beyond which cadence grows with speed."""
+"""Largest length of a cycle [m]; beyond, cadence grows with speed."""
 _TWISTED, _SIDEWAYS = 0.7, 1.4
-"""Radians between where a body faces and goes up to which its hips follow, and from which it steps sideways."""
+"""Angle between facing and motion up to which the hips turn along, and from which the body side-steps [rad]."""
 _WALKING = 0.4
-"""Meters a second below which hips follow less."""
+"""Speed below which hips turn less [m/s]."""
 _SLOW = 0.45
-"""Cycles a second below which nobody walks steadily."""
+"""Cadence below which steady walking stops [cycles/s]."""
 _FINISH, _CLOSE = 0.6, 0.75
-"""Cycles a second at which a step is finished while the body creeps on, and after it has stopped."""
+"""Cadence at which a step is finished while the body creeps on, and after it has stopped [cycles/s]."""
 _STEPPING = 0.35
-"""Meters a second from which a body takes a step even if both feet are where they belong."""
+"""Speed from which a body takes a step even if both feet are where they belong [m/s]."""
 _CREEPING = 0.1
-"""Meters a second from which a body creeps on."""
+"""Speed from which a body creeps on [m/s]."""
 _SET_OFF, _SET_OFF_MOST = 6.0, 1.5
-"""Cycles a second of who sets off from a stand: for each m/s, and at most. More make the first step shorter."""
+"""Cadence when setting off from a stand: per m/s, and largest [cycles/s]. Higher: a shorter first step."""
 _NOT_YET = 0.5
-"""Share of the way that a steady walk would have left the rear foot behind, below which a body sets off."""
+"""A body sets off while it is away from its rear foot by less than this share of a steady walk's distance."""
 _AWAY, _TURNED = 0.06, 0.25
-"""Meters and radians from where the rear foot belongs, below which it may stay. Less make crowds that wait restless."""
+"""Distance [m] and angle [rad] from where the rear foot belongs below which it stays. Smaller: restless queues."""
 
 
 @helper
 def hip_turn(ahead, side):
-    """Radians that the hips are turned from the chest, towards where the body goes, at speeds ahead and sideways [m/s].
+    """Return the turn of the hips from the chest toward the motion [rad], at speeds ahead and sideways [m/s].
 
-    People who go at an angle to where their shoulders face walk ahead on their legs and twist their trunks, up to a
-    point; beyond, they step sideways.
+    People who move at an angle to their shoulders walk ahead on their legs and twist their trunks, up to a point;
+    beyond, they step sideways.
     """
     angle = abs(atan2(side, ahead))
     if angle >= _SIDEWAYS:
         return 0.0
+    # The hips follow fully up to _TWISTED, then return to 0 at _SIDEWAYS.
     turn = min(angle, _TWISTED * (_SIDEWAYS - angle) / (_SIDEWAYS - _TWISTED))
     walking = min(math.sqrt(ahead * ahead + side * side) / _WALKING, 1.0)
     return math.copysign(turn * walking * walking, side)
@@ -66,14 +67,17 @@ def hip_turn(ahead, side):
 
 @helper
 def phase_rate(ahead, side, turn):
-    """Cycles a second of a body that moves ``ahead`` and to the ``side`` [m/s] and turns at ``turn`` [rad/s]."""
+    """Return the cadence [cycles/s] for speeds ``ahead`` and to the ``side`` [m/s] and a turn rate ``turn`` [rad/s]."""
     along = abs(ahead)
     across = abs(side)
     turning = abs(turn)
     speed = math.sqrt(along * along + across * across)
+    # Walk ratio W = step^2 / speed: a cycle of two steps takes 2 sqrt(W v) / v seconds.
     rate = math.sqrt(_WALK_RATIO * along) / (2.0 * _WALK_RATIO)
     if ahead < 0.0:
         rate *= _BACKWARD
+    # Side steps, turns on the spot and the longest stride each set a least cadence. Those of side steps and turns set
+    # in over the first 0.1 m/s and 0.2 rad/s, so that a body that hardly moves does not step.
     rate = max(rate, min(_SIDE_BEGIN * min(1.0, across / 0.1) + _SIDE_SLOPE * across, _SIDE_MOST))
     on_spot = _TURN_BEGIN * min(1.0, turning / 0.2) + _TURN_SLOPE * turning
     rate = max(rate, min(on_spot, _TURN_MOST))
@@ -82,23 +86,23 @@ def phase_rate(ahead, side, turn):
 
 @helper
 def _next_phase(phase, rate, speed, away, turned, dt):
-    """Phase after a step of ``dt`` seconds of a body at ``rate`` [cycles/s] and ``speed`` [m/s].
+    """Return the phase after a step of ``dt`` seconds of a body at cadence ``rate`` [cycles/s] and ``speed`` [m/s].
 
-    away, turned: meters and radians from the pose that its rear foot stands for.
+    away, turned: distance [m] and angle [rad] of the body from the pose to which its rear foot belongs.
     """
     half = math.floor(2.0 * phase) * 0.5
     past = phase - half
-    # On both feet, and both of them where they belong: come to a stand. Who is pushed about a little takes no step.
+    # Double support with both feet where they belong: come to a stand. Small pushes cause no step.
     if speed < _STEPPING and past <= BOTH_FEET and away < _AWAY and turned < _TURNED:
         return max(phase, min(half + STAND, phase + _CLOSE * dt))
     if rate < _SLOW:
-        # Else finish the step, and begin another one if the rear foot was left behind.
+        # Too slow to walk: finish the step, and take another one if the rear foot was left behind.
         rate = _FINISH if speed > _CREEPING else _CLOSE
     elif past < REFERENCE and away * rate < _NOT_YET * (past + 0.5 - REFERENCE) * speed:
-        # Set off quickly, or the foot that stays behind is left too far: both are still where the body stood.
+        # Setting off: step quickly, or the rear foot, still where the body stood, would be left too far behind.
         rate = max(rate, min(_SET_OFF * speed, _SET_OFF_MOST))
     after = phase + rate * dt
-    # A step that passes the middle of double support at rest ends there.
+    # At rest a step ends in the middle of double support.
     if after > half + 0.5 + STAND and rate <= _CLOSE and speed <= _CREEPING:
         after = half + 0.5 + STAND
     return after
@@ -106,24 +110,29 @@ def _next_phase(phase, rate, speed, away, turned, dt):
 
 @helper
 def _rate_of(place, velocity, turn):
-    """Cycles a second of a body at ``place`` that moves with ``velocity`` and turns at ``turn``; its speed."""
+    """Return the cadence [cycles/s] and speed [m/s] of a body at ``place`` with ``velocity`` and turn rate ``turn``."""
     c, s = cos_sin(place[2])
     ahead = c * velocity[0] + s * velocity[1]
     side = c * velocity[1] - s * velocity[0]
-    # The legs see it from the hips.
+    # Cadence follows from the motion relative to the hips.
     c, s = cos_sin(hip_turn(ahead, side))
     return phase_rate(c * ahead + s * side, c * side - s * ahead, turn), math.sqrt(ahead * ahead + side * side)
 
 
 @kernel
 def set_anchors(places, velocities, turns, phases, anchors):
-    """Set the anchors of A bodies whose walk goes on from elsewhere: where each was when its rear foot was under it.
+    """Set the anchors of A bodies that continue a walk begun elsewhere: their poses when over the foot now behind.
 
-    places, velocities, turns, phases: as for :func:`advance_phases`, which changes the anchors from then on. A body
-    that would take it for a stand sets off quickly, though it walks. anchors: (A, 3) float64, set.
+    With a wrong anchor a walking body would be taken for a standing one and set off quickly.
+
+    Parameters
+    ----------
+    places, velocities, turns, phases: as of :func:`advance_phases`, which updates the anchors from then on.
+    anchors: (A, 3) float64, filled.
     """
     for body in range(len(phases)):
         rate, _ = _rate_of(places[body], velocities[body], turns[body])
+        # Half cycles since the body passed over the foot that is now behind.
         since = 2.0 * (phases[body] - REFERENCE)
         seconds = 0.5 * (since - math.floor(since)) / rate if rate >= _SLOW else 0.0
         anchors[body, 0] = places[body, 0] - seconds * velocities[body, 0]
@@ -135,20 +144,23 @@ def set_anchors(places, velocities, turns, phases, anchors):
 def advance_phases(places, velocities, turns, dt, phases, anchors):
     """Advance the phase of A bodies by a step of ``dt`` seconds.
 
-    places: (A, 3) float64 x, y [m] and heading [rad] after the step. velocities: (A, 2) float64 [m/s].
-    turns: (A,) float64 turn rate [rad/s]. phases: (A,) float64 cycles, changed in place.
-    anchors: (A, 3) float64, the pose that the foot which will lift next stands for; changed in place. A new body's is
-    its place, and its phase is STAND; that of one that walked before as a captured one is of :func:`set_anchors`.
+    Parameters
+    ----------
+    places: (A, 3) float64 x, y [m] and heading [rad] after the step.
+    velocities: (A, 2) float64 [m/s]. turns: (A,) float64 [rad/s].
+    phases: (A,) float64 [cycles], updated. STAND for a new body.
+    anchors: (A, 3) float64, pose to which the foot belongs that lifts next, updated. Its place for a new body; see
+    :func:`set_anchors` for one that walked as a captured character before.
     """
     for body in range(len(phases)):
         rate, speed = _rate_of(places[body], velocities[body], turns[body])
-        # Ask how far the body has left its rear foot.
+        # How far has the body left its rear foot?
         x = places[body, 0] - anchors[body, 0]
         y = places[body, 1] - anchors[body, 1]
         turned = abs(wrap_angle(places[body, 2] - anchors[body, 2]))
         before = phases[body]
         after = _next_phase(before, rate, speed, math.sqrt(x * x + y * y), turned, dt)
         phases[body] = after
-        # The foot that stands is under the body here; it lifts in the next half cycle.
+        # The body passes over the standing foot here; that foot lifts in the next half cycle.
         if math.floor(2.0 * (before - REFERENCE)) < math.floor(2.0 * (after - REFERENCE)):
             anchors[body] = places[body]

@@ -1,7 +1,7 @@
 """Footsteps of tracks: where feet stand, how low the pelvis must be for them, and how they leave and land.
 
-A row for each half cycle, left foot in even ones. Every row depends on about a cycle of the track before and after
-alone, so that a plan of any part of a track that is long enough gives the same poses.
+There is one row per half cycle, the left foot's in even half cycles. Each row depends only on about a cycle of the
+track before and after it, so a plan of any long enough part of a track gives the same poses.
 """
 
 import math
@@ -40,37 +40,44 @@ STEP_COLUMNS = 20
 PAD = 14
 """Samples added before and after each track."""
 _LONGEST_LOOK = 0.6
-"""Seconds after it lands beyond which nothing counts for where a foot stands."""
+"""Time after landing beyond which the track does not affect where a foot stands [s]."""
 _AT_REST = 1e-4
-"""Half cycles within which a phase is that of a stand."""
+"""Half cycles within which a phase counts as that of a stand."""
 _DIGITS = 1.2e-7
-"""Share of the phase by which recordings may round it: they have seven digits."""
+"""Relative rounding of phases in recordings, which have seven digits."""
 _SLOWEST = 0.45
-"""Cycles a second below which a stride is not longer for a lower cadence."""
+"""Cadence below which a stride no longer grows as cadence falls [cycles/s]."""
 _TURN_STRIDE = 0.2
-"""Meters of stride that a radian of turning counts as."""
+"""Stride that turning counts as [m/rad]."""
 _LARGEST_SHARE = 1.25
+"""Largest stride as a multiple of the clip's."""
 _APART = 1.8
 """Distance between feet side by side, as a multiple of the half width of steps."""
 _STOOD = 1.2
-"""Seconds between landings from which the earlier foot is no longer pushed by the later one."""
+"""Time between landings from which the later foot no longer pushes the earlier one [s]."""
 _PASSING = 0.095
-"""Meters across between a foot that swings and the one that it passes, at least."""
+"""Least distance across between a swinging foot and the one that it passes [m]."""
 _LONG, _LONG_BY = 0.32, 0.12
-"""Meters ahead from which feet may be in line, and over which they may more and more."""
+"""Distance ahead from which feet may be in line, and range over which the limit fades [m]."""
 _MOST_ASIDE = 0.2
+"""Largest distance that a foot swings or is pushed aside [m]."""
 _DEEPEST = 0.2
-"""Meters that the pelvis is lowered at most."""
+"""Largest drop of the pelvis [m]."""
 _HEEL_FROM, _HEEL_BY = 0.2, 0.3
-"""Phase after landing from which a heel may rise to spare the pelvis, and over which it may more and more."""
+"""Phase after landing from which a heel may rise to spare the pelvis, and range over which it gains freedom."""
 _HEEL_MOST = 1.15
-"""Radians that it then may."""
+"""Largest pitch that the heel then may have [rad]."""
 _HANN = (0.09549150281252627, 0.6545084971874737, 1.0, 0.6545084971874737, 0.09549150281252627)
+"""Weights of a Hann window over five samples, at the middles of its fifths; their sum is 2.5."""
 
 
 @helper
 def _smooth(values, column, first, last, scratch):
-    """Smooth rows ``first`` to before ``last`` of a column by a Hann window of half a second at 10 Hz, five samples."""
+    """Smooth rows ``first`` to before ``last`` of a column by a Hann window of five samples, half a second at 10 Hz.
+
+    The first and the last row stand for those that are missing beyond them. ``scratch`` has at least ``last`` values.
+    """
+    # Sum first and write later, as each row needs its neighbors as they were.
     for row in range(first, last):
         total = 0.0
         for k in range(5):
@@ -82,7 +89,7 @@ def _smooth(values, column, first, last, scratch):
 
 @helper
 def _speeds(samples, row, first, last, step):
-    """Speeds at a row by central differences: x, y [m/s], turn [rad/s], phase [cycles/s]."""
+    """Return speeds at a row by central differences: x, y [m/s], turn [rad/s], phase [cycles/s]."""
     before = max(row - 1, first)
     after = min(row + 1, last - 1)
     seconds = (after - before) * step
@@ -96,23 +103,27 @@ def _speeds(samples, row, first, last, step):
 
 @helper
 def _stands(phase):
-    """Whether a phase is that of a body at rest."""
+    """Return True if a phase is that of a body at rest, STAND after a landing."""
     halves = 2.0 * phase
     return abs(halves - math.floor(halves) - 2.0 * STAND) < max(_AT_REST, _DIGITS * halves)
 
 
 @kernel
 def fill_samples(model, tracks, starts, step, firsts, samples, scratch):
-    """Samples of tracks for poses: padded, with the share of the clip's stride and of its steps ahead.
+    """Fill the samples of tracks for poses: padded, hips turned, with the shares of the clip's stride and steps ahead.
 
-    tracks: (N, 4) float64 x, y [m], heading [rad] without jumps, phase [cycles]. starts: (A + 1,) int64 rows at which
-    tracks begin. firsts: (A,) int64 rows of ``samples`` (T, COLUMNS) at which they begin there. scratch: (T,) float64.
+    Parameters
+    ----------
+    tracks: (N, 4) float64 x, y [m], heading [rad] without jumps, phase [cycles].
+    starts: (A + 1,) int64 rows at which tracks begin. step: seconds between samples.
+    firsts: (A,) int64 rows of ``samples`` (T, COLUMNS) at which they begin there.
+    scratch: (T,) float64.
     """
     for body in range(len(firsts)):
         count = starts[body + 1] - starts[body]
         first = firsts[body]
         total = count + 2 * PAD
-        # Go on before and after the track as it begins and ends, or stand if it does.
+        # Padding: the track goes on as it begins and ends, or the body stands if it does there.
         for row in range(total):
             inside = min(max(row - PAD, 0), count - 1)
             beyond = row - PAD - inside
@@ -126,7 +137,7 @@ def fill_samples(model, tracks, starts, step, firsts, samples, scratch):
                 elif beyond > 0 and count > 1:
                     rate = tracks[source, column] - tracks[source - 1, column]
                 samples[first + row, column] = tracks[source, column] + beyond * rate
-        # Turn the hips to where the body goes; what the chest keeps is the twist.
+        # Turn the hips toward the motion; the angle that the chest keeps from them is the twist.
         for row in range(first, first + total):
             x, y, _, _ = _speeds(samples, row, first, first + total, step)
             c, s = cos_sin(samples[row, HEADING])
@@ -134,7 +145,7 @@ def fill_samples(model, tracks, starts, step, firsts, samples, scratch):
         _smooth(samples, TWIST, first, first + total, scratch)
         for row in range(first, first + total):
             samples[row, HEADING] += samples[row, TWIST]
-        # Share of the clip's stride, of all movement and of that ahead.
+        # SHARE: length of this stride over the clip's, turning included. AHEAD: the same for movement ahead alone.
         for row in range(first, first + total):
             x, y, turn, rate = _speeds(samples, row, first, first + total, step)
             rate = max(rate, _SLOWEST)
@@ -150,36 +161,41 @@ def fill_samples(model, tracks, starts, step, firsts, samples, scratch):
 
 @helper
 def _lack(x, y, heading, side, apart):
-    """Meters by which a point is too near to the ``side`` (1 left, -1 right) of a foot at the origin.
+    """Return by how much a point is too close to the ``side`` (1 left, -1 right) of a foot at the origin [m].
 
-    apart: meters wanted. What is well ahead or behind may be as near as it likes.
+    apart: required distance [m]. A point well ahead or behind may be as close as it likes.
     """
     c, s = cos_sin(heading)
     along = abs(c * x + s * y)
+    # 1 for feet side by side, 0 for those a long step apart.
     beside = min(max((_LONG - along) / _LONG_BY, 0.0), 1.0)
     return beside * min(max(apart - side * (c * y - s * x), 0.0), 2.0 * _MOST_ASIDE)
 
 
 @helper
 def _push_apart(steps, first, last, half, bodies, most):
-    """Move prints of rows ``first`` to before ``last`` outwards, each by half of what it and its neighbours lack.
+    """Move the prints of rows ``first`` to before ``last`` outward, each by half of what it and its neighbors lack.
 
-    A foot that has stood long when the next one lands stays: who stands does not know yet where to go.
+    A foot that has stood for long when the next one lands stays: its direction was not known when it was put down.
 
-    half: half cycle of the first row. bodies: (H, 4) heading of the body over each print, half step width, scratch, and
-    seconds at which each foot lands. most: meters that each is moved at most.
+    steps: rows of footsteps, one per half cycle, of which x and y of the prints [m] are read and moved. half: number of
+    the half cycle of row ``first``; even ones are the left foot's. bodies: (H, 4) heading of the body over each print
+    [rad], half step width [m], scratch, and time at which each foot lands [s]. most: largest movement of each [m].
     """
     for row in range(first + 1, last):
         side = 1.0 - 2.0 * ((half + row - first) & 1)
         x = steps[row, PRINT] - steps[row - 1, PRINT]
         y = steps[row, PRINT + 1] - steps[row - 1, PRINT + 1]
         apart = _APART * min(bodies[row - 1, 1], bodies[row, 1])
-        # Seen from either foot, and from the body between, along which feet that are apart must not cross.
+        # Lack as seen along either foot's heading; and along the mean of both, at any distance ahead: feet must not
+        # cross.
         lack = max(_lack(x, y, bodies[row - 1, 0], side, apart), _lack(x, y, bodies[row, 0], side, apart))
         c, s = cos_sin(0.5 * (bodies[row - 1, 0] + bodies[row, 0]))
         lack = max(lack, apart - side * (c * y - s * x))
+        # If the foot before stays, this one makes up for all of the lack.
         share = 1.0 if bodies[row, 3] - bodies[row - 1, 3] > _STOOD else 0.5
         bodies[row, 2] = min(share * lack, most)
+    # Each foot moves by the larger of what its two neighbors ask for.
     for row in range(first, last):
         side = 1.0 - 2.0 * ((half + row - first) & 1)
         push = bodies[row, 2] if row > first else 0.0
@@ -192,16 +208,20 @@ def _push_apart(steps, first, last, half, bodies, most):
 
 @kernel
 def plan_prints(model, samples, firsts, counts, step, halves, rows, steps, bodies):
-    """Where each foot stands: beside the track where the body passes over it, never nearer the other than it may.
+    """Plan where each foot stands: beside the track where the body passes over it, never too close to the other foot.
 
-    halves: (A,) int64 half cycle of each track's first row. rows: (A + 1,) int64 where these begin in ``steps``
-    (H, STEP_COLUMNS). bodies: (H, 4) float64 scratch.
+    Parameters
+    ----------
+    samples, firsts, step: as of `fill_samples`. counts: (A,) int64 samples of each track.
+    halves: (A,) int64 half cycle of each track's first row.
+    rows: (A + 1,) int64 rows at which tracks begin in ``steps`` (H, STEP_COLUMNS).
+    bodies: (H, 4) float64 scratch.
     """
     for body in range(len(firsts)):
         first = firsts[body]
         count = counts[body]
         span = 1
-        # Stand where the body is over the foot, but look no more than so far ahead.
+        # Stand where the body is when it passes over the foot, but look only _LONGEST_LOOK ahead.
         for row in range(rows[body], rows[body + 1]):
             half = halves[body] + row - rows[body]
             foot = half & 1
@@ -210,6 +230,7 @@ def plan_prints(model, samples, firsts, counts, step, halves, rows, steps, bodie
             track = track_at(samples, first, count, step, min(over, landing + _LONGEST_LOOK))
             ahead = min(track[AHEAD], 1.0)
             side = 1.0 - 2.0 * foot
+            # Blend from feet under a standing body to the clip's prints, by the share of its steps ahead.
             width = (1.0 - ahead) * model.width + ahead * abs(model.prints[foot, 1])
             place = (1.0 - ahead) * 0.5 * model.bones[foot, 2] + ahead * model.prints[foot, 0]
             c, s = cos_sin(track[HEADING])
@@ -219,10 +240,11 @@ def plan_prints(model, samples, firsts, counts, step, halves, rows, steps, bodie
             bodies[row, 0] = track[HEADING]
             bodies[row, 1] = width
             bodies[row, 3] = landing
-        # Twice, as a foot that is moved may come near the one before it.
+        # Twice, as a foot that moved may be too close to the one before.
         _push_apart(steps, rows[body], rows[body + 1], halves[body], bodies, _MOST_ASIDE)
         _push_apart(steps, rows[body], rows[body + 1], halves[body], bodies, 0.3 * _MOST_ASIDE)
-        # Swing out where the straight way to the next print would touch the other foot.
+        # Swing out if the straight line from the last print to the next passes too close to the other foot; 16 u^2 (1 -
+        # u)^2 is the shape of the detour, 1 in the middle.
         for row in range(rows[body] + 1, rows[body + 1] - 1):
             side = 1.0 - 2.0 * ((halves[body] + row + 1 - rows[body]) & 1)
             aside = 0.0
@@ -241,22 +263,25 @@ def plan_prints(model, samples, firsts, counts, step, halves, rows, steps, bodie
 
 @helper
 def planned_pitch(model, foot, u, ahead):
-    """Pitch of a foot at the share ``u`` of its cycle, by the share of the clip's stride that the body goes ahead."""
+    """Return the pitch of a foot at the share ``u`` of its cycle [rad], scaled by the share of steps ahead."""
     return sampled(model.pitch, foot, u) * ahead
 
 
 @helper
 def stand_ankle(model, foot, print_row, u, track, place, turn, spare):
-    """Ankle of a foot that stands: its place, pitch and heading.
+    """Return the ankle of a standing foot (x, y, z) [m], its pitch and its heading [rad].
 
-    print_row: x, y of the ball and heading of the print. u: share of its cycle. track, place, turn: of the body.
-    spare: radians to which the heel rises to spare the pelvis if u is large, or -1 for as much as the leg needs.
+    print_row: x, y of the ball [m] and heading of the print [rad]. u: share of the foot's cycle. track: row of the
+    body's track. place, turn: of the root. spare: pitch by which the heel may rise so that the pelvis stays high
+    [rad]; 0 before it may; -1 for as much as the leg needs. A pitch is positive if the toes point up, negative if the
+    heel does.
     """
     yaw = standing_yaw(print_row[2], model.prints[foot, 2], track[HEADING], u)
     c, s = cos_sin(yaw)
     pitch = planned_pitch(model, foot, u, track[AHEAD])
     if spare >= 0.0:
         pitch = min(pitch, -spare) if spare > 0.0 else pitch
+    # A heel rises for its leg only once the sole is down: before that, the foot still rolls over the heel.
     elif u > SOLE_DOWN:
         hip = hip_of(model, foot, place, turn)
         pitch = reaching_pitch(model.bones, foot, pitch, hip, print_row, c, s)
@@ -266,9 +291,10 @@ def stand_ankle(model, foot, print_row, u, track, place, turn, spare):
 
 @kernel
 def plan_drops(model, samples, firsts, counts, step, halves, rows, steps, scratch):
-    """How far the pelvis comes down for legs to reach, smoothly: over half a second about each stance that asks for it.
+    """Plan how far the pelvis comes down for legs to reach, smoothly over half a second about each such stance.
 
-    A leg asks as its foot lands and before it lifts, when the heel may help. Fills the column DROP of ``samples``.
+    Legs are tested as the foot lands and until it lifts, when the heel may help. Fills the column DROP of ``samples``.
+    Parameters as of :func:`plan_prints`.
     """
     asked = (0.0, 0.05, 0.15, 0.3, 0.4, 0.5, 0.55, 0.6)
     for body in range(len(firsts)):
@@ -286,13 +312,13 @@ def plan_drops(model, samples, firsts, counts, step, halves, rows, steps, scratc
                 if k == 0:
                     span = near
                 track = track_at(samples, first, count, step, time)
-                # Measure without any drop: the column DROP already holds what earlier stances asked for.
+                # Measure without any drop: DROP already contains that of earlier stances.
                 track = (track[0], track[1], track[2], track[3], track[4], track[5], 0.0, track[7])
                 place, turn = pelvis_of(model, track)
                 spare = _HEEL_MOST * min(max((u - _HEEL_FROM) / _HEEL_BY, 0.0), 1.0)
                 ankle, _, _ = stand_ankle(model, foot, prints, u, track, place, turn, spare)
                 lack = lacking(model.bones, foot, hip_of(model, foot, place, turn), ankle)
-                # Ask all samples that count for this time once they are smoothed.
+                # Set the drop in all samples that count for this time once they are smoothed.
                 if lack > 0.0:
                     middle = int(time / step)
                     for sample in range(max(middle - 3, 0), min(middle + 5, count)):
@@ -302,7 +328,10 @@ def plan_drops(model, samples, firsts, counts, step, halves, rows, steps, scratc
 
 @kernel
 def plan_swings(model, samples, firsts, counts, step, halves, rows, steps):
-    """How each foot lifts and lands: ankle, pitch and heading there, and the ankle's speed in meters a cycle."""
+    """Plan how each foot lands and lifts: ankle, pitch and heading there, and the ankle's speed [m/cycle].
+
+    Parameters as of :func:`plan_prints`.
+    """
     little = 0.01
     for body in range(len(firsts)):
         first = firsts[body]
@@ -314,7 +343,7 @@ def plan_swings(model, samples, firsts, counts, step, halves, rows, steps):
             prints = (steps[row, PRINT], steps[row, PRINT + 1], steps[row, PRINT + 2])
             near = span
             for begins in range(2):
-                # Pose the foot at the end of its stance and a little inside.
+                # Pose the foot at the end of its stance and ``little`` cycles inside; the difference gives the speed.
                 column = LAND if begins == 0 else LIFT
                 for k in range(2):
                     u = k * little if begins == 0 else STANCE - (1 - k) * little
@@ -324,6 +353,7 @@ def plan_swings(model, samples, firsts, counts, step, halves, rows, steps):
                     track = track_at(samples, first, count, step, time)
                     place, turn = pelvis_of(model, track)
                     ankle, pitch, yaw = stand_ankle(model, foot, prints, u, track, place, turn, -1.0)
+                    # end == 1: the pose at the very end, k == 0: the earlier of the two.
                     end = k if begins == 1 else 1 - k
                     for axis in range(3):
                         if k == 0:

@@ -1,4 +1,4 @@
-"""Poses of deformed clips, many in one call."""
+"""Pose the bodies of deformed clips, many in one call."""
 
 import math
 
@@ -27,14 +27,14 @@ from crowdsim.motion.deformed.phase_kernels import STANCE
 from crowdsim.motion.deformed.plan_kernels import ASIDE, LAND, LIFT, PAD, PRINT, planned_pitch, stand_ankle
 
 _LEAST_LIFT = 0.045
-"""Meters that a foot is lifted in a step on the spot."""
+"""Height to which a foot is lifted in a step on the spot [m]."""
 _CLEAR = 0.015
-"""Meters between sole and floor in the middle of a swing, at least."""
+"""Least distance between sole and floor in the middle of a swing [m]."""
 
 
 @helper
 def _cubic(u, start, start_speed, end, end_speed):
-    """Between two values with given speeds, u in [0, 1]."""
+    """Interpolate between two values with given speeds, u in [0, 1] (cubic Hermite)."""
     rest = 1.0 - u
     return (
         (1.0 + 2.0 * u) * rest * rest * start
@@ -45,10 +45,11 @@ def _cubic(u, start, start_speed, end, end_speed):
 
 @helper
 def _swing_ankle(model, foot, old, new, u, track):
-    """Ankle, pitch, heading and bend of the toes of a foot on its way from one print (row ``old``) to the next.
+    """Return ankle, pitch, heading and toe bend of a foot that swings from print ``old`` to ``new`` (rows of steps).
 
     u: share of the foot's cycle, from STANCE on.
     """
+    # v: share of the swing; speeds per cycle become speeds per swing.
     length = 1.0 - STANCE
     v = (u - STANCE) / length
     rest = 1.0 - v
@@ -56,35 +57,35 @@ def _swing_ankle(model, foot, old, new, u, track):
     y = _cubic(v, old[LIFT + 1], length * old[LIFT + 6], new[LAND + 1], length * new[LAND + 6])
     z = _cubic(v, old[LIFT + 2], length * old[LIFT + 7], new[LAND + 2], length * new[LAND + 7])
     yaw = old[LIFT + 4] + ease(v) * (new[LAND + 4] - old[LIFT + 4])
-    # Pass the other foot at a distance.
+    # Pass the other foot at a distance; outward is left for the left foot.
     c, s = cos_sin(yaw)
     aside = (1.0 - 2.0 * foot) * old[ASIDE] * 16.0 * v * v * rest * rest
     x -= aside * s
     y += aside * c
-    # Lift as the clip does, by the share of its stride, and at least as one steps on the spot.
+    # Lift as the clip does, by the share of its stride, and at least as in steps on the spot.
     ahead = track[AHEAD]
     share = min(track[SHARE], 1.0)
     z += ahead * sampled(model.lift, foot, u)
     z += (1.0 - ahead / (ahead + 0.2)) * _LEAST_LIFT * 16.0 * v * v * rest * rest * (0.6 + 0.4 * share)
-    # Pitch as the clip's, which begins as the foot lifted.
+    # Pitch as in the clip, blended from the pitch at which the foot lifted.
     least = 1.0 - ease(v)
     pitch = planned_pitch(model, foot, u, ahead)
     pitch += least * (old[LIFT + 3] - planned_pitch(model, foot, STANCE, ahead))
-    # Keep the sole off the floor.
+    # Keep ball and heel off the floor.
     pc, ps = cos_sin(pitch)
     high = model.bones[foot, 3]
     ball = model.bones[foot, 2] * ps - high * pc
     heel = -HEEL_BACK * ps - high * pc
     z = max(z, _CLEAR * 4.0 * v * rest - min(ball, heel))
-    # The toes stay level while the foot points down, or their tips would go through the floor.
+    # Toes stay level while the foot points down; their tips would go through the floor.
     return (x, y, z), pitch, yaw, max(-pitch, 0.0)
 
 
 @helper
 def _foot_at(model, steps, row, foot, u, track, place, turn):
-    """Ankle, pitch, heading and bend of the toes of a foot at the share ``u`` of its cycle.
+    """Return ankle, pitch, heading and bend of the toes of a foot at the share ``u`` of its cycle.
 
-    row: of the print that it stands on or comes from.
+    row: row of the print that it stands on or comes from; the foot's next print is two rows on.
     """
     if u < STANCE:
         prints = (steps[row, PRINT], steps[row, PRINT + 1], steps[row, PRINT + 2])
@@ -95,7 +96,8 @@ def _foot_at(model, steps, row, foot, u, track, place, turn):
 
 @helper
 def _frame_rotation(x0, x1, x2, y0, y1, y2, z0, z1, z2):
-    """Rotation of the frame whose axes are the unit vectors x, y, z."""
+    """Return the rotation of the frame whose axes are the unit vectors x, y, z (matrix to quaternion)."""
+    # Divide by the largest of the four components, whichever it is, for accuracy.
     trace = x0 + y1 + z2
     if trace > 0.0:
         w = 1.0 + trace
@@ -115,7 +117,7 @@ def _frame_rotation(x0, x1, x2, y0, y1, y2, z0, z1, z2):
 
 @helper
 def _put(out, body, joint, q):
-    """Write a rotation of a joint."""
+    """Write the rotation of a joint."""
     out[body, joint, 0] = q[0]
     out[body, joint, 1] = q[1]
     out[body, joint, 2] = q[2]
@@ -124,9 +126,10 @@ def _put(out, body, joint, q):
 
 @helper
 def _pose_leg(model, foot, hip, turn, target, forward, out, body):
-    """Rotations of hip, knee, ankle and toe so that the leg ends at ``target``: ankle, pitch, heading, bend of toes.
+    """Write rotations of hip, knee, ankle and toe so that the leg ends at ``target``: ankle, pitch, heading, toe bend.
 
-    turn: rotation of the root. forward: x, y of where the knee points. The knee bends by the law of cosines.
+    turn: rotation of the root. forward: unit vector x, y in which the knee points. The knee bends by the law of
+    cosines.
     """
     ankle, pitch, yaw, bend = target
     thigh = model.bones[foot, 0]
@@ -135,19 +138,20 @@ def _pose_leg(model, foot, hip, turn, target, forward, out, body):
     far = math.sqrt(x * x + y * y + z * z)
     reach = min(far, REACH * (thigh + shank))
     x, y, z = x / far, y / far, z / far
-    # The hinge of the knee lies across the way ahead and the way down; it points to the left.
+    # Knee hinge: perpendicular to forward and to the line from hip to ankle; it points to the left.
     hx, hy, hz = forward[1] * z, -forward[0] * z, forward[0] * y - forward[1] * x
     n = 1.0 / math.sqrt(max(hx * hx + hy * hy + hz * hz, 1e-12))
     hx, hy, hz = hx * n, hy * n, hz * n
-    # Front of the leg: down x hinge turned forward.
+    # Front of the leg: perpendicular to that line, on the knee's side.
     fx, fy, fz = hy * -z - hz * -y, hz * -x - hx * -z, hx * -y - hy * -x
+    # Law of cosines: angle between the thigh and the line from hip to ankle. t is the thigh, k the shank.
     cosine = (thigh * thigh + reach * reach - shank * shank) / (2.0 * thigh * reach)
     sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
     tx, ty, tz = cosine * x + sine * fx, cosine * y + sine * fy, cosine * z + sine * fz
     kx, ky, kz = (reach * x - thigh * tx) / shank, (reach * y - thigh * ty) / shank, (reach * z - thigh * tz) / shank
     n = 1.0 / math.sqrt(kx * kx + ky * ky + kz * kz)
     kx, ky, kz = kx * n, ky * n, kz * n
-    # Each bone: z up it, y the hinge, x across both.
+    # Frame of each bone: z up the bone, y the hinge, x perpendicular to both.
     upper = _frame_rotation(hz * ty - hy * tz, hx * tz - hz * tx, hy * tx - hx * ty, hx, hy, hz, -tx, -ty, -tz)
     lower = _frame_rotation(hz * ky - hy * kz, hx * kz - hz * kx, hy * kx - hx * ky, hx, hy, hz, -kx, -ky, -kz)
     turns = model.turns[foot]
@@ -170,10 +174,11 @@ def _pose_leg(model, foot, hip, turn, target, forward, out, body):
 
 @helper
 def _pose_upper(model, phase, share, twist, out, body):
-    """Rotations of the joints above the legs: from their means towards the clip by the share of its stride.
+    """Write rotations of the joints above the legs: from their means toward the clip by ``share`` of its stride.
 
-    twist: radians that the hips are turned from the chest; the joints of the spine turn back by it.
+    twist: angle of the hips from the chest [rad]; the joints of the spine turn back by it in equal parts.
     """
+    # Interpolate half rotation vectors between two samples of the cycle; scaled vectors are a slerp from the mean.
     samples = model.swings.shape[0] - 1
     at = (phase - math.floor(phase)) * samples
     k = min(int(at), samples - 1)
@@ -196,10 +201,17 @@ def _pose_upper(model, phase, share, twist, out, body):
 
 @kernel
 def pose_bodies(model, plan, bodies, times, roots, rotations):
-    """Poses of bodies at times: places of their roots (P, 3), and rotations (P, J, 4) of joints in their parents.
+    """Pose P bodies; write the places of their roots and the rotations of their joints.
 
-    plan: a :class:`~crowdsim.motion.deformed.step_plan.StepPlan`. bodies: (P,) int64 tracks of the plan. times: (P,)
-    float64 seconds after the first sample of each; before it and after the last one the movement goes on for a second.
+    Parameters
+    ----------
+    model: :class:`~crowdsim.motion.deformed.deformed_clip.ClipModel`.
+    plan: :class:`~crowdsim.motion.deformed.step_plan.StepPlan`.
+    bodies: (P,) int64 tracks of the plan.
+    times: (P,) float64 after the first sample of each [s]; for about a second before and after a track its movement
+    goes on.
+    roots: (P, 3) float64 [m], filled.
+    rotations: (P, J, 4) float64 of joints in their parents, filled.
     """
     samples = plan.samples
     steps = plan.steps
@@ -209,7 +221,7 @@ def pose_bodies(model, plan, bodies, times, roots, rotations):
         time = times[pose] + PAD * plan.step
         track = track_at(samples, plan.firsts[body], plan.counts[body], plan.step, time)
         place, turn = pelvis_of(model, track)
-        # Find the feet: on their prints, or between them.
+        # Find the feet, on their prints or between them. Row of the last landing: half cycle number less that of row 0.
         half = plan.halves[body]
         phase = track[PHASE]
         whole = math.floor(phase)
@@ -217,7 +229,7 @@ def pose_bodies(model, plan, bodies, times, roots, rotations):
         late = phase - 0.5
         behind = math.floor(late)
         right = _foot_at(model, steps, plan.rows[body] + 2 * behind + 1 - half, 1, late - behind, track, place, turn)
-        # The last resort of a leg that stands and does not reach: the pelvis.
+        # If a standing leg still does not reach, lower the pelvis.
         lack = 0.0
         if phase - whole < STANCE:
             lack = max(lack, lacking(model.bones, 0, hip_of(model, 0, place, turn), left[0]))
@@ -228,7 +240,7 @@ def pose_bodies(model, plan, bodies, times, roots, rotations):
         roots[pose, 1] = place[1]
         roots[pose, 2] = place[2]
         _put(rotations, pose, 0, turn)
-        # Knees point between the foot and the pelvis.
+        # Knees point halfway between foot and pelvis.
         front = rotate(turn, 1.0, 0.0, 0.0)
         across = 1.0 / math.sqrt(front[0] * front[0] + front[1] * front[1])
         for foot in range(2):

@@ -1,7 +1,7 @@
 """Uniform cubic B-splines through rows of samples: smooth to the second derivative, and monotone where the samples are.
 
-Sums of products of neighbouring samples, so a curve never leaves the samples' range. It passes within a sixth of a
-second difference of each sample: 4 mm for an acceleration of 2.5 m/s2 at 10 Hz.
+Values are weighted means of neighboring samples, so a curve never leaves their range. It passes each sample within a
+sixth of its second difference.
 """
 
 from crowdsim.jit import helper
@@ -9,11 +9,12 @@ from crowdsim.jit import helper
 
 @helper
 def span_of(time, step, first, count):
-    """Sample that begins the span which holds ``time``, and the share of the span that is past.
+    """Return the sample that begins the span containing ``time``, and the share of the span that has passed.
 
-    time: seconds from sample ``first``. step: seconds between samples. count: samples of the curve, at least 4. Times
-    before the second sample or after the last but one are moved there.
+    time: [s] from sample ``first``, limited to the second and the last but one sample. step: seconds between samples.
+    count: samples of the curve, at least 4.
     """
+    # Four samples surround a span, so spans begin at the second sample and end at the last but one.
     place = min(max(time / step, 1.0), count - 2.0)
     span = min(int(place), count - 3)
     return first + span, place - span
@@ -21,7 +22,7 @@ def span_of(time, step, first, count):
 
 @helper
 def weights_of(share):
-    """Weights of the four samples about a span, at ``share`` of it."""
+    """Return the weights of the four samples around a span, at ``share`` of it (uniform cubic B-spline basis)."""
     rest = 1.0 - share
     square = share * share
     cube = square * share
@@ -35,7 +36,7 @@ def weights_of(share):
 
 @helper
 def value_at(samples, column, span, weights):
-    """Value of a column of ``samples`` (T, C) with the span and weights of a time."""
+    """Return the value of a column of ``samples`` (T, C), given the span and weights of a time."""
     return (
         weights[0] * samples[span - 1, column]
         + weights[1] * samples[span, column]
@@ -46,19 +47,19 @@ def value_at(samples, column, span, weights):
 
 @helper
 def time_of_value(samples, column, target, step, first, count, start):
-    """Seconds from sample ``first`` at which a non-decreasing column first reaches ``target``.
+    """Return when a non-decreasing column first reaches ``target`` [s], and the span, both from sample ``first`` on.
 
-    start: span to look from, at or before the one that is meant. Returns the time and the span, relative to ``first``.
-    Before the beginning of the curve the time is its beginning, after its end its end.
+    Beyond the curve's values the time is that of its beginning or end. start: span at or before the result, to search
+    from.
     """
-    # Find the span at whose end the curve has reached the target.
+    # Find the span at whose end (weights 1/6, 4/6, 1/6) the curve has reached the target.
     span = start
     while span < count - 3:
         end = value_at(samples, column, first + span, (0.0, 1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0))
         if end >= target:
             break
         span += 1
-    # Halve: the curve is monotone in the span.
+    # Bisect; the curve is monotone in the span.
     low = 0.0
     high = 1.0
     for _ in range(24):

@@ -1,4 +1,4 @@
-"""Footsteps planned for tracks, and poses of the bodies that take them."""
+"""Plan footsteps for tracks, and pose the bodies that take them."""
 
 from __future__ import annotations
 
@@ -31,9 +31,10 @@ _BEYOND = 3
 class StepPlan(NamedTuple):
     """Footsteps of A tracks, in arrays.
 
-    samples: (T, COLUMNS) float64, the tracks with what poses ask of them, padded. firsts, counts: (A,) int64 rows of
-    each track in them. steps: (H, STEP_COLUMNS) float64, a row for each half cycle. rows: (A + 1,) int64 where those of
-    each track begin. halves: (A,) int64 half cycle of its first one. step: seconds between samples.
+    samples: (T, COLUMNS) float64, padded tracks with the columns that poses need. firsts, counts: (A,) int64, first row
+    and number of rows of each track in them. steps: (H, STEP_COLUMNS) float64, one row per half cycle. rows: (A + 1,)
+    int64, first of these rows for each track. halves: (A,) int64, half cycle of that row. step: time between samples
+    [s].
     """
 
     samples: Floats
@@ -51,13 +52,13 @@ def plan_steps(clip: DeformedClip, tracks: Sequence[Floats], step: float = STEP)
     Parameters
     ----------
     clip : DeformedClip
-        What the bodies are posed from.
+        Model from which the bodies are posed.
     tracks : sequence of (N, 4) float64
         x, y [m], heading [rad], phase [cycles] at equal steps of time; the phase never decreases
         (:func:`~crowdsim.motion.deformed.phase_kernels.advance_phases`). A plan needs a cycle before and after the
         times that are posed; beyond the ends of a track the movement goes on as it begins and ends.
     step : float
-        Seconds between samples.
+        Time between samples [s].
 
     Returns
     -------
@@ -67,13 +68,13 @@ def plan_steps(clip: DeformedClip, tracks: Sequence[Floats], step: float = STEP)
     Raises
     ------
     MotionError
-        If a track is empty, not finite, jumps, or has a phase that goes back.
+        If a track is empty, not finite, jumps, or has a phase that decreases.
     """
     return plan_joined(clip, join_tracks(tracks), step)
 
 
 def plan_joined(clip: DeformedClip, tracks: JoinedTracks, step: float = STEP) -> StepPlan:
-    """Plan where the feet of bodies stand, as :func:`plan_steps` does, for tracks that are joined already."""
+    """Do as :func:`plan_steps`, for tracks that are joined already."""
     require_walkable(tracks, step)
     samples_in, starts = tracks
     counts = np.diff(starts) + 2 * PAD
@@ -107,11 +108,11 @@ def pose_at(
     plan : StepPlan
         Footsteps of tracks.
     bodies : (P,) int64
-        Numbers of tracks of the plan; the same may come again.
+        Indices of tracks of the plan, in any order, repetitions allowed.
     times : (P,) float64
-        Seconds after the first sample of each track.
+        Times after the first sample of each track [s].
     out : (roots, rotations), optional
-        C-contiguous arrays to write to, as those returned. New ones cost as much as the poses.
+        C-contiguous arrays to write to, shaped as the results. Allocating new ones takes as long as posing.
 
     Returns
     -------
@@ -146,9 +147,9 @@ def posed_clip(clip: DeformedClip, plan: StepPlan, body: int, times: Floats, nam
     clip, plan
         As for :func:`pose_at`.
     body : int
-        Number of its track.
+        Index of its track.
     times : (F,) float64
-        Seconds after the first sample; steps of 1 / CAPTURE_RATE if the clip is to be played as others are.
+        Times after the first sample [s]; steps of 1 / CAPTURE_RATE if the clip is to be played like others.
     name : str
         Name of the clip.
 

@@ -11,20 +11,20 @@ from numpy.typing import NDArray
 class GraphArrays(NamedTuple):
     """N nodes and E edges, edges sorted by source (compressed rows).
 
-    node_frames: (N,) int32, frames L that a node lasts; it has L+1 track samples.
+    node_frames: (N,) int32, frames L of a node; it has L + 1 track samples.
     node_track: (N,) int32, first row of the node in ``tracks``.
-    tracks: (T, 3) float64, track pose (x, y, heading) of every sample relative to its node's first sample.
+    tracks: (T, 3) float64, track pose (x, y [m], heading [rad]) of every sample relative to its node's first sample.
     node_motion: (N, 3) float64, last track sample of each node: where its successor starts.
-    node_length: (N,) float64, meters along the track.
-    node_behavior: (N,) int32, index of the behavior, least preferred 0.
-    node_ends_standing: (N,) bool, whether a character may stay where the node ends.
-    node_idle: (N,) bool, waiting in place: never part of a path.
-    edge_start: (N + 1,) int32, row ``edge_start[n]:edge_start[n + 1]`` holds the edges out of node n.
+    node_length: (N,) float64, length of the track [m].
+    node_behavior: (N,) int32, index of the behavior, the least preferred is 0.
+    node_ends_standing: (N,) bool, True if a character may stay where the node ends.
+    node_idle: (N,) bool, True for waiting in place: never part of a path.
+    edge_start: (N + 1,) int32, rows ``edge_start[n]:edge_start[n + 1]`` are the edges out of node n.
     edge_target: (E,) int32.
     edge_transform: (E, 3) float64, start of the target in the frame of the source's last track sample.
-    edge_pivot: (E, 2) float64, planted foot in that same frame: extra rotation turns about it.
-    edge_low, edge_high: (E,) float64 radians, range of extra rotation, low <= 0 <= high.
-    stop_edge: (N,) int32, edge to take at a node's end to stand soonest; -1 where it ends standing or never can.
+    edge_pivot: (E, 2) float64, planted foot in that same frame: extra rotation turns about it [m].
+    edge_low, edge_high: (E,) float64, range of extra rotation, low <= 0 <= high [rad].
+    stop_edge: (N,) int32, edge to take at a node's end to stand soonest; -1 if it ends standing or never can.
     """
 
     node_frames: NDArray[np.int32]

@@ -1,4 +1,4 @@
-"""From nodes and the pairs that may join to the motion graph: its largest strongly connected part, as arrays."""
+"""Assemble a motion graph from nodes and pairs that may join: its largest strongly connected part, as arrays."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ Indices = NDArray[np.int64]
 class GraphReport:
     """Counts of a built graph.
 
-    edges: all that may follow each other. transitions: those of them that do not simply go on with a capture.
+    edges: all pairs that may follow each other. transitions: edges that do not simply continue a capture.
     branching: (N + 2T) / (N + T) with N nodes and T transitions: the papers' average branching factor, which counts
-        transitions as nodes.
-    out_degree: edges a node.
-    threshold: meters up to which moments were joined.
-    dropped: (node, why) of the segments that are not in the graph.
-    skating: transitions left out because of what they add to the drift of a planted foot.
+    transitions as nodes.
+    out_degree: edges per node.
+    threshold: distance up to which moments were joined [m].
+    dropped: (node, reason) of the segments that are not in the graph.
+    skating: transitions left out because they add too much to the drift of a planted foot.
     """
 
     nodes: int
@@ -47,7 +47,21 @@ class GraphReport:
 
 @dataclass(frozen=True)
 class MotionGraph:
-    """A strongly connected graph of motion segments, and their poses."""
+    """A strongly connected graph of motion segments, and their poses; :func:`build_motion_graph` makes it.
+
+    Attributes
+    ----------
+    arrays : GraphArrays
+        Nodes and edges in the form that kernels read.
+    node_names : tuple of str
+        Clip and frames of each node, as ``walk:30-61``.
+    poses : PoseTable
+        Poses of all frames of all nodes.
+    skeleton : Skeleton
+        Skeleton of all clips.
+    report : GraphReport
+        Sizes, and what was left out.
+    """
 
     arrays: GraphArrays
     node_names: tuple[str, ...]
@@ -57,12 +71,12 @@ class MotionGraph:
 
 
 def branching_factor(nodes: int, transitions: int) -> float:
-    """The papers' average branching factor (2011 paper, table 1, whose twelve rows this fits)."""
+    """Return the papers' average branching factor (2011 paper, table 1, whose twelve rows this formula fits)."""
     return (nodes + 2 * transitions) / (nodes + transitions)
 
 
 def largest_component(count: int, source: Indices, target: Indices) -> NDArray[np.bool_]:
-    """(count,) whether each node is in the strongly connected component of most nodes, the first of equals."""
+    """Return the mask (count,) of the largest strongly connected component, the first of equally large ones."""
     joined = coo_array((np.ones(len(source), bool), (source, target)), (count, count)).tocsr()
     _, label = connected_components(joined, directed=True, connection="strong")
     sizes = np.bincount(label)
@@ -72,14 +86,14 @@ def largest_component(count: int, source: Indices, target: Indices) -> NDArray[n
 
 
 def clip_frames(name: str) -> tuple[str, int, int]:
-    """Clip, first and last frame that the name of a node tells."""
+    """Return clip, first and last frame that a node's name contains."""
     clip, _, frames = name.rpartition(":")
     first, _, last = frames.partition("-")
     return clip, int(first), int(last)
 
 
 def follows(before: Node, after: Node) -> bool:
-    """Whether ``after`` simply goes on where ``before`` ends."""
+    """Return True if ``after`` simply continues where ``before`` ends."""
     return before.source == after.source and before.segment.last == after.segment.first
 
 
@@ -92,10 +106,10 @@ def assemble(
     threshold: float,
     dropped: Sequence[tuple[str, str]],
 ) -> MotionGraph:
-    """The graph of ``nodes`` and the edges (source, target) (E,), which lie in one strongly connected component.
+    """Return the graph of ``nodes`` and edges (source, target) (E,), which form one strongly connected component.
 
-    Edges are sorted by source, then target; ``alignments`` holds their ends and starts. An edge turns about the foot
-    that is planted where it leaves.
+    Edges are sorted by source, then target; ``alignments`` holds their ends and starts in the same order. An edge turns
+    about the foot that is planted where it leaves.
     """
     planted = [nodes[i].end.foot for i in source]
     pivot_a = np.array([nodes[i].end.pivots[foot] for i, foot in zip(source, planted, strict=True)]).reshape(-1, 2)
@@ -128,7 +142,7 @@ def assemble(
 
 
 def _pinned_transforms(rotation: Floats, pivot_a: Floats, pivot_b: Floats) -> Floats:
-    """(E, 3) poses that turn by ``rotation`` and bring ``pivot_b`` onto ``pivot_a``."""
+    """Return poses (E, 3) that turn by ``rotation`` and bring ``pivot_b`` onto ``pivot_a``."""
     c, s = cos(rotation), sin(rotation)
     x = pivot_a[:, 0] - (c * pivot_b[:, 0] - s * pivot_b[:, 1])
     y = pivot_a[:, 1] - (s * pivot_b[:, 0] + c * pivot_b[:, 1])

@@ -20,35 +20,36 @@ Frames = NDArray[np.int64]
 
 
 class FeatureDetector(Protocol):
-    """Finds the frames of a clip that all show the same pose."""
+    """Detector of the frames of a clip that all show the same pose."""
 
     name: str
     standing: bool
-    """Whether the body stands still at the cuts."""
+    """True if the body stands still at the cuts."""
 
     def cuts(self, clip: Clip) -> Frames:
-        """Ascending frames of ``clip`` at which it may be cut."""
+        """Return the frames of ``clip`` at which it may be cut, ascending."""
         ...
 
 
 class CrossingDetector:
-    """The right ankle passes forward through the plane of left hip, right hip and left ankle: once a walk cycle.
+    """Cut where the right ankle passes forward through the plane of both hips and the left ankle: once a walk cycle.
 
-    The published rule takes every change of sign. Here a side counts from 1 cm off the plane on and once it has held
-    for five frames, else people who stand are cut to pieces; frames in which the plane lies nearly flat (a raised leg)
-    count for nothing.
+    The published rule takes every change of sign. Here a side counts only 1 cm or more off the plane and after it has
+    held for five frames, otherwise standing is cut to pieces. Frames in which the plane is nearly horizontal (a raised
+    leg) do not count.
     """
 
     name = "crossing"
     standing = False
     both_ways = False
-    """Whether the ankle's way back through the plane, which the left ankle's way forward is, cuts as well."""
+    """True if the ankle's way back through the plane (the left ankle's way forward) cuts as well."""
     dead_band = 0.01
     hold_frames = 5
     steepest = 0.8
     shortest = int(0.3 * CAPTURE_RATE)
 
     def cuts(self, clip: Clip) -> Frames:
+        """Return the frames of ``clip`` in which the ankle passes, ascending."""
         distance, valid = self._distances(clip)
         sides = self._sides(distance, valid)
         cuts: list[int] = []
@@ -61,7 +62,7 @@ class CrossingDetector:
         return np.array(cuts, np.int64)
 
     def _distances(self, clip: Clip) -> tuple[Floats, NDArray[np.bool_]]:
-        """Signed distance (F,) of the right ankle from the plane, positive in front of it, and where that counts."""
+        """Return the right ankle's signed distance (F,) from the plane [m], positive in front, and where it counts."""
         joints, skeleton = clip.joint_positions, clip.skeleton
         left_hip, right_hip = joints[:, skeleton.joint("left_hip")], joints[:, skeleton.joint("right_hip")]
         left_ankle, right_ankle = joints[:, skeleton.joint("left_ankle")], joints[:, skeleton.joint("right_ankle")]
@@ -71,7 +72,7 @@ class CrossingDetector:
         return distance, np.abs(normal[:, 2]) <= self.steepest
 
     def _sides(self, distance: Floats, valid: NDArray[np.bool_]) -> NDArray[np.int8]:
-        """-1 behind, +1 in front; the side before persists in the dead band and until the other side has held."""
+        """Return -1 behind or 1 in front (F,); the last side persists until the other one has held."""
         raw = np.where(valid & (np.abs(distance) > self.dead_band), np.sign(distance), 0).astype(np.int8)
         sides = np.zeros(len(raw), np.int8)
         side, frame = 0, 0
@@ -86,7 +87,7 @@ class CrossingDetector:
 
     @staticmethod
     def _nearest_zero(distance: Floats, change: int) -> int:
-        """The frame nearest to the sign change itself, which lies before the dead band was left."""
+        """Return the frame nearest to the sign change, which lies before the dead band was left."""
         frame = change
         while frame > 0 and distance[frame - 1] > 0.0:
             frame -= 1
@@ -94,14 +95,14 @@ class CrossingDetector:
 
 
 class HalfCrossingDetector(CrossingDetector):
-    """Either ankle passes the other leg: twice a walk cycle, for captures too short to hold whole ones."""
+    """Cut where either ankle passes the other leg: twice a walk cycle, for captures without whole cycles."""
 
     name = "half_crossing"
     both_ways = True
 
 
 class StandingDetector:
-    """Both ankles rest: the middle of each such stretch, or its end nearest the movement at the ends of the clip."""
+    """Cut where both ankles rest: in the middle of each stretch, or nearest the movement at a clip's ends."""
 
     name = "standing"
     standing = True
@@ -109,6 +110,7 @@ class StandingDetector:
     hold_frames = 3
 
     def cuts(self, clip: Clip) -> Frames:
+        """Return the frames (k,) int64 of ``clip`` in which it may be cut standing, ascending."""
         still = np.ones(clip.frame_count, bool)
         for role in ("left_ankle", "right_ankle"):
             still &= joint_speeds(clip, clip.skeleton.joint(role)) < self.speed
@@ -117,16 +119,19 @@ class StandingDetector:
         cuts: list[int] = []
         for first, end in zip(edges[::2], edges[1::2], strict=True):
             last = end - 1
+            # Too short to be a rest.
             if end - first < self.hold_frames:
                 continue
+            # The whole clip stands: keep it as one segment.
             if first == 0 and last == last_frame:
                 return np.array([0, last_frame], np.int64)
+            # At an end of the clip, cut next to the movement; between two movements, in the middle.
             cuts.append(int(last if first == 0 else first if last == last_frame else (first + last) // 2))
         return np.array(cuts, np.int64)
 
 
 def joint_speeds(clip: Clip, joint: int) -> Floats:
-    """Speed (F,) of a joint in m/s, by central differences."""
+    """Return the speed (F,) of a joint by central differences [m/s]."""
     if clip.frame_count < 2:
         return np.zeros(clip.frame_count)
     speeds: Floats = np.linalg.norm(np.gradient(clip.joint_positions[:, joint], axis=0), axis=1) * CAPTURE_RATE
@@ -134,7 +139,7 @@ def joint_speeds(clip: Clip, joint: int) -> Floats:
 
 
 WALKING_DETECTORS = ("crossing", "standing")
-"""Names of the detectors of the 2011 paper, which between them cut walking and stepping."""
+"""Names of the detectors of the 2011 paper; together they cut walking and stepping."""
 
 DETECTORS: dict[str, FeatureDetector] = {
     d.name: d for d in (CrossingDetector(), HalfCrossingDetector(), StandingDetector())
@@ -143,14 +148,14 @@ DETECTORS: dict[str, FeatureDetector] = {
 
 
 def register_detector(detector: FeatureDetector) -> None:
-    """Let behavior files use ``detector`` by its name; MotionError where another one has that name."""
+    """Let behavior files use ``detector`` by its name; raise MotionError if another one has that name."""
     if DETECTORS.get(detector.name, detector) is not detector:
         raise MotionError(f"there is a feature detector '{detector.name}' already; give the new one another name")
     DETECTORS[detector.name] = detector
 
 
 def find_detector(name: str) -> FeatureDetector:
-    """The detector called ``name``; MotionError lists what there is."""
+    """Return the detector called ``name``; raise MotionError with the list of names if there is none."""
     try:
         return DETECTORS[name]
     except KeyError:

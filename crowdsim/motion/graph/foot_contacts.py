@@ -1,7 +1,7 @@
-"""How far planted feet slide: over the stances of a movement, and over those that a transition plays through.
+"""Drift of planted feet over the stances of a motion, and over those that a transition plays through.
 
-A foot rolls from heel to ball to toe, so no joint of it stays where it is. What stays is the point it stands on: the
-slowest of its points near the floor. The way these points go while the foot is down is its drift.
+A foot rolls from heel to ball to toe, so no joint of it stays in place. What stays is the point it stands on: the
+slowest of its points near the floor. The path of these points while the foot is down is its drift.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from crowdsim.motion.clips.kinematics import Floats, rotate
 from crowdsim.motion.clips.skeleton import HEEL_BACK, Skeleton
 
 NEAR_FLOOR = 0.05
-"""Meters above its lowest height up to which a point of the foot may be planted. In captures the ball of a planted foot
-is up to 3 cm higher in one stance than in another: skeletons do not quite fit, nor are floors quite level."""
+"""Height above its lowest position up to which a point of the foot may be planted [m]. Generous, as skeletons and
+floors of captures do not quite fit."""
 
 STANCE_SPEED = 0.25
 RISING_SPEED = 0.1
-"""Speeds (m/s) along and off the floor below which it then is. A foot that is faster, lands or lifts; so does one in
-the first and the last frame of a stance."""
+"""Speeds along and off the floor below which such a point is planted [m/s]. A faster foot lands or lifts, as does one
+in the first and last frame of a stance."""
 
 SHORTEST_STANCE = 0.1
-"""Seconds below which a foot is not planted but passes near the floor."""
+"""Duration below which a foot is not planted but passes near the floor [s]."""
 
 
 @dataclass(frozen=True)
 class Feet:
-    """Points (F, 2, P, 3) of the left and the right foot over F frames, and the lowest height (2, P) of each.
+    """Points (F, 2, P, 3) of the left and the right foot over F frames, and the lowest height (2, P) of each [m].
 
-    ankles: (2,) height of each ankle joint over the sole.
+    ankles: (2,) height of each ankle joint above the sole [m].
     """
 
     points: Floats
@@ -44,7 +44,7 @@ class Feet:
 
 @dataclass(frozen=True)
 class Stance:
-    """One foot on the floor over frames ``first`` to ``last``. drift: meters from where it stood, at most."""
+    """One foot on the floor over frames ``first`` to ``last``. drift: largest distance between its places [m]."""
 
     foot: int
     first: int
@@ -53,9 +53,9 @@ class Stance:
 
 
 def feet_of(skeleton: Skeleton, positions: Floats, world: Floats, like: Feet | None = None) -> Feet:
-    """Heels, balls and, where the skeleton has them, toe tips, of joints (F, J, 3) with world rotations (F, J, 4).
+    """Return heels, balls and toe tips (if the skeleton has them) of joints (F, J, 3) with world rotations (F, J, 4).
 
-    ``like`` are the feet of another movement of the same body, which had time to touch the floor.
+    like: feet of another motion of the same body that is long enough to show their lowest heights.
     """
     feet, ankles = [], []
     for number, side in enumerate(("left", "right")):
@@ -76,7 +76,7 @@ def feet_of(skeleton: Skeleton, positions: Floats, world: Floats, like: Feet | N
 
 
 def stances(feet: Feet, rate: float = CAPTURE_RATE) -> list[Stance]:
-    """All stances of at least a tenth of a second, by foot, then in order."""
+    """Return all stances of at least a tenth of a second, by foot, then in order."""
     planted = planted_steps(feet, rate)
     moves = standing_moves(np.diff(feet.points[..., :2], axis=0), planted)
     return [
@@ -87,7 +87,7 @@ def stances(feet: Feet, rate: float = CAPTURE_RATE) -> list[Stance]:
 
 
 def planted_steps(feet: Feet, rate: float = CAPTURE_RATE) -> NDArray[np.bool_]:
-    """(F - 1, 2, P) whether each point stands on the floor from a frame to the next, in a stance that lasts."""
+    """Return (F - 1, 2, P): True if a point stands on the floor from a frame to the next, in a lasting stance."""
     steps = np.diff(feet.points, axis=0)
     low = feet.points[..., 2] < feet.lowest + NEAR_FLOOR
     along = np.linalg.norm(steps[..., :2], axis=-1)
@@ -102,19 +102,19 @@ def planted_steps(feet: Feet, rate: float = CAPTURE_RATE) -> NDArray[np.bool_]:
 
 
 def standing_moves(steps: Floats, planted: NDArray[np.bool_]) -> Floats:
-    """(..., n, 2) steps of a foot: of its points (..., n, P, 2) that stand, the one with the least."""
+    """Return the steps (..., n, 2) of a foot: the least step of its points (..., n, P, 2) that stand."""
     least = np.argmin(np.where(planted, dot(steps, steps), np.inf), axis=-1)
     moves: Floats = np.take_along_axis(steps, least[..., None, None], axis=-2)[..., 0, :]
     return moves
 
 
 def extent(moves: Floats) -> float:
-    """Largest distance (m) between two places on a way of steps (n, 2)."""
+    """Return the largest distance between two places on a path of steps (n, 2) [m]."""
     places = np.concatenate([np.zeros((1, 2)), np.cumsum(moves, axis=0)])
     return float(hypot(*(places[:, None] - places).transpose(2, 0, 1)).max())
 
 
 def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """(first, end) of the runs of true ``flags``."""
+    """Return (first, end) of the runs of True in ``flags``."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

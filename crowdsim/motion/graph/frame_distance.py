@@ -1,8 +1,7 @@
-"""How alike two moments of movement are: the point-cloud distance of Kovar, Gleicher and Pighin (2002).
+"""Difference of two moments of motion: the point-cloud distance of Kovar, Gleicher and Pighin (2002).
 
-A moment is the cloud of the joints over a window of frames. Two clouds are compared under the best planar motion of
-one onto the other; the distance is the root mean square over all points, in meters. All pairs at once are a
-few matrix products.
+A moment is the cloud of the joints over a window of frames. Two clouds are compared under the best planar motion of one
+onto the other; the distance is the root mean square over all points [m]. All pairs at once are a few matrix products.
 """
 
 from __future__ import annotations
@@ -25,24 +24,24 @@ WINDOW_REACH = 10
 
 RANGE_STEP = np.radians(1.0)
 RANGE_CAP = 15
-"""Extra rotation is tried in steps of a degree, up to so many each way."""
+"""Extra rotation is tried in steps of RANGE_STEP [rad], up to RANGE_CAP steps each way."""
 
 _SQUARES = 8
-"""Most squares of a point's coordinates in one sum: two coordinates of two points, or their difference (4 times)."""
+"""Largest number of squared coordinates in one sum: two coordinates of two points, or their difference (4 times)."""
 
 
 def cloud_joints(skeleton: Skeleton) -> NDArray[np.int64]:
-    """Joints that count in a cloud: each place of the rest pose once, since files hold zero-length dummy joints."""
+    """Return the joints that count in a cloud: each rest position once, as files contain zero-length dummy joints."""
     rest = skeleton.rest_positions()
     gaps = np.linalg.norm(rest[:, None] - rest[None, :], axis=-1)
     return np.array([j for j in range(len(rest)) if not (gaps[j, :j] < 1e-6).any()], np.int64)
 
 
 def point_clouds(clip: Clip, track: Floats, frames: NDArray[np.int64], standing: NDArray[np.bool_]) -> Floats:
-    """Points (n, P, 3) around ``frames`` (n,), each relative to its track pose.
+    """Return points (n, P, 3) around ``frames`` (n,), each cloud relative to its track pose [m].
 
-    The window runs over the neighbor frames of the clip and holds the clip's last pose beyond its ends. Around a
-    standing cut it holds the pose of the cut itself: what a standing body did before or does next says nothing.
+    The window covers the neighboring frames and repeats the clip's first and last pose beyond its ends. For a
+    ``standing`` cut it repeats the pose of the cut, as the movement before and after a stand does not matter.
     """
     steps = np.where(standing[:, None], 0, np.arange(-WINDOW_REACH, WINDOW_REACH + 1))
     window = np.clip(frames[:, None] + steps, 0, clip.frame_count - 1)
@@ -55,10 +54,10 @@ def point_clouds(clip: Clip, track: Floats, frames: NDArray[np.int64], standing:
 class PairAlignments:
     """n pairs of clouds (a, b) of P points, each pair under its best alignment.
 
-    distance: (n,) meters, root mean square. rotation: (n,) radians by which cloud b turns onto cloud a.
-    dot, cross, fixed: (n,) sums over the points about their means: the squared distance under a turn by t is
-        ``fixed - 2 (cos(t) dot + sin(t) cross)``.
-    mean_a, mean_b: (n, 2) planar means.
+    distance: (n,) root mean square [m]. rotation: (n,) angle by which cloud b turns onto cloud a [rad].
+    dot, cross, fixed: (n,) sums over the points about their means: the squared distance under a turn by t is ``fixed -
+    2 (cos(t) dot + sin(t) cross)``.
+    mean_a, mean_b: (n, 2) planar means [m].
     """
 
     distance: Floats
@@ -71,7 +70,7 @@ class PairAlignments:
     points: int
 
     def pinned_distance(self, pivot_a: Floats, pivot_b: Floats, rotation: Floats) -> Floats:
-        """(n,) distance when b turns by ``rotation`` (n,) and ``pivot_b`` (n, 2) falls on ``pivot_a``."""
+        """Return distances (n,) when b turns by ``rotation`` and ``pivot_b`` (n, 2) is moved onto ``pivot_a`` [m]."""
         u, v = self.mean_a - pivot_a, self.mean_b - pivot_b
         dot = self.dot + self.points * np.sum(u * v, axis=1)
         cross = self.cross + self.points * (u[:, 1] * v[:, 0] - u[:, 0] * v[:, 1])
@@ -81,10 +80,10 @@ class PairAlignments:
         return distance
 
     def rotation_range(self, pivot_a: Floats, pivot_b: Floats, threshold: float) -> tuple[Floats, Floats]:
-        """Extra rotation about the pivot, low <= 0 <= high (n,), that keeps the distance within ``threshold``.
+        """Return the range of extra rotation about the pivot, low <= 0 <= high (n,), that keeps within ``threshold``.
 
-        2011 paper, section 3: by small steps either way until the threshold is passed. A pair whose pinned
-        distance is over the threshold from the start has no range.
+        2011 paper, section 3: small steps either way until the threshold is exceeded. A pair whose pinned distance
+        exceeds it from the start has no range.
         """
         within = self.pinned_distance(pivot_a, pivot_b, self.rotation) <= threshold
         ends = []
@@ -102,8 +101,8 @@ class PairAlignments:
 class Alignments:
     """All pairs of A clouds with B clouds of P points; see :class:`PairAlignments` for the sums.
 
-    distance: (A, B) meters, root mean square under the best alignment.
-    rotation: (A, B) radians by which cloud b turns onto cloud a.
+    distance: (A, B) root mean square under the best alignment [m].
+    rotation: (A, B) angle by which cloud b turns onto cloud a [rad].
     """
 
     distance: Floats
@@ -116,7 +115,7 @@ class Alignments:
     _points: int
 
     def pairs(self, a: NDArray[np.int64], b: NDArray[np.int64]) -> PairAlignments:
-        """The pairs (a, b) (n,) of all of them."""
+        """Return the alignments of the pairs (a, b) (n,)."""
         return PairAlignments(
             self.distance[a, b],
             self.rotation[a, b],
@@ -153,7 +152,7 @@ def align_pairs(clouds_a: Floats, clouds_b: Floats) -> PairAlignments:
 
 
 def join_pairs(parts: Sequence[PairAlignments]) -> PairAlignments:
-    """The pairs of all ``parts``, one after the other."""
+    """Return the pairs of all parts, in their order, as one; the clouds of all parts have as many points."""
 
     def joined(name: str) -> Floats:
         return np.concatenate([getattr(part, name) for part in parts])
@@ -171,7 +170,7 @@ def join_pairs(parts: Sequence[PairAlignments]) -> PairAlignments:
 
 
 def _centered(clouds: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Planar means (n, 2) of clouds (n, P, 3), and x and y about them and z, (n, P) each, rounded for exact sums."""
+    """Return means (n, 2) of clouds (n, P, 3), x and y about them, and z, (n, P) each, rounded for exact sums."""
     mean = clouds[..., :2].mean(axis=1)
     terms = _SQUARES * clouds.shape[1]
     x, y = (rounded_for_sums(clouds[..., axis] - mean[:, None, axis], terms) for axis in (0, 1))
@@ -179,4 +178,5 @@ def _centered(clouds: Floats) -> tuple[Floats, Floats, Floats, Floats]:
 
 
 def _root_mean_square(squared: Floats, points: int) -> Floats:
+    """Return the root of the mean over ``points`` of summed squares; rounding may make these negative."""
     return np.sqrt(np.maximum(squared, 0.0) / points)

@@ -31,21 +31,20 @@ from crowdsim.motion.graph.nodes import (
 __all__ = ["DEFAULT_THRESHOLD", "GraphReport", "MotionGraph", "MotionSource", "build_motion_graph"]
 
 DEFAULT_THRESHOLD = 0.06
-"""Meters of point-cloud distance up to which two moments may be joined."""
+"""Largest point-cloud distance of two moments that may join [m]. Higher: more edges, less smooth."""
 
 STANDING_ALLOWANCE = 1.5
-"""How many times the threshold two standing poses may differ: a body at rest has the time to settle, and people never
-come to rest just as they set out."""
+"""Threshold of two standing poses, as a multiple: a body at rest has time to settle, and people never come to rest
+exactly as they set out."""
 
 WIDEST_THRESHOLD = 0.3
-"""Meters up to which a threshold is looked for that gives a wanted branching factor."""
+"""Largest threshold that is tried for a required branching factor [m]."""
 
 CAPTURED_DRIFT = 0.005
-"""Meters that a transition between captures may add to the drift of a planted foot, which slides 1 to 2 cm in a stance
-as it was captured."""
+"""Largest drift of a planted foot that a transition between captures may add to that of the captures [m]."""
 
 _AROUND = 8
-"""Distances tried either way of the one that halving finds."""
+"""Distances tried on either side of the one found by bisection."""
 
 
 def build_motion_graph(
@@ -55,14 +54,29 @@ def build_motion_graph(
     branching: float | None = None,
     most_drift: float | None = None,
 ) -> MotionGraph:
-    """Cut the clips, join their segments wherever the distance allows, keep the largest strongly connected part.
+    """Cut the clips, join their segments where the distance allows, and keep the largest strongly connected part.
 
-    An end may join a start if the same foot is planted in both, or both stand, and their distance is at most
-    ``threshold`` meters (root mean square over joints and frames). ``max_out_edges`` keeps the nearest so many
-    edges out of each node; the one to the segment that followed in the capture always stays. Where a ``branching``
-    factor is wanted, the threshold is the one up to WIDEST_THRESHOLD that comes nearest to it and keeps at least half
-    of the nodes; where many segments are alike, only ``max_out_edges`` brings it down. Transitions that add more than
-    ``most_drift`` meters to the drift of a planted foot are then left out; the clips need names of their own for it.
+    An end may join a start if the same foot is planted in both, or both stand.
+
+    Parameters
+    ----------
+    sources : sequence of MotionSource
+        The clips.
+    threshold : float
+        Largest distance of moments that join, root mean square over joints and frames [m].
+    max_out_edges : int or None
+        Keep only so many nearest edges out of each node; the one to the segment that followed in the capture always
+        stays.
+    branching : float or None
+        Required branching factor. The threshold is then the one up to WIDEST_THRESHOLD that comes nearest to it and
+        keeps at least half of the nodes. If many segments are alike, only ``max_out_edges`` can lower it.
+    most_drift : float or None
+        Leave out transitions that add more than this to the drift of a planted foot [m]; clip names must be unique.
+
+    Raises
+    ------
+    MotionError
+        If clips do not fit together, or nothing joins.
     """
     candidates = _candidates(sources, max_out_edges)
     if branching is not None:
@@ -71,7 +85,7 @@ def build_motion_graph(
     graph, keep = _joined(candidates, threshold)
     if most_drift is None:
         return graph
-    # Here, as it compiles how poses are blended, which the default set has no need of to be joined.
+    # Imported here: it compiles pose blending, which the default set does not need.
     from crowdsim.motion.graph.transition_drift import skating_edges
 
     leave, enter = np.flatnonzero(keep)[skating_edges(graph, [source.clip for source in sources], most_drift)]
@@ -83,14 +97,14 @@ def build_motion_graph(
 
 
 def _joined(candidates: _Candidates, threshold: float) -> tuple[MotionGraph, NDArray[np.bool_]]:
-    """The largest component at ``threshold``, and (N,) the nodes that are in it."""
+    """Return the largest component at ``threshold``, and the mask (N,) of its nodes."""
     nodes, alignments = candidates.nodes, candidates.alignments
     source, target, keep = _edges(candidates, threshold)
     if not len(source):
         apart = candidates.needed[candidates.needed > 0.0]
-        nearest = f"{float(apart.min()):.3f} m apart" if np.isfinite(apart).any() else "on other feet"
+        nearest = f"{float(apart.min()):.3f} m apart" if np.isfinite(apart).any() else "on different feet"
         raise MotionError(
-            f"no cycle of segments joins within {threshold:g} m (the nearest end and start that are not one are "
+            f"no cycle of segments joins within {threshold:g} m (the nearest end and start of different segments are "
             f"{nearest}); raise the threshold or add clips"
         )
     dropped = list(candidates.dropped)
@@ -110,10 +124,10 @@ def _joined(candidates: _Candidates, threshold: float) -> tuple[MotionGraph, NDA
 
 @dataclass(frozen=True)
 class _Candidates:
-    """N nodes and how near each end is to each start.
+    """N nodes, and how near each end is to each start.
 
-    needed: (N, N) meters, the threshold from which on row's end joins column's start; 0 where it simply goes on,
-    infinite where it never may.
+    needed: (N, N) threshold from which on the row's end joins the column's start [m]; 0 if it continues the capture,
+    infinite if it never may.
     """
 
     prepared: list[PreparedSource]
@@ -124,6 +138,7 @@ class _Candidates:
 
 
 def _candidates(sources: Sequence[MotionSource], max_out_edges: int | None) -> _Candidates:
+    """Cut the sources into nodes and compare all ends with all starts."""
     prepared = prepare_sources(sources)
     cut = [node for i, source in enumerate(prepared) for node in make_nodes(source, i, feature_segments(source))]
     idle = [source.idle for source in sources]
@@ -145,7 +160,7 @@ def _candidates(sources: Sequence[MotionSource], max_out_edges: int | None) -> _
 
 
 def _edges(candidates: _Candidates, threshold: float) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]:
-    """Sources and targets (E,) of the edges in the largest component, and (N,) the nodes that are in it."""
+    """Return sources and targets (E,) of the edges in the largest component, and the mask (N,) of its nodes."""
     source, target = np.nonzero(candidates.needed <= threshold)
     keep = largest_component(len(candidates.nodes), source, target)
     inside = keep[source] & keep[target]
@@ -153,18 +168,18 @@ def _edges(candidates: _Candidates, threshold: float) -> tuple[NDArray[np.int64]
 
 
 def _calibrated(candidates: _Candidates, wanted: float) -> float:
-    """Threshold (m) whose graph comes nearest to the ``wanted`` branching factor, the smaller of equals.
+    """Return the threshold whose graph comes nearest to the ``wanted`` branching factor, the smallest of equals [m].
 
     Only the distances themselves can change the graph. Branching grows with the threshold almost everywhere, but a node
-    that comes into the component can lower it: halving finds the neighborhood, of which the best is taken. A graph
-    that loses more than half of the nodes is none.
+    that joins the component can lower it: bisection finds the neighborhood, then the best threshold there is taken.
+    Graphs that lose more than half of the nodes do not count.
     """
     steps = np.unique(candidates.needed[candidates.needed <= WIDEST_THRESHOLD])
     natural = candidates.needed == 0.0
     least = int(_edges(candidates, float(steps[-1]))[2].sum()) / 2.0
 
     def judge(place: int) -> tuple[bool, float]:
-        """Whether it loses too many nodes, and how far over the wanted branching it is."""
+        """Return True if too many nodes are lost, and the excess over the wanted branching factor."""
         source, target, keep = _edges(candidates, float(steps[place]))
         transitions = len(source) - int(natural[source, target].sum())
         nodes = int(keep.sum())
@@ -188,7 +203,7 @@ def _calibrated(candidates: _Candidates, wanted: float) -> float:
 
 
 def _require_loops(candidates: _Candidates, threshold: float) -> None:
-    """MotionError for an idle clip that cannot follow itself: who waits would have to stop waiting."""
+    """Raise MotionError if an idle clip cannot follow itself: a waiting character would have to stop waiting."""
     for i, node in enumerate(candidates.nodes):
         source = candidates.prepared[node.source].source
         if source.idle and candidates.needed[i, i] > threshold:

@@ -1,4 +1,4 @@
-"""The nodes of a motion graph before they are joined: segments of clips and the feet they stand on."""
+"""Nodes of a motion graph before they are joined: segments of clips and the feet that they stand on."""
 
 from __future__ import annotations
 
@@ -17,36 +17,47 @@ from crowdsim.motion.graph.frame_distance import point_clouds
 from crowdsim.motion.graph.segmentation import Segment, require_locomotion, segment_clip
 
 BOTH_FEET = 2
-"""Planted foot of a standing cut; otherwise 0 is the left foot and 1 the right."""
+"""Planted foot of a standing cut; otherwise 0 is the left foot and 1 the right one."""
 
 _SHORTEST_TRACK = 0.01
 _SMALLEST_CHANGE = 0.05
 _SMALLEST_TURN = np.radians(2.0)
+"""Length of the track [m], change of pose [m] and turn [rad] below which a node leads nowhere."""
 
 
 @dataclass(frozen=True)
 class MotionSource:
-    """A clip and how it enters the graph.
+    """A clip, and how it enters the graph.
 
-    behavior: index of the behavior that it performs.
-    detectors: names of the feature detectors that cut it.
-    idle: the whole clip is one node that waits in place.
+    Attributes
+    ----------
+    clip : Clip
+        The clip.
+    behavior : int
+        Index of the behavior that it performs.
+    detectors : tuple of str
+        Names of the feature detectors that cut it.
+    idle : bool
+        True if the whole clip is one node that waits in place.
+    left_out : frozenset of (int, int)
+        First and last frames of the segments that are not used.
     """
 
     clip: Clip
     behavior: int
     detectors: tuple[str, ...]
     idle: bool = False
+    left_out: frozenset[tuple[int, int]] = frozenset()
 
 
 @dataclass(frozen=True)
 class PreparedSource:
-    """A source with what all its cuts need.
+    """A source with the data that all its cuts need.
 
     track: (F, 3) track pose of every frame.
-    foot_speed: (F, 2) m/s, mean over the joints of the left and the right foot.
-    foot_places: (F, 3, 2) meters, ball of the left foot, of the right foot, and the middle of both feet, relative to
-        the track pose. Where cycles are cut the standing foot turns about its ball and the heel already rises.
+    foot_speed: (F, 2) mean speed of the joints of the left and the right foot [m/s].
+    foot_places: (F, 3, 2) ball of the left foot, of the right foot, and the middle of both feet, relative to the track
+    pose [m]. The ball, as a standing foot turns about it and its heel already rises where cycles are cut.
     """
 
     source: MotionSource
@@ -56,15 +67,16 @@ class PreparedSource:
 
     @property
     def clip(self) -> Clip:
+        """Return the source's clip."""
         return self.source.clip
 
 
 @dataclass(frozen=True)
 class Moment:
-    """One end of a node, where it may meet another: everything relative to the track pose there.
+    """One end of a node, where it may join another; all data relative to the track pose there.
 
-    frame: of the clip. cloud: (P, 3) point cloud. foot: planted foot. pivots: (3, 2) where either foot stands, and the
-    middle of both.
+    frame: of the clip. cloud: (P, 3) point cloud [m]. foot: planted foot. pivots: (3, 2) places of both feet and the
+    middle between them [m].
     """
 
     frame: int
@@ -74,7 +86,7 @@ class Moment:
 
     @property
     def pivot(self) -> Floats:
-        """(2,) where the planted foot stands."""
+        """Return the place (2,) of the planted foot [m]."""
         pivot: Floats = self.pivots[self.foot]
         return pivot
 
@@ -92,14 +104,14 @@ class Node:
     end: Moment
 
     def leads_nowhere(self) -> bool:
-        """Whether it neither moves nor turns nor ends in another pose, as holding the arms in does."""
+        """Return True if it neither moves nor turns nor ends in another pose (as pulling in the arms does)."""
         turn = float(np.ptp(np.unwrap(self.track[:, 2])))
         change = float(np.max(np.linalg.norm(self.start.cloud - self.end.cloud, axis=1)))
         return self.length < _SHORTEST_TRACK and turn < _SMALLEST_TURN and change < _SMALLEST_CHANGE
 
 
 def prepare_sources(sources: Sequence[MotionSource]) -> list[PreparedSource]:
-    """What the cuts of ``sources`` need; MotionError where the clips differ in their skeleton or one leads nowhere."""
+    """Prepare the data of ``sources``; raise MotionError if skeletons differ or a clip is no locomotion."""
     if not sources:
         raise MotionError("a motion graph needs at least one clip")
     for source in sources[1:]:
@@ -108,6 +120,7 @@ def prepare_sources(sources: Sequence[MotionSource]) -> list[PreparedSource]:
 
 
 def _prepared(source: MotionSource) -> PreparedSource:
+    """Return a source with the data of its cuts; raise MotionError if it cannot be used."""
     clip, track = source.clip, track_of(source.clip)
     if not source.idle:
         require_locomotion(clip, track)
@@ -122,18 +135,19 @@ def _prepared(source: MotionSource) -> PreparedSource:
 
 
 def feature_segments(prepared: PreparedSource) -> list[Segment]:
-    """The segments between the feature cuts of a source; an idle clip is one that stands at both ends."""
+    """Return the segments between the feature cuts of a source; an idle clip is one that stands at both ends."""
     if prepared.source.idle:
         return [Segment(0, prepared.clip.frame_count - 1, True, True)]
-    return segment_clip(prepared.clip, prepared.source.detectors)
+    segments = segment_clip(prepared.clip, prepared.source.detectors)
+    return [segment for segment in segments if (segment.first, segment.last) not in prepared.source.left_out]
 
 
 def make_nodes(
     prepared: PreparedSource, source: int, segments: Sequence[Segment], hold_standing: bool = True
 ) -> list[Node]:
-    """A node for each of ``segments`` of the source with index ``source``.
+    """Return a node for each of ``segments`` of the source with index ``source``.
 
-    ``hold_standing`` takes the pose of a cut that stands for its whole window; see :func:`point_clouds`.
+    ``hold_standing``: use a standing cut's pose for its whole window; see :func:`point_clouds`.
     """
     if not segments:
         return []
@@ -143,6 +157,7 @@ def make_nodes(
 
 
 def _node(prepared: PreparedSource, source: int, segment: Segment, start: Moment, end: Moment) -> Node:
+    """Return the node of a segment."""
     samples = prepared.track[segment.first : segment.last + 1]
     relative = compose(invert(samples[0]), samples)
     length = float(np.sum(np.linalg.norm(np.diff(samples[:, :2], axis=0), axis=1)))
@@ -151,6 +166,7 @@ def _node(prepared: PreparedSource, source: int, segment: Segment, start: Moment
 
 
 def _moments(prepared: PreparedSource, frames: list[int], standing: list[bool], hold_standing: bool) -> list[Moment]:
+    """Return the ends at ``frames``; the planted foot is the slower one, or both at a standing cut."""
     clouds = point_clouds(prepared.clip, prepared.track, np.array(frames), np.array(standing) & hold_standing)
     moments = []
     for frame, stands, cloud in zip(frames, standing, clouds, strict=True):
@@ -160,11 +176,13 @@ def _moments(prepared: PreparedSource, frames: list[int], standing: list[bool], 
 
 
 def _foot_joints(clip: Clip, side: str) -> list[int]:
+    """Return the ankle and the toe (the ankle again if there is none) of one foot."""
     ankle = clip.skeleton.joint(f"{side}_ankle")
     return [ankle, clip.skeleton.roles.get(f"{side}_toe", ankle)]
 
 
 def _require_same_skeleton(first: Clip, other: Clip) -> None:
+    """Raise MotionError if two clips differ in joints, or by more than 1 mm in a bone."""
     a, b = first.skeleton, other.skeleton
     if a is b:
         return

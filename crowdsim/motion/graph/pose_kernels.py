@@ -1,4 +1,4 @@
-"""Joints of characters from their node, frame and track pose: what recordings store and pictures show."""
+"""Joints of characters from their node, frame and track pose, as recordings store them."""
 
 import math
 
@@ -10,7 +10,7 @@ from crowdsim.motion.graph.track_kernels import BLEND_FRAMES, blend_weight
 
 @helper
 def _multiply(a0, a1, a2, a3, b0, b1, b2, b3):
-    """Hamilton product: the rotation b followed by a."""
+    """Return the Hamilton product a b: rotation b followed by a."""
     return (
         a0 * b0 - a1 * b1 - a2 * b2 - a3 * b3,
         a0 * b1 + a1 * b0 + a2 * b3 - a3 * b2,
@@ -21,9 +21,13 @@ def _multiply(a0, a1, a2, a3, b0, b1, b2, b3):
 
 @helper
 def _faded_difference(pool, old_row, first_row, joint, w):
-    """The share ``w`` of the rotation that turns ``joint`` at ``first_row`` into itself at ``old_row``."""
+    """Return the share ``w`` of the rotation that turns ``joint`` at ``first_row`` into itself at ``old_row``.
+
+    pool: (frames, joints, 4) rotations of all clips, unit quaternions (w, x, y, z), as is the result.
+    """
     p = pool[old_row, joint]
     q = pool[first_row, joint]
+    # d = old * inverse(first); scale its half angle by w, the shorter way around (d0 >= 0).
     d0, d1, d2, d3 = _multiply(p[0], p[1], p[2], p[3], q[0], -q[1], -q[2], -q[3])
     sine = math.sqrt(d1 * d1 + d2 * d2 + d3 * d3)
     if sine < 1e-7:
@@ -38,28 +42,30 @@ def _faded_difference(pool, old_row, first_row, joint, w):
 
 @helper
 def _yaw(q):
-    """Heading (radians) of what a rotation turns x to."""
+    """Return the heading of the x axis turned by a quaternion [rad]."""
     return atan2(2.0 * (q[1] * q[2] + q[0] * q[3]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]))
 
 
 @helper
 def _turned(angle, x, y):
+    """Return (x, y) rotated by an angle [rad]."""
     c, s = cos_sin(angle)
     return c * x - s * y, s * x + c * y
 
 
 @helper
 def _between(a, b, part):
+    """Interpolate linearly from a to b."""
     return float(a) + part * (float(b) - float(a))
 
 
 @helper
 def _rotation_between(a, b, part):
-    """The quaternion ``part`` of the way from one to another near it; of a length near 1."""
+    """Interpolate linearly between two close quaternions; the length of the result is nearly 1."""
     a0, a1, a2, a3 = float(a[0]), float(a[1]), float(a[2]), float(a[3])
     if part <= 0.0:
         return a0, a1, a2, a3
-    # Both signs are one rotation: take the one near the first.
+    # q and -q are one rotation: take the sign nearer to the first.
     b0, b1, b2, b3 = float(b[0]), float(b[1]), float(b[2]), float(b[3])
     share = part if a0 * b0 + a1 * b1 + a2 * b2 + a3 * b3 >= 0.0 else -part
     rest = 1.0 - part
@@ -68,36 +74,43 @@ def _rotation_between(a, b, part):
 
 @kernel
 def pose_joints(table, node, previous, frame, pose, out_positions, out_rotations):
-    """World positions and rotations of all joints of A characters.
+    """Compute world positions and rotations of all joints of A characters.
 
-    node, previous: (A,) int32, the node that plays and the one before it (-1 for none).
-    frame: (A,) float64 frames into the node; between two of them poses are mixed. pose: (A, 3) float64 world track pose
-    then.
-    out_positions: (A, J, 3) float32. out_rotations: (A, J, 4) float32 unit quaternions.
+    Over the first BLEND_FRAMES frames the difference between the last pose of the previous node and the first of this
+    one fades out. The difference fades, not the old pose, which would hold the feet back. It fades in the world: the
+    headings of both tracks may differ by ``apart`` although the bodies' do not, and a root that turned with the fading
+    track would drag the planted foot along.
 
-    Over the first BLEND_FRAMES frames the difference between the last pose of the node before and the first of
-    this one fades out. It is the difference that fades and not the old pose, which would hold the feet back. And it
-    fades in the world: the two nodes' tracks may head apart where the bodies do not, by ``apart``, and a root that
-    turned with the fading track would drag the planted foot along.
+    Parameters
+    ----------
+    table: :class:`crowdsim.motion.graph.pose_table.PoseTable`.
+    node, previous: (A,) int32, present node and the one before it (-1 for none).
+    frame: (A,) float64 frames into the node; poses are interpolated between frames.
+    pose: (A, 3) float64 world track pose then.
+    out_positions, out_rotations: (A, J, 3) [m] and (A, J, 4) float32 unit quaternions, filled.
     """
     pool = table.pool_rotations
     root = table.pool_root
     for a in range(len(node)):
+        # Rows of the pose pool: this frame and the next, and share between them.
         first = table.node_first[node[a]]
         whole = int(frame[a])
         part = frame[a] - whole
         row = first + whole
         # The last frame of a node has no next one.
         after = min(row + 1, first + table.node_frames[node[a]])
+        # While a seam fades: last pose of the previous node, and the share w left of it.
         old = first
         w = 0.0
         if previous[a] >= 0 and frame[a] < BLEND_FRAMES:
             w = blend_weight(frame[a])
             old = table.node_first[previous[a]] + table.node_frames[previous[a]]
+        # Root on the floor, in the frame of the track.
         c, s = cos_sin(pose[a, 2])
         x = _between(root[row, 0], root[after, 0], part)
         y = _between(root[row, 1], root[after, 1], part)
         if w > 0.0:
+            # root(frame) + w * (old - first), with both turned to where the blended heading puts them.
             apart = wrap_angle(_yaw(pool[old, 0]) - _yaw(pool[first, 0]))
             x, y = _turned(w * apart, x - w * root[first, 0], y - w * root[first, 1])
             old_x, old_y = _turned((w - 1.0) * apart, float(root[old, 0]), float(root[old, 1]))
@@ -110,6 +123,7 @@ def pose_joints(table, node, previous, frame, pose, out_positions, out_rotations
                 q0, q1, q2, q3 = _multiply(d0, d1, d2, d3, q0, q1, q2, q3)
             parent = table.parents[j]
             if parent < 0:
+                # The root turns with the track's heading about z.
                 p0, p3 = cos_sin(0.5 * pose[a, 2])
                 p1, p2 = 0.0, 0.0
                 out_positions[a, j, 0] = pose[a, 0] + c * x - s * y
@@ -117,6 +131,7 @@ def pose_joints(table, node, previous, frame, pose, out_positions, out_rotations
                 z = _between(root[row, 2], root[after, 2], part)
                 out_positions[a, j, 2] = z + w * (root[old, 2] - root[first, 2])
             else:
+                # Other joints: parent's place + offset turned by the parent's rotation; parents come first.
                 r = out_rotations[a, parent]
                 p0, p1, p2, p3 = float(r[0]), float(r[1]), float(r[2]), float(r[3])
                 ox = float(table.offsets[j, 0])
@@ -129,6 +144,7 @@ def pose_joints(table, node, previous, frame, pose, out_positions, out_rotations
                 out_positions[a, j, 1] = out_positions[a, parent, 1] + oy + p0 * ty + p3 * tx - p1 * tz
                 out_positions[a, j, 2] = out_positions[a, parent, 2] + oz + p0 * tz + p1 * ty - p2 * tx
             q0, q1, q2, q3 = _multiply(p0, p1, p2, p3, q0, q1, q2, q3)
+            # Normalize: interpolated quaternions are slightly short.
             n = 1.0 / math.sqrt(q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
             out_rotations[a, j, 0] = q0 * n
             out_rotations[a, j, 1] = q1 * n

@@ -1,4 +1,4 @@
-"""Poses of all nodes of a motion graph, relative to their tracks, as flat arrays that a recording can store."""
+"""Poses of all nodes of a motion graph relative to their tracks, as flat arrays that a recording can store."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from crowdsim.motion.graph.nodes import Node, PreparedSource
 
 
 class PoseTable(NamedTuple):
-    """N nodes of J joints; node n owns pool rows ``node_first[n]`` to ``node_first[n] + node_frames[n]``.
+    """Poses of N nodes on J joints; node n owns pool rows ``node_first[n]`` to ``node_first[n] + node_frames[n]``.
 
-    parents: (J,) int32. offsets: (J, 3) float32 meters.
+    parents: (J,) int32. offsets: (J, 3) float32 [m].
     node_first, node_frames: (N,) int32.
-    pool_root: (T, 3) float32, root joint in the frame of the track pose of its sample.
-    pool_rotations: (T, J, 4) float32 unit quaternions, the root's relative to the track's heading, each other
-        joint's relative to its parent.
+    pool_root: (T, 3) float32, root joint in the frame of its sample's track pose [m].
+    pool_rotations: (T, J, 4) float32 unit quaternions, the root's relative to the track's heading, each other joint's
+    relative to its parent.
     """
 
     parents: NDArray[np.int32]
@@ -33,7 +33,7 @@ class PoseTable(NamedTuple):
 
 
 def make_pose_table(prepared: Sequence[PreparedSource], nodes: Sequence[Node]) -> PoseTable:
-    """The poses of ``nodes`` in order."""
+    """Return the poses of ``nodes`` in order."""
     local = {
         index: _relative_poses(prepared[index].clip, prepared[index].track)
         for index in sorted({node.source for node in nodes})
@@ -57,6 +57,7 @@ def make_pose_table(prepared: Sequence[PreparedSource], nodes: Sequence[Node]) -
 
 
 def _relative_poses(clip: Clip, track: Floats) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return root places (F, 3) and rotations (F, J, 4) of a clip relative to its track (F, 3)."""
     planar = transform_points(invert(track), clip.root_positions[:, :2])
     root = np.concatenate([planar, clip.root_positions[:, 2:]], axis=1)
     rotations = clip.rotations.copy()

@@ -1,4 +1,4 @@
-"""Clips into the segments between feature cuts, which become the nodes of the motion graph."""
+"""Cut clips into the segments between feature cuts, which become the nodes of the motion graph."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from crowdsim.motion.clips.kinematics import Floats
 from crowdsim.motion.graph.features import find_detector
 
 _SHORTEST = int(0.3 * CAPTURE_RATE)
+"""Frames (0.3 s) from a standing cut within which cuts in movement are dropped."""
 
 
 @dataclass(frozen=True)
 class Segment:
     """Frames ``first`` to ``last`` of a clip, from one cut to the next.
 
-    starts_standing, ends_standing: whether the body stands still at that cut.
+    starts_standing, ends_standing: True if the body stands still at that cut.
     """
 
     first: int
@@ -31,11 +32,11 @@ class Segment:
 
 
 def segment_clip(clip: Clip, detectors: Sequence[str]) -> list[Segment]:
-    """Segments between consecutive cuts of all ``detectors``; a segment's last frame is the first of the next one.
+    """Return the segments between consecutive cuts of all ``detectors``; neighbors share a frame.
 
-    A cut in movement within 0.3 s of one that stands gives way to it: a foot that joins the other or leaves it does
-    not stride past. What lies before the first and after the last cut is dropped: it neither begins nor ends in a
-    pose that another clip shows.
+    A cut in movement is dropped if a standing cut is within 0.3 s: a foot that comes to rest beside the other, or
+    leaves it, does not pass it. What lies before the first and after the last cut is dropped, as it neither begins nor
+    ends in a pose that another clip shows.
     """
     standing_at: dict[int, bool] = {}
     for detector in map(find_detector, detectors):
@@ -47,9 +48,9 @@ def segment_clip(clip: Clip, detectors: Sequence[str]) -> list[Segment]:
 
 
 def is_locomotion(clip: Clip, track: Floats) -> bool:
-    """Whether a clip moves 10 cm or turns 10 degrees, or any joint of it moves 10 cm.
+    """Return True if a clip moves 10 cm or turns 10 degrees, or any joint of it moves 10 cm.
 
-    Holding the arms in while standing is no locomotion either, but leads to another pose.
+    Pulling in the arms while standing is no locomotion either, but leads to another pose.
     """
     reach, turn = _reach_and_turn(track)
     stir = float(np.max(np.linalg.norm(clip.joint_positions - clip.joint_positions[0], axis=-1)))
@@ -57,7 +58,7 @@ def is_locomotion(clip: Clip, track: Floats) -> bool:
 
 
 def require_locomotion(clip: Clip, track: Floats) -> None:
-    """MotionError where a clip is none; see :func:`is_locomotion`."""
+    """Raise MotionError if a clip is no locomotion; see :func:`is_locomotion`."""
     if not is_locomotion(clip, track):
         reach, turn = _reach_and_turn(track)
         raise MotionError(
@@ -67,5 +68,5 @@ def require_locomotion(clip: Clip, track: Floats) -> None:
 
 
 def _reach_and_turn(track: Floats) -> tuple[float, float]:
-    """Meters from the start at most, and radians between the furthest headings."""
+    """Return the largest distance from the start [m] and the largest difference of headings [rad] of a track."""
     return float(np.max(np.linalg.norm(track[:, :2] - track[0, :2], axis=1))), float(np.ptp(track[:, 2]))

@@ -1,4 +1,4 @@
-"""How to stand soonest: for each node the edge toward the nearest node that ends standing."""
+"""The quickest way to stand: for each node the edge toward the nearest node that ends standing."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ from crowdsim.constants import NONE
 from crowdsim.motion.graph.arrays import GraphArrays
 
 TURN_COST = 1.0
-"""Meters that a radian of turning counts for on the way to a stand."""
+"""Cost of turning on the way to a stand [m/rad]. Higher: characters come to rest facing as they walked."""
 
 
 def choose_stop_edges(graph: GraphArrays) -> NDArray[np.int32]:
-    """(N,) edge to take at each node's end, NONE where it ends standing or no standing node can be reached.
+    """Return the edge to take at each node's end to come to a stand, (N,).
 
-    Least way first, where a turn counts TURN_COST meters a radian, so that whoever stops comes to rest the way it
-    faced; then fewest frames. A character that stops must not need more room than it has, so paths
-    that never widen the behavior come first; others serve only nodes that have none.
+    NONE if the node ends standing or no standing node can be reached. The least track length counts first, with
+    TURN_COST for turning, so that a stopping character keeps its heading; then the fewest frames. Paths that never
+    widen the behavior come first, as a stopping character must not need more space than it has; others serve only nodes
+    that have none.
     """
     source = np.repeat(np.arange(len(graph.node_frames)), np.diff(graph.edge_start))
     target = graph.edge_target
@@ -31,7 +32,7 @@ def choose_stop_edges(graph: GraphArrays) -> NDArray[np.int32]:
 
 
 def _nearest_standing(graph: GraphArrays, source: NDArray[np.int64], allowed: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Dijkstra from all standing ends backward over the ``allowed`` edges."""
+    """Search from all standing ends backward over the ``allowed`` edges (Dijkstra); return edges (N,)."""
     count = len(graph.node_frames)
     incoming: list[list[int]] = [[] for _ in range(count)]
     for edge in np.flatnonzero(allowed).tolist():

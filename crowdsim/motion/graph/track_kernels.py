@@ -1,6 +1,7 @@
-"""Where a character is on its track: node chaining and the fading of the seam between two nodes.
+"""Position of a character on its track: chaining of nodes, and fading of the seam between two nodes.
 
-Units are meters and radians; a pose is (x, y, heading).
+Units are meters and radians; a pose is (x, y, heading). ``graph`` is a
+:class:`crowdsim.motion.graph.arrays.GraphArrays`.
 """
 
 from crowdsim.geometry.elementary_kernels import cos_sin
@@ -8,12 +9,13 @@ from crowdsim.geometry.planar_kernels import compose, wrap_angle
 from crowdsim.jit import kernel
 
 BLEND_FRAMES = 12
-"""Frames over which the difference between two joined nodes fades out (0.2 s)."""
+"""Frames over which the difference between two joined nodes fades out (0.2 s). More: smoother, but feet slide
+longer."""
 
 
 @kernel
 def blend_weight(frame):
-    """Share of the old node left ``frame`` frames after a seam: 1 at the seam, smoothly 0 at BLEND_FRAMES."""
+    """Return the share of the seam left ``frame`` frames after it: 1 at the seam, smoothly 0 at BLEND_FRAMES."""
     if frame >= BLEND_FRAMES:
         return 0.0
     u = frame / BLEND_FRAMES
@@ -22,14 +24,15 @@ def blend_weight(frame):
 
 @kernel
 def next_origin(graph, edge, twist, x, y, heading):
-    """World pose at which the target of ``edge`` starts, after a node that ends at (x, y, heading).
+    """Return the world pose at which the target of ``edge`` starts, after a node that ends at (x, y, heading).
 
-    ``twist`` (radians) is the extra rotation about the planted foot, within the edge's range.
+    twist: extra rotation about the planted foot, within the edge's range [rad].
     """
     tx = graph.edge_transform[edge, 0]
     ty = graph.edge_transform[edge, 1]
     px = graph.edge_pivot[edge, 0]
     py = graph.edge_pivot[edge, 1]
+    # Turn the target's start about the pivot, in the frame of the source's end; then place it in the world.
     c, s = cos_sin(twist)
     lx = px + c * (tx - px) - s * (ty - py)
     ly = py + s * (tx - px) + c * (ty - py)
@@ -38,26 +41,31 @@ def next_origin(graph, edge, twist, x, y, heading):
 
 @kernel
 def node_end(graph, node, x, y, heading):
-    """World pose of the last track sample of ``node`` that starts at (x, y, heading)."""
+    """Return the world pose of the last track sample of ``node`` if it starts at (x, y, heading)."""
     return compose(x, y, heading, graph.node_motion[node, 0], graph.node_motion[node, 1], graph.node_motion[node, 2])
 
 
 @kernel
 def track_pose(graph, node, frame, x, y, heading, dx, dy, dheading):
-    """World track pose of a character ``frame`` frames into ``node``.
+    """Return the world track pose of a character ``frame`` frames into ``node``.
 
-    (x, y, heading) is the node's origin; (dx, dy, dheading) is the seam: the end of the node before
-    minus this origin, zero where there was none. It fades out by :func:`blend_weight`.
+    (x, y, heading) is the node's origin; (dx, dy, dheading) is the seam: the end of the node before less this origin, 0
+    if there is none. It fades out by :func:`blend_weight`.
     """
     row = graph.node_track[node] + frame
     px, py, ph = compose(x, y, heading, graph.tracks[row, 0], graph.tracks[row, 1], graph.tracks[row, 2])
+    # The faded seam keeps the track continuous.
     w = blend_weight(frame)
     return px + w * dx, py + w * dy, wrap_angle(ph + w * dheading)
 
 
 @kernel
 def track_pose_between(graph, node, frame, part, x, y, heading, dx, dy, dheading):
-    """:func:`track_pose`, ``part`` [0, 1) of the way from ``frame`` to the next one; the last frame has no next one."""
+    """Return :func:`track_pose` at ``part`` [0, 1) of the way from ``frame`` to the next one.
+
+    The last frame of a node has no next one.
+    """
+    # Interpolate linearly, the heading the shorter way around.
     ax, ay, ah = track_pose(graph, node, frame, x, y, heading, dx, dy, dheading)
     if part <= 0.0 or frame >= graph.node_frames[node]:
         return ax, ay, ah

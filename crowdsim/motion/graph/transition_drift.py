@@ -1,7 +1,7 @@
-"""Feet across transitions: how far planted feet drift while one segment fades into the next, as it is played.
+"""Drift of planted feet over transitions, while one segment fades into the next as it is played.
 
-When a foot stands is told by the two clips themselves: one that the fade pushes away would look as if it swung. Of its
-points that stand in the clip the foot stands on the one that moves least: it may turn on its ball.
+The two clips themselves decide when a foot stands; judged by the faded motion, a foot pushed away would seem to swing.
+Of the foot's points that stand in the clip, the one that moves least counts, as a foot may turn on its ball.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ _EDGES = 500
 
 @dataclass(frozen=True)
 class TransitionDrift:
-    """Meters of E transitions, those edges that do not simply go on with a capture, without extra rotation.
+    """Drift over E transitions (edges that do not simply continue a capture), without extra rotation [m].
 
-    edge: (E,) index of each. played: (E,) largest drift of a stance that the fade touches, as played. added: (E,) how
-    much more that is than the same foot drifts in the two clips as they are, at most.
+    edge: (E,) their indices. played: (E,) largest drift of a stance that the fade touches, as played. added: (E,)
+    largest increase over the drift of the same foot in the two clips.
     """
 
     edge: Indices
@@ -51,10 +51,10 @@ class TransitionDrift:
 
 @dataclass(frozen=True)
 class _Standing:
-    """Where the feet of a clip of F frames stand, and how they move there.
+    """When the feet of a clip of F frames stand, and how they move meanwhile.
 
-    planted: (F - 1, 2, P) whether a point stands from a frame to the next. moves: (F - 1, 2, 2) meters, how the foot
-    moves on the floor meanwhile. since, until: (F - 1, 2) first and behind last step of the stance.
+    planted: (F - 1, 2, P) True if a point stands from a frame to the next. moves: (F - 1, 2, 2) movement of the foot on
+    the floor meanwhile [m]. since, until: (F - 1, 2) first step of the stance, and the one behind its last.
     """
 
     planted: NDArray[np.bool_]
@@ -64,6 +64,7 @@ class _Standing:
 
     @classmethod
     def of(cls, feet: Feet) -> _Standing:
+        """Find the stances of ``feet``."""
         planted = planted_steps(feet)
         since, until = np.zeros(planted.shape[:2], np.int64), np.zeros(planted.shape[:2], np.int64)
         for foot in (0, 1):
@@ -73,12 +74,12 @@ class _Standing:
 
 
 def clip_stances(clip: Clip) -> list[Stance]:
-    """Every stance of a clip and its drift."""
+    """Return every stance of a clip with its drift."""
     return stances(_clip_feet(clip))
 
 
 def transition_drifts(graph: MotionGraph, clips: Sequence[Clip]) -> TransitionDrift:
-    """Play every transition of ``graph``, which was built of ``clips``, each of another name, and measure the feet."""
+    """Play every transition of ``graph``, built from ``clips`` of unique names, and measure the feet."""
     arrays, names = graph.arrays, {clip.name: clip for clip in clips}
     places = [clip_frames(name) for name in graph.node_names]
     standing = {name: _Standing.of(_clip_feet(names[name])) for name in sorted({place[0] for place in places})}
@@ -106,7 +107,7 @@ def transition_drifts(graph: MotionGraph, clips: Sequence[Clip]) -> TransitionDr
 
 
 def skating_edges(graph: MotionGraph, clips: Sequence[Clip], most: float) -> Indices:
-    """(2, n) nodes left and entered by the transitions that add more than ``most`` meters to the drift of a foot."""
+    """Return the nodes (2, n) left and entered by transitions that add more than ``most`` meters to a foot's drift."""
     drift = transition_drifts(graph, clips)
     skates = drift.edge[drift.added > most]
     left = np.searchsorted(graph.arrays.edge_start, skates, side="right") - 1
@@ -114,7 +115,7 @@ def skating_edges(graph: MotionGraph, clips: Sequence[Clip], most: float) -> Ind
 
 
 def _heading(graph: MotionGraph, node: int, clip: Clip, first: int) -> float:
-    """Heading of a node's track where the node starts, in the clip that it is taken from."""
+    """Return the heading of a node's track where the node starts, in the clip that it is taken from [rad]."""
     turned = clip.rotations[first, 0]
     relative = graph.poses.pool_rotations[graph.poses.node_first[node], 0].astype(np.float64)
     turn = multiply(turned, conjugate(relative))
@@ -122,7 +123,7 @@ def _heading(graph: MotionGraph, node: int, clip: Clip, first: int) -> float:
 
 
 def _faded_steps(graph: MotionGraph, source: Indices, edges: Indices, like: Feet) -> Floats:
-    """Steps (E, BLEND_FRAMES, 2, P, 2) of the feet while ``edges`` fade, played from the starts of ``source``."""
+    """Return steps (E, BLEND_FRAMES, 2, P, 2) of the feet while ``edges`` fade, from the starts of ``source`` [m]."""
     arrays = graph.arrays
     target = arrays.edge_target[edges]
     end = arrays.node_motion[source]
@@ -149,11 +150,10 @@ def _drift(
     turns: Floats,
     played: Floats,
 ) -> tuple[float, float]:
-    """Largest drift of a stance that the fade touches, and how much more than its own that is at most.
+    """Return the largest drift of a stance that the fade touches, and the largest increase over its own [m].
 
-    ``left`` and ``entered`` are clip, first and last frame of the two segments, ``played`` (BLEND_FRAMES, 2, 2) the
-    moves of the feet while one fades into the other, ``turns`` (2,) radians by which the clips turn to where that is
-    played.
+    left, entered: clip, first and last frame of the two segments. turns: (2,) angles by which the clips turn to where
+    they are played [rad]. played: (BLEND_FRAMES, 2, 2) moves of the feet while one segment fades into the other.
     """
     _, first, end = left
     _, begin, last = entered
@@ -166,8 +166,10 @@ def _drift(
             if until == 0:
                 step += 1
                 continue
+            # The stance's moves in the clip (own) and as played (way): faded at first, then as in the clip.
             own = transform_points(np.array([0.0, 0.0, turns[1]]), after.moves[step:until, foot])
             way = np.concatenate([played[step - begin : count, foot], own[begin + count - step :]])[: until - step]
+            # A foot that stood before the transition, too: prepend its moves there.
             if step == begin and before.until[end - 1, foot]:
                 since = max(int(before.since[end - 1, foot]), first)
                 parts = transform_points(np.array([0.0, 0.0, turns[0]]), before.moves[since:end, foot])
@@ -179,4 +181,5 @@ def _drift(
 
 
 def _clip_feet(clip: Clip) -> Feet:
+    """Return the feet of a clip in every frame."""
     return feet_of(clip.skeleton, *clip.posed)

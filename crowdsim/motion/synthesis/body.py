@@ -1,6 +1,7 @@
-"""The body that the default motion set is written on: an adult of 1.75 m.
+"""The body of the default motion set: an adult of 1.75 m.
 
-Breadths follow the median adult: shoulders 0.47 m across with 0.06 m of flesh about the joints, body depth 0.25 m.
+Breadths are those of the median adult: shoulders 0.47 m across with 0.06 m of flesh about the joints, body depth 0.25
+m.
 """
 
 from __future__ import annotations
@@ -13,16 +14,17 @@ from crowdsim.motion.clips.skeleton import ROLES, Skeleton
 
 HIP_HALF_WIDTH = 0.085
 HIP_DROP = 0.08
-"""Meters from the root joint down to the line of the hip joints."""
+"""Distance from the root joint down to the line of the hip joints [m]."""
 THIGH = 0.43
 SHANK = 0.42
 HIP_AHEAD = 0.0625
-"""Meters the hips stand ahead of the ankles: over the middle between heels and toes. At rest the knees bend for it."""
+"""Distance of the hips ahead of the ankles [m]: above the middle between heels and toes. At rest the knees bend for
+it."""
 ANKLE_HEIGHT = 0.085
-"""Meters from the sole of a flat foot to its ankle joint."""
+"""Height of the ankle joint above the sole of a flat foot [m]."""
 BALL_AHEAD = 0.125
 BALL_HEIGHT = 0.02
-"""The toe joint, which is the ball of the foot: meters ahead of the ankle, and over the sole."""
+"""Toe joint (the ball of the foot): BALL_AHEAD of the ankle, and its height above the sole [m]."""
 TOE_LENGTH = 0.06
 UPPER_ARM = 0.29
 FOREARM = 0.25
@@ -61,7 +63,7 @@ _ENDS: tuple[tuple[str, tuple[float, float, float]], ...] = (
 
 
 def default_skeleton() -> Skeleton:
-    """The 19 joints of the default body, arms stretched sideways at rest; joints bear the names of their roles."""
+    """Return the default body of 19 joints, arms stretched sideways at rest; joints have the names of their roles."""
     names = tuple(name for name, _, _ in _JOINTS)
     return Skeleton(
         names=names,

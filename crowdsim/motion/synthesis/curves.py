@@ -11,7 +11,7 @@ Floats = NDArray[np.float64]
 
 
 def smoothed(values: Floats, sigma: float) -> Floats:
-    """(F, ...) values averaged under a bell of ``sigma`` frames; ends are continued as they are."""
+    """Return values (F, ...) averaged under a Gaussian of ``sigma`` frames; ends are continued by their last value."""
     reach = int(np.ceil(3.5 * sigma))
     bell = exp(-0.5 * np.square(np.arange(-reach, reach + 1) / sigma))
     bell /= bell.sum()
@@ -24,19 +24,19 @@ def smoothed(values: Floats, sigma: float) -> Floats:
 
 
 def ease(u: Floats) -> Floats:
-    """0 for u <= 0, 1 for u >= 1, between them with no jump in the first two derivatives."""
+    """Return 0 for u <= 0, 1 for u >= 1, and a curve between without jumps in the first two derivatives."""
     u = np.clip(u, 0.0, 1.0)
     return u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
 
 
 def hermite(u: Floats, p0: float, v0: float, p1: float, v1: float) -> Floats:
-    """Cubic from p0 to p1 over u in [0, 1] with end slopes v0, v1 (a unit of u)."""
+    """Return the cubic from p0 to p1 over u in [0, 1] with end slopes v0, v1."""
     u2, u3 = u * u, u * u * u
     return (2 * u3 - 3 * u2 + 1) * p0 + (u3 - 2 * u2 + u) * v0 + (3 * u2 - 2 * u3) * p1 + (u3 - u2) * v1
 
 
 def quintic(u: Floats, p0: Floats, v0: Floats, a0: Floats, p1: Floats, v1: Floats, a1: Floats) -> Floats:
-    """(U, D) curve from p0 to p1 (D,) over u (U,) with end slopes v0, v1 and curvatures a0, a1."""
+    """Return the curve (U, D) from p0 to p1 (D,) over u (U,) with end slopes v0, v1 and curvatures a0, a1."""
     u = u[:, None]
     u3, u4, u5 = u * u * u, (u * u) * (u * u), (u * u) * (u * u) * u
     h1 = 10 * u3 - 15 * u4 + 6 * u5

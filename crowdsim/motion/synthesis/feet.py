@@ -1,7 +1,7 @@
 """The feet of a plan, frame by frame: planted flat, rolling over heel and ball, or swinging.
 
-Pitch is the angle of the sole, positive with the toes up. A planted foot rolls about its heel while the toes are
-up and about its ball while the heel is; the swing joins the two with matching velocity.
+Pitch is the angle of the sole, positive with the toes up. A planted foot rolls about its heel while the toes are up and
+about its ball while the heel is up; the swing joins the two with matching velocity.
 """
 
 from __future__ import annotations
@@ -24,31 +24,36 @@ Floats = NDArray[np.float64]
 
 _LANDING_PITCH = np.radians(23.5)
 _PUSH_PITCH = np.radians(61.0)
+"""Pitch of the sole as the heel lands, and of the raised heel as the toes push off, in a full stride [rad]."""
 _SOFT_SPEED = 0.22
-"""Meters a second at which heels rise and sink where a body starts or comes to stand."""
+"""Speed at which heels rise and sink if a body sets off or comes to a stand [m/s]."""
 _SOFT_RAMP = 2.0
-"""Frames that this speed takes to build up."""
+"""Frames in which this speed builds up."""
 _ROLL_FRAMES = 6.5
 """Frames from landing on the heel to standing flat."""
 _PUSH_POWER = 2.5
 _PUSH_FRAMES = 17.8
-"""Frames over which the heel rises before the toes leave the floor."""
+"""Frames over which the heel rises before the toes leave the floor, by a curve of power _PUSH_POWER."""
 _FULL_STRIDE = 1.40
+"""Length of a full stride, to which others are compared [m]."""
 _SPRING, _BRAKE = 6.4, 4.9
-"""Horizontal acceleration as a swing begins and slowing as it ends, in ways a squared swing time."""
+"""Horizontal acceleration at the beginning and deceleration at the end of a swing, in distances per squared swing
+time."""
 _LIFT_STRIDE, _SINK = 0.042, 5.3
-"""Height that the swing of a full stride adds to the line between its ends, and how soon it sinks."""
+"""Height that the swing of a full stride adds to the line between its ends [m], and how soon it sinks."""
 _LEVEL_AT = 0.72
+"""Share of the swing at which the foot is nearly level."""
 _TWIST, _UNTWISTED = 0.5, float(np.radians(25.0))
-"""Part of a foot's turn that it makes on its ball before it lifts, of what exceeds an angle that legs turn easily."""
+"""Share of a foot's turn that it makes on its ball before it lifts, of the part beyond an angle that legs turn easily
+[rad]."""
 _STRIDING = 0.70
-"""Meters a foot goes from which on the toes push it off as in walking."""
+"""Distance between prints from which on the toes push the foot off as in walking [m]."""
 _TINY = 1e-3
 
 
 @dataclass(frozen=True)
 class FootCurves:
-    """ankle: (F, 3) meters; yaw, pitch: (F,) radians; toe: (F,) radians the toes bend up."""
+    """ankle: (F, 3) [m]; yaw, pitch, toe: (F,) heading, pitch of the sole, upward bend of the toes [rad]."""
 
     ankle: Floats
     yaw: Floats
@@ -57,7 +62,7 @@ class FootCurves:
 
 
 def _ramped(since: Floats, duration: float, slowing: float) -> Floats:
-    """0 up to ``since`` = 0, then rising to 1 at ``duration`` with a speed that is constant but for ramps.
+    """Return 0 up to ``since`` = 0, then a rise to 1 at ``duration`` with a constant speed between ramps.
 
     The last ramp takes ``slowing`` frames; with none, the speed is kept to the end.
     """
@@ -74,7 +79,7 @@ def _ramped(since: Floats, duration: float, slowing: float) -> Floats:
 class _Plant:
     """A foot on the floor from ``land`` to ``lift``, with the roll that it arrives and leaves with.
 
-    twist: radians that it turns on its ball while its heel rises, on the way to a print that faces elsewhere.
+    twist: angle that it turns on its ball while its heel rises, on the way to a print of another heading [rad].
     """
 
     place: Floats
@@ -88,6 +93,7 @@ class _Plant:
     strides_off: bool
 
     def pitch(self, t: Floats) -> Floats:
+        """Return the pitch of the sole at times t (T,) [rad]."""
         rolled = np.clip((t - self.land) / _ROLL_FRAMES, 0.0, 1.0)
         if self.arrive < 0.0:
             down = self.arrive * _ramped(self.land + self.soft - t, self.soft, self.slowing)
@@ -101,17 +107,19 @@ class _Plant:
         return pitch
 
     def _push_frames(self) -> float:
+        """Return the frames over which the heel rises before lift-off."""
         if not self.strides_off:
             return self.soft
         return min(float(_PUSH_FRAMES * self.leave / _PUSH_PITCH), self.lift - self.land - _ROLL_FRAMES)
 
     def yaw(self, t: Floats) -> Floats:
+        """Return the heading of the foot at times t (T,) [rad]."""
         turned = self.twist * np.square(np.maximum((t - self.lift) / self._push_frames() + 1.0, 0.0))
         yaw: Floats = self.place[2] + turned
         return yaw
 
     def ankle(self, t: Floats) -> Floats:
-        """(T, 3) ankle positions at times t (T,)."""
+        """Return ankle positions (T, 3) at times t (T,) [m]."""
         pitch = self.pitch(t)
         c, s = cos(pitch), sin(pitch)
         on_heel = pitch > 0.0
@@ -125,20 +133,20 @@ class _Plant:
 
 
 def _way_ahead(old: Floats, new: Floats) -> float:
-    """Meters from one print to the next along the heading between theirs."""
+    """Return the distance from one print to the next along the mean of their headings [m]."""
     heading = 0.5 * (old[2] + new[2])
     way = new - old
     return float(way[0] * cos(heading) + way[1] * sin(heading))
 
 
 def _turning(plant: _Plant, t: float, duration: float) -> tuple[float, float]:
-    """Yaw of a plant at its end ``t`` and its rate in radians a ``duration``."""
+    """Return the yaw of a plant at its end ``t`` [rad], and its rate per ``duration``."""
     yaw = plant.yaw(np.array([t - _TINY, t]))
     return float(yaw[1]), float(yaw[1] - yaw[0]) / _TINY * duration
 
 
 def _comes_to_rest(plan: Plan, step: Step) -> bool:
-    """Whether a step brings its foot beside the other one, and neither lifts soon after."""
+    """Return True if a step brings its foot beside the other one, and neither lifts soon after."""
     before = [s.body for s in plan.steps if s.side != step.side and s.land < step.land]
     if not np.allclose(before[-1] if before else plan.start, step.body, atol=1e-6):
         return False
@@ -146,6 +154,7 @@ def _comes_to_rest(plan: Plan, step: Step) -> bool:
 
 
 def _plants(plan: Plan, side: int) -> list[_Plant]:
+    """Return the stances of one foot through the plan, with the roll of each."""
     places = [footprint(side, plan.start, STANDING_HALF_WIDTH)]
     steps: list[Step] = [s for s in plan.steps if s.side == side]
     for step in steps:
@@ -165,7 +174,8 @@ def _plants(plan: Plan, side: int) -> list[_Plant]:
         heel_rise = _SOFT_SPEED * soft / CAPTURE_RATE / BALL_AHEAD
         arrive = _LANDING_PITCH * float(np.clip(came / _FULL_STRIDE, 0.0, 1.12))
         if i > 0 and _comes_to_rest(plan, steps[i - 1]):
-            # A right heel that sinks last carries its ankle past the left one: in a walk that would be a crossing.
+            # A right heel that sinks last carries its ankle past the left one: in a walk that would count as a
+            # crossing.
             arrive = 0.0 if side == RIGHT and any(hub.kind != "stand" for hub in plan.hubs) else -heel_rise
         leave = _PUSH_PITCH * power(np.clip(goes / _FULL_STRIDE, 0.0, 1.15), 0.8)
         leave = max(leave, heel_rise) if i + 1 < len(places) else 0.0
@@ -174,14 +184,14 @@ def _plants(plan: Plan, side: int) -> list[_Plant]:
 
 
 def _speed(plant: _Plant, t: float, inward: float) -> tuple[Floats, float]:
-    """Velocity (3,) of the ankle and of the pitch a frame, just inside the plant's end at ``t``."""
+    """Return the velocity (3,) of the ankle and the rate of the pitch, per frame, just inside the end ``t``."""
     times = np.array([t, t + inward * _TINY])
     ankle, pitch = plant.ankle(times), plant.pitch(times)
     return (ankle[1] - ankle[0]) / (inward * _TINY), float(pitch[1] - pitch[0]) / (inward * _TINY)
 
 
 def foot_curves(plan: Plan, side: int) -> FootCurves:
-    """The foot of one side through the whole plan."""
+    """Return the curves of one foot through the whole plan."""
     frames = np.arange(plan.frame_count, dtype=np.float64)
     ankle = np.zeros((plan.frame_count, 3))
     yaw, pitch, toe = (np.zeros(plan.frame_count) for _ in range(3))

@@ -1,8 +1,8 @@
-"""Where and when the feet are put down: what a synthesized movement is planned as.
+"""Plan of a synthesized motion: where and when the feet are put down.
 
 A footprint is placed by the *body pose* it belongs to, a planar pose (x, y, heading) between the feet; the print is
 half a step width to the side of it, the ankle a little behind, the toes a little out. Times are frames at
-:data:`~crowdsim.constants.CAPTURE_RATE`, not always whole.
+:data:`~crowdsim.constants.CAPTURE_RATE`, not always whole numbers.
 """
 
 from __future__ import annotations
@@ -21,14 +21,17 @@ Floats = NDArray[np.float64]
 
 LEFT, RIGHT = 0, 1
 STANDING_HALF_WIDTH = 0.066
+"""Distance from the middle to each ankle of a standing body [m]."""
 TOE_OUT = np.radians(5.0)
+"""Angle by which the toes point outward [rad]."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """One foot's way from a print to the next.
+    """The movement of one foot from a print to the next.
 
-    body: (3,) body pose that the new print belongs to; half_width: meters from it to the ankle, sideways.
+    side: LEFT or RIGHT. lift, land: frames. body: (3,) body pose that the new print belongs to; half_width: distance
+    from it to the ankle, sideways [m].
     """
 
     side: int
@@ -39,15 +42,15 @@ class Step:
 
     @property
     def footprint(self) -> Floats:
-        """(3,) planar pose of the planted foot, at its ankle."""
+        """Return the planar pose (3,) of the planted foot, at its ankle."""
         return footprint(self.side, self.body, self.half_width)
 
 
 @dataclass(frozen=True)
 class Hub:
-    """A frame at which the body takes a pose shared by many movements: ``kind`` is "stand" or a gait's name.
+    """A frame at which the body takes a pose shared by many motions: ``kind`` is "stand" or a gait's name.
 
-    frame: whole frame of the pose; body: (3,) body pose it is taken at (of the left print for a gait's hub).
+    frame: whole number. body: (3,) body pose there (of the left print for a gait's hub).
     """
 
     frame: int
@@ -69,20 +72,20 @@ class Plan:
 
 
 def footprint(side: int, body: Floats, half_width: float) -> Floats:
-    """(3,) planar pose at the ankle of a foot planted for the body pose ``body``."""
+    """Return the planar pose (3,) at the ankle of a foot planted for the body pose ``body``."""
     sign = 1.0 if side == LEFT else -1.0
     return compose(body, np.array([-HIP_AHEAD, sign * half_width, sign * TOE_OUT]))
 
 
 def along_arc(body: Floats, length: float, turn: float) -> Floats:
-    """Body pose ``length`` meters ahead along an arc that turns by ``turn`` radians."""
+    """Return the body pose ``length`` meters ahead along an arc that turns by ``turn`` [rad]."""
     half = 0.5 * turn
     chord = length * sin(half) / half if half != 0.0 else length
     return compose(body, np.array([chord * cos(half), chord * sin(half), turn]))
 
 
 def mirrored(plan: Plan, name: str) -> Plan:
-    """The same movement with left and right exchanged; only for plans whose hubs all stand."""
+    """Return the motion with left and right exchanged; only for plans whose hubs all stand."""
     flip = np.array([1.0, -1.0, -1.0])
     return Plan(
         name=name,

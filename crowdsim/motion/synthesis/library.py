@@ -1,4 +1,4 @@
-"""The built-in motion sets: which movements they hold, and in which behavior's folder each clip stands."""
+"""The built-in motion sets: their motions, and the behavior folder of each clip."""
 
 from __future__ import annotations
 
@@ -20,29 +20,32 @@ Floats = NDArray[np.float64]
 _IDLE_FRAMES = 121
 _ARMS_FRAMES = 37
 _SHORT_OF_A_CYCLE = 7
-"""Frames less than a cycle of walking that are kept beyond a cut, so that no other cut is among them."""
+"""Frames less than a cycle of walking that are kept beyond a cut, so that they contain no other cut."""
 
 
 def _rad(degrees: float) -> float:
+    """Return degrees as radians."""
     return float(np.radians(degrees))
 
 
 def _excerpt(name: str, clip: Clip, first: int, last: int) -> Clip:
-    """Frames ``first`` to ``last`` of a clip."""
+    """Return frames ``first`` to ``last`` of a clip."""
     rows = slice(first, last + 1)
     return Clip(name, clip.skeleton, clip.root_positions[rows], clip.rotations[rows])
 
 
 def _passing_frames(plan: Plan) -> list[int]:
+    """Return the frames of a plan's hubs in the normal gait."""
     return [hub.frame for hub in plan.hubs if hub.kind == plan.manner.normal.name]
 
 
 def _margin(manner: Manner) -> int:
+    """Return the frames of walking that are kept beyond a cut."""
     return manner.normal.cycle - _SHORT_OF_A_CYCLE
 
 
 def _walk(name: str, manner: Manner) -> Plan:
-    """Straight walking at three speeds and the changes between them."""
+    """Plan straight walking at three speeds and the changes between them."""
     normal, slow, brisk = manner.normal, manner.slow, manner.brisk
     builder = PlanBuilder(name, manner=manner).start(normal)
     for gait in (normal, normal, slow, slow, normal, brisk, brisk, normal):
@@ -51,19 +54,21 @@ def _walk(name: str, manner: Manner) -> Plan:
 
 
 def _slow(name: str, manner: Manner) -> Plan:
+    """Plan a slow walk with short first and last steps."""
     slow = manner.slow
     return PlanBuilder(name, manner=manner).start(slow, 0.46).cycle(slow).cycle(slow).stop(0.46).finish()
 
 
 def _long_start(name: str, manner: Manner) -> Plan:
+    """Plan a start with the right foot and a long step to the stop."""
     return PlanBuilder(name, manner=manner).start_right(manner.normal).stop(0.68).finish()
 
 
 def _walking_turn(name: str, degrees: float, manner: Manner) -> Clip:
-    """One cycle of walking that turns, with just the straight walking that its cuts need about it."""
+    """Return one cycle of walking that turns, with just the straight walking that its cuts need."""
     sharp = abs(degrees) > 30.0
     length = float(np.interp(abs(degrees), [45.0, 90.0], [1.15, 0.86])) if sharp else None
-    # The right foot opens in a turn to the right, and then takes more of it than in one to the left.
+    # In a turn to the right the right foot opens, and takes more of the turn than in one to the left.
     outer = (0.42 if degrees > 0.0 else 0.58) if sharp else 0.5
     normal, margin = manner.normal, _margin(manner)
     builder = PlanBuilder("", manner=manner).start(normal).cycle(normal).cycle(normal, _rad(degrees), outer, length)
@@ -73,6 +78,7 @@ def _walking_turn(name: str, degrees: float, manner: Manner) -> Clip:
 
 
 def _walking_turns(angles: tuple[int, ...], manner: Manner) -> list[Clip]:
+    """Return walking turns by each of ``angles`` [degrees] to both sides."""
     return [
         _walking_turn(f"walk_{way}_{angle}", sign * angle, manner)
         for angle in angles
@@ -81,6 +87,7 @@ def _walking_turns(angles: tuple[int, ...], manner: Manner) -> list[Clip]:
 
 
 def _short_step(name: str, length: float, manner: Manner) -> Plan:
+    """Plan one step of ``length`` meters, the left foot closing."""
     return (
         PlanBuilder(name, manner=manner)
         .steps([(side, np.array([length, 0.0, 0.0])) for side in (RIGHT, LEFT)], 20.0 + 8.0 * length, 2.0)
@@ -89,9 +96,9 @@ def _short_step(name: str, length: float, manner: Manner) -> Plan:
 
 
 def _turn_in_place(name: str, degrees: float, manner: Manner) -> Plan:
-    """Pairs of steps, the right foot first, no more than 45 degrees a pair.
+    """Plan pairs of steps, the right foot first, at most 45 degrees a pair.
 
-    Turning right, that foot opens, and its heel needs room beside the other one.
+    In a turn to the right that foot opens, and its heel needs space beside the other one.
     """
     pairs = int(np.ceil(abs(degrees) / 45.0))
     turn = _rad(degrees) / pairs
@@ -105,7 +112,7 @@ def _turn_in_place(name: str, degrees: float, manner: Manner) -> Plan:
 
 
 def _side_steps(name: str, manner: Manner) -> Plan:
-    """Three full steps to the left."""
+    """Plan three full steps to the left."""
     builder = PlanBuilder(name, SIDE_STEPPING, manner)
     return (
         builder.side_step(LEFT, 0.44, 17.0)
@@ -119,11 +126,12 @@ def _side_steps(name: str, manner: Manner) -> Plan:
 
 
 def _short_side_step(name: str, manner: Manner) -> Plan:
+    """Plan one short step to the left."""
     return PlanBuilder(name, SIDE_STEPPING, manner).side_step(LEFT, 0.20, 14.0).stand().finish()
 
 
 def _turning_side_steps(name: str, manner: Manner) -> Plan:
-    """Steps to the left that turn the body by 5 and 10 degrees either way."""
+    """Plan steps to the left that turn the body by 5 and 10 degrees either way."""
     builder = PlanBuilder(name, SIDE_STEPPING, manner)
     for degrees in (5.0, -5.0, 10.0):
         builder.side_step(LEFT, 0.40, 17.0, _rad(degrees)).pause()
@@ -131,7 +139,7 @@ def _turning_side_steps(name: str, manner: Manner) -> Plan:
 
 
 def _walk_to_side(turn: float, manner: Manner) -> Plan:
-    """From walking to standing a quarter turn off; in three steps to the left, where the right foot cannot open."""
+    """Plan a walk to a stand a quarter turn off; in three steps to the left, where the right foot cannot open."""
     builder = PlanBuilder("", manner=manner).start(manner.normal).cycle(manner.normal)
     if turn < 0.0:
         return builder.stop(0.44, _rad(-90.0)).finish()
@@ -139,7 +147,7 @@ def _walk_to_side(turn: float, manner: Manner) -> Plan:
 
 
 def _side_to_walk(turn: float, manner: Manner) -> Plan:
-    """From standing a quarter turn off the way into walking, the foot on that side first."""
+    """Plan a walk from a stand a quarter turn off, the foot on that side first."""
     builder = PlanBuilder("", manner=manner)
     if turn > 0.0:
         builder.start_turned_left(manner.normal, _rad(90.0))
@@ -149,7 +157,7 @@ def _side_to_walk(turn: float, manner: Manner) -> Plan:
 
 
 def _quarter_turns(manner: Manner) -> list[Clip]:
-    """Between walking and standing a quarter turn off, with just the walking that its cut needs about it."""
+    """Return clips between walking and standing a quarter turn off, with just the walking that their cuts need."""
     clips, margin = [], _margin(manner)
     for way, turn in (("left", 1.0), ("right", -1.0)):
         plan = _walk_to_side(turn, manner)
@@ -161,7 +169,7 @@ def _quarter_turns(manner: Manner) -> list[Clip]:
 
 
 def _arm_transitions(manner: Manner) -> list[Clip]:
-    """Arms taken in and let go: over one cycle of walking, over one step from standing to standing, and on the spot."""
+    """Return clips that pull in or release the arms: over a walking cycle, over one step, and on the spot."""
     normal, margin = manner.normal, _margin(manner)
     plan = PlanBuilder("", manner=manner).start(normal).cycle(normal).cycle(normal).cycle(normal).stop().finish()
     first, last = _passing_frames(plan)[1:3]
@@ -182,11 +190,12 @@ def _arm_transitions(manner: Manner) -> list[Clip]:
 
 
 def _held(clip: Clip) -> Clip:
+    """Return the clip with its arms held."""
     return edit_arms(clip, np.ones(clip.frame_count))
 
 
 def synthesize_set(manner: Manner = PLAIN) -> list[tuple[str, str, Clip]]:
-    """Behavior folder, file name and clip of a whole motion set, always the same to the last bit."""
+    """Return behavior folder, file name and clip of a whole motion set, always the same to the last bit."""
     plans = [_walk("walk", manner), _slow("walk_slow", manner)]
     plans += [_short_step("step_25", 0.25, manner), _short_step("step_50", 0.50, manner)]
     constrained = [*map(synthesize, plans), *_walking_turns((10, 20), manner)]
@@ -211,6 +220,6 @@ def synthesize_set(manner: Manner = PLAIN) -> list[tuple[str, str, Clip]]:
 
 
 def motion_database(manner: Manner) -> list[Clip]:
-    """The clips of a motion set that nothing was edited in, each name once: walks and turns, then side steps."""
+    """Return the unedited clips of a motion set, each name once: walks and turns, then side steps."""
     clips = [clip for folder, _, clip in synthesize_set(manner) if folder != "arm_constrained"]
     return list({clip.name: clip for clip in clips}.values())

@@ -1,4 +1,4 @@
-"""Plans put together from starts, cycles, stops and steps in place."""
+"""Build plans from starts, cycles, stops and steps in place."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from crowdsim.motion.synthesis.styles import PLAIN, WALKING, Gait, Manner, Style
 Floats = NDArray[np.float64]
 
 REST = 10
-"""Frames of standing still that a clip begins and ends with."""
+"""Frames of standing still at the beginning and end of a clip."""
 PASSING = 0.52
-"""Part of the right foot's swing after which it passes the left one: where cycles are cut."""
+"""Share of the right foot's swing after which it passes the left one: where cycles are cut."""
 
 
 class PlanBuilder:
-    """Adds movements to a plan one after another; each begins where the one before ended."""
+    """Builder of a plan: each motion added begins where the last one ended."""
 
     def __init__(self, name: str, style: Style = WALKING, manner: Manner = PLAIN) -> None:
         self.plan = Plan(name, style, manner)
@@ -36,39 +36,40 @@ class PlanBuilder:
         self.frame = land
 
     def _pass(self, gait: Gait, left_landing: float) -> None:
-        """Hub of ``gait`` in the right foot's swing that follows the left foot's landing."""
+        """Add the hub of ``gait`` in the right foot's swing that follows the left foot's landing."""
         self.plan.hubs.append(
             Hub(round(left_landing + gait.double_support + PASSING * gait.swing), gait.name, self.body)
         )
         self.gait = gait
 
     def _walking(self) -> Gait:
+        """Return the present gait; raise MotionError if the body stands."""
         if self.gait is None:
             raise MotionError(f"plan '{self.plan.name}' stands here; a cycle or a stop must follow a start")
         return self.gait
 
     def _right_swing(self) -> tuple[float, float]:
-        """Lift and landing of the right foot that is passing at the last hub."""
+        """Return lift-off and landing of the right foot that is passing at the last hub."""
         gait = self._walking()
         lift = self.plan.hubs[-1].frame - PASSING * gait.swing
         return lift, lift + gait.swing
 
     def start(self, gait: Gait, length: float = 0.56) -> PlanBuilder:
-        """From standing, left foot first, to the passing pose of ``gait``."""
+        """Walk from standing, left foot first, to the passing pose of ``gait``."""
         return self._start_to(gait, along_arc(self.body, length, 0.0), self.frame + self.plan.style.soft)
 
     def start_right(self, gait: Gait) -> PlanBuilder:
-        """From standing, right foot first, to the passing pose of ``gait``: three steps of growing length."""
+        """Walk from standing, right foot first, to the passing pose of ``gait``: three steps of growing length."""
         lift = self.frame + self.plan.style.soft
         width = 0.5 * (gait.half_width + STANDING_HALF_WIDTH)
         self.step(RIGHT, along_arc(self.body, 0.42, 0.0), lift, lift + gait.swing * 0.95, width)
         return self._start_to(gait, along_arc(self.body, gait.stride * 0.48, 0.0), self.frame + gait.double_support)
 
     def cycle(self, gait: Gait, turn: float = 0.0, outer: float = 0.5, length: float | None = None) -> PlanBuilder:
-        """One cycle from a passing pose to the passing pose of ``gait``, turning by ``turn`` radians.
+        """Add one cycle from a passing pose to the passing pose of ``gait``, turning by ``turn`` [rad].
 
-        outer: part of the turn that the right foot's landing takes; length: meters along the path, by default
-        half a stride of the gait before and half a stride of ``gait``.
+        outer: share of the turn that the right foot's landing takes; length: along the path [m], by default half a
+        stride of the gait before and half a stride of ``gait``.
         """
         before = self._walking()
         start = self.plan.hubs[-1].frame
@@ -87,7 +88,7 @@ class PlanBuilder:
         return self
 
     def stop(self, length: float = 0.56, turn: float = 0.0) -> PlanBuilder:
-        """From a passing pose to standing, turned by ``turn``: the right foot lands, the left one closes."""
+        """Walk from a passing pose to standing, turned by ``turn`` [rad]: the right foot lands, the left one closes."""
         gait = self._walking()
         lift, land = self._right_swing()
         final = compose(self.body, np.array([length, 0.0, turn]))
@@ -97,7 +98,7 @@ class PlanBuilder:
         return self.stand()
 
     def stop_turned_left(self, turn: float) -> PlanBuilder:
-        """From a passing pose to standing turned left by ``turn``: right, left and right foot."""
+        """Walk from a passing pose to standing turned left by ``turn`` [rad]: right, left and right foot."""
         gait = self._walking()
         lift, land = self._right_swing()
         start = self.body
@@ -109,13 +110,13 @@ class PlanBuilder:
         return self.stand(0.0)
 
     def start_turned_left(self, gait: Gait, turn: float) -> PlanBuilder:
-        """From standing to the passing pose of ``gait`` turned left by ``turn``, the left foot first."""
+        """Walk from standing to the passing pose of ``gait`` turned left by ``turn`` [rad], left foot first."""
         way = compose(self.body, np.array([0.0, 0.0, turn]))
         ahead = compose(way, np.array([0.42, 0.0, 0.0]))
         return self._start_to(gait, ahead, self.frame + self.plan.style.soft)
 
     def start_turned_right(self, gait: Gait, turn: float) -> PlanBuilder:
-        """From standing to the passing pose of ``gait`` turned right by ``turn``: right foot, left foot."""
+        """Walk from standing to the passing pose of ``gait`` turned right by ``turn`` [rad]: right foot, left foot."""
         way = compose(self.body, np.array([0.0, 0.0, turn]))
         lift = self.frame + self.plan.style.soft
         first = compose(way, np.array([0.34, 0.0, -0.25 * turn]))
@@ -124,7 +125,7 @@ class PlanBuilder:
         return self._start_to(gait, ahead, self.frame + gait.double_support)
 
     def _start_to(self, gait: Gait, body: Floats, lift: float) -> PlanBuilder:
-        """The left foot's step to ``body`` and the passing pose after it, on a whole frame."""
+        """Add the left foot's step to ``body`` and the passing pose after it, on a whole frame."""
         wanted = lift + gait.swing + gait.double_support + PASSING * gait.swing
         land = lift + gait.swing + np.ceil(wanted - 1e-9) - wanted
         self.step(LEFT, body, lift, land, gait.half_width)
@@ -146,7 +147,7 @@ class PlanBuilder:
         return self
 
     def steps(self, places: list[tuple[int, Floats]], swing: float, pause: float = 0.0) -> PlanBuilder:
-        """Steps of a side to a body pose relative to the one here, one after another."""
+        """Add steps, each of a side to a body pose relative to the present one, one after another."""
         origin = self.body
         lift = self.frame + self.plan.style.soft
         for side, place in places:
@@ -155,7 +156,7 @@ class PlanBuilder:
         return self.stand()
 
     def side_step(self, side: int, length: float, swing: float, turn: float = 0.0) -> PlanBuilder:
-        """One foot goes out sideways, the other closes; the body turns by ``turn``."""
+        """Step sideways with one foot and close with the other; the body turns by ``turn`` [rad]."""
         sign = 1.0 if side == LEFT else -1.0
         body = compose(self.body, np.array([0.0, sign * length, turn]))
         lift = self.frame + self.plan.style.soft
@@ -165,7 +166,7 @@ class PlanBuilder:
         return self
 
     def finish(self) -> Plan:
-        """The plan, with a rest of standing at its end."""
+        """Return the plan, with a rest of standing at its end."""
         last = int(np.ceil(self.frame))
         self.plan.hubs.append(Hub(last + REST, "stand", self.body))
         self.plan.frame_count = last + REST + 1

@@ -1,4 +1,4 @@
-"""From controls to joints: the pelvis is placed, legs reach the feet by two-bone inverse kinematics, arms swing."""
+"""From controls to joints: place the pelvis, reach the feet by two-bone inverse kinematics, swing the arms."""
 
 from __future__ import annotations
 
@@ -15,22 +15,23 @@ Floats = NDArray[np.float64]
 
 _X, _Y, _Z = np.eye(3)
 _NECK_LEAN = 0.17
-"""Radians that the neck leans ahead of the head."""
+"""Angle by which the neck leans ahead of the head [rad]."""
 STRAIGHTEST = float(np.sqrt(THIGH * THIGH + SHANK * SHANK + 2.0 * THIGH * SHANK * 0.9945218953682733))
-"""Meters from hip to ankle at the least bend of a knee, 6 degrees (whose cosine stands above)."""
+"""Distance from hip to ankle at the least bend of a knee, 6 degrees (whose cosine is above) [m]."""
 
 
 def _column(controls: Controls, name: str) -> Floats:
+    """Return a column of the scalars by its name."""
     return controls.scalars[:, SCALARS.index(name)]
 
 
 def _turns(axis: Floats, angle: Floats) -> Floats:
-    """Quaternions of turns by ``angle`` (F,) about one axis."""
+    """Return quaternions (F, 4) of turns by ``angle`` (F,) about one axis."""
     return about_axis(axis, angle)
 
 
 def _quaternion_of(x: Floats, y: Floats, z: Floats) -> Floats:
-    """Quaternions (F, 4) of frames whose axes are the unit vectors x, y, z (F, 3)."""
+    """Return the quaternions (F, 4) of frames whose axes are the unit vectors x, y, z (F, 3)."""
     m = np.stack([x, y, z], axis=-1)
     trace = m[:, 0, 0] + m[:, 1, 1] + m[:, 2, 2]
     choices = np.stack([trace, m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]], axis=-1)
@@ -46,27 +47,27 @@ def _quaternion_of(x: Floats, y: Floats, z: Floats) -> Floats:
 
 
 def pelvis_rotation(controls: Controls) -> Floats:
-    """(F, 4) world rotation of the root."""
+    """Return the world rotation (F, 4) of the root."""
     yaw = _turns(_Z, controls.placed[:, 2] + _column(controls, "pelvis_yaw"))
     roll = _turns(_X, _column(controls, "pelvis_roll"))
     return multiply(multiply(yaw, roll), _turns(_Y, _column(controls, "pelvis_pitch")))
 
 
 def hip_positions(controls: Controls, side: str) -> Floats:
-    """(F, 3) world positions of one hip joint."""
+    """Return the world positions (F, 3) of one hip joint [m]."""
     skeleton = default_skeleton()
     root = np.column_stack([controls.placed[:, :2], _column(controls, "height")])
     return root + rotate(pelvis_rotation(controls), skeleton.offsets[skeleton.joint(f"{side}_hip")])
 
 
 def ankle_targets(controls: Controls, side: str) -> Floats:
-    """(F, 3) world positions that the controls ask of one ankle."""
+    """Return the world positions (F, 3) that the controls require of one ankle [m]."""
     first = 3 if side == "left" else 6
     return np.column_stack([controls.placed[:, first : first + 2], _column(controls, f"{side}_ankle_height")])
 
 
 def _leg(controls: Controls, side: str) -> tuple[Floats, Floats, Floats, Floats]:
-    """World rotations (F, 4) of thigh, shank, foot and toes."""
+    """Return world rotations (F, 4) of thigh, shank, foot and toes."""
     way = ankle_targets(controls, side) - hip_positions(controls, side)
     distance = np.minimum(np.linalg.norm(way, axis=-1), STRAIGHTEST)
     down = unit(way)
@@ -87,7 +88,7 @@ def _leg(controls: Controls, side: str) -> tuple[Floats, Floats, Floats, Floats]
 
 
 def _arm(controls: Controls, side: str, carrier: Floats) -> tuple[Floats, Floats, Floats]:
-    """World rotations (F, 4) of upper arm, forearm and hand; ``carrier`` is the chest's."""
+    """Return world rotations (F, 4) of upper arm, forearm and hand; ``carrier`` is the chest's."""
     sign = 1.0 if side == "left" else -1.0
     hang = _turns(_X, sign * (_column(controls, f"{side}_out") - np.pi / 2.0))
     swing = _turns(_Y, -_column(controls, f"{side}_arm"))
@@ -99,7 +100,7 @@ def _arm(controls: Controls, side: str, carrier: Floats) -> tuple[Floats, Floats
 
 
 def pose_clip(name: str, controls: Controls) -> Clip:
-    """The clip that the controls describe."""
+    """Return the clip that the controls describe."""
     skeleton = default_skeleton()
     heading = controls.placed[:, 2]
     world = np.empty((len(heading), skeleton.joint_count, 4))

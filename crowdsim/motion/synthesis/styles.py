@@ -1,4 +1,4 @@
-"""How people go about moving: speeds, bounce, arms and head of plain walking, and of other moods."""
+"""Styles of motion: speeds, bounce, arms and head of plain walking, and of other moods."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from crowdsim.errors import MotionError
 
 
 class Style(NamedTuple):
-    """How feet and body go about short steps.
+    """Movement of feet and body in short steps.
 
     soft: frames over which a heel rises from standing before its foot lifts, or comes down after its foot has closed;
     slowing: frames in which that rise slows down again before the foot lifts, so that it stays low in its swing;
-    sway: how far the body goes over to the foot that carries it, 0 not at all, 1 all the way;
-    raised: meters that even the shortest step takes its foot up in its swing.
+    sway: how far the body shifts over the foot that carries it, from 0 (not at all) to 1 (fully);
+    raised: height to which even the shortest step lifts its foot [m].
     """
 
     soft: float
@@ -32,7 +32,7 @@ SIDE_STEPPING = Style(4.5, 2.0, 0.2, 0.0)
 
 @dataclass(frozen=True)
 class Gait:
-    """A steady walk. stride: meters a cycle; cycle, swing: frames; half_width: meters from the path to an ankle."""
+    """A steady walk. stride: length of a cycle [m]; cycle, swing: frames; half_width: from the path to an ankle [m]."""
 
     name: str
     stride: float
@@ -42,22 +42,22 @@ class Gait:
 
     @property
     def double_support(self) -> float:
-        """Frames with both feet down, twice a cycle."""
+        """Return the frames with both feet on the floor, twice a cycle."""
         return self.cycle / 2.0 - self.swing
 
 
 @dataclass(frozen=True)
 class Manner:
-    """What a body does beyond putting its feet down; the defaults are plain walking.
+    """Movement of a body beyond its footsteps; the defaults are plain walking.
 
     normal, slow, brisk: its gaits.
-    lift: meters that feet are taken up more in their swing. crouch: meters that the pelvis is lower all the time.
-    bounce: factor on how far the pelvis sinks between steps. sway: factor on how far it goes over the carrying foot.
-    pelvis_yaw, trunk_yaw, arm_swing, elbow_swing: radians for a meter between the feet, ahead.
-    pelvis_roll, trunk_roll, head_roll: radians over the carrying foot. lean: radians ahead for each m/s.
-    elbow, arm_out, arm_twist: radians at rest: the elbow's bend, how far the upper arm stands off the trunk, and its
-        turn about itself (negative turns a bent forearm up).
-    wave: radians that the arm over the carrying foot goes up and the other one down. head_pitch: radians down.
+    lift: additional height of feet in their swing [m]. crouch: how much lower the pelvis is all the time [m].
+    bounce: factor on how far the pelvis sinks between steps. sway: factor on how far it shifts over the carrying foot.
+    pelvis_yaw, trunk_yaw, arm_swing, elbow_swing: angle per distance between the feet, ahead [rad/m].
+    pelvis_roll, trunk_roll, head_roll: angle over the carrying foot [rad]. lean: angle ahead per speed [rad s/m].
+    elbow, arm_out, arm_twist: angles at rest [rad]: the elbow's bend, how far the upper arm stands off the trunk, and
+    its turn about itself (negative turns a bent forearm up).
+    wave: angle by which the arm over the carrying foot goes up and the other one down [rad]. head_pitch: nod [rad].
     """
 
     name: str
@@ -83,7 +83,7 @@ class Manner:
     head_roll: float = 0.0
 
     def gait(self, name: str) -> Gait:
-        """The gait called ``name``."""
+        """Return the gait called ``name``."""
         return next(gait for gait in (self.normal, self.slow, self.brisk) if gait.name == name)
 
 
@@ -140,14 +140,14 @@ DANCING = Manner(
 """Short swaying steps with raised arms that wave from side to side."""
 
 MANNERS = {manner.name: manner for manner in (PLAIN, HAPPY, DANCING)}
-"""All of them by the names of their motion sets."""
+"""All manners by the names of their motion sets."""
 
 DEFAULT_SET = PLAIN.name
-"""The motion set whose clips lie in the behaviors' folders; the others are synthesized when they are asked for."""
+"""The motion set whose clips are in the behaviors' folders; others are synthesized on demand."""
 
 
 def find_manner(motion_set: str) -> Manner:
-    """The manner of the motion set called ``motion_set``; MotionError lists what there is."""
+    """Return the manner of the motion set called ``motion_set``; raise MotionError with the names if there is none."""
     try:
         return MANNERS[motion_set]
     except KeyError:

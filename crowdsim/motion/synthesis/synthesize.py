@@ -1,4 +1,4 @@
-"""Plans of footsteps made into clips that meet in the same poses at their hubs."""
+"""Turn plans of footsteps into clips that meet in the same poses at their hubs."""
 
 from __future__ import annotations
 
@@ -19,17 +19,19 @@ from crowdsim.motion.synthesis.trunk import FOOT_SCALARS, SCALARS, Controls, con
 Floats = NDArray[np.float64]
 
 _HELD = 3
-"""Frames on either side of a hub that are equal in all movements through it."""
+"""Frames on either side of a hub that are equal in all motions through it."""
 _FADE = 10
-"""Frames over which a movement of its own becomes that of the hub."""
+"""Frames over which a motion of its own changes to that of the hub."""
 
 
 def _lowered(controls: Controls) -> Controls:
-    """The same with the pelvis low enough, smoothly, for both legs to reach their feet."""
+    """Return the controls with the pelvis low enough, smoothly, for both legs to reach their feet."""
     scalars = controls.scalars.copy()
     column = SCALARS.index("height")
+    # Smoothing may take away some of what is needed: repeat until both legs reach, four times at most.
     for _ in range(4):
         current = Controls(controls.placed, scalars)
+        # excess (F,): by how much a hip is higher over its ankle than the straightest leg is long [m].
         excess = np.zeros(len(scalars))
         for side in ("left", "right"):
             way = hip_positions(current, side) - ankle_targets(current, side)
@@ -37,18 +39,19 @@ def _lowered(controls: Controls) -> Controls:
             excess = np.maximum(excess, way[:, 2] - reach)
         if excess.max() <= 0.0:
             break
+        # Spread each peak over five frames to either side, so that smoothing leaves it its height.
         widest = np.array([excess[max(0, i - 5) : i + 6].max() for i in range(len(excess))])
         scalars[:, column] -= smoothed(widest, 2.2)
     return Controls(controls.placed, scalars)
 
 
 def _hub_frame(hub: Hub, manner: Manner) -> Floats:
-    """Planar pose that the controls about a hub are expressed in: the left foot's, or the body's when standing."""
+    """Return the planar pose to which a hub's controls are relative: the left foot's, the body's when standing."""
     return hub.body if hub.kind == "stand" else footprint(LEFT, hub.body, manner.gait(hub.kind).half_width)
 
 
 def _moved(frame: Floats, placed: Floats, inverse: bool) -> Floats:
-    """(R, 9) planar poses into the frame (``inverse``) or out of it; headings stay unwrapped."""
+    """Return planar poses (R, 9) moved into a frame (``inverse``) or out of it; headings stay unwrapped."""
     out = placed.copy()
     c, s = cos(frame[2]), sin(frame[2])
     for k in (0, 3, 6):
@@ -65,14 +68,14 @@ def _moved(frame: Floats, placed: Floats, inverse: bool) -> Floats:
 
 @cache
 def _standing(manner: Manner) -> tuple[Floats, Floats]:
-    """Controls (1, 9), (1, S) of the standing pose at the origin."""
+    """Return the controls (1, 9), (1, S) of the standing pose at the origin."""
     controls = _lowered(controls_of(PlanBuilder("stand", manner=manner).finish()))
     return controls.placed[:1], controls.scalars[:1]
 
 
 @cache
 def _passing(gait: Gait, manner: Manner) -> tuple[Floats, Floats]:
-    """Controls of a steady walk about its hub, relative to the left foot: (2 W + 1, 9), (2 W + 1, S)."""
+    """Return the controls of a steady walk about its hub, relative to the left foot: (2 W + 1, 9), (2 W + 1, S)."""
     builder = PlanBuilder(gait.name, manner=manner).start(gait)
     for _ in range(4):
         builder.cycle(gait)
@@ -84,7 +87,7 @@ def _passing(gait: Gait, manner: Manner) -> tuple[Floats, Floats]:
 
 
 def _blend(controls: Controls, plan: Plan) -> Controls:
-    """The same with the pose and motion about each hub replaced by the hub's own, faded in and out."""
+    """Return the controls with pose and motion about each hub replaced by the hub's own, faded in and out."""
     placed, scalars = controls.placed.copy(), controls.scalars.copy()
     stands = [h.frame for h in plan.hubs if h.kind == "stand"]
     for hub in plan.hubs:
@@ -114,12 +117,12 @@ def _blend(controls: Controls, plan: Plan) -> Controls:
 
 
 def synthesize(plan: Plan) -> Clip:
-    """The clip of a plan: every step where it is planned, no leg over-reached, every hub in its common pose."""
+    """Return the clip of a plan: each step where it is planned, no leg overstretched, each hub in its common pose."""
     return pose_clip(plan.name, _lowered(_blend(_lowered(controls_of(plan)), plan)))
 
 
 def synthesize_idle(name: str, frames: int, manner: Manner = PLAIN) -> Clip:
-    """Standing for ``frames`` frames: a breath and a little sway that begin and end in the standing pose."""
+    """Return standing for ``frames`` frames: a breath and a little sway that begin and end in the standing pose."""
     placed, scalars = (np.repeat(a, frames, 0) for a in _standing(manner))
     u = np.linspace(0.0, 1.0, frames)
     envelope = np.square(sin(np.pi * u))

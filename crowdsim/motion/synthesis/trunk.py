@@ -1,4 +1,4 @@
-"""The body above the feet of a plan: pelvis, trunk, head and arms, as smooth curves driven by the footfall."""
+"""The body above the feet of a plan: pelvis, trunk, head and arms, as smooth curves driven by the footsteps."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from crowdsim.motion.synthesis.footstep_plan import LEFT, RIGHT, STANDING_HALF_W
 Floats = NDArray[np.float64]
 
 STANDING_HEIGHT = 1.010
-"""Meters from the floor to the root joint of a standing body."""
+"""Height of the root joint of a standing body [m]."""
 _DROP, _DROP_APART = 0.008, 0.133
-"""Meters that the pelvis sinks in walking, and for a squared meter between the feet."""
+"""How far the pelvis sinks in walking [m], and per square of the distance between the feet [1/m]."""
 _LEAN, _SHIFT = 5.0, 9.0
-"""Frames before a foot lifts from rest at which the body sets out and its weight begins to go over."""
+"""Frames before a foot lifts from rest at which the body sets out, and at which its weight begins to shift."""
 _LONG_SUPPORT = 12.0
 """Frames on both feet beyond which the body waits between them."""
 _OVER_FOOT = 0.055
-"""Meters ahead of the ankle at which a foot carries the body."""
+"""Distance ahead of the ankle at which a foot carries the body [m]."""
 
 SCALARS = tuple(
     (
@@ -37,14 +37,15 @@ SCALARS = tuple(
 )
 """Columns of :attr:`Controls.scalars`; the last six belong to the feet."""
 FOOT_SCALARS = slice(17, 23)
+"""The columns of the feet."""
 
 
 @dataclass(frozen=True)
 class Controls:
-    """Everything that fixes a pose, in numbers that may be averaged.
+    """All numbers that determine a pose; they may be averaged.
 
-    placed: (F, 9) planar poses (x, y, heading without jumps) of pelvis, left foot and right foot.
-    scalars: (F, 23) see :data:`SCALARS`.
+    placed: (F, 9) planar poses (x, y [m], heading without jumps [rad]) of pelvis, left foot and right foot.
+    scalars: (F, 23) heights [m] and angles [rad], see :data:`SCALARS`.
     """
 
     placed: Floats
@@ -52,13 +53,13 @@ class Controls:
 
 
 def _between(old: Floats, new: Floats, facing: float, share: float) -> Floats:
-    """Body pose halfway from one print's to the next one's, facing ``share`` of the way, without jumps."""
+    """Return the body pose halfway between two prints', its heading ``share`` of the way, without jumps."""
     first = facing + wrap_angle(old[2] - facing)
     return np.array([*(0.5 * (old[:2] + new[:2])), first + share * wrap_angle(new[2] - old[2])])
 
 
 def _course(plan: Plan) -> tuple[Floats, Floats]:
-    """(F, 3) where the body goes and faces, and (F, 2) the place that carries it, both still with corners."""
+    """Return the body's place and heading (F, 3), and the place that carries it (F, 2), both still with corners."""
     course: list[tuple[float, Floats]] = [(-1.0, plan.start)]
     load: list[tuple[float, Floats]] = [(-1.0, plan.start[:2])]
     bodies = [plan.start, plan.start]
@@ -92,7 +93,7 @@ def _course(plan: Plan) -> tuple[Floats, Floats]:
 
 
 def _supports(plan: Plan) -> tuple[Floats, Floats]:
-    """(F,) which foot carries the body (1 left, -1 right, 0 both) and (F,) how far apart the feet are in step."""
+    """Return the foot (F,) that carries the body (1 left, -1 right, 0 both), and the feet's distance (F,) [m]."""
     frames = np.arange(plan.frame_count, dtype=np.float64)
     side = np.zeros(plan.frame_count)
     bodies = [plan.start, plan.start]
@@ -110,7 +111,7 @@ def _supports(plan: Plan) -> tuple[Floats, Floats]:
 
 
 def controls_of(plan: Plan) -> Controls:
-    """The controls of a plan before its hubs are made to agree."""
+    """Return the controls of a plan before its hubs are made to agree."""
     manner = plan.manner
     course, load = _course(plan)
     side, apart = _supports(plan)

@@ -1,0 +1,109 @@
+"""The movement of a clip on a skeleton with other joints: bones that play the same role point the same way."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from crowdsim.errors import MotionError
+from crowdsim.geometry.elementary import atan2
+from crowdsim.motion.captures.retargeting import retarget
+from crowdsim.motion.clips.clip import Clip
+from crowdsim.motion.clips.kinematics import Floats, about_axis, conjugate, multiply, rotate, slerp, unit
+from crowdsim.motion.clips.skeleton import Skeleton
+
+_BONES = {
+    "chest": "neck",
+    "neck": "head",
+    **{
+        f"{side}_{above}": f"{side}_{below}"
+        for side in ("left", "right")
+        for above, below in (
+            ("shoulder", "elbow"),
+            ("elbow", "wrist"),
+            ("hip", "knee"),
+            ("knee", "ankle"),
+            ("ankle", "toe"),
+        )
+    },
+}
+"""The joint at the other end of the bone that each role turns."""
+
+_AS_ABOVE = {"head": "neck", "left_wrist": "left_elbow", "right_wrist": "right_elbow"}
+"""Joints whose bones end in nothing that has a role: they rest as the joint above them does."""
+
+_NEEDED = ("hips", *(f"{side}_{part}" for side in ("left", "right") for part in ("hip", "knee", "ankle")))
+
+
+def on_joints_of(clip: Clip, skeleton: Skeleton) -> Clip:
+    """Move ``skeleton`` as the clip moves its own, whatever the joints of both are called.
+
+    A joint without a role, as those of the spine, turns halfway between the joints around it that have one. Places
+    scale with the length of the legs. MotionError if one of both has no legs.
+    """
+    own = clip.skeleton
+    if own.names == skeleton.names and np.array_equal(own.parents, skeleton.parents):
+        return retarget(clip, skeleton)
+    for role in _NEEDED:
+        if role not in own.roles or role not in skeleton.roles:
+            raise MotionError(f"clip '{clip.name}' has no joint for '{role}', or the other behaviors have none")
+    positions, world = clip.posed
+    level = multiply(_facing(own), conjugate(_facing(skeleton)))
+    turned = np.tile([1.0, 0.0, 0.0, 0.0], (clip.frame_count, skeleton.joint_count, 1))
+    roles = {joint: role for role, joint in skeleton.roles.items() if role in own.roles}
+    turned[:, 0] = multiply(world[:, own.roles["hips"]], level)
+    for joint in range(1, skeleton.joint_count):
+        parent = int(skeleton.parents[joint])
+        if joint in roles:
+            rest = multiply(_rest_turn(own, skeleton, level, roles[joint]), level)
+            turned[:, joint] = multiply(world[:, own.roles[roles[joint]]], rest)
+        else:
+            turned[:, joint] = turned[:, parent]
+    _share_spine(skeleton, turned)
+    rotations = turned.copy()
+    for joint in range(1, skeleton.joint_count):
+        rotations[:, joint] = multiply(conjugate(turned[:, skeleton.parents[joint]]), turned[:, joint])
+    scale = skeleton.leg_length() / own.leg_length()
+    moved = Clip(clip.name, skeleton, np.zeros((clip.frame_count, 3)), rotations)
+    root = scale * _middle(positions, own) - _middle(moved.joint_positions, skeleton)
+    moved = Clip(clip.name, skeleton, root, rotations)
+    lift = positions[..., 2].min() - moved.joint_positions[..., 2].min()
+    return Clip(clip.name, skeleton, root + np.array([0.0, 0.0, lift]), rotations)
+
+
+def _middle(positions: Floats, skeleton: Skeleton) -> Floats:
+    """(F, 3) between the joints of the hips."""
+    middle: Floats = 0.5 * (positions[:, skeleton.roles["left_hip"]] + positions[:, skeleton.roles["right_hip"]])
+    return middle
+
+
+def _facing(skeleton: Skeleton) -> Floats:
+    """Rotation (4,) about the vertical by which a skeleton at rest faces off +x."""
+    rest = skeleton.rest_positions()
+    left = rest[skeleton.roles["left_hip"]] - rest[skeleton.roles["right_hip"]]
+    return about_axis(np.array([0.0, 0.0, 1.0]), float(atan2(-left[0], left[1])))
+
+
+def _rest_turn(own: Skeleton, skeleton: Skeleton, level: Floats, role: str) -> Floats:
+    """Rotation (4,) that brings a bone of ``skeleton`` at rest to where that of ``own`` points at rest."""
+    joint = _AS_ABOVE.get(role, role)
+    end = _BONES.get(joint)
+    if end is None or any(each not in s.roles for s in (own, skeleton) for each in (joint, end)):
+        return np.array([1.0, 0.0, 0.0, 0.0])
+    a, b = (s.rest_positions()[s.roles[end]] - s.rest_positions()[s.roles[joint]] for s in (skeleton, own))
+    a, b = rotate(level, unit(a)), unit(b)
+    cosine = float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+    if cosine < -0.99:
+        raise MotionError(f"the bone from '{joint}' to '{end}' points the other way in the skeleton of the clip")
+    return unit(np.concatenate([[1.0 + cosine], np.cross(a, b)]))
+
+
+def _share_spine(skeleton: Skeleton, turned: Floats) -> None:
+    """Turn the joints between hips and chest, which have no role, as evenly as their number allows."""
+    chest = skeleton.roles.get("chest", 0)
+    chain: list[int] = []
+    joint = int(skeleton.parents[chest]) if chest else 0
+    while joint > 0:
+        chain.insert(0, joint)
+        joint = int(skeleton.parents[joint])
+    for number, between in enumerate(chain, start=1):
+        turned[:, between] = slerp(turned[:, 0], turned[:, chest], number / (len(chain) + 1))
