@@ -1,4 +1,4 @@
-"""``python -m crowdsim`` is the ``crowdsim`` command."""
+"""Entry point of ``python -m crowdsim``, the same as the ``crowdsim`` command."""
 
 from crowdsim.cli.app import main
 

@@ -7,6 +7,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from shapely import Polygon
 
 from crowdsim.behaviors.gaits import gait_clips, natural_speed
 from crowdsim.behaviors.library import BehaviorSet
@@ -25,7 +27,7 @@ from crowdsim.crowd.state.itineraries import Itineraries, stands_summary
 from crowdsim.crowd.state.motion_plan import Request
 from crowdsim.crowd.state.state_hash import state_hash
 from crowdsim.crowd.systems.animate import animate
-from crowdsim.crowd.systems.apply_events import Events
+from crowdsim.crowd.systems.apply_events import AffectedAgents, Events
 from crowdsim.crowd.systems.choose_motion import Choosing
 from crowdsim.crowd.systems.despawn import Despawning
 from crowdsim.crowd.systems.replan import AT_GOAL, Replanning, search_on
@@ -35,16 +37,32 @@ from crowdsim.geometry.elementary import distance
 from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.recording.header import AgentState, RecordedFrame, RecordingHeader
-from crowdsim.scenario.placement import Placement, place_agents
+from crowdsim.scenario.cast import place_agents
+from crowdsim.scenario.people.arrivals import NEVER
+from crowdsim.scenario.people.placement import Placement
 from crowdsim.scenario.scenario import Scenario
-from crowdsim.scenario.timetable import Placing
+from crowdsim.scenario.timetable import Placing, Timetable
 
 LEAD_SECONDS = 0.2
-"""Time ahead of its need at which a plan is requested, if that can be told [s]."""
+"""Time before its need at which a plan is requested, if that is known [s]."""
 
 
 class CapturedCrowd:
-    """The captured characters of a scenario; ``workers`` threads search their motion, and the result never shows."""
+    """The captured characters of a scenario.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The scenario.
+    workers : int
+        Number of threads that search motions; the result does not depend on it.
+    preparing : callable, optional
+        Called with the number of motion maps built and the number of all, while they are built.
+    cast : Placement, optional
+        The characters; drawn from the scenario by default.
+    behavior_set : BehaviorSet, optional
+        That of the scenario, if it is loaded already.
+    """
 
     def __init__(
         self,
@@ -70,8 +88,9 @@ class CapturedCrowd:
             lambda agent, route: self._new_routes.append((agent, route)),
             lead=max(1, round(LEAD_SECONDS * scenario.steps_per_second)),
         )
+        self.natural_speed = natural_speed(gait_clips(behavior_set)[-1])
         if not np.isnan(self.cast.speeds).all():
-            self.plans.paces.keep(self.cast.speeds, natural_speed(gait_clips(behavior_set)[-1]))
+            self.plans.paces.keep(self.cast.speeds, self.natural_speed)
         self.hash = 0
         self._make_ready()
 
@@ -93,32 +112,90 @@ class CapturedCrowd:
 
     @property
     def count(self) -> int:
-        """Characters of the scenario, present or not."""
+        """Return the number of characters of the scenario, present or not."""
         return len(self.cast.starts)
 
     @property
     def step_count(self) -> int:
-        """Steps taken so far."""
+        """Return the number of steps taken so far."""
         return self.plans.step
 
     @property
+    def arrivals(self) -> NDArray[np.int64]:
+        """Return the step (n,) in which each character reached its last goal, NONE before."""
+        return self.despawning.arrived
+
+    @property
     def arrived(self) -> int:
-        """Characters that reached their last goal so far."""
-        return int((self.despawning.arrived >= 0).sum())
+        """Return the number of characters that have reached their last goal."""
+        return int((self.arrivals >= 0).sum())
+
+    @property
+    def expected(self) -> NDArray[np.bool_]:
+        """Return which characters (n,) have arrived, are in the world, or come without a command."""
+        return np.asarray((self.cast.start_steps != NEVER) | (self.arrivals >= 0))
 
     @property
     def finished(self) -> bool:
-        """Whether everyone who can arrive has."""
-        # Nobody is out of reach for good while doors may open.
+        """Return True if all characters that can arrive have arrived."""
+        # As long as doors may open, a goal may become reachable.
         lost = len(self.plans.unreachable) if self.events.over else 0
-        return self.arrived + lost >= self.count
+        return self.arrived + lost >= int(self.expected.sum())
 
     def close(self) -> None:
         """End the threads."""
         self.searches.pool.close()
 
+    def take_timetable(self, timetable: Timetable) -> None:
+        """Replace the timetable of future changes; the new one begins with all that was due until now."""
+        self.environment.timetable = self.events.agenda.timetable = timetable
+
+    def set_goal(self, agents: NDArray[np.int64], region: Polygon, places: NDArray[np.float64], stays: bool) -> None:
+        """Send characters (k,) to ``places`` (k, 2) [m] instead of all their goals."""
+        view = self.world.view()
+        affected = AffectedAgents(self.plans, view)
+        rows = {int(agent): row for row, agent in enumerate(view.agent.tolist())}
+        for agent, place in zip(agents.tolist(), places, strict=True):
+            self.itineraries.redirect(agent, place, stays)
+            self.despawning.arrived[agent] = NONE
+            self.plans.away.discard(agent)
+            row = rows.get(agent)
+            if row is None:
+                self.plans.forget(agent)
+                self.spawning.requested.pop(agent, None)
+                continue
+            view.goal[row], view.stays[row] = place, stays
+            if view.state[row] == AgentState.ARRIVED:
+                view.state[row] = AgentState.WAITING
+                view.cursor[row] = NONE
+                view.rank[row] = view.turn[row] = self.plans.rank(agent)
+            affected.turn_to_goal(row)
+
+    def add(self, agents: NDArray[np.int64], starts: NDArray[np.float64] | None) -> None:
+        """Let ``agents`` (k,) on call come as soon as their places are free: ``starts`` (k, 2) [m] if given."""
+        self.cast.start_steps[agents] = self.step_count
+        if starts is not None:
+            self.cast.starts[agents] = starts
+
+    def remove(self, agents: NDArray[np.int64]) -> None:
+        """Take ``agents`` (k,) out of the world at once; those who are yet to come never come."""
+        view = self.world.view()
+        self.world.remove(*view.id[np.isin(view.agent, agents)].tolist())
+        self.world.apply_changes()
+        self.cast.start_steps[agents] = NEVER
+        for agent in agents.tolist():
+            self.plans.forget(agent)
+            self.spawning.requested.pop(agent, None)
+
+    def set_speed(self, agents: NDArray[np.int64], speed: float) -> None:
+        """Let ``agents`` (k,) walk at ``speed`` [m/s] from their next node on, or at the nearest playable one."""
+        self.cast.speeds[agents] = speed
+        self.plans.paces.keep(self.cast.speeds, self.natural_speed)
+        for agent in agents.tolist():
+            self.plans.motions.replay(agent)
+
     def advance(self) -> None:
-        """All stages of a step but its searches, in order; characters come and go only where changes are applied."""
+        """Run all stages of a step but its searches, in order; rows are added and removed at ``apply_changes`` only."""
         view = self.world.view()
         self.react(view)
         self.spawning.spawn(view)
@@ -127,17 +204,17 @@ class CapturedCrowd:
         self.hash = state_hash(self.world, self.environment.state(), self.step_count, self.hash)
 
     def react(self, view: View, in_the_way: Callable[[Footprints], bool] = lambda _: False) -> list[int]:
-        """Let events happen where nobody is in their way, and hand plans out; returns the numbers of those events.
+        """Let events happen if no character is in the way, and hand out plans; return the numbers of those events.
 
-        ``in_the_way`` says whether a character that is not captured stands where a thing is to come.
+        ``in_the_way`` tells whether a character that is not captured stands where a movable is to appear.
         """
         happened = self.events.apply(view, in_the_way)
-        # What searches came to is handed out one step after they began, so that the number of workers never shows.
+        # Results are handed out one step after their slices began, whatever the number of workers.
         self._replanning.replan(view)
         return happened
 
     def act(self) -> None:
-        """Let everyone choose its next node, play, and leave if it has arrived."""
+        """Let all rows choose their next node, play, and leave if they have arrived."""
         view = self.world.view()
         self.choosing.choose(view)
         animate(self.assets, view)
@@ -145,33 +222,33 @@ class CapturedCrowd:
         self.world.apply_changes()
 
     def end_step(self) -> None:
-        """Begin the slices that the next step waits for: after all else, which threads that search slow down."""
+        """Begin the search slices for the next step, after all else, as their threads would slow it down."""
         search_on(self.plans, self.world.view())
         self.plans.step += 1
 
     def placing(self, movable: int) -> Placing | None:
-        """Where a movable stands; None while it is absent."""
+        """Return the placing of a movable; None while it is absent."""
         return self.environment.placing(movable)
 
     def new_routes(self) -> list[Route]:
-        """Paths that characters follow since this was last asked."""
+        """Return the paths that characters follow since the last call."""
         routes = [Route(agent, *labeled_points(route)) for agent, route in self._new_routes]
         self._new_routes.clear()
         return routes
 
     def header(self, scenario: Scenario) -> RecordingHeader:
-        """What a recording says once."""
+        """Return the constant part of a recording."""
         agents = captured_agents(self.cast, scenario.steps_per_second, self.assets.personal_radius)
         return record_header(scenario, self.assets.behaviors, agents, captured_motion(self.assets))
 
     def frame(self) -> RecordedFrame:
-        """The present step of all characters, those outside the world marked absent."""
+        """Return the present step of all characters; those outside the world are marked absent."""
         agent = self.world.column("agent")
         columns: dict[str, Any] = {}
         for name in ("node", "previous", "behavior"):
             columns[name] = np.full(self.count, NONE, np.int32)
             columns[name][agent] = self.world.column(name)
-        # What is between two frames is told as such, but nothing is behind the last one.
+        # Frames are recorded with fractions, but not beyond the last frame of the node.
         last = self.assets.graph.node_frames[self.world.column("node")]
         shown = self.world.column("frame") + self.world.column("part") / FRAME_TICKS
         columns["frame"] = np.zeros(self.count)
@@ -185,15 +262,15 @@ class CapturedCrowd:
 
     @cached_property
     def statistics(self) -> Statistics:
-        """Measures of the run."""
+        """Return the measures of the run."""
         return Statistics(self.assets, self.environment, self._areas)
 
     def measure(self, frame: RecordedFrame) -> None:
-        """Take the present step into the statistics."""
+        """Add the present step to the statistics."""
         self.statistics.add(frame)
 
     def summary(self) -> dict[str, Any]:
-        """What the run is summed up by."""
+        """Return the figures that sum up the run."""
         done = self.despawning.arrived >= 0
         times = (self.despawning.arrived - self.spawning.spawned)[done] / self.assets.steps_per_second
         return {

@@ -1,4 +1,4 @@
-"""What a simulation asks of its crowd, whichever way that moves."""
+"""Interface of a crowd to the simulation, whatever its level of motion."""
 
 from __future__ import annotations
 
@@ -6,67 +6,98 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from shapely import Polygon
 
 from crowdsim.recording.header import RecordedFrame, RecordingHeader
 from crowdsim.scenario.scenario import Scenario
-from crowdsim.scenario.timetable import Placing
+from crowdsim.scenario.timetable import Placing, Timetable
 
 
 class Route(NamedTuple):
-    """A path that an agent follows: points (P, 2) [m], and the behavior (P,) from each on."""
+    """A path that a character follows."""
 
     agent: int
+    """Number of the character."""
     points: NDArray[np.float64]
+    """(P, 2) points [m]."""
     behaviors: NDArray[np.int8]
+    """(P,) behavior from each point on."""
 
 
 class Crowd(Protocol):
-    """All characters of a scenario, and how they move from step to step.
+    """All characters of a scenario, moved from step to step.
 
-    A step is :meth:`advance`, then whatever reads the state, then :meth:`end_step`.
+    A step is :meth:`advance`, then anything that reads the state, then :meth:`end_step`.
     """
 
     hash: int
+    """64-bit hash of all states so far."""
 
     @property
     def count(self) -> int:
-        """Characters of the scenario, present or not."""
+        """Return the number of characters of the scenario, present or not."""
 
     @property
     def step_count(self) -> int:
-        """Steps taken so far."""
+        """Return the number of steps taken so far."""
+
+    @property
+    def arrivals(self) -> NDArray[np.int64]:
+        """Return the step (n,) in which each character reached its last goal, NONE before."""
 
     @property
     def arrived(self) -> int:
-        """Characters that reached their last goal so far."""
+        """Return the number of characters that have reached their last goal."""
+
+    @property
+    def expected(self) -> NDArray[np.bool_]:
+        """Return which characters (n,) are in the world, came through it, or come without a command."""
 
     @property
     def finished(self) -> bool:
-        """Whether everyone who can arrive has."""
+        """Return True if all characters that can arrive have arrived."""
+
+    def take_timetable(self, timetable: Timetable) -> None:
+        """Replace the timetable of future changes; the new one begins with all that was due until now."""
+
+    def set_goal(self, agents: NDArray[np.int64], region: Polygon, places: NDArray[np.float64], stays: bool) -> None:
+        """Send characters (k,) to ``region`` instead of all their goals.
+
+        They stand at ``places`` (k, 2) [m] if they are to stay; captured characters go there in any case.
+        """
+
+    def add(self, agents: NDArray[np.int64], starts: NDArray[np.float64] | None) -> None:
+        """Let ``agents`` (k,) on call come as soon as their places are free: ``starts`` (k, 2) [m] if given."""
+
+    def remove(self, agents: NDArray[np.int64]) -> None:
+        """Take ``agents`` (k,) out of the world at once; those who are yet to come never come."""
+
+    def set_speed(self, agents: NDArray[np.int64], speed: float) -> None:
+        """Let ``agents`` (k,) walk at ``speed`` [m/s] if nothing is in their way."""
 
     def advance(self) -> None:
-        """All stages of a step."""
+        """Run all stages of a step."""
 
     def end_step(self) -> None:
-        """Close the step, and begin what the next one waits for."""
+        """Close the step, and begin the work that the next one waits for."""
 
     def header(self, scenario: Scenario) -> RecordingHeader:
-        """What a recording says once."""
+        """Return the constant part of a recording."""
 
     def frame(self) -> RecordedFrame:
-        """The present step of all characters, those outside the world marked absent."""
+        """Return the present step of all characters; those outside the world are marked absent."""
 
     def new_routes(self) -> list[Route]:
-        """Paths that characters follow since this was last asked."""
+        """Return the paths that characters follow since the last call."""
 
     def placing(self, movable: int) -> Placing | None:
-        """Where a movable stands; None while it is absent."""
+        """Return the placing of a movable; None while it is absent."""
 
     def measure(self, frame: RecordedFrame) -> None:
-        """Take the present step into the statistics."""
+        """Add the present step to the statistics."""
 
     def summary(self) -> dict[str, Any]:
-        """What the run is summed up by."""
+        """Return the figures that sum up the run."""
 
     def close(self) -> None:
         """End the threads."""

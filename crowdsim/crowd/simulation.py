@@ -1,66 +1,157 @@
-"""A scenario becomes a crowd that is stepped, recorded and summed up."""
+"""Simulation of a scenario: a crowd that is stepped, recorded and summed up."""
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from pathlib import Path
+from typing import overload
 
+from crowdsim.behaviors.library import BehaviorSet
+from crowdsim.crowd.agents import Agents
 from crowdsim.crowd.captured_crowd import CapturedCrowd
+from crowdsim.crowd.commandable import Commandable
 from crowdsim.crowd.crowd import Crowd
+from crowdsim.crowd.live_poses import LivePoses, Poses
 from crowdsim.crowd.mixed.mixed_crowd import MixedCrowd
+from crowdsim.crowd.own_systems import Extensible
 from crowdsim.crowd.report.attribute_statistics import AttributeStatistics
 from crowdsim.crowd.report.measured_places import MeasuredPlaces
 from crowdsim.crowd.report.party_statistics import PartyStatistics
+from crowdsim.crowd.report.recording_header import solid_record
+from crowdsim.crowd.state.assets import load_behaviors
 from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
 from crowdsim.errors import CrowdSimError
+from crowdsim.recording.header import RecordingHeader
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.writer import RecordingWriter
-from crowdsim.scenario.attributes import Values, draw_attributes
+from crowdsim.scenario.people.attributes import Values, draw_attributes
 from crowdsim.scenario.scenario import Scenario
-from crowdsim.scenario.timetable import Placing, placed
+from crowdsim.scenario.schema.commands import Command
+from crowdsim.scenario.timetable import Movable, Placing, placed
 
 Progress = Callable[[int, int, "Simulation"], None]
+"""Called as ``progress(step, step_limit, simulation)``."""
+
+Until = Callable[["Simulation"], bool]
+"""Called as ``until(simulation)``."""
 
 
-class Simulation:
-    """Characters of one scenario, moved step by step.
+class Simulation(Commandable, Extensible):
+    """Characters of one scenario, moved step by step, or run to the end.
 
-    ``workers`` threads search motions or steer; the result never depends on it. ``preparing`` is called as
-    :func:`crowdsim.crowd.state.assets.prepare` does while motion maps are built. Raises what that raises.
-
+    Between steps it can be read, and commands can be given to it: each is carried out with the next step.
+    :meth:`save_scenario` writes a scenario with these commands, which gives the same states in the same steps.
     The threads end with :meth:`run`, with :meth:`close`, or with the block of a ``with`` statement.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The scenario.
+    workers : int
+        Number of threads that search motions or steer; the result does not depend on it.
+    preparing : callable, optional
+        Called with the number of motion maps built and the number of all, while they are built.
+    keep_poses : bool
+        Keep the last steps for :meth:`poses`: up to 11 kB for each character at 30 steps per second.
+    behavior_set : BehaviorSet, optional
+        That of the scenario, if it is loaded already; runs may share one, see
+        :func:`crowdsim.crowd.state.assets.motion_key`.
+
+    Raises
+    ------
+    ScenarioError, GeometryError, BehaviorError, MotionError
+        If a file cannot be used.
+
+    Examples
+    --------
+    >>> with Simulation(load_scenario("doorway")) as simulation:
+    ...     for _ in range(20):
+    ...         simulation.step()
+    ...     simulation.insert({"name": "crate", "box": {"center": [6, 1], "size": [0.5, 0.5]}, "top": 0.6})
+    ...     simulation.step()
+    ...     simulation.agents.present
+    array([0])
     """
 
     def __init__(
-        self, scenario: Scenario, workers: int = 2, preparing: Callable[[int, int], None] | None = None
+        self,
+        scenario: Scenario,
+        workers: int = 2,
+        preparing: Callable[[int, int], None] | None = None,
+        keep_poses: bool = False,
+        behavior_set: BehaviorSet | None = None,
     ) -> None:
+        behavior_set = load_behaviors(scenario) if behavior_set is None else behavior_set
+        Commandable.__init__(self, scenario, _crowd_of(scenario, workers, preparing, behavior_set))
+        Extensible.__init__(self, self.crowd.count)
         self._closed = False
-        self.scenario = scenario
+        self._agents: Agents | None = None
         self.step_limit = round(scenario.duration * scenario.steps_per_second)
-        self.crowd = _crowd_of(scenario, workers, preparing)
+        self.notes = behavior_set.notes
+        """What was left out of captures, and what was made of them, one sentence each."""
+        self._poses = LivePoses(self.header) if keep_poses else None
 
     @property
-    def step_count(self) -> int:
-        """Steps taken so far."""
-        return self.crowd.step_count
+    def state_hash(self) -> int:
+        """Return a 64-bit hash of all states so far; equal if these are the same to the bit."""
+        return self.crowd.hash
+
+    @property
+    def agents(self) -> Agents:
+        """Return all characters as the last step left them."""
+        own = self._systems.columns
+        if self._agents is None:
+            record = self.header.agents
+            self._agents = Agents(
+                self.crowd.frame(), tuple(record.groups), tuple(each.name for each in self.header.behaviors), own
+            )
+        elif self._agents.own is not own:
+            self._agents = self._agents.with_own(own)
+        return self._agents
+
+    def poses(self) -> Poses:
+        """Return the bodies of all characters in the world, as a recording shows them.
+
+        They are those of the last step if all characters are captured. Otherwise they are those of 2.5 s before it, as
+        footsteps of steered characters follow from the way that they go on; read positions of the same moment from
+        ``joints``. Footsteps of one second may differ by centimeters from those in a recording of the whole run.
+
+        Returns
+        -------
+        Poses
+            Time, numbers of the characters, and positions and rotations of their joints.
+
+        Raises
+        ------
+        CrowdSimError
+            Without ``keep_poses=True``, or before the first step.
+        """
+        if self._poses is None:
+            raise CrowdSimError("the simulation keeps no poses; make it with keep_poses=True")
+        return self._poses.latest()
+
+    @cached_property
+    def header(self) -> RecordingHeader:
+        """Return what does not change from step to step, as a recording holds it."""
+        return self.crowd.header(self.scenario)
 
     @property
     def arrived(self) -> int:
-        """Characters that reached their goal so far."""
+        """Return the number of characters that have reached their goal."""
         return self.crowd.arrived
 
     @cached_property
     def attributes(self) -> dict[str, Values]:
-        """What the scenario says of the characters, (n,) each: numbers or words by name."""
+        """Return the attributes that the scenario gives the characters: (n,) numbers or words by name."""
         return draw_attributes(self.scenario)
 
     @property
     def finished(self) -> bool:
-        """Whether everyone who can arrive has, or the scenario's time is up."""
-        return self.step_count >= self.step_limit or self.crowd.finished
+        """Return True if all characters that can arrive have arrived, or the scenario's time is over."""
+        return self.step_count >= self.step_limit or (self._commands.over and self.crowd.finished)
 
     def close(self) -> None:
         """End the threads; the simulation can be read, but takes no more steps. Closing twice does nothing."""
@@ -74,33 +165,74 @@ class Simulation:
         self.close()
 
     def step(self) -> None:
-        """Advance the world by one step. CrowdSimError if the simulation was run or closed."""
-        self._require_open()
-        self.crowd.advance()
-        self.crowd.end_step()
+        """Advance the world by one step.
 
-    def run(self, output: str | os.PathLike[str], progress: Progress | None = None) -> Recording:
-        """Step to the end, writing the recording ``output``; returns it opened.
-
-        ``progress(step, step_limit, simulation)`` is called after every step. The file appears under its name
-        only when the run is complete. CrowdSimError if the simulation was run or closed, or has taken steps, which the
-        recording would lack.
+        Raises
+        ------
+        CrowdSimError
+            If the simulation was run or closed.
         """
         self._require_open()
+        self._systems.require_outside()
+        self._advance()
+        self.crowd.end_step()
+
+    @overload
+    def run(self, output: None, progress: Progress | None = None, until: Until | None = None) -> None: ...
+
+    @overload
+    def run(
+        self, output: str | os.PathLike[str], progress: Progress | None = None, until: Until | None = None
+    ) -> Recording: ...
+
+    def run(
+        self, output: str | os.PathLike[str] | None, progress: Progress | None = None, until: Until | None = None
+    ) -> Recording | None:
+        """Step to the end, and write the recording ``output``.
+
+        Parameters
+        ----------
+        output : path, optional
+            File of the recording. It appears under its name only when the run is complete.
+        progress : callable, optional
+            Called as ``progress(step, step_limit, simulation)`` after every step.
+        until : callable, optional
+            Called as ``until(simulation)`` before every step, and may give commands; the run ends if it returns True,
+            and no longer when :attr:`finished` is True.
+
+        Returns
+        -------
+        Recording or None
+            The recording, opened; None without ``output``.
+
+        Raises
+        ------
+        CrowdSimError
+            If the simulation was run or closed, or has taken steps that the recording would lack.
+        """
+        self._require_open()
+        self._systems.require_outside()
+        if output is None:
+            with self:
+                while not (self.finished if until is None else until(self)):
+                    self.step()
+                    if progress is not None:
+                        progress(self.step_count, self.step_limit, self)
+            return None
         if self.step_count > 0:
             raise CrowdSimError(
                 f"{self.scenario.name}: the simulation has taken {self.step_count} steps, which the recording would "
                 "lack; make a new Simulation and run that"
             )
         crowd, rate = self.crowd, self.scenario.steps_per_second
-        with self, RecordingWriter(output, crowd.header(self.scenario)) as writer:
+        with self, RecordingWriter(output, self.header) as writer:
             before: list[Placing | None] = [None] * len(self.scenario.environment.timetable.movables)
             places = MeasuredPlaces(self.scenario)
             parties = PartyStatistics(self.scenario)
             told = AttributeStatistics(self.attributes, rate, self.scenario.span)
             started = time.perf_counter()
-            while not self.finished:
-                crowd.advance()
+            while not (self.finished if until is None else until(self)):
+                self._advance()
                 for route in crowd.new_routes():
                     writer.add_path(*route)
                 self._record_movables(writer, before)
@@ -114,7 +246,10 @@ class Simulation:
                 if progress is not None:
                     progress(self.step_count, self.step_limit, self)
             seconds = time.perf_counter() - started
+            expected = crowd.expected
             measures = {
+                "removed": int(self._removed.sum()),
+                "not_added": int((~expected & ~self._removed).sum()),
                 **places.summary(),
                 "together": parties.summary(),
                 "attributes": told.summary(),
@@ -123,15 +258,56 @@ class Simulation:
             writer.finish({**crowd.summary(), **measures}, places.measured())
         return Recording.open(Path(output))
 
+    def movables(self) -> list[tuple[Movable, Placing | None]]:
+        """Return everything that may move, come or go, doors too, with its placing; None while it is absent."""
+        movables = self._commands.timetable().movables
+        return [(movable, self.crowd.placing(number)) for number, movable in enumerate(movables)]
+
+    @property
+    def commands(self) -> Sequence[Command]:
+        """Return all commands of the scenario and those given so far, in order of time."""
+        return tuple(self._commands.given)
+
+    def on_call(self) -> dict[str, int]:
+        """Return how many characters of each group on call can still be added."""
+        return self._commands.left_on_call()
+
+    def save_scenario(self, path: str | os.PathLike[str]) -> list[Path]:
+        """Write the scenario with all commands given so far, and return the files; see :meth:`Scenario.save`.
+
+        A run of it gives the same states in the same steps.
+        """
+        return self.scenario.save(path, self._commands.given)
+
+    def _advance(self) -> None:
+        """Carry out the commands that are due, and take a step without its end; own systems run between."""
+        self._systems.run("commands", self)
+        self._carry_out()
+        self._systems.run("move", self)
+        self.crowd.advance()
+        self._agents = None
+        if self._poses is not None:
+            self._poses.add(self.crowd.frame())
+        self._systems.run("record", self)
+
+    def _step_of_commands(self) -> int:
+        self._require_open()
+        # Within a step, for the next one: those of this step may have been carried out.
+        return self.step_count + bool(self._systems.running)
+
     def _require_open(self) -> None:
+        self._systems.require_sound()
         if self._closed:
             raise CrowdSimError(f"{self.scenario.name}: the simulation was run or closed; make a new Simulation")
 
     def _record_movables(self, writer: RecordingWriter, before: list[Placing | None]) -> None:
-        """Record what stands elsewhere than ``before`` says, and update that."""
+        """Record the movables whose placing differs from ``before``, and update that."""
         first = 0
-        for number, movable in enumerate(self.scenario.environment.timetable.movables):
-            now = self.crowd.placing(number)
+        for number, (movable, now) in enumerate(self.movables()):
+            if number == len(before):  # a command has inserted it
+                before.append(None)
+                for solid in movable.solids:
+                    writer.add_movable(solid_record(solid))
             if now != before[number]:
                 before[number] = now
                 for row, solid in enumerate(movable.solids, start=first):
@@ -139,10 +315,12 @@ class Simulation:
             first += len(movable.solids)
 
 
-def _crowd_of(scenario: Scenario, workers: int, preparing: Callable[[int, int], None] | None) -> Crowd:
-    """The crowd that a scenario asks for: of one level if all its groups are, else of both."""
+def _crowd_of(
+    scenario: Scenario, workers: int, preparing: Callable[[int, int], None] | None, behavior_set: BehaviorSet
+) -> Crowd:
+    """Return the crowd of a scenario: of one level if all its groups are, else of both."""
     if scenario.locomotions() == {"captured"}:
-        return CapturedCrowd(scenario, workers, preparing)
+        return CapturedCrowd(scenario, workers, preparing, behavior_set=behavior_set)
     if scenario.locomotions() == {"steered"}:
-        return SteeredCrowd(scenario, workers)
-    return MixedCrowd(scenario, workers, preparing)
+        return SteeredCrowd(scenario, workers, behavior_set=behavior_set)
+    return MixedCrowd(scenario, workers, preparing, behavior_set=behavior_set)

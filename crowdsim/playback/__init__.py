@@ -1,0 +1,1 @@
+"""Pictures, films and a window of recordings, drawn with VTK."""

@@ -1,7 +1,7 @@
 """A body with limbs around a skeleton, and all bodies of a crowd as one mesh.
 
-The body is modeled once around the skeleton's rest pose; each vertex hangs on one joint, or on two where the torso and
-the feet bend. Placing a crowd moves vertices and leaves triangles alone.
+The body is modeled once around the skeleton's rest pose. Each vertex follows one joint, or a blend of two near the
+waist and the ball of the foot (linear blend skinning). Posing a crowd moves vertices; triangles never change.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.playback.surfaces import COARSE, Floats, Surface, ellipsoid, limb, loft, unit, vertex_normals
 
 _LEG_LENGTH = 0.84
-"""Meters from hip to ankle of the adult whose flesh is given below; other bodies are scaled by theirs."""
+"""Distance from hip to ankle of the adult for whom the sizes below are given [m]; other bodies are scaled."""
 
 X, Y, Z = np.eye(3)
 
 
 class Tissue(IntEnum):
-    """What a vertex shows, which decides its color."""
+    """What a vertex is part of; decides its color."""
 
     SHIRT = 0
     TROUSERS = 1
@@ -35,10 +35,22 @@ class Tissue(IntEnum):
 
 @dataclass(frozen=True)
 class BodyMesh:
-    """One body: V vertices, F triangles.
+    """One body of V vertices and F triangles.
 
-    triangles: (F, 3) int64. tissue: (V,) int8 :class:`Tissue`. joints: (V, 2) int32. weights: (V, 2) float32, sum 1.
-    places: (V, 2, 3) float32, the vertex in the frame of each joint. normals: (V, 3) float32 in that of the first.
+    Attributes
+    ----------
+    triangles : (F, 3) int64
+        Indices of vertices.
+    tissue : (V,) int8
+        A :class:`Tissue` per vertex.
+    joints : (V, 2) int32
+        The two joints that a vertex follows.
+    weights : (V, 2) float32
+        Their weights, which sum to 1.
+    places : (V, 2, 3) float32
+        The vertex in the frame of each of the two joints [m].
+    normals : (V, 3) float32
+        Unit normals in the frame of the first joint.
     """
 
     triangles: NDArray[np.int64]
@@ -50,10 +62,11 @@ class BodyMesh:
 
     @property
     def vertex_count(self) -> int:
+        """Return the number of vertices."""
         return len(self.tissue)
 
     def place(self, positions: ArrayLike, rotations: ArrayLike) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Vertices and normals (A, V, 3) of bodies with joints at ``positions`` (A, J, 3), ``rotations`` (A, J, 4)."""
+        """Return vertices and normals (A, V, 3) of bodies with joint positions (A, J, 3) and rotations (A, J, 4)."""
         matrices = _matrices(np.asarray(rotations, np.float32))
         positions = np.asarray(positions, np.float32)
         vertices = np.zeros((len(positions), self.vertex_count, 3), np.float32)
@@ -70,6 +83,7 @@ class BodyMesh:
 
 
 def _matrices(q: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return rotation matrices (..., 3, 3) of unit quaternions (..., 4)."""
     w, x, y, z = np.moveaxis(q, -1, 0)
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -80,12 +94,18 @@ def _matrices(q: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def build_body(skeleton: Skeleton, sides: int = 16) -> BodyMesh:
-    """The body of ``skeleton``, its rings of ``sides`` corners; MotionError where the skeleton lacks a role."""
+    """Return the body of ``skeleton`` with cross-sections of ``sides`` corners.
+
+    Raises
+    ------
+    MotionError
+        If the skeleton lacks a joint role.
+    """
     return _Sculptor(skeleton, sides).build()
 
 
 class _Sculptor:
-    """Puts the parts of one body together in rest pose."""
+    """Builds the parts of one body in rest pose and joins them."""
 
     def __init__(self, skeleton: Skeleton, sides: int) -> None:
         self.skeleton = skeleton
@@ -103,11 +123,12 @@ class _Sculptor:
         self.weights: list[Floats] = []
 
     def at(self, role: str) -> Floats:
+        """Return the rest position of the joint with ``role``."""
         place: Floats = self.rest[self.skeleton.joint(role)]
         return place
 
     def end_of(self, role: str) -> Floats | None:
-        """Rest place of the end site that hangs on the joint of ``role``, if any."""
+        """Return the rest position of the end site at the joint with ``role``, if any."""
         rows = np.flatnonzero(self.skeleton.end_parents == self.skeleton.joint(role))
         return self.at(role) + self.skeleton.end_offsets[rows[0]] if rows.size else None
 
@@ -118,6 +139,7 @@ class _Sculptor:
         joints: NDArray[np.int32] | int,
         weights: Floats | None = None,
     ) -> None:
+        """Add a surface with its tissue, and the joints and weights that its vertices follow."""
         count = len(surface.points)
         self.triangles.append(surface.triangles + sum(len(points) for points in self.points))
         self.points.append(surface.points)
@@ -126,6 +148,7 @@ class _Sculptor:
         self.weights.append(np.tile([1.0, 0.0], (count, 1)) if weights is None else weights)
 
     def build(self) -> BodyMesh:
+        """Build all parts and return the body."""
         self.torso()
         self.head()
         for side in ("left", "right"):
@@ -144,7 +167,7 @@ class _Sculptor:
         )
 
     def torso(self) -> None:
-        """Rings from crotch to neck, as wide as hips and shoulders, bending with the spine."""
+        """Add rings from crotch to neck, as wide as hips and shoulders, bending with the spine."""
         k = self.scale
         hips = (self.at("left_hip") + self.at("right_hip")) / 2.0
         shoulders = (self.at("left_shoulder") + self.at("right_shoulder")) / 2.0
@@ -152,7 +175,7 @@ class _Sculptor:
         hip_half = np.linalg.norm(self.at("left_hip") - self.at("right_hip")) / 2.0
         shoulder_half = np.linalg.norm(self.at("left_shoulder") - self.at("right_shoulder")) / 2.0
         height = shoulders - hips
-        # Place on the line from hips (0) to shoulders (1), half breadth, half depth, shift forward.
+        # Each ring: position on the line from hips (0) to shoulders (1), half breadth, half depth, shift forward.
         rings = np.array(
             [
                 [-0.17, 0.30 * hip_half, 0.040 * k, 0.0],
@@ -179,7 +202,10 @@ class _Sculptor:
         self.add(surface, tissue, joints, weights)
 
     def along_spine(self, points: Floats) -> tuple[NDArray[np.int32], Floats]:
-        """Joints (V, 2) and weights (V, 2) that let points bend with the bones between hips and neck."""
+        """Return joints (V, 2) and weights (V, 2) by which points bend with the bones between hips and neck.
+
+        A point follows the two bones whose middles are next to it in height, with linear weights.
+        """
         chain = [self.skeleton.joint("neck")]
         while chain[-1] != self.skeleton.joint("hips") and chain[-1] >= 0:
             chain.append(int(self.skeleton.parents[chain[-1]]))
@@ -199,7 +225,7 @@ class _Sculptor:
         return np.stack([joint[near], joint[far]], axis=1), np.stack([weight, 1.0 - weight], axis=1)
 
     def head(self) -> None:
-        """Neck, skull with hair and a nose that shows where the face is."""
+        """Add neck, skull with hair, and a nose that shows where the face is."""
         k = self.scale
         skull, neck = self.at("head"), self.at("neck")
         top = self.end_of("head")
@@ -237,7 +263,7 @@ class _Sculptor:
         )
 
     def arm(self, side: str) -> None:
-        """Upper arm, forearm and hand."""
+        """Add upper arm, forearm and hand."""
         k = self.scale
         shoulder, elbow, wrist = (self.at(f"{side}_{part}") for part in ("shoulder", "elbow", "wrist"))
         upper, lower, hand = (self.skeleton.joint(f"{side}_{part}") for part in ("shoulder", "elbow", "wrist"))
@@ -256,7 +282,7 @@ class _Sculptor:
         self.add(limb(thumb, thumb + (0.05 * along + 0.022 * wide) * k, [0.014 * k, 0.011 * k], 8), Tissue.SKIN, hand)
 
     def leg(self, side: str) -> None:
-        """Thigh and shank with its calf."""
+        """Add thigh and shank with its calf."""
         k = self.scale
         hip, knee, ankle = (self.at(f"{side}_{part}") for part in ("hip", "knee", "ankle"))
         upper, lower = self.skeleton.joint(f"{side}_hip"), self.skeleton.joint(f"{side}_knee")
@@ -266,7 +292,7 @@ class _Sculptor:
         self.add(limb(knee, ankle, shank, self.sides), Tissue.TROUSERS, lower)
 
     def foot(self, side: str) -> None:
-        """A shoe with a flat sole that bends at the ball."""
+        """Add a shoe with a flat sole that bends at the ball."""
         k = self.scale
         ankle, ball = self.at(f"{side}_ankle"), self.at(f"{side}_toe")
         tip = self.end_of(f"{side}_toe")
@@ -276,7 +302,7 @@ class _Sculptor:
         to_tip = 0.06 * k if tip is None else float(np.clip(np.dot(tip - ball, ahead), 0.05 * k, 0.08 * k))
         sole = ball[2] - 0.028 * k
         rise = max(ankle[2] - sole, 0.06 * k)
-        # Place along the foot from the ankle, half breadth, height above the sole.
+        # Each ring: position along the foot from the ankle, half breadth, height above the sole.
         rings = np.array(
             [
                 [-0.068 * k, 0.020 * k, 0.5 * rise],

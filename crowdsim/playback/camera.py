@@ -1,4 +1,4 @@
-"""Where the eye stands."""
+"""Camera positions for the views of a recording."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from crowdsim.recording.reader import Recording
 
 VIEWS = ("overview", "top", "follow")
 FIELD_OF_VIEW = 28.0
-"""Degrees from the lower to the upper edge of the picture."""
+"""Angle from the lower to the upper edge of the picture [degrees]."""
 
 _MARGIN = 1.04
 _PERSON_HEIGHT = 1.85
@@ -24,9 +24,10 @@ _FOLLOW_SECONDS = 0.8
 
 @dataclass(frozen=True)
 class Camera:
-    """Eye and target in meters, and the direction that is up in the picture.
+    """A camera: eye and target [m], and the direction that is up in the picture.
 
-    half_height: meters from the middle to the upper edge of a picture without perspective; None for one with it.
+    ``half_height`` is the distance from the middle to the upper edge of a parallel projection [m]; None for
+    perspective.
     """
 
     eye: Floats
@@ -36,7 +37,26 @@ class Camera:
 
 
 def place_camera(recording: Recording, view: str, aspect: float, time: float, agent: int | None) -> Camera:
-    """The camera of ``view`` (one of :data:`VIEWS`) for a picture of width / height ``aspect``; CrowdSimError."""
+    """Return the camera of a view.
+
+    Parameters
+    ----------
+    recording : Recording
+        Recording to look at.
+    view : str
+        One of :data:`VIEWS`.
+    aspect : float
+        Width of the picture divided by its height.
+    time : float
+        Time [s].
+    agent : int or None
+        Agent that the view ``follow`` follows.
+
+    Raises
+    ------
+    CrowdSimError
+        If there is no such view or agent.
+    """
     if view not in VIEWS:
         raise CrowdSimError(f"there is no view '{view}'; choose one of {', '.join(VIEWS)}")
     if view == "follow":
@@ -48,7 +68,7 @@ def place_camera(recording: Recording, view: str, aspect: float, time: float, ag
     wide = high_x - low_x >= high_y - low_y
     if view == "top":
         return _plan(corners, np.array([0.0, 1.0, 0.0]) if wide else np.array([-1.0, 0.0, 0.0]), aspect)
-    # The long side of the floor runs across the picture; a long hall is seen more from the side.
+    # The long side of the floor runs across the picture; the longer the hall, the more the camera looks from its side.
     slender = max(high_x - low_x, high_y - low_y) / max(min(high_x - low_x, high_y - low_y), 1e-9)
     turn = np.radians(-62.0 if slender < 2.5 else -80.0) + (0.0 if wide else np.pi / 2)
     lift = np.radians(38.0)
@@ -57,7 +77,7 @@ def place_camera(recording: Recording, view: str, aspect: float, time: float, ag
 
 
 def _plan(corners: Floats, up: Floats, aspect: float) -> Camera:
-    """From straight above without perspective, as an architect draws."""
+    """Return a camera straight above with parallel projection, as in an architect's plan."""
     down = np.array([0.0, 0.0, 1.0])
     right = np.cross(up, down)
     middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
@@ -67,7 +87,7 @@ def _plan(corners: Floats, up: Floats, aspect: float) -> Camera:
 
 
 def _fit(corners: Floats, direction: Floats, up: Floats, aspect: float) -> Camera:
-    """The nearest camera along ``direction`` that sees all ``corners``, its target shifted to center them."""
+    """Return the nearest camera along ``direction`` that sees all ``corners``; shift the target to center them."""
     right = unit(np.cross(up, direction))
     above = np.cross(direction, right)
     tall = np.tan(np.radians(FIELD_OF_VIEW) / 2.0) / _MARGIN
@@ -85,6 +105,7 @@ def _fit(corners: Floats, direction: Floats, up: Floats, aspect: float) -> Camer
 
 
 def _follow(recording: Recording, time: float, agent: int | None) -> Camera:
+    """Return a camera at a fixed distance and direction from an agent, aimed at 0.95 m above the floor."""
     if agent is None:
         raise CrowdSimError("the view 'follow' needs the number of an agent to follow")
     if not 0 <= agent < recording.agent_count:
@@ -96,10 +117,10 @@ def _follow(recording: Recording, time: float, agent: int | None) -> Camera:
 
 
 def _mean_place(recording: Recording, time: float, agent: int) -> Floats:
-    """(2,) x, y of an agent on the line that fits its places about a time best, the nearer the more.
+    """Return the smoothed position (2,) of an agent: the value at ``time`` of a weighted linear fit around it [m].
 
-    That keeps the picture calm, and moves smoothly whatever the rate of steps. Before the agent comes and after it
-    leaves it is where it came or left.
+    Weights decrease linearly with the time difference. The result is calm and moves smoothly at any rate of steps.
+    Before the agent appears and after it leaves, the result is the position at which it does.
     """
     stay = recording.stay(agent)
     if stay is None:
@@ -110,11 +131,12 @@ def _mean_place(recording: Recording, time: float, agent: int) -> Floats:
     rows = slice(max(int(middle - reach), stay[0]), min(int(middle + reach) + 1, stay[1]) + 1)
     here = recording.state[rows, agent] != AgentState.ABSENT
     if not here.any():
-        # Away for a while: wait where it left.
+        # Absent for a while: stay where it disappeared.
         left = np.flatnonzero(recording.state[: rows.start, agent] != AgentState.ABSENT)
         rows, here = slice(int(left[-1]), int(left[-1]) + 1), np.ones(1, bool)
     off = np.arange(rows.start, rows.stop) - middle
     weights = here * np.clip(1.0 - np.abs(off) / reach, 1e-9, 1.0)
+    # Moments of the offsets; these weights give the fitted line's value at offset 0, a plain mean if all coincide.
     first, second = float(weights @ off) / weights.sum(), float(weights @ (off * off)) / weights.sum()
     if second - first * first > 1e-6:
         weights = weights * (second - first * off)

@@ -20,27 +20,33 @@ _HAIR = np.array([[48, 36, 28], [86, 60, 38], [28, 26, 26], [142, 108, 66], [104
 _SHOES = np.array([[52, 50, 50], [92, 68, 52], [84, 86, 92]], np.uint8)
 
 LEVEL_COLORS = {Level.CAPTURED: "#2f8f6b", Level.STEERED: "#d2882b"}
-"""Shirts of characters who are colored by level."""
+"""Colors of shirts that show the level of a character."""
 _LEVELS = Level.STEERED, Level.CAPTURED
 
 _SCALE = np.array([[38, 70, 120], [42, 140, 140], [120, 190, 90], [250, 220, 60]], np.float64)
-"""Colors from the least number of an attribute to the greatest."""
+"""Colors from the smallest value of a numeric attribute to the greatest."""
 _NO_ATTRIBUTE = np.array([150, 150, 150], np.uint8)
 
 _SHADOW_SIDES = 20
 _SHADOW_HEIGHT = 0.008
+_FOOT = (0.21, 0.11)
+"""Half length and half breadth of a foot's shadow [m]."""
+_SOLE = 0.03
+"""Height of the ball of a planted foot [m]."""
+_NO_SHADOW = 0.25
+"""Height above that at which the shadow of a foot has vanished [m]."""
 
-# Corners of a body's rings by how many characters share the picture: more look the same and cost less each.
+# Corners of a body's cross-sections, by the number of characters in the picture: with many, fewer corners suffice.
 _SIDES = ((40, 16), (300, 10), (1500, 6), (10**9, 5))
 
 
 def hex_color(text: str) -> Colors:
-    """(3,) RGB of ``#rrggbb``."""
+    """Return (3,) RGB of ``#rrggbb``."""
     return np.array([int(text[i : i + 2], 16) for i in (1, 3, 5)], np.uint8)
 
 
 def distinct_colors(count: int) -> Colors:
-    """(count, 3) RGB whose hues follow the golden angle: neighbors in the list differ most."""
+    """Return (count, 3) RGB colors whose hues are a golden angle apart, so that neighbors in the list differ most."""
     hue = np.mod(np.arange(count) * 0.61803398875 + 0.58, 1.0)[:, None]
     channel = np.clip(np.abs(np.mod(hue * 6.0 + np.array([0.0, 4.0, 2.0]), 6.0) - 3.0) - 1.0, 0.0, 1.0)
     colors: NDArray[np.uint8] = (255.0 * (0.28 + 0.54 * channel)).astype(np.uint8)
@@ -48,7 +54,7 @@ def distinct_colors(count: int) -> Colors:
 
 
 def attribute_colors(values: NDArray[Any]) -> tuple[Colors, list[tuple[str, str]]]:
-    """(n, 3) colors of an attribute, and the legend: words or numbers with ``#rrggbb``; gray for who has none."""
+    """Return colors (n, 3) of an attribute, and a legend of words or numbers with ``#rrggbb``; gray for no value."""
     if np.issubdtype(values.dtype, np.number):
         given = values[~np.isnan(values)]
         low, high = (float(given.min()), float(given.max())) if len(given) else (0.0, 0.0)
@@ -68,11 +74,11 @@ def _hex(color: NDArray[Any]) -> str:
 
 
 class CrowdMesh:
-    """Points, normals and colors of every character's body, and its soft shadow on the floor.
+    """Points, normals and colors of all bodies, and soft shadows on the floor.
 
-    There are as many bodies as characters are present at once, at most; the first of them are those who are present, in
-    order. ``triangles`` (F, 3) and ``shadow_triangles`` never change; :meth:`update` rewrites the rest. Bodies that
-    nobody needs shrink to a point, which draws nothing.
+    There are as many bodies as characters are present at once at most; the first ones are those present, in order.
+    Unused bodies shrink to a point, which draws nothing. ``triangles`` (F, 3) and ``shadow_triangles`` never change;
+    :meth:`update` rewrites the rest.
     """
 
     def __init__(self, recording: Recording, color_by: str) -> None:
@@ -86,7 +92,7 @@ class CrowdMesh:
         self.triangles = _repeat(self._body.triangles, size, count)
         self.colors = np.zeros((count, size, 3), np.uint8)
         self._color_by = color_by
-        self._looks = _looks(recording.agent_count)
+        self._looks = looks_of(recording.agent_count)
         self.legend: list[tuple[str, str]] = []
         if color_by in recording.header.agents.attributes:
             shirts, self.legend = attribute_colors(recording.header.agents.attributes[color_by])
@@ -95,14 +101,18 @@ class CrowdMesh:
         angle = 2.0 * np.pi * np.arange(_SHADOW_SIDES) / _SHADOW_SIDES
         rim = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         self._shadow = np.concatenate([np.zeros((1, 2)), 0.5 * rim, rim])
-        self.shadow_points = np.zeros((count, len(self._shadow), 3), np.float32)
-        self.shadow_triangles = _repeat(_disc_triangles(), len(self._shadow), count)
-        opacity = np.concatenate([[110], np.full(_SHADOW_SIDES, 80), np.zeros(_SHADOW_SIDES)])
+        # Three discs per character: a wide, faint one below the body, and one below each foot.
+        self.shadow_points = np.zeros((count, 3 * len(self._shadow), 3), np.float32)
+        self.shadow_triangles = _repeat(_disc_triangles(), len(self._shadow), 3 * count)
+        fading = np.concatenate([[1.0], np.full(_SHADOW_SIDES, 0.7), np.zeros(_SHADOW_SIDES)])
+        opacity = np.concatenate([darkness * fading for darkness in (70.0, 130.0, 130.0)])
         shade = np.column_stack([np.full((len(opacity), 3), 20), opacity]).astype(np.uint8)
         self.shadow_colors = np.tile(shade, (count, 1))
+        skeleton = recording.header.motion.skeleton
+        self._feet = [(skeleton.joint(f"{side}_ankle"), skeleton.joint(f"{side}_toe")) for side in ("left", "right")]
 
     def update(self, time: float) -> None:
-        """Move all characters to where they are at ``time`` seconds."""
+        """Move all characters to where they are at ``time`` [s]."""
         frame = self._recording.at_time(time)
         here = np.flatnonzero((frame.state != AgentState.ABSENT) & ((frame.node >= 0) | frame.steered))
         count = len(here)
@@ -112,7 +122,7 @@ class CrowdMesh:
             return
         positions, rotations = self._recording.poses_at(time, here)
         self.points[:count], self.normals[:count] = self._body.place(positions, rotations)
-        self._cast_shadows(count)
+        self._cast_shadows(count, positions)
         looks = self._looks[here]
         if self._color_by == "behavior":
             looks[:, Tissue.SHIRT] = self._behaviors[frame.behavior[here]]
@@ -121,21 +131,34 @@ class CrowdMesh:
             looks[:, Tissue.SHIRT] = np.where(steered, *(hex_color(LEVEL_COLORS[level]) for level in _LEVELS))
         self.colors[:count] = looks[:, self._body.tissue]
 
-    def _cast_shadows(self, count: int) -> None:
-        flat = self.points[:count, :, :2]
+    def _cast_shadows(self, count: int, joints: NDArray[np.float32]) -> None:
+        """Place the shadow discs: an ellipse around each body's bounds, and one along each foot."""
+        flat, size = self.points[:count, :, :2], len(self._shadow)
         low, high = flat.min(axis=1), flat.max(axis=1)
         half = 0.5 * (high - low) + 0.05
-        disc = 0.5 * (low + high)[:, None] + self._shadow * half[:, None]
-        self.shadow_points[:count, :, :2] = disc
-        self.shadow_points[:count, :, 2] = _SHADOW_HEIGHT
+        shadows = self.shadow_points[:count]
+        shadows[:, :size, :2] = 0.5 * (low + high)[:, None] + self._shadow * half[:, None]
+        shadows[..., 2] = _SHADOW_HEIGHT
+        for number, (ankle, toe) in enumerate(self._feet, start=1):
+            heel, ball = joints[:, ankle, :2], joints[:, toe, :2]
+            way = ball - heel
+            along = way / np.maximum(np.sqrt(np.sum(way * way, axis=1)), 1e-6)[:, None]
+            across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+            # The shadow of a lifted foot shrinks with its height.
+            height = np.minimum(joints[:, ankle, 2], joints[:, toe, 2]) - _SOLE
+            size_of = np.clip(1.0 - height / _NO_SHADOW, 0.0, 1.0)[:, None, None]
+            disc = _FOOT[0] * self._shadow[None, :, :1] * along[:, None]
+            disc = disc + _FOOT[1] * self._shadow[None, :, 1:] * across[:, None]
+            middle = 0.5 * (heel + ball) + 0.03 * along
+            shadows[:, number * size : (number + 1) * size, :2] = middle[:, None] + size_of * disc
 
 
-def _looks(count: int) -> Colors:
-    """(count, tissues, 3) the color of each tissue of each character; the shirt's tells characters apart."""
+def looks_of(count: int) -> Colors:
+    """Return (count, tissues, 3) the color of each tissue of each character; shirts tell characters apart."""
     agent = np.arange(count)
     looks = np.zeros((count, len(Tissue), 3), np.uint8)
     looks[:, Tissue.SHIRT] = distinct_colors(count)
-    # Strides without a common factor, so that looks do not repeat in step.
+    # Different strides, so that the same combination returns only after many characters.
     for kind, choices, stride in (
         (Tissue.TROUSERS, _TROUSERS, 1),
         (Tissue.SKIN, _SKIN, 2),

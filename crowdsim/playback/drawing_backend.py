@@ -1,4 +1,4 @@
-"""Finding out how this machine can draw, before VTK is given the chance to crash the process."""
+"""Find out how this machine can draw, before VTK has a chance to crash the process."""
 
 from __future__ import annotations
 
@@ -29,9 +29,14 @@ _INSTALL = (
 
 @dataclass(frozen=True)
 class DrawingBackend:
-    """A way to draw that was tried and worked.
+    """A way to draw that was tested.
 
-    name: ``display``, ``egl`` or ``osmesa``. window: value for VTK_DEFAULT_OPENGL_WINDOW, None for VTK's own choice.
+    Attributes
+    ----------
+    name : str
+        ``display``, ``egl`` or ``osmesa``.
+    window : str or None
+        Value for VTK_DEFAULT_OPENGL_WINDOW; None for VTK's own choice.
     """
 
     name: str
@@ -39,7 +44,7 @@ class DrawingBackend:
 
     @property
     def interactive(self) -> bool:
-        """Whether a window can be opened, not only a picture made."""
+        """Return whether a window can be opened, beside making pictures."""
         return self.name == "display"
 
 
@@ -49,7 +54,13 @@ _OSMESA = DrawingBackend("osmesa", "vtkOSOpenGLRenderWindow")
 
 
 def find_backend() -> DrawingBackend:
-    """The best way to draw here, remembered until the machine, VTK or the environment changes; DrawingUnavailable."""
+    """Return the best backend of this machine; remember it until the machine, VTK or the environment changes.
+
+    Raises
+    ------
+    DrawingUnavailable
+        If no backend works.
+    """
     memory = _memory_file()
     key = _situation()
     known = _recall(memory, key)
@@ -66,7 +77,13 @@ def find_backend() -> DrawingBackend:
 
 
 def load_pyvista(interactive: bool = False) -> Any:
-    """pyvista, set up for the backend of this machine; DrawingUnavailable where there is none."""
+    """Return pyvista, set up for the backend of this machine.
+
+    Raises
+    ------
+    DrawingUnavailable
+        If no backend works, or ``interactive`` is True and there is no display.
+    """
     backend = find_backend()
     if interactive and not backend.interactive:
         raise DrawingUnavailable(
@@ -91,7 +108,7 @@ def _candidates() -> list[DrawingBackend]:
 
 
 def _probe(backend: DrawingBackend) -> str | None:
-    """None if ``backend`` drew in a process of its own, else what happened."""
+    """Test ``backend`` in a process of its own; return None if it drew, else what happened."""
     environment = {name: text for name, text in os.environ.items() if name != _WINDOW_VARIABLE}
     if backend.window is not None:
         environment[_WINDOW_VARIABLE] = backend.window
@@ -114,7 +131,7 @@ def _probe(backend: DrawingBackend) -> str | None:
     if done.returncode > 0:
         last = done.stderr.strip().splitlines()[-1:]
         return last[0] if last else "the picture stayed empty"
-    # Without a usable display VTK quietly draws through EGL, which cannot open a window.
+    # Without a usable display, VTK silently falls back to EGL, which cannot open a window.
     drawn_by = done.stdout.strip()
     if backend is _DISPLAY and drawn_by in (_EGL.window, _OSMESA.window):
         return "the display does not answer"
@@ -122,7 +139,7 @@ def _probe(backend: DrawingBackend) -> str | None:
 
 
 def _situation() -> str:
-    """Hash of all that decides what works: the boot of the machine, VTK, the interpreter and the environment."""
+    """Return a hash of everything that decides which backend works: boot, VTK, interpreter, environment."""
     boot = Path("/proc/sys/kernel/random/boot_id")
     machine = boot.read_text().strip() if boot.exists() else platform.node()
     prefixes = (
@@ -156,7 +173,7 @@ def _recall(memory: Path, key: str) -> DrawingBackend | None:
 
 
 def _remember(memory: Path, key: str, backend: DrawingBackend) -> None:
-    """Keep what worked; what failed is tried again, for the user may have installed what was missing."""
+    """Store the backend that worked. Failures are tested again, because the user may have installed something."""
     text = json.dumps({"situation": key, "backend": asdict(backend)})
     written = memory.with_name(f"{memory.name}.{os.getpid()}")
     try:

@@ -1,7 +1,7 @@
-"""Draw a small scene off-screen and print the kind of window that drew it; leave with 0 if it is really there.
+"""Draw a small scene off-screen and print the kind of window that drew it; exit with 0 if the picture is right.
 
-Run as a program by :mod:`crowdsim.playback.drawing_backend`: where no OpenGL can be had VTK does not raise, it
-kills the process. It imports VTK alone, so that it starts fast.
+:mod:`crowdsim.playback.drawing_backend` runs this file as a program: if there is no OpenGL, VTK does not raise but
+kills the process. It imports nothing but VTK, so that it starts fast.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import sys
 
 
 def main() -> int:
-    """0 when a lit sphere came back as pixels of many shades, 1 when something else did."""
+    """Return 0 if a lit sphere was drawn in many shades, else 1."""
     import vtkmodules.vtkInteractionStyle
     import vtkmodules.vtkRenderingOpenGL2  # noqa: F401
     from vtkmodules.util.numpy_support import vtk_to_numpy

@@ -1,4 +1,4 @@
-"""A recording as a film."""
+"""Write a recording as a film."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ from crowdsim.recording.reader import Recording
 from crowdsim.whole_files import whole_file
 
 _CODECS = {"libx264": {"crf": "20", "preset": "veryfast"}, "mpeg4": {"qscale": "3"}}
-"""Encoders in order of preference, with settings for a clear picture."""
+"""Encoders in order of preference, with settings for a sharp picture."""
 
-_SUPERSAMPLE = 2
+_SUPERSAMPLE = 1.5
+"""Pixels drawn per pixel of the film, along each side; a higher factor is smoother and slower."""
 
 
 def film(
@@ -32,17 +33,39 @@ def film(
     color_by: str = "behavior",
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
-    """Write ``recording`` from ``start`` to ``end`` seconds (by default all of it) as an MP4 in real time.
+    """Write ``recording`` from ``start`` to ``end`` (default: all of it) [s] as an MP4 in real time.
 
-    view, agent, color_by: as for a picture; the view ``follow`` moves with its agent. progress: called with frames done
-    and frames in all. The file appears under its name when it is complete. Raises CrowdSimError for a time, rate or
-    size that cannot be, DrawingUnavailable where nothing can draw.
+    The file appears under its name when it is complete.
+
+    Parameters
+    ----------
+    recording : Recording
+        Recording to show.
+    path : str or path
+        Name of the file.
+    fps : int
+        Pictures per second.
+    size : (int, int)
+        Width and height in pixels, even numbers.
+    start, end : float
+        Times [s].
+    view, agent, color_by
+        As for a picture; the view ``follow`` moves with its agent.
+    progress : callable or None
+        Called with the number of pictures done and their total.
+
+    Raises
+    ------
+    CrowdSimError
+        If a time, rate or size is invalid.
+    DrawingUnavailable
+        If this machine cannot draw.
     """
     stop = recording.duration if end is None else end
     _check(recording, fps, size, start, stop)
     count = int(np.floor((stop - start) * fps + 1e-9)) + 1
     with whole_file(path, (".mp4",), "films") as written:
-        # Multisampling of software drawing costs as much, and loses shadows and thin lines.
+        # Multisampling costs as much in software rendering, and loses shadows and thin lines.
         scene = Scene(recording, size, color_by, supersample=_SUPERSAMPLE)
         try:
             _encode(written, _pictures(scene, start + np.arange(count) / fps, view, agent), fps, size, count, progress)
@@ -52,6 +75,7 @@ def film(
 
 
 def _check(recording: Recording, fps: int, size: tuple[int, int], start: float, end: float) -> None:
+    """Raise CrowdSimError if a film of these pictures a second, size [pixels] and times [s] cannot be made."""
     if not 1 <= fps <= 120:
         raise CrowdSimError(f"a film of {fps} pictures a second cannot be made; choose 1 to 120")
     if size[0] % 2 or size[1] % 2:
@@ -78,6 +102,7 @@ def _encode(
     count: int,
     progress: Callable[[int, int], None] | None,
 ) -> None:
+    """Encode ``count`` pictures, (height, width, 3) uint8 each, as a film with the first encoder that PyAV has."""
     import av
 
     codec = next((name for name in _CODECS if name in av.codecs_available), None)

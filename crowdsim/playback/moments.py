@@ -1,4 +1,4 @@
-"""Which moment of a recording a single picture should show."""
+"""Choose the moment of a recording that a single picture shows."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ _LOOKED_AT = 200
 
 
 def telling_time(recording: Recording) -> float:
-    """Seconds at which most behaviors are to be seen at once, and among such times most characters moving.
+    """Return the time at which most behaviors are visible at once and, among those times, most characters move [s].
 
-    Among equal times the middle one, for characters are then away from where they start and end.
+    Among equal times the middle one is taken, because characters are then away from their starts and goals.
     """
     if recording.steps == 0:
         raise RecordingError(f"{recording.path} holds no steps, so there is nothing to show; run the scenario again")

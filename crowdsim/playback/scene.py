@@ -1,4 +1,4 @@
-"""A recording as a scene of pyvista: what stands still is built once, what moves is rewritten in place."""
+"""A recording as a pyvista scene: static things are built once, moving things are rewritten in place."""
 
 from __future__ import annotations
 
@@ -12,30 +12,52 @@ from crowdsim.errors import CrowdSimError
 from crowdsim.playback.camera import FIELD_OF_VIEW, Camera, place_camera
 from crowdsim.playback.crowd_mesh import LEVEL_COLORS, CrowdMesh, hex_color
 from crowdsim.playback.drawing_backend import load_pyvista
-from crowdsim.playback.scenery import FlatMesh, floor_mesh, grid_lines, meshes_mesh, path_ribbons, solids_mesh
+from crowdsim.playback.scenery import (
+    FlatMesh,
+    contact_shadows,
+    floor_mesh,
+    grid_lines,
+    meshes_mesh,
+    path_ribbons,
+    paths_ahead,
+    solids_mesh,
+)
 from crowdsim.playback.surfaces import Floats
-from crowdsim.recording.header import PlannedPath, SolidRecord
+from crowdsim.recording.header import AgentState, PlannedPath, SolidRecord
 from crowdsim.recording.reader import Recording
 
 TALL = 1.1
-"""Solids that end above this many meters are drawn as glass, or they would hide the people behind."""
+"""Height above which solids are drawn as glass, so that they do not hide characters behind them [m]."""
 
 COLORINGS = ("behavior", "agent", "level")
 
 _SKY = ("#dfe6ec", "#f7f8f9")
-_FLOOR = "#f1efea"
-_GRID = "#dcd8cf"
-_LOW_SOLID = "#c9b295"
+_FLOOR = "#f8f5ef"
+_GRID = "#e6e1d7"
+_LOW_SOLID = "#d2bd9f"
 _TALL_SOLID = "#9fb0bd"
 _MOVABLE = "#b9774a"
 _EDGE = "#6d7780"
 _INK = "#30363c"
+_CONTACT = 95.0
+"""Opacity, out of 255, of the shadow at the edge of a solid."""
 
 
 class Scene:
-    """Draws ``recording`` at any time; close it when done.
+    """Draws ``recording`` at any time; call :meth:`close` when done.
 
-    size: width and height in pixels. supersample: how many pixels a side are drawn and averaged for one of the picture.
+    Parameters
+    ----------
+    recording : Recording
+        Recording to draw.
+    size : (int, int)
+        Width and height of the picture in pixels.
+    color_by : str
+        What the color of shirts shows.
+    supersample : float
+        Pixels drawn per pixel of the picture, along each side.
+    interactive : bool
+        Whether to open a window.
     """
 
     def __init__(
@@ -43,7 +65,7 @@ class Scene:
         recording: Recording,
         size: tuple[int, int],
         color_by: str = "behavior",
-        supersample: int = 1,
+        supersample: float = 1,
         interactive: bool = False,
     ) -> None:
         colorings = (*COLORINGS, *recording.header.agents.attributes)
@@ -55,14 +77,13 @@ class Scene:
         self.recording = recording
         self.size = size
         self._supersample = supersample
-        pixels = [side * supersample for side in size]
+        pixels = [round(side * supersample) for side in size]
         self.plotter = self._pv.Plotter(off_screen=not interactive, window_size=pixels, lighting="none")
         self.plotter.set_background(_SKY[1], top=_SKY[0])
         if supersample > 1:
             self.plotter.disable_anti_aliasing()
         self._scale = pixels[1] / 900.0
         self._crowd = CrowdMesh(recording, color_by)
-        self._paths: tuple[PlannedPath, ...] = ()
         self._path_actor: Any = None
         self._movables: tuple[SolidRecord, ...] = ()
         self._movable_actors: list[Any] = []
@@ -72,11 +93,11 @@ class Scene:
         self._write_legend(color_by)
 
     def close(self) -> None:
-        """Free the window and what it holds on the graphics side."""
+        """Free the window and its graphics memory."""
         self.plotter.close()
 
     def show_time(self, time: float) -> None:
-        """Move characters, paths and clock to ``time`` seconds."""
+        """Move characters, paths and the clock to ``time`` [s]."""
         self._crowd.update(time)
         for mesh, points in ((self._bodies, self._crowd.points), (self._shadows, self._crowd.shadow_points)):
             mesh.points[:] = points.reshape(-1, 3)
@@ -87,16 +108,17 @@ class Scene:
             mesh.Modified()
         for name in ("normals", "colors"):
             self._bodies.GetPointData().GetArray(name).Modified()
-        paths = self.recording.paths_at(time)
-        if [(path.agent, path.step) for path in paths] != [(path.agent, path.step) for path in self._paths]:
-            self._draw_paths(paths)
+        frame = self.recording.at_time(time)
+        going = (frame.state == AgentState.MOVING) | (frame.state == AgentState.WAITING)
+        places = (np.where(going, each, np.nan) for each in (frame.x, frame.y))
+        self._draw_paths(paths_ahead(self.recording.paths_at(time), *places))
         movables = self.recording.movables_at(time)
         if movables != self._movables:
             self._draw_movables(movables)
         self._clock.input = f"{time:.2f} s"
 
     def look(self, view: str, time: float, agent: int | None = None) -> None:
-        """Put the camera where ``view`` wants it at ``time``."""
+        """Place the camera of ``view`` at ``time`` [s]."""
         self.set_camera(place_camera(self.recording, view, self.size[0] / self.size[1], time, agent))
 
     def set_camera(self, camera: Camera) -> None:
@@ -109,35 +131,54 @@ class Scene:
         self.plotter.reset_camera_clipping_range()
 
     def picture(self) -> NDArray[np.uint8]:
-        """What is to be seen now, (height, width, 3)."""
-        # Off-screen, a screenshot alone gives the frame before.
+        """Return the current picture (height, width, 3) uint8."""
+        # Off-screen, a screenshot without rendering first would return the previous picture.
         self.plotter.render()
         pixels = np.asarray(self.plotter.screenshot(return_img=True))
         k = self._supersample
         if k == 1:
             return pixels
-        total = np.full((self.size[1], self.size[0], 3), k * k // 2, np.uint16)
-        for row in range(k):
-            for column in range(k):
-                total += pixels[row::k, column::k]
-        return (total // (k * k)).astype(np.uint8)
+        if k != round(k):
+            from PIL import Image
+
+            # Each pixel is the mean of the pixels drawn for it.
+            return np.asarray(Image.fromarray(pixels).resize(self.size, Image.Resampling.BOX))
+        whole = round(k)
+        total = np.full((self.size[1], self.size[0], 3), whole * whole // 2, np.uint16)
+        for row in range(whole):
+            for column in range(whole):
+                total += pixels[row::whole, column::whole]
+        return (total // (whole * whole)).astype(np.uint8)
 
     def _light(self) -> None:
-        """A soft sky from above, and a lamp beside the eye that keeps every side that is seen from going black."""
-        for place, strength in (((-3.0, -4.0, 9.0), 0.50), ((5.0, 4.0, 6.0), 0.22)):
+        """Add soft light from the sky, and a lamp beside the eye so that no visible side is black."""
+        for place, strength in (((-3.0, -4.0, 9.0), 0.55), ((5.0, 4.0, 6.0), 0.30)):
             self.plotter.add_light(self._pv.Light(position=place, light_type="scene light", intensity=strength))
         self.plotter.add_light(self._pv.Light(position=(-0.5, 0.6, 1.0), light_type="camera light", intensity=0.48))
 
     def _build_place(self) -> None:
+        """Add floor, grid, shadows and obstacles; tall ones as glass. The outline lies 4 mm higher, to show."""
         header = self.recording.header
         floor = floor_mesh(header)
         self._add_flat(floor.points, floor.triangles, _FLOOR, lighting=False)
         self._add_lines(grid_lines(header), _GRID, 1.0)
+        self._add_shadows()
         self._add_lines(floor.outline + [0.0, 0.0, 0.004], _EDGE, 1.5)
         self._add_solids(header.solids, _LOW_SOLID, _TALL_SOLID, 0.2)
         low = [mesh for mesh in header.meshes if mesh.points[:, 2].max() <= TALL]
         tall = [mesh for mesh in header.meshes if mesh.points[:, 2].max() > TALL]
         self._add_shapes(meshes_mesh(low), meshes_mesh(tall), _LOW_SOLID, _TALL_SOLID, 0.2)
+
+    def _add_shadows(self) -> None:
+        """Add soft shadows to the floor where solids touch it."""
+        header = self.recording.header
+        mesh, dark = contact_shadows(header.solids, header.floor)
+        if not len(mesh.triangles):
+            return
+        flat = self._poly(mesh.points, mesh.triangles)
+        shade = np.column_stack([np.full((len(dark), 3), 30.0), _CONTACT * dark])
+        flat.point_data["colors"] = shade.astype(np.uint8)
+        self.plotter.add_mesh(flat, scalars="colors", rgb=True, lighting=False, show_scalar_bar=False, render=False)
 
     def _draw_movables(self, movables: tuple[SolidRecord, ...]) -> None:
         for actor in self._movable_actors:
@@ -146,15 +187,16 @@ class Scene:
         self._movable_actors = self._add_solids(movables, _MOVABLE, _MOVABLE, 0.55)
 
     def _add_solids(self, solids: Sequence[SolidRecord], low_color: str, tall_color: str, opacity: float) -> list[Any]:
-        """Draw solids, tall ones as glass of some ``opacity``; returns the actors."""
+        """Draw solids, tall ones as glass with this ``opacity``; return the actors."""
         low = solids_mesh([solid for solid in solids if solid.top <= TALL])
         tall = solids_mesh([solid for solid in solids if solid.top > TALL])
         return self._add_shapes(low, tall, low_color, tall_color, opacity)
 
     def _add_shapes(self, low: FlatMesh, tall: FlatMesh, low_color: str, tall_color: str, opacity: float) -> list[Any]:
+        """Add low shapes as solid and tall ones as glass of ``opacity``, with their outlines; return the actors."""
         glass = {"ambient": 0.4, "diffuse": 0.6, "opacity": opacity, "culling": "back"}
         actors = [
-            self._add_flat(low.points, low.triangles, low_color, ambient=0.35, diffuse=0.75),
+            self._add_flat(low.points, low.triangles, low_color, ambient=0.45, diffuse=0.65),
             self._add_lines(low.outline, _EDGE, 1.0),
             self._add_flat(tall.points, tall.triangles, tall_color, **glass),
             self._add_lines(tall.outline, _EDGE, 1.2),
@@ -162,6 +204,7 @@ class Scene:
         return [actor for actor in actors if actor is not None]
 
     def _build_crowd(self) -> None:
+        """Add the meshes of all bodies and their shadows, whose points and colors :meth:`show_time` rewrites."""
         crowd = self._crowd
         self._shadows = self._poly(crowd.shadow_points.reshape(-1, 3), crowd.shadow_triangles)
         self._shadows.point_data["colors"] = crowd.shadow_colors
@@ -174,18 +217,19 @@ class Scene:
             self._bodies,
             scalars="colors",
             rgb=True,
-            ambient=0.30,
-            diffuse=0.80,
+            ambient=0.45,
+            diffuse=0.72,
             specular=0.08,
             specular_power=12,
             show_scalar_bar=False,
         )
         actor.prop.interpolation = "Phong"
 
-    def _draw_paths(self, paths: tuple[PlannedPath, ...]) -> None:
+    def _draw_paths(self, paths: Sequence[PlannedPath]) -> None:
+        """Replace the ribbons of planned paths, in the colors of their behaviors."""
         if self._path_actor is not None:
             self.plotter.remove_actor(self._path_actor, render=False)
-        self._paths, self._path_actor = paths, None
+        self._path_actor = None
         points, triangles, behaviors = path_ribbons(paths)
         if not len(triangles):
             return
@@ -197,6 +241,7 @@ class Scene:
         )
 
     def _write_legend(self, color_by: str) -> None:
+        """Write what the colors mean below left, and the scenario's name and the clock above left."""
         size = round(11 * self._scale)
         left, line = 18.0 * self._scale, 26.0 * self._scale
         legend = self._crowd.legend

@@ -1,9 +1,10 @@
-"""The place that characters walk in as meshes: floor, solids and planned paths."""
+"""The environment of a recording as meshes: floor, solids and planned paths."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import shapely
@@ -16,10 +17,14 @@ from crowdsim.recording.header import MeshRecord, PlannedPath, RecordingHeader, 
 PATH_HEIGHT = 0.015
 _PATH_WIDTH = 0.045
 
+_SHADOW_REACH = 0.3
+"""Distance over which the shadow beside a solid fades out [m]."""
+_SHADOW_HEIGHT = 0.006
+
 
 @dataclass(frozen=True)
 class FlatMesh:
-    """Triangles (F, 3) over points (V, 3), no vertex shared across a crease; outlines as pairs of points (2L, 3)."""
+    """Triangles (F, 3) over points (V, 3), without shared vertices at creases; outlines as pairs of points (2L, 3)."""
 
     points: Floats
     triangles: NDArray[np.int64]
@@ -27,13 +32,13 @@ class FlatMesh:
 
 
 def floor_mesh(header: RecordingHeader) -> FlatMesh:
-    """The walkable floor at z = 0."""
+    """Return the walkable floor at z = 0."""
     polygons = _polygons(header.floor, "the floor")
     return _merge([_cap(polygon, 0.0) for polygon in polygons], [_ring_lines(polygon, 0.0) for polygon in polygons])
 
 
 def solids_mesh(solids: Sequence[SolidRecord]) -> FlatMesh:
-    """All of ``solids`` extruded from bottom to top."""
+    """Return all of ``solids``, extruded from bottom to top."""
     parts: list[tuple[Floats, NDArray[np.int64]]] = []
     lines: list[Floats] = []
     for solid in solids:
@@ -49,7 +54,7 @@ def solids_mesh(solids: Sequence[SolidRecord]) -> FlatMesh:
 
 
 def meshes_mesh(meshes: Sequence[MeshRecord]) -> FlatMesh:
-    """All of ``meshes`` as they are, outlined where they end or bend by more than 25 degrees."""
+    """Return all of ``meshes``; outlines run along borders and edges that bend by more than 25 degrees."""
     parts, lines = [], []
     for mesh in meshes:
         corners = np.asarray(mesh.points, np.float64)[mesh.triangles]
@@ -59,7 +64,7 @@ def meshes_mesh(meshes: Sequence[MeshRecord]) -> FlatMesh:
 
 
 def path_ribbons(paths: Sequence[PlannedPath]) -> tuple[Floats, NDArray[np.int64], NDArray[np.int64]]:
-    """Narrow ribbons on the floor: points (V, 3), triangles (F, 3), and the behavior of each triangle (F,)."""
+    """Return narrow ribbons on the floor: points (V, 3), triangles (F, 3), and the behavior of each triangle (F,)."""
     starts, ends, behaviors = [], [], []
     for path in paths:
         starts.append(path.points[:-1])
@@ -75,7 +80,7 @@ def path_ribbons(paths: Sequence[PlannedPath]) -> tuple[Floats, NDArray[np.int64
     along = along[keep] / length[keep, None]
     half = 0.5 * _PATH_WIDTH
     side = half * np.stack([-along[:, 1], along[:, 0]], axis=1)
-    # Each piece is a little longer than its segment, so that no gap opens at a bend.
+    # Each piece extends a quarter of its width beyond both ends of its segment, so that no gap opens at a bend.
     start, end = start - 0.5 * half * along, end + 0.5 * half * along
     corners = np.stack([start - side, end - side, end + side, start + side], axis=1).reshape(-1, 2)
     points = np.column_stack([corners, np.full(len(corners), PATH_HEIGHT)])
@@ -84,8 +89,49 @@ def path_ribbons(paths: Sequence[PlannedPath]) -> tuple[Floats, NDArray[np.int64
     return points, triangles, np.tile(behavior, 2)
 
 
+def paths_ahead(paths: Sequence[PlannedPath], x: NDArray[Any], y: NDArray[Any]) -> list[PlannedPath]:
+    """Return the rest of each path, from the point nearest to its agent at x, y (N,) [m].
+
+    The positions of absent agents are nan; nothing is left of their paths.
+    """
+    left = []
+    for path in paths:
+        place = np.array([x[path.agent], y[path.agent]], np.float64)
+        if len(path.points) < 2 or not np.isfinite(place).all():
+            continue
+        starts, ways = path.points[:-1], np.diff(path.points, axis=0)
+        lengths = np.maximum(np.sum(ways * ways, axis=1), 1e-12)
+        shares = np.clip(np.sum((place - starts) * ways, axis=1) / lengths, 0.0, 1.0)
+        nearest = starts + shares[:, None] * ways
+        piece = int(np.sum((nearest - place) * (nearest - place), axis=1).argmin())
+        points = np.concatenate([nearest[piece : piece + 1], path.points[piece + 1 :]])
+        left.append(PlannedPath(path.agent, path.step, points, path.behaviors[piece:]))
+    return left
+
+
+def contact_shadows(solids: Sequence[SolidRecord], floor: str) -> tuple[FlatMesh, NDArray[np.float64]]:
+    """Return soft shadows on the floor around solids, and the darkness of each of their points, (V,) from 0 to 1."""
+    standing = [solid for solid in solids if solid.bottom < _SHADOW_REACH]
+    polygons = [part for solid in standing for part in _polygons(solid.footprint, f"solid '{solid.name}'")]
+    if not polygons:
+        return _merge([], []), np.zeros(0)
+    footprint = shapely.union_all(polygons)
+    ground = shapely.union_all(_polygons(floor, "the floor"))
+    rims = [
+        shapely.buffer(footprint, reach, quad_segs=4).difference(shapely.buffer(footprint, reach - 0.5 * _SHADOW_REACH))
+        for reach in (0.5 * _SHADOW_REACH, _SHADOW_REACH)
+    ]
+    parts = [
+        part for rim in rims for part in shapely.get_parts(rim.intersection(ground)) if part.geom_type == "Polygon"
+    ]
+    mesh = _merge([_cap(part, _SHADOW_HEIGHT) for part in parts], [])
+    away = shapely.distance(footprint, shapely.points(mesh.points[:, :2]))
+    dark = np.clip(1.0 - away / _SHADOW_REACH, 0.0, 1.0)
+    return mesh, np.asarray(dark * dark)
+
+
 def grid_lines(header: RecordingHeader, spacing: float = 1.0) -> Floats:
-    """Lines on the floor every ``spacing`` meters, as pairs of points (2L, 3)."""
+    """Return lines on the floor every ``spacing`` meters, as pairs of points (2L, 3)."""
     floor = shapely.union_all(_polygons(header.floor, "the floor"))
     low_x, low_y, high_x, high_y = floor.bounds
     xs = spacing * np.arange(np.ceil(low_x / spacing), np.floor(high_x / spacing) + 1)
@@ -121,12 +167,13 @@ def _cap(polygon: shapely.Polygon, height: float) -> tuple[Floats, NDArray[np.in
 
 
 def _rings(polygon: shapely.Polygon) -> list[Floats]:
-    """Exterior counter-clockwise, holes clockwise: the solid is on the left; first point repeated at the end."""
+    """Return the outline counter-clockwise and holes clockwise (the solid is on the left), first point repeated."""
     polygon = shapely.geometry.polygon.orient(polygon)
     return [np.asarray(ring.coords) for ring in (polygon.exterior, *polygon.interiors)]
 
 
 def _sides(polygon: shapely.Polygon, bottom: float, top: float) -> list[tuple[Floats, NDArray[np.int64]]]:
+    """Return the walls of a prism from ``bottom`` to ``top`` [m]: corners (k, 3) and triangles (t, 3) for each ring."""
     parts = []
     for ring in _rings(polygon):
         a, b = ring[:-1], ring[1:]
@@ -152,7 +199,7 @@ def _ring_lines(polygon: shapely.Polygon, height: float) -> Floats:
 
 
 def _corner_lines(polygon: shapely.Polygon, solid: SolidRecord) -> Floats:
-    """Upright edges where the outline turns by more than 25 degrees; round columns show none."""
+    """Return upright edges at which the outline turns by more than 25 degrees; round columns have none."""
     uprights = []
     for ring in _rings(polygon):
         step = np.diff(ring, axis=0)
@@ -166,16 +213,20 @@ def _corner_lines(polygon: shapely.Polygon, solid: SolidRecord) -> Floats:
 
 
 def _sharp_edges(corners: Floats) -> Floats:
-    """Edges, as pairs of points (2L, 3), of triangles (T, 3, 3) at which no other joins them without a bend."""
+    """Return the edges of triangles (T, 3, 3) that a drawing needs, as pairs of points (2L, 3).
+
+    These are the edges of one triangle alone, and those at which two triangles meet at more than 25 degrees.
+    """
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    # Files repeat points, one for each face.
+    # Files repeat a point for each face: merge equal ones.
     _, index = np.unique(np.round(corners.reshape(-1, 3), 4), axis=0, return_inverse=True)
     index = index.reshape(-1, 3)
     ends = np.stack([index, np.roll(index, -1, axis=1)], axis=2).reshape(-1, 2)
     _, edge, count = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True, return_counts=True)
     edge = edge.reshape(-1)
-    # All faces at an edge lie in one plane where their normals, up to their sign, add up to their number.
+    # Compare the normal of each triangle with that of the first one at the same edge: the absolute value of their
+    # product is the cosine of the bend, whichever way round the corners are listed.
     normal = np.repeat(normals, 3, axis=0)
     first = np.full(len(count), -1)
     first[edge[::-1]] = np.arange(len(edge))[::-1]
@@ -189,6 +240,7 @@ def _sharp_edges(corners: Floats) -> Floats:
 
 
 def _merge(parts: Sequence[tuple[Floats, NDArray[np.int64]]], lines: Sequence[Floats]) -> FlatMesh:
+    """Return parts, each points (n, 3) and triangles (t, 3), and lines as one mesh with numbers of the joint points."""
     points = np.concatenate([np.empty((0, 3)), *(points for points, _ in parts)])
     firsts = np.cumsum([0, *(len(points) for points, _ in parts)])
     triangles = [triangles + first for (_, triangles), first in zip(parts, firsts, strict=False)]

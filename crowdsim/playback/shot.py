@@ -1,8 +1,10 @@
-"""One picture of a recording."""
+"""Write pictures of a recording."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 from crowdsim.playback.moments import telling_time
@@ -11,6 +13,7 @@ from crowdsim.recording.reader import Recording
 from crowdsim.whole_files import whole_file
 
 _SUPERSAMPLE = 2
+_ENDINGS = (".png", ".jpg", ".jpeg")
 
 
 def shot(
@@ -22,21 +25,83 @@ def shot(
     agent: int | None = None,
     color_by: str = "behavior",
 ) -> Path:
-    """Write a picture (PNG or JPEG) of ``recording`` at ``time`` seconds, by default at a telling moment.
+    """Write a picture (PNG or JPEG) of ``recording``.
 
-    view: ``overview``, ``top`` or ``follow``, which needs an ``agent``. color_by: ``behavior``, ``agent``,
-    ``level`` (captured, steered), or the name of an attribute.
-    Raises CrowdSimError for a view, time, size or file that cannot be, DrawingUnavailable where nothing can draw.
+    Parameters
+    ----------
+    recording : Recording
+        Recording to show.
+    path : str or path
+        Name of the file.
+    time : float or None
+        Time [s]; by default that of :func:`~crowdsim.playback.moments.telling_time`.
+    view : str
+        ``overview``, ``top``, or ``follow``, which needs an ``agent``.
+    size : (int, int)
+        Width and height in pixels.
+    agent : int or None
+        Agent to follow.
+    color_by : str
+        ``behavior``, ``agent``, ``level`` (captured or steered), or the name of an attribute.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    CrowdSimError
+        If a view, time, size or file name is invalid.
+    DrawingUnavailable
+        If this machine cannot draw.
     """
+    with whole_file(path, _ENDINGS, "pictures") as written:
+        moment = telling_time(recording) if time is None else time
+        _draw(recording, [(written, moment)], view, size, agent, color_by)
+    return Path(path)
+
+
+def shots(
+    recording: Recording,
+    path: str | os.PathLike[str],
+    times: Sequence[float],
+    view: str = "overview",
+    size: tuple[int, int] = (1600, 900),
+    agent: int | None = None,
+    color_by: str = "behavior",
+) -> list[Path]:
+    """Write a picture at each of ``times`` [s], as :func:`shot` does; the scene is built once for all.
+
+    Returns
+    -------
+    list of Path
+        The files: ``path`` with the time before its suffix, as ``walk-12.5.png``.
+    """
+    path = Path(path)
+    paths = [path.with_name(f"{path.stem}-{time:g}{path.suffix}") for time in times]
+    with ExitStack() as stack:
+        files = [stack.enter_context(whole_file(each, _ENDINGS, "pictures")) for each in paths]
+        _draw(recording, list(zip(files, times, strict=True)), view, size, agent, color_by)
+    return paths
+
+
+def _draw(
+    recording: Recording,
+    pictures: Sequence[tuple[Path, float]],
+    view: str,
+    size: tuple[int, int],
+    agent: int | None,
+    color_by: str,
+) -> None:
+    """Draw the recording at each time [s] and save the picture to its file, in one scene for all."""
     from PIL import Image
 
-    with whole_file(path, (".png", ".jpg", ".jpeg"), "pictures") as written:
-        moment = telling_time(recording) if time is None else time
-        scene = Scene(recording, size, color_by, supersample=_SUPERSAMPLE)
-        try:
-            scene.show_time(moment)
-            scene.look(view, moment, agent)
+    scene = Scene(recording, size, color_by, supersample=_SUPERSAMPLE)
+    try:
+        for written, time in pictures:
+            scene.show_time(time)
+            scene.look(view, time, agent)
             Image.fromarray(scene.picture()).save(written)
-        finally:
-            scene.close()
-    return Path(path)
+    finally:
+        scene.close()

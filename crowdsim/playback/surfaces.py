@@ -1,4 +1,4 @@
-"""Closed surfaces made of rings: the shapes that a body is put together from."""
+"""Closed surfaces made of rings, of which bodies are composed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 Floats = NDArray[np.float64]
 
 COARSE = 5
-"""Corners of a ring up to which shapes are coarse: one ring rounds each end of a limb, and small parts are left out."""
+"""Number of corners of a ring up to which a shape is coarse: limbs have one ring at each end, small parts are left
+out."""
 
 
 @dataclass(frozen=True)
@@ -22,17 +23,25 @@ class Surface:
 
 
 def unit(vector: ArrayLike) -> Floats:
-    """``vector`` (..., 3) at length one; zero stays zero."""
+    """Return ``vector`` (..., 3) scaled to length one; zero stays zero."""
     vector = np.asarray(vector, np.float64)
     length = np.linalg.norm(vector, axis=-1, keepdims=True)
     return vector / np.where(length > 0.0, length, 1.0)
 
 
 def loft(centers: ArrayLike, across: ArrayLike, beside: ArrayLike, sides: int, squareness: float = 2.0) -> Surface:
-    """Skin over K rings and a point at each end.
+    """Return the skin over K rings, closed by a point at each end.
 
-    centers (K, 3); across, beside (K, 3): half axes of each ring, with ``across x beside`` along the loft.
-    squareness: exponent of the superellipse, 2 for an ellipse, more for a rounded box.
+    Parameters
+    ----------
+    centers : (K, 3)
+        Centers of the rings.
+    across, beside : (K, 3)
+        Half axes of each ring; ``across x beside`` points along the loft.
+    sides : int
+        Corners of a ring.
+    squareness : float
+        Exponent of the superellipse: 2 for an ellipse, more for a rounded box.
     """
     centers, across, beside = (np.asarray(a, np.float64) for a in (centers, across, beside))
     angle = 2.0 * np.pi * np.arange(sides) / sides
@@ -54,7 +63,7 @@ def loft(centers: ArrayLike, across: ArrayLike, beside: ArrayLike, sides: int, s
 
 
 def limb(start: ArrayLike, end: ArrayLike, radii: ArrayLike, sides: int) -> Surface:
-    """A limb of round section from ``start`` to ``end``: ``radii`` at even spaces between, round at both ends."""
+    """Return a limb of circular section from ``start`` to ``end`` with ``radii`` at even distances and round ends."""
     start, end, radii = (np.asarray(a, np.float64) for a in (start, end, radii))
     along = unit(end - start)
     aside = np.array([1.0, 0.0, 0.0]) if abs(along[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
@@ -69,7 +78,7 @@ def limb(start: ArrayLike, end: ArrayLike, radii: ArrayLike, sides: int) -> Surf
 
 
 def ellipsoid(center: ArrayLike, axes: ArrayLike, sides: int) -> Surface:
-    """An ellipsoid with half axes ``axes`` (3, 3), one a row, right-handed."""
+    """Return an ellipsoid with half axes ``axes`` (3, 3), one per row, right-handed."""
     axes = np.asarray(axes, np.float64)
     latitude = np.radians(np.linspace(-80.0, 80.0, max(5 if sides > COARSE else 3, sides // 2 + 1)))
     width = np.cos(latitude)[:, None]
@@ -77,7 +86,7 @@ def ellipsoid(center: ArrayLike, axes: ArrayLike, sides: int) -> Surface:
 
 
 def vertex_normals(points: Floats, triangles: NDArray[np.int64]) -> Floats:
-    """Unit normals (V, 3), each the sum of its triangles' normals weighted by their areas."""
+    """Return unit normals (V, 3): sums of the triangles' normals, weighted by area."""
     a, b, c = (points[triangles[:, k]] for k in range(3))
     normal = np.cross(b - a, c - a)
     total = np.zeros_like(points)

@@ -1,4 +1,4 @@
-"""A recording in a window: played, paused and searched."""
+"""Show a recording in a window: play, pause, seek."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _TICK_MILLISECONDS = 16
 
 
 class Player:
-    """The time that is shown: runs while playing, stops at the end, goes where it is asked to."""
+    """The time that is shown: it runs while playing, and stops at the end."""
 
     def __init__(self, duration: float) -> None:
         self.duration = duration
@@ -19,13 +19,13 @@ class Player:
         self.playing = True
 
     def toggle(self) -> None:
-        """Pause or go on; from the end, start again."""
+        """Pause or continue; at the end, start again."""
         if not self.playing and self.time >= self.duration:
             self.time = 0.0
         self.playing = not self.playing
 
     def seek(self, time: float) -> None:
-        """Go to ``time``, kept within the recording."""
+        """Go to ``time`` [s], clipped to the recording."""
         self.time = min(max(time, 0.0), self.duration)
 
     def advance(self, seconds: float) -> None:
@@ -45,7 +45,11 @@ def window(
     """Open a window on ``recording`` and return when it is closed.
 
     Space plays and pauses, the arrow keys go a second back and forth, the slider anywhere; the mouse turns the camera.
-    DrawingUnavailable where there is no display.
+
+    Raises
+    ------
+    DrawingUnavailable
+        If there is no display.
     """
     scene = Scene(recording, size, color_by, interactive=True)
     try:
@@ -55,6 +59,7 @@ def window(
 
 
 def _play(scene: Scene, player: Player, view: str, agent: int | None) -> None:
+    """Show the scene, with a slider for the time, space to pause, and arrows to go back and on by a second."""
     plotter = scene.plotter
     scene.show_time(0.0)
     scene.look(view, 0.0, agent)
@@ -71,6 +76,7 @@ def _play(scene: Scene, player: Player, view: str, agent: int | None) -> None:
     shown, before = -1.0, clock.perf_counter()
 
     def tick(_step: int) -> None:
+        """Advance by the time that has passed since the last tick; draw only if the shown time has changed."""
         nonlocal shown, before
         now = clock.perf_counter()
         player.advance(now - before)

@@ -1,4 +1,4 @@
-"""What is to be seen between two recorded steps."""
+"""Interpolate between two recorded steps."""
 
 from __future__ import annotations
 
@@ -18,10 +18,25 @@ def frame_between(
     steps_per_second: int,
     ends: Ends | None = None,
 ) -> RecordedFrame:
-    """The frame ``share`` (0, 1) of a step from ``old`` to ``new``; ``ends`` of a periodic floor are walked across."""
+    """Return the frame at ``share`` of the step from ``old`` to ``new``, in (0, 1).
+
+    Parameters
+    ----------
+    old, new : RecordedFrame
+        Frames of two consecutive steps.
+    share : float
+        Elapsed part of the step.
+    node_frames : (nodes,) int32
+        Number of frames of each node.
+    steps_per_second : int
+        Steps per second of the recording.
+    ends : Ends or None
+        Ends of a periodic floor; agents that cross them are interpolated across.
+    """
     natural = CAPTURE_RATE // steps_per_second
     last = np.append(node_frames, 0)[old.node]
-    # Nodes may be played slower or faster. Who leaves an idle node skips what is left of it.
+    # Frames played during the step, at whatever rate the node is played. An agent that leaves an idle node skips the
+    # rest of it: the sum would then be too large, and the natural rate is used.
     same = (new.node == old.node) & (new.frame >= old.frame)
     advance = np.where(same, new.frame - old.frame, last - old.frame + new.frame)
     advance = np.where(same | (2 * advance <= 3 * natural), advance, natural)
@@ -38,7 +53,7 @@ def frame_between(
     heading = np.where(both, old.heading + share * turn, old.heading)
     phase = np.where(both & np.isfinite(new.phase), old.phase + share * (new.phase - old.phase), old.phase)
 
-    # Still in the old node, or in the new one already, where what is left of the step is subtracted.
+    # Either still in the old node, or already in the new one: count back from its frame at the end of the step.
     reached = old.frame + shown
     left = new.frame - (advance - shown)
     entered = both & ~same & (reached > last) & (left >= 0)

@@ -1,4 +1,4 @@
-"""What a recording's file may hold: everything that kernels index by is checked before they see it."""
+"""Check the content of a recording before kernels use it as indices."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.errors import RecordingError
 from crowdsim.recording.header import AgentState, MotionRecord, RecordedFrame, RecordingHeader
+from crowdsim.recording.string_heaps import require_sound_heaps
 
 AGAIN = "run the scenario again to the end"
 
@@ -29,52 +30,80 @@ UNREADABLE = (
     ValueError,
     shapely.errors.ShapelyError,
 )
-"""What reading a damaged file raises."""
+"""Exceptions that reading a damaged file may raise."""
 
 _MOST_FRAMES = 1 << 17
-"""Frames of a node, so that parts of them are told to the 64th in float32."""
+"""Largest number of frames of a node: float32 then still resolves 1/64 of a frame."""
+
+_STEPS_KEPT = 64
+_MOST_KEPT = 250_000
+"""Largest number of values of a column that stay in memory when steps are read one after another."""
 
 _PACKED = 2000
-"""No filter of HDF5 makes bytes out of fewer than one in so many."""
+"""Largest compression ratio that a filter of HDF5 reaches; a dataset that claims more is damaged."""
 
 
 class _Stored(Protocol):
-    @property
-    def shape(self) -> tuple[int, ...]: ...
+    """A dataset of the file."""
 
     @property
-    def dtype(self) -> np.dtype[Any]: ...
+    def shape(self) -> tuple[int, ...]:
+        """Return the shape."""
+        ...
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Return the type of the values."""
+        ...
 
     def __getitem__(self, key: Any, /) -> Any: ...
 
 
 class CheckedColumn:
-    """A column of a file whose values are checked as they are read.
+    """A column of the file whose values are checked when they are read.
 
-    RecordingError where they are not within ``low`` to ``high``, or cannot be read.
+    RecordingError is raised if values are not within ``low`` to ``high``, or cannot be read.
     """
 
     def __init__(self, path: Path, name: str, stored: _Stored, low: float, high: float) -> None:
         self._path, self._name, self._stored, self._range = path, name, stored, (low, high)
+        width = int(np.prod(stored.shape[1:], dtype=np.int64))
+        self._kept = min(max(_MOST_KEPT // max(width, 1), 1), _STEPS_KEPT)
+        self._rows: tuple[int, NDArray[Any]] = -1, np.zeros(0)
 
     @property
     def shape(self) -> tuple[int, ...]:
+        """Return the shape (steps, N)."""
         return self._stored.shape
 
     @property
     def dtype(self) -> np.dtype[Any]:
+        """Return the type of the values."""
         return self._stored.dtype
 
     def __len__(self) -> int:
         return self.shape[0]
 
     def __getitem__(self, key: Any, /) -> Any:
+        if not isinstance(key, int | np.integer) or self._kept == 1 or not 0 <= key < len(self):
+            return self._checked(self._read(key))
+        # Steps are mostly read in sequence: keep a block, so that each chunk of the file is unpacked only once.
+        block = int(key) // self._kept
+        number, rows = self._rows
+        if number != block:
+            rows = self._read(slice(block * self._kept, (block + 1) * self._kept))
+            self._rows = block, rows
+        return self._checked(rows[int(key) - block * self._kept].copy())
+
+    def _read(self, key: Any) -> Any:
         try:
-            values = self._stored[key]
+            return self._stored[key]
         except (OSError, RuntimeError, MemoryError) as error:
             raise RecordingError(f"{self._path} is damaged: steps/{self._name} ({error}); {AGAIN}") from None
+
+    def _checked(self, values: Any) -> Any:
         low, high = self._range
-        counts = np.isfinite([low, high]).all()  # what counts something is never nan
+        counts = np.isfinite([low, high]).all()  # columns of indices have finite bounds; others may hold nan
         if counts and np.size(values) and not (np.min(values) >= low and np.max(values) <= high):
             raise RecordingError(
                 f"{self._path} is damaged: steps/{self._name} holds values beyond {low:g} to {high:g}; {AGAIN}"
@@ -83,7 +112,7 @@ class CheckedColumn:
 
 
 def column_ranges(header: RecordingHeader) -> dict[str, tuple[float, float]]:
-    """Least and greatest value of each column that counts something."""
+    """Return the least and the greatest value of each column that holds indices or counts."""
     nodes = len(header.motion.node_names)
     return {
         "node": (NONE, nodes - 1),
@@ -95,13 +124,13 @@ def column_ranges(header: RecordingHeader) -> dict[str, tuple[float, float]]:
 
 
 def check_frames(path: Path, motion: MotionRecord, frame: RecordedFrame) -> None:
-    """RecordingError for a frame that a node does not have, and for agents who are present but nowhere."""
+    """Raise RecordingError if an agent plays a frame that its node does not have, or is present without a position."""
     node = np.asarray(frame.node)
     present = np.asarray(frame.state) != AgentState.ABSENT
     somewhere = np.isfinite(frame.x) & np.isfinite(frame.y) & np.isfinite(frame.heading)
     if (present & ~somewhere).any():
         agent = int(np.flatnonzero(present & ~somewhere)[0])
-        raise RecordingError(f"{path} is damaged: agent {agent} is present, but at no place; {AGAIN}")
+        raise RecordingError(f"{path} is damaged: agent {agent} is present, but has no position; {AGAIN}")
     played = (node != NONE) & present
     shown = np.asarray(frame.frame)
     over = played & ~((shown >= 0) & (shown <= np.append(motion.node_frames, 0)[node]))
@@ -110,8 +139,10 @@ def check_frames(path: Path, motion: MotionRecord, frame: RecordedFrame) -> None
         raise RecordingError(f"{path} is damaged: agent {agent} plays a frame that its node does not have; {AGAIN}")
 
 
-def require_readable(file: h5py.File, size: int) -> None:
-    """ValueError where a dataset asks for more memory than a file of ``size`` bytes can hold."""
+def require_readable(path: Path, file: h5py.File) -> None:
+    """Raise ValueError if a dataset claims more memory than its file can hold, or if strings are damaged."""
+    require_sound_heaps(path)
+    size = path.stat().st_size
 
     def visit(name: str, item: object) -> None:
         if isinstance(item, h5py.Dataset):
@@ -126,13 +157,13 @@ def require_readable(file: h5py.File, size: int) -> None:
 
 
 def check_header(header: RecordingHeader) -> None:
-    """RecordingError for what does not fit together, in a header that is to be written or was read."""
+    """Raise RecordingError if parts of a header contradict each other; used for writing and for reading."""
     count = header.agents.count
     if count == 0:
         raise RecordingError("a recording needs at least one agent")
     _require(
         0 < header.steps_per_second <= CAPTURE_RATE and CAPTURE_RATE % header.steps_per_second == 0,
-        f"{header.steps_per_second} steps a second are no divisor of {CAPTURE_RATE}",
+        f"{header.steps_per_second} steps a second do not divide {CAPTURE_RATE}",
     )
     motion = header.motion
     joints, nodes, rows = motion.skeleton.joint_count, len(motion.node_names), len(motion.pool_root)
@@ -151,12 +182,19 @@ def check_header(header: RecordingHeader) -> None:
         _require(fits, f"ends {tuple(header.ends)} are not an axis, 0 or 1, with a lower and a higher end")
     for name, values in header.agents.attributes.items():
         _require(np.shape(values) == (count,), f"agents.attributes.{name} has shape {np.shape(values)}, not {(count,)}")
+    routes, ends = np.asarray(header.agents.routes), np.asarray(header.agents.route_ends)
+    if ends.size:
+        fits = ends.shape == (count,) and np.issubdtype(ends.dtype, np.integer) and routes.shape == (int(ends[-1]), 2)
+        _require(fits and ends[0] > 0 and (np.diff(ends) > 0).all(), "agents.routes do not fit agents.route_ends")
+    if header.walkable:
+        found = len(header.walkable)
+        _require(found == len(header.layers), f"{found} walkable areas for {len(header.layers)} layers")
     for behavior in header.behaviors:
         if len(behavior.radii) != len(header.layers):
             raise RecordingError(
                 f"behavior '{behavior.name}' gives {len(behavior.radii)} radii for {len(header.layers)} layers"
             )
-        _require(re.fullmatch("#[0-9a-fA-F]{6}", behavior.color) is not None, f"{behavior.color!r} is no color")
+        _require(re.fullmatch("#[0-9a-fA-F]{6}", behavior.color) is not None, f"{behavior.color!r} is not a color")
     _check_skeleton(motion)
     _check_gaits(header)
     first, frames = np.asarray(motion.node_first, np.int64), np.asarray(motion.node_frames, np.int64)
@@ -182,13 +220,16 @@ def _within(values: Any, low: int, end: int) -> bool:
 
 
 def _check_skeleton(motion: MotionRecord) -> None:
+    """Raise RecordingError if a skeleton's arrays do not fit together, or a joint stands before its parent."""
     skeleton = motion.skeleton
     joints = len(skeleton.names)
     parents = np.asarray(skeleton.parents)
     shapes = {"parents": (joints,), "offsets": (joints, 3), "end_offsets": (len(skeleton.end_parents), 3)}
     for name, shape in shapes.items():
-        found = np.shape(getattr(skeleton, name))
-        _require(found == shape, f"motion.{name} has shape {found}, not {shape}")
+        values = np.asarray(getattr(skeleton, name))
+        _require(values.shape == shape, f"motion.{name} has shape {values.shape}, not {shape}")
+        numbers = np.issubdtype(values.dtype, np.number) and bool(np.isfinite(values).all())
+        _require(numbers, f"motion.{name} holds {values.dtype} or values that are not finite, no numbers")
     _require(joints > 0 and np.ndim(skeleton.end_parents) == 1, "motion: a skeleton needs joints")
     in_order = _within(parents, -1, joints) and parents[0] == -1 and (parents < np.arange(joints)).all()
     _require(in_order, "motion.parents: each joint but the first needs a parent before it")
@@ -197,6 +238,7 @@ def _check_skeleton(motion: MotionRecord) -> None:
 
 
 def _check_gaits(header: RecordingHeader) -> None:
+    """Require one clip per behavior or none, with valid shapes, and pool phases if there are both nodes and clips."""
     gaits, joints = header.motion.gaits, header.motion.skeleton.joint_count
     if gaits and len(gaits) != len(header.behaviors):
         raise RecordingError(f"{len(gaits)} gaits for {len(header.behaviors)} behaviors; give each its own, or none")
@@ -217,17 +259,22 @@ def _check_gaits(header: RecordingHeader) -> None:
 
 
 def check_place(header: RecordingHeader) -> None:
-    """RecordingError or an error of shapely for a place that nothing could draw."""
-    shapely.from_wkt([header.floor, *(solid.footprint for solid in (*header.solids, *header.movables))])
+    """Raise RecordingError, or an error of shapely, if the floor, an obstacle or a mesh cannot be drawn."""
+    footprints = (solid.footprint for solid in (*header.solids, *header.movables))
+    shapes = (shape.shape for shape in (*header.areas, *header.lines))
+    shapely.from_wkt([header.floor, *footprints, *header.walkable, *shapes])
     for mesh in header.meshes:
         fits = mesh.points.ndim == mesh.triangles.ndim == 2 and mesh.points.shape[1] == mesh.triangles.shape[1] == 3
-        _require(fits and _within(mesh.triangles, 0, len(mesh.points)), f"mesh '{mesh.name}' names points it has not")
+        _require(
+            fits and _within(mesh.triangles, 0, len(mesh.points)),
+            f"mesh '{mesh.name}' refers to points that it does not have",
+        )
 
 
 def check_paths(
     counts: NDArray[Any], agents: NDArray[Any], points: NDArray[Any], header: RecordingHeader
 ) -> NDArray[np.int64]:
-    """Where the points of each path end; RecordingError where the columns of paths do not fit each other."""
+    """Return where the points of each path end; raise RecordingError if the columns of paths contradict each other."""
     whole = all(np.issubdtype(values.dtype, np.integer) for values in (counts, agents))
     fits = whole and np.all(counts >= 0) and int(counts.sum()) == len(points) and points.shape[1:] == (2,)
     _require(fits and _within(agents, 0, header.agents.count), "paths do not fit each other")

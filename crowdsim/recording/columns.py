@@ -1,7 +1,8 @@
-"""Columns of a recording: parts of them are read as they are asked for."""
+"""Interfaces of a recording's columns: slices of them are read on demand."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -14,13 +15,17 @@ if TYPE_CHECKING:
 
 
 class Column(Protocol):
-    """What can be sliced as an array (steps, N) can, and is read from the file only then."""
+    """An array (steps, N) in the file; indexing reads only the part that is needed."""
 
     @property
-    def shape(self) -> tuple[int, ...]: ...
+    def shape(self) -> tuple[int, ...]:
+        """Return the shape (steps, N)."""
+        ...
 
     @property
-    def dtype(self) -> np.dtype[Any]: ...
+    def dtype(self) -> np.dtype[Any]:
+        """Return the type of the values."""
+        ...
 
     def __getitem__(self, key: Any, /) -> Any: ...
 
@@ -28,7 +33,7 @@ class Column(Protocol):
 
 
 class RecordedTracks(Protocol):
-    """What posing steered agents reads of a recording."""
+    """The part of a recording that posing steered agents needs."""
 
     header: RecordingHeader
     x: Column
@@ -41,36 +46,54 @@ class RecordedTracks(Protocol):
     state: Column
 
     @property
-    def steps(self) -> int: ...
+    def steps(self) -> int:
+        """Return the number of recorded steps."""
+        ...
 
     @property
-    def agent_count(self) -> int: ...
+    def agent_count(self) -> int:
+        """Return the number of agents."""
+        ...
 
     @property
-    def steps_per_second(self) -> int: ...
+    def steps_per_second(self) -> int:
+        """Return the number of steps per second [1/s]."""
+        ...
+
+
+class RecordedFile(RecordedTracks, Protocol):
+    """The part of a recording that tables of tracks need: also the name of the file, for messages."""
+
+    path: Path
 
 
 class RecordedPoses(RecordedTracks, Protocol):
-    """What posing agents who switch between levels reads besides."""
+    """The part of a recording that posing agents after switches needs: also the poses of nodes."""
 
     @property
-    def pose_table(self) -> PoseTable: ...
+    def pose_table(self) -> PoseTable:
+        """Return the poses of all nodes."""
+        ...
 
-    def at_step(self, step: int) -> RecordedFrame: ...
+    def at_step(self, step: int) -> RecordedFrame:
+        """Return row ``step`` of all columns."""
+        ...
 
 
 class ConstantColumn:
-    """A column that the file does not store, as every agent has the same ``value`` in every step."""
+    """A column that the file does not store, because all agents have the same ``value`` in every step."""
 
     def __init__(self, shape: tuple[int, ...], dtype: str, value: float) -> None:
         self._values = np.broadcast_to(np.array(value, dtype), shape)
 
     @property
     def shape(self) -> tuple[int, ...]:
+        """Return the shape (steps, N)."""
         return self._values.shape
 
     @property
     def dtype(self) -> np.dtype[Any]:
+        """Return the type of the values."""
         return self._values.dtype
 
     def __getitem__(self, key: Any, /) -> NDArray[Any]:

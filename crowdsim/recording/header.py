@@ -1,4 +1,4 @@
-"""What a recording says once: the scenario, the place, the agents and the motions they play."""
+"""The header of a recording: the scenario, the environment, the agents, and the motions they play."""
 
 from __future__ import annotations
 
@@ -11,19 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.constants import NONE
+from crowdsim.geometry.planar import shorter_ways
 from crowdsim.motion.clips.skeleton import Skeleton
 
 FORMAT_NAME = "crowdsim-recording"
 FORMAT_VERSION = 3
-"""1: captured agents. 2: steered agents, too: the column ``phase`` and gaits; columns that nobody needs are left out.
-3: ``frame`` may lie between two frames; the place of who is absent is nan.
+"""1: captured agents. 2: also steered agents: the column ``phase`` and gaits; columns without information are left out.
+3: ``frame`` may lie between two frames; the position of absent agents is nan.
 
-Readers refuse files of a higher version; raise it when a field changes its meaning or goes away."""
+Readers refuse files of a higher version. Raise it when a field changes its meaning or is removed.
+"""
 
 
 class AgentState(IntEnum):
-    """What an agent does in one step. Absent agents are nowhere: x, y, heading and phase are nan, other columns mean
-    nothing."""
+    """State of an agent in one step.
+
+    If it is ABSENT, x, y, heading and phase are nan and other columns mean nothing.
+    """
 
     ABSENT = 0
     MOVING = 1
@@ -33,7 +37,7 @@ class AgentState(IntEnum):
 
 @dataclass(frozen=True)
 class LayerRecord:
-    """A clearance layer: solids between ``low`` and ``high`` meters above the floor block it."""
+    """A clearance layer; solids between ``low`` and ``high`` [m] above the floor block it."""
 
     name: str
     low: float
@@ -42,7 +46,7 @@ class LayerRecord:
 
 @dataclass(frozen=True)
 class BehaviorRecord:
-    """A behavior: its color ``#rrggbb`` and its body radius in meters on each layer."""
+    """A behavior: its color ``#rrggbb`` and its body radius on each layer [m]."""
 
     name: str
     color: str
@@ -51,7 +55,7 @@ class BehaviorRecord:
 
 @dataclass(frozen=True)
 class SolidRecord:
-    """An obstacle: its footprint as WKT (POLYGON or MULTIPOLYGON) from ``bottom`` to ``top`` meters."""
+    """A prism: footprint as WKT (POLYGON or MULTIPOLYGON), from ``bottom`` to ``top`` [m]."""
 
     name: str
     footprint: str
@@ -61,7 +65,17 @@ class SolidRecord:
 
 @dataclass(frozen=True)
 class MeshRecord:
-    """An obstacle of triangles: points (V, 3) float32, meters, and their indices (T, 3) int32, outside to the left."""
+    """An obstacle of triangles.
+
+    Attributes
+    ----------
+    name : str
+        Name of the obstacle.
+    points : (V, 3) float32
+        Vertices [m].
+    triangles : (T, 3) int32
+        Indices of vertices, counter-clockwise seen from outside.
+    """
 
     name: str
     points: NDArray[np.float32]
@@ -69,12 +83,35 @@ class MeshRecord:
 
 
 @dataclass(frozen=True)
-class AgentsRecord:
-    """The N agents of a run, which stay the same from its first step to its last.
+class ShapeRecord:
+    """A named area (POLYGON) or line (LINESTRING) of the scenario, as WKT."""
 
-    groups: N group names. start_times: (N,) seconds. starts: (N, 3) x, y, heading. goals: (N, 2).
-    radii: (N,) meters, the planned radius of the body on its narrowest layer. attributes: by name, (N,) float64 with
-    nan for agents without it, or (N,) texts that are empty for them.
+    name: str
+    shape: str
+
+
+@dataclass(frozen=True)
+class AgentsRecord:
+    """The N agents of a run; their number never changes.
+
+    Attributes
+    ----------
+    groups : N str
+        Name of each agent's group.
+    start_times : (N,) float64
+        Start times [s], NaN for agents on call.
+    starts : (N, 3) float64
+        x, y [m], heading [rad] at the start.
+    goals : (N, 2) float64
+        First goal of each agent [m].
+    radii : (N,) float64
+        Planned radius of the body on its narrowest layer [m].
+    attributes : mapping of str to (N,) array
+        float64 with nan for agents without the attribute, or str with empty text for them.
+    routes : (m, 2) float64
+        Goals of all agents in turn, agent after agent [m]; empty in older files.
+    route_ends : (N,) int64
+        End of each agent's goals in ``routes``; empty in older files.
     """
 
     groups: Sequence[str]
@@ -83,18 +120,27 @@ class AgentsRecord:
     goals: NDArray[np.float64]
     radii: NDArray[np.float64]
     attributes: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    routes: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 2)))
+    route_ends: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @property
     def count(self) -> int:
+        """Return the number of agents."""
         return len(self.groups)
 
 
 @dataclass(frozen=True)
 class GaitRecord:
-    """The clip that steered agents of one behavior are posed from, as it was captured: what is deformed at playback.
+    """The captured clip that steered agents of one behavior are posed from; it is deformed at playback.
 
-    root: (F, 3) float32, places of the root joint in the world [m]. rotations: (F, J, 4) float32 (w, x, y, z), each
-    joint relative to its parent, the root to the world; F frames at CAPTURE_RATE.
+    Attributes
+    ----------
+    name : str
+        Name of the clip.
+    root : (F, 3) float32
+        Positions of the root joint in the world [m]; F frames at CAPTURE_RATE.
+    rotations : (F, J, 4) float32
+        Quaternions (w, x, y, z) of J joints, each relative to its parent, the root to the world.
     """
 
     name: str
@@ -104,15 +150,27 @@ class GaitRecord:
 
 @dataclass(frozen=True)
 class MotionRecord:
-    """All that turns (node, frame, track pose), or (behavior, track, phase), into the joints of a body.
+    """Everything that turns (node, frame, track pose), or (behavior, track, phase), into a posed body.
 
-    Node n holds rows ``node_first[n]`` to ``node_first[n] + node_frames[n]`` of the pool, poses relative to the track:
-    pool_root (P, 3) float32 is the root's place, pool_rotations (P, J, 4) float32 are (w, x, y, z), each joint relative
-    to its parent and the root relative to the track's heading.
-    node_behavior: (nodes,) int32, index into the header's behaviors. Without nodes, no agent is captured.
-    gaits: a clip for each behavior of the header, in its order. Without gaits, no agent is steered.
-    pool_phases: (P,) float32, phase of the gait in each row of the pool [cycles], as of
-    :func:`~crowdsim.behaviors.entries.node_phases`; empty unless there are both nodes and gaits.
+    Attributes
+    ----------
+    skeleton : Skeleton
+        Skeleton of all agents.
+    node_names : sequence of str
+        Names of the motion graph's nodes. Without nodes, no agent is captured.
+    node_behavior : (nodes,) int32
+        Behavior of each node, an index into the header's behaviors.
+    node_first, node_frames : (nodes,) int32
+        Node n has rows ``node_first[n]`` to ``node_first[n] + node_frames[n]`` of the pool, both included.
+    pool_root : (P, 3) float32
+        Root positions relative to the track pose [m].
+    pool_rotations : (P, J, 4) float32
+        Quaternions (w, x, y, z), each joint relative to its parent, the root to the track's heading.
+    gaits : sequence of GaitRecord
+        One clip per behavior, in their order. Without gaits, no agent is steered.
+    pool_phases : (P,) float32
+        Gait phase of each row of the pool [cycles], from :func:`~crowdsim.behaviors.entries.node_phases`; empty unless
+        there are both nodes and gaits.
     """
 
     skeleton: Skeleton
@@ -127,35 +185,59 @@ class MotionRecord:
 
     @property
     def mixed(self) -> bool:
-        """Whether agents may be captured and steered in turn."""
+        """Return whether agents may switch between captured and steered."""
         return len(self.node_names) > 0 and len(self.gaits) > 0
 
 
 class Ends(NamedTuple):
-    """Where a floor without ends begins again along an ``axis``, 0 for x and 1 for y: ``high`` is ``low`` [m]."""
+    """The ends of a periodic floor along ``axis``, 0 for x and 1 for y: ``high`` is the same place as ``low`` [m]."""
 
     axis: int
     low: float
     high: float
 
     def shorter(self, ways: NDArray[Any]) -> NDArray[Any]:
-        """Ways along the axis from one place to another as they are, or across the ends where that is shorter [m]."""
-        span = self.high - self.low
-        return np.asarray(ways - np.rint(ways / span) * span)
+        """Return displacements along the axis, taken across the ends if that is shorter [m]."""
+        return shorter_ways(ways, self.high - self.low)
 
     def inside(self, places: NDArray[Any]) -> NDArray[Any]:
-        """Places along the axis from the low end to the high one [m]."""
+        """Return coordinates along the axis, wrapped into the range from ``low`` to ``high`` [m]."""
         span = self.high - self.low
         return np.asarray(places - np.floor((places - self.low) / span) * span)
 
 
 @dataclass(frozen=True)
 class RecordingHeader:
-    """Everything but the steps; ``floor`` is the walkable outline as WKT.
+    """Everything that does not change from step to step.
 
-    solids, meshes: what stands all the time. movables: what comes, moves or goes, as it is drawn in the scenario;
-    where it is when, :class:`MovableChange` says. ends: of a periodic floor; who leaves it there comes in at the other
-    end in the same step.
+    Attributes
+    ----------
+    scenario_name, scenario_text : str
+        Name and source text of the scenario.
+    seed : int
+        Seed of the run.
+    steps_per_second : int
+        Steps per second [1/s].
+    behaviors : sequence of BehaviorRecord
+        Behaviors, narrowest first.
+    layers : sequence of LayerRecord
+        Clearance layers, the ground layer first.
+    floor : str
+        Outline of the whole floor, as WKT.
+    solids, meshes : sequences of SolidRecord, MeshRecord
+        Obstacles that are always present.
+    agents : AgentsRecord
+        The agents.
+    motion : MotionRecord
+        Skeleton and poses.
+    movables : sequence of SolidRecord
+        Things that appear, move or disappear, as drawn in the scenario; see :class:`MovableChange`.
+    ends : Ends or None
+        Ends of a periodic floor: an agent that leaves at one end is at the other end in the same step.
+    walkable : sequence of str
+        Free floor of each layer between the obstacles that are always present, as WKT; empty in older files.
+    areas, lines : sequences of ShapeRecord
+        Areas and lines at which the run was measured.
     """
 
     scenario_name: str
@@ -171,15 +253,30 @@ class RecordingHeader:
     movables: Sequence[SolidRecord] = ()
     meshes: Sequence[MeshRecord] = ()
     ends: Ends | None = None
+    walkable: Sequence[str] = ()
+    areas: Sequence[ShapeRecord] = ()
+    lines: Sequence[ShapeRecord] = ()
 
 
 class RecordedFrame(NamedTuple):
     """One step of all N agents, each field (N,).
 
-    x, y (meters) and heading (radians) are the track's pose; ``node`` is played since ``previous`` ended (-1 for none)
-    and ``frame`` of it is shown, or what is between two frames; ``behavior`` indexes the header's behaviors; ``state``
-    holds :class:`AgentState`.
-    ``phase`` counts the cycles of a steered agent's gait and never decreases; nan for agents that are not steered.
+    Attributes
+    ----------
+    x, y, heading
+        Track pose [m], [rad].
+    node
+        Node of the motion graph that a captured agent plays.
+    previous
+        Node that ended before; NONE if there was none.
+    frame
+        Frame of the node, or a fraction between two frames.
+    behavior
+        Index into the header's behaviors.
+    state
+        An :class:`AgentState`.
+    phase
+        Gait cycles of a steered agent, never decreasing; nan for agents that are not steered.
     """
 
     x: NDArray[Any]
@@ -194,7 +291,7 @@ class RecordedFrame(NamedTuple):
 
     @property
     def steered(self) -> NDArray[np.bool_]:
-        """(N,) whether each agent is steered in this step; the others are captured, or absent."""
+        """Return (N,) whether each agent is steered in this step; the others are captured or absent."""
         steered: NDArray[np.bool_] = np.isfinite(self.phase) & (np.asarray(self.state) != AgentState.ABSENT)
         return steered
 
@@ -213,18 +310,18 @@ COLUMN_TYPES: dict[str, str] = {
 """dtype of each field of :class:`RecordedFrame` in the file."""
 
 WHOLE_FRAMES = "int16"
-"""dtype of ``frame`` in files of version 2."""
+"""dtype of ``frame`` in files of version 2, which have no fractions."""
 
 LEFT_OUT = {"node": NONE, "previous": NONE, "frame": 0, "phase": np.nan}
-"""What columns hold where no agent can have anything else; such columns are not stored."""
+"""Values of columns that are not stored because no agent can have any other."""
 
 
 NOWHERE = frozenset({"x", "y", "heading", "phase"})
-"""Columns that are nan for agents who are absent, so that nobody takes them for standing at the origin."""
+"""Columns that are nan while an agent is absent, so that it is not mistaken for an agent at the origin."""
 
 
 def stored_columns(motion: MotionRecord) -> tuple[str, ...]:
-    """Columns that a file stores: those of captured agents if there are nodes, ``phase`` if there are gaits."""
+    """Return the columns that a file stores: those of captured agents if it has nodes, ``phase`` if it has gaits."""
     left_out = set() if len(motion.node_names) else {"node", "previous", "frame"}
     if not motion.gaits:
         left_out.add("phase")
@@ -233,9 +330,14 @@ def stored_columns(motion: MotionRecord) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class PlannedPath:
-    """A path that ``agent`` follows from ``step`` on; ``behaviors[i]`` holds from point i to the next.
+    """A path that ``agent`` follows from ``step`` on.
 
-    points: (P, 2) float64 meters. behaviors: (P,) int8, indices into the header's behaviors.
+    Attributes
+    ----------
+    points : (P, 2) float64
+        Points of the path [m].
+    behaviors : (P,) int8
+        Behavior from point i to point i + 1, an index into the header's behaviors.
     """
 
     agent: int
@@ -246,7 +348,7 @@ class PlannedPath:
 
 @dataclass(frozen=True)
 class MovableChange:
-    """From ``step`` on a movable (index in the header) has the outline ``footprint`` (WKT), or is not there (None)."""
+    """From ``step`` on, a movable (index in the header) has the outline ``footprint`` (WKT); it is absent if None."""
 
     movable: int
     step: int

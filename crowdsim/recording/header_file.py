@@ -1,4 +1,4 @@
-"""The header of a recording as HDF5 groups: arrays as datasets, names as strings, scalars as attributes."""
+"""Write and read the header of a recording as HDF5: arrays as datasets, names as strings, scalars as attributes."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from crowdsim.recording.header import (
     MeshRecord,
     MotionRecord,
     RecordingHeader,
+    ShapeRecord,
     SolidRecord,
 )
 from crowdsim.version import __version__
@@ -49,13 +50,13 @@ def _write_array(group: h5py.Group, name: str, values: object, dtype: str) -> No
 
 
 def library_versions() -> dict[str, str]:
-    """Versions of what decides a run's numbers."""
+    """Return the versions of Python and the libraries that the numbers of a run depend on."""
     found = {name: version(name) for name in ("numba", "numpy")}
     return {"crowdsim": __version__, **found, "python": platform.python_version()}
 
 
 def write_header(file: h5py.File, header: RecordingHeader) -> None:
-    """Write ``header`` and the versions of this process into an empty file."""
+    """Write ``header`` and the library versions of this process into an empty file."""
     versions = file.create_group("versions")
     for name, text in library_versions().items():
         versions.attrs[name] = text
@@ -82,10 +83,13 @@ def write_header(file: h5py.File, header: RecordingHeader) -> None:
     environment = file.create_group("place")
     environment.create_dataset("floor", data=header.floor, dtype=_STRINGS)
     for kind, solids in (("solid", header.solids), ("movable", header.movables)):
-        _write_strings(environment, f"{kind}_names", [solid.name for solid in solids])
-        _write_strings(environment, f"{kind}_footprints", [solid.footprint for solid in solids])
-        _write_array(environment, f"{kind}_bottoms", [solid.bottom for solid in solids], "float64")
-        _write_array(environment, f"{kind}_tops", [solid.top for solid in solids], "float64")
+        _write_solids(environment, kind, solids)
+
+    if header.walkable:
+        _write_strings(environment, "walkable", header.walkable)
+    for kind, shapes in (("area", header.areas), ("line", header.lines)):
+        _write_strings(environment, f"{kind}_names", [shape.name for shape in shapes])
+        _write_strings(environment, f"{kind}_shapes", [shape.shape for shape in shapes])
 
     _write_strings(environment, "mesh_names", [mesh.name for mesh in header.meshes])
     _write_array(environment, "mesh_counts", [(len(m.points), len(m.triangles)) for m in header.meshes], "int64")
@@ -98,6 +102,9 @@ def write_header(file: h5py.File, header: RecordingHeader) -> None:
     _write_strings(agents, "groups", header.agents.groups)
     for name in _AGENT_ARRAYS:
         _write_array(agents, name, getattr(header.agents, name), "float64")
+    if len(header.agents.route_ends):
+        _write_array(agents, "routes", header.agents.routes, "float64")
+        _write_array(agents, "route_ends", header.agents.route_ends, "int64")
     for name, values in header.agents.attributes.items():
         attributes = agents.require_group("attributes")
         if np.issubdtype(values.dtype, np.number):
@@ -108,7 +115,23 @@ def write_header(file: h5py.File, header: RecordingHeader) -> None:
     _write_motion(file.create_group("motion"), header.motion)
 
 
+def rewrite_movables(file: h5py.File, movables: Sequence[SolidRecord]) -> None:
+    """Replace the movables of a header that :func:`write_header` wrote."""
+    environment = file["place"]
+    for name in [name for name in environment if name.startswith("movable_")]:
+        del environment[name]
+    _write_solids(environment, "movable", movables)
+
+
+def _write_solids(environment: h5py.Group, kind: str, solids: Sequence[SolidRecord]) -> None:
+    _write_strings(environment, f"{kind}_names", [solid.name for solid in solids])
+    _write_strings(environment, f"{kind}_footprints", [solid.footprint for solid in solids])
+    _write_array(environment, f"{kind}_bottoms", [solid.bottom for solid in solids], "float64")
+    _write_array(environment, f"{kind}_tops", [solid.top for solid in solids], "float64")
+
+
 def _write_motion(group: h5py.Group, motion: MotionRecord) -> None:
+    """Write skeleton, nodes and poses; and the gaits of steered bodies, if there are such."""
     skeleton = motion.skeleton
     _write_strings(group, "joint_names", skeleton.names)
     for name, dtype in _SKELETON_ARRAYS.items():
@@ -129,12 +152,12 @@ def _write_motion(group: h5py.Group, motion: MotionRecord) -> None:
 
 
 def read_versions(file: h5py.File) -> dict[str, str]:
-    """Library versions of the process that wrote ``file``."""
+    """Return the library versions of the process that wrote ``file``."""
     return {name: str(text) for name, text in file["versions"].attrs.items()}
 
 
 def read_header(file: h5py.File) -> RecordingHeader:
-    """The header of ``file``; KeyError where a part of it is missing."""
+    """Return the header of ``file``; raise KeyError if a part of it is missing."""
     scenario, layers, behaviors, environment = file["scenario"], file["layers"], file["behaviors"], file["place"]
     layer_rows = zip(_read_strings(layers, "names"), layers["low"][:], layers["high"][:], strict=True)
     behavior_rows = zip(
@@ -150,18 +173,31 @@ def read_header(file: h5py.File) -> RecordingHeader:
         layers=tuple(LayerRecord(name, float(low), float(high)) for name, low, high in layer_rows),
         floor=environment["floor"].asstr()[()],
         solids=_read_solids(environment, "solid"),
-        # Recordings of before things could move, or be meshes, have none.
+        # Files from before movables and meshes were introduced have no such groups.
         movables=_read_solids(environment, "movable") if "movable_names" in environment else (),
         meshes=_read_meshes(environment) if "mesh_names" in environment else (),
         agents=AgentsRecord(
             groups=tuple(_read_strings(agents, "groups")),
             **{name: agents[name][:] for name in _AGENT_ARRAYS},
-            # A file says nothing of attributes if its agents have none.
+            # The group is missing if no agent has attributes.
             attributes=_read_attributes(agents["attributes"]) if "attributes" in agents else {},
+            # Older files hold only the first goal of each agent.
+            **{name: agents[name][:] for name in ("routes", "route_ends") if name in agents},
         ),
         motion=_read_motion(file["motion"]),
         ends=_read_ends(scenario.attrs["ends"]) if "ends" in scenario.attrs else None,
+        walkable=tuple(_read_strings(environment, "walkable")) if "walkable" in environment else (),
+        areas=_read_shapes(environment, "area"),
+        lines=_read_shapes(environment, "line"),
     )
+
+
+def _read_shapes(environment: h5py.Group, kind: str) -> tuple[ShapeRecord, ...]:
+    """Return areas or lines; none if the file does not hold their shapes."""
+    if f"{kind}_names" not in environment:
+        return ()
+    rows = zip(_read_strings(environment, f"{kind}_names"), _read_strings(environment, f"{kind}_shapes"), strict=True)
+    return tuple(ShapeRecord(*row) for row in rows)
 
 
 def _read_ends(ends: NDArray[np.float64]) -> Ends:
@@ -177,6 +213,7 @@ def _read_attributes(group: h5py.Group) -> dict[str, NDArray[Any]]:
 
 
 def _read_solids(environment: h5py.Group, kind: str) -> tuple[SolidRecord, ...]:
+    """Return the solids of a kind: name, footprint (WKT), bottom and top [m]."""
     rows = zip(
         _read_strings(environment, f"{kind}_names"),
         _read_strings(environment, f"{kind}_footprints"),
@@ -196,6 +233,7 @@ def _read_meshes(environment: h5py.Group) -> tuple[MeshRecord, ...]:
 
 
 def _read_motion(group: h5py.Group) -> MotionRecord:
+    """Return skeleton, nodes, poses and gaits as :func:`_write_motion` wrote them."""
     skeleton = Skeleton(
         names=tuple(_read_strings(group, "joint_names")),
         **{name: group[name][:] for name in _SKELETON_ARRAYS},
@@ -205,7 +243,7 @@ def _read_motion(group: h5py.Group) -> MotionRecord:
         skeleton=skeleton,
         node_names=tuple(_read_strings(group, "node_names")),
         **{name: group[name][:] for name in _MOTION_ARRAYS},
-        # Recordings without steered agents have none.
+        # The group is missing if no agent is steered.
         gaits=_read_gaits(group) if "gait_names" in group else (),
         pool_phases=group["pool_phases"][:] if "pool_phases" in group else np.zeros(0, np.float32),
     )

@@ -1,4 +1,4 @@
-"""Levels of agents, captured or steered, and the steps in which they switch from one to the other."""
+"""Levels of agents (captured or steered), and the steps in which they switch between them."""
 
 from __future__ import annotations
 
@@ -26,24 +26,26 @@ class Level(IntEnum):
 
 
 def levels_of(state: NDArray[Any], node: NDArray[Any], phase: NDArray[Any]) -> NDArray[np.int8]:
-    """Level of each agent, int8: STEERED if its phase is finite, else CAPTURED if it plays a node; NOBODY if absent."""
+    """Return the levels, int8: STEERED if the phase is finite, else CAPTURED if a node is played; NOBODY if absent."""
     moves = np.where(np.asarray(node) != NONE, Level.CAPTURED, Level.NOBODY)
     levels = np.where(np.isfinite(phase), Level.STEERED, moves)
     return np.where(np.asarray(state) == AgentState.ABSENT, Level.NOBODY, levels).astype(np.int8)
 
 
 class LevelColumn:
-    """The column (steps, N) of levels, int8, which follows from others: only the part that is asked for is read."""
+    """The column (steps, N) int8 of levels, computed from other columns when it is indexed."""
 
     def __init__(self, state: Column, node: Column, phase: Column) -> None:
         self._columns = state, node, phase
 
     @property
     def shape(self) -> tuple[int, ...]:
+        """Return the shape (steps, N)."""
         return self._columns[0].shape
 
     @property
     def dtype(self) -> np.dtype[Any]:
+        """Return the type of the values."""
         return np.dtype(np.int8)
 
     def __getitem__(self, key: Any, /) -> Any:
@@ -54,11 +56,20 @@ class LevelColumn:
 
 
 class Switches(NamedTuple):
-    """The S switches of a recording, by agent, then in order of time.
+    """The S switches of a recording, sorted by agent, then by time.
 
-    agents: (S,) int64. steps: (S,) int64, the first step on the new level. shown: (S,) int64, the step at whose time
-    playback goes over to the new level: the last captured step, as who stops playing a node may be at its end; or the
-    first captured one, as a node has no frame before. steered: (S,) bool, whether the new level is the steered one.
+    Attributes
+    ----------
+    agents : (S,) int64
+        Agent that switches.
+    steps : (S,) int64
+        First step on the new level.
+    shown : (S,) int64
+        Step at which playback changes to the new level. On a switch to steered this is the last captured step, because
+        the agent's node may end there; on a switch to captured the first captured step, because a node has no frames
+        before its start.
+    steered : (S,) bool
+        Whether the new level is the steered one.
     """
 
     agents: Ints
@@ -67,7 +78,7 @@ class Switches(NamedTuple):
     steered: NDArray[np.bool_]
 
     def last(self, agents: Ints, step: int | Ints) -> Ints:
-        """(n,) the latest switch of each of ``agents`` that is shown by ``step``; NONE if there is none."""
+        """Return (n,) the latest switch of each of ``agents`` that is shown by ``step``; NONE if there is none."""
         most = int(self.shown.max(initial=0)) + 2
         numbers = np.append(NONE, self.agents * most + self.shown)
         found = np.searchsorted(numbers, agents * most + np.minimum(step, most - 1), side="right") - 1
@@ -76,7 +87,7 @@ class Switches(NamedTuple):
 
 
 def find_switches(recording: RecordedTracks, levels: Column) -> Switches:
-    """All switches of a recording; none is looked for if its agents can only be on one level."""
+    """Return all switches of a recording; no search is necessary if its agents can only be on one level."""
     parts: list[tuple[Ints, Ints, NDArray[np.bool_]]] = []
     for first in range(1, recording.steps, _STEPS_AT_ONCE) if recording.header.motion.mixed else ():
         rows = levels[first - 1 : min(first + _STEPS_AT_ONCE, recording.steps)]

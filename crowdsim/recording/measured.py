@@ -1,4 +1,4 @@
-"""What was measured at lines and in areas, as a recording holds it."""
+"""Measurements at lines and in areas, as a recording holds them."""
 
 from __future__ import annotations
 
@@ -11,11 +11,23 @@ from numpy.typing import NDArray
 
 GROUP = "measured"
 
+LEAST_CROSSINGS = 20
+"""Number of crossings below which a line has no flow."""
+
 
 @dataclass(frozen=True)
 class AreaSeries:
-    """An area of ``size`` [m2] of free floor, in every step: count (steps,) int32 of those in it, and their mean speed
-    (steps,) float32 [m/s], nan where it is not known of anybody."""
+    """Measurements in an area, in every step.
+
+    Attributes
+    ----------
+    size : float
+        Area of the free floor [m2].
+    count : (steps,) int32
+        Number of agents inside.
+    speed : (steps,) float32
+        Their mean speed [m/s]; nan if no speed is known.
+    """
 
     size: float
     count: NDArray[np.int32]
@@ -24,8 +36,19 @@ class AreaSeries:
 
 @dataclass(frozen=True)
 class Crossings:
-    """Who crossed a line of ``length`` [m], in the order of their times: agent (c,) int32, time (c,) [s], and to_left
-    (c,) bool, whether to the left of who goes from its first point to its last."""
+    """Crossings of a line, in the order of time.
+
+    Attributes
+    ----------
+    length : float
+        Length of the line [m].
+    agent : (c,) int32
+        Agent that crossed.
+    time : (c,) float64
+        Time of the crossing [s].
+    to_left : (c,) bool
+        Whether it crossed to the left side, seen along the line from its first point to its last.
+    """
 
     length: float
     agent: NDArray[np.int32]
@@ -35,14 +58,14 @@ class Crossings:
 
 @dataclass(frozen=True)
 class Measured:
-    """All areas and lines of a run, by their names."""
+    """All areas and lines of a run, by name."""
 
     areas: dict[str, AreaSeries] = field(default_factory=dict)
     lines: dict[str, Crossings] = field(default_factory=dict)
 
 
 def write_measured(file: h5py.File, measured: Measured) -> None:
-    """Add what was measured to a recording; nothing if there is nothing."""
+    """Add measurements to a recording; do nothing if there are none."""
     for kind, places in (("areas", measured.areas), ("lines", measured.lines)):
         for number, (name, place) in enumerate(places.items()):
             group = file.create_group(f"{GROUP}/{kind}/{number}")
@@ -55,7 +78,7 @@ def write_measured(file: h5py.File, measured: Measured) -> None:
 
 
 def read_measured(file: h5py.File) -> Measured:
-    """What was measured in a recording; empty of one that has none."""
+    """Return the measurements of a recording; empty if it has none."""
     measured = Measured()
     if GROUP not in file:
         return measured
@@ -71,3 +94,11 @@ def read_measured(file: h5py.File) -> Measured:
         length, columns = float(group.attrs["length"]), (group[key][:] for key in ("agent", "time", "to_left"))
         measured.lines[str(group.attrs["name"])] = Crossings(length, *columns)
     return measured
+
+
+def flow_of(times: NDArray[np.float64]) -> float | None:
+    """Return the flow between the first and the last tenth of ascending times [1/s], None for few crossings."""
+    few = len(times) // 10
+    if len(times) < LEAST_CROSSINGS or times[-few - 1] <= times[few]:
+        return None
+    return float((len(times) - 2 * few) / (times[-few - 1] - times[few]))

@@ -1,11 +1,11 @@
-"""The file that a run writes: whatever moment the process is killed at, what was handed over by then can be read.
+"""The file that a run writes: if the process is killed at any moment, everything handed over by then is readable.
 
-The file is HDF5 and frames behind it. Each step is a frame at once. HDF5 rewrites parts of a file here and there, and a
-file in the midst of that cannot be read: so what it writes is kept in memory until `commit`, which writes
-all of it as one frame first, then to its places, and then cuts the frames off. Whoever reads the file after a kill
-does what its last complete frame of this kind says, and takes the steps of the frames behind it.
+The file is HDF5, followed by frames with checksums. Each step is appended as a frame at once. HDF5 rewrites parts of a
+file in many places, and a file is unreadable in the middle of that. All writes of HDF5 therefore stay in memory until
+`commit`, which appends them all as one frame, then writes them to their places, and then cuts the frames off. After a
+kill, a reader applies the last complete frame of this kind, and takes the steps of the frames behind it.
 
-HDF5 never meets a full disk, which crashes it: only `commit` and `add_frame` write, and they raise OSError.
+HDF5 never sees a full disk, which would crash it: only `commit` and `add_frame` write, and they raise OSError.
 """
 
 from __future__ import annotations
@@ -22,28 +22,33 @@ from typing import Any
 
 from crowdsim.errors import RecordingError
 
-BLOCKS, STEP, PATH, CHANGE = range(1, 5)
-"""Kinds of frames: blocks of HDF5, and what is added to a recording."""
+BLOCKS, STEP, PATH, CHANGE, MOVABLE = range(1, 6)
+"""Kinds of frames: blocks of HDF5, and additions to a recording (step, path, change of a movable, another movable)."""
 
 _MARK = b"\x93crowdsim\xf5frame\n"
 _HEAD = struct.Struct("<16sIIQ")
-"""Mark, kind, CRC of kind, length and content, length."""
+"""Head of a frame: mark, kind, CRC of kind, length and content, length of the content."""
 _BLOCK = 4096
 _LENGTH = struct.Struct("<QQ")
 
 
 def _crc(kind: int, content: bytes | memoryview) -> int:
+    """Return the checksum of a frame, which covers its kind, length and content."""
     return zlib.crc32(content, zlib.crc32(struct.pack("<IQ", kind, len(content))))
 
 
 class PartFile(io.RawIOBase):
-    """A file as h5py's driver ``fileobj`` wants it, whose changes reach the disk by :meth:`commit` alone.
+    """A file object for h5py's driver ``fileobj`` whose changes reach the disk only by :meth:`commit`.
 
     Parameters
     ----------
-    path
-        A file that nobody else writes: it is locked before it is touched, until :meth:`close`. RecordingError
-        if another process has it, if it holds what is left of a run, or if it cannot be written.
+    path : Path
+        File to write. It is locked until :meth:`close`.
+
+    Raises
+    ------
+    RecordingError
+        If another process has the file, if it is left over from a killed run, or if it cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -56,27 +61,34 @@ class PartFile(io.RawIOBase):
         self._end = 0
 
     def seekable(self) -> bool:
+        """Return True."""
         return True
 
     def readable(self) -> bool:
+        """Return True."""
         return True
 
     def writable(self) -> bool:
+        """Return True."""
         return True
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Set the position and return it."""
         base = {os.SEEK_SET: 0, os.SEEK_CUR: self._place, os.SEEK_END: self._size}[whence]
         self._place = base + offset
         return self._place
 
     def tell(self) -> int:
+        """Return the position."""
         return self._place
 
     def truncate(self, size: int | None = None) -> int:
+        """Set the size of HDF5 and return it; the disk follows at the next commit."""
         self._size = self._place if size is None else size
         return self._size
 
     def readinto(self, buffer: Any, /) -> int:
+        """Fill ``buffer`` from the position on, from changed blocks in memory or else from the disk."""
         wanted = memoryview(buffer).cast("B")
         for first, count, number, inside in _pieces(self._place, len(wanted)):
             block = self._blocks.get(number)
@@ -86,6 +98,7 @@ class PartFile(io.RawIOBase):
         return len(wanted)
 
     def write(self, data: Any, /) -> int:
+        """Change blocks in memory from the position on; return the number of bytes."""
         given = memoryview(data).cast("B")
         for first, count, number, inside in _pieces(self._place, len(given)):
             block = self._blocks.get(number)
@@ -97,22 +110,24 @@ class PartFile(io.RawIOBase):
         return len(given)
 
     def _stored(self, number: int) -> bytes:
-        """A block as it was committed; what lies behind the end of HDF5 counts as zeros."""
+        """Return a block as it was committed; bytes behind the end of HDF5 are zeros."""
         count = min(_BLOCK, self._committed - number * _BLOCK)
         found = os.pread(self._handle, count, number * _BLOCK) if count > 0 else b""
         return found.ljust(_BLOCK, b"\0")
 
     def add_frame(self, kind: int, content: bytes) -> None:
-        """Append a frame of what is not in HDF5 yet."""
+        """Append a frame with data that is not yet in HDF5."""
         head = _HEAD.pack(_MARK, kind, _crc(kind, content), len(content))
         self._end += _write(self._handle, self._end, head + content)
 
     def commit(self) -> None:
-        """Let HDF5 be on the disk as it is now, without any frames behind it."""
+        """Write all changes of HDF5 to the disk, and remove the frames behind it."""
         changed = sorted(self._blocks.items())
         parts = [_LENGTH.pack(self._size, len(changed))]
         for number, block in changed:
             parts += [number.to_bytes(8, "little"), bytes(block)]
+        # The frame goes behind the new end of HDF5, so that writing the blocks cannot overwrite it: after a kill in the
+        # middle of that, the blocks are written again from the frame.
         self._end = max(self._end, self._size)
         self.add_frame(BLOCKS, b"".join(parts))
         _put_blocks(self._handle, self._size, changed)
@@ -121,17 +136,18 @@ class PartFile(io.RawIOBase):
         self._committed = self._end = self._size
 
     def sync(self) -> None:
-        """Wait until the disk has what was committed."""
+        """Wait until everything committed is on the disk."""
         os.fsync(self._handle)
 
     def close(self) -> None:
+        """Close the file and release its lock."""
         if not self.closed:
             os.close(self._handle)
         super().close()
 
 
 def is_held(path: Path) -> bool:
-    """Whether a process is writing the part file ``path``."""
+    """Return whether a process is writing the part file ``path``."""
     with path.open("rb") as stream:
         try:
             fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -141,7 +157,10 @@ def is_held(path: Path) -> bool:
 
 
 def _pieces(place: int, count: int) -> Iterator[tuple[int, int, int, int]]:
-    """Parts of ``count`` bytes from ``place`` on: where in them, how many, number of the block, where in that."""
+    """Yield the parts of ``count`` bytes from ``place`` on that lie in one block each.
+
+    A part is (offset in the bytes, length, number of the block, offset in the block).
+    """
     first = 0
     while first < count:
         number, inside = divmod(place + first, _BLOCK)
@@ -151,6 +170,7 @@ def _pieces(place: int, count: int) -> Iterator[tuple[int, int, int, int]]:
 
 
 def _write(handle: int, place: int, content: bytes) -> int:
+    """Write all of ``content`` at ``place``; return its length."""
     left = memoryview(content)
     while left:
         count = os.pwrite(handle, left, place)
@@ -159,12 +179,13 @@ def _write(handle: int, place: int, content: bytes) -> int:
 
 
 def _put_blocks(handle: int, size: int, blocks: list[tuple[int, bytearray]]) -> None:
+    """Write blocks to their places, up to ``size`` bytes of the file."""
     for number, block in blocks:
         _write(handle, number * _BLOCK, bytes(block[: max(size - number * _BLOCK, 0)]))
 
 
 def _locked(path: Path) -> int:
-    """Open ``path`` for this process alone."""
+    """Open ``path`` for this process alone; return its file descriptor."""
     if path.exists() and not path.is_file():
         raise RecordingError(f"cannot write {path}: it is no regular file; choose another name")
     try:
@@ -181,15 +202,15 @@ def _locked(path: Path) -> int:
                 raise RecordingError(
                     f"cannot write {path}: another run is writing the same recording; choose another name"
                 ) from None
-            if error.errno not in (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS):  # folders without locks
+            if error.errno not in (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS):  # the file system has no locks: go on
                 raise
+        # Another run may have renamed or deleted the file between opening and locking it.
         same = path.exists() and os.path.samestat(os.fstat(handle), path.stat())
         if not same:
             raise RecordingError(f"cannot write {path}: another run has just ended there; try again")
         if os.fstat(handle).st_size > 0:
             raise RecordingError(
-                f"{path} is what is left of a run that was killed; see what it holds with 'crowdsim recover {path}', "
-                "or delete it"
+                f"{path} is left over from a killed run; recover it with 'crowdsim recover {path}', or delete it"
             )
     except BaseException:
         os.close(handle)
@@ -198,7 +219,7 @@ def _locked(path: Path) -> int:
 
 
 def _frames(given: bytes) -> Iterator[tuple[int, memoryview]]:
-    """All complete frames (kind, content) of a file, in the order in which they stand there."""
+    """Yield all complete frames (kind, content) of a file, in their order."""
     content = memoryview(given)
     place = given.find(_MARK)
     while place >= 0:
@@ -213,7 +234,7 @@ def _frames(given: bytes) -> Iterator[tuple[int, memoryview]]:
 
 
 def put_frames(given: bytes, target: Path) -> list[tuple[int, memoryview]]:
-    """Write the HDF5 of a part file, ``given`` as its bytes, to ``target``; the frames that come after it."""
+    """Write the HDF5 of a part file, ``given`` as bytes, to ``target``; return the frames that come after it."""
     content = memoryview(given)
     found = list(_frames(given))
     last = max((k for k, (kind, _) in enumerate(found) if kind == BLOCKS), default=-1)

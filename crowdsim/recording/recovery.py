@@ -1,4 +1,4 @@
-"""A recording out of what a killed run left."""
+"""Make a recording from the file that a killed run left."""
 
 from __future__ import annotations
 
@@ -11,24 +11,34 @@ import numpy as np
 
 from crowdsim.errors import RecordingError
 from crowdsim.recording.checks import UNREADABLE
-from crowdsim.recording.header import COLUMN_TYPES, stored_columns
-from crowdsim.recording.header_file import read_header
-from crowdsim.recording.part_file import CHANGE, PATH, STEP, is_held, put_frames
+from crowdsim.recording.header import COLUMN_TYPES, SolidRecord, stored_columns
+from crowdsim.recording.header_file import read_header, rewrite_movables
+from crowdsim.recording.part_file import CHANGE, MOVABLE, PATH, STEP, is_held, put_frames
 from crowdsim.recording.reader import Recording
 from crowdsim.recording.writer import PATH_HEAD, STEP_HEAD, extend
 from crowdsim.whole_files import whole_file
 
 
 def recover(part: str | os.PathLike[str], output: str | os.PathLike[str] | None = None) -> Recording:
-    """Make a recording of the ``.part`` file of a killed run, which goes then; returns it opened.
+    """Turn the ``.part`` file of a killed run into a recording, delete it, and return the recording, opened.
 
-    It holds every step that was appended, and says that it is not ``complete``. ``output``: its name, by default that
-    which the run was to write. RecordingError where there is no such file, a run still writes it, nothing can be read
-    of it, or ``output`` is there already.
+    It holds every step that was appended; its ``complete`` is False.
+
+    Parameters
+    ----------
+    part : str or path
+        File that the run left.
+    output : str or path or None
+        Name of the recording; by default the one that the run was to write.
+
+    Raises
+    ------
+    RecordingError
+        If there is no such file, a run still writes it, nothing in it is readable, or ``output`` exists.
     """
     source = Path(part)
     if source.suffix != ".part" or not source.is_file():
-        raise RecordingError(f"{source} is no file that a run left; such files end in '.part'")
+        raise RecordingError(f"{source} is not a file of a killed run; such files end in '.part'")
     if is_held(source):
         raise RecordingError(f"{source} is being written by a run; wait for its end")
     target = source.with_suffix("") if output is None else Path(output)
@@ -53,11 +63,12 @@ def recover(part: str | os.PathLike[str], output: str | os.PathLike[str] | None 
 
 
 def _append(file: h5py.File, left: list[tuple[int, memoryview]]) -> None:
-    """Append what the frames ``left`` say to HDF5 that was committed before."""
+    """Append the data of the frames ``left`` to the HDF5 that was committed before them."""
     header = read_header(file)
     names = stored_columns(header.motion)
     count = header.agents.count
     steps, paths, changes = file["steps"], file["paths"], file["changes"]
+    movables = list(header.movables)
     for kind, content in left:
         if kind == STEP:
             number, state_hash = STEP_HEAD.unpack_from(content)
@@ -75,6 +86,9 @@ def _append(file: h5py.File, left: list[tuple[int, memoryview]]) -> None:
             extend(paths["behaviors"], np.frombuffer(content, np.int8, points, PATH_HEAD.size + 16 * points))
             for name, value in (("agent", agent), ("step", step), ("count", points)):
                 extend(paths[name], np.array([value]))
+        elif kind == MOVABLE:
+            movables.append(SolidRecord(*json.loads(bytes(content))))
+            rewrite_movables(file, movables)
         elif kind == CHANGE:
             for name, value in zip(("movable", "step", "footprint"), json.loads(bytes(content)), strict=True):
                 extend(changes[name], np.array([value], changes[name].dtype))

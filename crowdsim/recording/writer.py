@@ -1,4 +1,4 @@
-"""Writing a recording while the simulation runs."""
+"""Write a recording while the simulation runs."""
 
 from __future__ import annotations
 
@@ -25,41 +25,48 @@ from crowdsim.recording.header import (
     AgentState,
     RecordedFrame,
     RecordingHeader,
+    SolidRecord,
     stored_columns,
 )
-from crowdsim.recording.header_file import write_header
+from crowdsim.recording.header_file import rewrite_movables, write_header
 from crowdsim.recording.measured import Measured, write_measured
-from crowdsim.recording.part_file import CHANGE, PATH, STEP, PartFile
+from crowdsim.recording.part_file import CHANGE, MOVABLE, PATH, STEP, PartFile
 
 MOST_STEPS_HELD = 64
-"""Steps held in memory, and in one compressed chunk of the file, at most."""
+"""Largest number of steps held in memory, and in one compressed chunk of the file."""
 MOST_BYTES_HELD = 16_000_000
-"""Bytes of steps held in memory, at most. More make larger chunks of big crowds, which take longer to seek in."""
+"""Largest size of the steps held in memory [bytes]. A larger one gives larger chunks for big crowds, which are
+slower to seek in."""
 
 _AGENTS_PER_CHUNK = 4096
 
 STEP_HEAD = struct.Struct("<QQ")
-"""A frame of a step: its number and state hash; then the stored columns, row by row of the crowd."""
+"""Head of a step's frame: number and state hash; the stored columns follow."""
 PATH_HEAD = struct.Struct("<qqQ")
-"""A frame of a path: agent, step and number of points; then the points and behaviors."""
+"""Head of a path's frame: agent, step and number of points; points and behaviors follow."""
 
 _SMALL = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 _QUICK = {"compression": "lzf", "shuffle": True}
-"""Steps of steered crowds: 9 % more bytes than gzip, in 40 % of the time. Other programs may lack the filter."""
+"""Compression for steps of steered crowds: larger than gzip but faster. Other programs may lack this filter. See
+docs/recordings.md."""
 
 
 def part_path(path: Path) -> Path:
-    """Where a recording stands while it is being written: beside ``path``, so that renaming it is atomic."""
+    """Return the name of a recording while it is written: beside ``path``, so that renaming it is atomic."""
     return path.with_name(path.name + ".part")
 
 
 class RecordingWriter:
-    """Context manager that writes ``path`` as a run goes on.
+    """Context manager that writes a recording during a run.
 
-    The file appears under its name only when :meth:`finish` has everything on the disk. Leaving the context
-    before removes what was written; a killed process leaves a ``.part`` file, of which
-    :func:`crowdsim.recording.recovery.recover` makes a recording of all steps that were appended.
-    RecordingError where the file cannot be written or the header cannot be used.
+    The file gets its name only when :meth:`finish` has everything on the disk. Leaving the context earlier deletes the
+    file; a killed process leaves a ``.part`` file, from which :func:`crowdsim.recording.recovery.recover` makes a
+    recording of all steps that were appended.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be written, or the header is invalid.
     """
 
     def __init__(self, path: str | os.PathLike[str], header: RecordingHeader) -> None:
@@ -67,6 +74,7 @@ class RecordingWriter:
         self._part = part_path(self.path)
         self._disk: PartFile | None = None
         self._header = header
+        self._movables = list(header.movables)
         self._file: h5py.File | None = None
         self._steps = 0
         self._buffered = 0
@@ -80,7 +88,7 @@ class RecordingWriter:
 
     @property
     def steps(self) -> int:
-        """Steps appended so far."""
+        """Return the number of steps appended so far."""
         return self._steps
 
     def __enter__(self) -> Self:
@@ -108,7 +116,7 @@ class RecordingWriter:
             raise RecordingError(f"{self.path} was left without finish(); nothing of it was kept")
 
     def append(self, frame: RecordedFrame, state_hash: int) -> None:
-        """Add one step: ``frame`` with fields (N,), and the hash of the whole state after it (64 bits, unsigned)."""
+        """Append one step: ``frame`` with fields (N,), and the unsigned 64-bit hash of the whole state after it."""
         self._open_file()
         row = self._buffered
         for name, values in zip(RecordedFrame._fields, frame, strict=True):
@@ -140,7 +148,7 @@ class RecordingWriter:
             self._flush()
 
     def _require_motion(self, frame: RecordedFrame, present: NDArray[np.bool_]) -> None:
-        """RecordingError for an agent that the header has no motion for."""
+        """Raise RecordingError for an agent that the header holds no motion for."""
         captured = present & (np.asarray(frame.node) != NONE)
         steered = present & np.isfinite(np.asarray(frame.phase, np.float64))
         for column, agents, level, needed in (
@@ -153,7 +161,7 @@ class RecordingWriter:
                 )
 
     def add_path(self, agent: int, points: ArrayLike, behaviors: ArrayLike) -> None:
-        """Add a path that ``agent`` follows from the next step: points (P, 2), behavior (P,) from each point on."""
+        """Add a path that ``agent`` follows from the next step on: points (P, 2) [m], behavior (P,) from each point."""
         self._open_file()
         where = np.array(points, np.float64)
         how = np.array(behaviors, np.int8)
@@ -166,17 +174,26 @@ class RecordingWriter:
         self._new_paths.append((agent, self._steps, where, how))
         self._add_frame(PATH, PATH_HEAD.pack(agent, self._steps, len(how)) + where.tobytes() + how.tobytes())
 
+    def add_movable(self, solid: SolidRecord) -> int:
+        """Add a movable that the header did not know of; return its number. It is absent until its first change."""
+        file = self._open_file()
+        self._movables.append(solid)
+        rewrite_movables(file, self._movables)
+        content = [solid.name, solid.footprint, solid.bottom, solid.top]
+        self._add_frame(MOVABLE, json.dumps(content).encode())
+        return len(self._movables) - 1
+
     def add_change(self, movable: int, footprint: str | None) -> None:
-        """Let a movable of the header have the outline ``footprint`` (WKT) from the next step on, or be gone (None)."""
+        """Set the outline of a movable from the next step on: ``footprint`` as WKT, None if it disappears."""
         group = self._open_file()["changes"]
-        if not 0 <= movable < len(self._header.movables):
-            raise RecordingError(f"a change of movable {movable}, but the header lists {len(self._header.movables)}")
+        if not 0 <= movable < len(self._movables):
+            raise RecordingError(f"a change of movable {movable}, but the recording lists {len(self._movables)}")
         for name, value in (("movable", movable), ("step", self._steps), ("footprint", footprint or "")):
             extend(group[name], np.array([value], group[name].dtype))
         self._add_frame(CHANGE, json.dumps([movable, self._steps, footprint or ""]).encode())
 
     def finish(self, summary: Mapping[str, Any], measured: Measured | None = None) -> None:
-        """Write what is left, ``summary`` (anything JSON can hold) and what was measured; give the file its name."""
+        """Write the rest, the ``summary`` (anything JSON can hold) and the measurements; give the file its name."""
         file = self._open_file()
         self._flush()
         text = json.dumps(dict(summary), default=_plain)
@@ -197,6 +214,7 @@ class RecordingWriter:
         _sync_folder(self.path.parent)
 
     def _create(self, file: h5py.File) -> None:
+        """Write the header, and empty datasets for steps, paths and changes of movables."""
         file.attrs["format"] = FORMAT_NAME
         file.attrs["version"] = FORMAT_VERSION
         file.attrs["finished"] = False
@@ -235,7 +253,7 @@ class RecordingWriter:
             raise self._failed(error) from None
 
     def _commit(self) -> None:
-        """Have everything that HDF5 was given on the disk."""
+        """Write everything that HDF5 holds in memory to the disk."""
         self._open_file().flush()
         try:
             self._open_disk().commit()
@@ -243,6 +261,7 @@ class RecordingWriter:
             raise self._failed(error) from None
 
     def _flush(self) -> None:
+        """Append what is held in memory, new paths and steps, to the file."""
         steps, paths = self._open_file()["steps"], self._open_file()["paths"]
         if self._new_paths:
             agents, begins, points, behaviors = zip(*self._new_paths, strict=True)
@@ -268,7 +287,7 @@ class RecordingWriter:
         file, self._file = self._file, None
         disk, self._disk = self._disk, None
         if file is not None:
-            file.close()  # into memory: a full disk is no trouble
+            file.close()  # HDF5 writes to memory only, so that a full disk cannot make this fail
         if disk is not None:
             self._part.unlink(missing_ok=True)
             disk.close()
@@ -282,6 +301,7 @@ def _growing(
     chunk: tuple[int, ...],
     packing: Mapping[str, Any] = _SMALL,
 ) -> None:
+    """Create an empty dataset of rows of shape ``row`` that can be extended without end."""
     group.create_dataset(name, shape=(0, *row), maxshape=(None, *row), dtype=dtype, chunks=chunk, **packing)
 
 
@@ -299,7 +319,7 @@ def _plain(value: object) -> object:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Make the rename itself survive a power cut, where the system lets a folder be synced."""
+    """Make the renaming survive a power cut, if the system can sync folders."""
     try:
         handle = os.open(folder, os.O_RDONLY)
     except OSError:

@@ -1,1 +1,1 @@
-"""The file that describes a simulation: schema, loader, checks and the placing of characters."""
+"""Scenario files: schema, loader, checks, the environment they describe, and the placement of characters."""

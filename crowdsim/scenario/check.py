@@ -1,4 +1,4 @@
-"""What is lawful in a scenario but hardly meant."""
+"""Warn of entries in a scenario that are valid but probably a mistake."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from crowdsim.yamlfile.document import Path as KeyPath
 
 
 def check_scenario(scenario: Scenario) -> list[str]:
-    """Warnings, one a line, each beginning with the place in the file; empty if nothing stands out."""
+    """Return warnings, each with its position in the file; an empty list if there are none."""
     floor = scenario.environment.floor
     warnings = []
 
@@ -33,7 +33,7 @@ def check_scenario(scenario: Scenario) -> list[str]:
         if event.at >= scenario.duration:
             warn(("events", number, "at"), f"the run ends at {scenario.duration:g} s, before this happens")
     for path, name, solids in things:
-        # What several solids make up has an effect if one of them has.
+        # A thing made of several solids has an effect if at least one solid meets a layer.
         met = [solid for solid in solids if not dropped_solids([solid], bands)]
         if solids and not met:
             heights = ", ".join(f"{band.name} {band.low:g} to {band.high:g} m" for band in bands)
@@ -51,5 +51,5 @@ def check_scenario(scenario: Scenario) -> list[str]:
     measured += [("lines", number, line.name, line.shape()) for number, line in enumerate(scenario.lines)]
     for kind, number, name, shape in measured:
         if not shape.intersects(floor):
-            warn((kind, number), f"'{name}' lies off the floor; nobody will be counted there")
+            warn((kind, number), f"'{name}' lies off the floor; no character will be counted there")
     return warnings

@@ -1,32 +1,41 @@
-"""The environment that a scenario describes: a floor, the layers of what stands on it, and a timetable."""
+"""Build the environment that a scenario describes: floor, clearance layers, and a timetable of changes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from shapely import MultiPolygon, Polygon
 
 from crowdsim.environment.layers import AnySolid, ClearanceLayer, clearance_layers, polygons_only
+from crowdsim.scenario.composing.files import Files
+from crowdsim.scenario.schema.commands import Command
 from crowdsim.scenario.schema.schema import ScenarioFields
 from crowdsim.scenario.site import doubts_in, read_site
-from crowdsim.scenario.timetable import Timetable, read_timetable
+from crowdsim.scenario.timetable import Timetable, TimetableReader
 from crowdsim.yamlfile.document import Complaint
 from crowdsim.yamlfile.document import Path as KeyPath
 
 
 class Environment(NamedTuple):
-    """What characters walk in.
+    """Floor, obstacles and clearance layers of a scenario, and their changes over time.
 
     Attributes
     ----------
-    floor : the floor before anything stands on it
-    solids : those of the file's obstacles where they are drawn, and of the clutter, by entry: ``("obstacles", 2)``
-    layers : clearance layers as they are at the start, the ground layer first
-    fixed_layers : the same with nothing on the floor but what never changes
-    timetable : what never changes, what does, and when
-    report : what was assumed and left out, a line each
+    floor : Polygon or MultiPolygon
+        The whole floor, without obstacles [m].
+    solids : mapping of KeyPath to tuple of solids
+        Solids of the obstacles, as the file draws them, and of the clutter; by entry, as ``("obstacles", 2)``.
+    layers : tuple of ClearanceLayer
+        Clearance layers at the start of the run, the ground layer first.
+    fixed_layers : tuple of ClearanceLayer
+        The same layers with only those obstacles that never change.
+    timetable : Timetable
+        Fixed solids, movable things, and the events that are known at the start.
+    commanded : Timetable
+        The timetable with the commands of the file added.
+    report : tuple of str
+        Assumptions that were made and parts of files that were left out, one sentence each.
     """
 
     floor: Polygon | MultiPolygon
@@ -34,25 +43,31 @@ class Environment(NamedTuple):
     layers: tuple[ClearanceLayer, ...]
     fixed_layers: tuple[ClearanceLayer, ...]
     timetable: Timetable
+    commanded: Timetable
     report: tuple[str, ...]
 
 
-def build_environment(keys: ScenarioFields, folder: Path) -> tuple[Environment | None, list[Complaint]]:
-    """Build the environment of a scenario whose files are named relative to ``folder``.
+def build_environment(keys: ScenarioFields, files: Files) -> tuple[Environment | None, list[Complaint]]:
+    """Build the environment of a scenario with the ``files`` that it names.
 
     Returns
     -------
-    environment : None if it cannot be built
-    complaints : everything that is wrong with the floor, what stands on it, the layers and the events
+    environment : Environment or None
+        None if it cannot be built.
+    complaints : list of Complaint
+        Everything that is wrong with the floor, the obstacles, the layers and the events.
     """
-    site = read_site(keys, folder)
+    site = read_site(keys, files)
     if site.complaints:
         return None, site.complaints
-    names: dict[KeyPath, str] = {("obstacles", number): thing.name for number, thing in enumerate(keys.obstacles)}
-    things = [(names.get(path, str(path[0])), solids) for path, solids in site.solids.items()]
-    timetable, complaints = read_timetable(keys, things)
-    if keys.planner == "collision3d" and keys.events:
-        complaints = [(("planner",), "'collision3d' knows a place that stands still; drop the events")]
+    reader = read_timetable(keys, site.solids, ())
+    timetable, complaints = reader.timetable(), reader.wrong
+    commanded = timetable
+    if keys.commands and not complaints:
+        reader = read_timetable(keys, site.solids, keys.commands)
+        commanded, complaints = reader.timetable(), reader.wrong
+    if keys.planner == "collision3d" and commanded.events:
+        complaints = [(("planner",), "the planner 'collision3d' supports no events; drop them, or use another planner")]
     if len({layer.name for layer in keys.bands}) < len(keys.bands):
         return None, complaints
     bands = [layer.band() for layer in keys.bands]
@@ -61,4 +76,23 @@ def build_environment(keys: ScenarioFields, folder: Path) -> tuple[Environment |
         message = "; ".join(["the floor is empty: obstacles cover all of it", *doubts_in(site.report)])
         return None, [*complaints, (("floor",), message)]
     fixed_layers = clearance_layers(site.floor, timetable.fixed, bands) if timetable.movables else layers
-    return Environment(site.floor, site.solids, layers, fixed_layers, timetable, tuple(site.report)), complaints
+    report = tuple(site.report)
+    return Environment(site.floor, site.solids, layers, fixed_layers, timetable, commanded, report), complaints
+
+
+def read_timetable(
+    keys: ScenarioFields, solids: Mapping[KeyPath, tuple[AnySolid, ...]], commands: Sequence[Command]
+) -> TimetableReader:
+    """Read the timetable of a scenario: its events, then ``commands``.
+
+    Parameters
+    ----------
+    keys : ScenarioFields
+        Keys of the scenario.
+    solids : mapping of KeyPath to tuple of solids
+        Solids by the entry they come from.
+    commands : sequence of Command
+        Commands to apply after the events of the file.
+    """
+    names: dict[KeyPath, str] = {("obstacles", number): thing.name for number, thing in enumerate(keys.obstacles)}
+    return TimetableReader(keys, [(names.get(path, str(path[0])), each) for path, each in solids.items()], commands)

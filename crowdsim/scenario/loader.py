@@ -1,23 +1,17 @@
-"""Scenario files to validated scenarios, with every problem of a file at once."""
+"""Load scenario files: a validated scenario, or every problem of the file at once."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
-
-from pydantic import ValidationError
 
 from crowdsim.errors import Problem, ScenarioError
 from crowdsim.library import library_folder
-from crowdsim.scenario.crowd_placement import try_crowd_placement
-from crowdsim.scenario.environment import build_environment
-from crowdsim.scenario.placement import NOMINAL_RADIUS, try_placement
+from crowdsim.scenario.composing.files import Files
+from crowdsim.scenario.composing.validation import refuse, validated
 from crowdsim.scenario.scenario import Scenario
-from crowdsim.scenario.schema.schema import ScenarioFields
-from crowdsim.scenario.semantics import key_complaints
 from crowdsim.yamlfile.document import read_document, read_text
-from crowdsim.yamlfile.messages import nearest, schema_problems
+from crowdsim.yamlfile.messages import nearest
 from crowdsim.yamlfile.overrides import apply_overrides
 
 
@@ -26,10 +20,10 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario
 
     Parameters
     ----------
-    source
-        Path of a YAML file, or the name of a built-in scenario (``"corridor"``) where no such file is.
-    overrides
-        Entries to replace, ``"agents.0.count=4"``; values are YAML.
+    source : str or Path
+        Path of a YAML file, or the name of a built-in scenario (``"corridor"``) if there is no such file.
+    overrides : sequence of str
+        Entries to replace, as ``"agents.0.count=4"``; the values are YAML.
 
     Raises
     ------
@@ -44,38 +38,35 @@ def load_scenario(source: str | Path, overrides: Sequence[str] = ()) -> Scenario
 
 
 def parse_scenario(text: str, path: Path | None = None, overrides: Sequence[str] = ()) -> Scenario:
-    """:func:`load_scenario` of a text; ``path`` names it in messages and anchors the folders it refers to."""
+    """Check the text of a scenario file, as :func:`load_scenario` does.
+
+    Parameters
+    ----------
+    text : str
+        YAML text.
+    path : Path or None
+        File name for messages; relative file names in the scenario start from its folder.
+    overrides : sequence of str
+        Entries to replace.
+    """
     document, problems = read_document(text, "<text>" if path is None else str(path))
     if not document.complete:
-        _refuse(problems)
+        refuse(problems)
     if document.value is None and not overrides:
-        _refuse([*problems, document.problem((), "the file is empty")])
+        refuse([*problems, document.problem((), "the file is empty")])
     problems += apply_overrides(document, overrides)
-    try:
-        keys = ScenarioFields.model_validate(document.value)
-    except ValidationError as error:
-        _refuse([*problems, *schema_problems(error, document, ScenarioFields)])
-    if problems:
-        _refuse(problems)
-    folder = (path or Path()).parent
-    environment, complaints = build_environment(keys, folder)
-    complaints = [*key_complaints(keys, folder), *complaints]
-    if environment is not None:
-        if keys.steers:
-            complaints += try_crowd_placement(keys, environment)[1]
-        else:
-            complaints += try_placement(keys, environment, NOMINAL_RADIUS)[1]
-    if complaints or environment is None:
-        _refuse(document.problem(*complaint) for complaint in complaints)
-    return Scenario.of(keys, document, text, path, environment)
+    files = Files((path or Path()).parent, {})
+    keys, environment = validated(document, files, problems)
+    return Scenario.of(keys, document, text, path, files, environment)
 
 
 def builtin_scenarios() -> dict[str, Path]:
-    """Files of the scenario library by name, sorted."""
+    """Return the files of the built-in scenarios by name, sorted."""
     return {path.stem: path for path in sorted(library_folder("scenarios").glob("*.yaml"))}
 
 
 def _find(source: str | Path) -> Path:
+    """Return the scenario file of a path or of a built-in name, or raise ScenarioError. A file goes first."""
     path = Path(source)
     if path.is_file():
         return path
@@ -89,7 +80,3 @@ def _find(source: str | Path) -> Path:
         hint = nearest(path.stem, built_in, "the built-in scenarios are")
         message = f"there is no such file, nor a built-in scenario of the name; {hint}"
     raise ScenarioError([Problem(str(source), None, None, "", message)])
-
-
-def _refuse(problems: Iterable[Problem]) -> NoReturn:
-    raise ScenarioError(sorted(problems, key=lambda p: (p.line is not None, p.line or 0, p.column or 0)))

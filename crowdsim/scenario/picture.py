@@ -1,4 +1,4 @@
-"""A scenario as a picture: what blocks each layer, starts, goals, and how far each behavior leads."""
+"""Draw a scenario: the obstacles of each layer, starts, goals, and the area that each behavior can reach."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _DPI = 110
 _PANEL = 7.5
-"""Inches along the longer side of one layer."""
+"""Length of the longer side of one layer's panel [inch]."""
 
 _FLOOR = "#f2f2ef"
 _BLOCKED = "#50545b"
@@ -31,7 +31,10 @@ _START, _GOAL = "#2ca02c", "#ff7f0e"
 
 
 def reachable_areas(scenario: Scenario, behaviors: Sequence[Behavior]) -> tuple[MultiPolygon, ...]:
-    """For each behavior, where those who start somewhere can go with it alone, all clearances with their margin."""
+    """Return, for each behavior, the area that it can reach from the starts without any other behavior.
+
+    The area keeps the behavior's clearance and TRACKING_MARGIN from the obstacles of every layer.
+    """
     starts = shapely.union_all([group.start.shape() for group in scenario.agents])
     areas = []
     for behavior in behaviors:
@@ -44,14 +47,14 @@ def reachable_areas(scenario: Scenario, behaviors: Sequence[Behavior]) -> tuple[
 
 
 def draw_scenario(scenario: Scenario, behaviors: Sequence[Behavior]) -> Figure:
-    """One panel a layer, with starts, goals, and the reachable area of each behavior in the behavior's color."""
+    """Draw one panel per layer, with starts, goals, and each behavior's reachable area in its color."""
     figure, panels = _panels(scenario)
     areas = reachable_areas(scenario, behaviors)
     for layer, axes in zip(scenario.environment.layers, panels, strict=False):
         _draw_layer(axes, scenario, layer)
         for behavior, area, wider in zip(behaviors, areas, (*areas[1:], Polygon()), strict=True):
             label = f"within reach, {behavior.name.replace('_', ' ')}: {area.area:.1f} m\u00b2"
-            # Without what a wider behavior reaches, lest the colors mix.
+            # Leave out the area of the next wider behavior, so that colors do not mix.
             fill(axes, area.difference(wider), facecolor=behavior.color, alpha=0.45, edgecolor="none", label=label)
         _draw_ends(axes, scenario)
     _finish(figure, scenario.name)
@@ -59,7 +62,7 @@ def draw_scenario(scenario: Scenario, behaviors: Sequence[Behavior]) -> Figure:
 
 
 def draw_plan(scenario: Scenario, behaviors: Sequence[Behavior], path: AnnotatedPath) -> Figure:
-    """One panel a layer with a path, each section of it in the color of its behavior (2018 paper, figure 3)."""
+    """Draw one panel per layer with a path, each section in the color of its behavior (2018 paper, figure 3)."""
     figure, panels = _panels(scenario)
     for layer, axes in zip(scenario.environment.layers, panels, strict=False):
         _draw_layer(axes, scenario, layer)
@@ -76,7 +79,7 @@ def draw_plan(scenario: Scenario, behaviors: Sequence[Behavior], path: Annotated
 
 
 def _panels(scenario: Scenario) -> tuple[Figure, list[Axes]]:
-    """A figure with a panel for each layer, beside each other unless they are wide."""
+    """Return a figure with one panel per layer: side by side, or above each other if the floor is wide."""
     from matplotlib.figure import Figure
 
     low_x, low_y, high_x, high_y = scenario.environment.floor.bounds
@@ -108,6 +111,7 @@ def _draw_layer(axes: Axes, scenario: Scenario, layer: ClearanceLayer) -> None:
 
 
 def _draw_ends(axes: Axes, scenario: Scenario) -> None:
+    """Draw start and goals of each group, with its name in the middle of them."""
     for number, group in enumerate(scenario.agents):
         goals = [("goal", shape, _GOAL) for _, shape in scenario.destinations(number)]
         for what, shape, color in (("start", group.start.shape(), _START), *goals):

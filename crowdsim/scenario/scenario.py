@@ -1,60 +1,186 @@
-"""A validated scenario: the keys of its file, where they stand there, and the environment that they describe."""
+"""A validated scenario: its keys, their positions in its file, and the environment that they describe."""
 
 from __future__ import annotations
 
+import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
 
 from pydantic import PrivateAttr
-from shapely import Polygon
+from shapely import MultiPolygon, Polygon
 
 from crowdsim.errors import Problem
+from crowdsim.scenario.composing.files import Files, named_from
+from crowdsim.scenario.composing.plain_values import SOURCE, plain_keys
+from crowdsim.scenario.composing.validation import validated
 from crowdsim.scenario.environment import Environment
-from crowdsim.scenario.schema.schema import ScenarioFields
-from crowdsim.yamlfile.document import Document
+from crowdsim.scenario.schema.commands import Command
+from crowdsim.scenario.schema.schema import FORMAT_VERSION, ScenarioFields
+from crowdsim.scenario.schema.values import Part
+from crowdsim.whole_files import whole_file
+from crowdsim.yamlfile.document import Document, Position
 from crowdsim.yamlfile.document import Path as KeyPath
+from crowdsim.yamlfile.written import written_document
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
+
+Entries = Sequence[Mapping[str, Any] | Part]
+
+_USUAL = {"crowdsim": FORMAT_VERSION, "name": "untitled", "seed": 1, "duration": 300.0}
+"""Keys that are required in a file but optional in Python, with their defaults."""
+
+
+class ScenarioKeys(TypedDict, total=False):
+    """The keys of a scenario in Python; docs/scenarios.md describes each.
+
+    Entries are mappings with the keys of the file, or models of :mod:`crowdsim.scenario.schema`. A shapely polygon is
+    accepted for the floor (also with holes), a start, a goal, an area, or an obstacle as high as a wall; a trimesh mesh
+    (z up, in meters) for an obstacle.
+    """
+
+    name: str
+    description: str
+    seed: int
+    duration: float
+    steps_per_second: int
+    floor: Polygon | MultiPolygon | Mapping[str, Any] | Part
+    obstacles: Sequence[Polygon | Trimesh | Mapping[str, Any] | Part]
+    clutter: Mapping[str, Any]
+    doors: Entries
+    events: Entries
+    layers: Entries
+    behaviors: Sequence[str]
+    planner: Literal["layered", "greedy_literal", "collision3d"]
+    motion: Mapping[str, Any]
+    agents: Entries
+    exits: Entries
+    routes: Entries
+    areas: Entries
+    lines: Entries
+    captured_near: Mapping[str, Any]
 
 
 class Scenario(ScenarioFields):
-    """The keys of a scenario file as attributes, and the environment built of them; see :func:`load_scenario`."""
+    """The keys of a scenario as attributes, and its environment; use :func:`load_scenario` for files.
+
+    Examples
+    --------
+    >>> scenario = Scenario(
+    ...     floor={"rectangle": [0, 0, 8, 4]},
+    ...     agents=[{"name": "walkers", "count": 2, "start": {"point": [1, 2]}, "interval": 2.0,
+    ...              "goal": {"point": [7, 2]}}],
+    ... )
+    >>> scenario.agents[0].count
+    2
+
+    Raises
+    ------
+    ScenarioError
+        With every problem, each with its key: ``Scenario: agents.0.count: must be at least 1, got 0``.
+    """
 
     _document: Document = PrivateAttr()
     _text: str = PrivateAttr()
     _path: Path | None = PrivateAttr()
+    _files: Files = PrivateAttr()
     _environment: Environment = PrivateAttr()
+
+    def __init__(self, **keys: Unpack[ScenarioKeys]) -> None:
+        plain, made = plain_keys({**_USUAL, **keys})
+        document = Document(SOURCE, plain, {(): Position(SOURCE)}, complete=True)
+        files = Files(Path(), made)
+        fields, environment = validated(document, files)
+        made_of = Scenario.of(fields, document, written_document(plain), None, files, environment)
+        for name in ("__dict__", "__pydantic_fields_set__", "__pydantic_extra__", "__pydantic_private__"):
+            object.__setattr__(self, name, getattr(made_of, name))
 
     @classmethod
     def of(
-        cls, keys: ScenarioFields, document: Document, text: str, path: Path | None, environment: Environment
+        cls,
+        keys: ScenarioFields,
+        document: Document,
+        text: str,
+        path: Path | None,
+        files: Files,
+        environment: Environment,
     ) -> Scenario:
-        """Join validated keys with the file they come from and the environment they describe."""
+        """Return a scenario of validated keys, with their source and the environment they describe."""
         scenario = cls.model_construct(keys.model_fields_set, **dict(keys))
         scenario._document, scenario._text, scenario._path = document, text, path
-        scenario._environment = environment
+        scenario._files, scenario._environment = files, environment
         return scenario
 
     @property
     def text(self) -> str:
-        """Source text of the file, without overrides."""
+        """Return the source text of the file, without overrides; for a scenario made in Python, :meth:`to_yaml`."""
         return self._text
 
     @property
     def path(self) -> Path | None:
-        """The file the scenario was read from."""
+        """Return the file that the scenario was read from; None if it was not read from a file."""
         return self._path
 
     @property
     def environment(self) -> Environment:
-        """Floor, layers and timetable."""
+        """Return floor, layers and timetable."""
         return self._environment
 
     def problem(self, path: KeyPath, message: str) -> Problem:
-        """What is wrong with the entry at ``path``, with its place in the file."""
+        """Return a problem with the entry at ``path``, with its position in the file."""
         return self._document.problem(path, message)
 
     def area_polygons(self) -> dict[str, Polygon]:
-        """Polygons of the named areas in the order of the file."""
+        """Return the polygons of the named areas, in the order of the file."""
         return {area.name: area.shape() for area in self.areas}
 
+    @property
+    def folder(self) -> Path:
+        """What names of files and folders are relative to."""
+        return self._files.folder
+
     def captures_folder(self) -> Path | None:
-        """The folder of the motion captures asked for; None for a built-in set."""
-        return None if self.motion.captures is None else (self._path or Path()).parent / self.motion.captures
+        """Return the folder of the motion captures; None if the scenario uses a built-in motion set."""
+        return None if self.motion.captures is None else self._files.folder / self.motion.captures
+
+    def to_yaml(self) -> str:
+        """Return the text of a file that describes the same scenario, with overrides applied.
+
+        Meshes, and floors with holes, that were given in Python appear as file names; :meth:`save` writes those files.
+        """
+        return written_document(self._document.value)
+
+    def save(self, path: str | os.PathLike[str], commands: Sequence[Command] | None = None) -> list[Path]:
+        """Write the scenario to ``path``, and files beside it for meshes and floors that were given in Python.
+
+        File names in the scenario are rewritten relative to the new folder. Existing files are replaced.
+
+        Parameters
+        ----------
+        path : str or path
+            Name of the scenario file, .yaml or .yml.
+        commands : sequence of Command or None
+            Commands to write instead of the scenario's own.
+
+        Returns
+        -------
+        list of Path
+            The files that were written, the scenario last.
+
+        Raises
+        ------
+        CrowdSimError
+            If a file cannot be written.
+        """
+        path = Path(path)
+        renamed = {name: f"{path.stem}-{name}" for name in self._files.made}
+        keys = named_from(self._document.value, self._files, path.resolve().parent, renamed)
+        if commands is not None:
+            keys = {**keys, **plain_keys({"commands": commands})[0]}
+        contents = {path.with_name(renamed[name]): made for name, made in self._files.made.items()}
+        contents[path] = written_document(keys).encode()
+        for file, content in contents.items():
+            with whole_file(file, (".yaml", ".yml") if file == path else (file.suffix,), "scenarios") as part:
+                part.write_bytes(content)
+        return list(contents)

@@ -1,4 +1,4 @@
-"""What can be wrong with a scenario whose every key is well formed."""
+"""Checks across keys: what can be wrong with a scenario if each key by itself is valid."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from pathlib import Path
 
 from crowdsim.constants import STEERING_RATE
 from crowdsim.library import library_folder
-from crowdsim.scenario.arrivals import start_times
+from crowdsim.scenario.people.arrivals import start_times
 from crowdsim.scenario.schema.schema import ScenarioFields
 from crowdsim.yamlfile.document import Complaint
 from crowdsim.yamlfile.messages import nearest
 
 
 def key_complaints(keys: ScenarioFields, folder: Path) -> list[Complaint]:
-    """Keys that contradict each other, the library, or what is in ``folder``."""
+    """Return complaints of keys that contradict each other, the libraries, or the files in ``folder``."""
     return [
         *_duplicate_names(keys),
-        *_behaviors(keys),
+        *_behaviors(keys, folder),
         *_captures(keys, folder),
         *_times(keys),
         *_locomotion(keys),
@@ -29,6 +29,7 @@ def key_complaints(keys: ScenarioFields, folder: Path) -> list[Complaint]:
 
 
 def _duplicate_names(keys: ScenarioFields) -> list[Complaint]:
+    """Complain about names given twice. Doors and obstacles share theirs, as events name both."""
     named: dict[str, Sequence[str]] = {
         "obstacles": [obstacle.name for obstacle in keys.obstacles],
         "doors": [door.name for door in keys.doors],
@@ -47,7 +48,7 @@ def _duplicate_names(keys: ScenarioFields) -> list[Complaint]:
                 message = f"the name '{name}' is taken by {key}.{first[name]}"
                 complaints.append(((key, number, "name"), message))
         if key in ("obstacles", "doors") and keys.clutter is not None and "clutter" in first:
-            message = "the name 'clutter' is that of the random obstacles; give another one"
+            message = "the name 'clutter' is reserved for the random obstacles; choose another one"
             complaints.append(((key, first["clutter"], "name"), message))
     obstacles = {name: number for number, name in enumerate(named["obstacles"])}
     for number, name in enumerate(named["doors"]):
@@ -57,40 +58,76 @@ def _duplicate_names(keys: ScenarioFields) -> list[Complaint]:
     return complaints
 
 
-def _behaviors(keys: ScenarioFields) -> list[Complaint]:
-    # The default set is the engine's own affair; what the file names must be there.
+def _behaviors(keys: ScenarioFields, folder: Path) -> list[Complaint]:
+    """Complain about behaviors that are unknown, named twice, or folders with faults."""
+    # Only behaviors that the file names are checked: the default ones ship with the package.
     if "behaviors" not in keys.model_fields_set:
         return []
-    folder = library_folder("behaviors")
-    known = sorted(entry.parent.name for entry in folder.glob("*/behavior.yaml"))
+    # Not before it is needed, as it knows clips.
+    from crowdsim.behaviors.behavior import FILE_NAME, behavior_folder, is_own
+
+    library = library_folder("behaviors")
+    known = sorted(entry.parent.name for entry in library.glob("*/behavior.yaml"))
     complaints: list[Complaint] = []
-    for number, name in enumerate(keys.behaviors):
-        if name in keys.behaviors[:number]:
+    names: list[str] = []
+    for number, entry in enumerate(keys.behaviors):
+        own = is_own(entry)
+        name = behavior_folder(entry, folder, library).name
+        if name in names:
             complaints.append((("behaviors", number), f"'{name}' is named twice"))
+        elif own:
+            complaints += [(("behaviors", number), message) for message in _own_behavior(keys, entry, folder)]
         elif name not in known:
-            message = f"unknown behavior '{name}'; {nearest(name, known, 'the library has')}"
+            if (folder / name / FILE_NAME).is_file():
+                message = f"unknown behavior '{name}'; for the folder beside this file write ./{name}"
+            else:
+                message = f"unknown behavior '{name}'; {nearest(name, known, 'the library has')}"
             complaints.append((("behaviors", number), message))
+        names.append(name)
     return complaints
 
 
+def _own_behavior(keys: ScenarioFields, entry: str, folder: Path) -> list[str]:
+    """Return what is wrong with the folder of an own behavior, and with its use here."""
+    from crowdsim.behaviors.behavior import FILE_NAME, behavior_folder, read_behavior
+    from crowdsim.errors import BehaviorError
+
+    place = behavior_folder(entry, folder, library_folder("behaviors"))
+    if not (place / FILE_NAME).is_file():
+        return [f"there is no {place / FILE_NAME}; folders are sought beside the scenario file"]
+    if keys.planner == "collision3d":
+        return ["'collision3d' knows the bodies of the library; drop 'planner', or this behavior"]
+    if keys.motion.captures is not None:
+        return ["own behaviors go with a built-in 'motion' set; put the captures in the folder of an own behavior"]
+    try:
+        read_behavior(place.name, place.parent)
+    except BehaviorError as error:
+        return str(error).splitlines()
+    return []
+
+
 def _captures(keys: ScenarioFields, folder: Path) -> list[Complaint]:
+    """Complain about a folder of captures that is absent, gives no such behavior, or has no such clips."""
     if keys.motion.captures is None:
         return []
     captures = folder / keys.motion.captures
     if not captures.is_dir():
         return [(("motion", "captures"), f"there is no folder {captures}; it is sought beside the scenario file")]
-    from crowdsim.behaviors.captured import CAPTURED
+    from crowdsim.behaviors.behavior import CAPTURED
 
     complaints: list[Complaint] = []
     for name in keys.behaviors:
         if name not in CAPTURED:
             message = f"captured walks give no '{name}'; list only {' and '.join(CAPTURED)} under 'behaviors'"
             complaints.append((("behaviors",), message))
+    if "clips" not in keys.motion.model_fields_set and not any(_matches(captures, p) for p in keys.motion.clips):
+        message = f"no file in {captures} matches {' or '.join(keys.motion.clips)}"
+        complaints.append((("motion", "captures"), message))
     for number, pattern in enumerate(keys.motion.clips):
         path = ("motion", "clips", number)
         if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
             complaints.append((path, f"'{pattern}' leaves the folder of captures"))
-        elif not _matches(captures, pattern):
+        elif "clips" in keys.motion.model_fields_set and not _matches(captures, pattern):
             complaints.append((path, f"no file in {captures} matches '{pattern}'"))
     return complaints
 
@@ -98,11 +135,12 @@ def _captures(keys: ScenarioFields, folder: Path) -> list[Complaint]:
 def _matches(folder: Path, pattern: str) -> bool:
     try:
         return any(folder.glob(pattern))
-    except ValueError:  # such as "**x", which is no pattern at all
+    except ValueError:  # an invalid pattern such as "**x"
         return False
 
 
 def _times(keys: ScenarioFields) -> list[Complaint]:
+    """Complain about measurements, sources and starts after the end of the run."""
     complaints: list[Complaint] = []
     measured = [(("areas", number), area.start_time) for number, area in enumerate(keys.areas)]
     measured += [(("lines", number), line.start_time) for number, line in enumerate(keys.lines)]
@@ -118,13 +156,14 @@ def _times(keys: ScenarioFields) -> list[Complaint]:
                     complaints.append((("agents", number, key), message))
             continue
         last = float(start_times(keys, number)[-1])
-        if last >= keys.duration:
+        if not group.on_call and last >= keys.duration:
             message = f"{keys.duration:g} s end before the last of '{group.name}' starts at {last:g} s"
             complaints.append((("duration",), message))
     return complaints
 
 
 def _locomotion(keys: ScenarioFields) -> list[Complaint]:
+    """Complain about keys that the scenario's levels of locomotion do not go with."""
     complaints: list[Complaint] = []
     if keys.steers and keys.steps_per_second != STEERING_RATE:
         message = (
@@ -142,7 +181,7 @@ def _locomotion(keys: ScenarioFields) -> list[Complaint]:
 
 
 def _exits(keys: ScenarioFields) -> list[Complaint]:
-    """Exits that groups name and the file does not have, and groups that can go to none."""
+    """Return complaints of exits that groups name but the file lacks, and of groups that cannot use exits."""
     complaints: list[Complaint] = []
     known = [each.name for each in keys.exits]
     for number, group in enumerate(keys.agents):
@@ -164,7 +203,7 @@ def _exits(keys: ScenarioFields) -> list[Complaint]:
 
 
 def _routes(keys: ScenarioFields) -> list[Complaint]:
-    """Routes that groups name and the file does not have."""
+    """Return complaints of routes that groups name but the file lacks."""
     known = [route.name for route in keys.routes]
     complaints: list[Complaint] = []
     for number, group in enumerate(keys.agents):
@@ -175,7 +214,7 @@ def _routes(keys: ScenarioFields) -> list[Complaint]:
 
 
 def _periodic(keys: ScenarioFields) -> list[Complaint]:
-    """What a floor without ends does not go with, and ways without end on a floor that has ends."""
+    """Return complaints of keys that a periodic floor excludes, and of endless ways on a floor that ends."""
     complaints: list[Complaint] = []
     for number, group in enumerate(keys.agents):
         path: tuple[str | int, ...] = ("agents", number)
@@ -189,19 +228,19 @@ def _periodic(keys: ScenarioFields) -> list[Complaint]:
                 message = f"the floor ends along {goal.along[1]}; give it 'periodic: {goal.along[1]}', or name a region"
                 complaints.append(((*path, *key, "along"), message))
             elif group.on_arrival == "stay" or group.wait > 0.0 or goal.heading is not None:
-                message = "nobody arrives on a way without end; drop 'on_arrival', 'wait' and 'heading'"
+                message = "characters never arrive on an endless way; drop 'on_arrival', 'wait' and 'heading'"
                 complaints.append(((*path, *key), message))
     if keys.floor.periodic is not None:
         complaints += [
             ((key,), f"a periodic floor has no '{key}'; drop them, or 'periodic'")
-            for key in ("doors", "events", "captured_near")
+            for key in ("doors", "events", "captured_near", "commands")
             if getattr(keys, key)
         ]
     return complaints
 
 
 def _attributes(keys: ScenarioFields) -> list[Complaint]:
-    """Attributes that are words in one group and numbers in another."""
+    """Return complaints of attributes that are words in one group and numbers in another."""
     complaints: list[Complaint] = []
     first: dict[str, int] = {}
     for number, group in enumerate(keys.agents):

@@ -1,4 +1,4 @@
-"""The floor of a scenario and the solids of everything that stands on it, drawn in the file or read from others."""
+"""The floor and the solids of a scenario, drawn in its file or read from files that it names."""
 
 from __future__ import annotations
 
@@ -21,16 +21,17 @@ from crowdsim.environment.mesh_solid import MeshSolid
 from crowdsim.environment.solids import polygon_from_points
 from crowdsim.errors import GeometryError, PlaceError
 from crowdsim.geometry.polygons import buffered
+from crowdsim.scenario.composing.files import Files
 from crowdsim.scenario.schema.environment import Mesh, Obstacle
 from crowdsim.scenario.schema.schema import ScenarioFields
 from crowdsim.yamlfile.document import Complaint
 from crowdsim.yamlfile.document import Path as KeyPath
 
 CLUTTER_RADIUS = 0.25
-"""Meters of clearance that the way between start and goal keeps from clutter: enough for the narrowest behavior."""
+"""Clearance that the way between start and goal keeps from clutter [m]: enough for the narrowest behavior."""
 
 _KEPT_CLEAR = 0.5
-"""Meters around starts and goals in which no clutter stands."""
+"""Distance around starts and goals that is kept free of clutter [m]."""
 
 _CLUTTER_STREAM = 1 << 20
 
@@ -40,8 +41,16 @@ _NO_FLOOR = shapely.box(0.0, 0.0, 1.0, 1.0)
 class Site(NamedTuple):
     """Floor and solids of a scenario.
 
-    solids: by the entry of the file they come from, as ("obstacles", 2), in its order. report: what was assumed and
-    left out, a line each. complaints: what could not be read; floor and solids lack that.
+    Attributes
+    ----------
+    floor : Polygon or MultiPolygon
+        The whole floor [m].
+    solids : dict of KeyPath to tuple of solids
+        Solids by the entry of the file they come from, as ``("obstacles", 2)``, in its order.
+    report : list of str
+        Assumptions that were made and parts that were left out, one sentence each.
+    complaints : list of Complaint
+        What could not be read; it is missing in floor and solids.
     """
 
     floor: Polygon | MultiPolygon
@@ -51,25 +60,26 @@ class Site(NamedTuple):
 
 
 def doubts_in(report: Iterable[str]) -> list[str]:
-    """Those of its lines that may be why the environment is not what was meant."""
+    """Return the lines of a report that may explain why the environment is not the intended one."""
     return [line for line in report if "warning: " in line]
 
 
-def read_site(keys: ScenarioFields, folder: Path) -> Site:
-    """Make the solids of all obstacles, read what files beside ``folder`` hold, and draw the clutter among them."""
-    return _Reader(keys, folder).site()
+def read_site(keys: ScenarioFields, files: Files) -> Site:
+    """Make the solids of all obstacles, read the ``files`` they name, and draw the clutter."""
+    return _Reader(keys, files).site()
 
 
 class _Reader:
-    """Gathers solids by the entry they come from, reports and complaints."""
+    """Collects solids by the entry they come from, the report, and complaints."""
 
-    def __init__(self, keys: ScenarioFields, folder: Path) -> None:
-        self.keys, self.folder = keys, folder
+    def __init__(self, keys: ScenarioFields, files: Files) -> None:
+        self.keys, self.files = keys, files
         self.solids: dict[KeyPath, tuple[AnySolid, ...]] = {}
         self.report: list[str] = []
         self.complaints: list[Complaint] = []
 
     def site(self) -> Site:
+        """Read all obstacles, then the floor, then draw the clutter."""
         for number, obstacle in enumerate(self.keys.obstacles):
             path = ("obstacles", number)
             try:
@@ -77,32 +87,33 @@ class _Reader:
             except (PlaceError, GeometryError) as error:
                 self.solids[path] = ()
                 self.complaints.append(((*path, "plan" if obstacle.mesh is None else "mesh"), str(error)))
-        # What could not be read may be what the floor would be found in.
+        # A derived floor may lie in the very file that could not be read: do not complain of it too.
         floor = _NO_FLOOR if self.complaints else self._on_floor()
         if self.keys.clutter is not None and not self.complaints:
             self._draw_clutter(floor)
         return Site(floor, self.solids, self.report, self.complaints)
 
     def _solids(self, obstacle: Obstacle) -> tuple[AnySolid, ...]:
-        """The solids of an obstacle; parts of a file are named after it."""
+        """Return the solids of an obstacle; parts of a file get its name as a prefix."""
         if obstacle.mesh is None and obstacle.plan is None:
             return obstacle.solids()
         found = self._mesh(obstacle.mesh) if obstacle.mesh is not None else self._plan(obstacle)
         return tuple(replace(solid, name=f"{obstacle.name}: {solid.name}") for solid in found)
 
     def _mesh(self, mesh: Mesh) -> Sequence[AnySolid]:
-        """Parts of a file of triangles."""
-        scene = read_mesh_file(self.folder / mesh.file, **mesh.model_dump(exclude={"file"}))
+        """Return the parts of a file of triangles."""
+        content = self.files.content(mesh.file)
+        scene = read_mesh_file(self.files.folder / mesh.file, content=content, **mesh.model_dump(exclude={"file"}))
         self.report += scene.report
         return scene.solids
 
     def _plan(self, obstacle: Obstacle) -> Sequence[AnySolid]:
-        """Walls and outlines of a drawing."""
+        """Return the walls and outlines of a floor plan."""
         plan = obstacle.plan
         assert plan is not None
         assert obstacle.top is not None
         found = read_floor_plan(
-            self.folder / plan.file,
+            self.files.folder / plan.file,
             layers=plan.drawing_layers,
             units=plan.units,
             thickness=plan.thickness,
@@ -115,11 +126,11 @@ class _Reader:
         return found.solids
 
     def _on_floor(self) -> Polygon | MultiPolygon:
-        """The floor; of the parts of files, those that are floors or ceilings or lie flat on the floor go."""
+        """Return the floor, and drop those parts of mesh files that are floors, ceilings or lie flat on the floor."""
         given = self.keys.floor
         try:
             floor = self._given_floor()
-            # What the scenario itself puts on a floor it draws stands where it says.
+            # On a floor that is drawn or named, only meshes may contain floors; drawn solids keep their heights.
             placed = [
                 (path, solid)
                 for path, solids in self.solids.items()
@@ -144,7 +155,7 @@ class _Reader:
         return placed_solids.floor
 
     def _require_effect(self, paths: set[KeyPath], floor: Polygon | MultiPolygon) -> None:
-        """Refuse files of which nothing is in a layer over the floor: nobody means an empty place."""
+        """Complain of mesh files if no part of any of them is in a layer above the floor: it is hardly intended."""
         bands = [layer.band() for layer in self.keys.bands]
         solids = [solid for path in paths for solid in self.solids[path] if not dropped_solids([solid], bands)]
         if not any(solid.footprint.intersects(floor) for solid in solids):
@@ -159,14 +170,19 @@ class _Reader:
                 self.complaints.append(((*path, "mesh"), "; ".join([message, *doubts])))
 
     def _given_floor(self) -> Polygon | MultiPolygon | None:
-        """The floor that the scenario draws or names; None if it is to be found."""
+        """Return the floor that the scenario draws or names; None if it is to be derived from obstacles."""
         floor = self.keys.floor
         if floor.rectangle is not None:
             return shapely.box(*floor.rectangle)
         if floor.polygon is not None:
             return polygon_from_points(floor.polygon, "floor")
         if floor.file is not None:
-            found = read_floor_plan(self.folder / floor.file, floor_layer=floor.drawing_layer, units=floor.units)
+            found = read_floor_plan(
+                self.files.folder / floor.file,
+                content=self.files.content(floor.file),
+                floor_layer=floor.drawing_layer,
+                units=floor.units,
+            )
             if found.floor is None:
                 raise PlaceError(f"{floor.file}: draws no floor; name its layer as 'drawing_layer', or give 'derive'")
             self.report += found.report
@@ -174,6 +190,7 @@ class _Reader:
         return None
 
     def _draw_clutter(self, floor: Polygon | MultiPolygon) -> None:
+        """Draw clutter off starts, goals and other obstacles; remove obstacles that close the way of a group."""
         clutter = self.keys.clutter
         assert clutter is not None
         regions = [
@@ -184,7 +201,7 @@ class _Reader:
         standing = [solid for solids in self.solids.values() for solid in solids]
         bare = floor.difference(shapely.union_all([solid.footprint for solid in standing]))
         region = bare if clutter.region is None else bare.intersection(clutter.region.shape())
-        # Clutter stands under nothing; people walk under what is above all layers, as the lintel of a door.
+        # Clutter keeps off the footprints of all solids, but ways may lead under solids above all layers, as lintels.
         bands = [layer.band() for layer in self.keys.bands]
         met = [taken_between(solid, band.low, band.high) for solid in standing for band in bands]
         free = floor.difference(shapely.union_all(met))

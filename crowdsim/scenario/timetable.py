@@ -1,4 +1,4 @@
-"""The timetable of a scenario: which things come, move and go, when and where to."""
+"""The timetable of a scenario: which things appear, move and disappear, when, and where to."""
 
 from __future__ import annotations
 
@@ -11,54 +11,82 @@ from shapely.geometry.base import BaseGeometry
 
 from crowdsim.environment.layers import AnySolid
 from crowdsim.geometry.planar import rotation
+from crowdsim.scenario.schema.commands import Command
 from crowdsim.scenario.schema.events import Event, Move
 from crowdsim.scenario.schema.schema import ScenarioFields
 from crowdsim.yamlfile.document import Complaint
+from crowdsim.yamlfile.document import Path as KeyPath
 from crowdsim.yamlfile.messages import nearest
 
 Placing = tuple[float, float, float, float, float, float]
-"""Where a thing is: (a, b, d, e, x, y) of the map that takes its outline in the file to where it stands."""
+"""Position of a thing: coefficients (a, b, d, e, x, y) of the affine map from its outline in the file to where it
+stands."""
 
 AS_DRAWN: Placing = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
 
 
 def placed(shape: BaseGeometry, placing: Placing) -> BaseGeometry:
-    """A shape of the file where it stands."""
+    """Return a shape of the file, moved to ``placing``."""
     return shape if placing == AS_DRAWN else affine_transform(shape, placing)
 
 
 @dataclass(frozen=True)
 class Movable:
-    """A thing that is not there, or not in one place, all the time. placing: at the start, None while absent."""
+    """A thing that may move, appear or disappear during a run.
+
+    Attributes
+    ----------
+    name : str
+        Name in the file.
+    solids : tuple of solids
+        Solids as the file draws them.
+    placing : Placing or None
+        Position at the start; None if it is absent then.
+    """
 
     name: str
     solids: tuple[AnySolid, ...]
     placing: Placing | None
 
     def footprint(self, placing: Placing) -> BaseGeometry:
-        """Its outline when it stands there."""
+        """Return its outline on the floor if it stands at ``placing``."""
         return placed(shapely.union_all([solid.footprint for solid in self.solids]), placing)
 
 
 @dataclass(frozen=True)
 class ScheduledEvent:
-    """From ``at`` seconds on a movable (an index) stands at ``placing``, or is gone (None).
+    """A change of one movable thing.
 
-    number: its index in the file. title: what it does, as ``close 'door'``.
+    Attributes
+    ----------
+    at : float
+        Time of the change [s].
+    movable : int
+        Index of the thing.
+    placing : Placing or None
+        Its position from then on; None if it disappears.
+    title : str
+        The change in words, as ``close 'door'``.
     """
 
     at: float
     movable: int
     placing: Placing | None
-    number: int
     title: str
 
 
 @dataclass(frozen=True)
 class Timetable:
-    """What changes in a run: the things that do, and the events in order of time.
+    """All changes of the environment during a run.
 
-    fixed: obstacles, and closed doors, that never change.
+    Attributes
+    ----------
+    fixed : tuple of solids
+        Obstacles and closed doors that never change.
+    movables : tuple of Movable
+        Things that may change.
+    events : tuple of ScheduledEvent
+        Changes in the order of time.
     """
 
     fixed: tuple[AnySolid, ...]
@@ -66,107 +94,156 @@ class Timetable:
     events: tuple[ScheduledEvent, ...]
 
     def at_start(self) -> tuple[AnySolid, ...]:
-        """Solids that are there when the run begins."""
+        """Return the solids that are present when the run begins."""
         there = [movable for movable in self.movables if movable.placing is not None]
         return (*self.fixed, *(solid for movable in there for solid in movable.solids))
 
 
-def read_timetable(
-    keys: ScenarioFields, things: Sequence[tuple[str, tuple[AnySolid, ...]]]
-) -> tuple[Timetable, list[Complaint]]:
-    """Read what the events do to ``things`` (name, solids) and doors, and what is wrong with the events.
+class TimetableReader:
+    """Reads events in the order of time: which thing each name refers to, and where it then stands.
 
-    Events count in the order of their times, those of one time in the order of the file.
+    Events of one time keep the order of the file. Movables are, in the order of the file: things that an event names or
+    that are marked ``movable``, doors, and inserted things. A command never makes a fixed thing movable, and things
+    that commands insert get the last indices, so that commands leave the indices of other movables unchanged.
+
+    Parameters
+    ----------
+    keys : ScenarioFields
+        Keys of the scenario.
+    things : sequence of (name, solids)
+        Obstacles and clutter.
+    commands : sequence of Command
+        Commands, applied after the events of the file.
+
+    Attributes
+    ----------
+    wrong : list of Complaint
+        What is wrong with events and commands.
     """
-    order = sorted(range(len(keys.events)), key=lambda number: keys.events[number].at)
-    named = {event.subject for event in keys.events if event.insert is None}
-    reader = _Reader(keys)
-    fixed: list[AnySolid] = []
-    for name, solids in things:
-        if name in named:
-            reader.add(name, solids, AS_DRAWN)
-        else:
-            fixed += solids
-            reader.fixed.add(name)
-    for door in keys.doors:
-        closed = door.initially == "closed"
-        if door.name in named:
-            reader.add(door.name, door.solids(), AS_DRAWN if closed else None)
-        elif closed:
-            fixed += door.solids()
-            reader.fixed.add(door.name)
-    for number in order:
-        reader.read(number, keys.events[number])
-    return Timetable(tuple(fixed), tuple(reader.movables), tuple(reader.events)), reader.wrong
 
-
-class _Reader:
-    """Follows the events through time: which thing each name means, and where it stands."""
-
-    def __init__(self, keys: ScenarioFields) -> None:
-        self.coming = {event.insert.name: event.at for event in reversed(keys.events) if event.insert is not None}
-        self.fixed: set[str] = set()
-        self.doors = {door.name for door in keys.doors}
-        self.movables: list[Movable] = []
-        self.events: list[ScheduledEvent] = []
+    def __init__(
+        self,
+        keys: ScenarioFields,
+        things: Sequence[tuple[str, tuple[AnySolid, ...]]],
+        commands: Sequence[Command] = (),
+    ) -> None:
         self.wrong: list[Complaint] = []
-        self.where: dict[str, tuple[int, Placing | None]] = {}
-        self.since: dict[str, str] = {}
+        self._coming = {event.insert.name: event.at for event in reversed(keys.events) if event.insert is not None}
+        self._doors = {door.name for door in keys.doors}
+        self._fixed: list[AnySolid] = []
+        self._fixed_names: set[str] = set()
+        self._movables: list[Movable] = []
+        self._inserted: dict[KeyPath, int] = {}
+        self._events: list[ScheduledEvent] = []
+        self._where: dict[str, tuple[int, Placing | None]] = {}
+        self._since: dict[str, str] = {}
+        self._place(keys, things)
+        entries: list[tuple[KeyPath, Event]] = [(("events", number), event) for number, event in enumerate(keys.events)]
+        entries += [(("commands", number), command) for number, command in enumerate(commands) if command.changes_place]
+        for path, event in entries:
+            self._number(path, event)
+        for path, event in sorted(entries, key=lambda entry: entry[1].at):
+            self._read(path, event)
 
-    def add(self, name: str, solids: tuple[AnySolid, ...], placing: Placing | None) -> None:
-        self.where[name] = len(self.movables), placing
-        self.movables.append(Movable(name, solids, placing))
+    @property
+    def last(self) -> float:
+        """Return the time of the last event [s]."""
+        return self._events[-1].at if self._events else 0.0
 
-    def read(self, number: int, event: Event) -> None:
+    def timetable(self) -> Timetable:
+        """Return the timetable of everything read so far."""
+        return Timetable(tuple(self._fixed), tuple(self._movables), tuple(self._events))
+
+    def append(self, path: KeyPath, command: Command) -> str | None:
+        """Read a command that comes after all others; return why it is impossible, or None."""
+        complaint = self._complaint(command)
+        if complaint is None:
+            self._number(path, command)
+            self._read(path, command)
+        return complaint
+
+    def _place(self, keys: ScenarioFields, things: Sequence[tuple[str, tuple[AnySolid, ...]]]) -> None:
+        """Sort things and doors into fixed ones and movables."""
+        named = {event.subject for event in keys.events if event.insert is None}
+        moves = named | {obstacle.name for obstacle in keys.obstacles if obstacle.movable}
+        for name, solids in things:
+            if name in moves:
+                self._add(name, solids, AS_DRAWN)
+            else:
+                self._fixed += solids
+                self._fixed_names.add(name)
+        for door in keys.doors:
+            closed = door.initially == "closed"
+            # The collision3d planner tests bodies against fixed solids only: a door without events becomes fixed.
+            if door.name in named or keys.planner != "collision3d":
+                self._add(door.name, door.solids(), AS_DRAWN if closed else None)
+            elif closed:
+                self._fixed += door.solids()
+                self._fixed_names.add(door.name)
+
+    def _add(self, name: str, solids: tuple[AnySolid, ...], placing: Placing | None) -> None:
+        self._where[name] = len(self._movables), placing
+        self._movables.append(Movable(name, solids, placing))
+
+    def _number(self, path: KeyPath, event: Event) -> None:
+        if event.insert is not None:
+            self._inserted[path] = len(self._movables)
+            self._movables.append(Movable(event.insert.name, event.insert.solids(), None))
+
+    def _read(self, path: KeyPath, event: Event) -> None:
+        """Add an event, and where its movable stands from then on; or keep what is wrong with it."""
         action, name = event.action, event.subject
         complaint = self._complaint(event)
         if complaint is not None:
-            self.wrong.append((("events", number, action), complaint))
+            self.wrong.append(((*path, action), complaint))
             return
         if event.insert is not None:
-            self.add(name, event.insert.solids(), None)
-        movable, placing = self.where[name]
+            self._where[name] = self._inserted[path], None
+        movable, placing = self._where[name]
         if event.move is not None:
             assert placing is not None
-            after: Placing | None = _moved(self.movables[movable], placing, event.move)
+            after: Placing | None = _moved(self._movables[movable], placing, event.move)
         else:
             after = AS_DRAWN if action in ("close", "insert") else None
-        self.where[name] = movable, after
-        self.since[name] = f"since {event.at:g} s"
-        self.events.append(ScheduledEvent(event.at, movable, after, number, f"{action} '{name}'"))
+        self._where[name] = movable, after
+        self._since[name] = f"since {event.at:g} s"
+        self._events.append(ScheduledEvent(event.at, movable, after, f"{action} '{name}'"))
 
     def _complaint(self, event: Event) -> str | None:
-        """Why an event cannot be, or None."""
+        """Return why an event is impossible, or None."""
         action, name = event.action, event.subject
-        there = name in self.where and self.where[name][1] is not None
-        since = self.since.get(name, "from the start")
+        there = name in self._where and self._where[name][1] is not None
+        since = self._since.get(name, "from the start")
         if action in ("open", "close"):
-            if name not in self.doors:
-                if name in {*self.where, *self.fixed}:
+            if name not in self._doors:
+                if name in {*self._where, *self._fixed_names}:
                     return f"'{name}' is an obstacle; list it under 'doors'"
-                return f"no door '{name}'; {nearest(name, sorted(self.doors), 'the doors are')}"
+                return f"no door '{name}'; {nearest(name, sorted(self._doors), 'the doors are')}"
             if there == (action == "close"):
                 return f"'{name}' is {'closed' if there else 'open'} already, {since}"
             return None
-        if name in self.doors:
+        if name in self._doors:
             return f"'{name}' is a door; doors open and close"
         if action == "insert":
-            if there or name in self.fixed:
+            if there or name in self._fixed_names:
                 return f"the name '{name}' is taken by something that is there, {since}"
             return None
         if there:
             return None
-        if name in self.where:
+        if name in self._where:
             return f"'{name}' is not there at {event.at:g} s; it is gone {since}"
-        if name in self.coming:
-            return f"'{name}' is not there at {event.at:g} s; it comes at {self.coming[name]:g} s"
-        return f"no obstacle '{name}'; {nearest(name, sorted({*self.fixed, *self.where} - self.doors), 'there are')}"
+        if name in self._coming:
+            return f"'{name}' is not there at {event.at:g} s; it comes at {self._coming[name]:g} s"
+        if name in self._fixed_names:
+            return f"'{name}' never changes; give it 'movable: true', so that commands may move and remove it"
+        known = sorted({*self._fixed_names, *self._where} - self._doors)
+        return f"no obstacle '{name}'; {nearest(name, known, 'there are')}"
 
 
 def _moved(movable: Movable, placing: Placing, move: Move) -> Placing:
-    """The placing after a move: turned about the center where it stands, then shifted."""
+    """Return the placing after a move: rotated about the current center, then shifted."""
     outline = movable.footprint(placing)
-    if outline.is_empty:  # a file of which nothing stands on the floor
+    if outline.is_empty:  # a file without any part above the floor has no center to turn about
         return placing
     center = outline.centroid
     dx, dy = move.by or (0.0, 0.0)

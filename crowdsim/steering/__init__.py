@@ -1,1 +1,1 @@
-"""The velocity level of the crowd: everyone looks, decides on a velocity, and commits to a step that touches nobody."""
+"""Velocity-based steering: each agent sees its neighbors, chooses a velocity and commits a collision-free step."""

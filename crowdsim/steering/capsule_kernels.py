@@ -1,7 +1,7 @@
-"""Distances between the bodies of steered agents.
+"""Distances between bodies of steered agents.
 
-A torso is a capsule: all points within a radius of a segment, its core, which runs from shoulder to shoulder. A body is
-given by its center, the unit vector of its core and half of the core's length [m].
+A torso is a capsule: all points within a radius of a segment, its core, which runs from shoulder to shoulder. A core is
+given by its center, its unit vector (across the heading) and half of its length [m].
 """
 
 import math
@@ -9,30 +9,33 @@ import math
 from crowdsim.jit import helper
 
 _PARALLEL = 1e-12
-"""Sine of the angle between two cores below which they count as parallel."""
+"""Two cores whose angle has a sine below this count as parallel."""
 
 
 @helper
 def clamped(value, limit):
-    """``value`` within [-limit, limit]."""
+    """Return ``value`` clamped to [-limit, limit]."""
     return min(max(value, -limit), limit)
 
 
 @helper
 def core_to_core(px, py, ux, uy, a, wx, wy, b):
-    """Shortest vector from one core to another, and its length [m].
+    """Return the shortest vector from one core to another, (dx, dy), and its length [m].
 
-    ``(px, py)`` leads from the first center to the second; ``(ux, uy)`` and ``(wx, wy)`` are the unit vectors of the
-    cores, ``a`` and ``b`` their half lengths (Ericson, Real-Time Collision Detection 2005, section 5.1.9).
+    Segment-segment distance after Ericson, Real-Time Collision Detection (2005), section 5.1.9. ``(px, py)`` leads from
+    the first center to the second; ``(ux, uy)`` and ``(wx, wy)`` are the unit vectors of the cores, ``a`` and ``b``
+    their half lengths [m]. The vector has length 0 if the cores cross.
     """
+    # Points of the cores: s u with |s| <= a on the first, p + t w with |t| <= b on the second.
     between = ux * wx + uy * wy
     along_first = ux * px + uy * py
     along_second = wx * px + wy * py
     sine = ux * wy - uy * wx
     s = 0.0
     if abs(sine) > _PARALLEL:
-        # Where the lines of both cores cross, or as near to it as the first core reaches.
+        # s at which the lines of both cores cross, clamped to the first core. Parallel cores start from s = 0.
         s = clamped((px * wy - py * wx) / sine, a)
+    # The point of the second core nearest to s u, then the point of the first core nearest to that one.
     t = clamped(between * s - along_second, b)
     s = clamped(along_first + between * t, a)
     dx = px + t * wx - s * ux
@@ -42,10 +45,12 @@ def core_to_core(px, py, ux, uy, a, wx, wy, b):
 
 @helper
 def core_to_segment(px, py, ux, uy, a, ax, ay, bx, by):
-    """Shortest vector from a core at ``(px, py)`` to the segment from ``(ax, ay)`` to ``(bx, by)``, and its length [m].
+    """Return the shortest vector from a core to the segment from ``(ax, ay)`` to ``(bx, by)``, and its length [m].
 
-    With ``a = 0`` the core is a point.
+    The core has its center at ``(px, py)``, the unit vector ``(ux, uy)`` and the half length ``a`` [m]; with ``a = 0``
+    it is a point.
     """
+    # Write the segment as a core: center, unit vector and half length. A segment of length 0 is a point.
     ex = 0.5 * (bx - ax)
     ey = 0.5 * (by - ay)
     half = math.sqrt(ex * ex + ey * ey)

@@ -1,11 +1,14 @@
-"""The exact commit: a step that touches nobody and no wall, whatever the others do in theirs.
+"""The exact commit: move each agent so that no two bodies, and no body and wall, overlap at any time of the step.
 
-Two convex bodies with gap g and closest points p, q are parted by the line half way between p and q. If each body stays
-on its own side of that line, they cannot meet at any time of the step. So a step is feasible if for every neighbor,
-with n the unit vector from p to q, the farthest reach of the body along n grows by at most g / 2 less a margin; for a
-wall, which stands, by at most g less the margin; so for each piece of a way that somebody else has reserved, whose disc
-may be anywhere along it. Standing still is always feasible. The step committed is the
-feasible one nearest to what is wanted. Each agent reads old places only, so neither order nor threads matter.
+Two disjoint convex bodies with gap g and closest points p and q are separated by the perpendicular line half way
+between p and q. If both stay on their side of it, they cannot meet at any time of the step, whatever the other one
+does. With n the unit vector from p to q, a body does so if its support along n grows by at most g / 2 less a margin. A
+wall stands still, so the body may use the whole gap g less the margin; the same holds for a reserved segment of a
+captured character, whose disc may be anywhere along it.
+
+Each neighbor so adds one half plane n . d <= room for the displacement d. Standing still (d = 0) satisfies all of them,
+so a feasible step always exists; the one nearest to the wanted displacement is taken. All agents read the positions
+before the step only, so the result depends neither on their order nor on the number of threads.
 """
 
 import math
@@ -22,24 +25,27 @@ from crowdsim.steering.wall_kernels import WALL_CELL, WALL_REACH
 from crowdsim.steering.way_kernels import gap_to_way
 
 MARGIN = 1e-6
-"""What every step leaves of its share of a gap [m]: more than rounding takes, less than anybody sees."""
+"""Part of each gap that no step uses [m]: above the rounding error of a step, below what is visible."""
 
 ROUNDING = 1e-9
-"""By how much rounding may carry a step over a line [m], as long as half of the margin is left."""
+"""Tolerance for violating a half plane by rounding [m]; granted only while at least half of the margin is left."""
 
 HALVINGS = 5
-"""How often a turn that does not fit is halved before it is given up."""
+"""Number of times that an infeasible turn is halved before the agent keeps its heading."""
 
 MOST_LINES = 128
-"""Others and walls that an agent could meet in one step; if there are more, it stands."""
+"""Capacity of the list of half planes of an agent. An agent with more neighbors and walls in reach stands still."""
 
 STUCK_MOST = 30.0
-"""Time up to which being stuck is counted [s]."""
+"""Upper limit of the time that an agent counts as stuck [s]."""
 
 
 @helper
 def set_line(line, nx, ny, room):
-    """Set a line: its normal, how far the body may go along it, and how much farther rounding may carry it [m]."""
+    """Set a half plane: unit normal (nx, ny), displacement allowed along it and rounding tolerance (both [m]).
+
+    A room below 0 (the gap is smaller than the margin) counts as 0, so that standing still stays feasible.
+    """
     line[0] = nx
     line[1] = ny
     line[2] = max(room, 0.0)
@@ -48,16 +54,36 @@ def set_line(line, nx, ny, room):
 
 @helper
 def add_neighbors(crowd, me, most, broadest, order, steering, lines):
-    """Add the lines between an agent and those it could meet if its body grew by ``most`` in the step [m].
+    """Add a half plane for each agent that the agent ``me`` could meet if its support grew by ``most`` [m] in the step.
 
-    ``crowd``: rows, their places, where cells begin in them, and the frame of the cells. ``broadest``: largest half
-    breadth of all agents [m]. ``order``, ``steering``: those rows steer of which the agent is below that number.
-    ``lines``: float64[k, 4], as :func:`set_line` sets them. Returns how many, -1 if there is no room for all.
+    Parameters
+    ----------
+    crowd : tuple
+        Sorted rows (ROW[n]), their positions (n, 2), the start of each cell, and the frame of the grid.
+    me : int
+        Row of the agent.
+    most : float
+        Upper bound of the growth of its support in this step [m].
+    broadest : float
+        Largest half breadth of all agents [m].
+    order : (n,) int32
+        Agent number of each row.
+    steering : int
+        Number of steered agents; higher agent numbers are captured characters, which :func:`add_ways` handles.
+    lines : (k, 4) float64
+        Gets the half planes as :func:`set_line` writes them.
+
+    Returns
+    -------
+    int
+        Number of half planes; -1 if there are more than k, or if the agent overlaps a neighbor.
     """
     rows, places, starts, frame = crowd
     mine = rows[me]
     x = mine.x
     y = mine.y
+    # A neighbor matters if gap / 2 - MARGIN < most, so if gap < 2 (most + MARGIN). Bounding discs give a lower bound of
+    # the gap, with the broadest agent for the cells to search.
     own = mine.half + mine.radius + 2.0 * (most + MARGIN)
     farthest = own + broadest
     column, row = cell_of(frame, x, y)
@@ -69,15 +95,18 @@ def add_neighbors(crowd, me, most, broadest, order, steering, lines):
             px = places[number, 0] - x
             py = places[number, 1] - y
             square = px * px + py * py
+            # Cheap rejection by the broadest body, then by the bounding disc of this one.
             if square >= farthest * farthest or number == me or order[number] >= steering:
                 continue
             other = rows[number]
             apart = own + other.half + other.radius
             if square >= apart * apart:
                 continue
+            # Exact gap between the capsules. Both may move, so each gets half of it.
             dx, dy, distance = core_to_core(px, py, -mine.hy, mine.hx, mine.half, -other.hy, other.hx, other.half)
             room = 0.5 * (distance - mine.radius - other.radius) - MARGIN
             if room < most:
+                # Crossing cores have no separating line.
                 if count == len(lines) or distance == 0.0:
                     return -1
                 set_line(lines[count], dx / distance, dy / distance, room)
@@ -87,15 +116,33 @@ def add_neighbors(crowd, me, most, broadest, order, steering, lines):
 
 @helper
 def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
-    """Add the lines between a core and the segments of one layer that it could meet.
+    """Add a half plane for each wall segment of one layer that a body could meet.
 
-    Returns how many lines there are; -1 if there is no room for all, if the core cuts a segment, or if the step could
-    reach beyond what the lists of segments hold.
+    Parameters
+    ----------
+    walls : Walls
+        Wall segments of the layer, with a list of those near each cell.
+    x, y, ux, uy, half, radius : float
+        Body: center, unit vector and half length of its core, radius [m]. The disc of the legs has half length 0.
+    most : float
+        Upper bound of the growth of its support in this step [m].
+    lines : (k, 4) float64
+        Half planes, as :func:`set_line` writes them.
+    count : int
+        Number of half planes so far; -1 is handed on.
+
+    Returns
+    -------
+    int
+        Number of half planes now; -1 if there are more than k, if the core cuts a wall, or if the step could reach
+        beyond :data:`WALL_REACH`, the distance up to which the lists are complete.
     """
     column = math.floor((x - walls.left) / WALL_CELL)
     row = math.floor((y - walls.bottom) / WALL_CELL)
+    # Outside of the grid no wall is near.
     if count < 0 or not (0 <= column < walls.columns and 0 <= row < walls.rows):
         return count
+    # The lists are complete only up to WALL_REACH.
     if half + radius + most > WALL_REACH:
         return -1
     cell = row * walls.columns + column
@@ -112,8 +159,10 @@ def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
             walls.segments[number, 2],
             walls.segments[number, 3],
         )
+        # A wall stands still: the whole gap is the agent's.
         room = distance - radius - MARGIN
         if room < most:
+            # The core cuts the wall, or there are too many lines.
             if count == len(lines) or distance == 0.0:
                 return -1
             set_line(lines[count], dx / distance, dy / distance, room)
@@ -123,7 +172,10 @@ def add_walls(walls, x, y, ux, uy, half, radius, most, lines, count):
 
 @helper
 def add_ways(ways, frame, mine, most, lines, count):
-    """Add the lines between an agent and the reserved ways that it could meet; returns as :func:`add_walls`."""
+    """Add a half plane for each reserved segment that an agent could meet; return as :func:`add_walls` does.
+
+    ``ways`` holds the reserved segments by cells of ``frame``, ``mine`` is the row of the agent.
+    """
     column, row = cell_of(frame, mine.x, mine.y)
     cell = row * frame[2] + column
     if count < 0:
@@ -131,6 +183,7 @@ def add_ways(ways, frame, mine, most, lines, count):
     for entry in range(ways.starts[cell], ways.starts[cell + 1]):
         number = ways.lists[entry]
         dx, dy, distance, gap = gap_to_way(ways, number, mine.x, mine.y, -mine.hy, mine.hx, mine.half, mine.radius)
+        # The disc on a reserved segment never leaves it: the agent may use the whole gap to the swept disc.
         room = gap - MARGIN
         if room < most:
             if count == len(lines) or distance == 0.0:
@@ -142,18 +195,22 @@ def add_ways(ways, frame, mine, most, lines, count):
 
 @helper
 def nearest_feasible(wx, wy, lines, count):
-    """The move nearest to ``(wx, wy)`` that crosses none of the lines (an incremental program in two dimensions).
+    """Return the displacement nearest to ``(wx, wy)`` that satisfies the first ``count`` half planes [m].
 
-    The set of feasible moves contains standing still, so there always is one; it is no longer than what is wanted.
+    Incremental linear programming in two dimensions (de Berg et al., Computational Geometry, section 4.3) with a
+    quadratic objective, as in van den Berg et al., Reciprocal n-body Collision Avoidance (2011). The feasible set is
+    convex and contains (0, 0), so a solution exists and is no longer than ``(wx, wy)``.
     """
     dx = wx
     dy = wy
     for k in range(count):
+        # Invariant: (dx, dy) is the optimum for half planes 0 to k - 1. It stays so if it satisfies half plane k.
         nx = lines[k, 0]
         ny = lines[k, 1]
         if nx * dx + ny * dy <= lines[k, 2]:
             continue
-        # The nearest move lies on this line: the interval of the line that all lines before leave.
+        # Otherwise the optimum lies on the boundary of half plane k. Intersect that line with all earlier half planes:
+        # they leave the interval [low, high] of the coordinate along (-ny, nx).
         low = -math.inf
         high = math.inf
         for m in range(k):
@@ -163,10 +220,13 @@ def nearest_feasible(wx, wy, lines, count):
                 high = min(high, rest / slope)
             elif slope < -1e-12:
                 low = max(low, rest / slope)
+        # Project the wanted displacement on the line and clamp it to the interval.
         along = wy * nx - wx * ny
         along = max(min(along, high), low)
         dx = lines[k, 2] * nx - along * ny
         dy = lines[k, 2] * ny + along * nx
+    # Rounding, for example with nearly parallel lines, may leave a half plane violated: then stand still, which is
+    # safe.
     for k in range(count):
         if lines[k, 0] * dx + lines[k, 1] * dy > lines[k, 2] + lines[k, 3]:
             return 0.0, 0.0
@@ -175,22 +235,28 @@ def nearest_feasible(wx, wy, lines, count):
 
 @helper
 def reach_of_turn(hx, hy, ex, ey, nx, ny):
-    """Largest |u . n| of the core's unit vector u while the heading turns from h to e, by less than a right angle.
+    """Return the largest |u . n| of the core's unit vector u while the heading turns from h to e, less than 90 degrees.
 
-    u is across the heading: |u . n| is 1 if the heading passes a right angle to n on the way.
+    u is perpendicular to the heading, so |u . n| is 1 if the heading becomes perpendicular to n during the turn.
     """
     if (hx * nx + hy * ny) * (ex * nx + ey * ny) <= 0.0:
         return 1.0
+    # Otherwise |u . n| has no maximum inside of the turn: the largest value is at one of its ends.
     return max(abs(hx * ny - hy * nx), abs(ex * ny - ey * nx))
 
 
 @helper
 def turn_fits(mine, ex, ey, half, dx, dy, lines, count):
-    """Whether the body stays on its side of all lines if it moves by d, turns to e and its core gets ``half`` long."""
+    """Return True if a body that moves by d, turns to e and whose core becomes ``half`` long satisfies all half planes.
+
+    The support of the body along n grows by n . d through the move, and by ``growth`` through turning and stretching.
+    """
     longest = max(mine.half, half)
     for k in range(count):
         nx = lines[k, 0]
         ny = lines[k, 1]
+        # Bound of the support of the core at any time of the step, less its support before the step. A move away from
+        # the line is not counted as room, since the turn may need the room before the move has made it.
         growth = longest * reach_of_turn(mine.hx, mine.hy, ex, ey, nx, ny)
         growth -= mine.half * abs(mine.hx * ny - mine.hy * nx)
         if growth > lines[k, 2] + lines[k, 3] - max(0.0, nx * dx + ny * dy):
@@ -200,14 +266,16 @@ def turn_fits(mine, ex, ey, half, dx, dy, lines, count):
 
 @helper
 def fitting_turn(mine, turn, half, dx, dy, lines, count):
-    """The turn, or a part of it, and the half length of the core that fit beside a move by d.
+    """Halve the turn until it fits beside a displacement d, and keep the core from growing if needed.
 
-    Returns heading [rad], its unit vector and the half length.
+    Return the heading [rad], its unit vector and the half length of the core [m].
     """
     heading = wrap_angle(mine.heading + turn)
     ex, ey = cos_sin(heading)
+    # Usual case: all of the turn, and the core as long as wanted.
     if count == 0 or turn_fits(mine, ex, ey, half, dx, dy, lines, count):
         return heading, ex, ey, half
+    # Otherwise the core must not grow, and the turn is halved until it fits.
     half = min(half, mine.half)
     for _ in range(HALVINGS):
         if turn_fits(mine, ex, ey, half, dx, dy, lines, count):
@@ -215,24 +283,46 @@ def fitting_turn(mine, turn, half, dx, dy, lines, count):
         turn *= 0.5
         heading = wrap_angle(mine.heading + turn)
         ex, ey = cos_sin(heading)
+    # Keeping the heading always fits, as d alone satisfies all half planes.
     return mine.heading, mine.hx, mine.hy, half
 
 
 @kernel
 def commit_rows(crowd, first, last, order, wanted, walls, ways, broadest, step, state):
-    """Move the agents of the rows from ``first`` to ``last`` as they want, as far as that touches nobody.
+    """Move the agents of rows ``first`` to ``last`` (exclusive) towards what they want, as far as they touch nothing.
 
-    ``crowd``: rows, their places, where cells begin in them, and the frame of the cells. ``walls``: those of the legs'
-    layer, those of the torso's, and the radius of the legs [m]. ``ways``: those that others have reserved, a
-    :class:`crowdsim.steering.ways.ListedWays`. ``broadest``: largest half breadth of all agents [m]. ``step``: its
-    length [s]. ``state``: ROW[n] of those who steer, gets what changes, by agent as ``order`` says. Returns how many
-    agents stood since more was near than the kernel has room for.
+    Parameters
+    ----------
+    crowd : tuple
+        Sorted rows (ROW[n]), their positions (n, 2), the start of each cell, and the frame of the grid.
+    first, last : int
+        Rows to move.
+    order : (n,) int32
+        Agent number of each row.
+    wanted : WANTED[n]
+        Wanted velocity, turn and half length of each row.
+    walls : tuple
+        Walls of the legs' layer, walls of the torso's layers, radius of the legs [m].
+    ways : ListedWays
+        Reserved segments of captured characters.
+    broadest : float
+        Largest half breadth of all agents [m].
+    step : float
+        Duration of the step [s].
+    state : ROW[m]
+        Steered agents (m <= n), written by agent number.
+
+    Returns
+    -------
+    int
+        Number of agents that stood still because their half planes did not fit or they overlap something.
     """
     rows = crowd[0]
     legs, torso, leg_radius = walls
     lines = np.empty((MOST_LINES, 4))
     crowded = 0
     for me in range(first, last):
+        # Captured characters are seen but not moved.
         if order[me] >= len(state):
             continue
         mine = rows[me]
@@ -242,13 +332,17 @@ def commit_rows(crowd, first, last, order, wanted, walls, ways, broadest, step, 
         turn = want.turn
         half = want.half
 
-        # What the body could meet if it grew by the most that the step can make its reach grow.
+        # Upper bound of the growth of the body's support in this step: way, turn of the core (length times angle) and
+        # stretch. Bodies farther away than that cannot be met, so they need no half plane.
         growth = max(mine.half, half) * abs(turn) + max(0.0, half - mine.half)
         most = math.sqrt(dx * dx + dy * dy) + growth
         count = add_neighbors(crowd, me, most, broadest, order, len(state), lines)
+        # The capsule keeps off the walls of the torso's layers, a disc of the legs' radius off those of the legs'
+        # layer.
         count = add_walls(torso, mine.x, mine.y, -mine.hy, mine.hx, mine.half, mine.radius, most, lines, count)
         count = add_walls(legs, mine.x, mine.y, 1.0, 0.0, 0.0, leg_radius, most, lines, count)
         count = add_ways(ways, crowd[3], mine, most, lines, count)
+        # The half planes are incomplete: no displacement and no turn is safe by itself. A core may still get shorter.
         if count < 0:
             crowded += 1
             count = 0
@@ -256,16 +350,19 @@ def commit_rows(crowd, first, last, order, wanted, walls, ways, broadest, step, 
             dy = 0.0
             turn = 0.0
             half = min(half, mine.half)
+        # Without half planes the wanted step is free.
         if count > 0:
             dx, dy = nearest_feasible(dx, dy, lines, count)
         heading, hx, hy, half = fitting_turn(mine, turn, half, dx, dy, lines, count)
 
-        # Without progress along its way an agent is stuck.
+        # The time stuck grows while the progress along guidance is below 15 % of the free speed, and shrinks twice as
+        # fast otherwise.
         progress = (dx * mine.gx + dy * mine.gy) / step
         stuck = mine.stuck - 2.0 * step
         if (mine.gx != 0.0 or mine.gy != 0.0) and progress < 0.15 * mine.speed:
             stuck = mine.stuck + step
 
+        # Write back by agent. The velocity is the one carried out, which neighbors will extrapolate.
         out = state[order[me]]
         out.x = mine.x + dx
         out.y = mine.y + dy

@@ -1,4 +1,11 @@
-"""What a steered agent wants: it gives way, lets others merge, or goes its way as fast as the gap ahead allows."""
+"""Decision of a steered agent: yield to opposing agents, let others merge, or walk along guidance behind the next one.
+
+The rules extend the vision-based model of Moussaid, Helbing and Theraulaz (PNAS 108, 2011) by keeping right, by an
+order of right of way and by a time gap. docs/steering.md describes them.
+
+Arguments of all helpers: ``rows`` (ROW[n]) sorted agents, ``mine`` the row that decides, ``near`` (NEAR[k]) its
+neighbors, of which the first ``count`` are valid, ``walls`` those of legs and torso, ``want`` (WANTED) its decision.
+"""
 
 import math
 
@@ -15,26 +22,26 @@ WANTED = np.dtype(
     [
         ("vx", np.float64),  # velocity [m/s]
         ("vy", np.float64),
-        ("turn", np.float64),  # of the body in this step [rad]
+        ("turn", np.float64),  # turn of the heading in this step, counterclockwise [rad]
         ("half", np.float64),  # half length of the core after the step [m]
-        ("ix", np.float64),  # as in ROW
+        ("ix", np.float64),  # intent, rank, key and opposed: as in ROW
         ("iy", np.float64),
         ("rank", np.float64),
         ("key", np.float64),
         ("opposed", np.float64),
-        ("facing_x", np.float64),  # where the body faces, unless its shoulders are turned
+        ("facing_x", np.float64),  # direction in which the chest faces if the shoulders are not turned; any length
         ("facing_y", np.float64),
-        ("turn_cos", np.float64),  # the turn of the shoulders against that
+        ("turn_cos", np.float64),  # cosine and sine of the turn of the shoulders against it
         ("turn_sin", np.float64),
     ],
     align=True,
 )
-"""What an agent wants of a step; the commit grants what touches nobody."""
+"""What an agent wants in a step. The commit grants as much of it as touches nothing."""
 
 
 @helper
 def take_in(rows, me, near_rows, near):
-    """Copy what ``me`` sees of those in ``near_rows`` to ``near``; returns how many they are."""
+    """Copy the agents in ``near_rows[me]`` to ``near``, relative to the agent ``me``; return their number."""
     mine = rows[me]
     for n in range(MOST_NEAR):
         row = near_rows[me, n]
@@ -57,24 +64,31 @@ def take_in(rows, me, near_rows, near):
 
 @helper
 def gap_to(mine, other):
-    """Gap between an agent's body and one that it sees [m]."""
+    """Return the gap between an agent's body and that of a neighbor [m], negative if they overlap."""
     _, _, distance = core_to_core(other.px, other.py, -mine.hy, mine.hx, mine.half, -other.hy, other.hx, other.half)
     return distance - mine.radius - other.radius
 
 
 @helper
 def hear_opposing(rows, mine, near, count, rules):
-    """How much an agent knows of others who come towards it, 0 to 1: by its own eyes, or handed on by those ahead."""
+    """Return the agent's awareness of opposing traffic, 0 to 1: seen by itself, or handed on by agents ahead."""
+    # Awareness fades within two seconds.
     news = max(mine.opposed - 0.5 * rules.step, 0.0)
     for n in range(count):
         seen = near[n]
+        # Only agents ahead count.
         if seen.px * mine.gx + seen.py * mine.gy <= 0.0:
             continue
         other = rows[seen.row]
         along = other.ix * mine.gx + other.iy * mine.gy
+        # Intents that differ by more than 107 degrees oppose each other. Agents of one goal never do: at a door they
+        # face each other because they queue for it. Within 1.5 m of the agent's line, such an agent is opposing
+        # traffic.
         if other.goal != mine.goal and along < -0.3:
             if abs(mine.gx * seen.py - mine.gy * seen.px) < 1.5:
                 return 1.0
+        # An agent that walks the same way hands on what it knows, a little less with each agent: the news runs back
+        # through a queue.
         elif along > 0.3:
             news = max(news, rules.news * other.opposed - 0.02)
     return news
@@ -82,11 +96,14 @@ def hear_opposing(rows, mine, near, count, rules):
 
 @helper
 def yield_to_opposing(rows, mine, near, count, rules, want):
-    """Step out of the way of the highest rank whose way leads through the agent. Returns whether there is one.
+    """Step out of the way of an opposing agent that is stuck, if this agent blocks it; return True if it does.
 
-    Among agents of one goal nobody yields so (:func:`let_merge` holds there), which would ruin the flow at a door.
+    Of several, the one with the highest rank counts. Agents of one goal do not yield to each other like this (that
+    would ruin the flow at a door); :func:`let_merge` orders them.
     """
     goes = mine.gx != 0.0 or mine.gy != 0.0
+    # The rank is about the time stuck: yield only to agents that have been stuck for ``yield_after`` and longer than
+    # this one.
     highest = max(mine.rank if goes else 0.0, rules.yield_after)
     first = -1
     for n in range(count):
@@ -94,9 +111,10 @@ def yield_to_opposing(rows, mine, near, count, rules, want):
         other = rows[seen.row]
         if other.rank <= highest or other.goal == mine.goal or seen.distance > rules.yield_reach:
             continue
+        # Intents must oppose each other by more than 107 degrees. An agent that stays yields to any direction.
         if goes and other.ix * mine.gx + other.iy * mine.gy > -0.3:
             continue
-        # Its way leads through the agent if that stands ahead of it, within both half breadths.
+        # The other's way leads through this agent if that is ahead of it, within the sum of their half breadths.
         ahead = -(seen.px * other.ix + seen.py * other.iy)
         aside = abs(seen.px * other.iy - seen.py * other.ix)
         if ahead > 0.0 and aside < mine.half + mine.radius + seen.half + seen.radius:
@@ -104,7 +122,8 @@ def yield_to_opposing(rows, mine, near, count, rules, want):
             first = n
     if first < 0:
         return False
-    # Step to the own right, which is the other's left, unless clearly on its right; and back, along its way.
+    # Step aside to the left of the other's way (to the agent's own right, as they face each other), or to the right if
+    # it already is 0.25 m to the right; and back, along the other's way.
     seen = near[first]
     other = rows[seen.row]
     left = -(other.ix * seen.py - other.iy * seen.px)
@@ -114,9 +133,9 @@ def yield_to_opposing(rows, mine, near, count, rules, want):
     pace = math.sqrt(want.vx * want.vx + want.vy * want.vy)
     want.ix = want.vx / pace
     want.iy = want.vy / pace
-    # Whoever stands behind yields in turn.
+    # Inherit the rank, a little lower, so that agents behind this one yield to it in turn.
     want.rank = max(want.rank, other.rank - 0.001)
-    # Turn narrow across its way.
+    # Turn the shoulders parallel to the other's way, so that the body is narrow across it.
     want.facing_x = other.ix
     want.facing_y = other.iy
     want.turn_cos = 0.0
@@ -126,9 +145,9 @@ def yield_to_opposing(rows, mine, near, count, rules, want):
 
 @helper
 def let_merge(rows, mine, near, count, rules, want):
-    """Make room for those of the same goal who go first, are stuck, and whom the agent hinders.
+    """Back away from agents of the same goal that go first, are stuck, and are hindered by this agent.
 
-    Returns whether there are any.
+    Return True if there are any. The lower key (distance to the goal, ties broken) goes first.
     """
     awayx = 0.0
     awayy = 0.0
@@ -138,11 +157,13 @@ def let_merge(rows, mine, near, count, rules, want):
     for n in range(count):
         seen = near[n]
         other = rows[seen.row]
+        # Only agents within 1 m with the right of way that are stuck.
         if other.goal != mine.goal or other.key >= want.key or other.stuck <= rules.merge_after or seen.distance > 1.0:
             continue
-        # Only who stands ahead of the other, or beside it, is in its way.
+        # Skip agents that have this one behind them: it is not in their way.
         if seen.px * other.ix + seen.py * other.iy > rules.merge_behind * seen.distance:
             continue
+        # Sum up the directions away from all of them; remember the intent of the one that goes first.
         if gap_to(mine, seen) < rules.merge_gap:
             awayx -= seen.px / seen.distance
             awayy -= seen.py / seen.distance
@@ -157,9 +178,10 @@ def let_merge(rows, mine, near, count, rules, want):
     want.iy = awayy / away
     want.vx = rules.merge_speed * want.ix
     want.vy = rules.merge_speed * want.iy
-    # Whoever stands behind makes room in turn.
+    # Inherit the key, a little higher, so that agents behind this one make room for it in turn.
     want.key = lowest + 1e-4
-    # Turn narrow across the way of who goes first: else two side by side in a neck may hook into each other.
+    # Turn the shoulders parallel to the way of the first agent: two side by side in a narrow passage could otherwise
+    # lock their shoulders.
     want.facing_x = wayx
     want.facing_y = wayy
     want.turn_cos = 0.0
@@ -169,9 +191,11 @@ def let_merge(rows, mine, near, count, rules, want):
 
 @helper
 def walks_in_file(rows, mine, near, count, walls, rules, opposed):
-    """Whether the agent follows somebody of its way through a lane in which two do not fit side by side.
+    """Return True if the agent follows another one through a lane too narrow for two side by side.
 
-    The lane must have begun some way behind the agent. If others come towards it, or it is stuck, it does as it can.
+    The lane must have begun ``rules.lane`` [m] behind the agent. An agent that meets opposing traffic (``opposed`` > 0)
+    or is stuck does not keep in file. (gx, gy) and (ix, iy) are unit vectors of guidance and intent, (px, py) leads
+    from the agent to a neighbor [m].
     """
     if opposed > 0.0 or mine.stuck > rules.file_patience:
         return False
@@ -182,10 +206,10 @@ def walks_in_file(rows, mine, near, count, walls, rules, opposed):
     for n in range(count):
         seen = near[n]
         other = rows[seen.row]
-        # Whoever goes on the same way is followed, wherever it means to go then.
+        # The leader is ahead and walks the same way (less than 73 degrees off, cosine 0.3), whatever its goal.
         if seen.px * mine.gx + seen.py * mine.gy <= 0.0 or other.ix * mine.gx + other.iy * mine.gy <= 0.3:
             continue
-        # In a bend, the straight line to it points half way between both ways.
+        # Offset of the leader from the mean of both directions, along which the straight line to it leads in a bend.
         way_x = mine.gx + other.ix
         way_y = mine.gy + other.iy
         both = mine.half + mine.radius + seen.half + seen.radius
@@ -197,7 +221,12 @@ def walks_in_file(rows, mine, near, count, walls, rules, opposed):
 
 @helper
 def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
-    """Speed along ``(ux, uy)`` [m/s]: a time gap to whoever is ahead in the agent's swath, or pressing on if stuck."""
+    """Return the speed along the unit vector ``(ux, uy)`` [m/s]: time gap to agents ahead, or pressing on if stuck.
+
+    The time gap follows the collision-free speed model (Tordeux, Chraibi and Seyfried, Traffic and Granular Flow 2015):
+    speed <= (gap - standoff) / headway, plus a share of the leader's speed.
+    """
+    # Free speed, lower with turned shoulders; half breadth of the body across its way.
     slowdown = rules.turned_slowdown if mine.turn < 0.0 else rules.sideways_slowdown
     speed = mine.speed * (1.0 - slowdown * (1.0 - want.turn_cos))
     width = mine.half * want.turn_cos + mine.radius
@@ -210,21 +239,28 @@ def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
             continue
         other = rows[seen.row]
         own_way = other.goal == mine.goal
+        # Width of the swath that counts: of agents with the same goal, those that go first count almost fully, those
+        # that go after this one not at all.
         share = rules.swath
         if own_way:
             share = before if other.key < mine.key else rules.swath_behind
+        # Sum of both half breadths across the direction; agents whose center is farther aside do not limit the speed.
         both = width + seen.radius + seen.half * abs(seen.hx * ux + seen.hy * uy)
         aside = abs(seen.px * uy - seen.py * ux)
         if aside >= share * both:
             continue
         gap = gap_to(mine, seen)
+        # An agent at the edge of the swath limits less: the gap grows with the square of its relative offset.
         offset = aside / both
         allowed = max(0.0, gap - rules.standoff + rules.offset_gain * offset * offset) / headway
+        # Start at once when the leader starts; its speed counts less in a small gap.
         leading = max(0.0, seen.vx * ux + seen.vy * uy)
         speed = min(speed, allowed + rules.leader * leading * min(1.0, max(gap, 0.0) / rules.leader_gap))
+        # An agent close ahead that walks the same way and goes first is one to wait for.
         if gap < 0.4 and other.ix * mine.gx + other.iy * mine.gy > 0.3 and (not own_way or other.key < mine.key):
             led = True
-    # Contact is harmless, as the commit slides: who is stuck presses on, more so who has nobody to wait for.
+    # The time gap alone would stop touching agents for ever. Contact is harmless, as the commit lets bodies slide: a
+    # stuck agent presses on, earlier and faster if there is no leader to wait for.
     creep = rules.creep * min(max((mine.stuck - 0.3) / 2.0, 0.0), 1.0)
     if not led:
         creep = max(creep, rules.creep_first * min(max(mine.stuck - 0.2, 0.0), 1.0))
@@ -233,12 +269,14 @@ def choose_speed(rows, mine, near, count, rules, ux, uy, in_file, want):
 
 @helper
 def keep_right(mine, near, count, walls, rules, opposed):
-    """Angle by which an agent aims to the right of its way [rad]: while others come, more so if one blocks its way."""
+    """Return the angle by which an agent aims to the right of its guidance [rad], while it meets opposing traffic."""
     if opposed <= 0.0:
         return 0.0
+    # Share of the angle for which there is room: walls near the point 0.5 m to the right, and the goal, reduce it.
     free = distance_at(walls[1], mine.x + 0.5 * mine.gy, mine.y - 0.5 * mine.gx)
     room = min(max((free - rules.edge) / 0.3, 0.0), 1.0) * min(mine.togo / rules.direct, 1.0)
     angle = rules.keep_right * opposed * room
+    # If it is stuck and an agent within 1 m ahead is not clearly (0.25 m) to its left, it aims farther to the right.
     if mine.stuck > 0.0:
         for n in range(count):
             seen = near[n]
@@ -251,7 +289,8 @@ def keep_right(mine, near, count, walls, rules, opposed):
 
 @helper
 def follow_way(rows, mine, near, count, walls, rules, want):
-    """Go where guidance leads, around others, at the speed that the gap ahead allows."""
+    """Walk along guidance and around neighbors, at the speed that the gap ahead allows; fill ``want``."""
+    # Desired direction: guidance, turned to the right under opposing traffic.
     ahead = (mine.gx, mine.gy)
     angle = keep_right(mine, near, count, walls, rules, want.opposed)
     if angle > 0.0:
@@ -259,7 +298,7 @@ def follow_way(rows, mine, near, count, walls, rules, want):
         ahead = (mine.gx * cos + mine.gy * sin, mine.gy * cos - mine.gx * sin)
     fixed_cos = -1.0
     if mine.turn >= 0.0:
-        # A section of the plan fixes how the body is turned against the way.
+        # A section of the plan prescribes the turn of the body against the way: try no other.
         fixed_cos, want.turn_sin = cos_sin(mine.turn)
         want.turn_cos = fixed_cos
         want.facing_x = mine.gx
@@ -276,7 +315,8 @@ def follow_way(rows, mine, near, count, walls, rules, want):
 
 @helper
 def limit_change(mine, rules, want):
-    """Let the velocity follow what is wanted, as fast as people change theirs; and the core its length."""
+    """Limit the change of velocity to human accelerations, and the change of the core's length per step."""
+    # Relax towards the wanted velocity: dv = (v_wanted - v) dt / tau, clamped to the largest acceleration.
     ax = (want.vx - mine.vx) * rules.step / rules.relaxation
     ay = (want.vy - mine.vy) * rules.step / rules.relaxation
     change = math.sqrt(ax * ax + ay * ay)
@@ -286,45 +326,54 @@ def limit_change(mine, rules, want):
         ay *= most / change
     want.vx = mine.vx + ax
     want.vy = mine.vy + ay
+    # Arms are drawn in by at most 3 cm a step and let out by 2 cm.
     asked = min(mine.held, mine.rest) if mine.held >= 0.0 else mine.rest
     want.half = min(max(asked, mine.half - 0.03), mine.half + 0.02)
 
 
 @helper
 def face(mine, rules, want):
-    """Turn the body where it goes, or where its way leads if it hardly moves.
+    """Set the turn of the body in this step: towards its velocity, or its guidance if it hardly moves.
 
-    With turned shoulders, take the side that is nearer.
+    Turned shoulders take the side that needs the smaller turn.
     """
     most = rules.turn_rate * rules.step
+    # Below 0.25 m/s the direction of the velocity is noise: face along guidance, and turn slowly.
     if want.facing_x * want.facing_x + want.facing_y * want.facing_y < 0.0625:
         want.facing_x = mine.gx
         want.facing_y = mine.gy
         if want.turn_sin == 0.0:
             most *= 0.3
     want.turn = 0.0
+    # An agent that stays keeps its heading.
     if want.facing_x == 0.0 and want.facing_y == 0.0:
         return
     fx = want.facing_x
     fy = want.facing_y
+    # Rotate the facing by the turn of the shoulders, to the side on which the heading already is.
     if want.turn_sin > 0.0:
         side = want.turn_sin if fx * mine.hy - fy * mine.hx > 0.0 else -want.turn_sin
         fx, fy = fx * want.turn_cos - fy * side, fy * want.turn_cos + fx * side
+    # Signed angle from the heading to the facing, limited by the turn rate.
     turn = atan2(mine.hx * fy - mine.hy * fx, mine.hx * fx + mine.hy * fy)
     want.turn = min(max(turn, -most), most)
 
 
 @kernel
 def decide_rows(rows, near_rows, first, last, walls, rules, wanted):
-    """Decide for the agents ``rows[first:last]``, who see those of ``near_rows``.
+    """Decide what the agents of rows ``first`` to ``last`` (exclusive) want in this step.
 
-    ``walls``: those of the legs' layer, those of the torso's, and the radius of the legs [m]. ``wanted``: WANTED[n].
+    ``rows`` (ROW[n]) are the sorted agents; ``near_rows`` (n, MOST_NEAR) int32 the rows of their neighbors, -1 after
+    the last; ``walls`` those of the legs' layer, those of the torso's layers and the radius of the legs [m]. ``wanted``
+    (WANTED[n]) gets the decisions.
     """
     near = np.empty(MOST_NEAR, NEAR)
     for me in range(first, last):
         mine = rows[me]
         want = wanted[me]
         goes = mine.gx != 0.0 or mine.gy != 0.0
+        # Default: stay, with the guidance as intent. The rank of right of way is the time stuck, the key the distance
+        # to go.
         want.vx = 0.0
         want.vy = 0.0
         want.ix = mine.gx
@@ -340,7 +389,7 @@ def decide_rows(rows, near_rows, first, last, walls, rules, wanted):
         if goes:
             want.opposed = hear_opposing(rows, mine, near, count, rules)
 
-        # Giving way comes first, then merging, then the own way.
+        # The first rule that applies sets the velocity: yield, let others merge, walk.
         gives_way = yield_to_opposing(rows, mine, near, count, rules, want)
         if goes and not gives_way and not let_merge(rows, mine, near, count, rules, want):
             follow_way(rows, mine, near, count, walls, rules, want)

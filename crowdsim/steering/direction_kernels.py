@@ -1,4 +1,8 @@
-"""In which direction a steered agent goes: how far it is free, weighed against where the agent would be."""
+"""Choice of the walking direction of a steered agent: free distance in each direction against deviation from its way.
+
+After Moussaid, Helbing and Theraulaz, How simple rules determine pedestrian behavior and crowd disasters (PNAS 108,
+2011), equation 1, with added costs for turning.
+"""
 
 import math
 
@@ -9,20 +13,20 @@ from crowdsim.steering.wall_kernels import free_ahead
 
 NEAR = np.dtype(
     [
-        ("px", np.float64),  # from the agent to the other [m]
+        ("px", np.float64),  # vector from the agent to the neighbor [m]
         ("py", np.float64),
-        ("distance", np.float64),
-        ("vx", np.float64),
+        ("distance", np.float64),  # its length [m]
+        ("vx", np.float64),  # velocity of the last step [m/s]
         ("vy", np.float64),
-        ("hx", np.float64),
+        ("hx", np.float64),  # unit vector of the heading
         ("hy", np.float64),
-        ("half", np.float64),
-        ("radius", np.float64),
-        ("row", np.int64),
+        ("half", np.float64),  # half length of the core [m]
+        ("radius", np.float64),  # radius of the capsule [m]
+        ("row", np.int64),  # its row
     ],
     align=True,
 )
-"""What an agent sees of another."""
+"""What an agent sees of a neighbor."""
 
 DIRECTIONS = np.array(
     [
@@ -41,22 +45,25 @@ DIRECTIONS = np.array(
         (0.0, 1.0),
     ]
 )
-"""Unit vectors beside straight ahead: 0, 10, 20, 35, 50, 70 and 90 degrees to either side, as they are tried."""
+"""Candidate directions (cos, sin) against straight ahead, in the order tried: 0, 10, 20, 35, 50, 70 and 90 degrees,
+each to the right and then to the left."""
 
 TURNS = np.array([(1.0, 0.0), (0.766044443119, 0.642787609687), (0.258819045103, 0.965925826289)])
-"""Cosine and sine of the turns of the shoulders that are tried: 0, 40 and 75 degrees."""
+"""Candidate turns of the shoulders (cos, sin): 0, 40 and 75 degrees."""
 
 
 @helper
 def free_way(near, count, ux, uy, speed, width, floor, horizon):
-    """Way along ``(ux, uy)`` at ``speed`` until a body of half breadth ``width`` meets somebody [m].
+    """Return the distance that a body of half breadth ``width`` walks before it meets a neighbor [m].
 
-    Others keep their velocity; each is as broad as its body is across the relative velocity. Returns ``horizon`` if the
-    agent meets nobody before that. Stops early, with a value of at most ``floor``, if the way is no longer than that.
+    It walks along the unit vector ``(ux, uy)`` at ``speed`` [m/s]; neighbors keep their velocities, and each is as
+    broad as its body is across the relative velocity. Return ``horizon`` if it meets none within that distance. The
+    search stops as soon as the distance is at most ``floor``, and returns any such value.
     """
     way = horizon
     for n in range(count):
         other = near[n]
+        # Relative velocity w; a neighbor that does not come closer (p . w <= 0) is never met.
         wx = speed * ux - other.vx
         wy = speed * uy - other.vy
         closing = other.px * wx + other.py * wy
@@ -64,11 +71,14 @@ def free_way(near, count, ux, uy, speed, width, floor, horizon):
             continue
         across = other.px * wy - other.py * wx
         square = wx * wx + wy * wy
-        # Half breadths of both, times the relative speed: the core of the other is across its heading.
+        # Sum of the half breadths across w, times |w| (the core of the neighbor is perpendicular to its heading). The
+        # neighbor passes by if its offset from the line along w, |p x w| / |w|, is larger.
         both = (width + other.radius) * math.sqrt(square) + other.half * abs(other.hx * wx + other.hy * wy)
         missing = both * both - across * across
         if missing <= 0.0:
             continue
+        # Time of contact of two discs: t = (p . w - sqrt((W |w|)^2 - (p x w)^2)) / |w|^2; the agent has walked speed *
+        # t.
         way = min(way, max(speed * (closing - math.sqrt(missing)) / square, 0.0))
         if way <= floor:
             break
@@ -77,13 +87,27 @@ def free_way(near, count, ux, uy, speed, width, floor, horizon):
 
 @helper
 def score_directions(mine, near, count, walls, rules, ahead, turn_cos, extra_turn, best):
-    """Try all directions with one turn of the shoulders; returns the better of ``best`` and the best of them.
+    """Score all directions with one turn of the shoulders; return the better of ``best`` and the best of them.
 
-    ``ahead``: unit vector of where the agent would be a horizon ahead. ``best``: score [m2], unit vector, way [m].
+    Parameters
+    ----------
+    mine : ROW
+        The agent.
+    near : NEAR[k]
+        Neighbors, of which the first ``count`` are valid.
+    walls : tuple
+        Walls of the legs' layer, walls of the torso's layers, radius of the legs [m].
+    ahead : (float, float)
+        Unit vector of the desired direction.
+    turn_cos, extra_turn : float
+        Cosine of the turn of the shoulders, and what it costs [m2].
+    best : (float, float, float, float)
+        Score so far [m2], unit vector of the direction, free distance [m]; returned in the same form.
     """
     legs, torso, leg_radius = walls
     score, best_x, best_y, best_way = best
     horizon = rules.horizon
+    # Half breadth across the way with shoulders turned; inertia counts only for an agent that walks.
     width = mine.half * turn_cos + mine.radius
     pace = math.sqrt(mine.vx * mine.vx + mine.vy * mine.vy)
     inertia = rules.inertia * horizon if pace > 0.1 else 0.0
@@ -93,11 +117,14 @@ def score_directions(mine, near, count, walls, rules, ahead, turn_cos, extra_tur
         ux = ahead[0] * cos - ahead[1] * sin
         uy = ahead[1] * cos + ahead[0] * sin
         extra = extra_turn
+        # Costs that do not depend on the free distance: inertia 1 - cos(angle to the velocity), passing on the left.
         if inertia > 0.0:
             extra += inertia * (1.0 - (ux * mine.vx + uy * mine.vy) / pace)
         if sin > 0.0:
             extra += rules.left_bias * horizon
-        # The least score that this direction can have, if it is free to the point next to where the agent would be.
+        # Prune, with H the horizon, a the angle and f the free distance: H^2 + f^2 - 2 H f cos(a) is at least
+        # H^2 sin(a)^2 (at f = H cos(a)), so skip a direction whose lower bound is no better than the best score. It can
+        # win only with f > floor, the smaller root of the quadratic equation for that score.
         left_over = score - extra - horizon * horizon * sin * sin
         if left_over <= 0.0:
             continue
@@ -105,19 +132,21 @@ def score_directions(mine, near, count, walls, rules, ahead, turn_cos, extra_tur
         way = free_way(near, count, ux, uy, mine.speed, width, floor, horizon)
         if way <= floor:
             continue
+        # Walls last, as they cost most: the torso, then the legs, up to the distance that still counts.
         traced = min(way, rules.wall_horizon)
         free = free_ahead(torso, mine.x, mine.y, ux, uy, width, traced)
         if free > 0.0:
             free = min(free, free_ahead(legs, mine.x, mine.y, ux, uy, leg_radius, free))
         if free < traced:
             way = free
+        # Squared distance between the point a horizon ahead and the point that the agent reaches (law of cosines).
         this = horizon * horizon + way * way - 2.0 * horizon * way * cos + extra
         if this < score:
             score = this
             best_x = ux
             best_y = uy
             best_way = way
-        # Nothing beats a free way straight ahead.
+        # No other direction beats a free way straight ahead.
         if k == 0 and way >= horizon:
             break
     return score, best_x, best_y, best_way
@@ -125,21 +154,38 @@ def score_directions(mine, near, count, walls, rules, ahead, turn_cos, extra_tur
 
 @helper
 def choose_direction(mine, near, count, walls, rules, ahead, fixed_cos, in_file):
-    """Direction in which an agent comes nearest to where it would be a horizon ahead, and how its shoulders are turned.
+    """Choose the direction whose free distance brings an agent nearest to the point a horizon ahead of it.
 
-    The score of a direction is the squared distance between that place and the one it reaches [m2], plus what turning
-    away from the present velocity, passing on the left and turning the shoulders cost. ``fixed_cos`` is the cosine of
-    the turn that a section asks for, or -1. Nobody ``in_file`` turns the shoulders. Returns the unit vector and the
-    number of the turn in :data:`TURNS`.
+    The score of a direction is the squared distance between that point and the one it reaches [m2], plus the costs of
+    turning away from the present velocity, of passing on the left and of turning the shoulders.
+
+    Parameters
+    ----------
+    mine, near, count, walls, rules
+        As for :func:`score_directions`.
+    ahead : (float, float)
+        Unit vector of the desired direction.
+    fixed_cos : float
+        Cosine of the turn of the shoulders that a section of the plan prescribes, or -1.
+    in_file : bool
+        True if the agent walks in file: then it does not turn its shoulders to get beside the next one.
+
+    Returns
+    -------
+    ux, uy : float
+        Unit vector of the direction.
+    turned : int
+        Index of the turn of the shoulders in :data:`TURNS`.
     """
     worst = 1e9
     best = (worst, ahead[0], ahead[1], 0.0)
+    # Prescribed turn: one pass.
     if fixed_cos >= 0.0:
         best = score_directions(mine, near, count, walls, rules, ahead, fixed_cos, 0.0, best)
         return best[1], best[2], 0
     turned = 0
     best = score_directions(mine, near, count, walls, rules, ahead, 1.0, 0.0, best)
-    # If even the best way is short, try with the shoulders turned; in file nobody gets beside the next one so.
+    # Straight shoulders first. Only if even the best free distance is short, try the other turns.
     if best[3] <= rules.tight and not in_file:
         for turn in range(1, len(TURNS)):
             before = best[0]

@@ -1,4 +1,4 @@
-"""Whom a steered agent sees."""
+"""Neighbor search of steered agents: which others each agent sees and takes into account."""
 
 import math
 
@@ -8,12 +8,12 @@ from crowdsim.jit import helper, kernel
 from crowdsim.steering.row_kernels import CELL
 
 MOST_NEAR = 12
-"""Others whom an agent heeds."""
+"""Largest number of neighbors that an agent takes into account."""
 
 
 @helper
 def cell_of(frame, x, y):
-    """Column and row of the cell that a place lies in."""
+    """Return column and row of the cell that contains a position; positions outside count to the border cells."""
     left, bottom, columns, rows_up = frame
     column = min(max(int((x - left) / CELL), 0), columns - 1)
     row = min(max(int((y - bottom) / CELL), 0), rows_up - 1)
@@ -22,7 +22,8 @@ def cell_of(frame, x, y):
 
 @helper
 def rows_beside(starts, frame, column, j, cells):
-    """First row, and the one after the last, in the cells of line ``j`` up to ``cells`` away from ``column``."""
+    """Return the range [first, last) of sorted rows in grid row ``j``, up to ``cells`` columns from ``column``."""
+    # Cells of one grid row are consecutive, so their agents are one range.
     columns = frame[2]
     first = starts[j * columns + max(column - cells, 0)]
     last = starts[j * columns + min(column + cells, columns - 1) + 1]
@@ -31,9 +32,24 @@ def rows_beside(starts, frame, column, j, cells):
 
 @kernel
 def look_rows(rows, places, starts, frame, first, last, rules, near):
-    """Find whom the agents ``rows[first:last]`` heed: the nearest, those ahead before those behind.
+    """Find the neighbors of the agents in rows ``first`` to ``last`` (exclusive): the nearest, agents ahead preferred.
 
-    ``near``: int32[n, MOST_NEAR], gets their rows, the most important first, -1 behind the last.
+    Parameters
+    ----------
+    rows : ROW[n]
+        Sorted agents.
+    places : (n, 2) float64
+        Their positions [m].
+    starts : (columns * rows + 1,) int64
+        Row at which each cell begins.
+    frame : (float, float, int, int)
+        Left and bottom edge of the grid [m], columns and rows of cells.
+    first, last : int
+        Rows to look from.
+    rules : Rules
+        Constants of the model.
+    near : (n, MOST_NEAR) int32
+        Gets the rows of the neighbors, the most important first, -1 after the last.
     """
     weights = np.empty(MOST_NEAR)
     rows_up = frame[3]
@@ -44,7 +60,7 @@ def look_rows(rows, places, starts, frame, first, last, rules, near):
         gy = rows[me].gy
         column, row = cell_of(frame, x, y)
 
-        # In a crowd look less far: count who stands in the 5 x 5 cells around.
+        # In a dense crowd (agents in the 5 x 5 cells around) see less far: the nearest dozen are closer anyway.
         crowd = 0
         for j in range(max(row - 2, 0), min(row + 3, rows_up)):
             begin, end = rows_beside(starts, frame, column, j, 2)
@@ -52,7 +68,8 @@ def look_rows(rows, places, starts, frame, first, last, rules, near):
         reach = rules.reach_in_crowd if crowd > rules.crowd else rules.reach
         cells = math.ceil(reach / CELL)
 
-        # Keep the least weights, sorted by insertion.
+        # Keep the neighbors with the smallest weights, by insertion sort. Cells are visited in a fixed order, so that
+        # ties are broken in the same way in every run.
         count = 0
         for j in range(max(row - cells, 0), min(row + cells + 1, rows_up)):
             begin, end = rows_beside(starts, frame, column, j, cells)
@@ -62,7 +79,9 @@ def look_rows(rows, places, starts, frame, first, last, rules, near):
                 square = px * px + py * py
                 if square > reach * reach or other == me:
                     continue
+                # Weight d (1.25 - 0.5 cos(angle to guidance)): 0.75 d straight ahead, 1.75 d straight behind.
                 weight = 1.25 * math.sqrt(square) - 0.5 * (px * gx + py * gy)
+                # A full list drops its last entry, or the new neighbor if that weighs more.
                 if count == MOST_NEAR:
                     if weight >= weights[MOST_NEAR - 1]:
                         continue

@@ -1,4 +1,4 @@
-"""Rows of steered agents: sorted by the cells that they stand in, so that who is near is near in memory too."""
+"""State of steered agents, one record (row) each, and the sort that keeps spatial neighbors close in memory."""
 
 import math
 
@@ -7,47 +7,60 @@ import numpy as np
 from crowdsim.jit import kernel
 
 CELL = 1.0
-"""Side of a cell [m]."""
+"""Side of a grid cell for the neighbor search [m]."""
 
 ROW = np.dtype(
     [
-        ("x", np.float64),  # place [m]
+        ("x", np.float64),  # center of the torso [m]
         ("y", np.float64),
         ("hx", np.float64),  # unit vector of the heading
         ("hy", np.float64),
-        ("vx", np.float64),  # velocity of the last step, as it was carried out [m/s]
+        ("vx", np.float64),  # velocity of the last step, as the commit allowed it [m/s]
         ("vy", np.float64),
-        ("ix", np.float64),  # where it means to go: the unit vector of its way, or of its giving way; 0, 0 for nowhere
+        ("ix", np.float64),  # intent: unit vector of guidance, or of the side step that it makes; (0, 0) if it stays
         ("iy", np.float64),
-        ("half", np.float64),  # half length of the core [m]
-        ("radius", np.float64),  # of the capsule [m]
-        ("rank", np.float64),  # whoever has the higher one goes first among opposing agents
-        ("key", np.float64),  # whoever has the lower one goes first among agents of one goal [m]
-        ("opposed", np.float64),  # 0 to 1: how much it knows of agents that come towards it
-        ("goal", np.int64),  # agents of one goal queue for it
-        ("stuck", np.float64),  # seconds without progress, up to STUCK_MOST
-        ("speed", np.float64),  # it would walk at alone [m/s]
-        ("gx", np.float64),  # unit vector of guidance, 0, 0 for an agent that stays
+        ("half", np.float64),  # present half length of the capsule's core, shoulder to shoulder [m]
+        ("radius", np.float64),  # radius of the capsule [m]
+        ("rank", np.float64),  # right of way among opposing agents: the higher rank goes first [s]
+        ("key", np.float64),  # right of way among agents of one goal: the lower key goes first [m]
+        ("opposed", np.float64),  # awareness of opposing traffic, 0 to 1
+        ("goal", np.int64),  # number of the goal; agents with the same number queue for it
+        ("stuck", np.float64),  # time without progress, in [0, STUCK_MOST] [s]
+        ("speed", np.float64),  # free walking speed [m/s]
+        ("gx", np.float64),  # unit vector of guidance: direction of the way to the goal; (0, 0) for an agent that stays
         ("gy", np.float64),
-        ("togo", np.float64),  # length of the way to its goal [m]
-        ("heading", np.float64),  # [rad]
-        ("rest", np.float64),  # half length of the core if nothing asks for less [m]
-        ("share", np.float64),  # in [0, 1): breaks ties, drawn from the id
-        ("turn", np.float64),  # angle between heading and way that a section of the plan asks for, -1 for any [rad]
-        ("held", np.float64),  # half length with arms held in that a section asks for, -1 for none [m]
+        ("togo", np.float64),  # length of the way left to the goal [m]
+        ("heading", np.float64),  # direction in which the chest faces, counterclockwise from x [rad]
+        ("rest", np.float64),  # relaxed half length of the core, to which "half" returns [m]
+        ("share", np.float64),  # tie breaker in [0, 1), drawn from the id
+        ("turn", np.float64),  # angle between heading and way prescribed by a section of the plan, -1 if free [rad]
+        ("held", np.float64),  # half length with the arms held in, prescribed by a section, -1 if none [m]
         ("id", np.int64),
     ],
     align=True,
 )
-"""What others read of an agent comes first: two to three lines of the processor's cache."""
+"""State of one agent. The fields that neighbors read come first, so that they share two or three cache lines."""
 
 
 @kernel
 def measure_rows(state, places):
-    """Copy where agents are to ``places``, float64[n, 2] [m], and measure them in one pass.
+    """Copy the positions of all agents, find their extent and check that the state is finite, in one pass.
 
-    Returns the first agent without finite place, heading, velocity, guidance and body, -1 if there is none; the lower
-    left and the upper right corner of all places [m]; and the largest half breadth [m], 0 if there is nobody.
+    Parameters
+    ----------
+    state : ROW[n]
+        Agents.
+    places : (n, 2) float64
+        Gets their positions [m].
+
+    Returns
+    -------
+    wrong : int
+        First agent with a position, heading, velocity, guidance or body that is not finite; -1 if there is none.
+    left, bottom, right, top : float
+        Bounding box of all positions [m].
+    broadest : float
+        Largest half breadth (core and radius) [m], 0 without agents.
     """
     wrong = -1
     left = bottom = math.inf
@@ -64,7 +77,7 @@ def measure_rows(state, places):
         bottom = min(bottom, y)
         top = max(top, y)
         broadest = max(broadest, mine.half + mine.radius)
-        # Infinity and nan times 0 are nan.
+        # A finite number times 0 is 0, infinity or nan times 0 is nan: one comparison checks all fields.
         none = 0.0 * x + 0.0 * y + 0.0 * mine.heading + 0.0 * mine.vx + 0.0 * mine.vy
         none += 0.0 * mine.half + 0.0 * mine.speed + 0.0 * mine.gx + 0.0 * mine.gy + 0.0 * mine.togo
         if wrong < 0 and none != 0.0:
@@ -74,14 +87,23 @@ def measure_rows(state, places):
 
 @kernel
 def sort_rows(places, frame, starts, order, cells):
-    """Sort agents by cells, and by their number within a cell (a counting sort).
+    """Sort agents by cell, and by agent number within a cell (counting sort).
 
-    ``places``: float64[n, 2] [m]. ``frame``: left and bottom of the cells [m], columns and rows of them. ``order``:
-    int32[n], gets the agents; ``starts``: int64[columns * rows + 1], gets where a cell begins in it; ``cells``:
-    int32[n], scratch.
+    Parameters
+    ----------
+    places : (n, 2) float64
+        Positions [m].
+    frame : (float, float, int, int)
+        Left and bottom edge of the grid [m], columns and rows of cells.
+    starts : (columns * rows + 1,) int64
+        Gets the index in ``order`` at which each cell begins, cells row by row; the last entry is n.
+    order : (n,) int32
+        Gets the agents, sorted.
+    cells : (n,) int32
+        Scratch: the cell of each agent.
     """
     left, bottom, columns, rows_up = frame
-    # Count the agents of every cell.
+    # First pass: count the agents of each cell, one entry further on. Positions outside go to the border cells.
     starts[:] = 0
     for agent in range(len(places)):
         column = min(max(int((places[agent, 0] - left) / CELL), 0), columns - 1)
@@ -89,12 +111,14 @@ def sort_rows(places, frame, starts, order, cells):
         cell = row * columns + column
         cells[agent] = cell
         starts[cell + 1] += 1
-    # Sum up: starts[c + 1] is now where cell c begins, and moves on as it fills.
+    # Prefix sums: starts[c + 1] becomes the index at which cell c begins.
     total = 0
     for cell in range(1, len(starts)):
         count = starts[cell]
         starts[cell] = total
         total += count
+    # Second pass: place the agents. starts[c + 1] moves on to the end of cell c, which is where cell c + 1 begins.
+    # Agents come in ascending number, so the sort is stable.
     for agent in range(len(places)):
         cell = cells[agent]
         order[starts[cell + 1]] = agent
@@ -103,7 +127,7 @@ def sort_rows(places, frame, starts, order, cells):
 
 @kernel
 def gather_rows(state, order, rows, places):
-    """Copy the agents in ``order`` to ``rows``, and where they are to ``places``."""
+    """Copy the agents in ``order`` (int32[n]) to ``rows`` (ROW[n]), and their positions to ``places`` (n, 2) [m]."""
     for row in range(len(order)):
         rows[row] = state[order[row]]
         places[row, 0] = rows[row].x

@@ -1,6 +1,6 @@
-"""The rules of steering: what an agent looks at, how fast it goes, whom it gives way to.
+"""Constants of the steering model: how far agents see, how fast they walk, and who goes first.
 
-docs/steering.md says what they were chosen on.
+docs/steering.md says how the values were chosen.
 """
 
 from __future__ import annotations
@@ -14,93 +14,100 @@ class Rules(NamedTuple):
     """Constants of the steering model, the same for all agents and places. Lengths [m], times [s], angles [rad]."""
 
     step: float = 1.0 / STEERING_RATE
-    """Time between two decisions."""
+    """Duration of a step."""
     reach: float = 3.0
-    """Distance up to which an agent sees others."""
+    """Distance up to which an agent sees neighbors."""
     reach_in_crowd: float = 2.0
-    """The same if more than ``crowd`` others stand in the 5 x 5 cells around it."""
+    """The same if more than ``crowd`` agents are in the 5 x 5 cells around it."""
     crowd: int = 50
+    """Number of agents in 25 m2 above which an agent sees only ``reach_in_crowd`` far."""
     horizon: float = 4.0
-    """Distance ahead at which collisions count."""
+    """Distance ahead up to which collisions count. A longer horizon makes agents evade earlier."""
     wall_horizon: float = 1.6
-    """Distance ahead at which walls count."""
+    """Distance ahead up to which walls count."""
     inertia: float = 0.12
-    """Cost of turning away from the present velocity, for each meter of the horizon [m]."""
+    """Cost of a direction that differs from the present velocity, per meter of the horizon: multiplied by 1 -
+    cos(angle). More makes agents steadier, and slower to evade."""
     left_bias: float = 0.03
-    """Cost of passing on the left, for each meter of the horizon [m]."""
+    """Cost of a direction to the left, per meter of the horizon."""
     turn_cost: float = 0.25
-    """Cost of turning the shoulders, for each meter of the horizon [m]."""
+    """Cost of turned shoulders, per meter of the horizon: multiplied by 1 - cos(turn)."""
     tight: float = 0.7
-    """An agent that can go no farther than this tries to turn its shoulders."""
+    """Free distance below which an agent tries to turn its shoulders."""
     keep_right: float = 1.0
-    """Angle by which an agent aims to the right of its way while others come towards it."""
+    """Angle by which an agent aims to the right of its guidance while it meets opposing traffic."""
     edge: float = 0.35
-    """An agent stops aiming to the right if a wall is this near to the place 0.5 m to its right."""
+    """Clearance, 0.5 m to its right, below which an agent does not aim to the right; above, the angle grows to the
+    whole over 0.3 m."""
     direct: float = 2.0
-    """Length of the way to go from which on an agent aims less and less to the right: close to its goal it goes
-    straight there [m]."""
+    """Length of the way to go below which an agent aims less and less to the right, so that it reaches its goal
+    straight."""
     news: float = 0.6
-    """Share of what somebody ahead knows of opposing agents that is handed on."""
+    """Share of the awareness of opposing traffic that an agent takes over from those ahead."""
     sidle: float = 0.6
-    """Angle by which it aims farther to the right if it is stuck behind somebody."""
+    """Angle by which an agent that is stuck behind another one aims farther to the right."""
     headway: float = 0.45
-    """Time gap kept to whoever walks ahead."""
+    """Time gap to the agent ahead. Less makes crowds faster and denser."""
     standoff: float = 0.3
-    """Gap at which the time gap begins."""
+    """Gap at which the allowed speed is 0; the time gap counts from there."""
     leader: float = 0.5
-    """Share of the speed of whoever walks ahead that is added to what the time gap allows."""
+    """Share of the leader's speed that is added to the speed that the time gap allows."""
     leader_gap: float = 0.5
-    """Gap from which on that share counts whole."""
+    """Gap above which that share counts fully; below, in proportion to the gap."""
     offset_gain: float = 0.15
-    """Gap added for somebody at the edge of the agent's swath."""
+    """Gap added for an agent at the edge of the swath; less towards its middle, with the square of the offset."""
     swath: float = 0.9
-    """Width of an agent's swath, as a share of both bodies' widths."""
+    """Half width of the swath in which agents ahead limit the speed, as a share of the sum of both half breadths."""
     swath_before: float = 0.79
-    """The same towards those of the same goal who go first."""
+    """The same towards agents of the same goal that go first."""
     swath_behind: float = 0.0
-    """The same towards those of the same goal who go after it."""
+    """The same towards agents of the same goal that go after this one."""
     abreast: float = 0.9
-    """Room that two side by side need between walls. In lanes 0.05 m narrower than that, agents of one way walk in
-    file: they do not turn their shoulders to get beside each other, and heed the whole width of those who go first."""
+    """Width between walls that two agents need side by side. In lanes narrower than this by 0.05 m, agents that walk
+    the same way keep in file: they do not turn their shoulders to get beside each other, and the whole width of those
+    that go first limits their speed."""
     lane: float = 2.5
-    """Length of the lane behind an agent from which on it does: those who come in side by side sort themselves."""
+    """Length that a lane must have had behind an agent before it keeps in file; so agents that enter side by side have
+    room to sort themselves."""
     file_gap: float = 1.0
-    """Gap up to which an agent is in file behind somebody."""
+    """Largest gap to the agent ahead in a file."""
     file_aside: float = 0.5
-    """Distance of that one from the agent's way, as a share of both bodies' widths, up to which it is."""
+    """Largest offset of the agent ahead in a file, as a share of the sum of both half breadths."""
     file_headway: float = 0.85
-    """Time gap kept in file."""
+    """Time gap in a file."""
     file_patience: float = 0.5
-    """Time stuck after which an agent does not keep in file any more."""
+    """Time stuck after which an agent leaves the file."""
     creep: float = 0.8
-    """Speed [m/s] at which an agent that is stuck presses on."""
+    """Speed at which a stuck agent presses on [m/s]; reached 2.3 s after it got stuck."""
     creep_first: float = 1.2
-    """The same if nobody of its way is ahead; reached within a second."""
+    """The same if no agent with the right of way is close ahead [m/s]; reached 1.2 s after it got stuck."""
     merge_after: float = 0.2
-    """Time stuck after which an agent gives way to those of its goal who go first."""
+    """Time stuck after which agents of the same goal make room for those that go first."""
     merge_behind: float = 0.3
-    """Cosine, against the way of such an agent, from which on somebody beside it counts as behind it."""
+    """Cosine, between the vector to an agent that goes first and that agent's intent, above which this agent is behind
+    it and so does not hinder it."""
     merge_gap: float = 0.1
-    """Gap below which somebody hinders such an agent."""
+    """Gap below which an agent hinders the one that goes first."""
     merge_speed: float = 0.4
-    """Speed [m/s] at which an agent makes room."""
+    """Speed at which an agent makes room [m/s]."""
     yield_after: float = 1.0
-    """Time after which others step out of the way of somebody stuck."""
+    """Time stuck after which opposing agents step out of the way."""
     yield_reach: float = 1.5
     """Distance up to which they do."""
     yield_aside: float = 0.5
-    """Speed [m/s] at which they step aside."""
+    """Speed at which they step aside [m/s]."""
     yield_along: float = 0.3
-    """Speed [m/s] at which they step back along its way."""
+    """Speed at which they step back, along the way of the stuck agent [m/s]."""
     relaxation: float = 0.24
-    """Time in which the velocity approaches what is wanted."""
+    """Time constant with which the velocity approaches the wanted one."""
     acceleration: float = 2.5
     """Largest change of the velocity [m/s2]."""
     turn_rate: float = 2.5
     """Largest turn rate of the body [rad/s]."""
     turned_slowdown: float = 0.3
-    """Share of the speed that is lost if the shoulders are turned by a right angle to get past others."""
+    """Share of the speed that is lost if the shoulders are turned by a right angle to get past others; times 1 -
+    cos(turn)."""
     sideways_slowdown: float = 0.55
-    """Share of the speed that is lost if a section of the plan asks to walk sideways."""
+    """The same if a section of the plan prescribes the turn."""
     identity: float = 0.15
-    """Spread of the order among those as far from their goal as each other [m]."""
+    """Range of the tie breaker that is added to the distance to the goal in the order of right of way."""

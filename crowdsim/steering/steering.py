@@ -18,40 +18,56 @@ from crowdsim.steering.walls import Walls
 from crowdsim.steering.ways import NOBODY_ELSE, Frame, ListedWays, Others, listed
 
 MOST_CELLS = 4_000_000
-"""Cells that agents may be spread over: a square of 2 km."""
+"""Largest number of cells of 1 m that agents may be spread over: a square of 2 km."""
 
 PARTS = 4
-"""Parts a thread that the rows are cut into, so that threads end together."""
+"""Parts that the rows are cut into for each thread. More parts let threads finish together, but cost more calls."""
 
 
 class SortedCrowd(NamedTuple):
-    """Agents sorted by cells, and what the stages of a step leave for the next ones."""
+    """Agents sorted by cells, and what the stages of a step hand on."""
 
     rows: NDArray[Any]
-    """ROW[n]."""
+    """ROW[n]: sorted copies of the agents; the stages read these only."""
     places: NDArray[np.float64]
-    """float64[n, 2], of the rows [m]."""
+    """float64[n, 2]: positions of the rows [m]."""
     starts: NDArray[np.int64]
-    """Where cells begin in the rows."""
+    """int64[columns * rows + 1]: row at which each cell begins."""
     frame: tuple[float, float, int, int]
-    """Left and bottom of the cells [m], columns and rows of them."""
+    """Grid: left and bottom edge [m], columns, rows."""
     order: NDArray[np.int32]
-    """int32[n]: the agent of each row."""
+    """int32[n]: agent number of each row."""
     near: NDArray[np.int32]
-    """int32[n, MOST_NEAR]: whom each row heeds."""
+    """int32[n, MOST_NEAR]: rows of the neighbors that each row sees, -1 after the last."""
     wanted: NDArray[Any]
-    """WANTED[n]."""
+    """WANTED[n]: decision of each row."""
     broadest: float
     """Largest half breadth of all agents [m]."""
 
 
 class Steering:
-    """Steps agents between walls.
+    """Step steered agents between walls.
 
-    ``legs``: walls of the layer that holds every obstacle, from which discs of ``leg_radius`` [m] keep away. ``torso``:
-    walls of the layers above, from which the capsules keep away; the ``radius`` of none of these may be less.
-    ``threads`` share the agents; the result does not depend on how many there are. They end with :meth:`close`, or with
-    the block of a ``with`` statement.
+    The result does not depend on the number of threads. They end with :meth:`close`, or with the block of a ``with``
+    statement.
+
+    Parameters
+    ----------
+    legs : Walls
+        Walls of the layer with all obstacles, from which discs of ``leg_radius`` keep away.
+    torso : Walls
+        Walls of the layers above, from which the capsules keep away.
+    leg_radius : float
+        Radius of the legs [m]; no capsule may have a smaller radius.
+    rules : Rules, optional
+        Constants of the model.
+    threads : int
+        Number of threads that share the agents.
+
+    Raises
+    ------
+    ValueError
+        If the rules let an agent turn by a right angle or more in one step.
     """
 
     def __init__(
@@ -59,11 +75,12 @@ class Steering:
     ) -> None:
         self.rules = Rules() if rules is None else rules
         if self.rules.turn_rate * self.rules.step >= 0.5 * math.pi:
-            raise ValueError("agents may turn by less than a right angle in a step; make the step or the rate smaller")
+            raise ValueError("agents must turn by less than 90 degrees in a step; reduce 'step' or 'turn_rate'")
         self.crowded = 0
-        """How often an agent stood since more was near than there is room for, so far."""
+        """Number of times so far that an agent stood still because its half planes did not fit or it overlapped
+        something."""
         self.walls = (legs, torso, leg_radius)
-        """Those of the legs' layer, those of the torso's, and the radius of the legs [m]."""
+        """Walls of the legs' layer, walls of the torso's layers, radius of the legs [m]."""
         self._threads = threads
         self._pool = ThreadPoolExecutor(threads, "steering") if threads > 1 else None
 
@@ -79,16 +96,26 @@ class Steering:
         self.close()
 
     def set_walls(self, legs: Walls, torso: Walls) -> None:
-        """Take other walls from the next step on. Nobody may touch them."""
+        """Use other walls from the next step on. No agent may touch them."""
         self.walls = (legs, torso, self.walls[2])
 
     def step(self, state: NDArray[Any], others: Others = NOBODY_ELSE) -> None:
-        """Step all agents of ``state``, records of :data:`~crowdsim.steering.row_kernels.ROW`, in place.
+        """Step all agents of ``state`` in place.
 
-        Nobody may touch anybody, a wall, or a way that ``others`` have reserved before the first step; then nobody ever
-        does. The order of the records is that of the agents' ids. ValueError if agents are not finite or spread over
-        more than :data:`MOST_CELLS` cells.
-        An agent that cannot be moved safely, as too much is near, or it cuts somebody or a wall, stands.
+        Before the first step no agent may touch another one, a wall or a reserved segment; then none ever does. An
+        agent that cannot be moved safely, because too much is near or it already overlaps something, stands still.
+
+        Parameters
+        ----------
+        state : ROW[n]
+            Agents in the order of their ids.
+        others : Others
+            Captured characters, seen and avoided but not moved.
+
+        Raises
+        ------
+        ValueError
+            If an agent's state is not finite, or the agents are spread over more than :data:`MOST_CELLS` cells.
         """
         count = len(state)
         if count == 0:
@@ -98,7 +125,7 @@ class Steering:
         ways = listed(others, crowd.frame, reach)
         count = len(crowd.rows)
 
-        # Everyone reads old rows only, so parts need not wait for each other.
+        # All stages read old rows only, so parts of the rows need not wait for each other.
         def run(first: int) -> int:
             last = min(first + part, count)
             self.look(crowd, first, last)
@@ -110,9 +137,12 @@ class Steering:
         self.crowded += sum(map(run, firsts) if self._pool is None else self._pool.map(run, firsts))
 
     def sort(self, state: NDArray[Any], bounds: tuple[float, float, float, float] | None = None) -> SortedCrowd:
-        """Sort the agents by cells: of their own extent, or of ``bounds``, corners x and y of both [m].
+        """Sort the agents by cells that cover their extent, or ``bounds`` (left, bottom, right, top) [m].
 
-        ValueError if agents are not finite or spread over more than :data:`MOST_CELLS` cells.
+        Raises
+        ------
+        ValueError
+            If an agent's state is not finite, or the agents are spread over more than :data:`MOST_CELLS` cells.
         """
         count = len(state)
         places = np.empty((count, 2))
@@ -136,15 +166,15 @@ class Steering:
         return crowd
 
     def look(self, crowd: SortedCrowd, first: int, last: int) -> None:
-        """Find whom the rows from ``first`` to ``last`` heed."""
+        """Find the neighbors that rows ``first`` to ``last`` (exclusive) see."""
         look_rows(crowd.rows, crowd.places, crowd.starts, crowd.frame, first, last, self.rules, crowd.near)
 
     def decide(self, crowd: SortedCrowd, first: int, last: int) -> None:
-        """Decide what they want."""
+        """Decide what rows ``first`` to ``last`` (exclusive) want; needs :meth:`look`."""
         decide_rows(crowd.rows, crowd.near, first, last, self.walls, self.rules, crowd.wanted)
 
     def _longest_reach(self, state: NDArray[Any]) -> float:
-        """Distance from its center that no body can reach beyond in a step [m]."""
+        """Return the distance from its center that no body reaches beyond in a step [m]."""
         rules = self.rules
         pace = np.sqrt(state["vx"] * state["vx"] + state["vy"] * state["vy"])
         fastest = float(pace.max()) + rules.acceleration * rules.step
@@ -152,7 +182,10 @@ class Steering:
         return fastest * rules.step + longest * (2.0 + rules.turn_rate * rules.step) + float(state["radius"].max())
 
     def commit(self, crowd: SortedCrowd, first: int, last: int, ways: ListedWays, state: NDArray[Any]) -> int:
-        """Move them as far as that touches nobody; returns how many stood since too much was near."""
+        """Move rows ``first`` to ``last`` (exclusive) in ``state``; needs :meth:`decide`.
+
+        Return the number of agents that stood still because their half planes did not fit or they overlapped something.
+        """
         neighbors = (crowd.rows, crowd.places, crowd.starts, crowd.frame)
         return int(
             commit_rows(
@@ -171,9 +204,12 @@ class Steering:
 
 
 def frame_of(bounds: tuple[float, float, float, float]) -> Frame:
-    """Left and bottom of the cells [m], columns and rows of them, that cover ``bounds``, corners x and y of both [m].
+    """Return the grid of cells that covers ``bounds`` (left, bottom, right, top) [m].
 
-    ValueError if they are more than :data:`MOST_CELLS`.
+    Raises
+    ------
+    ValueError
+        If it has more than :data:`MOST_CELLS` cells.
     """
     low = np.floor(np.array(bounds[:2]) / CELL) * CELL
     spread = np.floor((np.array(bounds[2:]) - low) / CELL) + 1.0
@@ -183,7 +219,7 @@ def frame_of(bounds: tuple[float, float, float, float]) -> Frame:
 
 
 def _name_wrong(row: Any) -> str:
-    """What is not finite of an agent that steering cannot take."""
+    """Return the message that names the first value of an agent that is not finite."""
     names = ("x", "y", "heading", "vx", "vy", "half", "speed", "gx", "gy", "togo")
     name = next(each for each in names if not np.isfinite(row[each]))
     return f"'{name}' of agent {int(row['id'])} is not a finite number; steering needs one"

@@ -1,4 +1,7 @@
-"""Walls as steered agents meet them: segments near a place, and the distance to the nearest one."""
+"""Walls for steered agents: lists of the segments near a position, and a grid of distances to the nearest segment.
+
+The lists serve the exact commit; the grid, rounded to centimeters, serves only to look ahead.
+"""
 
 import math
 
@@ -11,44 +14,65 @@ WALL_CELL = 0.5
 """Side of the cells that list the segments near them [m]."""
 
 WALL_REACH = 0.8
-"""Segments nearer than this to a cell are in its list [m]: more than a body and its longest step."""
+"""Each cell lists all segments nearer than this to any of its points [m]: more than a body and its longest step. A
+larger value makes the lists longer."""
 
 UNIT = 0.01
-"""Distances to walls are kept as bytes in this unit [m]."""
+"""Unit of the distances, which are stored as bytes [m]."""
 
 SPACING = 0.1
-"""Of the points at which these distances are kept [m]."""
+"""Spacing of the points of the grid of distances [m]."""
 
 _TOLERANCE = 0.04
-"""By how much a way ahead may come nearer to a wall than a body is broad [m]: distances are rounded, and walls bend."""
+"""Amount by which a way ahead may come nearer to a wall than half the body's breadth [m]: distances are rounded, and
+walls bend between the points of the grid."""
 
 LANE_SPARE = 0.05
-"""By how much a lane has to be narrower than what fits side by side [m]: distances are rounded."""
+"""Amount by which a lane must be narrower than two agents side by side [m], as distances are rounded."""
 
 LANE_STRIDE = 0.25
-"""Of a look back along a lane [m]."""
+"""Length of a stride when a lane is followed back [m]."""
 
 BENDS = np.array([(1.0, 0.0), (0.939692620786, -0.342020143326), (0.939692620786, 0.342020143326)])
-"""Cosine and sine of the turns that it may take with each stride: 0 and 20 degrees to either side."""
+"""Turns (cos, sin) that may be taken with each stride back along a lane: 0 and 20 degrees to either side."""
 
 _LEAST_STRIDE = 0.05
-"""Of a look along a way [m]."""
+"""Shortest stride of the sphere tracing [m]."""
 
 FARTHEST = 255 * UNIT
+"""Largest distance that the grid stores [m]; it stands for any larger one."""
 
 
 @kernel
 def count_near(segments, left, bottom, columns, rows_up, starts, lists):
-    """List the segments near each cell; call once with an empty ``lists`` to fill ``starts``, then with room for all.
+    """List the segments near each cell; call with empty ``lists`` first to get ``starts``, then to fill ``lists``.
 
-    ``segments``: float64[n, 4], both ends [m]. ``starts``: int64[columns * rows_up + 1]. Returns the number of entries.
+    Parameters
+    ----------
+    segments : (n, 4) float64
+        Both ends of each wall segment [m].
+    left, bottom : float
+        Corner of the grid [m].
+    columns, rows_up : int
+        Number of cells.
+    starts : (columns * rows_up + 1,) int64
+        Gets the index in ``lists`` at which each cell begins.
+    lists : (k,) int64
+        Empty, or gets the segment numbers.
+
+    Returns
+    -------
+    int
+        Number of entries that ``lists`` needs.
     """
     filling = len(lists) > 0
+    # Half the diagonal of a cell more, as distances are measured from its center.
     reach = WALL_REACH + WALL_CELL * math.sqrt(0.5)
     if not filling:
         starts[:] = 0
     for number in range(len(segments)):
         ax, ay, bx, by = segments[number]
+        # Test only the cells of the segment's bounding box, grown by the reach.
         low_column = max(math.floor((min(ax, bx) - reach - left) / WALL_CELL), 0)
         high_column = min(math.floor((max(ax, bx) + reach - left) / WALL_CELL), columns - 1)
         low_row = max(math.floor((min(ay, by) - reach - bottom) / WALL_CELL), 0)
@@ -64,7 +88,8 @@ def count_near(segments, left, bottom, columns, rows_up, starts, lists):
                     starts[cell + 1] += 1
     if filling:
         return len(lists)
-    # Where each cell begins, one place on: filling moves it to where it ends, which is where the next begins.
+    # Prefix sums: starts[c + 1] becomes the index at which cell c begins. Filling moves it to the end of cell c, which
+    # is where cell c + 1 begins.
     total = 0
     for cell in range(1, len(starts)):
         count = starts[cell]
@@ -75,12 +100,27 @@ def count_near(segments, left, bottom, columns, rows_up, starts, lists):
 
 @kernel
 def measure_distances(segments, starts, lists, left, bottom, columns, distances):
-    """Fill ``distances`` (uint8[rows, columns], points :data:`SPACING` apart) with the distance to the nearest segment.
+    """Fill ``distances`` with the distance from each point of a grid to the nearest segment, rounded down.
 
-    Exact up to :data:`WALL_REACH`; farther off, the least over neighboring points plus their distance (two sweeps).
+    Distances are exact up to :data:`WALL_REACH`. Larger ones are an upper estimate by a chamfer transform with two
+    sweeps (Borgefors, Distance transformations in digital images, 1986).
+
+    Parameters
+    ----------
+    segments : (n, 4) float64
+        Both ends of each wall segment [m].
+    starts, lists : (cells + 1,) int64, (k,) int64
+        Segments near each cell, as :func:`count_near` leaves them.
+    left, bottom : float
+        Corner of both grids [m].
+    columns : int
+        Columns of cells.
+    distances : (rows, columns) uint8
+        Gets the distances; points are :data:`SPACING` apart.
     """
     height, width = distances.shape
     exact = np.full((height, width), FARTHEST)
+    # Exact distances to the segments in the list of the point's cell.
     for row in range(height):
         y = bottom + row * SPACING
         for column in range(width):
@@ -91,6 +131,7 @@ def measure_distances(segments, starts, lists, left, bottom, columns, distances)
             for entry in range(starts[cell], starts[cell + 1]):
                 ax, ay, bx, by = segments[lists[entry]]
                 exact[row, column] = min(exact[row, column], math.sqrt(point_segment_distance2(x, y, ax, ay, bx, by)))
+    # First sweep: hand distances on from the left and from below.
     diagonal = SPACING * math.sqrt(2.0)
     for row in range(height):
         for column in range(width):
@@ -104,6 +145,7 @@ def measure_distances(segments, starts, lists, left, bottom, columns, distances)
                 if column + 1 < width:
                     least = min(least, exact[row - 1, column + 1] + diagonal)
             exact[row, column] = least
+    # Second sweep: hand distances on from the right and from above, then round.
     for row in range(height - 1, -1, -1):
         for column in range(width - 1, -1, -1):
             least = exact[row, column]
@@ -121,7 +163,7 @@ def measure_distances(segments, starts, lists, left, bottom, columns, distances)
 
 @helper
 def distance_at(walls, x, y):
-    """Distance to the nearest wall [m], between the four points around a place; :data:`FARTHEST` outside."""
+    """Return the distance to the nearest wall [m], interpolated bilinearly; :data:`FARTHEST` outside of the grid."""
     height, width = walls.distances.shape
     column = (x - walls.left) / SPACING
     row = (y - walls.bottom) / SPACING
@@ -138,13 +180,16 @@ def distance_at(walls, x, y):
 
 @helper
 def is_lane(walls, x, y, ux, uy, width):
-    """Whether walls on both sides of a way along ``(ux, uy)`` leave less than ``width``, by LANE_SPARE or more [m].
+    """Return True if walls on both sides of ``(ux, uy)`` leave less than ``width`` - LANE_SPARE [m].
 
-    A disc of that width that touches the nearer wall, beside the place, then reaches through the other one.
+    Test by a disc of diameter ``width``: it is moved off the nearest wall until it touches that one, and must then
+    overlap the wall on the other side.
     """
+    # Overlap of the disc with the nearest wall; without any, the lane is wide enough.
     off = 0.5 * width - distance_at(walls, x, y)
     if off <= 0.0:
         return False
+    # It is not known on which side that wall is: try both. If the disc fits in neither place, this is a lane.
     left = distance_at(walls, x - off * uy, y + off * ux)
     right = distance_at(walls, x + off * uy, y - off * ux)
     return max(left, right) < 0.5 * width - LANE_SPARE
@@ -152,11 +197,13 @@ def is_lane(walls, x, y, ux, uy, width):
 
 @helper
 def is_lane_behind(walls, x, y, ux, uy, width, length):
-    """Whether a lane narrower than ``width`` leads to a place along ``(ux, uy)``, from ``length`` behind it on [m].
+    """Return True if a lane narrower than ``width`` leads to a place along ``(ux, uy)`` for at least ``length`` [m].
 
-    Goes back in strides, each to where most room is, straight or turned a little: so it follows the bends of the lane.
+    Walk back from the place in strides, each to where the clearance is largest, straight on or turned a little: so the
+    search follows the bends of the lane.
     """
     for _ in range(int(length / LANE_STRIDE + 0.5)):
+        # Choose the bend with the largest clearance; (ux, uy) stays the direction of the lane, so go against it.
         most = -1.0
         along_x = ux
         along_y = uy
@@ -168,6 +215,7 @@ def is_lane_behind(walls, x, y, ux, uy, width, length):
                 most = room
                 ux = back_x
                 uy = back_y
+        # Take the stride; the lane must be narrow there, too.
         x -= LANE_STRIDE * ux
         y -= LANE_STRIDE * uy
         if not is_lane(walls, x, y, ux, uy, width):
@@ -177,20 +225,24 @@ def is_lane_behind(walls, x, y, ux, uy, width, length):
 
 @helper
 def free_ahead(walls, x, y, ux, uy, width, farthest):
-    """Way from a place along ``(ux, uy)`` on which walls keep ``width`` away, up to ``farthest`` [m] (sphere tracing).
+    """Return the distance along ``(ux, uy)`` on which walls keep ``width`` away from a point, up to ``farthest`` [m].
 
-    An agent that stands nearer to a wall than that may walk away from it: until it has, the distance may not shrink.
+    Sphere tracing (Hart, The Visual Computer 12, 1996): advance by the distance to the nearest wall less ``width``. An
+    agent that already is nearer to a wall than ``width`` may walk along it or away from it.
     """
     way = 0.0
     before = distance_at(walls, x, y)
+    # Too near already: look one grid spacing ahead.
     if before < width + 0.5 * _TOLERANCE:
         way = SPACING
         ahead = distance_at(walls, x + way * ux, y + way * uy)
-        # Distances are rounded down: what is parallel to a wall may seem to lead a unit nearer.
+        # Moving nearer to the wall is blocked. Distances are rounded down, so a way parallel to a wall may seem to lead
+        # nearer by one unit. Afterwards the present distance is the one to keep.
         if ahead < before - UNIT:
             return 0.0
         width = min(before, width) - _TOLERANCE
     for _ in range(32):
+        # A ball of radius `room` is free. The shortest stride bounds the number of evaluations.
         room = distance_at(walls, x + way * ux, y + way * uy) - width
         if room < 0.5 * _TOLERANCE:
             return min(way, farthest)

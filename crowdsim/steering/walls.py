@@ -1,4 +1,4 @@
-"""Walls of a place, ready for steered agents."""
+"""Walls of one layer, prepared for steered agents."""
 
 from __future__ import annotations
 
@@ -12,24 +12,28 @@ from crowdsim.steering.wall_kernels import SPACING, WALL_CELL, WALL_REACH, count
 
 
 class Walls(NamedTuple):
-    """Segments of one layer's walls and what finds them, as kernels take it."""
+    """Wall segments of one layer, with lists and a grid of distances that find them; kernels take it as it is."""
 
     segments: NDArray[np.float64]
-    """float64[n, 4]: both ends [m]."""
+    """float64[n, 4]: both ends of each segment [m]."""
     starts: NDArray[np.int64]
-    """Where the list of a cell begins, cells row by row."""
+    """int64[columns * rows + 1]: index in ``lists`` at which each cell begins, cells row by row."""
     lists: NDArray[np.int64]
-    """Segments near the cells."""
+    """int64[k]: numbers of the segments near each cell."""
     distances: NDArray[np.uint8]
-    """Distances to the nearest segment at points of a grid, in centimeters."""
+    """uint8[rows, columns]: distance to the nearest segment at the points of a finer grid, in units of 0.01 m."""
     left: float
+    """Left edge of both grids [m]."""
     bottom: float
+    """Bottom edge of both grids [m]."""
     columns: int
+    """Columns of cells."""
     rows: int
+    """Rows of cells."""
 
 
 def build_walls(segments: Any) -> Walls:
-    """Walls of these segments, float64[n, 4], both ends [m]."""
+    """Build the walls of one layer from segments, float64[n, 4]: both ends [m]. There may be no segment."""
     segments = np.ascontiguousarray(segments, np.float64).reshape(-1, 4)
     if len(segments) == 0:
         empty = np.zeros(0, np.int64)

@@ -1,4 +1,4 @@
-"""Ways that others have reserved, as steered agents meet them: each segment is kept clear along its whole length."""
+"""Reserved segments of captured characters as steered agents meet them: each is kept clear along its whole length."""
 
 import math
 
@@ -10,11 +10,25 @@ from crowdsim.steering.row_kernels import CELL
 
 @kernel
 def list_ways(segments, frame, reach, starts, lists):
-    """List the segments near each cell; call once with an empty ``lists`` to fill ``starts``, then with room for all.
+    """List the reserved segments near each cell; call first with empty ``lists``, then with as many as returned.
 
-    ``segments``: float64[n, 5], both ends and the radius of the disc that goes along it [m]. ``frame``: left and bottom
-    of the cells [m], columns and rows of them. ``reach``: distance from a disc up to which a segment is asked for [m].
-    ``starts``: int64[columns * rows + 1]. Returns the number of entries.
+    Parameters
+    ----------
+    segments : (n, 5) float64
+        Both ends of each segment and the radius of the disc that moves along it [m].
+    frame : (float, float, int, int)
+        Left and bottom edge of the grid [m], columns and rows of cells.
+    reach : float
+        Distance from the swept disc up to which a segment is listed [m].
+    starts : (columns * rows + 1,) int64
+        Gets the index in ``lists`` at which each cell begins.
+    lists : (k,) int64
+        Empty, or gets the segment numbers.
+
+    Returns
+    -------
+    int
+        Number of entries that ``lists`` needs.
     """
     left, bottom, columns, rows_up = frame
     filling = len(lists) > 0
@@ -23,6 +37,7 @@ def list_ways(segments, frame, reach, starts, lists):
     for number in range(len(segments)):
         ax, ay, bx, by, radius = segments[number]
         far = reach + radius
+        # All cells of the segment's bounding box, grown by reach and radius.
         low_column = max(math.floor((min(ax, bx) - far - left) / CELL), 0)
         high_column = min(math.floor((max(ax, bx) + far - left) / CELL), columns - 1)
         low_row = max(math.floor((min(ay, by) - far - bottom) / CELL), 0)
@@ -35,7 +50,8 @@ def list_ways(segments, frame, reach, starts, lists):
                 starts[cell + 1] += 1
     if filling:
         return len(lists)
-    # Where each cell begins, one place on: filling moves it to where it ends, which is where the next begins.
+    # Prefix sums: starts[c + 1] becomes the index at which cell c begins. Filling moves it to the end of cell c, which
+    # is where cell c + 1 begins.
     total = 0
     for cell in range(1, len(starts)):
         count = starts[cell]
@@ -46,7 +62,8 @@ def list_ways(segments, frame, reach, starts, lists):
 
 @helper
 def gap_to_way(ways, number, x, y, ux, uy, half, radius):
-    """Shortest vector from a core to a segment, its length, and the gap between the body and the disc [m]."""
+    """Return the shortest vector from a core to a reserved segment, its length, and the gap of body and disc [m]."""
+    # The gap is less by both radii: of the capsule, and of the disc that moves along the segment.
     ax, ay, bx, by, disc = ways.segments[number]
     dx, dy, distance = core_to_segment(x, y, ux, uy, half, ax, ay, bx, by)
     return dx, dy, distance, distance - radius - disc
@@ -54,16 +71,27 @@ def gap_to_way(ways, number, x, y, ux, uy, half, radius):
 
 @kernel
 def clear_of_ways(bodies, ways, frame, room, own, ignored, clear):
-    """Say in ``clear`` (bool[k]) which of ``bodies`` (ROW[k]) stand at least ``room`` [m] off all segments.
+    """Set ``clear`` to whether each body is at least ``room`` [m] away from the reserved segments of all others.
 
-    ``ways``: a :class:`crowdsim.steering.ways.ListedWays`, listed in the cells of ``frame``. ``own``: int64[k], the
-    owner whose segments a body may touch, -1 for none. ``ignored``: bool[owners], whose segments count for nobody.
+    Parameters
+    ----------
+    bodies : ROW[k]
+        Bodies to test.
+    ways : ListedWays
+        Reserved segments by cells of ``frame``.
+    own : (k,) int64
+        Owner whose segments each body may touch, -1 for none.
+    ignored : (owners,) bool
+        Owners whose segments count for no body.
+    clear : (k,) bool
+        Gets the result.
     """
     for number in range(len(bodies)):
         body = bodies[number]
         column, row = cell_of(frame, body.x, body.y)
         cell = row * frame[2] + column
         clear[number] = True
+        # One segment that is too near decides.
         for entry in range(ways.starts[cell], ways.starts[cell + 1]):
             way = ways.lists[entry]
             owner = ways.owners[way]

@@ -1,4 +1,4 @@
-"""Others who do not steer: how they are seen, and what they have reserved to walk on."""
+"""Captured characters as steered agents meet them: how they are seen, and the segments that they have reserved."""
 
 from __future__ import annotations
 
@@ -12,42 +12,47 @@ from crowdsim.steering.row_kernels import ROW
 from crowdsim.steering.way_kernels import clear_of_ways, list_ways
 
 Frame = tuple[float, float, int, int]
+"""Grid of cells: left and bottom edge [m], columns, rows."""
 
 
 class Others(NamedTuple):
-    """Characters who walk ways that they have reserved, which steered agents keep clear of.
+    """Captured characters, which walk along segments that they have reserved and which steered agents keep clear of.
 
-    Nobody who steers may touch a reserved way before a step; then nobody does after it.
+    Before a step no steered agent may touch a reserved segment; then none does after it.
     """
 
     rows: NDArray[Any]
-    """ROW[m]: as they are seen."""
+    """ROW[m]: position, velocity and body of each, as steered agents see them."""
     segments: NDArray[np.float64]
-    """float64[s, 5]: both ends of each piece of their ways from now on, and the radius of the disc that goes there."""
+    """float64[s, 5]: both ends of each segment of their ways from now on, and the radius of the disc on it [m]."""
     owners: NDArray[np.int64]
-    """int64[s]: whose each is, a number of ``rows``."""
+    """int64[s]: index in ``rows`` of the owner of each segment."""
 
 
 NOBODY_ELSE = Others(np.zeros(0, ROW), np.zeros((0, 5)), np.zeros(0, np.int64))
+"""No captured characters."""
 
 
 class ListedWays(NamedTuple):
-    """Reserved ways by the cells that they are near to."""
+    """Reserved segments, listed by the cells that they are near to."""
 
     segments: NDArray[np.float64]
+    """float64[s, 5], as in :class:`Others`."""
     owners: NDArray[np.int64]
+    """int64[s], as in :class:`Others`."""
     starts: NDArray[np.int64]
-    """Where the list of a cell begins, cells row by row."""
+    """int64[columns * rows + 1]: index in ``lists`` at which each cell begins, cells row by row."""
     lists: NDArray[np.int64]
+    """int64[k]: segment numbers."""
 
 
 def listed(others: Others, frame: Frame, reach: float) -> ListedWays:
-    """Reserved ways by the cells of ``frame`` that lie within ``reach`` [m] of their discs."""
+    """List the reserved segments by the cells of ``frame`` that lie within ``reach`` [m] of their swept discs."""
     starts = np.zeros(frame[2] * frame[3] + 1, np.int64)
     lists = np.zeros(0, np.int64)
     if len(others.segments):
         lists = np.zeros(list_ways(others.segments, frame, reach, starts, lists), np.int64)
-        # An empty list would only be counted again.
+        # The kernel takes an empty list for the first call, which counts.
         if len(lists):
             list_ways(others.segments, frame, reach, starts, lists)
     return ListedWays(others.segments, others.owners, starts, lists)
@@ -61,9 +66,27 @@ def clear_of(
     own: NDArray[np.int64] | None = None,
     ignored: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.bool_]:
-    """Which of ``bodies``, ROW[k], stand at least ``room`` [m] off all reserved ways listed in the cells of ``frame``.
+    """Return which bodies are at least ``room`` [m] away from all reserved segments.
 
-    ``own``, (k,): the owner whose ways a body may touch, NONE for nobody. ``ignored``, (owners,): whose do not count.
+    Parameters
+    ----------
+    ways : ListedWays
+        Reserved segments, listed with a reach of at least ``room`` and the largest body.
+    frame : Frame
+        Grid with which they were listed.
+    bodies : ROW[k]
+        Bodies to test.
+    room : float
+        Least gap [m].
+    own : (k,) int64, optional
+        Owner whose segments each body may touch, NONE for no owner (default).
+    ignored : (owners,) bool, optional
+        Owners whose segments do not count; none by default.
+
+    Returns
+    -------
+    (k,) bool
+        True for bodies that are clear.
     """
     clear = np.ones(len(bodies), np.bool_)
     if len(ways.lists) and len(bodies):

@@ -1,1 +1,1 @@
-"""How those who stand give way to those who walk."""
+"""Giving way: standing characters move aside for those that walk."""

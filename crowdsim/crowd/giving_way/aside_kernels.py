@@ -1,4 +1,4 @@
-"""Who has waited for long in a narrow place steps close to a wall, so that there is a way past it."""
+"""Steps to a wall: a character that has waited long in a narrow place steps aside, so that others can pass."""
 
 import math
 
@@ -18,10 +18,10 @@ from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 
 NARROW_ROOM = 0.6
-"""Room between a body and a wall up to which a place counts as narrow [m]."""
+"""A place is narrow if there is less room than this between a body and a wall [m]."""
 
 LEFT_ROOM = 0.05
-"""Room that is left to the wall: who stands closer finds no motion that leads on [m]."""
+"""Room that a step leaves to the wall [m]; a character closer to it finds no motion that leads on."""
 
 WORTH = 0.1
 """A step to a wall must end at least this much closer to it [m]."""
@@ -30,27 +30,27 @@ ROOM_COST = 10.0
 """Cost of each meter of room left between body and wall [s/m]."""
 
 LEFT_COST = 2.0
-"""Cost of a step to the left: people who meet step to the right [s]."""
+"""Cost of a step to the left [s]: people who meet step to the right."""
 
 SAME_SIDE_COST = 20.0
-"""Cost of each meter by which two who stand near each other are too close sideways to walk past each other [s/m]."""
+"""Cost of each meter by which the lane of the character overlaps that of another one nearby [s/m]."""
 
 NEAR = 1.2
 """Distance within which others are too near to turn and walk past [m]."""
 
 POSTURE_COST = 20.0
-"""Cost of each meter of the body's radius at the end of the step: a narrow posture is cheaper [s/m]."""
+"""Cost of each meter of the body's radius at the end of the step [s/m]: a narrow posture is cheaper."""
 
 NEAR_COST = 4.0
-"""Cost of each meter by which the nearest other is closer than NEAR [s/m]."""
+"""Cost of each meter that the nearest other character is closer than NEAR [s/m]."""
 
 FARTHER = 0.2
-"""A step that leads no closer to a wall must end this much farther from the nearest other [m]."""
+"""A step that leads no closer to a wall must end this much farther from the nearest other character [m]."""
 
 
 @helper
 def room_beside(obstacles, x, y):
-    """Room between the widest body at a place and the nearest wall of any layer, NARROW_ROOM at most [m]."""
+    """Return the room between the widest body and the nearest wall of any layer [m], at most NARROW_ROOM."""
     room = NARROW_ROOM
     for k, mesh in enumerate(obstacles.layers):
         widest = 0.0
@@ -63,10 +63,10 @@ def room_beside(obstacles, x, y):
 
 @helper
 def look_beside(everyone, row, x, y, dx, dy, radius):
-    """What others near leave to a row that stands at (x, y) with a body of ``radius``.
+    """Return the overlap of a row's lane with those of others nearby, and the distance of the nearest [m].
 
-    Returns how much its lane lacks to lie beside theirs, and how far off the nearest is, NEAR at most [m].
-    (dx, dy): unit vector along the lanes.
+    The row is at (x, y), its body has ``radius``, and (dx, dy) is the unit vector along the lanes. The distance is at
+    most NEAR.
     """
     low, high, first, last = cells_within(everyone.near, x, y, x, y, NEAR)
     lacking = 0.0
@@ -79,6 +79,8 @@ def look_beside(everyone, row, x, y, dx, dy, radius):
             ox, oy = everyone.timeline[other, -1, 0] - x, everyone.timeline[other, -1, 1] - y
             away = hypot(ox, oy)
             if other != row and away < NEAR:
+                # Others count where their timelines end. Lanes overlap by the sum of the radii less their lateral
+                # distance.
                 between = abs(dx * oy - dy * ox)
                 lacking = max(lacking, radius + everyone.timeline[other, -1, RADIUS] - between)
                 gap = min(gap, away)
@@ -87,19 +89,20 @@ def look_beside(everyone, row, x, y, dx, dy, radius):
 
 @kernel
 def step_to_wall(graph, obstacles, everyone, row, playback, draft, asking):
-    """Let a row that stands step to a wall, to the right if it can, or back along it; returns whether it does.
+    """Let a standing row step to a wall, to the right if it can, or back along the wall; return True if it does.
 
-    ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`: the first of ``trail.moves`` is the one taken,
-    whose timeline the row owns then. ``playback`` is natural.
+    ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`: the move is left in ``trail.moves[0]``, and the
+    row owns its timeline then. ``playback`` is at the natural rate.
     """
     moves, standing, trail = asking.moves, asking.standing, asking.trail
     node, origin, goal = standing.node[row], standing.origin[row], standing.goal[row]
     x, y, h = node_end(graph, np.int64(node), origin[0], origin[1], origin[2])
     room = room_beside(obstacles, x, y)
+    # Not a narrow place: others can pass.
     if room >= NARROW_ROOM - ROUNDING:
         return False
 
-    # Price all moves that end closer to a wall, or as close to it and farther off others.
+    # Price all moves that end closer to a wall, or as close to it and farther from others. (dx, dy) leads to the goal.
     away = hypot(goal[0] - x, goal[1] - y)
     dx, dy = (goal[0] - x) / max(away, ROUNDING), (goal[1] - y) / max(away, ROUNDING)
     _, near = look_beside(everyone, row, x, y, dx, dy, 0.0)
@@ -113,6 +116,8 @@ def step_to_wall(graph, obstacles, everyone, row, playback, draft, asking):
         last = graph.edge_target[moves.edges[first + k, moves.lengths[first + k] - 1]]
         radius = obstacles.breadths[graph.node_behavior[last], 0]
         lacking, gap = look_beside(everyone, row, ex, ey, dx, dy, radius)
+        # Allowed moves; they cost their duration, the room left to the wall, the detour, and what keeps others from
+        # passing.
         if left >= LEFT_ROOM and (left <= room - WORTH or (left <= room and gap >= near + FARTHER)):
             costs[k] = moves.frames[first + k] / CAPTURE_RATE + ROOM_COST * left
             costs[k] += DETOUR_COST * (hypot(goal[0] - ex, goal[1] - ey) - away)
@@ -120,11 +125,12 @@ def step_to_wall(graph, obstacles, everyone, row, playback, draft, asking):
             if shift[1] > 0.0:
                 costs[k] += LEFT_COST
 
-    # Take the cheapest that touches nothing and meets nobody.
+    # Take the cheapest move that meets no timeline, no steered body and no wall.
     slot = playback.clock // playback.slot_frames
     forever = np.int64(FOREVER)
-    wait = graph.node_frames[node]  # it sets out at once
+    wait = graph.node_frames[node]  # from the end of the idle node: it sets out at once
     for _ in range(count):
+        # Select the cheapest move left, and strike it out.
         best = 0
         for k in range(1, count):
             if costs[k] < costs[best]:

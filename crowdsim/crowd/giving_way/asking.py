@@ -1,4 +1,4 @@
-"""What kernels take to ask those who stand to give way, and the room to work in."""
+"""Arrays with which kernels ask standing characters to give way, and scratch memory."""
 
 from __future__ import annotations
 
@@ -11,55 +11,60 @@ from crowdsim.crowd.giving_way.moves import Moves
 from crowdsim.crowd.state.components import SAMPLE
 
 Floats = NDArray[np.float64]
+"""Array of float64."""
 
 
 class Standing(NamedTuple):
-    """What is known of all N rows when some of them are asked to give way."""
+    """State of all N rows when some of them are asked to give way."""
 
     node: NDArray[np.int32]
-    """(N,) the node that each plays."""
+    """(N,) node that each plays."""
     origin: Floats
-    """(N, 3) where that started."""
+    """(N, 3) track pose at which that node started: x, y [m], heading [rad]."""
     goal: Floats
-    """(N, 2) meters."""
+    """(N, 2) goal [m]."""
     way: Floats
-    """(N, P, 2) the way ahead of each."""
+    """(N, P, 2) way ahead of each [m]."""
     may_move: NDArray[np.bool_]
-    """(N,) whether it stands and has not decided in this step what to do."""
+    """(N,) True if the row stands and has not decided in this step what to do."""
     rank: NDArray[np.int64]
-    """(N,) who is asked gives way to a lower rank only."""
+    """(N,) right of way: a row gives way only to lower ranks."""
 
 
 class Trail(NamedTuple):
-    """Room for D rows that give way to each other, in the order in which they were asked; see ``give_way_kernels``."""
+    """Scratch for D rows that give way to each other, in the order in which they were asked.
+
+    See :mod:`crowdsim.crowd.giving_way.give_way_kernels`.
+    """
 
     rows: NDArray[np.int32]
-    """(D,)"""
+    """(D,) the rows."""
     moves: NDArray[np.int32]
-    """(D,) the move that each tries."""
+    """(D,) move that each tries."""
     costs: Floats
-    """(D, M) seconds, of every move that is left to be tried."""
+    """(D, M) cost of each move [s], infinite once it was tried."""
     parent: NDArray[np.int32]
-    """(D,) the place of who asked each, -1 for the first of all."""
+    """(D,) place of the row that asked each, -1 for the first."""
     blame: NDArray[np.int64]
-    """(D,) a bit for every place whose move keeps this one from moving."""
+    """(D,) bits of the places whose moves keep this row from moving."""
     asked: NDArray[np.int32]
-    """(D,) how many others that move asks to give way."""
+    """(D,) number of rows that its move asks in turn."""
     timeline: Floats
-    """(D + 1, K, 5) timelines as they were before; the last of all is of who asks first."""
+    """(D + 1, K, 5) timelines before the move; the last is that of the row that asks first."""
     timeline_circle: Floats
-    """(D + 1, 3)"""
+    """(D + 1, 3) their circles."""
     timeline_start: NDArray[np.int64]
-    """(D + 1,)"""
+    """(D + 1,) their first slots."""
     gone_slot: NDArray[np.int64]
-    """(D + 1,)"""
+    """(D + 1,) their slots of leaving."""
     candidate: Floats
-    """(K, 5) the timeline of the move that is tried."""
+    """(K, 5) timeline of the move that is tried."""
     tries: NDArray[np.int64]
     """(1,) moves that may still be tried in this step."""
 
     @classmethod
     def room(cls, depth: int, slots: int, moves: int) -> Trail:
+        """Allocate a trail for ``depth`` rows, ``slots`` samples and ``moves`` moves."""
         return cls(
             np.zeros(depth, np.int32),
             np.zeros(depth, np.int32),
@@ -77,7 +82,7 @@ class Trail(NamedTuple):
 
 
 class Asking(NamedTuple):
-    """What it takes to ask others to give way."""
+    """Arguments of the kernels that ask others to give way."""
 
     moves: Moves
     standing: Standing

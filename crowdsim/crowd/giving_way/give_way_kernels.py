@@ -1,7 +1,7 @@
-"""Who stands in the way is asked to give way, and asks others in turn: priority inheritance with backtracking.
+"""Priority inheritance with backtracking: standing characters in the way move aside, and make others move in turn.
 
 After K. Okumura, M. Machida, X. Defago and Y. Tamura, "Priority inheritance with backtracking for iterative multi-agent
-path finding", Artificial Intelligence 310, 2022, for motions of different lengths and places that are no cells.
+path finding", Artificial Intelligence 310, 2022, for motions of different lengths in continuous space.
 """
 
 import math
@@ -28,30 +28,30 @@ from crowdsim.motion.graph.track_kernels import next_origin, node_end, track_pos
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 
 DETOUR_COST = 1.0
-"""Seconds that a meter away from its goal counts for who chooses where to give way."""
+"""Cost of each meter that a move leads away from the goal [s/m]."""
 
 IN_WAY_COST = 4.0
-"""Seconds that a meter within the way ahead of who asks counts for who chooses where to give way."""
+"""Cost of each meter that a move ends inside of the way ahead of the character that asks [s/m]."""
 
 OTHER_WAY_COST = 2.0
-"""The same for the ways of others who go before that one."""
+"""The same for the ways of others that go before that character [s/m]."""
 
 PASSAGE_COST = 3.0
-"""Seconds that a stand in a narrow passage counts for."""
+"""Cost of a stand in a narrow passage [s]."""
 
 WANTED = 3
-"""Continuations of a plan, each a node longer, for which others are asked to give way."""
+"""Number of continuations of a plan, each a node longer, for which others are asked to give way."""
 
 OFF_WALLS = 0.1
-"""Clearance that a move ends with beyond that of the widest behavior, if there was as much before [m]: who stands close
-to a wall finds no motion that leads on."""
+"""Clearance at the end of a move beyond that of the widest behavior, if there was as much before [m]: a character too
+close to a wall finds no motion that leads on."""
 
 _STRIDE = 6  # frames between two samples of the test against obstacles
 
 
 @kernel
 def lay_move(graph, moves, move, node, origin, chain):
-    """Lay a move behind the idle ``node`` that started at ``origin`` (3,) into a chain; returns the count of nodes."""
+    """Write a move behind the idle ``node``, which started at ``origin`` (3,), into a chain; return its node count."""
     chain.nodes[0] = node
     for axis in range(3):
         chain.origins[0, axis] = origin[axis]
@@ -59,6 +59,7 @@ def lay_move(graph, moves, move, node, origin, chain):
     for k in range(moves.lengths[move]):
         o = chain.origins[k]
         edge = moves.edges[move, k]
+        # Each node begins where the one before ends; the offset between both poses fades along it.
         ex, ey, eh = node_end(graph, np.int64(chain.nodes[k]), o[0], o[1], o[2])
         x, y, h = next_origin(graph, np.int64(edge), moves.twists[move, k], ex, ey, eh)
         chain.nodes[k + 1] = graph.edge_target[edge]
@@ -73,9 +74,9 @@ def lay_move(graph, moves, move, node, origin, chain):
 
 @helper
 def _price_moves(graph, moves, node, origin, goal, way, obstacles, width, strict, costs):
-    """What every move of somebody costs: its time, the detour, and how far it ends within ways that others ask for.
+    """Fill ``costs`` with the cost of each move [s]: duration, detour, and how far it ends inside of ways of others.
 
-    ``strict``: no move counts that ends in ``way``, the first of them.
+    ``strict``: moves that end in ``way``, that of the character that asks, are not allowed (infinite).
     """
     x, y, h = node_end(graph, np.int64(node), origin[0], origin[1], origin[2])
     away = hypot(goal[0] - x, goal[1] - y)
@@ -94,7 +95,7 @@ def _price_moves(graph, moves, node, origin, goal, way, obstacles, width, strict
 
 @helper
 def _cheapest(moves, node, costs):
-    """The cheapest move that is left, which is struck out; -1 if there is none."""
+    """Return the cheapest move left and remove it from ``costs``; -1 if there is none."""
     best = -1
     least = math.inf
     for k in range(moves.begin[node], moves.begin[node + 1]):
@@ -109,9 +110,12 @@ def _cheapest(moves, node, costs):
 
 @helper
 def move_is_free(graph, obstacles, chain, count, off_walls):
-    """Whether a body keeps clear of all layers along a move, as widely as its widest behavior if it stands so now.
+    """Return True if a move keeps clear of the obstacles on all layers.
 
-    It ends ``off_walls`` farther off [m], if there was as much before.
+    A move asks for the clearance of the widest behavior, and at its end for ``off_walls`` [m] more; but for no more
+    than the character has where it stands now, as it could not move at all otherwise; and always for the clearance of
+    the behavior that it plays. chain: nodes of the move with their origins (x, y, heading) and blend offsets, the first
+    ``count`` of them; node 0 is the present one, at whose end the move begins.
     """
     hints = np.full(len(obstacles.layers), np.int64(-1))
     for k, mesh in enumerate(obstacles.layers):
@@ -119,14 +123,16 @@ def move_is_free(graph, obstacles, chain, count, off_walls):
         for behavior in range(len(obstacles.radii)):
             widest = max(widest, obstacles.radii[behavior, k])
         now, hints[k] = disc_clearance(mesh, chain.origins[0, 0], chain.origins[0, 1], widest + off_walls, hints[k])
-        # The end first, as most that fail do there.
+        # Backwards from the end, as most moves that are blocked are blocked there.
         for c in range(count - 1, 0, -1):
             node = chain.nodes[c]
             own = obstacles.radii[graph.node_behavior[node], k]
             o, s = chain.origins[c], chain.blend_offsets[c]
             frame = graph.node_frames[node]
+            # Only the last frame of the move is a place to stay at.
             ends = c == count - 1
             while frame >= 0:
+                # At least the clearance of the node's behavior, and no more than there is now.
                 need = max(own, min(now - ROUNDING, widest + off_walls if ends else widest))
                 ends = False
                 x, y, _ = track_pose(graph, np.int64(node), np.int64(frame), o[0], o[1], o[2], s[0], s[1], s[2])
@@ -139,7 +145,7 @@ def move_is_free(graph, obstacles, chain, count, off_walls):
 
 @helper
 def own(everyone, row, timeline, start, gone):
-    """Let a row own a timeline."""
+    """Let a row own a timeline from slot ``start`` on; keep its circle and the neighbor search up to date."""
     reach = 0.0
     for k in range(len(timeline)):
         dx = timeline[k, 0] - timeline[0, 0]
@@ -157,7 +163,7 @@ def own(everyone, row, timeline, start, gone):
 
 @helper
 def _save(everyone, row, trail, place):
-    """Keep the timeline of a row, to be put back."""
+    """Save the timeline of a row in place ``place`` of the trail."""
     for k in range(everyone.timeline.shape[1]):
         for axis in range(everyone.timeline.shape[2]):
             trail.timeline[place, k, axis] = everyone.timeline[row, k, axis]
@@ -169,7 +175,7 @@ def _save(everyone, row, trail, place):
 
 @helper
 def _put_back(everyone, row, trail, place):
-    """Undo :func:`own` by what :func:`_save` kept."""
+    """Restore the timeline that :func:`_save` saved."""
     for k in range(everyone.timeline.shape[1]):
         for axis in range(everyone.timeline.shape[2]):
             everyone.timeline[row, k, axis] = trail.timeline[place, k, axis]
@@ -181,11 +187,11 @@ def _put_back(everyone, row, trail, place):
 
 @helper
 def _ask(everyone, standing, trail, pusher, me, timeline, gone, slot, level, count):
-    """Ask all whom the timeline of ``me`` meets to give way, behind the ``count`` who are asked already.
+    """Append all rows that the timeline of ``me`` meets to the ``count`` rows of the trail.
 
-    Those asked up to ``level`` have their new timelines, and ``pusher`` has; the others are about to move.
-    Returns how many are asked now; -1 where somebody cannot be, -2 less a place of the trail where that one has a
-    timeline already.
+    Rows up to place ``level``, and ``pusher``, have their new timelines; the other rows of the trail will move. slot,
+    gone: slots of 0.2 s at which the timeline begins, and from which ``me`` is gone. Return the number of rows
+    appended; -1 if a row cannot be asked; -2 - place if it meets the new timeline of the row at that place.
     """
     asked = 0
     other = -1
@@ -194,12 +200,14 @@ def _ask(everyone, standing, trail, pusher, me, timeline, gone, slot, level, cou
         if other < 0:
             return asked
         place = 0
+        # A row that is in the trail already will move anyway, unless it has moved.
         while place < count + asked and trail.rows[place] != other:
             place += 1
         if place < count + asked:
             if place <= level:
                 return -2 - place
             continue
+        # Only rows that stand and rank behind the pusher, whose rank all of the chain inherits.
         if other == pusher or not standing.may_move[other] or standing.rank[other] <= standing.rank[pusher]:
             return -1
         if place == len(trail.rows):
@@ -210,10 +218,10 @@ def _ask(everyone, standing, trail, pusher, me, timeline, gone, slot, level, cou
 
 @kernel
 def clear_way(graph, obstacles, everyone, me, timeline, gone, playback, draft, asking):
-    """Let ``me`` own a timeline, if all who are in its way can give way; returns how many do, -1 if not.
+    """Reserve a timeline for ``me`` if all rows in its way can give way; return how many do, -1 if they cannot.
 
-    ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`: ``trail.rows`` of it give way by ``trail.moves``.
-    All of them own the timelines of their moves then, or all the ones they had.
+    ``asking`` is a :class:`crowdsim.crowd.giving_way.asking.Asking`; ``trail.rows`` give way by ``trail.moves``. Either
+    all of them own the timelines of their moves afterwards, or nothing changes.
     """
     standing, trail = asking.standing, asking.trail
     slot = playback.clock // playback.slot_frames
@@ -231,18 +239,18 @@ def clear_way(graph, obstacles, everyone, me, timeline, gone, playback, draft, a
 
 @kernel
 def step_aside(graph, obstacles, everyone, me, row, playback, draft, asking):
-    """Let ``row`` step out of the way ahead of ``me``; returns how many move, -1 if it cannot: see `clear_way`."""
+    """Let ``row`` step out of the way ahead of ``me``; return the number of rows that move, -1 if none can."""
     asking.trail.rows[0] = row
     return _let_move(graph, obstacles, everyone, me, 1, True, playback, draft, asking)
 
 
 @helper
 def _let_move(graph, obstacles, everyone, me, count, strict, playback, draft, asking):
-    """Find moves for the first ``count`` rows of the trail and all whom these ask in turn, one level a row.
+    """Find moves for the first ``count`` rows of the trail and for all rows that these moves ask in turn.
 
-    Who finds none lets the last of those move otherwise who asked it or were in its way (conflict-directed
-    backjumping: P. Prosser, Computational Intelligence 9(3), 1993): ``trail.blame`` has a bit for each of these.
-    ``strict``: the first must leave the way of ``me``.
+    Depth-first search, one level per row. A row without a move jumps back to the last row that asked it or blocked it
+    (conflict-directed backjumping: P. Prosser, Computational Intelligence 9(3), 1993); bit k of ``trail.blame`` stands
+    for the row at place k. ``strict``: the first row must leave the way of ``me``.
     """
     moves, standing, trail = asking.moves, asking.standing, asking.trail
     forever = np.int64(FOREVER)
@@ -256,6 +264,8 @@ def _let_move(graph, obstacles, everyone, me, count, strict, playback, draft, as
     while level < count:
         row = trail.rows[level]
         node, origin = standing.node[row], standing.origin[row]
+        # A row reached for the first time since the last jump back: price all its moves, and blame the row that asked
+        # it.
         if fresh:
             width = everyone.body_radius[me] + everyone.body_radius[row]
             way, costs, must = standing.way[me], trail.costs[level], strict and level == 0
@@ -264,26 +274,30 @@ def _let_move(graph, obstacles, everyone, me, count, strict, playback, draft, as
             trail.blame[level] = one << trail.parent[level] if trail.parent[level] >= 0 else 0
         fresh = False
         move = _cheapest(moves, node, trail.costs[level])
+        # No move left (jump back to the last row in blame) or no tries left (give up).
         if move < 0 or trail.tries[0] <= 0:
             blame = trail.blame[level] if trail.tries[0] > 0 else 0
             back = level - 1
             while back >= 0 and trail.tries[0] > 0 and not blame & (one << back):
                 back -= 1
-            # Undo all of the levels behind that one, and its own move.
+            # Undo the moves down to that level, including its own, and drop the rows that they asked.
             for undone in range(level - 1, max(back, 0) - 1, -1):
                 _put_back(everyone, trail.rows[undone], trail, undone)
                 count -= trail.asked[undone]
+            # No row to blame: no solution. Restore the levels below, too.
             if back < 0 or trail.tries[0] <= 0:
                 for undone in range(max(back, 0) - 1, -1, -1):
                     _put_back(everyone, trail.rows[undone], trail, undone)
                 return -1
+            # The row jumped to inherits the other conflicts, and tries its next move.
             trail.blame[back] |= blame & ~(one << back)
             level = back
             continue
+        # Try the next move: it must fit into a timeline, meet only rows that can move, and keep clear of walls.
         trail.tries[0] -= 1
         trail.moves[level] = move
         nodes = lay_move(graph, moves, move, node, origin, draft)
-        wait = graph.node_frames[node]  # it sets out at once
+        wait = graph.node_frames[node]  # from the end of the idle node: it sets out at once
         if sample_chain(graph, draft, nodes, obstacles.breadths, wait, natural, trail.candidate) < 0:
             continue
         asked = _ask(everyone, standing, trail, me, row, trail.candidate, forever, slot, level, count)
@@ -291,9 +305,10 @@ def _let_move(graph, obstacles, everyone, me, count, strict, playback, draft, as
             trail.blame[level] |= one << (-2 - asked)
         if asked < 0 or not move_is_free(graph, obstacles, draft, nodes, OFF_WALLS):
             continue
-        # Steered bodies give way to nobody's moves.
+        # Steered bodies are not asked.
         if meets_body(-1, trail.candidate, obstacles.bodies):
             continue
+        # Accept the move for now, and go on with the next row of the trail.
         _save(everyone, row, trail, level)
         own(everyone, row, trail.candidate, slot, forever)
         trail.asked[level] = asked
@@ -307,15 +322,16 @@ def _let_move(graph, obstacles, everyone, me, count, strict, playback, draft, as
 
 @kernel
 def next_in_way(ways, ranks, may_move, me, pose, width, begin, near):
-    """The first row from ``begin`` on that stands in the way ahead of ``me`` and ranks behind it, or -1.
+    """Return the first row from ``begin`` on that stands in the way ahead of ``me`` and ranks behind it; -1 if none.
 
-    ``near``: the rows by cells.
+    ``width`` is the distance to the way that counts [m]; ``near`` are the rows by cells.
     """
     way = ways[me]
     left = right = way[0, 0]
     bottom = top = way[0, 1]
     if math.isnan(left):
         return -1
+    # Bounding box of the way, to find the cells.
     for k in range(1, len(way)):
         left, right = min(left, way[k, 0]), max(right, way[k, 0])
         bottom, top = min(bottom, way[k, 1]), max(top, way[k, 1])
@@ -326,6 +342,7 @@ def next_in_way(ways, ranks, may_move, me, pose, width, begin, near):
         while number < after:
             row = near.order[number]
             number += 1
+            # The lowest number wins, whatever the order of the cells.
             if begin <= row and (best < 0 or row < best) and may_move[row] and ranks[row] > ranks[me]:
                 off, _, _ = nearest_of_way(way, pose[row, 0], pose[row, 1])
                 if off < width:
@@ -349,10 +366,10 @@ def reserve_by_asking(
     timeline,
     asking,
 ):
-    """Find a continuation as ``reserve`` does, where those who stand in the way may be asked to give way.
+    """Find a continuation as ``reserve`` does, for which standing rows in the way may be asked to give way.
 
-    Returns (nodes taken, gone slot, how many give way) and lets all of them own their new timelines; no nodes and no
-    change where nothing is found.
+    Return (nodes taken, gone slot, number of rows that give way); all of these own new timelines then. Without a
+    solution return 0 nodes, and nothing changes.
     """
     forever = np.int64(FOREVER)
     tried = 0
@@ -361,6 +378,7 @@ def reserve_by_asking(
         for taken in range(first, available + 1):
             leaves = ends_plan and taken == available
             found = lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tolerant, timeline)
+            # No longer continuation fits, or enough of them were tried: asking is expensive.
             if found == TOO_LONG or tried == WANTED:
                 break
             stands = stands or found >= 0 or found == IN_WAY

@@ -1,4 +1,4 @@
-"""Short motions from a stand to a stand: what somebody can do at once who is asked to give way."""
+"""Moves: short motions from a stand to a stand, by which a character that is asked can give way at once."""
 
 from __future__ import annotations
 
@@ -14,40 +14,44 @@ from crowdsim.motion.graph.arrays import GraphArrays
 from crowdsim.motion.graph.track_kernels import next_origin, node_end
 
 MOVE_NODES = 6
-"""Nodes of a move at most."""
+"""Largest number of nodes of a move."""
 
 MOVE_SECONDS = 4.5
-"""How long a move takes at most [s]: a turn about and a long step."""
+"""Longest duration of a move [s]: a turn about and a long step."""
 
 LEAST_MOVE = 0.15
-"""Length from which on a move makes room for others [m]; what is shorter only turns."""
+"""Shortest length of a move that makes room for others [m]; shorter ones only turn."""
 
 FARTHEST_MOVE = 1.3
-"""Length beyond which a motion is no small move any more [m]."""
+"""Largest length of a move [m]."""
 
-_CELL = 0.15  # meters: of moves that end in the same cell, turned much the same, the quickest is kept
-_TURNED = 0.8  # radians
-_NOTABLE_TURN = 0.2  # radians: less of extra rotation makes no other move
-_NOTABLE_STEP = 0.3  # meters: of what comes behind a turn
+# Of the moves that end in the same cell [m], with headings in the same interval [rad], the quickest is kept.
+_CELL = 0.15
+_TURNED = 0.8
+_NOTABLE_TURN = 0.2  # range of extra rotation below which it is not varied [rad]
+_NOTABLE_STEP = 0.3  # shortest step behind a turn [m]
 
 
 class Moves(NamedTuple):
-    """M moves, those from the same idle node one after the other, quickest first.
-
-    begin: (N + 1,) int32, moves ``begin[n]:begin[n + 1]`` set out from idle node n. lengths: (M,) int32 nodes of each.
-    edges: (M, MOVE_NODES) int32 edges to its nodes. twists: (M, MOVE_NODES) radians of extra rotation at each.
-    shift: (M, 3) its end relative to its start. frames: (M,) int32.
-    """
+    """M moves, those from the same idle node one after the other, the quickest first."""
 
     begin: NDArray[np.int32]
+    """(N + 1,) int32: moves ``begin[n]:begin[n + 1]`` set out from idle node n."""
     lengths: NDArray[np.int32]
+    """(M,) int32: number of nodes of each."""
     edges: NDArray[np.int32]
+    """(M, MOVE_NODES) int32: edges of the motion graph to these nodes."""
     twists: NDArray[np.float64]
+    """(M, MOVE_NODES) extra rotation at each edge [rad]."""
     shift: NDArray[np.float64]
+    """(M, 3) end relative to the start: x, y [m], heading [rad]."""
     frames: NDArray[np.int32]
+    """(M,) int32: duration in frames."""
 
 
 class _Move(NamedTuple):
+    """A move under construction; ``last`` is its last node."""
+
     edges: tuple[int, ...]
     twists: tuple[float, ...]
     end: tuple[float, float, float]
@@ -60,10 +64,10 @@ class _Move(NamedTuple):
 
 
 def moves_of(graph: GraphArrays) -> Moves:
-    """All moves of a motion graph that make room, by the idle node they set out from.
+    """Find all moves of a motion graph, by the idle node from which they set out.
 
-    One node that ends standing, or one and the stop behind it; twice the same; or a turn and one more. Which there
-    are depends on the clips: without side steps there are turns with steps behind them.
+    A move is one node that ends standing, or one and the stop behind it; twice the same; or a turn followed by one of
+    these. The clips decide which there are: without side steps, moves are turns with steps behind them.
     """
     rows: list[_Move] = []
     begin = np.zeros(len(graph.node_frames) + 1, np.int32)
@@ -87,12 +91,14 @@ def moves_of(graph: GraphArrays) -> Moves:
 
 
 def _moves_from(graph: GraphArrays, idle: int) -> list[_Move]:
+    """Return the moves from one idle node, the quickest of each end cell."""
     start = _Move((), (), (0.0, 0.0, 0.0), idle, 0)
     steps = _steps(graph, start, twisted=True)
     found = list(steps)
     for first in steps:
         if any(first.twists):
             continue
+        # A second step: any after a turn, if it is long enough; the same once more after a step.
         turns = first.length < LEAST_MOVE
         for move in _steps(graph, first, twisted=False):
             further = float(hypot(move.end[0] - first.end[0], move.end[1] - first.end[1]))
@@ -107,7 +113,7 @@ def _moves_from(graph: GraphArrays, idle: int) -> list[_Move]:
 
 
 def _steps(graph: GraphArrays, before: _Move, twisted: bool) -> list[_Move]:
-    """Every way to go on from the end of ``before`` by one node and the stop behind it."""
+    """Return all continuations of ``before`` by one node and the stop behind it, with extra rotation if ``twisted``."""
     found = []
     for edge in range(graph.edge_start[before.last], graph.edge_start[before.last + 1]):
         if graph.node_idle[graph.edge_target[edge]]:
@@ -123,7 +129,7 @@ def _steps(graph: GraphArrays, before: _Move, twisted: bool) -> list[_Move]:
 
 
 def _with(graph: GraphArrays, move: _Move, edge: int, twist: float) -> _Move | None:
-    """A move and one node more; None where that is too long."""
+    """Return a move continued by the node of ``edge``; None if that is too long."""
     node = int(graph.edge_target[edge])
     frames = move.frames + int(graph.node_frames[node])
     if len(move.edges) == MOVE_NODES or frames > MOVE_SECONDS * CAPTURE_RATE:
@@ -134,6 +140,6 @@ def _with(graph: GraphArrays, move: _Move, edge: int, twist: float) -> _Move | N
 
 
 def _may_idle(graph: GraphArrays, node: int) -> bool:
-    """Whether one may wait where a node ends."""
+    """Return True if an idle node may follow the end of a node."""
     after = graph.edge_target[graph.edge_start[node] : graph.edge_start[node + 1]]
     return bool(graph.node_ends_standing[node] and graph.node_idle[after].any())

@@ -1,1 +1,1 @@
-"""Both levels of locomotion in one crowd: who is on which, and how characters go over."""
+"""Captured and steered characters in one place."""

@@ -1,4 +1,4 @@
-"""Who has company: others near by, and others who come near soon."""
+"""Company of a character: others nearby, and others that will pass close by soon."""
 
 import math
 
@@ -8,13 +8,13 @@ from crowdsim.steering.row_kernels import CELL
 from crowdsim.steering.wall_kernels import distance_at
 
 _SLOWEST = 0.15
-"""Relative speed below which nobody comes near [m/s]."""
+"""Relative speed below which two characters do not approach each other [m/s]."""
 
 _NO_ROOM = 1.3
-"""Nearer to a wall than this, a character has no room to pass another one [m]."""
+"""Distance to a wall below which a character has no room to pass another one [m]."""
 
 _SAME_WAY = 0.3
-"""Cosine between where two mean to go from which on one follows the other."""
+"""Cosine between the intents of two characters above which one follows the other."""
 
 
 @kernel
@@ -23,14 +23,27 @@ def find_company(rows, starts, frame, order, walls, reach, narrow, wide, near, c
 
     The prediction takes both to keep their velocities. It leaves out others behind the character.
 
-    Inputs. ``rows``: ROW[n], sorted by the cells of ``frame``. ``order``: int32[n], the number of each row.
-    ``walls``: a :class:`crowdsim.steering.walls.Walls`. ``reach``: two distances [m]; others within the first are
-    counted, others within the second are looked at. ``narrow``, ``wide``: two distances between centers [m].
-
-    Outputs, in the order of the numbers. ``near``: int64[n], how many others are counted. ``confined``: bool[n],
-    whether a wall leaves no room to pass. ``soon``: float64[n], time until the first other one that comes within
-    ``narrow`` is nearest [s], infinite if none does; others that go the same way are left out, as they can be
-    followed. ``soon_wide``: float64[n], the same for ``wide``, with those that go the same way.
+    Parameters
+    ----------
+    rows : ROW[n]
+        Characters, sorted by the cells of ``frame``; ``starts`` has the first row of each cell.
+    order : (n,) int32
+        Number of the character of each row.
+    walls : Walls
+        Walls of the place.
+    reach : (float, float)
+        Others within the first distance are counted, others within the second are looked at [m].
+    narrow, wide : float
+        Distances between centers at closest approach [m].
+    near : (n,) int64
+        Gets the number of others counted, by character as all outputs.
+    confined : (n,) bool
+        Gets True if a wall leaves no room to pass.
+    soon : (n,) float64
+        Gets the time until the first closest approach within ``narrow`` [s], infinite if there is none. Others that go
+        the same way do not count, as they can be followed.
+    soon_wide : (n,) float64
+        Gets the same for ``wide``; others that go the same way count.
     """
     few, far = reach
     cells = math.ceil(far / CELL)
@@ -50,10 +63,11 @@ def find_company(rows, starts, frame, order, walls, reach, narrow, wide, near, c
                 square = px * px + py * py
                 if number == me or square > far * far:
                     continue
+                # Count others nearby, in all directions.
                 if square < few * few:
                     count += 1
 
-                # Leave out whoever does not come nearer, or is behind.
+                # Leave out others that do not come nearer, and those behind a character that goes somewhere.
                 ahead = px * mine.ix + py * mine.iy
                 same_way = mine.ix * other.ix + mine.iy * other.iy > _SAME_WAY
                 wx = mine.vx - other.vx
@@ -65,13 +79,14 @@ def find_company(rows, starts, frame, order, walls, reach, narrow, wide, near, c
                 if goes and ahead <= 0.0:
                     continue
 
-                # Time and square of the distance at which both are nearest if they keep their velocities.
+                # Closest approach at constant velocities: t = p . w / w^2, squared distance p^2 - (p . w) t.
                 time = closing / speed2
                 miss2 = max(square - closing * time, 0.0)
                 if miss2 < wide * wide:
                     first_wide = min(first_wide, time)
                     if miss2 < narrow * narrow and not same_way:
                         first = min(first, time)
+        # Outputs are ordered by character, as rows change their order with every step.
         near[order[me]] = count
         confined[order[me]] = distance_at(walls, mine.x, mine.y) < _NO_ROOM
         soon[order[me]] = first

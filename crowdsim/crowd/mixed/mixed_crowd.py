@@ -1,4 +1,4 @@
-"""Captured and steered characters in one place, who see each other and go over from one level to the other."""
+"""Captured and steered characters in one place, which see each other and change from one level to the other."""
 
 from __future__ import annotations
 
@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from shapely import Polygon
 
+from crowdsim.behaviors.library import BehaviorSet
 from crowdsim.constants import NONE, STEERING_RATE
 from crowdsim.crowd.captured_crowd import CapturedCrowd
 from crowdsim.crowd.crowd import Route
+from crowdsim.crowd.mixed.aims import Aims
 from crowdsim.crowd.mixed.levels import CROWDED, NEAR, Levels
 from crowdsim.crowd.mixed.mixed_report import MixedStatistics
 from crowdsim.crowd.mixed.seen import seen
@@ -27,19 +30,32 @@ from crowdsim.crowd.steered.steered_crowd import LEG_RADIUS, LOST_SECONDS, Steer
 from crowdsim.crowd.systems.spawn import NO_MOTION
 from crowdsim.ecs.world import View
 from crowdsim.recording.header import AgentState, RecordedFrame, RecordingHeader
-from crowdsim.scenario.crowd_placement import CrowdPlacement, captured_placement, place_crowd
+from crowdsim.scenario.cast import place_crowd
+from crowdsim.scenario.people.arrivals import NEVER
+from crowdsim.scenario.people.crowd_placement import CrowdPlacement, captured_placement
 from crowdsim.scenario.scenario import Scenario
-from crowdsim.scenario.timetable import Placing
+from crowdsim.scenario.timetable import Placing, Timetable
 from crowdsim.steering.ways import Others
 
 PATIENCE_SECONDS = 6.0
-"""Time that an auto character waits for its first motion, or for room, before it comes steered [s]."""
+"""Time that an auto character waits for its first motion, or for room, before it enters steered [s]."""
 
 
 class MixedCrowd:
-    """The characters of a scenario on both levels; ``workers`` threads share them, and the result never shows it.
+    """The characters of a scenario on both levels.
 
-    ``cast``: who they are, where the scenario shall not draw them.
+    Parameters
+    ----------
+    scenario : Scenario
+        The scenario.
+    workers : int
+        Number of threads that search motions and steer; the result does not depend on it.
+    preparing : callable, optional
+        Called with the number of motion maps built and the number of all, while they are built.
+    cast : CrowdPlacement, optional
+        The characters; drawn from the scenario by default.
+    behavior_set : BehaviorSet, optional
+        That of the scenario, if it is loaded already.
     """
 
     def __init__(
@@ -48,14 +64,16 @@ class MixedCrowd:
         workers: int,
         preparing: Callable[[int, int], None] | None,
         cast: CrowdPlacement | None = None,
+        behavior_set: BehaviorSet | None = None,
     ) -> None:
         self.cast = place_crowd(scenario) if cast is None else cast
-        behavior_set = load_behaviors(scenario)
+        behavior_set = load_behaviors(scenario) if behavior_set is None else behavior_set
         placement = captured_placement(self.cast)
         self.captured = CapturedCrowd(scenario, workers, preparing, placement, behavior_set)
         self.steered = SteeredCrowd(scenario, workers, self.cast, behavior_set)
         self.levels = Levels(self.cast, scenario.captured_near)
-        self.switches = Switches(self.captured, self.steered, self.levels)
+        aims = Aims(scenario, self.steered.errands, self.steered.place.guidance)
+        self.switches = Switches(self.captured, self.steered, self.levels, aims)
         self.levels.keep_paces(self.switches.natural_speed)
         self.hash = 0
         self._before = np.full((self.count, 2), np.nan)
@@ -64,53 +82,87 @@ class MixedCrowd:
 
     @property
     def count(self) -> int:
-        """Characters of the scenario, present or not."""
+        """Return the number of characters of the scenario, present or not."""
         return self.cast.head_count
 
     @property
     def step_count(self) -> int:
-        """Steps taken so far."""
+        """Return the number of steps taken so far."""
         return self.steered.step_count
 
     @property
     def arrivals(self) -> NDArray[np.int64]:
-        """(n,) step in which each character came to its last goal, NONE before."""
-        return np.maximum(self.captured.despawning.arrived, self.steered.errands.arrived)
+        """Return the step (n,) in which each character reached its last goal, NONE before."""
+        return np.maximum(self.captured.arrivals, self.steered.arrivals)
 
     @property
     def entered(self) -> NDArray[np.int64]:
-        """(n,) step in which each character came in, NONE before."""
+        """Return the step (n,) in which each character entered, NONE before."""
         return np.maximum(self.captured.spawning.spawned, self.steered.entering.entered)
 
     @property
     def arrived(self) -> int:
-        """Characters that reached their last goal so far."""
+        """Return the number of characters that have reached their last goal."""
         return int((self.arrivals >= 0).sum())
 
     @property
+    def expected(self) -> NDArray[np.bool_]:
+        """Return which characters (n,) have arrived, are in the world, or come without a command."""
+        return np.asarray((self.cast.start_steps != NEVER) | (self.arrivals >= 0))
+
+    @property
     def finished(self) -> bool:
-        """Whether everyone who can arrive has."""
+        """Return True if all characters that can arrive have arrived."""
         lost = 0
         if self.captured.events.over:
             since = self.steered.world.column("lost_since")
             lost = int(((since != NONE) & (self.step_count - since > LOST_SECONDS * STEERING_RATE)).sum())
             lost += len(self.steered.entering.shut_out) + len(self._without_a_way())
-        return self.arrived + lost >= self.count
+        return self.arrived + lost >= int(self.expected.sum())
 
     def close(self) -> None:
         """End the threads."""
         self.captured.close()
         self.steered.close()
 
+    def take_timetable(self, timetable: Timetable) -> None:
+        """Replace the timetable of future changes; the new one begins with all that was due until now."""
+        self.captured.take_timetable(timetable)
+        self.steered.take_timetable(timetable)
+
+    def set_goal(self, agents: NDArray[np.int64], region: Polygon, places: NDArray[np.float64], stays: bool) -> None:
+        """Send characters (k,) to ``region`` instead of all their goals, each on its own.
+
+        ``places`` (k, 2) are their spots [m] if they are to stay.
+        """
+        self.captured.set_goal(agents, region, places, stays)
+        self.steered.set_goal(agents, region, places, stays)
+
+    def add(self, agents: NDArray[np.int64], starts: NDArray[np.float64] | None) -> None:
+        """Let ``agents`` (k,) on call come as soon as their places are free: ``starts`` (k, 2) [m] if given."""
+        self.captured.add(agents, starts)
+        self.steered.add(agents, starts)
+
+    def remove(self, agents: NDArray[np.int64]) -> None:
+        """Take ``agents`` (k,) out of the world at once; those who are yet to come never come."""
+        self.captured.remove(agents)
+        self.steered.remove(agents)
+
+    def set_speed(self, agents: NDArray[np.int64], speed: float) -> None:
+        """Let ``agents`` (k,) walk at ``speed`` [m/s] if nothing is in their way."""
+        self.captured.set_speed(agents, speed)
+        self.steered.set_speed(agents, speed)
+        self.levels.set_speed(agents, self.switches.natural_speed)
+
     def advance(self) -> None:
-        """All stages of a step but its searches, in order; characters come, go and change worlds where it says so."""
+        """Run all stages of a step but its searches; rows are added, removed and moved between worlds in between."""
         captured, steered = self.captured, self.steered
         view = captured.world.view()
         happened = captured.react(view, self._is_in_the_way)
         if steered.place.change(happened, captured.events.waiting):
             steered.steering.set_walls(*steered.place.walls)
 
-        # Who meets others steers; what it had reserved is free.
+        # Captured characters that meet others begin to steer; their reservations are released.
         others = self._others(view)
         everybody = steered.steering.sort(self._with_steered(others), steered.place.bounds)
         self.levels.look_around(everybody, steered.steering.walls[0], self.step_count)
@@ -120,13 +172,14 @@ class MixedCrowd:
             captured.world.apply_changes()
             steered.world.apply_changes()
 
-        # Who has room goes over to the motion that was found for it; then others come in.
+        # Steered characters with room go over to the motion that was found for them; then new characters enter.
         self.captured.choosing.surroundings.bodies = self._bodies()
         self.switches.to_captured(steered.world.view())
         steered.world.apply_changes()
         self._enter()
 
-        # Captured ones reserve what keeps clear of all steered bodies as they stand; these keep clear of that.
+        # Captured characters first: they reserve timelines clear of all steered bodies as they stand now. Then steered
+        # ones take a step that keeps clear of all reserved segments. So neither can touch the other.
         captured.choosing.surroundings.bodies = self._bodies()
         self._note_places()
         captured.act()
@@ -136,21 +189,21 @@ class MixedCrowd:
         self.hash = state_hash(steered.world, steered.place.state(), self.step_count, self.hash)
 
     def end_step(self) -> None:
-        """Ask for captured motion from where the step has led, and begin the slices that the next one waits for."""
+        """Request captured motion from the positions after the step, and begin the search slices for the next one."""
         self.switches.ask(self.steered.world.view())
         self.captured.end_step()
         self.steered.end_step()
 
     def placing(self, movable: int) -> Placing | None:
-        """Where a movable stands; None while it is absent."""
+        """Return the placing of a movable; None while it is absent."""
         return self.captured.placing(movable)
 
     def new_routes(self) -> list[Route]:
-        """Paths that characters follow since this was last asked; those who steer follow fields."""
+        """Return the paths that captured characters follow since the last call; steered ones follow fields."""
         return self.captured.new_routes()
 
     def header(self, scenario: Scenario) -> RecordingHeader:
-        """What a recording says once."""
+        """Return the constant part of a recording."""
         assets, steered = self.captured.assets, self.steered
         agents = steered_agents(self.cast, steered.errands.middles, STEERING_RATE)
         nodes = captured_motion(assets)
@@ -163,17 +216,17 @@ class MixedCrowd:
         )
 
     def frame(self) -> RecordedFrame:
-        """The present step of all characters, those outside the world marked absent."""
+        """Return the present step of all characters; those outside the world are marked absent."""
         captured, steered = self.captured.frame(), self.steered.frame()
         steers = np.asarray(steered.state) != AgentState.ABSENT
         return RecordedFrame(*(np.where(steers, theirs, its) for theirs, its in zip(steered, captured, strict=True)))
 
     def measure(self, frame: RecordedFrame) -> None:
-        """Take the present step into the statistics."""
+        """Add the present step to the statistics."""
         self.statistics.add(self.everybody())
 
     def summary(self) -> dict[str, Any]:
-        """What the run is summed up by."""
+        """Return the figures that sum up the run."""
         captured, steered = self.captured, self.steered
         view, world = steered.world.view(), captured.world.view()
         arrived = self.arrivals
@@ -199,16 +252,16 @@ class MixedCrowd:
         }
 
     def _is_in_the_way(self, taken: Footprints) -> bool:
-        """Whether a steered body is where something is to come."""
+        """Return True if a steered body is where a movable is to appear."""
         return self.steered.place.is_taken(taken, self.steered.world.column("row"), LEG_RADIUS)
 
     def _without_a_way(self) -> dict[str, str]:
-        """Reasons for those who never came into the world as no motion was found for them."""
+        """Return the reasons for characters that never entered the world, as no motion was found for them."""
         outside = np.flatnonzero(self._has_no_way() & self._outside)
         return {str(agent): self.captured.plans.unreachable[agent] for agent in outside.tolist()}
 
     def _has_no_way(self) -> NDArray[np.bool_]:
-        """(n,) for whom no way to its goal was found, which steering would not find either."""
+        """Return True (n,) for characters to whose goals no path was found, which steering would not find either."""
         lost = np.zeros(self.count, np.bool_)
         for agent, reason in self.captured.plans.unreachable.items():
             lost[agent] = reason != NO_MOTION or not self.levels.may_steer[agent]
@@ -216,11 +269,11 @@ class MixedCrowd:
 
     @property
     def _outside(self) -> NDArray[np.bool_]:
-        """(n,) who has not come yet."""
+        """Return True (n,) for characters that have not entered yet."""
         return np.asarray(self.entered < 0)
 
     def _walks(self, view: View) -> NDArray[np.bool_]:
-        """Which captured rows are on their way, and do not stand where they are to stand for a while or for good."""
+        """Return which captured rows are on their way, that is, do not stand at a place for a while or for good."""
         stands = (view.state != AgentState.MOVING) & (view.retry_step > self.step_count)
         itineraries = self.captured.itineraries
         agents = view.agent.astype(np.int64)
@@ -228,7 +281,7 @@ class MixedCrowd:
         return np.asarray((view.state != AgentState.ARRIVED) & ~(stands & waits & (itineraries.reached[agents] > 0)))
 
     def _refused(self, view: View) -> NDArray[np.float64]:
-        """(m,) time for which captured rows were refused, or have stood beyond a second for whatever reason [s]."""
+        """Return the time (m,) for which captured rows were refused, or have stood beyond one second [s]."""
         step, agents = self.step_count, view.agent.astype(np.int64)
         walks = view.state != AgentState.WAITING
         self._stands_since[agents[walks]] = step
@@ -237,7 +290,7 @@ class MixedCrowd:
         return np.asarray(np.maximum(refused, stood) / STEERING_RATE)
 
     def _enter(self) -> None:
-        """Let characters come in: captured where there is room, else steered."""
+        """Let characters enter: captured if there is room, else steered."""
         captured, steered, step = self.captured, self.steered, self.step_count
         outside = self._outside
         late = step - self.cast.start_steps > PATIENCE_SECONDS * STEERING_RATE
@@ -255,7 +308,7 @@ class MixedCrowd:
             captured.plans.forget(agent)
 
     def _comes_into_crowd(self, outside: Any, step: int) -> NDArray[np.bool_]:
-        """Which characters, of those about to come, have many others about their places."""
+        """Return which of the characters about to enter have many others around their places."""
         soon = np.flatnonzero(outside & (self.cast.start_steps - self.captured.plans.lead <= step))
         crowded = np.zeros(self.count, np.bool_)
         if len(soon):
@@ -268,19 +321,19 @@ class MixedCrowd:
         return crowded
 
     def _others(self, view: View) -> Others:
-        """Captured characters as steered ones see them."""
+        """Return captured characters as steered ones see them."""
         itineraries, steered = self.captured.itineraries, self.steered
         velocities, walkers = self._velocities(view), self.cast.walkers
         errands, guidance, breadths = steered.errands, steered.place.guidance, self.captured.assets.breadths
         return seen(view, velocities, self.step_count, itineraries, errands, walkers, guidance, breadths)
 
     def _velocities(self, view: View) -> NDArray[np.float64]:
-        """(m, 2) velocities of captured rows in the step before [m/s]; 0 for those who have just come."""
+        """Return the velocities (m, 2) of captured rows in the last step [m/s]; 0 for those that have just entered."""
         moved = (view.pose[:, :2] - self._before[view.agent]) * STEERING_RATE
         return np.where(np.isnan(moved), 0.0, moved)
 
     def _note_places(self) -> None:
-        """Note where everybody is before the step."""
+        """Note the positions of all characters before the step."""
         for agents, places in (
             (self.captured.world.column("agent"), self.captured.world.column("pose")[:, :2]),
             (self.steered.world.column("agent"), _places(self.steered.world.column("row"))),
@@ -288,18 +341,18 @@ class MixedCrowd:
             self._before[agents] = places
 
     def everybody(self) -> NDArray[Any]:
-        """Records (ROW) of all who are in the world, the steered ones first."""
+        """Return the rows (ROW) of all characters in the world, the steered ones first."""
         return self._with_steered(self.captured_as_seen())
 
     def captured_as_seen(self) -> Others:
-        """Captured characters as steered ones see them, with what is left of their reserved ways."""
+        """Return captured characters as steered ones see them, with the rest of their reserved segments."""
         return self._others(self.captured.world.view())
 
     def _with_steered(self, others: Others) -> NDArray[Any]:
         return np.concatenate((self.steered.world.column("row"), others.rows))
 
     def _bodies(self) -> StandingBodies:
-        """Steered bodies as they stand now."""
+        """Return steered bodies as they stand now."""
         crowd = self.steered.steering.sort(self.steered.world.column("row"), self.steered.place.bounds)
         return StandingBodies(crowd.rows, crowd.starts, crowd.frame, crowd.broadest)
 

@@ -1,4 +1,4 @@
-"""What a run on both levels is summed up by."""
+"""Statistics of a run on both levels."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from crowdsim.crowd.report.steered_statistics import CENTER_LIMIT
 from crowdsim.crowd.steered.steered_crowd import SteeredCrowd
 
 LEVELS = ("captured", "steered")
+"""Names of the levels in a summary."""
 
 
 class MixedStatistics:
-    """Measures of every step on both levels."""
+    """Measures of both levels, summed up step by step."""
 
     def __init__(self, captured: CapturedCrowd, steered: SteeredCrowd) -> None:
         self._captured, self._steered = captured, steered
@@ -25,7 +26,7 @@ class MixedStatistics:
         self._standing = self._present = 0
 
     def add(self, everybody: NDArray[Any]) -> None:
-        """Take in one step; ``everybody``: ROW of all who are in the world."""
+        """Add one step; ``everybody`` (ROW) are all characters in the world."""
         captured, steered = self._captured, self._steered
         captured.measure(captured.frame())
         steered.measure(steered.frame())
@@ -35,7 +36,7 @@ class MixedStatistics:
         self._gap, self._centers = min(self._gap, gap), min(self._centers, centers)
 
     def summary(self) -> dict[str, Any]:
-        """The figures under the names that ``crowdsim run --json`` prints."""
+        """Return the figures under the names that ``crowdsim run --json`` prints."""
         captured, steered = self._captured.statistics, self._steered.statistics
         names = [behavior.name for behavior in captured.assets.behaviors]
         way = captured.way + steered.way
@@ -53,7 +54,7 @@ class MixedStatistics:
             "closest_pair": float(self._centers) if self._centers < CENTER_LIMIT else None,
             "closest_bodies": float(self._gap) if self._gap < CENTER_LIMIT else None,
             "obstacle_margin": {name: min(margin, theirs[name]) for name, margin in margins.items()},
-            # Of the level that slides more.
+            # The worse of both levels.
             "stance_foot_speed": max(speeds, default=None),
             "lowest_foot": min(lowest, default=None),
         }

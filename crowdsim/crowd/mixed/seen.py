@@ -1,4 +1,4 @@
-"""Captured characters as steered ones see them: where they are, how they move, and what they have reserved."""
+"""Captured characters as steered ones see them: position, velocity, intent, and reserved segments."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from crowdsim.crowd.steered.errands import Errands
 from crowdsim.ecs.world import View
 from crowdsim.geometry.elementary import cos, hypot, sin
 from crowdsim.recording.header import AgentState
-from crowdsim.scenario.walkers import Walkers
+from crowdsim.scenario.people.walkers import Walkers
 from crowdsim.steering.guidance.guidance import PLAIN, Guidance
 from crowdsim.steering.row_kernels import ROW
 from crowdsim.steering.rules import Rules
 from crowdsim.steering.ways import Others
 
 TRACK_ROOM = 0.015
-"""By how much reserved discs are larger for steered bodies [m]: tracks bend between two samples of a timeline."""
+"""Enlargement of reserved discs for steered bodies [m]: tracks bend between two samples of a timeline."""
 
 PUSHES_AFTER = 0.5
-"""Time that a captured character is refused before steered ones in its way step aside [s]."""
+"""Time for which a captured character is refused before steered ones in its way step aside [s]."""
 
 _PUSHING = 100.0
-"""Rank of who does, beyond that of anybody who steers."""
+"""Rank of such a character (plus the time), above that of any steered one."""
 
 
 def seen(
@@ -39,9 +39,22 @@ def seen(
     guidance: Guidance,
     breadths: NDArray[np.float64],
 ) -> Others:
-    """Captured characters of ``view``, who move at ``velocities``, (m, 2) [m/s].
+    """Return the captured characters of ``view`` as steered ones see them.
 
-    breadths: (B, 2) bodies by behavior [m]: see :attr:`crowdsim.crowd.state.assets.Assets.breadths`.
+    Parameters
+    ----------
+    view : View
+        The captured characters.
+    velocities : (m, 2) float64
+        Their velocities [m/s].
+    step : int
+        Present step.
+    itineraries, errands, walkers : Itineraries, Errands, Walkers
+        Progress, goals and personal values of all characters.
+    guidance : Guidance
+        Fields, which give their intents.
+    breadths : (B, 2) float64
+        Bodies by behavior [m]: see :attr:`crowdsim.crowd.state.assets.Assets.breadths`.
     """
     agents = view.agent.astype(np.int64)
     rows = np.zeros(len(agents), ROW)
@@ -57,7 +70,7 @@ def seen(
     guidance.write(rows, np.full(len(agents), PLAIN, np.int32))
     pace = hypot(rows["vx"], rows["vy"])
     rows["speed"] = pace
-    # Tracks sway, ways do not.
+    # Intent: the direction of guidance, as tracks sway; without guidance, that of the velocity.
     guided = (rows["gx"] != 0.0) | (rows["gy"] != 0.0)
     length = np.where(pace > 0.0, pace, 1.0)
     rows["ix"] = np.where(guided, rows["gx"], rows["vx"] / length)
@@ -70,19 +83,20 @@ def seen(
 
 
 def _reserved(view: View, step: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Pieces of reserved timelines from now on, with the radii of the discs, and whose each is."""
+    """Return the segments of reserved timelines from now on, with the radii of their discs, and the owner of each."""
     timeline, bodies = view.timeline[..., :2], view.timeline[..., RADIUS:]
     last = timeline.shape[1] - 1
     first = np.clip(now_slot(step) - view.timeline_start, 0, last)
     begins, ends = timeline[:, :-1], timeline[:, 1:]
     ahead = np.arange(last) >= first[:, None]
+    # Segments of length 0 are left out.
     pieces = ahead & (begins != ends).any(axis=2)
     walking, slots = np.nonzero(pieces)
     moving = np.concatenate([begins[walking, slots], ends[walking, slots]], axis=1)
-    # Where each comes to a stand; it may be all that is left.
+    # The last position of each is a segment of length 0; it may be all that is left.
     rests = np.concatenate([timeline[:, last], timeline[:, last]], axis=1)
     owners = np.concatenate([walking, np.arange(len(timeline))])
-    # Discs that hold the capsules, as broad as at the broader end of a piece.
+    # Discs that contain the capsules, as broad as at the broader end of a segment.
     discs = bodies[..., 0] + hypot(bodies[..., 1], bodies[..., 2])
     broader = np.maximum(discs[:, :-1], discs[:, 1:])[walking, slots]
     radii = np.concatenate([broader, discs[:, last]]) + TRACK_ROOM
@@ -90,5 +104,5 @@ def _reserved(view: View, step: int) -> tuple[NDArray[np.float64], NDArray[np.in
 
 
 def now_slot(step: int) -> int:
-    """Slot of timelines that a step lies in."""
+    """Return the slot of timelines that contains a step."""
     return step * (CAPTURE_RATE // STEERING_RATE) // SLOT_FRAMES

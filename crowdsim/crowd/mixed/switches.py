@@ -1,8 +1,8 @@
-"""Characters go over from one level to the other, where their track goes on and nobody comes to touch anybody.
+"""Changes of level: a character's track continues, and no two bodies come into contact.
 
-Who is captured owns a reserved timeline; from now on it touches no steered body as that stands. So a captured character
-may steer if its body, where it is now, touches no other reserved timeline; and a steered one may become captured if a
-timeline can be reserved from there.
+A captured character owns a reserved timeline, whose rest touches no steered body where that is now. So a captured
+character may begin to steer if its body, where it is now, touches no other reserved timeline; and a steered one may
+become captured if it can reserve a timeline from there.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from crowdsim.behaviors.entries import Entries, entry_origins, find_entries, find_exits, node_phases
 from crowdsim.constants import NONE, STEERING_RATE
 from crowdsim.crowd.captured_crowd import CapturedCrowd
+from crowdsim.crowd.mixed.aims import Aims
 from crowdsim.crowd.mixed.levels import Levels
 from crowdsim.crowd.state.timelines import FASTEST, SLOWEST, Playback
 from crowdsim.crowd.steered.components import Errand
@@ -25,77 +26,78 @@ from crowdsim.geometry.elementary import cos, hypot, sin
 from crowdsim.motion.deformed.phase_kernels import set_anchors
 from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.recording.header import AgentState
-from crowdsim.scenario.crowd_placement import BODY_DEPTH
+from crowdsim.scenario.people.crowd_placement import BODY_DEPTH
 from crowdsim.steering.row_kernels import ROW
 from crowdsim.steering.steering import frame_of
 from crowdsim.steering.ways import Others, clear_of, listed
 
 CLEAR = 1e-3
-"""Room between a body that begins to steer and what others have reserved [m]."""
+"""Gap between a body that begins to steer and what others have reserved [m]."""
 
 AT_LEAST = 2
-"""Characters that may ask for captured motion in one step, however few there are."""
+"""Number of characters that may request captured motion in one step, however few there are."""
 
 IN_STEP_WITHIN = 1.0
-"""Time within which who wants to steer comes to a frame in which its feet are where steered ones stand, or does without
-[s]."""
+"""Time that a character waits for a frame in which its feet are where those of steered ones are, before it steers
+anyway [s]."""
 
 SHARE = 0.01
-"""The same as a share of all who are in the world."""
+"""Share of all characters in the world that may request captured motion in one step."""
 
 PHASE_OFF = 0.02
-"""Difference of phase at which a node is entered, at most [cycles]."""
+"""Largest difference of phase at which a node is entered [cycles]."""
 
 SPEED_OFF = 0.1
-"""Difference of speed, at most [m/s]."""
+"""Largest difference of speed at which a node is entered [m/s]."""
 
 TURNED_OFF = 0.15
-"""Angle between where a body faces and where it goes at which it may enter a node, at most [rad]."""
+"""Largest angle between heading and velocity at which a node is entered [rad]."""
 
 WORTH = 2.5
-"""Way to go from which on captured motion is worth its search [m]."""
+"""Length to go above which captured motion is worth a search [m]."""
 
 RETRY = 1.0
-"""Time after a search in vain until the next one [s]."""
+"""Time between a failed search and the next one [s]."""
 
 Ints = NDArray[np.int64]
+"""Array of int64."""
 Floats = NDArray[np.float64]
+"""Array of float64."""
 
 
 class _Asked(NamedTuple):
-    """A search for the captured motion of a steered character: the entry it begins with, and the origin of its node."""
+    """Search for the captured motion of a steered character: the entry it begins with, and the entry's origin."""
 
     entry: int
     origin: Floats
 
 
 class Switches:
-    """Moves characters between the worlds of both levels.
+    """Move characters between the worlds of both levels."""
 
-    counts: how many steered and became captured so far.
-    """
-
-    def __init__(self, captured: CapturedCrowd, steered: SteeredCrowd, levels: Levels) -> None:
-        self._captured, self._steered, self._levels = captured, steered, levels
+    def __init__(self, captured: CapturedCrowd, steered: SteeredCrowd, levels: Levels, aims: Aims) -> None:
+        self._captured, self._steered, self._levels, self._aims = captured, steered, levels, aims
         behavior_set = steered.behavior_set
-        self.phases = node_phases(behavior_set)
-        self.entries: Entries = find_entries(behavior_set, steered.gaits, self.phases)
+        self.phases = behavior_set.once("phases", lambda: node_phases(behavior_set))
+        self.entries: Entries = behavior_set.once(
+            "entries", lambda: find_entries(behavior_set, steered.gaits, self.phases)
+        )
         self._preferred = slice(int(self.entries.first[-2]), int(self.entries.first[-1]))
         self.natural_speed = float(self.entries.natural_speed[-1])
         captured.plans.paces.keep(captured.cast.speeds, self.natural_speed)
-        self._played = np.nan_to_num(captured.plans.paces.speeds, nan=self.natural_speed)
-        self._exits = find_exits(behavior_set, self.entries, self.phases)
+        self._exits = behavior_set.once("exits", lambda: find_exits(behavior_set, self.entries, self.phases))
         self._asked: dict[int, _Asked] = {}
         self._wanted_since = np.zeros(captured.count, np.int64)
         self._tried = np.full(captured.count, -STEERING_RATE * 10, np.int64)
         self.counts = {"steered": 0, "captured": 0}
+        """Number of changes so far to each level."""
 
     # From captured to steered
 
     def to_steered(self, view: View, wanted: NDArray[np.bool_], velocities: Floats, others: Others) -> int:
-        """Let those captured rows that are ``wanted`` steer from now on, as far as it is safe; returns how many do.
+        """Let ``wanted`` captured rows steer from now on, if it is safe; return how many do.
 
-        ``velocities``: (m, 2) of the rows [m/s]; ``others``: the rows as steered ones see them.
+        ``velocities`` (m, 2) are those of the rows [m/s]; ``others`` are the rows as steered characters see them.
         """
         rows = self._in_step(view, wanted)
         if not len(rows):
@@ -133,7 +135,7 @@ class Switches:
         return len(rows)
 
     def _in_step(self, view: View, wanted: NDArray[np.bool_]) -> Ints:
-        """Those of ``wanted`` rows whose feet are where steered ones stand, or who have waited for that long enough."""
+        """Return ``wanted`` rows whose feet are where those of steered characters are, or that have waited enough."""
         step, agents = self._captured.step_count, view.agent.astype(np.int64)
         self._wanted_since[agents[~wanted]] = step
         frames = self._captured.assets.graph.node_track[view.node] + view.frame
@@ -141,7 +143,7 @@ class Switches:
         return np.flatnonzero(wanted & (self._exits[frames] | waited))
 
     def _bodies(self, view: View, rows: Ints, velocities: Floats) -> NDArray[np.void]:
-        """Records (ROW) of captured rows as they begin to steer: no body reaches beyond the disc that it had."""
+        """Return the rows (ROW) of captured characters that begin to steer; no body gets larger than its disc."""
         cast, assets = self._steered.cast, self._captured.assets
         agents = view.agent[rows].astype(np.int64)
         bodies = np.zeros(len(rows), ROW)
@@ -159,10 +161,10 @@ class Switches:
         return bodies
 
     def _safe(self, rows: Ints, bodies: NDArray[np.void], count: int, others: Others) -> tuple[Ints, NDArray[np.void]]:
-        """Those of some captured rows that touch what nobody else has reserved who stays captured."""
+        """Return those of some captured rows that touch no reserved segment of characters that stay captured."""
         frame = frame_of(self._steered.place.bounds)
         ways = listed(others, frame, float((bodies["half"] + bodies["radius"]).max()) + CLEAR)
-        # Who has to stay keeps its timeline, which others may touch.
+        # A row that has to stay keeps its timeline, which others may touch in turn: repeat until none has to stay.
         while len(rows):
             leaves = np.zeros(count, np.bool_)
             leaves[rows] = True
@@ -175,7 +177,7 @@ class Switches:
     # From steered to captured
 
     def to_captured(self, view: View) -> None:
-        """Let those go over whose search has found a motion from where they are, if they can reserve its beginning."""
+        """Let characters whose search has found a motion become captured, if they can reserve its beginning."""
         captured = self._captured
         asked, self._asked = self._asked, {}
         if not asked:
@@ -189,14 +191,14 @@ class Switches:
             captured.plans.forget(agent)
 
     def _enter(self, view: View, row: int, agent: int, asked: _Asked) -> bool:
-        """Let a steered character play the node that its search begins with, if that can be reserved."""
+        """Let a steered character play the node with which its search begins; return False if it cannot be reserved."""
         captured, state = self._captured, view.row[row]
         node, frame = int(self.entries.node[asked.entry]), int(self.entries.frame[asked.entry])
         itineraries, assets = captured.itineraries, captured.assets
         place = np.array([state["x"], state["y"]])
-        radius, stays = assets.personal_radius, bool(captured.cast.stays[agent])
+        radius, stays = assets.personal_radius, bool(itineraries.cast.stays[agent])
         natural = Playback.natural(captured.step_count, assets.frames_per_step)
-        # The node begins exactly as fast as the character is, and goes over to its own rate.
+        # The node is played at the character's present speed at first, then approaches its own rate.
         share = float(hypot(state["vx"], state["vy"]) / self.entries.speed[asked.entry])
         rate = round(min(max(share, SLOWEST), FASTEST) * natural.rate)
         playback = natural._replace(rate=rate, wanted=int(captured.plans.motions.table.rates[agent]))
@@ -223,7 +225,7 @@ class Switches:
             awaiting_plan=captured.searches.is_under_way(agent),
             **reserved,
         )
-        # The next one reserves beside it.
+        # The next character must see this reservation.
         captured.world.apply_changes()
         self._steered.world.remove(int(view.id[row]))
         self._changed(np.array([agent]), captured.step_count)
@@ -231,16 +233,16 @@ class Switches:
         return True
 
     def ask(self, view: View) -> None:
-        """Ask for captured motion for some steered characters that have room, from where the step has brought them."""
+        """Request captured motion for some steered characters that have room, from their positions after the step."""
         captured, levels = self._captured, self._levels
         step = captured.step_count
         agents = view.agent.astype(np.int64)
         state = view.row
         places = np.column_stack((state["x"], state["y"]))
         calm = levels.capture(agents, places, step) & (view.errand == Errand.WALKS) & (state["togo"] > WORTH)
-        # Who has room walks as fast as its captured motion does, so that it can go over.
+        # A character with room walks as fast as its captured motion, so that it can change over.
         walks = view.errand == Errand.WALKS
-        played = self._played[agents]
+        played = self._played(agents)
         state["speed"][walks] = np.where(calm, played, view.pace)[walks]
         speed = hypot(state["vx"], state["vy"])
         ahead = state["vx"] * state["hx"] + state["vy"] * state["hy"]
@@ -248,19 +250,26 @@ class Switches:
         rested = step - self._tried[agents] >= RETRY * STEERING_RATE
         rows = np.flatnonzero(calm & straight & rested & (state["turn"] <= 0.0))
         most = max(AT_LEAST, int(SHARE * (len(agents) + captured.world.count)))
-        # Those first who have waited longest.
+        # The characters that have waited longest come first.
         rows = rows[np.lexsort((agents[rows], self._tried[agents[rows]]))][:most]
         for row in rows.tolist():
             self._ask(view, row)
 
+    def _played(self, agents: Ints | int) -> Floats:
+        """Return the speeds at which the captured motion of agents is played [m/s]."""
+        speeds = self._captured.plans.paces.speeds[agents]
+        return np.asarray(np.where(np.isnan(speeds), self.natural_speed, speeds))
+
     def _ask(self, view: View, row: int) -> None:
+        """Request captured motion for a row that begins at the entry whose phase and speed fit best, if any fits."""
         captured, state = self._captured, view.row[row]
         agent = int(view.agent[row])
         self._tried[agent] = captured.step_count
+        # Difference of phase on the circle, and of the speed at which the entry would be played.
         off = np.abs(self.entries.phase[self._preferred] - view.phase[row] % 1.0)
         off = np.minimum(off, 1.0 - off)
         pace = float(hypot(state["vx"], state["vy"]))
-        share = self._played[agent] / self.natural_speed
+        share = float(self._played(agent)) / self.natural_speed
         wrong = np.abs(share * self.entries.speed[self._preferred] - pace)
         fits = np.flatnonzero((off < PHASE_OFF) & (wrong < SPEED_OFF))
         if not len(fits):
@@ -272,6 +281,10 @@ class Switches:
         end = np.array(node_end(captured.assets.graph, node, *origin)[:2])
         itineraries = captured.itineraries
         itineraries.reached[agent] = view.reached[row]
+        if not itineraries.stands(agent):
+            aim = self._aims.place(int(view.goal[row]), int(view.following[row]), pose[:2])
+            if aim is not None:
+                itineraries.aim(agent, aim)
         captured.plans.request(agent, itineraries.request(agent, end, departure=(node, origin)), walks=True)
         self._asked[agent] = _Asked(entry, origin)
 

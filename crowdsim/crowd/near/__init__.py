@@ -1,1 +1,1 @@
-"""Who is near: captured characters sorted by cells."""
+"""Neighbor search of captured characters: rows sorted by cells."""

@@ -1,4 +1,4 @@
-"""Captured characters by the cells in which they are, so that nobody looks at all of them."""
+"""Captured characters sorted by cells, so that searches look at few of them."""
 
 from __future__ import annotations
 
@@ -11,30 +11,31 @@ from crowdsim.crowd.near.neighbor_kernels import extent, measure_spread
 from crowdsim.steering.row_kernels import CELL, sort_rows
 
 MOST_CELLS = 1_000_000
-"""Cells at most; whoever is beyond them counts to those at the edge."""
+"""Largest number of cells; characters beyond them count to the border cells."""
 
 Frame = tuple[float, float, int, int]
+"""Grid of cells: left and bottom edge [m], columns, rows."""
 
 
 class Neighbors(NamedTuple):
-    """N rows sorted by the cells of the places where they are in a step, and how far from there they have a part.
+    """N rows, sorted by the cells of their positions in a step, and how far their timelines and ways extend from there.
 
-    Timelines and ways may change meanwhile, as long as ``spread`` is widened by who changes them.
+    Timelines and ways may change during the step if ``spread`` is enlarged accordingly.
     """
 
     order: NDArray[np.int32]
-    """(N,) rows cell by cell, in the order of their numbers within each."""
+    """(N,) rows, sorted by cell, and by number within a cell."""
     starts: NDArray[np.int64]
-    """Where cells begin in that order."""
+    """Index in ``order`` at which each cell begins."""
     frame: Frame
-    """Left and bottom of the cells [m], columns and rows of them."""
+    """Left and bottom edge of the grid [m], columns and rows."""
     places: NDArray[np.float64]
-    """(N, 2) where they are [m]."""
+    """(N, 2) positions [m]."""
     spread: NDArray[np.float64]
-    """(3,) meters: the farthest that a timeline leads from the place of its row, that a way begins from there, and the
-    largest radius of a body."""
+    """(3,) largest distance from the position of a row to a point of its timeline, to the begin of its way, and the
+    largest radius of a body [m]."""
     found: NDArray[np.int32]
-    """(N,) room for rows."""
+    """(N,) scratch for rows."""
 
     @classmethod
     def of(
@@ -44,10 +45,18 @@ class Neighbors(NamedTuple):
         radii: NDArray[np.float64],
         ways: NDArray[np.float64] | None = None,
     ) -> Neighbors:
-        """Sort rows at ``places`` (N, 2).
+        """Sort rows by the cells of ``places``.
 
-        circles: (N, 3) x, y and radius of circles that hold their timelines; radii: (N,) of their bodies; ways:
-        (N, P, 2), not a number where there is none.
+        Parameters
+        ----------
+        places : (N, 2) float64
+            Positions [m].
+        circles : (N, 3) float64
+            x, y and radius of circles that contain the timelines [m].
+        radii : (N,) float64
+            Radii of the bodies [m].
+        ways : (N, P, 2) float64, optional
+            Ways ahead [m], nan for rows without one.
         """
         places = np.ascontiguousarray(places)
         order, starts, frame = sorted_places(places)
@@ -57,7 +66,7 @@ class Neighbors(NamedTuple):
 
 
 def sorted_places(places: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.int64], Frame]:
-    """Rows at ``places`` (N, 2) cell by cell, where cells begin in that order, and their frame."""
+    """Sort rows at ``places`` (N, 2) by cells; return their order, the start of each cell, and the grid."""
     frame = _frame_of(*extent(places))
     order, starts = np.empty(len(places), np.int32), np.empty(frame[2] * frame[3] + 1, np.int64)
     sort_rows(places, frame, starts, order, np.empty(len(places), np.int32))
@@ -65,6 +74,6 @@ def sorted_places(places: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArr
 
 
 def _frame_of(left: float, bottom: float, right: float, top: float) -> Frame:
-    """Cells that cover an extent, as far as there are enough of them."""
+    """Return the grid that covers an extent, cut off at :data:`MOST_CELLS`."""
     columns = min(int((right - left) / CELL) + 1, MOST_CELLS)
     return left, bottom, columns, min(int((top - bottom) / CELL) + 1, max(MOST_CELLS // columns, 1))

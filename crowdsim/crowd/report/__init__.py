@@ -1,1 +1,1 @@
-"""Statistics of a run and the header of its recording."""
+"""Reports: measures, statistics and recording header of a run."""

@@ -1,4 +1,4 @@
-"""How those walked of whom a scenario says one thing or another."""
+"""Statistics of walking by the attributes that a scenario gives its characters."""
 
 from __future__ import annotations
 
@@ -9,13 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowdsim.geometry.elementary import hypot
+from crowdsim.geometry.planar import shorter_ways
 from crowdsim.recording.header import AgentState, RecordedFrame
 
 
 class AttributeStatistics:
-    """Sums up, step by step, the ways of characters, to be told by their attributes (n,).
+    """Sum up the ways of characters by their attributes, step by step.
 
-    span: way along x and y after which a periodic floor begins again [m], 0 where it ends.
+    Parameters
+    ----------
+    attributes : mapping of str to (n,) array
+        Values of each attribute.
+    steps_per_second : int
+        Rate of the steps.
+    span : (float, float)
+        Period of a periodic floor along x and y [m], 0 for none.
     """
 
     def __init__(
@@ -27,7 +35,7 @@ class AttributeStatistics:
         self._before: tuple[NDArray[Any], ...] | None = None
 
     def add(self, frame: RecordedFrame) -> None:
-        """Take in one step of all agents."""
+        """Add one step of all characters."""
         if not self._attributes:
             return
         x, y = (np.asarray(column, np.float64) for column in (frame.x, frame.y))
@@ -35,19 +43,17 @@ class AttributeStatistics:
         if self._before is not None:
             old_x, old_y, was_there = self._before
             both = there & was_there
-            dx, dy = (np.where(both, new - old, 0.0) for new, old in ((x, old_x), (y, old_y)))
-            for way, length in zip((dx, dy), self._span, strict=True):
-                if length > 0.0:
-                    way -= np.rint(way / length) * length
-            self._way += hypot(dx, dy)
+            ways = (np.where(both, new - old, 0.0) for new, old in ((x, old_x), (y, old_y)))
+            self._way += hypot(*(shorter_ways(way, span) for way, span in zip(ways, self._span, strict=True)))
             self._steps += both
         self._before = x.copy(), y.copy(), there.copy()
 
     def summary(self) -> dict[str, Any]:
-        """By attribute: the spread of numbers; how many have a word, and how fast they were [m/s]."""
+        """Return by attribute: the distribution of numbers; for words, their count and the mean speed [m/s]."""
         return {name: self._spread(values) for name, values in self._attributes.items()}
 
     def _spread(self, values: NDArray[Any]) -> dict[str, Any]:
+        """Return the distribution of one attribute, as :meth:`summary` describes it."""
         if np.issubdtype(values.dtype, np.number):
             given = values[~np.isnan(values)]
             if not len(given):

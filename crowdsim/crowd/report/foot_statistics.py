@@ -1,4 +1,4 @@
-"""How well the feet of a running crowd keep to the floor, measured as it runs."""
+"""Foot contact of captured bodies during a run: sliding and penetration of the floor."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from crowdsim.motion.graph.pose_kernels import pose_joints
 from crowdsim.recording.header import RecordedFrame
 
 Floats = NDArray[np.float64]
+"""Array of float64."""
 
 
 class FootStatistics:
-    """Speed of planted feet and the lowest foot point, step by step.
+    """Speed of planted feet, and the lowest foot point, step by step.
 
-    The clips that are played tell when a point of a foot is planted (`planted_steps`): in the crowd, a foot that slides
-    counts as sliding, however fast. Both feet count, each by its planted point that moves least.
+    The clips that are played tell when a point of a foot is planted (`planted_steps`): if a foot slides in the crowd,
+    it counts as sliding, however fast. Both feet count, each by its planted point that moves least.
     """
 
     def __init__(self, motion: MotionGraph, steps_per_second: int) -> None:
@@ -34,11 +35,11 @@ class FootStatistics:
 
     @property
     def stance_speed(self) -> float | None:
-        """Mean horizontal speed (m/s) of planted feet; None if none was ever planted."""
+        """Return the mean horizontal speed of planted feet [m/s]; None if none was ever planted."""
         return self._speed_sum / self._speed_count if self._speed_count else None
 
     def add(self, frame: RecordedFrame, present: NDArray[np.int64]) -> None:
-        """Take in one step; ``present`` are the agents in the world."""
+        """Add one step; ``present`` are the characters in the world."""
         pose = np.column_stack([frame.x, frame.y, frame.heading])[present]
         node, previous = (np.asarray(c, np.int32)[present] for c in (frame.node, frame.previous))
         at = np.asarray(frame.frame, np.float64)[present]
@@ -62,6 +63,7 @@ class FootStatistics:
         at: Floats,
         pose: Floats,
     ) -> Feet:
+        """Return the feet of bodies in the given nodes at frames ``at`` with track poses ``pose`` (n, 3)."""
         skeleton = self._motion.skeleton
         positions = np.empty((len(node), skeleton.joint_count, 3), np.float32)
         rotations = np.empty((len(node), skeleton.joint_count, 4), np.float32)
@@ -69,7 +71,7 @@ class FootStatistics:
         return feet_of(skeleton, positions.astype(np.float64), rotations.astype(np.float64), self._like)
 
     def _clip_feet(self) -> Feet:
-        """Feet of all nodes, one after the other, each as in its clip."""
+        """Return the feet of all nodes, one after the other, each as in its clip."""
         table = self._motion.poses
         lengths = table.node_frames + 1
         node = np.repeat(np.arange(len(lengths), dtype=np.int32), lengths)
@@ -77,7 +79,7 @@ class FootStatistics:
         return self._posed_feet(node, np.full(len(node), -1, np.int32), at, self._motion.arrays.tracks)
 
     def _count_lifted(self, feet: Feet) -> NDArray[np.int32]:
-        """(rows, 2, P) how many of the steps between frames before each row of the pool lift or move each point."""
+        """Return (rows, 2, P): number of steps before each row of the pool in which each point is lifted or moves."""
         table = self._motion.poses
         lifted = np.zeros((*feet.points.shape[:3],), np.int32)
         for first, last in zip(table.node_first, table.node_first + table.node_frames, strict=True):
@@ -88,9 +90,9 @@ class FootStatistics:
     def _stayed_planted(
         self, old_node: NDArray[np.int32], old_at: Floats, node: NDArray[np.int32], at: Floats
     ) -> NDArray[np.bool_]:
-        """(n, 2, P) whether each point stays planted in the clips, from one frame to another of it or the next node."""
+        """Return (n, 2, P): True for points that stay planted in the clips between two frames of one or two nodes."""
         table = self._motion.poses
-        # Each lies between two frames, or on one.
+        # Rows of the pool around both times. Prefix sums: a point stayed planted if its count did not change.
         begin = table.node_first[old_node] + np.floor(old_at).astype(np.int64)
         end = table.node_first[node] + np.ceil(at).astype(np.int64)
         goes_on = ((node == old_node) & (at > old_at))[:, None, None]

@@ -1,4 +1,4 @@
-"""How near steered bodies come to each other and to walls."""
+"""Smallest gaps between steered bodies, and between bodies and walls."""
 
 import math
 
@@ -9,15 +9,16 @@ from crowdsim.steering.row_kernels import CELL
 from crowdsim.steering.wall_kernels import WALL_CELL, distance_at
 
 _ROUNDED = 0.1
-"""By how much distances of the grid may be larger than the true ones [m]: half a diagonal of its spacing, and more."""
+"""Amount by which an interpolated distance of the grid may exceed the true one [m]: half a diagonal of its spacing, and
+more."""
 
 
 @kernel
 def closest_bodies(crowd, broadest, limit):
-    """Least gap between two bodies, and least distance between two centers, both up to ``limit`` [m].
+    """Return the least gap between two bodies, and the least distance between two centers, both at most ``limit`` [m].
 
-    ``crowd``: rows, their places, where cells begin in them, and the frame of the cells. ``broadest``: largest half
-    breadth of all agents [m].
+    ``crowd`` holds the sorted rows, their positions, the start of each cell, and the frame of the grid. ``broadest`` is
+    the largest half breadth of all agents [m].
     """
     rows, places, starts, frame = crowd
     gap = limit
@@ -25,10 +26,11 @@ def closest_bodies(crowd, broadest, limit):
     for me in range(len(rows)):
         mine = rows[me]
         own = mine.half + mine.radius
-        # Whoever is farther off than this changes neither.
+        # Agents farther away than this cannot lower either value.
         farthest = max(centers, gap + own + broadest)
         cells = math.ceil(farthest / CELL)
         column, row = cell_of(frame, mine.x, mine.y)
+        # Each pair once: rows are sorted by cells, so the other one of a higher number is in this line or a later one.
         for j in range(row, min(row + cells + 1, frame[3])):
             begin, end = rows_beside(starts, frame, column, j, cells)
             for number in range(max(begin, me + 1), end):
@@ -40,6 +42,7 @@ def closest_bodies(crowd, broadest, limit):
                 between = math.sqrt(square)
                 centers = min(centers, between)
                 other = rows[number]
+                # Measure the capsules only if their bounding discs come nearer than the least gap.
                 if between - own - other.half - other.radius < gap:
                     _, _, apart = core_to_core(px, py, -mine.hy, mine.hx, mine.half, -other.hy, other.hx, other.half)
                     gap = min(gap, apart - mine.radius - other.radius)
@@ -48,9 +51,9 @@ def closest_bodies(crowd, broadest, limit):
 
 @helper
 def wall_gap(body, walls, half, radius):
-    """Least gap between a body and the walls listed near it [m], infinite if there are none.
+    """Return the least gap between a body and the walls listed near it [m], infinite if there are none.
 
-    ``half``: half length of the core that counts, 0 for a disc; ``radius``: of the capsule or the disc [m].
+    ``half`` is the half length of the core, 0 for a disc; ``radius`` that of the capsule or disc [m].
     """
     gap = math.inf
     column = math.floor((body.x - walls.left) / WALL_CELL)
@@ -67,16 +70,16 @@ def wall_gap(body, walls, half, radius):
 
 @kernel
 def closest_wall(rows, walls, torso, leg_radius, limit):
-    """Least gap between a body and the walls of one layer, up to ``limit`` [m].
+    """Return the least gap between a body and the walls of one layer, at most ``limit`` [m].
 
-    ``torso``: whether the capsules count; else discs of ``leg_radius`` [m] do.
+    If ``torso``, bodies are the capsules; else they are discs of ``leg_radius`` [m].
     """
     gap = limit
     for me in range(len(rows)):
         mine = rows[me]
         half = mine.half if torso else 0.0
         radius = mine.radius if torso else leg_radius
-        # The grid of distances tells where no wall can be nearer.
+        # Skip bodies for which the grid of distances says that no wall can be nearer than the least gap.
         if distance_at(walls, mine.x, mine.y) - half - radius - _ROUNDED < gap:
             gap = min(gap, wall_gap(mine, walls, half, radius))
     return gap

@@ -1,4 +1,4 @@
-"""What a run measures of every step."""
+"""Measures of one step of a run."""
 
 import math
 
@@ -13,12 +13,12 @@ from crowdsim.steering.row_kernels import CELL
 
 @kernel
 def closest_pair(places, order, starts, frame, limit):
-    """Smallest distance between any two of ``places`` (N, 2) if it is below ``limit`` [m]; else what is no smaller.
+    """Return the smallest distance between two of ``places`` (N, 2) if it is below ``limit`` [m], else a larger value.
 
-    order, starts, frame: the rows by cells, as :func:`crowdsim.crowd.near.neighbors.sorted_places` has them.
+    ``order``, ``starts`` and ``frame`` are the rows by cells, from :func:`crowdsim.crowd.near.neighbors.sorted_places`.
     """
     best = math.inf
-    # Look at all cells within the limit, then within the least distance found so far.
+    # Search the cells within the limit, then only within the least distance found so far; each pair once (j < i).
     reach = min(limit, CELL * (frame[2] + frame[3]))
     for i in range(len(places)):
         x, y = places[i, 0], places[i, 1]
@@ -38,13 +38,14 @@ def closest_pair(places, order, starts, frame, limit):
 
 @kernel
 def obstacle_margin(pose, behavior, mesh, radii, limit):
-    """Smallest distance between a body disc and the obstacles of one layer; negative where they overlap.
+    """Return the smallest distance between a body disc and the obstacles of one layer [m]; negative if they overlap.
 
-    pose: (N, 3); behavior: (N,) int32; radii: (B,) meters on this layer. Distances are capped at ``limit``.
+    ``pose`` is (N, 3), ``behavior`` (N,) int32, ``radii`` (B,) on this layer [m]. The result is at most ``limit``.
     """
     best = limit
     hint = np.int64(-1)
     for i in range(len(pose)):
+        # The triangle found last is a good start for the next query.
         radius = radii[behavior[i]]
         distance, hint = disc_clearance(mesh, pose[i, 0], pose[i, 1], radius + limit, hint)
         best = min(best, distance - radius)

@@ -1,4 +1,4 @@
-"""What a run measures at the lines and in the areas that its scenario names."""
+"""Measurements on the lines and in the areas that a scenario names."""
 
 from __future__ import annotations
 
@@ -10,21 +10,20 @@ import shapely
 from numpy.typing import NDArray
 
 from crowdsim.geometry.elementary import hypot
+from crowdsim.geometry.planar import shorter_ways
 from crowdsim.recording.header import AgentState, RecordedFrame
-from crowdsim.recording.measured import AreaSeries, Crossings, Measured
+from crowdsim.recording.measured import AreaSeries, Crossings, Measured, flow_of
 from crowdsim.scenario.scenario import Scenario
 
 SPEED_SECONDS = 1.0
-"""Speeds are those of the way between two places so far apart in time [s]: bodies sway within a step."""
-
-LEAST_CROSSINGS = 20
-"""Crossings below which a line has no flow."""
+"""Time between the two positions from which a speed is computed [s]: bodies sway within a step."""
 
 Floats = NDArray[np.float64]
+"""Array of float64."""
 
 
 class MeasuredPlaces:
-    """Counts who is in the areas and who crosses the lines, step by step."""
+    """Count the characters in the areas and those that cross the lines, step by step."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._rate = scenario.steps_per_second
@@ -44,7 +43,7 @@ class MeasuredPlaces:
         self._step = 0
 
     def add(self, frame: RecordedFrame) -> None:
-        """Take in one step of all agents."""
+        """Add one step of all characters."""
         if not self._areas and not self._lines:
             return
         places = np.column_stack((frame.x, frame.y)).astype(np.float64)
@@ -65,7 +64,7 @@ class MeasuredPlaces:
         self._step += 1
 
     def measured(self) -> Measured:
-        """All that was measured, for the recording."""
+        """Return all measurements, for the recording."""
         areas = {
             area.name: AreaSeries(size, np.array(count, np.int32), np.array(speed, np.float32))
             for area, size, count, speed in zip(self._areas, self._sizes, self._counts, self._speeds, strict=True)
@@ -82,7 +81,7 @@ class MeasuredPlaces:
         return Measured(areas, lines)
 
     def summary(self) -> dict[str, Any]:
-        """The figures under the names that ``crowdsim run --json`` prints."""
+        """Return the figures under the names that ``crowdsim run --json`` prints."""
         measured = self.measured()
         areas, lines = {}, {}
         for area in self._areas:
@@ -113,18 +112,16 @@ class MeasuredPlaces:
         return {"areas": areas, "lines": lines}
 
     def _way(self, before: Floats, after: Floats) -> Floats:
-        """Straight ways between places; across the ends of a periodic floor if that is shorter."""
-        way: Floats = after - before
-        for axis in np.flatnonzero(self._span > 0.0):
-            way[:, axis] -= np.rint(way[:, axis] / self._span[axis]) * self._span[axis]
-        return way
+        """Return the displacements between positions; across the ends of a periodic floor if that is shorter."""
+        way = after - before
+        return np.column_stack([shorter_ways(way[:, axis], self._span[axis]) for axis in range(2)])
 
     def _count(self, places: Floats) -> None:
         for number, shape in enumerate(self._shapes):
             self._counts[number].append(int(shapely.contains_xy(shape, places).sum()))
 
     def _cross(self, before: Floats, after: Floats) -> None:
-        """Note who crossed which line on the straight way between two steps."""
+        """Note which characters crossed which line on the straight way between two steps."""
         for number, points in enumerate(self._pieces):
             for first, second in itertools.pairwise(points):
                 agents, share, to_left = crossings_of(before, after, first, second)
@@ -135,25 +132,27 @@ class MeasuredPlaces:
 def crossings_of(
     before: Floats, after: Floats, first: Floats, second: Floats
 ) -> tuple[NDArray[np.int64], Floats, NDArray[np.bool_]]:
-    """Who, of those who go straight from (n, 2) places to others, crosses a line between two points.
+    """Find which characters cross a line between two points on their straight way from ``before`` to ``after``.
 
-    Returns their numbers, the share of the way at which each does, and whether it then is on the left of who goes from
-    the first point to the second. Nobody counts who is in no place (nan). A place on the line is on its left.
+    Positions are (n, 2) [m], nan for characters that do not count. A position on the line counts as on its left.
+
+    Returns
+    -------
+    agents : (k,) int64
+        Characters that cross.
+    share : (k,) float64
+        Share of the way at which each crosses.
+    to_left : (k,) bool
+        True if it then is to the left of the direction from ``first`` to ``second``.
     """
     ux, uy = second - first
+    # Signed areas: positive on the left of the line. A way crosses the infinite line if the side changes.
     left = [ux * (at[:, 1] - first[1]) - uy * (at[:, 0] - first[0]) for at in (before, after)]
     crosses = ((left[0] >= 0.0) != (left[1] >= 0.0)) & ~np.isnan(left[0]) & ~np.isnan(left[1])
     agents = np.flatnonzero(crosses)
     share = left[0][agents] / (left[0][agents] - left[1][agents])
     at = before[agents] + share[:, None] * (after[agents] - before[agents])
     along = (ux * (at[:, 0] - first[0]) + uy * (at[:, 1] - first[1])) / (ux * ux + uy * uy)
+    # The crossing must lie on the segment; the end belongs to the next segment of a polyline.
     hits = (along >= 0.0) & (along < 1.0)
     return agents[hits], share[hits], left[1][agents[hits]] >= 0.0
-
-
-def flow_of(times: Floats) -> float | None:
-    """Crossings a second between the first and the last tenth of ascending times, None if they are few."""
-    few = len(times) // 10
-    if len(times) < LEAST_CROSSINGS or times[-few - 1] <= times[few]:
-        return None
-    return float((len(times) - 2 * few) / (times[-few - 1] - times[few]))

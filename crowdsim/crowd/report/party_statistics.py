@@ -1,52 +1,60 @@
-"""How well those keep together who walk together."""
+"""Measure how well the members of parties keep together."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.constants import NONE
 from crowdsim.geometry.elementary import hypot
+from crowdsim.geometry.planar import shorter_ways
 from crowdsim.recording.header import AgentState, RecordedFrame
-from crowdsim.scenario.arrivals import first_of_party, start_times
+from crowdsim.scenario.people.arrivals import first_of_party, start_times
 from crowdsim.scenario.schema.schema import ScenarioFields
 
 TOGETHER = 1.5
-"""Distance within which two are together [m]."""
+"""Largest distance at which two members are together [m]."""
 
 
 class PartyStatistics:
-    """Counts, step by step, who has another one of its party beside it, while there is one in the world."""
+    """Count, step by step, the members that have another member of their party within TOGETHER.
+
+    A step counts for a party while two or more of its members are in the world.
+    """
 
     def __init__(self, keys: ScenarioFields) -> None:
-        self._span = np.array(keys.span)
-        self._parties: dict[str, list[NDArray[np.int64]]] = {}
+        self._span = keys.span
+        # By group: (p, k) characters of p parties of up to k members; smaller parties are filled up with NONE.
+        self._parties: dict[str, NDArray[np.int64]] = {}
         begin = 0
         for number, group in enumerate(keys.agents):
             count = len(start_times(keys, number))
             if group.together > 1:
-                first = first_of_party(keys, number, count)
-                self._parties[group.name] = [begin + np.flatnonzero(first == each) for each in np.unique(first)]
+                firsts = np.unique(first_of_party(keys, number, count))
+                members = firsts[:, None] + np.arange(group.together)
+                self._parties[group.name] = np.where(members < count, begin + members, NONE)
             begin += count
         self._beside = dict.fromkeys(self._parties, 0)
         self._steps = dict.fromkeys(self._parties, 0)
 
     def add(self, frame: RecordedFrame) -> None:
-        """Take in one step of all agents."""
+        """Add one step of all characters."""
         x, y = (np.asarray(column, np.float64) for column in (frame.x, frame.y))
         there = np.asarray(frame.state) != AgentState.ABSENT
         for name, parties in self._parties.items():
-            for party in parties:
-                here = party[there[party]]
-                if len(here) < 2:
-                    continue
-                apart = [column[here, None] - column[here] for column in (x, y)]
-                for way, length in zip(apart, self._span, strict=True):
-                    if length > 0.0:
-                        way -= np.rint(way / length) * length
-                near = hypot(*apart) <= TOGETHER
-                self._beside[name] += int((near.sum(axis=1) > 1).sum())
-                self._steps[name] += len(here)
+            here = (parties != NONE) & there[parties]
+            here &= here.sum(axis=1, keepdims=True) > 1
+            beside = np.zeros(parties.shape, np.bool_)
+            for k in range(parties.shape[1]):
+                # Member k of each party against all of its members.
+                ways = (column[parties] - column[parties[:, k]][:, None] for column in (x, y))
+                apart = hypot(*(shorter_ways(way, span) for way, span in zip(ways, self._span, strict=True)))
+                near = here & here[:, k : k + 1] & (apart <= TOGETHER)
+                near[:, k] = False
+                beside |= near
+            self._beside[name] += int(beside.sum())
+            self._steps[name] += int(here.sum())
 
     def summary(self) -> dict[str, float | None]:
-        """By group, the share of that time in which members have another one within :data:`TOGETHER`."""
+        """Return by group the share of time in which members have another one within :data:`TOGETHER`."""
         return {name: self._beside[name] / steps if steps else None for name, steps in self._steps.items()}

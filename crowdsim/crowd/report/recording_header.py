@@ -1,4 +1,4 @@
-"""What a recording says once, gathered from the scenario and the assets of a run."""
+"""Header of a recording, from the scenario and the assets of a run."""
 
 from __future__ import annotations
 
@@ -26,18 +26,20 @@ from crowdsim.recording.header import (
     MeshRecord,
     MotionRecord,
     RecordingHeader,
+    ShapeRecord,
     SolidRecord,
 )
-from crowdsim.scenario.attributes import draw_attributes
-from crowdsim.scenario.crowd_placement import CrowdPlacement
-from crowdsim.scenario.placement import Placement
+from crowdsim.scenario.people.arrivals import NEVER
+from crowdsim.scenario.people.attributes import draw_attributes
+from crowdsim.scenario.people.crowd_placement import CrowdPlacement
+from crowdsim.scenario.people.placement import Placement
 from crowdsim.scenario.scenario import Scenario
 
 
 def record_header(
     scenario: Scenario, behaviors: Sequence[Behavior], agents: AgentsRecord, motion: MotionRecord
 ) -> RecordingHeader:
-    """The header of the recording of one run."""
+    """Return the header of the recording of one run."""
     environment = scenario.environment
     timetable = environment.timetable
     return RecordingHeader(
@@ -48,17 +50,21 @@ def record_header(
         behaviors=[BehaviorRecord(b.name, b.color, tuple(map(float, b.radii))) for b in behaviors],
         layers=[LayerRecord(layer.name, layer.low, layer.high) for layer in environment.layers],
         floor=environment.floor.wkt,
-        solids=[_record(solid) for solid in timetable.fixed if isinstance(solid, Solid)],
+        solids=[solid_record(solid) for solid in timetable.fixed if isinstance(solid, Solid)],
         meshes=[_mesh_record(solid) for solid in timetable.fixed if isinstance(solid, MeshSolid)],
-        movables=[_record(solid) for movable in timetable.movables for solid in movable.solids],
+        # Things that commands insert are added while they come.
+        movables=[solid_record(solid) for movable in timetable.movables for solid in movable.solids],
         agents=replace(agents, attributes=draw_attributes(scenario)),
         motion=motion,
         ends=_ends_of(scenario),
+        walkable=[layer.free.wkt for layer in environment.fixed_layers],
+        areas=[ShapeRecord(area.name, area.shape().wkt) for area in scenario.areas],
+        lines=[ShapeRecord(line.name, line.shape().wkt) for line in scenario.lines],
     )
 
 
 def _ends_of(scenario: Scenario) -> Ends | None:
-    """Where a periodic floor begins again."""
+    """Return the ends of a periodic floor; None for a floor that is not periodic."""
     if scenario.floor.periodic is None:
         return None
     axis = 0 if scenario.floor.periodic == "x" else 1
@@ -66,27 +72,43 @@ def _ends_of(scenario: Scenario) -> Ends | None:
     return Ends(axis, bounds[axis], bounds[axis + 2])
 
 
+def _start_times(steps: NDArray[np.int64], steps_per_second: int) -> NDArray[np.float64]:
+    """Return when characters start [s], NaN for those on call."""
+    return np.where(steps == NEVER, np.nan, steps / steps_per_second)
+
+
 def captured_agents(cast: Placement, steps_per_second: int, radius: float) -> AgentsRecord:
-    """The agents of a captured crowd, of bodies that reach ``radius`` meters."""
+    """Return the agents of a captured crowd, whose bodies have ``radius`` [m]."""
     goals = np.array([goals[0] for goals in cast.goals])
     starts = _facing(cast.starts, goals)
-    return AgentsRecord(cast.groups, cast.start_steps / steps_per_second, starts, goals, np.full(len(goals), radius))
+    return AgentsRecord(
+        cast.groups,
+        _start_times(cast.start_steps, steps_per_second),
+        starts,
+        goals,
+        np.full(len(goals), radius),
+        routes=np.concatenate(cast.goals),
+        route_ends=np.cumsum([len(goals) for goals in cast.goals]),
+    )
 
 
 def steered_agents(cast: CrowdPlacement, middles: NDArray[np.float64], steps_per_second: int) -> AgentsRecord:
-    """The agents of a steered crowd, whose goals have ``middles`` (m, 2) [m]."""
-    goals = middles[np.array([itinerary.goals[0] for itinerary in cast.itineraries])][cast.group]
+    """Return the agents of a steered crowd, whose goals have ``middles`` (m, 2) [m]."""
+    routes = [middles[cast.itineraries[number].goals] for number in cast.group.tolist()]
+    goals = np.array([route[0] for route in routes])
     return AgentsRecord(
         [cast.names[number] for number in cast.group.tolist()],
-        cast.start_steps / steps_per_second,
+        _start_times(cast.start_steps, steps_per_second),
         _facing(cast.starts, goals),
         goals,
         0.5 * cast.walkers.breadths,
+        routes=np.concatenate(routes),
+        route_ends=np.cumsum([len(route) for route in routes]),
     )
 
 
 def captured_motion(assets: Assets) -> MotionRecord:
-    """What captured bodies are posed from."""
+    """Return the data from which captured bodies are posed."""
     poses = assets.motion.poses
     return MotionRecord(
         skeleton=assets.motion.skeleton,
@@ -100,7 +122,7 @@ def captured_motion(assets: Assets) -> MotionRecord:
 
 
 def steered_motion(skeleton: Skeleton, gaits: Sequence[Clip]) -> MotionRecord:
-    """What steered bodies are posed from: a clip for each behavior."""
+    """Return the data from which steered bodies are posed: a clip for each behavior."""
     none = np.zeros(0, np.int32)
     return MotionRecord(
         skeleton=skeleton,
@@ -118,12 +140,13 @@ def steered_motion(skeleton: Skeleton, gaits: Sequence[Clip]) -> MotionRecord:
 
 
 def _facing(starts: NDArray[np.float64], goals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n, 3) starts with the headings towards the goals."""
+    """Return starts (n, 3) with the headings towards the goals."""
     toward = goals - starts
     return np.column_stack([starts, atan2(toward[:, 1], toward[:, 0])])
 
 
-def _record(solid: AnySolid) -> SolidRecord:
+def solid_record(solid: AnySolid) -> SolidRecord:
+    """Return a solid as recordings hold it."""
     return SolidRecord(solid.name, solid.footprint.wkt, solid.bottom, solid.top)
 
 
@@ -132,9 +155,9 @@ def _mesh_record(solid: MeshSolid) -> MeshRecord:
 
 
 def labeled_points(route: AnnotatedPath) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
-    """Points (P, 2) of a route, those where the behavior changes among them, and the behavior (P,) from each on."""
+    """Return points (P, 2) of a route, including changes of behavior, and the behavior (P,) from each on."""
     starts = np.array([section.start for section in route.sections])
-    # Not sorted by numpy, which would let other threads run and wait for them.
+    # Python's sort keeps the GIL; numpy's releases it and would then wait for other threads.
     arc = np.array(sorted({*route.arc.tolist(), *starts.tolist()}))
     section = np.maximum(np.searchsorted(starts, arc, side="right") - 1, 0)
     behaviors = np.array([route.sections[k].behavior for k in section], np.int8)

@@ -1,4 +1,4 @@
-"""What a run is summed up by."""
+"""Statistics of a run of captured characters."""
 
 from __future__ import annotations
 
@@ -19,29 +19,28 @@ from crowdsim.geometry.elementary import hypot
 from crowdsim.recording.header import AgentState, RecordedFrame
 
 MARGIN_LIMIT = 1.0
-"""Meters up to which the distance of bodies to obstacles is measured."""
+"""Largest distance of bodies to obstacles that is measured [m]."""
 
 
 def shares_of(behaviors: Sequence[str], way: NDArray[np.float64]) -> dict[str, float]:
-    """Share of the way by behavior; all zero where no one went."""
+    """Return the share of the way in each behavior; all zero if no character walked."""
     total = way.sum()
     return {name: float(gone / total) if total else 0.0 for name, gone in zip(behaviors, way, strict=True)}
 
 
 @dataclass
 class Statistics:
-    """Measures of every step, gathered as the run goes.
-
-    way: (areas + 1, B) meters gone in each behavior, over all and by named area. closest: smallest distance between
-    two tracks. margin: (layers,) smallest distance of a body disc of the behavior in use to an obstacle.
-    """
+    """Measures of captured characters, summed up step by step."""
 
     assets: Assets
     environment: EnvironmentState
     areas: Mapping[str, shapely.Polygon]
     way: NDArray[np.float64] = field(init=False)
+    """(areas + 1, B) length walked in each behavior, in total and by named area [m]."""
     closest: float = np.inf
+    """Smallest distance between two tracks [m]."""
     margin: NDArray[np.float64] = field(init=False)
+    """(layers,) smallest distance of a body disc of the present behavior to an obstacle [m]."""
     feet: FootStatistics = field(init=False)
     _before: RecordedFrame | None = None
 
@@ -51,7 +50,7 @@ class Statistics:
         self.feet = FootStatistics(self.assets.motion, self.assets.steps_per_second)
 
     def add(self, frame: RecordedFrame) -> None:
-        """Take in one step of all agents, in the environment as it is now."""
+        """Add one step of all characters, in the environment as it is now."""
         state = np.asarray(frame.state)
         present = np.flatnonzero(state != AgentState.ABSENT)
         pose = np.column_stack([frame.x, frame.y, frame.heading])[present]
@@ -77,11 +76,11 @@ class Statistics:
         self._before = frame
 
     def shares(self, row: int) -> dict[str, float]:
-        """Share of the way by behavior, most preferred first; all zero where no one went."""
+        """Return the share of the way by behavior in row ``row`` of ``way``; all zero if no character walked."""
         return shares_of([behavior.name for behavior in self.assets.behaviors], self.way[row])
 
     def summary(self) -> dict[str, Any]:
-        """The figures under the names that ``crowdsim run --json`` prints."""
+        """Return the figures under the names that ``crowdsim run --json`` prints."""
         layers = [layer.name for layer in self.assets.layers]
         return {
             "behavior_share": self.shares(0),

@@ -1,4 +1,4 @@
-"""How well the feet of steered characters keep to the floor, as playback shows them."""
+"""Foot contact of steered characters as playback shows them."""
 
 from __future__ import annotations
 
@@ -19,45 +19,50 @@ from crowdsim.motion.deformed.step_plan import plan_steps, pose_at
 from crowdsim.motion.graph.foot_contacts import feet_of, planted_steps, standing_moves
 
 SAMPLED = 12
-"""Characters that are looked at, the first ones of a run: posing everybody takes longer than the run."""
+"""Number of characters that are measured, the first ones of a run: posing all takes longer than the run."""
 
 SHORTEST = 20
-"""Steps below which the track of a character says nothing."""
+"""Number of steps below which the track of a character is left out."""
 
 LONGEST = 600
-"""Steps of a track that are kept."""
+"""Number of steps of a character that are kept, in all its tracks together."""
 
 JUMPS = 2.0
-"""Way in a step beyond which a character did not walk it [m]."""
+"""Displacement in a step above which a character did not walk it [m]."""
 
 Floats = NDArray[np.float64]
+"""Array of float64."""
 
 
 class SteeredFeet:
-    """Keeps the tracks of a few characters, who are posed from ``clip`` when the run is over."""
+    """Keep the tracks of a few characters, and pose them from ``clip`` after the run."""
 
     def __init__(self, clip: Clip) -> None:
         self._clip = clip
         self._tracks: dict[int, list[Floats]] = {}
         self._ended: list[list[Floats]] = []
+        self._kept = [0] * SAMPLED
 
     def add(self, view: View) -> None:
-        """Take in one step."""
+        """Add one step."""
         for row in np.flatnonzero(view.agent < SAMPLED).tolist():
-            # Who comes back to steering has another id, and another track.
+            agent = int(view.agent[row])
+            if self._kept[agent] == LONGEST:
+                continue
+            # A character that returns from captured motion has another id, and so another track.
             state = view.row[row]
             track = self._tracks.setdefault(int(view.id[row]), [])
             if track and hypot(track[-1][0] - state["x"], track[-1][1] - state["y"]) > JUMPS:
-                # At the other end of a periodic floor it begins another one.
+                # At the other end of a periodic floor another track begins.
                 self._ended.append(track)
                 track = self._tracks[int(view.id[row])] = []
-            if len(track) < LONGEST:
-                track.append(np.array([state["x"], state["y"], state["heading"], view.phase[row]]))
+            track.append(np.array([state["x"], state["y"], state["heading"], view.phase[row]]))
+            self._kept[agent] += 1
 
     def measure(self) -> tuple[float | None, float | None]:
-        """Mean speed of planted feet [m/s], and the lowest point of a foot over the floor [m]; None if nobody walked.
+        """Return the mean speed of planted feet [m/s] and the height of the lowest foot point [m]; None if unknown.
 
-        A point of a foot is planted as in clips: slow, low and for a while (`planted_steps`).
+        A point of a foot is planted by the same rule as in clips: slow, low and for a while (`planted_steps`).
         """
         tracks = [np.array(track) for track in (*self._ended, *self._tracks.values()) if len(track) >= SHORTEST]
         if not tracks:
@@ -65,7 +70,7 @@ class SteeredFeet:
         clip = deform_clip(self._clip)
         stands = np.tile([0.0, 0.0, 0.0, STAND], (SHORTEST, 1))
         plan = plan_steps(clip, smooth_tracks([stands, *tracks]))
-        # One who stands has the left sole on the floor: so far is each point of a foot over its sole.
+        # Body 0 stands with the left sole on the floor, which gives the height of each foot point above the sole.
         first = forward_kinematics(clip.skeleton, *pose_at(clip, plan, np.zeros(1, np.int64), np.zeros(1)))
         flat = feet_of(clip.skeleton, *first)
         rest = replace(flat, lowest=flat.lowest[[0, 0]], ankles=flat.ankles[[0, 0]])

@@ -1,4 +1,4 @@
-"""What a run of steered characters is summed up by."""
+"""Statistics of a run of steered characters."""
 
 from __future__ import annotations
 
@@ -20,17 +20,14 @@ from crowdsim.motion.clips.clip import Clip
 from crowdsim.steering.steering import Steering
 
 GAP_LIMIT = 0.5
-"""Gaps to bodies and walls are measured up to this [m]: as far as the lists of walls hold."""
+"""Largest gap to walls that is measured [m]: as far as the lists of walls reach."""
 
 CENTER_LIMIT = 1.0
-"""Distances between centers are measured up to this [m]."""
+"""Largest distance between centers that is measured [m]."""
 
 
 class SteeredStatistics:
-    """Measures of every step, gathered as the run goes.
-
-    way: (areas + 1, B) meters gone in each behavior, over all and by named area.
-    """
+    """Measures of steered characters, summed up step by step."""
 
     def __init__(
         self, behaviors: Sequence[Behavior], layers: Sequence[str], areas: Mapping[str, shapely.Polygon], gait: Clip
@@ -38,11 +35,12 @@ class SteeredStatistics:
         self._behaviors, self._layers, self._areas = behaviors, layers, areas
         self.feet = SteeredFeet(gait)
         self.way = np.zeros((len(areas) + 1, len(behaviors)))
+        """(areas + 1, B) length walked in each behavior, in total and by named area [m]."""
         self.gap = self.centers = np.inf
         self._margins = [GAP_LIMIT, GAP_LIMIT]
 
     def add(self, view: View, everybody: NDArray[Any], steering: Steering) -> None:
-        """Take in one step; ``everybody`` (ROW) are those of ``view``, and copies of them beyond periodic ends."""
+        """Add one step; ``everybody`` (ROW) are the rows of ``view``, and their copies beyond periodic ends."""
         rows = view.row
         if not len(rows):
             return
@@ -64,7 +62,7 @@ class SteeredStatistics:
             )
 
     def summary(self) -> dict[str, Any]:
-        """The figures under the names that ``crowdsim run --json`` prints."""
+        """Return the figures under the names that ``crowdsim run --json`` prints."""
         names = [behavior.name for behavior in self._behaviors]
         areas = enumerate(self._areas, start=1)
         stance_speed, lowest = self.feet.measure()
@@ -79,7 +77,10 @@ class SteeredStatistics:
         }
 
     def margins_of_layers(self) -> dict[str, float]:
-        """The legs keep off the lowest layer, the torso off all others; both keep off a layer that is the only one."""
+        """Return the least gap by layer: the lowest is that of the legs, all others are that of the torso.
+
+        If there is only one layer, it is the smaller of both.
+        """
         if len(self._layers) == 1:
             return {self._layers[0]: min(self._margins)}
         return {name: self._margins[min(k, 1)] for k, name in enumerate(self._layers)}

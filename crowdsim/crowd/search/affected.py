@@ -17,20 +17,21 @@ from crowdsim.planning.labels.annotated_path import AnnotatedPath, points_at
 from crowdsim.planning.query.requirements import CONTACT_TOLERANCE
 
 WORTH = 0.5
-"""Length by which the straight way through a freed outline must beat the rest of the route to plan anew [m]."""
+"""Length by which the straight way through a freed outline must be shorter than the rest of the route [m]."""
 
 _STRIDE = 4
-"""Frames between two places of a motion that are joined by a straight piece: at most a decimeter, so that the body's
-way differs from the pieces by less than a millimeter."""
+"""Frames between two positions of a motion that are joined by a straight segment: at most a decimeter, so that the body
+is less than a millimeter off it."""
 
 
 def first_taken(assets: Assets, plan: MotionPlan, first: int, taken: Footprints) -> int:
-    """First node of a plan from ``first`` on whose body comes to what was ``taken``; the plan's count if none does."""
+    """Return the first node of a plan, from ``first`` on, whose body touches ``taken``; the plan's count if none."""
     ground = taken[0]
     if ground is None or first >= plan.count:
         return plan.count
     graph = assets.graph
     nodes, origins = plan.nodes[first:], plan.origins[first:]
+    # Quick rejection by the lowest layer, which contains the areas of all others: each node starts too far away.
     reach = assets.personal_radius + float(graph.node_length[nodes].max()) + 1.0
     if float(shapely.distance(shapely.points(origins[:, :2]), ground).min()) > reach:
         return plan.count
@@ -39,6 +40,7 @@ def first_taken(assets: Assets, plan: MotionPlan, first: int, taken: Footprints)
     chain = Chain(nodes, origins, plan.blend_offsets[first:])
     playback = Playback.natural(0, _STRIDE)._replace(slot_frames=_STRIDE)
     sample_chain(graph, chain, len(nodes), assets.breadths, 0, playback, out)
+    # Node of each sample; between two nodes, the broader body counts.
     owner = np.minimum(np.searchsorted(np.cumsum(frames), _STRIDE * np.arange(len(out)), side="right"), len(nodes) - 1)
     pieces = shapely.linestrings(np.stack([out[:-1, :2], out[1:, :2]], axis=1))
     radii = assets.body_radii[graph.node_behavior[nodes]]
@@ -51,12 +53,13 @@ def first_taken(assets: Assets, plan: MotionPlan, first: int, taken: Footprints)
 
 
 def route_taken(assets: Assets, route: AnnotatedPath, position: NDArray[np.float64], taken: Footprints) -> bool:
-    """Whether what was ``taken`` is nearer to the rest of a route than the planned clearance."""
+    """Return True if ``taken`` is nearer to the rest of a route than the planned clearance."""
     arc = _arc_near(route, position)
     ground = taken[0]
     if ground is None or arc >= route.length:
         return False
     need = assets.need.radii
+    # Quick rejection by the whole rest, then section by section.
     if _piece(route, arc, route.length).distance(ground) >= float(need.max()):
         return False
     for section in route.sections:
@@ -70,18 +73,18 @@ def route_taken(assets: Assets, route: AnnotatedPath, position: NDArray[np.float
 
 
 def way_left(route: AnnotatedPath, position: NDArray[np.float64]) -> float:
-    """Meters of a route from the point nearest to ``position`` on."""
+    """Return the length of a route from the point nearest to ``position`` on [m]."""
     return route.length - _arc_near(route, position)
 
 
 def could_shorten(route: AnnotatedPath, position: NDArray[np.float64], freed: BaseGeometry) -> bool:
-    """Whether a straight way through what was ``freed`` would be shorter than the rest of a route by WORTH."""
+    """Return True if a straight way through ``freed`` would be shorter than the rest of a route by WORTH."""
     straight = shapely.Point(position).distance(freed) + shapely.Point(route.points[-1]).distance(freed)
     return bool(straight < way_left(route, position) - WORTH)
 
 
 def outdated(assets: Assets, plan: MotionPlan | None, position: NDArray[np.float64], edits: list[Edit]) -> bool:
-    """Whether what was found (None: no path) before ``edits`` does not hold after them."""
+    """Return True if a result found before ``edits`` (a plan, or None for no path) does not hold after them."""
     if plan is None:
         return any(edit.freed is not None for edit in edits)
     return any(

@@ -1,7 +1,7 @@
-"""From a place and a goal to a chain of nodes, slice by slice: what worker threads compute while characters walk.
+"""Search for motion: from a position and a goal to a chain of nodes, in slices on worker threads.
 
-The 2012 paper's concurrent synthesis (section 6): whoever asked sets out on the first part of a motion while the rest
-is searched for. A slice is a number of map queries, never a time, so that what is found by when is the same always.
+Concurrent synthesis (2012 paper, section 6): a character sets out on the first part of a motion while the rest is
+searched. A slice is a number of map queries, never a time, so a result is found in the same step on any machine.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ from crowdsim.planning.query.clear_ends import joined_to
 from crowdsim.planning.single_behavior import cheapest_uniform
 
 WORTHWHILE = 2.0
-"""Length along the route from which on a motion that does not reach the goal is begun all the same [m]; an agent that
-could only shuffle on the spot waits instead."""
+"""Length along the route from which on a motion that does not reach the goal is begun [m]; a character that could only
+shuffle on the spot waits instead."""
 
 SEARCH_BUDGET = 2000
-"""Map queries after which a search for motion gives up: several times what any search that succeeded needed."""
+"""Map queries after which a search gives up: several times as many as searches that succeed need."""
 
 PASSING_BUDGET = 200
-"""The same for a way around others or a side step, each one try among several."""
+"""The same for a way around others or a side step, each of which is one try among several."""
 
 SLICE_BRANCHES = 1200
-"""Candidate branches that the first slice of a search lays at most: 1 to 2 ms; most searches end with it."""
+"""Candidate branches of the first slice of a search: 1 to 2 ms; most searches end with it."""
 
 MOTION_WORK = 24
 """Candidate branches that a motion takes per meter of its route: those of one map query."""
@@ -49,27 +49,29 @@ ROUTE_WORK = (600, 40)
 """Estimated work of planning a route, in branch evaluations: constant, and per meter."""
 
 PASSING_WORK = 1500
-"""Work of a way around others beyond its route and motion, in branch evaluations: a mesh with those who stand there."""
+"""Estimated work of a way around others beyond its route and motion, in branch evaluations: a mesh that contains those
+that stand there."""
 
 RECOVERIES = 3
-"""How often a search begins anew after its agent has walked past the node where it should have turned."""
+"""Number of times that a search begins anew after its character has walked past the node where it should have
+turned."""
 
 SIDE_STEP = 0.5
 """Length of the side step tried when a standing agent has no feasible first node [m]."""
 
 PASSING_ROOM = 0.02
-"""Clearance kept from those who are passed, beyond both bodies [m]."""
+"""Clearance from characters that are passed, beyond both bodies [m]."""
 
-_RING = 12  # points that stand for someone: closer together than any body is wide
-_OFF_WALLS = 0.02  # meters
+_RING = 12  # points around a standing disc: closer together than any body is wide
+_OFF_WALLS = 0.02  # distance from walls of the points that are inserted [m]
 
-_LEAST = 1e-3  # meters: a path to follow has a length
+_LEAST = 1e-3  # length of the path of a character that is at its goal already [m]
 
-_HIDDEN = -1
+_HIDDEN = -1  # number of nodes played, if nothing of a motion may be played before it is complete
 
 
 class _Outcome(NamedTuple):
-    """A plan, and how many of its nodes are played."""
+    """A plan, and how many of its nodes are played already."""
 
     plan: MotionPlan
     kept: int
@@ -77,22 +79,23 @@ class _Outcome(NamedTuple):
 
 @dataclass
 class MotionSearch:
-    """A search for the motion of one character, of one thread at a time.
+    """A search for the motion of one character, run by one thread at a time.
 
-    Look for a way around those who stand in the way first, if there are any; then follow the old route; then a new one.
-    If all that is left would change what is played already, or the environment has changed, begin anew from there.
-
-    over: whether it has come to an end. slices: how many it took. backtracks: how often it would have had to change
-    what was played. recoveries: how many of these searches found a motion from there.
+    First look for a way around those that stand in the way, if there are any; then follow the old route; then a new
+    one. If everything left would change what is played already, or the environment has changed, begin anew from there.
     """
 
     assets: Assets
     environment: EnvironmentState
     request: Request
     over: bool = False
+    """True if the search has ended."""
     slices: int = 0
+    """Number of slices so far."""
     backtracks: int = 0
+    """Number of times that the search would have had to change nodes already played."""
     recoveries: int = 0
+    """Number of searches from there that found a motion."""
     _steps: Generator[MotionPlan, None, MotionPlan | PathNotFound] = field(init=False)
     _kept: int = 0
     _branches: int = 0
@@ -101,11 +104,11 @@ class MotionSearch:
         self._steps = self._search()
 
     def advance(self, kept: int = 0, branches: int = SLICE_BRANCHES) -> MotionPlan | PathNotFound:
-        """Search for one slice more, laying about so many branches at most.
+        """Search for one more slice of about ``branches`` candidate branches.
 
-        ``kept`` nodes of the plan returned last are played, or will be in any case. A plan without nodes says that no
-        motion was found, or none yet. PathNotFound is returned, not raised: it is a result that the run carries on
-        with. The environment must not change meanwhile; between slices it may.
+        Return the plan so far; a plan without nodes means that no motion was found (yet). PathNotFound is returned, not
+        raised, as the run goes on with it. ``kept`` nodes of the plan returned last are played, or will be in any case.
+        The environment must not change during a slice; between slices it may.
         """
         self._kept, self._branches = kept, branches
         self.slices += 1
@@ -118,12 +121,12 @@ class MotionSearch:
 
     @property
     def is_way_around(self) -> bool:
-        """Whether it looks for a way around others first."""
+        """Return True if it looks for a way around others first."""
         return len(self.request.around) > 0
 
     @property
     def beginning(self) -> int:
-        """What the first slice takes, about, as so many branches that could be laid meanwhile."""
+        """Return the estimated work of the first slice, in branch evaluations."""
         request = self.request
         meters = distance(request.goal, request.position)
         work = min(MOTION_WORK * meters, SLICE_BRANCHES) + PASSING_WORK * self.is_way_around
@@ -132,6 +135,7 @@ class MotionSearch:
         return int(work)
 
     def _search(self) -> Generator[MotionPlan, None, MotionPlan | PathNotFound]:
+        """Run all tries in the order that the class describes; yield plans so far, and return the final result."""
         environment, request = self.environment, self.request
         if self.is_way_around:
             passing = yield from self._passing()
@@ -160,7 +164,7 @@ class MotionSearch:
         return plan
 
     def _recover(self, plan: MotionPlan, kept: int) -> Generator[MotionPlan, None, MotionPlan]:
-        """Search again from the end of what is played, on a new route; what is played where nothing is found."""
+        """Search again from the end of the played nodes, on a new route; return these nodes if nothing is found."""
         graph = self.assets.graph
         for time in range(RECOVERIES):
             played = plan.until(kept - 1)
@@ -190,10 +194,11 @@ class MotionSearch:
         played: MotionPlan | None = None,
         strictly: bool = True,
     ) -> Generator[MotionPlan, None, _Outcome]:
-        """Follow a route: quickly, then thoroughly, as :func:`crowdsim.following.follower.path_follower.follow_path`.
+        """Follow a route: quickly, then thoroughly.
 
-        ``shown`` says whether parts of the motion may be walked; ``played`` comes before it. ``strictly``: whether to
-        try and end as is asked for before coming near is enough.
+        See :func:`crowdsim.following.follower.path_follower.follow_path`. ``shown``: parts of the motion may be played
+        before it is complete; ``played`` comes before it. ``strictly``: try to end exactly as requested before coming
+        near is enough.
         """
         assets, revision = self.assets, self.environment.revision
         samples = _rest_of(route.sample(), request.position)
@@ -223,7 +228,7 @@ class MotionSearch:
             elif best is None or (least == np.inf and found.reached >= best.reached):
                 best = found
             if plan is not None and kept:
-                # What came farthest may begin otherwise than what is played.
+                # The result that came farthest may begin with other nodes than those played.
                 self.backtracks += found.status == FollowStatus.PAST_KEPT
                 return _Outcome(plan, before + kept)
         assert best is not None
@@ -232,14 +237,14 @@ class MotionSearch:
     def _whole(
         self, request: Request, route: AnnotatedPath, meshes: Sequence[NavMesh]
     ) -> Generator[MotionPlan, None, MotionPlan]:
-        """A motion along a route that is a try among several: nothing of it is walked before it is found."""
+        """Search a motion along a route as one try among several: nothing of it is played before it is complete."""
         plan, _ = yield from self._follow(request, route, meshes, PASSING_BUDGET, shown=False)
         return plan
 
     def _step_aside(self, route: AnnotatedPath) -> Generator[MotionPlan, None, MotionPlan | None]:
-        """A motion to the goal by way of a place beside, for an agent that stands too near to something to set out.
+        """Search a motion to the goal by way of a position beside, for a character too near to an obstacle to set out.
 
-        Those in the direction of ``route`` come first.
+        Positions in the direction of ``route`` are tried first.
         """
         request, environment = self.request, self.environment
         ahead = route.at(np.array([SIDE_STEP]))[0] - request.position
@@ -258,7 +263,7 @@ class MotionSearch:
         return None
 
     def _passing(self) -> Generator[MotionPlan, None, MotionPlan | None]:
-        """A motion to the goal that keeps clear of those who stand ``around``, or None."""
+        """Search a motion to the goal that keeps clear of the characters that stand ``around``; None without one."""
         assets, environment, request = self.assets, self.environment, self.request
         turn = np.arange(_RING) * 2.0 * np.pi / _RING
         ring = np.stack([cos(turn), sin(turn)], axis=1)
@@ -268,14 +273,14 @@ class MotionSearch:
         middles = np.stack([x, y], axis=1) + np.array([-1.0, 0.0, 1.0])[:, None, None] * core
         meshes = []
         for mesh, radii in zip(environment.meshes, assets.body_radii.T, strict=True):
-            # On each layer as broad as they stand there.
+            # Rings of points around the discs of each standing body, as broad as it is on this layer.
             rings = (radii[request.postures] + PASSING_ROOM)[:, None, None] * ring
             points = (middles[:, :, None] + rings).reshape(-1, 2)
             points = points[mesh.clearances(points, 1.0) > _OFF_WALLS]
             meshes.append(mesh.with_points(points) if len(points) else mesh)
         if all(mesh is before for mesh, before in zip(meshes, environment.meshes, strict=True)):
             return None
-        # Not over a roadmap, which would be made for this one plan.
+        # Without a roadmap, which would be built for this one plan.
         query = Planner(meshes, assets.behaviors).query(request.position, request.goal)
         route = cheapest_uniform(query).path
         if route is None:
@@ -290,7 +295,7 @@ class MotionSearch:
 def _departure(
     assets: Assets, request: Request, route: AnnotatedPath, samples: PathSamples
 ) -> tuple[int, NDArray[np.float64]]:
-    """The node that a motion begins behind, and where that started: standing, where there is none yet."""
+    """Return the node behind which a motion begins and its start; before it enters, a character stands idle."""
     if request.departure is not None:
         return request.departure
     behavior = route.sections[0].behavior
@@ -301,7 +306,10 @@ def _departure(
 def _as_plan(
     assets: Assets, route: AnnotatedPath, found: FollowResult, played: MotionPlan | None, kept: int
 ) -> MotionPlan:
-    """What was found behind what is ``played``; ``kept`` nodes of it stay even where it is not worthwhile."""
+    """Return a plan of ``played`` and what was found behind it.
+
+    ``kept`` nodes of what was found stay even if it is not worthwhile.
+    """
     graph = assets.graph
     ends = compose(found.origins[:-1], graph.node_motion[found.nodes[:-1]])
     origins = found.origins[1:]
@@ -323,7 +331,7 @@ def _as_plan(
 
 
 def _rest_of(samples: PathSamples, position: NDArray[np.float64]) -> PathSamples:
-    """The samples from the one nearest to ``position`` on; a millimeter if the agent is there already."""
+    """Return the samples from the one nearest to ``position`` on; a millimeter if the character is there already."""
     if not samples.arc[-1] > 0.0:
         pose = samples.pose.copy()
         pose[0, :2] -= _LEAST * np.array([cos(pose[0, 2]), sin(pose[0, 2])])

@@ -1,4 +1,4 @@
-"""How fast each character plays its plan, so that it walks at a speed of its own."""
+"""Playback rates by which each captured character walks at a speed of its own."""
 
 from __future__ import annotations
 
@@ -12,25 +12,29 @@ from crowdsim.crowd.state.timelines import FASTEST, SLOWEST, Playback
 from crowdsim.geometry.elementary import hypot
 
 _STEADY = 0.7
-"""Share of the natural speed from which a node shows somebody who walks, and neither sets off nor comes to rest."""
+"""Least mean speed of a node of steady walking, as a share of the natural speed; slower nodes start or stop."""
 
 _WINDOW = 4
-"""Nodes over which a character has its own speed: two strides or more."""
+"""Number of consecutive nodes over which the mean speed is that of the character: two strides or more."""
 
 Floats = NDArray[np.float64]
+"""Array of float64."""
+
 Ints = NDArray[np.int64]
+"""Array of int64."""
 
 
 class Paces:
-    """Rates at which n characters play their plans where nothing is in their way: as captured, unless told otherwise.
+    """Rates at which n characters play their plans while nothing is in their way.
 
-    speeds: (n,) float64, at which each walks straight on [m/s], nan for that of the motion.
+    Nodes are played as captured unless :meth:`keep` is called.
     """
 
     def __init__(self, assets: Assets, count: int) -> None:
         graph = assets.graph
         tracks = graph.tracks[:, :2]
         steps = tracks[1:] - tracks[:-1]
+        # Length and duration of each node's track.
         ways = np.concatenate([[0.0], np.cumsum(hypot(steps[:, 0], steps[:, 1]))])
         first = graph.node_track.astype(np.int64)
         self._lengths: Floats = ways[first + graph.node_frames] - ways[first]
@@ -40,26 +44,27 @@ class Paces:
         self._natural_speed = np.inf
         self._natural_rate = Playback.natural(0, assets.frames_per_step).rate
         self.speeds = np.full(count, np.nan)
+        """(n,) float64: walking speed of each straight on [m/s], nan for that of the motion."""
 
     def keep(self, speeds: Floats, natural_speed: float) -> None:
-        """Let characters walk at their speeds, or at the nearest ones that the motion can be played at.
+        """Let characters walk at their own speeds, or at the nearest ones at which the motion can be played.
 
         Parameters
         ----------
         speeds : (n,) float64
-            Of each character where nothing is in its way, nan for that of the motion [m/s].
+            Speed of each while nothing is in its way [m/s], nan for that of the motion.
         natural_speed : float
-            That of the motion [m/s].
+            Speed of the motion [m/s].
         """
         self._natural_speed = natural_speed
         self._steady = self._preferred & (self._lengths >= _STEADY * natural_speed * self._seconds)
         self.speeds = np.clip(speeds, SLOWEST * natural_speed, FASTEST * natural_speed)
 
     def rates_of(self, agent: int, plan: MotionPlan) -> Ints:
-        """Ticks a step at which a character plays each node of a plan (P,).
+        """Return the rates (P,) at which a character plays the nodes of a plan [ticks/step].
 
-        It has its own speed on average over that node and the next ones in which somebody walks on steadily, which may
-        have been captured at different speeds.
+        Nodes of steady walking were captured at different speeds. The mean speed over a node and the next ones,
+        :data:`_WINDOW` in all, is scaled to that of the character.
         """
         speed = float(self.speeds[agent])
         if np.isnan(speed):
@@ -74,7 +79,7 @@ class Paces:
 
 
 def _over_next(values: Floats) -> Floats:
-    """Sums of each of some values (P,) and the next ones, _WINDOW of them."""
+    """Return for each of the values (P,) the sum of it and the next ones, _WINDOW in all."""
     padded = np.concatenate([values, np.zeros(_WINDOW - 1)])
     sums: Floats = np.lib.stride_tricks.sliding_window_view(padded, _WINDOW).sum(axis=1)
     return sums

@@ -1,4 +1,4 @@
-"""The plans of all characters, and where kernels find them."""
+"""Plans of all captured characters, and the table by which kernels find them."""
 
 from __future__ import annotations
 
@@ -12,31 +12,39 @@ from crowdsim.constants import NONE
 from crowdsim.crowd.state.motion_plan import MotionPlan
 
 NO_PASS = np.iinfo(np.int32).max
-"""Stands for the first node at whose end a goal is passed where there is none."""
+"""Value of ``first_pass`` for a plan that passes no earlier goal."""
 
 
 class PlanTable(NamedTuple):
-    """A row for each of n characters, whether in the world or not."""
+    """One row for each of n characters, whether in the world or not."""
 
     places: NDArray[np.int64]
-    """(n, 4) addresses of the nodes, origins, blend offsets and rates of its plan; these arrays are kept alive."""
+    """(n, 4) addresses of the nodes, origins, blend offsets and rates of its plan. :class:`Motions` keeps these
+    alive."""
     nodes: NDArray[np.int32]
-    """(n,) how many nodes it has, NONE without a plan."""
+    """(n,) number of nodes of the plan, NONE without one."""
     first_pass: NDArray[np.int32]
-    """(n,) the first node at whose end an earlier goal is passed, NO_PASS without any."""
+    """(n,) first node at whose end an earlier goal is passed, NO_PASS if there is none."""
     passes: NDArray[np.int32]
-    """(n,) how many of these there are."""
+    """(n,) number of such nodes."""
     arrives: NDArray[np.bool_]
-    """(n,)"""
+    """(n,) True if the plan reaches its goal."""
     rates: NDArray[np.int64]
-    """(n,) ticks a step at which its first node is played where nothing is in the way."""
+    """(n,) rate of its first node while nothing is in the way [ticks/step]."""
 
 
 class Motions(MutableMapping[int, MotionPlan]):
-    """The plan of every character that has one, each also in a row of ``table``.
+    """Plan of each character that has one, also kept in a row of ``table``.
 
-    natural_rate: ticks a step of those that have none. rates_of: ticks a step at which a character plays each node of a
-    plan where nothing is in its way (P,) int64.
+    Parameters
+    ----------
+    count : int
+        Number of characters.
+    natural_rate : int
+        Rate in the table for characters without a plan [ticks/step].
+    rates_of : callable
+        Returns the rates (P,) int64 at which a character plays the nodes of a plan while nothing is in its way
+        [ticks/step].
     """
 
     def __init__(self, count: int, natural_rate: int, rates_of: Callable[[int, MotionPlan], NDArray[np.int64]]) -> None:
@@ -75,6 +83,11 @@ class Motions(MutableMapping[int, MotionPlan]):
         table.passes[agent] = len(plan.passes)
         table.arrives[agent] = plan.arrives
         table.rates[agent] = self._rates[agent][0] if plan.count else table.rates[agent]
+
+    def replay(self, agent: int) -> None:
+        """Find the rates anew at which an agent plays its plan, if it has one."""
+        if agent in self._plans:
+            self[agent] = self._plans[agent]
 
     def __delitem__(self, agent: int) -> None:
         del self._plans[agent], self._rates[agent]

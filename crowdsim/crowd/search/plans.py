@@ -1,4 +1,4 @@
-"""The plans of all characters, and the searches for them."""
+"""Plans of all captured characters, and the searches for them."""
 
 from __future__ import annotations
 
@@ -24,69 +24,73 @@ from crowdsim.errors import PathNotFound
 from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 
-_LONG_AGO = -(10**9)
-_FOLLOWERS = 64  # ranks between two who set out one after the other: for those who go in the turn of the first
+_LONG_AGO = -(10**9)  # step long before the first
+_FOLLOWERS = 64  # ranks between those of two characters, for the followers of the first one
 
 
 class Join(NamedTuple):
-    """Where a search begins that goes on from a plan while it is walked.
-
-    plan, after: the plan and the node behind which its continuation begins. reaches: whether the goal of the plan is
-    reached there. shorter_than: meters that the way must stay below to be taken.
-    """
+    """Node of a plan behind which a search continues it while it is played."""
 
     plan: MotionPlan
+    """The plan."""
     after: int
+    """Index of the node behind which the continuation begins."""
     reaches: bool = False
+    """True if the goal of the plan is reached there."""
     shorter_than: float = np.inf
+    """Length below which the path must be to be taken [m]."""
 
     def fits(self, plan: MotionPlan | None, cursor: int) -> bool:
-        """Whether it still goes on from there, for an agent in node ``cursor`` of ``plan``."""
+        """Return True if a character in node ``cursor`` of ``plan`` can still continue there."""
         return plan is not None and plan.nodes is self.plan.nodes and NONE < cursor <= self.after
 
 
 class Found(NamedTuple):
-    """What a slice of a search came to.
-
-    plan: as far as it goes, None where there is none. join: where it joins. first: node from which on it takes the
-    place of the plan that its agent follows, None where it is the first that was found. over: whether the search is.
-    outdated: whether it was overtaken by an edit of the environment.
-    """
+    """Result of a slice of a search."""
 
     agent: int
     plan: MotionPlan | None
+    """The plan as far as it is found, None without one."""
     join: Join | None
+    """Where it joins the plan that the character follows."""
     first: int | None
+    """Node of the followed plan from which on it is replaced; None for the first result of a search."""
     over: bool
+    """True if the search has ended."""
     outdated: bool
+    """True if an edit of the environment made the result invalid."""
 
 
 @dataclass
 class Plans:
-    """The motion plan of every character that has one, its route, and the searches under way.
-
-    on_route is called with (agent, route) for every route that is newly taken; unreachable holds the reason for agents
-    to whose goal no path was found when they last asked; replans counts how often an edit made an agent plan anew.
-    lead: steps ahead of its need at which a plan is requested, if that can be told. moved: how often somebody gave way.
-    away: those who had arrived, gave way, and come back. looked_around: step in which each last had reason to look for
-    ways around those who stand near. paces: how fast each plays its plan.
-    """
+    """Motion plan of each character that has one, its route, and the searches under way."""
 
     assets: Assets
     environment: EnvironmentState
     itineraries: Itineraries
     searches: Searches
     on_route: Callable[[int, AnnotatedPath], None]
+    """Called with (agent, route) for each route that is newly followed."""
     lead: int
+    """Steps before its need at which a plan is requested, if that is known."""
     step: int = 0
     replans: int = 0
+    """Number of times that an edit made a character plan anew."""
     motions: Motions = field(init=False)
     routes: dict[int, AnnotatedPath] = field(default_factory=dict)
+    """By character: route that it follows; none while it is to plan another one."""
+    followed: dict[int, AnnotatedPath] = field(default_factory=dict)
+    """By character: route that it has followed last, also if it is to plan another one."""
     unreachable: dict[int, str] = field(default_factory=dict)
+    """By character: reason why no path to its goal was found at the last request."""
     moved: int = 0
+    """Number of times that characters gave way."""
     away: set[int] = field(default_factory=set)
+    """Characters that had arrived, gave way, and come back."""
     looked_around: NDArray[np.int64] = field(init=False)
+    """(n,) step in which each last had reason to look for ways around those that stand near."""
     paces: Paces = field(init=False)
+    """Playback rates of each character."""
     _joins: dict[int, Join | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -97,46 +101,46 @@ class Plans:
         self.motions = Motions(count, natural, self.paces.rates_of)
 
     def rank(self, agent: int) -> int:
-        """Who sets out now for its goal comes behind all who did before, and those of lower numbers."""
+        """Return the rank of a character that sets out now: behind all that did before, and behind lower numbers."""
         return (self.step * len(self.itineraries.cast.starts) + agent) * _FOLLOWERS
 
     def request(self, agent: int, request: Request, join: Join | None = None, walks: bool = False) -> None:
-        """Ask for a search for one agent, instead of the one that is under way; a slice of it begins with this step.
+        """Request a search for one character, replacing the one under way; a slice of it begins in this step.
 
-        ``walks``: whether it is needed at once, as always where it joins a plan.
+        ``walks``: it is needed at once, as it always is if it joins a plan.
         """
         self._joins[agent] = join
         search = MotionSearch(self.assets, self.environment, request)
         self.searches.begin(agent, search, walks=walks or join is not None)
 
     def forget(self, agent: int) -> None:
-        """Let go of all that is planned for an agent, who goes its way without."""
+        """Drop all plans and searches of a character."""
         self.searches.drop(agent)
-        for table in (self.motions, self.routes, self.unreachable, self._joins):
+        for table in (self.motions, self.routes, self.followed, self.unreachable, self._joins):
             table.pop(agent, None)
         self.away.discard(agent)
 
     def request_on(self, agent: int, join: Join, ahead: int) -> None:
-        """Ask for the way on from ``join`` to the place that comes ``ahead`` after the present goal."""
+        """Request the path onwards from ``join`` to the place that comes ``ahead`` after the present goal."""
         node, origin = int(join.plan.nodes[join.after]), join.plan.origins[join.after]
         position = np.array(node_end(self.assets.graph, node, *origin)[:2])
         self.request(agent, self.itineraries.request(agent, position, ahead, (node, origin)), join)
 
     def search_on(self, played: Callable[[int], int]) -> None:
-        """Begin the slices of this step; ``played(agent)`` nodes of a plan will be played whatever is found."""
+        """Begin the slices of this step; ``played(agent)`` nodes of a plan will be played in any case."""
 
         def kept(agent: int, search: Ongoing) -> int | None:
             plan = self.motions.get(agent)
             if search.handed is None:
                 return 0
             if plan is None or plan.nodes is not search.handed:
-                return None  # it has come to a stand, or plans otherwise
+                return None  # it has come to a stand, or follows another plan
             return max(played(agent) - search.first, 0)
 
         self.searches.submit(self.step, self.environment.revision, kept)
 
     def collect(self) -> list[Found]:
-        """What all slices that were begun in the step before came to."""
+        """Return the results of all slices that were begun in the step before."""
         results = []
         for agent, search, found in self.searches.collect(self.step):
             plan = None if isinstance(found, PathNotFound) else found
@@ -145,7 +149,7 @@ class Plans:
             goes_on = search.handed is not None
             followed = self.motions.get(agent)
             if goes_on and (late or followed is None or followed.nodes is not search.handed):
-                continue  # it follows another plan, or the next slice takes the change in
+                continue  # it follows another plan, or the next slice takes the edit into account
             if late:
                 self.searches.drop(agent)
             elif join is None:
@@ -161,7 +165,7 @@ class Plans:
         return results
 
     def hand_out(self, agent: int, plan: MotionPlan | None, first: int = 0) -> None:
-        """Let an agent follow a plan of which nodes from ``first`` on are what its search found, or none."""
+        """Let a character follow a plan (or none), whose nodes from ``first`` on are what its search found."""
         if plan is None:
             self.motions.pop(agent, None)
             self.searches.handed(agent, None, 0)
@@ -170,7 +174,7 @@ class Plans:
             self.searches.handed(agent, plan.nodes, first)
 
     def follow_route(self, agent: int, route: AnnotatedPath) -> None:
-        """Note the route that an agent follows from now on."""
+        """Note the route that a character follows from now on."""
         if self.routes.get(agent) is not route:
-            self.routes[agent] = route
+            self.routes[agent] = self.followed[agent] = route
             self.on_route(agent, route)

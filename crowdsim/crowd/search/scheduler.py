@@ -1,4 +1,4 @@
-"""Searches for motion that are under way: which goes on when, and how much of it."""
+"""Scheduler of the searches for motion: which of them goes on in a step, and how far."""
 
 from __future__ import annotations
 
@@ -17,50 +17,56 @@ from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.errors import PathNotFound
 
 BRANCHES_PER_STEP = 36 * SLICE_BRANCHES
-"""Candidate branches that all slices of a step lay together, about, so that a step stays short however many searches
-there are: a thousand first searches of 10 m a second at 30 steps a second. What the last slice lays beyond that is
-taken from the next step."""
+"""Candidate branches evaluated by all slices of a step together (about), which bounds the duration of a step whatever
+the number of searches: a thousand first searches of 10 m a second at 30 steps a second. An excess of the last slice is
+subtracted from the next step."""
 
 PATIENT_BRANCHES = 2 * SLICE_BRANCHES
-"""Most of a step's branches for detours around others, and of these no more than a fourth of all. All other searches go
-first: an agent that needs a detour stands already, and in a dense crowd most of these searches fail."""
+"""Part of a step's branches for detours around others, at most; and at most a fourth of them. All other searches go
+first: a character that needs a detour stands already, and in a dense crowd most of these searches fail."""
 
 LONGEST_SLICE = 6 * SLICE_BRANCHES
-"""Candidate branches that a slice lays at most. Each slice of a search is twice as long as the one before: few searches
-need a second, and most of those that do need many."""
+"""Largest number of candidate branches of a slice. Each slice of a search is twice as long as the one before: few
+searches need a second slice, and most of those need many."""
 
 Played = Callable[[int, "Ongoing"], int | None]
+"""Function of character and search: number of nodes that are played already, None if the search is useless."""
 
 
 @dataclass
 class Ongoing:
-    """A search with what became of it. handed: nodes of the plan that its agent follows since, of which those from
-    ``first`` on are what it found. walks: whether it was asked for on the way; patient: whether by an agent that waits
-    for others. asked: seconds on the clock; ready: seconds until there was a motion to begin."""
+    """A search and its progress."""
 
     search: MotionSearch
     asked: float
+    """Clock time of the request [s]."""
     branches: int
+    """Candidate branches of the next slice."""
     walks: bool
+    """True if the character walked when it was requested."""
     patient: bool
+    """True if it was requested by a character that waits for others."""
     handed: NDArray[np.int32] | None = None
+    """Nodes of the plan that its character follows since, of which those from ``first`` on are what it found."""
     first: int = 0
     revision: int = 0
     ready: float | None = None
+    """Time from the request until there were nodes to play [s]."""
 
     @property
     def rank(self) -> int:
-        """0 where its agent comes to a stand if no more is found in time, 2 where it waits for others, else 1."""
+        """Return 0 if the character would come to a stand without a result, 2 if it waits for others, else 1."""
         if self.walks or self.handed is not None:
             return 0
         return 2 if self.patient else 1
 
     @property
     def work(self) -> int:
-        """What the next slice takes, as so many branches."""
+        """Return the estimated work of the next slice, in branch evaluations."""
         return self.branches if self.search.slices else self.search.beginning
 
     def advance(self, kept: int) -> tuple[Ongoing, MotionPlan | PathNotFound]:
+        """Run the next slice with ``kept`` nodes played; return the search and the result."""
         found = self.search.advance(kept, self.branches)
         if self.ready is None and not isinstance(found, PathNotFound) and found.count:
             self.ready = time.perf_counter() - self.asked
@@ -69,30 +75,32 @@ class Ongoing:
 
 @dataclass
 class Searches:
-    """Searches by agent, one for each at most. A slice that begins with one step is done with the next.
+    """Searches by character, at most one each. A slice that begins in one step is done in the next.
 
-    Who asked first is served first; but half of a step is for those who walk, where there are any, and half for those
-    who stand. Who waits for others comes last. Each step does the same counted work at most, whatever time that takes.
-
-    first_slice, longest_slice: branches that the first slice of a search and any slice of it lay at most. each_step:
-    branches that all slices of a step lay together; see :data:`BRANCHES_PER_STEP`. waits: seconds from asking to the
-    first nodes to walk, of every search that found some. counts: searches that were asked for, that took more than one
-    slice, that would have had to change what was played, that found a way from there.
+    The first to ask is served first; but half of a step is for characters that walk, if there are any, and half for
+    those that stand. Those that wait for others come last. Each step does a counted amount of work at most, whatever
+    time that takes.
     """
 
     pool: WorkerPool[tuple[Ongoing, MotionPlan | PathNotFound]]
     first_slice: int = SLICE_BRANCHES
+    """Branches of the first slice of a search."""
     longest_slice: int = LONGEST_SLICE
+    """Largest number of branches of a slice."""
     each_step: int = BRANCHES_PER_STEP
+    """Branches of all slices of a step; see :data:`BRANCHES_PER_STEP`."""
     waits: list[float] = field(default_factory=list)
+    """Time from the request to the first nodes to play, of each search that found some [s]."""
     counts: dict[str, int] = field(
         default_factory=lambda: dict.fromkeys(("asked", "sliced", "backtracked", "recovered"), 0)
     )
+    """Searches that were requested; that took more than one slice; that would have had to change nodes already played;
+    that found a way from there."""
     _ongoing: dict[int, Ongoing] = field(default_factory=dict)
     _left: int = 0
 
     def begin(self, agent: int, search: MotionSearch, walks: bool = False) -> None:
-        """Let an agent wait for its first slice behind the others who walk, or stand; a search it has is given up."""
+        """Queue a search for a character, behind the others of its rank; a search that it has already is dropped."""
         self.drop(agent)
         self.counts["asked"] += 1
         self._ongoing[agent] = Ongoing(
@@ -100,7 +108,7 @@ class Searches:
         )
 
     def drop(self, agent: int) -> None:
-        """Give up a search, or forget one that is over."""
+        """Give up a search, or forget one that has ended."""
         dropped = self._ongoing.pop(agent, None)
         if dropped is not None:
             self.counts["sliced"] += dropped.search.slices > 1
@@ -110,20 +118,22 @@ class Searches:
                 self.waits.append(dropped.ready)
 
     def is_under_way(self, agent: int) -> bool:
+        """Return True if a character has a search."""
         return agent in self._ongoing
 
     def handed(self, agent: int, nodes: NDArray[np.int32] | None, first: int) -> None:
-        """Note what an agent was given of its search, if that is still under way."""
+        """Note which nodes a character was given of its search, if that is still under way."""
         search = self._ongoing.get(agent)
         if search is not None:
             search.handed, search.first = nodes, first
 
     def submit(self, step: int, revision: int, kept: Played) -> None:
-        """Begin the slices of a step; ``kept`` says how many nodes of a search are played, None where it is useless."""
+        """Begin the slices of a step; ``kept`` returns how many nodes of a search are played, None if it is useless."""
         ranks: tuple[list[tuple[int, Ongoing]], ...] = ([], [], [])
         for agent, search in self._ongoing.items():
             ranks[search.rank].append((agent, search))
         walking, standing, patient = (iter(rank) for rank in ranks)
+        # Work left for this step. Each rank leaves a share for the ones after it, and gets what they do not need.
         self._left = min(self._left, 0) + self.each_step
         share = min(PATIENT_BRANCHES, self.each_step // 4)
         spared = min(share, self._left) if ranks[2] else 0
@@ -133,7 +143,7 @@ class Searches:
         self._serve(step, revision, kept, patient, max(self._left - share, 0))
 
     def _serve(self, step: int, revision: int, kept: Played, queue: Iterator[tuple[int, Ongoing]], rest: int) -> None:
-        """Begin slices of a queue while there is more than ``rest`` left of the step."""
+        """Begin slices of a queue while more than ``rest`` of the step's work is left."""
         while self._left > rest and (entry := next(queue, None)) is not None:
             agent, search = entry
             played = kept(agent, search)
@@ -145,7 +155,7 @@ class Searches:
             self.pool.submit(step, agent, partial(search.advance, played))
 
     def collect(self, step: int) -> list[tuple[int, Ongoing, MotionPlan | PathNotFound]]:
-        """(agent, search, what it came to) of all slices that are due and still asked for; those over are forgotten."""
+        """Return (agent, search, result) of all slices that are due and still wanted; drop searches that have ended."""
         results = []
         for agent, (search, found) in self.pool.collect(step):
             if self._ongoing.get(agent) is not search:
@@ -157,7 +167,7 @@ class Searches:
         return results
 
     def summary(self) -> dict[str, Any]:
-        """Counts, and median, 95th percentile and most of the milliseconds to the first nodes to walk."""
+        """Return counts, and median, 95th percentile and maximum of the time to the first nodes to play [ms]."""
         waits = np.array(self.waits or [np.nan]) * 1e3
         median, p95, most = (None if np.isnan(q) else float(q) for q in np.quantile(waits, [0.5, 0.95, 1.0]))
         return {

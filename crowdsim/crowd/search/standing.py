@@ -1,4 +1,4 @@
-"""How near to its goal, and how turned, a motion must end; and what is tried where that cannot be had."""
+"""Ends of motions: how near to the goal and in which direction a motion must end, and what is tried to get there."""
 
 from __future__ import annotations
 
@@ -20,21 +20,22 @@ from crowdsim.motion.graph.arrays import GraphArrays
 from crowdsim.scenario.schema.agents import STAND_WITHIN
 
 STRICT_BUDGET = 500
-"""Map queries of each search for a motion that ends just as asked for."""
+"""Map queries of each search for a motion that ends exactly as requested."""
 
 _TRIES = 40
-"""Solutions of one search that are bent to their goal until one arrives: each after the first costs next to nothing."""
+"""Number of solutions of one search that are bent to their goal until one arrives; each after the first costs
+little."""
 
 _FURTHER = 20
-"""Map queries until the next of them is given up."""
+"""Map queries after which the search for the next solution is given up."""
 
 
 def attempts(request: Request, budget: int, strictly: bool) -> Iterator[tuple[FollowOptions, bool]]:
-    """What motions are searched for one after another until there is one.
+    """Yield the options of the searches to try in turn until one succeeds, and whether its solution is to be bent.
 
-    Who stands at its goal is asked to be where, and turned how, it shall be: with a quick search, then with a thorough
-    one; or, if only a bent motion gets as near, with several that end differently.
-    If none succeeds, or not ``strictly``, it is enough to come near. With each goes whether it is to be bent.
+    A motion that ends standing is searched first with the requested distance and heading, by a quick and then a
+    thorough search; if only a bent motion can come that near, with several options that end differently. If none
+    succeeds, or if not ``strictly``, coming near is enough.
     """
     quick, nearest = max(budget // 4, 1), request.within < STAND_WITHIN
     if strictly and request.stays:
@@ -65,10 +66,19 @@ def nearest_end(
     goal: NDArray[np.float64],
     kept: int,
 ) -> tuple[FollowResult, float]:
-    """Of the solutions of a search from ``found`` on, bent where that is needed, the first that is near enough.
+    """Bend the solutions of a search, from ``found`` on, to the goal until one is near enough.
 
-    goal: (2,) end of the path. ``kept`` nodes at the beginning stay as they are. Returns it with the meters it ends off
-    the goal, or that which ends nearest where none is within what is asked for.
+    Parameters
+    ----------
+    goal : (2,) float64
+        End of the path [m].
+    kept : int
+        Nodes at the beginning that must not change.
+
+    Returns
+    -------
+    FollowResult, float
+        The solution and its distance from the goal [m]; the nearest one if none is as near as requested.
     """
     best, least = found, meters_off(graph, found, goal)
     for _ in range(_TRIES):

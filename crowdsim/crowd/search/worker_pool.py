@@ -1,7 +1,7 @@
-"""Jobs on threads whose results arrive at a fixed simulation step, so that thread timing never shows.
+"""Jobs on threads whose results arrive at a fixed simulation step, so that thread timing has no effect.
 
-A job submitted in step s is handed out in step s + latency, waited for where it is not done by then, and
-jobs due in the same step come out in order of their key. Any number of workers gives the same run.
+A job submitted in step s is returned in step s + latency, which waits for it if it is not done by then. Jobs due in the
+same step are returned in the order of their keys. So any number of workers gives the same run.
 """
 
 from __future__ import annotations
@@ -16,8 +16,17 @@ Result = TypeVar("Result")
 class WorkerPool(Generic[Result]):
     """Threads that run pure functions built on GIL-free kernels.
 
-    workers: number of threads.
-    latency: steps between a submission and the step that receives the result, at least 1.
+    Parameters
+    ----------
+    workers : int
+        Number of threads.
+    latency : int
+        Steps between a submission and the step that receives the result, at least 1.
+
+    Raises
+    ------
+    ValueError
+        If one of them is less than 1.
     """
 
     def __init__(self, workers: int, latency: int) -> None:
@@ -28,17 +37,17 @@ class WorkerPool(Generic[Result]):
         self._pending: list[tuple[int, int, Future[Result]]] = []
 
     def submit(self, step: int, key: int, job: Callable[[], Result]) -> None:
-        """Start ``job``; its result is due in step ``step + latency``. At most one job a key may be pending."""
+        """Start ``job``; its result is due in step ``step + latency``. A key may have one pending job at most."""
         self._pending.append((step + self.latency, key, self._threads.submit(job)))
 
     def collect(self, step: int) -> list[tuple[int, Result]]:
-        """(key, result) of every job due by ``step``, by due step and key; re-raises what a job raised."""
+        """Return (key, result) of every job due by ``step``, by due step and key; re-raise what a job raised."""
         due = sorted((entry for entry in self._pending if entry[0] <= step), key=lambda entry: entry[:2])
         self._pending = [entry for entry in self._pending if entry[0] > step]
         return [(key, future.result()) for _, key, future in due]
 
     def settle(self) -> None:
-        """Wait for all jobs to be done, so that what they read may change; their results are due when they were."""
+        """Wait until all jobs are done, so that their inputs may change; their results stay due when they were."""
         wait([future for _, _, future in self._pending])
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Events of a timetable: which are due, which wait as somebody is in the way, and what became of each."""
+"""Events of a timetable: which are due, which wait because a character is in the way, and their outcomes."""
 
 from __future__ import annotations
 
@@ -10,25 +10,27 @@ from crowdsim.scenario.timetable import Timetable
 
 @dataclass
 class Agenda:
-    """Keeps the events of a run.
+    """Keep track of the events of a run.
 
-    A later event of the same thing takes the place of one that still waits. happened: seconds at which each event that
-    was due happened, None for one that did not, by its index. waiting: indices of those that are due and did not yet.
+    A later event of the same movable replaces one that still waits.
     """
 
     timetable: Timetable
+    """The events, in order of time."""
     steps_per_second: int
     happened: dict[int, float | None] = field(default_factory=dict)
+    """By number of each event that was due: time at which it happened [s], None if it did not."""
     waiting: list[int] = field(default_factory=list)
+    """Numbers of the events that are due and have not happened yet."""
     _next: int = 0
 
     @property
     def over(self) -> bool:
-        """Whether nothing changes any more."""
+        """Return True if nothing changes any more."""
         return self._next == len(self.timetable.events) and not self.waiting
 
     def collect(self, step: int) -> bool:
-        """Let events whose time has come wait to happen; returns whether any waits."""
+        """Add the events that are due in ``step`` to ``waiting``; return True if any event waits."""
         events = self.timetable.events
         while self._next < len(events) and round(events[self._next].at * self.steps_per_second) <= step:
             self.happened[self._next] = None
@@ -39,13 +41,13 @@ class Agenda:
         return bool(self.waiting)
 
     def note(self, number: int, step: int) -> None:
-        """Note that an event happens in this step; it is for the caller to take it off ``waiting``."""
+        """Note that an event happens in this step. The caller removes it from ``waiting``."""
         self.happened[number] = step / self.steps_per_second
 
     def report(self) -> list[dict[str, Any]]:
-        """Every event that was due: what, when, what became of it, and how many seconds late, None if never.
+        """Return for each event that was due its title, time [s], outcome and delay [s], None if it never happened.
 
-        It ``happened``, is ``waiting`` still, or was ``overtaken`` by the next event of the same thing.
+        The outcome is ``happened``, ``waiting``, or ``overtaken`` by the next event of the same movable.
         """
         rows = []
         for number, time in self.happened.items():

@@ -1,10 +1,11 @@
-"""Everything that a run reads and never changes: what of the environment stands still, the bodies, the motions."""
+"""Constant data of a run: immovable parts of the environment, behaviors, motion graph and motion maps."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from crowdsim.following.maps.map_file import maps_in_file
 from crowdsim.following.maps.motion_maps import MotionMaps
 from crowdsim.geometry.elementary import sin
 from crowdsim.jit import cache_folder
+from crowdsim.motion.captures.reader import UNITS
 from crowdsim.motion.graph.arrays import GraphArrays
 from crowdsim.motion.graph.motion_graph import MotionGraph
 from crowdsim.planning.baselines.collision3d import Bodies, make_bodies
@@ -28,15 +30,14 @@ from crowdsim.scenario.scenario import Scenario
 from crowdsim.scenario.timetable import Timetable
 
 SIDEWAYS = 0.7
-"""Sine of the angle between where a body faces and where it goes from which on it goes sideways."""
+"""Sine of the angle between facing and walking direction above which a body walks sideways."""
 
 
 @dataclass(frozen=True)
 class Assets:
-    """Layers without what moves (legs first), behaviors (least preferred first), the motion graph and its maps.
+    """Layers without movables (legs first), behaviors (least preferred first), motion graph and motion maps.
 
-    Meshes, and where movables stand, are in :class:`crowdsim.crowd.state.environment.EnvironmentState`. planner: what
-    finds routes; bodies: what it moves through the environment in 3D, if it does.
+    Meshes and positions of movables are in :class:`crowdsim.crowd.state.environment.EnvironmentState`.
     """
 
     layers: tuple[ClearanceLayer, ...]
@@ -46,28 +47,32 @@ class Assets:
     timetable: Timetable
     steps_per_second: int
     planner: str = "layered"
+    """Name of the planner that finds routes."""
     bodies: Bodies | None = None
+    """Bodies that this planner moves through the environment in 3D, if it does."""
 
     @property
     def graph(self) -> GraphArrays:
+        """Return the motion graph as kernels take it."""
         return self.motion.arrays
 
     @property
     def frames_per_step(self) -> int:
+        """Return the number of frames of a step."""
         return CAPTURE_RATE // self.steps_per_second
 
-    @cached_property
+    @property
     def body_radii(self) -> NDArray[np.float64]:
-        """(B, layers) meters, the body's own clearance of every behavior on every layer."""
-        return np.ascontiguousarray([behavior.radii for behavior in self.behaviors], np.float64)
+        """Return the clearance that each behavior needs on each layer, (B, layers) [m]."""
+        return self.character.radii
 
     @cached_property
     def breadths(self) -> NDArray[np.float64]:
-        """(B, 2) meters, the body towards others in each behavior: radius of a capsule, and half its core.
+        """Return the body towards others in each behavior, (B, 2): radius of a capsule, half length of its core [m].
 
-        The core lies across the direction that the body faces. Who faces ahead, arms held in or not, is a disc; who
-        walks sideways is as narrow as the behavior and as long as the widest. A behavior in which nobody can come to
-        rest counts as the widest, as who stops in it stands otherwise.
+        The core lies across the direction that the body faces. A body that faces ahead, arms held in or not, is a disc;
+        one that walks sideways is as narrow as the behavior and as long as the widest. A behavior in which no character
+        can come to rest counts as the widest, as a character that stops in it stands in another one.
         """
         breadths = np.zeros((len(self.behaviors), 2))
         breadths[:, 0] = self.body_radii.max(axis=1)
@@ -81,42 +86,40 @@ class Assets:
 
     @cached_property
     def need(self) -> Requirements:
-        """The clearances with which paths are planned."""
+        """Return the clearances with which paths are planned."""
         return Requirements.of(self.behaviors, len(self.layers), TRACKING_MARGIN)
 
-    @cached_property
+    @property
     def facings(self) -> NDArray[np.float64]:
-        """(B, F) radians the body may face off its direction of motion, nan where a behavior has fewer."""
-        widest = max(len(behavior.facings) for behavior in self.behaviors)
-        rows = [[*behavior.facings, *[np.nan] * (widest - len(behavior.facings))] for behavior in self.behaviors]
-        return np.array(rows, np.float64)
+        """Return the angles that the body may face off its direction of motion, (B, F) [rad], filled up with nan."""
+        return self.character.facings
 
     @cached_property
     def character(self) -> Character:
-        """What every character follows paths with."""
-        return Character(self.graph, self.maps, self.body_radii, self.facings)
+        """Return the data with which every character follows paths."""
+        return Character.of(self.behaviors, self.graph, self.maps)
 
     @property
     def personal_radius(self) -> float:
-        """Radius of the disc that encloses a body whatever it does: that of the widest behavior."""
+        """Return the radius of the disc that contains a body in any behavior, that of the widest [m]."""
         return float(self.body_radii.max())
 
     @property
     def passing_width(self) -> float:
-        """Meters that somebody needs who passes another who stands, both facing along the way, one with its arms in."""
+        """Return the width in which a character passes a standing one, facing along it, one with arms held in [m]."""
         facing = self.body_radii.max(axis=1)[self.breadths[:, 1] == 0.0]
         return 2.0 * (self.personal_radius + float(facing.min()))
 
     @cached_property
     def idle_nodes(self) -> NDArray[np.int32]:
-        """(B,) node in which a character of each behavior waits standing, -1 where there is none."""
+        """Return the node in which a character of each behavior waits standing, (B,) int32, -1 if there is none."""
         nodes = np.full(len(self.behaviors), NONE, np.int32)
         for node in np.flatnonzero(self.graph.node_idle)[::-1]:
             nodes[self.graph.node_behavior[node]] = node
         return nodes
 
     def idle_after(self, node: int) -> int:
-        """Idle node that may follow ``node``, of the same behavior if there is one; -1 where there is none."""
+        """Return the idle node that may follow ``node``, of the same behavior if possible; -1 if there is none."""
         graph = self.graph
         targets = graph.edge_target[graph.edge_start[node] : graph.edge_start[node + 1]]
         idle = targets[graph.node_idle[targets]]
@@ -125,16 +128,33 @@ class Assets:
 
 
 def load_behaviors(scenario: Scenario) -> BehaviorSet:
-    """The behaviors of a scenario, measured on its layers, with their motion graph.
+    """Load the behaviors of a scenario, measured on its layers, with their motion graph.
 
-    Raises BehaviorError or MotionError where something cannot be used.
+    Raises
+    ------
+    BehaviorError, MotionError
+        If a file cannot be used.
     """
     bands = [(layer.low, layer.high) for layer in scenario.environment.layers]
     captures = scenario.captures_folder()
     if captures is None:
         # A scenario names a set or captures, never both.
-        return load_behavior_set(scenario.behaviors, bands, motion_set=str(scenario.motion.set))
-    return load_behavior_set(scenario.behaviors, bands, captures=captures, capture_patterns=scenario.motion.clips)
+        return load_behavior_set(scenario.behaviors, bands, motion_set=str(scenario.motion.set), beside=scenario.folder)
+    motion = scenario.motion
+    return load_behavior_set(
+        scenario.behaviors,
+        bands,
+        captures=captures,
+        capture_patterns=motion.clips,
+        meters_per_unit=None if motion.unit is None else UNITS[motion.unit],
+        joints=motion.joints,
+    )
+
+
+def motion_key(scenario: Scenario) -> tuple[Any, ...]:
+    """Return what :func:`load_behaviors` depends on: scenarios with equal keys may share what it returns."""
+    bands = tuple((layer.low, layer.high) for layer in scenario.environment.layers)
+    return tuple(scenario.behaviors), bands, scenario.motion.model_dump_json(), scenario.folder.resolve()
 
 
 def prepare(
@@ -145,10 +165,21 @@ def prepare(
 ) -> Assets:
     """Build layers, motion graph and motion maps for a scenario.
 
-    Maps that were built before are mapped from a file. Else so many ``workers`` build them, and ``progress`` is called
-    with the nodes whose map is done and their number. ``behavior_set`` is that of the scenario if it is loaded already.
+    Parameters
+    ----------
+    scenario : Scenario
+        The scenario.
+    workers : int
+        Threads that build motion maps, unless they were built before and are in the cache.
+    progress : callable, optional
+        Called with the number of maps done and the number of all.
+    behavior_set : BehaviorSet, optional
+        That of the scenario, if it is loaded already.
 
-    Raises ScenarioError, GeometryError, BehaviorError or MotionError where something cannot be used.
+    Raises
+    ------
+    ScenarioError, GeometryError, BehaviorError, MotionError
+        If a file cannot be used.
     """
     behavior_set = load_behaviors(scenario) if behavior_set is None else behavior_set
     if not behavior_set.graph.arrays.node_ends_standing.any():
@@ -160,6 +191,7 @@ def prepare(
             f"({shortest / CAPTURE_RATE:.2f} s); take more steps"
         )
         raise ScenarioError([scenario.problem(("steps_per_second",), message)])
+    arrays, maps_folder = behavior_set.graph.arrays, cache_folder() / "maps"
     bodies = None
     if scenario.planner == "collision3d":
         bodies = make_bodies(CollisionScene(scenario.environment.timetable.fixed), behavior_set.behaviors)
@@ -167,7 +199,7 @@ def prepare(
         layers=scenario.environment.fixed_layers,
         behaviors=behavior_set.behaviors,
         motion=behavior_set.graph,
-        maps=maps_in_file(cache_folder() / "maps", behavior_set.graph.arrays, progress=progress, workers=workers),
+        maps=behavior_set.once("maps", lambda: maps_in_file(maps_folder, arrays, progress=progress, workers=workers)),
         timetable=scenario.environment.timetable,
         steps_per_second=scenario.steps_per_second,
         planner=scenario.planner,

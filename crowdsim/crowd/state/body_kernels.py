@@ -1,4 +1,4 @@
-"""Whether a timeline that is to be reserved meets the bodies of steered characters, as they stand now."""
+"""Test of a timeline against the bodies of steered characters as they stand now."""
 
 from crowdsim.crowd.state.components import CORE, RADIUS
 from crowdsim.geometry.elementary_kernels import hypot
@@ -7,30 +7,34 @@ from crowdsim.steering.capsule_kernels import core_to_segment
 from crowdsim.steering.look_kernels import cell_of, rows_beside
 
 BODY_ROOM = 0.01
-"""Meters kept between a reserved way and the body of a steered character: tracks bend between two samples."""
+"""Gap between a timeline and the body of a steered character [m]: tracks bend between two samples."""
 
 
 @kernel
 def meets_body(agent, timeline, bodies):
-    """Whether who goes along a timeline (K, 5) comes within BODY_ROOM of a body; discs are taken that hold capsules.
+    """Return True if a character on a timeline (K, 5) comes within BODY_ROOM of a steered body.
 
-    ``bodies`` are :class:`crowdsim.crowd.state.timelines.StandingBodies`; that of ``agent`` itself does not count.
+    ``bodies`` are :class:`crowdsim.crowd.state.timelines.StandingBodies`; the body of ``agent`` itself does not count.
+    The character's capsule is replaced by the disc that contains it, so the test is conservative.
     """
     rows, starts, frame, broadest = bodies.rows, bodies.starts, bodies.frame, bodies.broadest
     if len(rows) == 0:
         return False
     for k in range(len(timeline)):
-        # Every piece, and the end as a point; what is parked is looked at once.
+        # Each segment, and the last sample as a point. Skip segments of length 0 (parked), except for the first.
         last = min(k + 1, len(timeline) - 1)
         ax, ay = timeline[k, 0], timeline[k, 1]
         bx, by = timeline[last, 0], timeline[last, 1]
         if k > 0 and ax == bx and ay == by:
             continue
+        # Disc that contains the capsule at both ends of the segment: radius and half length of the core.
         radius = max(timeline[k, RADIUS], timeline[last, RADIUS])
         radius += max(
             hypot(timeline[k, CORE], timeline[k, CORE + 1]), hypot(timeline[last, CORE], timeline[last, CORE + 1])
         )
         far = radius + broadest + BODY_ROOM
+        # Search the cells of the segment's bounding box, grown by all that could touch; rows_beside takes them from a
+        # middle column to either side.
         low, bottom = cell_of(frame, min(ax, bx) - far, min(ay, by) - far)
         high, top = cell_of(frame, max(ax, bx) + far, max(ay, by) + far)
         middle = (low + high) // 2
@@ -41,6 +45,7 @@ def meets_body(agent, timeline, bodies):
                 body = rows[number]
                 if body.id == agent:
                     continue
+                # Exact distance from the core of the steered body to the segment.
                 _, _, distance = core_to_segment(body.x, body.y, -body.hy, body.hx, body.half, ax, ay, bx, by)
                 if distance - body.radius < radius + BODY_ROOM:
                     return True

@@ -1,24 +1,27 @@
-"""A digest of large columns at the speed of memory."""
+"""Hash of large arrays at the speed of memory."""
 
 import numpy as np
 
 from crowdsim.jit import kernel
 
 FACTOR = np.uint64(0xFF51AFD7ED558CCD)
-"""That of MurmurHash3's finalizer: odd, with bits all over, so that each bit of a word reaches all higher ones."""
+"""First multiplier of MurmurHash3's 64-bit finalizer: odd, and each bit of a word affects all higher bits."""
 
 JOINING = np.uint64(0xC4CEB9FE1A85EC53)
-"""Its other one."""
+"""Second multiplier of that finalizer."""
 
 BASIS = np.uint64(0xCBF29CE484222325)
+"""Initial value (offset basis of FNV-1a)."""
 LANES = 4
+"""Number of independent lanes."""
 
 
 @kernel
 def digest_words(words):
-    """64 bits over ``words`` (uint64[n]): each is joined by exclusive or, multiplied, and its high half folded down.
+    """Return a 64-bit hash of ``words`` (uint64[n]); not for cryptography.
 
-    A multiplication carries bits upwards only, hence the folding. It is not for cryptography.
+    Each word is combined by exclusive or, multiplied, and the high half is folded into the low one, as a multiplication
+    carries bits upwards only.
     """
     first = BASIS
     second = BASIS + np.uint64(1)
@@ -26,7 +29,7 @@ def digest_words(words):
     fourth = BASIS + np.uint64(3)
     half = np.uint64(32)
     whole = len(words) - len(words) % LANES
-    # Four lanes do not wait for each other's products.
+    # Four lanes, so that a product need not wait for the one before.
     for n in range(0, whole, LANES):
         first = (first ^ words[n]) * FACTOR
         second = (second ^ words[n + 1]) * FACTOR
@@ -36,12 +39,12 @@ def digest_words(words):
         second ^= second >> half
         third ^= third >> half
         fourth ^= fourth >> half
-    # The rest, and then the lanes, go through the first one.
+    # The remaining words, then the other lanes and the length, go into the first lane.
     for n in range(whole, len(words)):
         first = (first ^ words[n]) * FACTOR
         first ^= first >> half
     for lane in (second, third, fourth, np.uint64(len(words))):
-        # Times another factor, or a change of the top bit of a lane would look like one of the last word's.
+        # Another factor, as otherwise a change of the top bit of a lane equals one of the last word.
         first = (first ^ (lane * JOINING)) * FACTOR
         first ^= first >> half
     return first

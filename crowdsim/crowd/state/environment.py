@@ -1,8 +1,8 @@
-"""The environment as it is now: meshes that are edited as doors open and close and things come, move and go."""
+"""The environment as it is now: meshes that are edited as doors and other movables appear, move and disappear."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,22 +18,22 @@ from crowdsim.navmesh.navmesh import NavMesh
 from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.planning.planner import Planner
 from crowdsim.planning.query.behavior_areas import area_growths, area_polygons, grown
-from crowdsim.scenario.timetable import Movable, Placing, placed
+from crowdsim.scenario.timetable import Movable, Placing, Timetable, placed
 
 Footprints = tuple[BaseGeometry | None, ...]
-"""What a thing takes of each layer, None where it takes nothing."""
+"""Area that a movable covers on each layer, None if none."""
 
 
 @dataclass(frozen=True)
 class Edit:
-    """What one change took and what it gave back; None where the thing was, or is, not there."""
+    """One change of the environment: area covered by it, and area freed by it; None if there is no such area."""
 
     taken: Footprints | None
     freed: BaseGeometry | None
 
 
 def footprints_of(movable: Movable, layers: Sequence[ClearanceLayer], placing: Placing) -> Footprints:
-    """What a movable takes of each layer where it stands so; the lowest holds what any of them does."""
+    """Return the area that a movable covers on each layer if placed so; the lowest contains those of all others."""
     shapes = [
         placed(shapely.union_all([taken_between(solid, layer.low, layer.high) for solid in movable.solids]), placing)
         for layer in layers
@@ -42,24 +42,33 @@ def footprints_of(movable: Movable, layers: Sequence[ClearanceLayer], placing: P
     return tuple(None if shape.is_empty else shape for shape in shapes)
 
 
+def state_of(placings: Mapping[int, Placing]) -> bytes:
+    """Return numbers and placings of the movables present, for the state hash; empty if there are none."""
+    return b"".join(np.array((number, *placings[number])).tobytes() for number in sorted(placings))
+
+
 @dataclass
 class EnvironmentState:
-    """Meshes of the layers, legs first, and of the behavior areas (None where a behavior has none).
+    """Meshes of the layers, legs first, and of the behavior areas (None for a behavior without one).
 
-    Only :meth:`put` changes it, which the crowd calls between two steps while no search runs; everyone else reads, and
-    nobody keeps ``mesh.arrays`` from one step to the next. edits: all that changed so far; revision: how many they are.
-    waited_for: outlines of things that are to come as soon as nobody is there, and that nobody may enter meanwhile.
+    Only :meth:`put` changes it. The crowd calls that between two steps, while no search runs; all others only read, and
+    no reader keeps ``mesh.arrays`` from one step to the next.
     """
 
     assets: Assets
+    timetable: Timetable = field(init=False)
+    """What may change, and when."""
     meshes: tuple[NavMesh, ...] = field(init=False)
     areas: tuple[NavMesh | None, ...] = field(init=False)
     edits: list[Edit] = field(default_factory=list)
+    """All changes so far."""
     last_edit_step: int = -1
     waited_for: list[BaseGeometry] = field(default_factory=list)
+    """Outlines of movables that appear as soon as no character is there, and that no character may enter meanwhile."""
 
     def __post_init__(self) -> None:
         assets = self.assets
+        self.timetable = assets.timetable
         free = [layer.free for layer in assets.layers]
         self.meshes = tuple(NavMesh(area) for area in free)
         self.areas = tuple(None if area.is_empty else NavMesh(area) for area in area_polygons(free, assets.behaviors))
@@ -68,9 +77,10 @@ class EnvironmentState:
         )
         self._growths = area_growths(assets.behaviors, len(free))
         self._passages: tuple[int, NDArray[np.float64]] | None = None
-        self._handles: list[list[tuple[NavMesh, Handle]]] = [[] for _ in self.assets.timetable.movables]
-        self._placings: list[Placing | None] = [None] * len(self.assets.timetable.movables)
-        for number, movable in enumerate(self.assets.timetable.movables):
+        # Mesh handles and placings of the movables present, by their numbers.
+        self._handles: dict[int, list[tuple[NavMesh, Handle]]] = {}
+        self._placings: dict[int, Placing] = {}
+        for number, movable in enumerate(self.timetable.movables):
             if movable.placing is not None:
                 self._put(number, movable.placing)
 
@@ -87,20 +97,20 @@ class EnvironmentState:
         return self._passages[1]
 
     def route(self, start: ArrayLike, goal: ArrayLike) -> AnnotatedPath:
-        """A path for whoever goes from ``start`` to ``goal`` (x, y) now; PathNotFound where there is none."""
+        """Plan a path from ``start`` to ``goal`` (x, y) in the present environment; PathNotFound if there is none."""
         return self._planner.plan(start, goal)
 
     def placing(self, movable: int) -> Placing | None:
-        """Where a movable stands; None while it is absent."""
-        return self._placings[movable]
+        """Return the placing of a movable; None while it is absent."""
+        return self._placings.get(movable)
 
     def footprints(self, movable: int, placing: Placing) -> Footprints:
-        """What a movable takes of each layer where it stands so; the lowest holds what any of them does."""
-        return footprints_of(self.assets.timetable.movables[movable], self.assets.layers, placing)
+        """Return the area that a movable covers on each layer if placed so; the lowest contains those of all others."""
+        return footprints_of(self.timetable.movables[movable], self.assets.layers, placing)
 
     def put(self, movable: int, placing: Placing | None, step: int) -> Edit:
-        """Let a movable stand at ``placing``, or take it away (None), in all meshes; no search may be under way."""
-        before = self._placings[movable]
+        """Place a movable at ``placing``, or remove it (None), in all meshes; no search may be under way."""
+        before = self._placings.get(movable)
         freed = None if before is None else self.footprints(movable, before)[0]
         self._put(movable, placing)
         edit = Edit(None if placing is None else self.footprints(movable, placing), freed)
@@ -109,23 +119,22 @@ class EnvironmentState:
         return edit
 
     def state(self) -> bytes:
-        """Where everything stands, for the state hash; nothing where nothing can change."""
-        absent = (np.nan,) * 6
-        rows: list[NDArray[np.float64]] = [np.array(placing or absent) for placing in self._placings]
-        return b"".join(row.tobytes() for row in rows)
+        """Return numbers and placings of all movables present, for the state hash; empty if there are none."""
+        return state_of(self._placings)
 
     def _put(self, movable: int, placing: Placing | None) -> None:
-        for mesh, handle in self._handles[movable]:
+        """Replace the obstacles of a movable in all meshes; None removes them."""
+        for mesh, handle in self._handles.pop(movable, ()):
             mesh.remove(handle)
-        self._handles[movable] = []
-        self._placings[movable] = placing
         if placing is None:
+            self._placings.pop(movable, None)
             return
+        self._placings[movable] = placing
         taken = self.footprints(movable, placing)
         pairs = list(zip(self.meshes, taken, strict=True))
         for area, growths in zip(self.areas, self._growths, strict=True):
             if area is not None:
-                # What grows covers what does not.
+                # The lowest area grown by the largest growth of the upper layers it is on covers what the others need.
                 widest = max(
                     (g for g, t in zip(growths.tolist(), taken[1:], strict=True) if t is not None), default=0.0
                 )

@@ -1,4 +1,4 @@
-"""Where everyone goes: places one after another, round and round where asked."""
+"""Itineraries of captured characters: places one after another, repeated in rounds if the scenario says so."""
 
 from __future__ import annotations
 
@@ -7,48 +7,72 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from crowdsim.constants import NONE
 from crowdsim.crowd.state.motion_plan import Departure, Request
 from crowdsim.crowd.state.reservation_kernels import ROUNDING
 from crowdsim.following.follower.path_follower import FollowOptions
 from crowdsim.geometry.elementary import distance
 from crowdsim.geometry.planar import wrap_angle
-from crowdsim.scenario.placement import Placement
+from crowdsim.scenario.people.placement import Placement
 
 TRIES = 2
-"""How often an agent that came to stand otherwise than asked for searches again from there."""
+"""Number of searches from the place of arrival by a character that stands otherwise than its scenario prescribes."""
 
 
 @dataclass
 class Itineraries:
-    """How many places each character has been to, and what that means for where it goes next.
-
-    stood: meters off the place, and radians off the heading asked for (or nan), of each who came to stand at one.
-    """
+    """Places that each character has reached so far (n,), of how many (n,), and where it goes next."""
 
     cast: Placement
+    """The characters, with the goals that they have now."""
     stood: list[tuple[float, float]] = field(default_factory=list)
+    """Distance to the place [m] and angle to the prescribed heading [rad] (nan if none) of each stand so far."""
     reached: NDArray[np.int64] = field(init=False)
+    """(n,) number of places reached."""
+    places: NDArray[np.int64] = field(init=False)
+    """(n,) number of places of one round."""
 
     def __post_init__(self) -> None:
+        cast = self.cast
+        # Copies, as commands change goals.
+        self._goals, self._headings = [*cast.goals], [*cast.headings]
+        self.cast = cast._replace(
+            goals=self._goals, headings=self._headings, rounds=cast.rounds.copy(), stays=cast.stays.copy()
+        )
+        self.places = np.array([len(goals) for goals in cast.goals], np.int64)
         self.reached = np.zeros(len(self.cast.starts), np.int64)
         self._tries = np.zeros(len(self.cast.starts), np.int64)
+        self._aims: dict[int, tuple[int, NDArray[np.float64]]] = {}
+
+    def redirect(self, agent: int, goal: NDArray[np.float64], stays: bool) -> None:
+        """Send a character to ``goal`` (2,) [m] instead of all its places; it stays there or leaves."""
+        self._goals[agent], self._headings[agent] = goal[None], np.full(1, np.nan)
+        self.cast.rounds[agent], self.cast.stays[agent] = 1, stays
+        self.places[agent], self.reached[agent], self._tries[agent] = 1, 0, 0
+        self._aims.pop(agent, None)
+
+    def aim(self, agent: int, place: NDArray[np.float64]) -> None:
+        """Let an agent go to ``place`` (2,) this time, instead of its own spot in the region that it goes to."""
+        self._aims[agent] = int(self.reached[agent]), place
 
     def goal(self, agent: int, ahead: int = 0) -> NDArray[np.float64]:
-        """The place (2,) that an agent goes to, or ``ahead`` places after that."""
-        return self.cast.goal(agent, int(self.reached[agent]) + ahead)
+        """Return the place (2,) that a character goes to [m], or the one ``ahead`` places later."""
+        reached = int(self.reached[agent]) + ahead
+        aimed, place = self._aims.get(agent, (NONE, None))
+        return self.cast.goal(agent, reached) if place is None or aimed != reached else place
 
     def stands(self, agent: int, ahead: int = 0) -> bool:
-        """Whether it stands at that place, for a while or for good."""
+        """Return True if it stands at that place, for a while or for good."""
         return self.cast.stands(agent, int(self.reached[agent]) + ahead)
 
     def request(
         self, agent: int, position: NDArray[np.float64], ahead: int = 0, departure: Departure | None = None
     ) -> Request:
-        """What an agent asks a search for that goes to that place from ``position``."""
+        """Return the request for a motion from ``position`` to that place."""
         reached = int(self.reached[agent]) + ahead
         return Request(
             position,
-            self.cast.goal(agent, reached),
+            self.goal(agent, ahead),
             self.cast.stands(agent, reached),
             departure,
             heading=self.cast.heading(agent, reached),
@@ -56,9 +80,9 @@ class Itineraries:
         )
 
     def accepts(self, agent: int, pose: NDArray[np.float64]) -> bool:
-        """Whether an agent that has come to its place with ``pose`` (3,) may stay so, which is noted.
+        """Return True if a character that arrived with ``pose`` (3,) may stay at its place so, and note how it stands.
 
-        Who is to stand there but farther off or turned otherwise than asked for tries again a few times.
+        A character that is to stand there, but is too far off or faces another direction, tries again a few times.
         """
         if not self.stands(agent):
             return True
@@ -74,27 +98,27 @@ class Itineraries:
         return True
 
     def is_last(self, agent: int, ahead: int = 0) -> bool:
-        """Whether it goes nowhere after that place."""
+        """Return True if it goes nowhere after that place."""
         return self.cast.is_last(agent, int(self.reached[agent]) + ahead)
 
     def reach(self, agent: int) -> float:
-        """Count the place as reached; returns the seconds to stand there, 0 to go on at once."""
+        """Count the place as reached; return the time to stand there [s], 0 to go on at once."""
         last = self.is_last(agent)
         self._tries[agent] = 0
         self.reached[agent] += 1
         return 0.0 if last else float(self.cast.waits[agent])
 
     def leave(self, agent: int) -> None:
-        """Count the place that was reached last as not reached: it was left to give way."""
+        """Count the last place as not reached: the character gave way and left it."""
         self.reached[agent] -= 1
 
     def how_they_stood(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """How far off its place [m], and the heading asked for [rad] or nan, each was who came to stand at one."""
+        """Return distance to the place [m] and angle to the prescribed heading [rad], nan if none, of each stand."""
         off, turned = np.array(self.stood).reshape(-1, 2).T
         return off, turned
 
     def laps(self) -> dict[str, int]:
-        """Rounds that the characters of each group completed together, for the groups that go round."""
+        """Return the number of rounds completed by the characters of each group that repeats its round."""
         laps: dict[str, int] = {}
         for agent, group in enumerate(self.cast.groups):
             if self.cast.rounds[agent] != 1:
@@ -103,7 +127,10 @@ class Itineraries:
 
 
 def stands_summary(off: NDArray[np.float64], turned: NDArray[np.float64]) -> dict[str, float | int | None]:
-    """How many stood at a place, and how far off it [m] and the heading asked for [rad, nan for any] they were."""
+    """Sum up stands by their number, distances to the place [m] and angles to the prescribed heading.
+
+    The angles are given in rad (nan for any heading) and summed up in degrees.
+    """
     turned = np.degrees(turned[~np.isnan(turned)])
     return {
         "stood": len(off),

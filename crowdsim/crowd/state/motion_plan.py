@@ -1,4 +1,4 @@
-"""What is asked of a search for motion, and the chain of nodes that it comes to."""
+"""Requests for a motion, and motion plans: the chains of nodes that searches return."""
 
 from __future__ import annotations
 
@@ -12,61 +12,65 @@ from crowdsim.planning.labels.annotated_path import AnnotatedPath
 from crowdsim.scenario.schema.agents import STAND_WITHIN
 
 Departure = tuple[int, NDArray[np.float64]]
-"""The node behind which a motion begins, and the pose (3,) that started from."""
+"""The node behind which a motion begins, and the track pose (3,) at which that node started."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """What a search starts from.
-
-    position, goal: (2,) meters. stays: whether the motion must end standing. departure: the node behind which the
-    motion begins and the pose (3,) that started from, or None before the character entered the world. route: the path
-    it follows already, or None to plan one. around: (k, 3) poses of others who stand in the way and
-    are to be passed; postures: (k,) the behavior that each stands in.
-    heading: radians to face at the goal, None where any will do; within: meters from it to be reached, if that can be:
-    both of those who stand there.
-    """
+    """Start and goal of a search for motion."""
 
     position: NDArray[np.float64]
+    """(2,) start [m]."""
     goal: NDArray[np.float64]
+    """(2,) goal [m]."""
     stays: bool
+    """True if the motion must end standing."""
     departure: Departure | None = None
+    """Node behind which the motion begins, with its start; None before the character entered the world."""
     route: AnnotatedPath | None = None
+    """Route that it follows already; None to plan one."""
     around: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+    """(k, 3) poses of standing characters in the way, which the motion is to pass."""
     postures: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, np.int32))
+    """(k,) behavior in which each of them stands."""
     heading: float | None = None
+    """Heading at the goal [rad], for a character that stands there; None for any."""
     within: float = STAND_WITHIN
+    """Distance to the goal at which a standing character should come to rest [m]."""
 
 
 @dataclass(frozen=True)
 class MotionPlan:
-    """A chain of P nodes.
-
-    nodes: (P,) int32. origins: (P, 3) world poses where they start. blend_offsets: (P, 3), end of the node before minus
-    origin. departure: the node before the first, and the pose (3,) it starts from. arrives: whether the chain reaches
-    the goal of ``route``. passes: nodes at whose end earlier goals are reached, on the way.
-    """
+    """A chain of P nodes along a route."""
 
     route: AnnotatedPath
     departure_node: int
+    """Node before the first one."""
     departure: NDArray[np.float64]
+    """(3,) track pose at which that node starts."""
     nodes: NDArray[np.int32]
+    """(P,) int32 nodes of the motion graph."""
     origins: NDArray[np.float64]
+    """(P, 3) track poses at which they start."""
     blend_offsets: NDArray[np.float64]
+    """(P, 3) end of the node before less the origin."""
     arrives: bool
+    """True if the chain reaches the goal of ``route``."""
     passes: tuple[int, ...] = ()
+    """Indices of nodes at whose end earlier goals are reached on the way."""
 
     @property
     def count(self) -> int:
+        """Return the number of nodes."""
         return len(self.nodes)
 
     @property
     def digest(self) -> int:
-        """64 bits that name the plan, for the state hash."""
+        """Return 64 bits that identify the plan, for the state hash."""
         return digest_of(self.nodes.tobytes() + self.origins.tobytes())
 
     def until(self, last: int) -> MotionPlan:
-        """The plan up to and with node ``last``."""
+        """Return the plan up to and including the node with index ``last``."""
         if last == self.count - 1:
             return self
         end = last + 1
@@ -80,7 +84,7 @@ class MotionPlan:
         )
 
     def joined(self, first: int, last: int, more: MotionPlan, reaches: bool) -> MotionPlan:
-        """Nodes ``first`` to ``last``, then ``more``; ``reaches`` says that this plan's goal is on the way."""
+        """Return nodes ``first`` to ``last``, then ``more``; ``reaches`` if this plan's goal is passed in between."""
         kept = slice(first, last + 1)
         passes = [p - first for p in self.passes if first <= p <= last]
         return replace(

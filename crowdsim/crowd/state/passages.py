@@ -1,4 +1,4 @@
-"""Narrow passages: where two bodies cannot pass each other, so that nobody may stop there who can avoid it."""
+"""Narrow passages, in which two bodies cannot pass each other, so that no character should stop there."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from crowdsim.navmesh.navmesh import NavMesh
 
 
 def narrow_passages(mesh: NavMesh, width: float) -> NDArray[np.float64]:
-    """Free edges of a mesh shorter than ``width`` [m], (S, 4) x and y of both ends.
+    """Find the free edges of a mesh that are shorter than ``width`` [m]; return (S, 4) x and y of both ends.
 
-    All vertices are on obstacles, so whoever crosses an edge passes between two. Edges that only lead into a corner, or
-    another narrow dead end, are left out.
+    All vertices are on obstacles, so a character that crosses an edge passes between two of them. Edges that only lead
+    into a corner, or another narrow dead end, are left out.
     """
     arrays = mesh.arrays
     triangles = int(arrays.frame[0]["triangles"])
@@ -21,13 +21,14 @@ def narrow_passages(mesh: NavMesh, width: float) -> NDArray[np.float64]:
     origin = sides["org"].reshape(-1, 3)
     ends = np.stack([vertices["x"][origin], vertices["y"][origin]], axis=-1)
     across = np.roll(ends, -1, axis=1)
+    # Open sides: no constraint, and a free triangle on both sides.
     free = np.asarray(arrays.cover[:triangles]) == 0
     twin = sides["twin"].reshape(-1, 3)
     opened = (sides["constraints"].reshape(-1, 3) == 0) & free[:, None] & (twin >= 0)
     opened &= free[np.where(twin >= 0, twin // 3, 0)]
     narrow = opened & (hypot(across[..., 0] - ends[..., 0], across[..., 1] - ends[..., 1]) < width)
     while True:
-        # A triangle with one open side, which is narrow, leads nowhere.
+        # A triangle whose only open side is narrow is a dead end: close that side, which may make another one.
         dead = np.flatnonzero((opened.sum(axis=1) == 1) & (opened & narrow).any(axis=1))
         if not len(dead):
             break

@@ -1,9 +1,9 @@
 """Reserved timelines: where a character will be until it stands, and whether two of them ever meet.
 
-A timeline samples track and body at the world's slots (every ``slot_frames`` frames of the global frame clock) from
-``start`` on; after its last sample the character stays there, or is gone from ``gone`` on. Between samples positions
-are taken as linear. A body is as broad as its behavior: less where arms are held in, a capsule along the way where it
-goes sideways.
+A timeline samples track and body at the world's slots (every ``slot_frames`` frames of the global clock) from slot
+``start`` on. After its last sample the character stands there for ever, or is gone from slot ``gone`` on. Between
+samples, positions are interpolated linearly. A body is a disc as broad as its behavior, narrower with the arms held in,
+or a capsule along the way if it walks sideways.
 """
 
 import math
@@ -24,29 +24,31 @@ from crowdsim.motion.graph.track_kernels import next_origin, node_end, track_pos
 from crowdsim.navmesh.clearance.clearance_kernels import disc_clearance
 
 ELBOW_ROOM = 0.1
-"""Meters beyond their discs that two characters at rest keep between them."""
+"""Gap between the discs of two characters at rest [m]."""
 
 BLOCKED = -1
-"""No timeline, as its stop touches something."""
+"""No timeline: its stop touches an obstacle."""
 
 NARROW = -3
-"""No timeline, as it ends in a narrow passage."""
+"""No timeline: it ends in a narrow passage."""
 
 IN_WAY = -4
-"""No timeline, as it ends in the way of somebody who goes first."""
+"""No timeline: it ends in the way ahead of a character that goes first, or meets a steered body."""
 
 TOO_LONG = -2
-"""No timeline, as it takes more slots than there are."""
+"""No timeline: it takes more slots than there are."""
 
-ROUNDING = 1e-9  # meters
+ROUNDING = 1e-9
+"""Tolerance of comparisons of distances [m]."""
+
 _STATIC_STRIDE = 4  # frames between two samples of the test against obstacles
 
 
 @helper
 def _moving_gap(a, i, j, b, k, m):
-    """Least gap of two bodies [m] that go from samples ``i`` and ``k`` of their timelines to ``j`` and ``m``.
+    """Return the least gap of two bodies [m] while they move from sample ``i`` to ``j`` and from ``k`` to ``m``.
 
-    Capsules are taken as three discs each. A piece is as broad as the broader of its ends.
+    A capsule is replaced by three discs. A segment is as broad as the broader of its ends.
     """
     radii = max(a[i, RADIUS], a[j, RADIUS]) + max(b[k, RADIUS], b[m, RADIUS])
     my_discs = a[i, CORE] != 0.0 or a[i, CORE + 1] != 0.0 or a[j, CORE] != 0.0 or a[j, CORE + 1] != 0.0
@@ -56,7 +58,7 @@ def _moving_gap(a, i, j, b, k, m):
     least = math.inf
     for p in range(-mine, mine + 1):
         for q in range(-its, its + 1):
-            # One disc as the other sees it: a point that moves along a segment.
+            # Relative motion of two discs: a point from d to d + e. Its nearest distance to the origin is at t.
             dx = a[i, 0] + p * a[i, CORE] - b[k, 0] - q * b[k, CORE]
             dy = a[i, 1] + p * a[i, CORE + 1] - b[k, 1] - q * b[k, CORE + 1]
             ex = a[j, 0] + p * a[j, CORE] - b[m, 0] - q * b[m, CORE] - dx
@@ -73,26 +75,29 @@ def _moving_gap(a, i, j, b, k, m):
 
 @kernel
 def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, present):
-    """Whether two bodies touch along their timelines at or after ``first_slot``, or come to rest too near.
+    """Return True if two bodies touch along their timelines at or after ``first_slot``, or come to rest too near.
 
-    a, b: (K, 5) samples. Exact for the piecewise linear motion of their discs, to the end of time. Where both come to
-    rest their tracks are ``at_rest`` + ELBOW_ROOM apart [m], so that either can turn on the spot. Where both are
-    ``present`` in the world and closer already, they may move as long as they never come closer still, or they could
-    never part.
+    a, b: (K, 5) samples. Exact for the piecewise linear motion of the discs, to the end of time. At rest, their tracks
+    are at least ``at_rest`` + ELBOW_ROOM apart [m], so that either can turn on the spot. If both are ``present`` in the
+    world and nearer already, they may move as long as they do not come nearer still; otherwise they could never part.
     """
     if first_slot >= a_gone or first_slot >= b_gone:
         return False
+    # Samples at the first slot; past its end a timeline stays at its last sample.
     ia = min(max(first_slot - a_start, 0), len(a) - 1)
     ib = min(max(first_slot - b_start, 0), len(b) - 1)
     apart = at_rest + ELBOW_ROOM
     overlap = 0.0
+    # Two that are too near already only have to stay as far apart as they are.
     if present:
         apart = min(apart, hypot(a[ia, 0] - b[ib, 0], a[ia, 1] - b[ib, 1]) - ROUNDING)
         overlap = min(_moving_gap(a, ia, ia, b, ib, ib) - ROUNDING, 0.0)
+    # Both stay for ever: compare the places where they come to rest.
     rest = hypot(a[-1, 0] - b[-1, 0], a[-1, 1] - b[-1, 1])
     if rest < apart and min(a_gone, b_gone) == FOREVER:
         return True
     last = max(a_start + len(a), b_start + len(b))
+    # Compare the segments slot by slot, until one is gone or both are at rest.
     for slot in range(first_slot, last):
         if slot >= a_gone or slot >= b_gone:
             return False
@@ -107,24 +112,26 @@ def pair_meets(a, a_start, a_gone, b, b_start, b_gone, first_slot, at_rest, pres
 
 @kernel
 def meets_anyone(me, timeline, start, gone, first_slot, radius, others):
-    """Whether a candidate timeline meets that of any other row.
+    """Return True if a candidate timeline meets that of another row.
 
-    ``others`` are :class:`crowdsim.crowd.state.timelines.Timelines`; ``me`` is its own row, -1 for who is yet to enter.
+    ``others`` are :class:`crowdsim.crowd.state.timelines.Timelines`; ``me`` is its own row, -1 before it enters the
+    world.
     """
     return next_met(me, timeline, start, gone, first_slot, radius, others, 0) >= 0
 
 
 @kernel
 def next_met(me, timeline, start, gone, first_slot, radius, others, begin):
-    """The first row from ``begin`` on that a candidate timeline meets, -1 if there is none: see `meets_anyone`."""
+    """Return the first row from ``begin`` on whose timeline a candidate meets, -1 if none; see `meets_anyone`."""
     starts, gones, circles = others.timeline_start, others.gone_slot, others.timeline_circle
+    # Radius of a circle around the first sample that contains the candidate.
     reach = 0.0
     for k in range(len(timeline)):
         dx = timeline[k, 0] - timeline[0, 0]
         dy = timeline[k, 1] - timeline[0, 1]
         reach = max(reach, dx * dx + dy * dy)
     reach = math.sqrt(reach)
-    # Gather those whose circles are within reach, in the order of their numbers.
+    # Gather the rows whose circles are within reach, by ascending number: the result must not depend on the cells.
     near, x, y = others.near, timeline[0, 0], timeline[0, 1]
     found = near.found
     count = 0
@@ -148,6 +155,7 @@ def next_met(me, timeline, start, gone, first_slot, radius, others, begin):
         here = min(max(first_slot - starts[other], 0), others.timeline.shape[1] - 1)
         end = others.timeline.shape[1] - 1
         its = others.timeline[other]
+        # Test the samples still to come, which may lie in a smaller area than the circle.
         if not _within_reach(timeline[0], its, here, end, reach + distance + ELBOW_ROOM):
             continue
         if pair_meets(timeline, start, gone, its, starts[other], gones[other], first_slot, distance, me >= 0):
@@ -157,6 +165,7 @@ def next_met(me, timeline, start, gone, first_slot, radius, others, begin):
 
 @helper
 def _within_reach(center, other, first, last, reach):
+    """Return True if a sample from ``first`` to ``last`` is within ``reach`` of ``center``."""
     for k in range(first, last + 1):
         dx = other[k, 0] - center[0]
         dy = other[k, 1] - center[1]
@@ -167,7 +176,11 @@ def _within_reach(center, other, first, last, reach):
 
 @kernel
 def node_is_free(graph, node, origin, blend_offset, obstacles, hints):
-    """Whether the body disc of a node's behavior keeps clear of all layers along the whole node."""
+    """Return True if the disc of a node's behavior keeps clear of all layers along the whole node.
+
+    ``origin`` and ``blend_offset`` (3,) place the node in the world; ``hints`` are the triangles found last on each
+    layer.
+    """
     behavior = graph.node_behavior[node]
     frames = graph.node_frames[node]
     dx, dy, dh = blend_offset[0], blend_offset[1], blend_offset[2]
@@ -187,12 +200,13 @@ def node_is_free(graph, node, origin, blend_offset, obstacles, hints):
 
 @kernel
 def append_stop(graph, chain, count):
-    """Append to a chain of ``count`` nodes those that bring it to a stand; returns the new count, or -1 if too long."""
+    """Append the nodes that bring a chain of ``count`` nodes to a stand; return the new count, -1 if too long."""
     nodes, origins, blend_offsets = chain.nodes, chain.origins, chain.blend_offsets
     node = nodes[count - 1]
     while graph.stop_edge[node] >= 0:
         if count == len(nodes):
             return -1
+        # Each node begins where the one before ends; the offset between both poses fades along it.
         edge = graph.stop_edge[node]
         o = origins[count - 1]
         ex, ey, eh = node_end(graph, np.int64(node), o[0], o[1], o[2])
@@ -211,7 +225,7 @@ def append_stop(graph, chain, count):
 
 @helper
 def _set_sample(out, k, x, y, heading, breadth):
-    """Put track and body into a sample: the core lies across the direction that the body faces."""
+    """Write track and body to sample ``k``: the core lies across the direction that the body faces."""
     out[k, 0] = x
     out[k, 1] = y
     out[k, RADIUS] = breadth[0]
@@ -222,19 +236,19 @@ def _set_sample(out, k, x, y, heading, breadth):
 
 @helper
 def from_stand(playback):
-    """The playback of a character that starts to walk now: no part of a frame played, natural rate."""
+    """Return the playback of a character that begins to walk now: at a full frame, at the natural rate."""
     rate = np.int64(FRAME_TICKS * playback.step_frames)
     return Playback(playback.clock, playback.slot_frames, playback.step_frames, playback.ramp, np.int64(0), rate, rate)
 
 
 @kernel
 def sample_chain(graph, chain, count, breadths, frame, playback, out):
-    """Tracks and bodies of a chain at the slots, whose first node is ``frame`` frames old now.
+    """Sample tracks and bodies of a chain at the slots; its first node is at frame ``frame`` now.
 
-    ``breadths`` (B, 2) and ``playback`` as in :mod:`crowdsim.crowd.state.timelines`. Fills ``out`` (K, 5) from the
-    present slot on, the first sample with the body as it is now; past the end of the chain it stays there. Between its
-    samples, as they are joined by straight lines, it is now where the chain is.
-    Returns the first slot at or after the end of the chain, or -1 if the chain is longer than ``out``.
+    ``breadths`` (B, 2) and ``playback`` are those of :mod:`crowdsim.crowd.state.timelines`. ``out`` (K, 5) is filled
+    from the present slot on. The first sample has the present body, and is placed so that linear interpolation gives
+    the present position now. After the end of the chain the samples stay there. Return the first slot at or after the
+    end, or -1 if the chain takes more slots than ``out`` has.
     """
     nodes, origins, blend_offsets = chain.nodes, chain.origins, chain.blend_offsets
     clock, slot_frames = playback.clock, playback.slot_frames
@@ -248,6 +262,7 @@ def sample_chain(graph, chain, count, breadths, frame, playback, out):
         ticks = np.int64(graph.node_frames[node]) * FRAME_TICKS
         breadth = breadths[graph.node_behavior[node]]
         before = k
+        # All slots that fall into this node; the first sample belongs to the present node in any case.
         while k < len(out) and (played < begin + ticks or k == 0):
             at = min(played - begin, ticks)
             whole, part = at // FRAME_TICKS, (at % FRAME_TICKS) / FRAME_TICKS
@@ -259,7 +274,7 @@ def sample_chain(graph, chain, count, breadths, frame, playback, out):
             slot += 1
             played = first + ticks_played(playback, slot * slot_frames - clock)
         if k == before and k > 0:
-            # It begins and ends between two samples.
+            # A node between two samples has none: the segment must be as broad as its body.
             out[k - 1, RADIUS] = max(out[k - 1, RADIUS], breadth[0] + breadth[1])
         begin += ticks
     if k == len(out):
@@ -270,7 +285,7 @@ def sample_chain(graph, chain, count, breadths, frame, playback, out):
     while k < len(out):
         _set_sample(out, k, x, y, h, breadths[graph.node_behavior[nodes[count - 1]]])
         k += 1
-    # Within a slot, the first sample lies as far behind as it takes to be now where the chain is now.
+    # The present lies between two slots: extrapolate the first sample backwards.
     rest = (clock // slot_frames + 1) * slot_frames - clock
     if rest < slot_frames:
         for axis in range(2):
@@ -280,7 +295,7 @@ def sample_chain(graph, chain, count, breadths, frame, playback, out):
 
 @kernel
 def comes_near(timeline, segments, distance):
-    """Whether a timeline (K, 5) comes closer than ``distance`` to one of ``segments`` (M, 4): x, y of both ends."""
+    """Return True if a timeline (K, 5) comes nearer than ``distance`` to one of ``segments`` (M, 4) [m]."""
     square = distance * distance
     for k in range(len(timeline) - 1):
         ax, ay, bx, by = timeline[k, 0], timeline[k, 1], timeline[k + 1, 0], timeline[k + 1, 1]
@@ -293,7 +308,7 @@ def comes_near(timeline, segments, distance):
 
 @helper
 def _copy_chain(chain, to):
-    """Copy a chain one by one, as the shape checks of whole arrays compile for three seconds."""
+    """Copy a chain element by element: the shape checks of whole arrays take three seconds to compile."""
     for k in range(len(chain.nodes)):
         to.nodes[k] = chain.nodes[k]
         for axis in range(3):
@@ -303,15 +318,14 @@ def _copy_chain(chain, to):
 
 @helper
 def lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tolerant, timeline):
-    """Sample ``taken`` nodes of a chain and the stop behind them, if it does not leave the world there.
+    """Sample ``taken`` nodes of a chain, followed by the stop unless the character ``leaves`` the world there.
 
-    Returns the first slot at or after the end; BLOCKED where the stop touches something, TOO_LONG, NARROW (unless
-    ``tolerant``) or IN_WAY if so.
+    Return the first slot at or after the end, or BLOCKED, TOO_LONG, NARROW (not if ``tolerant``) or IN_WAY.
     """
     _copy_chain(chain, draft)
     count = taken + 1
     if not leaves:
-        # The stop behind the nodes taken, which nobody tested yet.
+        # The plan's nodes are free of obstacles; the nodes of the stop are not tested yet.
         hints = np.full(len(obstacles.layers), np.int64(-1))
         count = append_stop(graph, draft, taken + 1)
         for c in range(taken + 1, count):
@@ -322,6 +336,7 @@ def lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tole
     ended = sample_chain(graph, draft, count, obstacles.breadths, frame, playback, timeline)
     if ended < 0:
         return TOO_LONG
+    # The rules of docs/waiting.md, cheapest first: room for movables about to appear, passages, steered bodies, ways.
     if len(obstacles.kept_free) and comes_near(timeline, obstacles.kept_free, obstacles.distance):
         return BLOCKED
     if not (leaves or tolerant) and stops_in_passage(timeline, obstacles.passages, obstacles.off_passages):
@@ -335,17 +350,19 @@ def lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tole
 
 @kernel
 def reserve(graph, obstacles, everyone, row, frame, playback, chain, draft, first, available, ends_plan, timeline):
-    """Find the shortest continuation that ends standing, touches nothing and meets no one.
+    """Find the shortest continuation that ends standing, touches no obstacle and meets no timeline.
 
-    Entry 0 of ``chain`` is the present node, entries 1 to ``available`` the next nodes of the plan; at least ``first``
-    of them must be taken. ``draft`` is a chain of as much room to work in. ``ends_plan`` says that the last of them
-    leaves the world. ``obstacles`` and ``everyone`` (all rows) are as in :mod:`crowdsim.crowd.state.timelines`.
-    Returns (nodes taken, gone slot), no nodes where there is none, and leaves the timeline in ``timeline`` (K, 5).
+    Entry 0 of ``chain`` is the present node, entries 1 to ``available`` are the next nodes of the plan, of which at
+    least ``first`` are taken. ``draft`` is scratch of the same size. ``ends_plan``: the character leaves the world
+    after the last of them. ``obstacles`` and ``everyone`` (all rows) are those of
+    :mod:`crowdsim.crowd.state.timelines`. Return (number of nodes taken, gone slot), with 0 nodes if there is none; the
+    timeline is left in ``timeline`` (K, 5).
     """
     forever = np.int64(FOREVER)
     start = playback.clock // playback.slot_frames
+    # Stops in narrow passages are allowed only if the plan offers no other place to stand at all.
     for tolerant in range(2):
-        stands = False  # whether it could stand in a place that is not narrow, if nobody was there
+        stands = False  # True if it could stand outside of narrow passages, apart from other characters
         for taken in range(first, available + 1):
             leaves = ends_plan and taken == available
             found = lay_out(graph, obstacles, frame, playback, chain, draft, taken, leaves, tolerant, timeline)
@@ -353,11 +370,11 @@ def reserve(graph, obstacles, everyone, row, frame, playback, chain, draft, firs
                 break
             stands = stands or found >= 0 or found == IN_WAY
             if found < 0:
-                continue  # it cannot stand down after this node; perhaps it can after the next
+                continue  # it cannot come to a stand after this node; try the next
             gone = found if leaves else forever
             if not meets_anyone(row, timeline, start, gone, start, obstacles.body_radius, everyone):
                 return taken, gone
-            # There may be no place to stand here, but one beyond whoever is in the way.
+            # It meets another timeline, but may not if it goes on.
         if stands:
             break
     return 0, forever

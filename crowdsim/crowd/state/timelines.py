@@ -1,4 +1,4 @@
-"""What reservations read and write, as kernels take it: chains of nodes, everyone's timelines, obstacles."""
+"""Arguments of the kernels that reserve timelines: chains of nodes, timelines of all rows, obstacles."""
 
 from __future__ import annotations
 
@@ -15,33 +15,35 @@ from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
 from crowdsim.steering.row_kernels import ROW
 
 Floats = NDArray[np.float64]
+"""Array of float64."""
 
 SLOWEST, FASTEST = 0.6, 1.15
-"""Rates between which nodes are played, as shares of the natural one."""
+"""Slowest and fastest rate at which nodes are played, as shares of the captured (natural) rate."""
 
 RAMP = 1
-"""Change of the rate at which nodes are played in a second, in natural rates."""
+"""Largest change of the rate in a second, as a share of the natural rate."""
 
 _NO_WAYS = np.empty((0, 2, 2))
 
 
 class Chain(NamedTuple):
-    """Nodes one after the other, with room for more: where each starts, and the blend offset that fades from there."""
+    """Consecutive nodes, with room for more."""
 
     nodes: NDArray[np.int32]
-    """(C,)"""
+    """(C,) nodes of the motion graph."""
     origins: Floats
-    """(C, 3)"""
+    """(C, 3) track pose at which each starts: x, y [m], heading [rad]."""
     blend_offsets: Floats
-    """(C, 3)"""
+    """(C, 3) offset of the pose before to the origin, which fades out along the node."""
 
     @classmethod
     def room(cls, count: int) -> Chain:
+        """Allocate a chain of ``count`` nodes."""
         return cls(np.zeros(count, np.int32), np.zeros((count, 3)), np.zeros((count, 3)))
 
 
 class Playback(NamedTuple):
-    """When and how fast a chain is played from now on; see :mod:`crowdsim.motion.graph.playback_kernels`."""
+    """Time and rate at which a chain is played from now on; see :mod:`crowdsim.motion.graph.playback_kernels`."""
 
     clock: int
     """Frames of the world's clock until now."""
@@ -50,84 +52,86 @@ class Playback(NamedTuple):
     step_frames: int
     """Frames of a step."""
     ramp: int
-    """Ticks by which the rate changes in a step at most."""
+    """Largest change of the rate in a step [ticks/step]."""
     part: int
-    """Ticks of a frame that are played already."""
+    """Part of the present frame that is played already [ticks]."""
     rate: int
-    """Ticks in the step before."""
+    """Rate of the last step [ticks/step]."""
     wanted: int
-    """Ticks a step that it goes over to."""
+    """Rate that is approached [ticks/step]."""
 
     @classmethod
     def natural(cls, step: int, step_frames: int) -> Playback:
-        """As captured, from ``step`` on."""
+        """Return the playback at the captured rate from ``step`` on."""
         rate = FRAME_TICKS * step_frames
         ramp = max(RAMP * rate * step_frames // CAPTURE_RATE, 1)
         return cls(step * step_frames, SLOT_FRAMES, step_frames, ramp, 0, rate, rate)
 
 
 class Timelines(NamedTuple):
-    """The reserved timelines of all N rows."""
+    """Reserved timelines of all N rows."""
 
     timeline: Floats
     """(N, K, 5) tracks and bodies at the slots: see :data:`crowdsim.crowd.state.components.SAMPLE`."""
     timeline_start: NDArray[np.int64]
-    """(N,) slot of the first of them."""
+    """(N,) slot of the first sample."""
     gone_slot: NDArray[np.int64]
-    """(N,) slot from which on the row is gone."""
+    """(N,) slot from which on the row has left the world."""
     body_radius: Floats
-    """(N,) meters, of a disc that holds the body whatever it does."""
+    """(N,) radius of a disc that contains the body in any behavior [m]."""
     timeline_circle: Floats
-    """(N, 3) x, y and radius of a circle that holds all tracks of a timeline, so that most are soon dismissed."""
+    """(N, 3) x, y and radius of a circle that contains all positions of a timeline [m], for a quick rejection."""
     near: Neighbors
-    """The rows by cells."""
+    """The rows, sorted by cells."""
 
     @classmethod
     def of(cls, view: View, near: Neighbors) -> Timelines:
+        """Return the timelines of a view."""
         return cls(view.timeline, view.timeline_start, view.gone_slot, view.body_radius, view.timeline_circle, near)
 
 
 class StandingBodies(NamedTuple):
-    """Bodies of steered characters, sorted by cells: where they stand now they may stay."""
+    """Bodies of steered characters as they stand now, sorted by cells. They may stay there."""
 
     rows: NDArray[Any]
-    """ROW[n]."""
+    """ROW[n]: the bodies."""
     starts: NDArray[np.int64]
-    """Where cells begin in the rows."""
+    """Row at which each cell begins."""
     frame: tuple[float, float, int, int]
-    """Left and bottom of the cells [m], columns and rows of them."""
+    """Grid: left and bottom edge [m], columns, rows."""
     broadest: float
-    """Largest half breadth of them all [m]."""
+    """Largest half breadth [m]."""
 
 
 NO_BODIES = StandingBodies(np.zeros(0, ROW), np.zeros(2, np.int64), (0.0, 0.0, 1, 1), 0.0)
+"""No steered characters."""
 
 
 class Obstacles(NamedTuple):
-    """What a body keeps clear of beside others."""
+    """What a body must keep clear of besides the timelines of others."""
 
     layers: tuple[Any, ...]
     """Kernel arrays of the mesh of each layer."""
     radii: Floats
-    """(B, layers) meters, the radius of the body in each behavior."""
+    """(B, layers) clearance that each behavior needs on each layer [m]."""
     breadths: Floats
-    """(B, 2) meters, the body towards others in each behavior: radius of its capsule and half the length of its core,
-    which lies across the direction that the body faces."""
+    """(B, 2) body towards others in each behavior: radius of its capsule, and half length of its core, which lies
+    across the direction that the body faces [m]."""
     kept_free: Floats
-    """(M, 4) segments, x and y of both ends, of what is about to come."""
+    """(M, 4) outlines of movables about to appear: segments, x and y of both ends [m]."""
     distance: float
-    """Meters that the track stays away from these."""
+    """Distance of the track to these segments [m]."""
     bodies: StandingBodies
-    """Of steered characters."""
+    """Bodies of steered characters."""
     agent: int
-    """Whose own body among these does not count."""
+    """Character whose own body among these does not count."""
     body_radius: float
-    """Meters, of the disc that holds the body whatever it does."""
+    """Radius of a disc that contains the body in any behavior [m]."""
     ways: Floats = _NO_WAYS
-    """(W, P, 2) ways ahead of those who go first: nobody else stops there who is not there already."""
+    """(W, P, 2) ways ahead of characters that go first [m]: no other may stop there, unless it is there already."""
     way_width: float = 0.0
-    """Meters from them where one may stop."""
+    """Distance from these ways at which a character may stop [m]."""
     passages: Floats = np.empty((0, 4))
-    """(S, 4) segments across narrow passages: nobody stops there who can stop before or behind."""
+    """(S, 4) segments across narrow passages [m]: no character stops there that can stop before or behind."""
     off_passages: float = 0.0
-    """Meters from them where one may stop."""
+    """Distance from these segments at which a character may stop [m]."""

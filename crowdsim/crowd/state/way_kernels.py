@@ -1,4 +1,8 @@
-"""Ways ahead that others keep free, passages in which nobody stops, and ranks that are handed on."""
+"""Ways ahead that others keep free, narrow passages in which no row stops, and ranks that followers take over.
+
+A way is a polyline (P, 2) [m]: the next meters of a character's plan after the end of its timeline; nan without one.
+The lower rank goes first. docs/waiting.md has the rules.
+"""
 
 import math
 
@@ -8,12 +12,12 @@ from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
 
 FOREVER = 9223372036854775807
-"""The slot from which on a character is gone that never leaves; a rank behind all others."""
+"""The slot of leaving of a character that never leaves, and a rank behind all others."""
 
 
 @helper
 def nearest_of_way(way, x, y):
-    """Distance from (x, y) to a polyline (P, 2), and the direction (not normed) of its nearest segment."""
+    """Return the distance from (x, y) to a polyline (P, 2), and the direction (any length) of its nearest segment."""
     least = math.inf
     ux = uy = 0.0
     for k in range(len(way) - 1):
@@ -28,7 +32,7 @@ def nearest_of_way(way, x, y):
 
 @helper
 def near_any(segments, x, y, distance):
-    """Whether (x, y) is nearer than ``distance`` to one of ``segments`` (M, 4)."""
+    """Return True if (x, y) is nearer than ``distance`` to one of ``segments`` (M, 4)."""
     for m in range(len(segments)):
         s = segments[m]
         if point_segment_distance2(x, y, s[0], s[1], s[2], s[3]) < distance * distance:
@@ -38,7 +42,7 @@ def near_any(segments, x, y, distance):
 
 @kernel
 def stops_in_passage(timeline, passages, distance):
-    """Whether a timeline (K, 5) ends nearer than ``distance`` to one of ``passages`` (S, 4), and does not begin so."""
+    """Return True if a timeline (K, 5) ends, but does not begin, within ``distance`` of one of ``passages`` (S, 4)."""
     return near_any(passages, timeline[-1, 0], timeline[-1, 1], distance) and not near_any(
         passages, timeline[0, 0], timeline[0, 1], distance
     )
@@ -46,17 +50,20 @@ def stops_in_passage(timeline, passages, distance):
 
 @kernel
 def stops_in_way(timeline, ways, width):
-    """Whether a timeline (K, 5) ends nearer than ``width`` to one of ``ways`` (W, P, 2).
+    """Return True if a timeline (K, 5) ends nearer than ``width`` to one of ``ways`` (W, P, 2).
 
-    Who is behind the begin of a way is not in it; nor who begins there already and does not go against it.
+    A stop behind the begin of a way is not in it. A character that is in a way already may move along it, not against
+    it.
     """
     x, y = timeline[-1, 0], timeline[-1, 1]
     for way in ways:
         ax, ay = way[0, 0], way[0, 1]
+        # Behind the begin of the way.
         if (x - ax) * (way[1, 0] - ax) + (y - ay) * (way[1, 1] - ay) < 0.0:
             continue
         away, ux, uy = nearest_of_way(way, x, y)
         if away < width:
+            # It enters the way, or moves against it.
             before, _, _ = nearest_of_way(way, timeline[0, 0], timeline[0, 1])
             if before >= width or (x - timeline[0, 0]) * ux + (y - timeline[0, 1]) * uy < 0.0:
                 return True
@@ -65,13 +72,15 @@ def stops_in_way(timeline, ways, width):
 
 @kernel
 def lay_way(origins, following, pose, meters, out):
-    """Fill ``out`` (P, 2) with the way from ``pose`` through the origins (n, 3) of nodes from ``following`` on.
+    """Fill ``out`` (P, 2) with the way from ``pose`` through the origins (n, 3) of nodes ``following`` and later.
 
-    It ends ``meters`` ahead at the latest. Returns how far from its begin it leads at most.
+    The way ends with the first node more than ``meters`` ahead, with the last node, or when ``out`` is full. Return the
+    largest distance from its begin [m].
     """
     out[0, 0], out[0, 1] = pose[0], pose[1]
     farthest = 0.0
     gone = 0.0
+    # Skip nodes that begin nearer than this, so that P points are enough for all meters.
     least = meters / (len(out) - 1)
     k = 0
     for node in range(following, len(origins)):
@@ -84,6 +93,7 @@ def lay_way(origins, following, pose, meters, out):
         farthest = max(farthest, hypot(out[k, 0] - pose[0], out[k, 1] - pose[1]))
         if k + 1 == len(out) or gone > meters:
             break
+    # Fill up with the last point.
     for rest in range(k + 1, len(out)):
         out[rest, 0], out[rest, 1] = out[k, 0], out[k, 1]
     return farthest
@@ -91,9 +101,10 @@ def lay_way(origins, following, pose, meters, out):
 
 @kernel
 def rank_behind(row, ways, ranks, width, reach, near):
-    """The rank of ``row`` behind the first of those on its way ahead who go the same way; a large one if there is none.
+    """Return the rank right behind the lowest of those that walk ahead of ``row`` on its way, FOREVER if none.
 
-    Whoever is at most ``reach`` ahead and ``width`` beside the way counts. ``near``: the rows by cells.
+    Rows count if they are at most ``reach`` ahead [m], at most ``width`` beside the way [m], and go the same way.
+    ``near`` are the rows by cells.
     """
     best = FOREVER
     way = ways[row]
@@ -106,13 +117,16 @@ def rank_behind(row, ways, ranks, width, reach, near):
         while number < after:
             other = near.order[number]
             number += 1
+            # Only a lower rank than the best so far can improve it, so the order of the search does not matter.
             if other == row or ranks[other] >= best:
                 continue
             x, y = ways[other, 0, 0], ways[other, 0, 1]
+            # Also True for a row without a way (nan).
             if not hypot(x - ox, y - oy) < reach:
                 continue
             off, ux, uy = nearest_of_way(way, x, y)
             if off < width:
+                # The same way: its first segment is within 45 degrees (cosine 0.7) of this way, and it is ahead.
                 vx, vy = ways[other, 1, 0] - x, ways[other, 1, 1] - y
                 ahead = (x - ox) * ux + (y - oy) * uy
                 if ahead > 0.0 and vx * ux + vy * uy > 0.7 * hypot(vx, vy) * hypot(ux, uy):
@@ -122,9 +136,10 @@ def rank_behind(row, ways, ranks, width, reach, near):
 
 @kernel
 def ways_before(row, ways, ranks, reach, near, out):
-    """Gather the ways (N, P, 2) of those with a lower rank than ``row`` that begin within ``reach`` of its own begin.
+    """Gather the ways of rows with a lower rank that begin within ``reach`` [m] of the begin of the way of ``row``.
 
-    Fills ``out`` (W, P, 2) with those of the lowest numbers; returns how many there are. ``near``: the rows by cells.
+    ``ways`` are (N, P, 2). Fill ``out`` (W, P, 2), by ascending row number, and return how many there are; the lowest
+    numbers are kept if there are more than W. ``near`` are the rows by cells.
     """
     x, y = ways[row, 0, 0], ways[row, 0, 1]
     if math.isnan(x):
@@ -136,9 +151,10 @@ def ways_before(row, ways, ranks, reach, near, out):
         while number < after:
             other = near.order[number]
             number += 1
-            # Not a number where there is none.
+            # The distance to a row without a way is nan, and the comparison False.
             if ranks[other] < ranks[row] and hypot(ways[other, 0, 0] - x, ways[other, 0, 1] - y) < reach:
                 count = insert_row(near.found, count, other, min(len(out), len(near.found)))
+    # Copy them in the order of their numbers.
     for number in range(count):
         its = ways[near.found[number]]
         for k in range(ways.shape[1]):

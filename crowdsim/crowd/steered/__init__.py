@@ -1,1 +1,1 @@
-"""Steered characters: the stages of their step, on columns of the world."""
+"""Steered characters of a scenario: entry, errands, parties, exits and steps."""

@@ -1,4 +1,4 @@
-"""What the world knows of a steered character: one column a component."""
+"""State of a steered character in the world: one column per component."""
 
 from __future__ import annotations
 
@@ -14,36 +14,37 @@ from crowdsim.steering.row_kernels import ROW
 
 
 class Errand(IntEnum):
-    """What a steered character is about."""
+    """What a steered character is doing."""
 
     WALKS = 0
-    """To the region of its goal."""
+    """Walks to the region of its goal."""
     STANDS = 1
-    """For a while, before it goes on."""
+    """Stands for a while before it goes on."""
     TAKES_PLACE = 2
-    """Walks through the region of its goal, to its own spot there."""
+    """Walks to its own spot in the region of its goal."""
     STAYS = 3
-    """For good."""
+    """Stands for good."""
     TURNS = 4
-    """Where it is to stand, as its heading asks."""
+    """Turns on its spot to the prescribed heading."""
 
 
 NO_GOAL = -1
-"""In ROW: the goal of who stands; it is nobody's, so everyone who is stuck may ask it to step aside."""
+"""Goal in ROW of a standing character. It differs from all goals, so any stuck agent may ask it to step aside."""
 
 COLUMNS = (
     Column("agent", np.int32, (), NONE),  # index of the character in the run, also its row in the recording
     Column("state", np.int32, (), int(AgentState.WAITING)),
     Column("behavior", np.int32, (), NONE),
-    Column("row", ROW),  # place, velocity, body and guidance
+    Column("row", ROW),  # position, velocity, body and guidance
     Column("errand", np.int8),
-    Column("goal", np.int32, (), NONE),  # where it goes, or stands
-    Column("reached", np.int64),  # places that it has been to
-    Column("go_step", np.int64),  # from which it goes on if it stands; takes its place and turns until then at most
-    Column("stand", np.float64, (2,)),  # where it stands, or is to stand [m]
-    Column("lost_since", np.int64, (), NONE),  # step since which it has no way, -1 while it has one
+    Column("goal", np.int32, (), NONE),  # number of the goal to which it goes, or at which it stands
+    Column("reached", np.int64),  # number of places reached
+    Column("go_step", np.int64),  # step in which it goes on if it stands; last step of taking its place or turning
+    Column("stand", np.float64, (2,)),  # its spot [m]
+    Column("lost_since", np.int64, (), NONE),  # step since which it has no path, -1 while it has one
     Column("following", np.int32, (), PLAIN),  # number of the field that it follows
-    Column("pace", np.float64),  # speed at which it walks alone [m/s]
-    Column("phase", np.float64),  # of its gait [cycles]
-    Column("anchor", np.float64, (3,)),  # the pose that its rear foot stands for
+    Column("pace", np.float64),  # free walking speed [m/s]
+    Column("phase", np.float64),  # phase of its gait [cycles]
+    Column("anchor", np.float64, (3,)),  # pose at which its rear foot, which lifts next, was under the body
 )
+"""Columns of a steered character."""

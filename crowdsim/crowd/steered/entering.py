@@ -1,4 +1,4 @@
-"""Steered characters come into the world when their time has come and their place is free."""
+"""Entry of steered characters: at their time, once their place is free."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from crowdsim.ecs.world import World
 from crowdsim.geometry.elementary import atan2, cos, sin
 from crowdsim.motion.deformed.phase_kernels import STAND
 from crowdsim.recording.header import AgentState
-from crowdsim.scenario.crowd_placement import BODY_DEPTH, CrowdPlacement
+from crowdsim.scenario.people.crowd_placement import BODY_DEPTH, CrowdPlacement
 from crowdsim.steering.guidance.guidance import PLAIN
 from crowdsim.steering.row_kernels import ROW
 from crowdsim.steering.steering import Steering
@@ -25,10 +25,9 @@ from crowdsim.steering.ways import NOBODY_ELSE, Others, clear_of, listed
 
 
 class Entering:
-    """Lets characters in, those first whose time came first; who finds its place taken asks again in the next step.
+    """Let characters enter, those with the earliest time first.
 
-    entered: (n,) step in which each character came into the world, -1 before. shut_out: characters whose time has
-    come and in whose place a thing stands.
+    A character whose place is taken tries again in the next step.
     """
 
     def __init__(
@@ -37,7 +36,9 @@ class Entering:
         self._seam = seam
         self._world, self._place, self._cast, self._errands, self._exits = world, place, cast, errands, exits
         self.entered = np.full(cast.head_count, -1, np.int64)
+        """(n,) step in which each character entered the world, -1 before."""
         self.shut_out = np.zeros(0, np.int64)
+        """Characters whose time has come and whose place is covered by a movable."""
         self._broadest = 0.5 * float(cast.walkers.breadths.max(initial=0.0))
 
     def enter(
@@ -47,16 +48,16 @@ class Entering:
         wanted: NDArray[np.bool_] | None = None,
         others: Others = NOBODY_ELSE,
     ) -> None:
-        """Ask the world for those who come in this step.
+        """Ask the world for the characters that enter in this step.
 
-        ``wanted``, (n,): who may come; everybody if it is None. Nobody comes onto the reserved ways of ``others``.
+        ``wanted`` (n,): which characters may enter; all if None. None enters on a reserved segment of ``others``.
         """
         cast = self._cast
         is_due = (self.entered < 0) & (cast.start_steps <= step)
         due = np.flatnonzero(is_due if wanted is None else is_due & wanted)
         covered = self._place.covers(cast.starts[due])
         self.shut_out = due[covered]
-        # Nobody else goes where something waits to come.
+        # No character enters where a movable waits to appear.
         due = due[~covered & ~self._place.announces(cast.starts[due], self._broadest + ROOM)]
         if not len(due):
             return
@@ -91,7 +92,7 @@ class Entering:
         )
 
     def _rows(self, agents: NDArray[np.int64]) -> NDArray[Any]:
-        """Records (ROW) of characters as they come."""
+        """Return the rows (ROW) of characters as they enter."""
         cast = self._cast
         rows = np.zeros(len(agents), ROW)
         rows["x"], rows["y"] = cast.starts[agents].T
@@ -103,7 +104,7 @@ class Entering:
         rows["goal"] = self._errands.goal(agents, np.zeros(len(agents), np.int64))
         rows["id"] = agents
         self._place.guidance.write(rows, np.full(len(agents), PLAIN, np.int32))
-        # Who has no way yet faces its goal.
+        # A character without guidance faces its goal.
         toward = self._errands.middles[rows["goal"]] - cast.starts[agents]
         guided = (rows["gx"] != 0.0) | (rows["gy"] != 0.0)
         away = np.where(guided[:, None], np.column_stack((rows["gx"], rows["gy"])), toward)

@@ -1,4 +1,4 @@
-"""Who may come into the world: whoever touches nobody and no wall."""
+"""Admission of steered agents to the world: they enter if they touch no other body and no wall."""
 
 import math
 
@@ -11,20 +11,20 @@ from crowdsim.steering.look_kernels import cell_of, rows_beside
 from crowdsim.steering.row_kernels import CELL
 
 ROOM = 0.01
-"""Gap to others and to walls with which an agent comes into the world [m]."""
+"""Least gap to other bodies and to walls with which an agent enters the world [m]."""
 
 
 @kernel
 def admit(coming, crowd, broadest, walls, admitted):
-    """Say in ``admitted`` (bool[k]) which of ``coming`` (ROW[k]) have room, each after those before it that have.
+    """Set ``admitted`` (bool[k]) for the agents of ``coming`` (ROW[k]) that have room, in the order of their numbers.
 
-    ``crowd``: rows of those who are there, where cells begin in them, and the frame of the cells.
-    ``broadest``: largest half breadth of all agents [m]. ``walls``: those of the legs' layer, those of the torso's, and
-    the radius of the legs [m].
+    ``crowd`` holds the rows of agents present, the start of each cell, and the frame of the grid. ``broadest`` is the
+    largest half breadth of all agents [m]. ``walls`` are those of the legs' layer, those of the torso's layers, and the
+    radius of the legs [m].
     """
     rows, starts, frame = crowd
     legs, torso, leg_radius = walls
-    # Lists of those admitted so far, by cells of the same frame.
+    # Linked lists of the agents admitted so far, by cells of the same grid: head of each cell, next of each agent.
     heads = np.full(frame[2] * frame[3], -1, np.int32)
     nexts = np.full(len(coming), -1, np.int32)
     for number in range(len(coming)):
@@ -34,7 +34,7 @@ def admit(coming, crowd, broadest, walls, admitted):
         column, row = cell_of(frame, one.x, one.y)
         free = True
 
-        # Keep off those who are there, and those who come in this step.
+        # Keep off agents that are present, then off those admitted in this step.
         for j in range(max(row - cells, 0), min(row + cells + 1, frame[3])):
             begin, end = rows_beside(starts, frame, column, j, cells)
             for other_number in range(begin, end):

@@ -1,12 +1,13 @@
-"""What steered characters are about: to the regions of their goals in turn, and standing at those where they are to."""
+"""Errands of steered characters: they walk to the regions of their goals in turn, and stand at some of them."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely import Polygon
 
 from crowdsim.constants import NONE
 from crowdsim.crowd.steered.components import NO_GOAL, Errand
@@ -14,45 +15,57 @@ from crowdsim.crowd.steered.exits import ExitChoice
 from crowdsim.ecs.world import View
 from crowdsim.geometry.elementary import cos, hypot, sin
 from crowdsim.geometry.planar import wrap_angle
-from crowdsim.scenario.crowd_placement import CrowdPlacement
+from crowdsim.scenario.people.crowd_placement import CrowdPlacement
+from crowdsim.scenario.schema.agents import STAND_WITHIN
 from crowdsim.steering.guidance.guidance import PLAIN
 from crowdsim.steering.guidance.sample_kernels import LOST
 
 REACHED = 0.05
-"""Way to go at which a goal is reached though its region is not, as where walls keep bodies out of it [m]."""
+"""Length to go below which a goal is reached, even outside of its region: walls may keep bodies out of it [m]."""
 
 NEAR_GOAL = 0.5
-"""Way to go below which it is worth asking whether the region is reached [m]."""
+"""Length to go below which it is tested whether the region is reached [m]."""
 
 GIVES_UP = 4.0
-"""Seconds stuck after which a character stands where it is in the region of its goal, not at its own spot there."""
+"""Time stuck after which a character in the region of its goal stands where it is, instead of at its own spot [s]."""
 
 TAKES_SECONDS = 8.0
-"""Time after which it does, beside twice the time that the way to its spot takes alone [s]."""
+"""Time after which it does the same, plus twice the time of the free way to its spot [s]."""
 
 PUSHED_OFF = 0.5
-"""Distance from its spot from which on a character that stays walks back to it [m]."""
+"""Distance from its spot above which a character that stays walks back to it [m]."""
 
 TURN_SECONDS = 3.0
-"""Time that a character takes at most to turn as it is asked to before it counts as standing [s]."""
+"""Longest time that a character turns to the prescribed heading before it counts as standing [s]."""
 
 TURNED_OFF = 0.1
-"""Angle off the heading that is asked for from which on a standing character turns [rad]."""
+"""Angle to the prescribed heading above which a standing character turns [rad]."""
 
 _SLOWING = 2.0
-"""Share of the distance to its spot that a character walks in a second, near it [1/s]."""
+"""Speed near its spot, as a share of the distance per second [1/s]."""
 
 _SLOWEST = 0.2
-"""Speed of its last steps there [m/s]."""
+"""Speed of the last steps to its spot [m/s]."""
 
 Floats = NDArray[np.float64]
+"""Array of float64."""
+
+
+class NewGoal(NamedTuple):
+    """A goal given by a command."""
+
+    number: int
+    """Number of the goal among those of guidance."""
+    region: Polygon
+    """Region of the goal."""
+    places: Floats
+    """(k, 2) spot of each character [m]."""
+    stays: bool
+    """True if the characters stay there."""
 
 
 class Errands:
-    """Sends characters from place to place.
-
-    arrived: (n,) step in which each came to its last place, -1 before. middles: (m, 2) points in the regions [m].
-    """
+    """Send steered characters from place to place."""
 
     def __init__(self, cast: CrowdPlacement, exits: ExitChoice, steps_per_second: int) -> None:
         self._cast, self._exits = cast, exits
@@ -63,6 +76,9 @@ class Errands:
         for number, itinerary in enumerate(groups):
             self._goals[number, : len(itinerary.goals)] = itinerary.goals
             self._headings[number, : len(itinerary.goals)] = itinerary.headings
+        self._regions = list(cast.goals)
+        # Itinerary of each character, and its own spots at places; commands change both.
+        self._itinerary, self._own_spots = cast.group.copy(), cast.spots.copy()
         self._rate = steps_per_second
         self._places = np.array([len(itinerary.goals) for itinerary in groups], np.int64)
         self._last = np.array([it.rounds * len(it.goals) if it.rounds != NONE else NONE for it in groups], np.int64)
@@ -71,27 +87,71 @@ class Errands:
         self._stays = np.array([itinerary.stays for itinerary in groups], np.bool_)
         self._within = np.array([itinerary.stand_within for itinerary in groups])
         self.middles = shapely.get_coordinates([region.representative_point() for region in cast.goals])
+        """(m, 2) points in the regions of the goals [m]."""
         self.arrived = np.full(cast.head_count, NONE, np.int64)
+        """(n,) step in which each character reached its last place, -1 before."""
         self._visits = np.zeros(cast.head_count, np.int64)
         self._stood: list[tuple[Floats, Floats]] = []
         for region in cast.goals:
             shapely.prepare(region)
 
+    def free_goal(self) -> int:
+        """Return the number for another goal: that of a commanded goal no longer in use, else a new one."""
+        goes = (self.arrived == NONE) | self._stays[self._itinerary]
+        used = np.unique(self._goals[self._itinerary[goes]])
+        free = np.setdiff1d(np.arange(len(self._cast.goals), len(self._regions)), used)
+        return int(free[0]) if len(free) else len(self._regions)
+
+    def redirect(self, view: View, agents: NDArray[np.int64], goal: NewGoal) -> None:
+        """Send characters (k,) to another goal instead of all their places, wherever they are."""
+        shapely.prepare(goal.region)
+        self._regions[goal.number : goal.number + 1] = [goal.region]
+        self.middles = np.concatenate((self.middles[: goal.number], goal.places[:1], self.middles[goal.number + 1 :]))
+        # Append an itinerary of one place.
+        number, none = len(self._places), np.full((1, self._goals.shape[1]), NONE, np.int32)
+        self._goals = np.concatenate((self._goals, none))
+        self._goals[number, 0] = goal.number
+        self._headings = np.concatenate((self._headings, np.full((1, self._headings.shape[1]), np.nan)))
+        self._places, self._last = np.append(self._places, 1), np.append(self._last, 1)
+        self._waits, self._within = np.append(self._waits, 0), np.append(self._within, STAND_WITHIN)
+        self._has_exits, self._stays = np.append(self._has_exits, False), np.append(self._stays, goal.stays)
+        self._itinerary[agents] = number
+        self._own_spots[agents, 0] = goal.places
+        self._exits.redirect(agents, len(self._regions))
+        self.arrived[agents] = NONE
+
+        # Characters in the world walk there at once, but for those that still stand where they entered.
+        rows = np.flatnonzero(np.isin(view.agent, agents))
+        view.goal[rows], view.following[rows], view.lost_since[rows] = goal.number, PLAIN, NONE
+        goes = rows[(view.errand[rows] != Errand.STANDS) | (view.reached[rows] > 0)]
+        view.reached[rows] = 0
+        view.errand[goes] = Errand.WALKS
+        view.row["goal"][goes] = goal.number
+        view.row["speed"][goes] = view.pace[goes]
+
+    def drop(self, agents: NDArray[np.int64]) -> None:
+        """Let go of the goals that commands gave to agents (k,), who leave the world."""
+        self._itinerary[agents] = self._cast.group[agents]
+
     def goal(self, agents: NDArray[np.int64], reached: NDArray[np.int64]) -> NDArray[np.int32]:
-        """Number of the goal of agents that have been to so many places."""
-        group = self._cast.group[agents]
+        """Return the goals of characters ``agents`` that have reached so many places."""
+        group = self._itinerary[agents]
         place = reached % self._places[group]
         goals = self._goals[group, place]
         at_exit = self._has_exits[group] & (place == self._places[group] - 1)
         goals[at_exit] = self._exits.goals[agents[at_exit]]
         return np.asarray(goals)
 
+    def region(self, goal: int) -> Polygon:
+        """Return the region of a goal."""
+        return self._regions[goal]
+
     def last_goals(self) -> NDArray[np.int32]:
-        """(n,) numbers of the goals that characters go to at last."""
-        return self.goal(np.arange(self._cast.head_count), self._places[self._cast.group] - 1)
+        """Return the last goal of each character, (n,)."""
+        return self.goal(np.arange(self._cast.head_count), self._places[self._itinerary] - 1)
 
     def set_out(self, view: View, step: int) -> None:
-        """Let those go on whose time it is: before guidance is written."""
+        """Let standing characters go on whose time has come; call it before guidance is written."""
         go = np.flatnonzero((view.errand == Errand.STANDS) & (view.go_step <= step))
         stood = go[view.reached[go] > 0]
         if len(stood):
@@ -101,7 +161,7 @@ class Errands:
         view.row["speed"][go] = view.pace[go]
 
     def update(self, view: View, step: int) -> NDArray[np.int64]:
-        """Take note of who is where, after guidance was written; returns the rows that have arrived and leave."""
+        """Update the errands after guidance was written; return the rows that have arrived and leave."""
         rows = view.row
         walks = view.errand == Errand.WALKS
         near = np.flatnonzero(walks & (rows["togo"] < NEAR_GOAL))
@@ -115,9 +175,9 @@ class Errands:
         return leaves
 
     def how_they_stood(self, view: View) -> tuple[Floats, Floats]:
-        """How far off its place [m], and the heading asked for [rad] or nan, each was who came to stand at one.
+        """Return distance to the place [m] and angle to the prescribed heading [rad] (nan if none) of each stand.
 
-        Those who went on count as they stood when they did, the others as they stand now.
+        A character that went on counts as it stood then, others as they stand now.
         """
         waits = (view.errand == Errand.STANDS) & (view.reached > 0)
         now = self._how_they_stand(view, np.flatnonzero(waits | (view.errand == Errand.STAYS)))
@@ -125,11 +185,11 @@ class Errands:
         return off, np.concatenate([each for _, each in (*self._stood, now)])
 
     def count_visits(self, visits: NDArray[np.int64]) -> None:
-        """Take note of places, (n,), that characters have been to in another way than steered."""
+        """Note the number of places (n,) that characters have reached while they were captured."""
         np.maximum(self._visits, visits, out=self._visits)
 
     def laps(self) -> dict[str, int]:
-        """Rounds that the characters of each group completed together, for the groups that go round."""
+        """Return the number of rounds completed by the characters of each group that repeats its round."""
         laps = {}
         for number, itinerary in enumerate(self._cast.itineraries):
             if itinerary.rounds != 1:
@@ -138,18 +198,18 @@ class Errands:
         return laps
 
     def _within_goals(self, view: View, near: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Which of some rows are in the region of their goal, or as near to it as ways lead."""
+        """Return which of some rows are in the region of their goal, or as near to it as paths lead."""
         state, goals = view.row, view.goal[near]
         within: NDArray[np.bool_] = state["togo"][near] <= REACHED
         for goal in np.unique(goals).tolist():
             asked = np.flatnonzero(goals == goal)
             rows = near[asked]
-            within[asked] |= shapely.contains_xy(self._cast.goals[goal], state["x"][rows], state["y"][rows])
+            within[asked] |= shapely.contains_xy(self._regions[goal], state["x"][rows], state["y"][rows])
         return within
 
     def _reach(self, view: View, step: int, there: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Characters are in the region of their goal: they leave, go on, or take their place in it."""
-        agents, group = view.agent[there], self._cast.group[view.agent[there]]
+        """Let characters in the region of their goal leave, go on, or take their spot; return those that leave."""
+        agents, group = view.agent[there], self._itinerary[view.agent[there]]
         last = view.reached[there] + 1 == self._last[group]
         stands = np.where(last, self._stays[group], self._waits[group] > 0)
         leaves = there[last & ~stands]
@@ -160,13 +220,14 @@ class Errands:
         view.errand[takes_place] = Errand.TAKES_PLACE
         view.row["goal"][takes_place] = NO_GOAL
         view.stand[takes_place] = self._spots(view, takes_place, view.reached[takes_place])
+        # Give up at this step if the spot cannot be reached: ``alone`` is the time of the free way to it [s].
         alone = self._lead(view, takes_place) / view.pace[takes_place]
         view.go_step[takes_place] = step + np.rint((TAKES_SECONDS + 2.0 * alone) * self._rate).astype(np.int64)
         self._go_on(view, there[~last & ~stands])
         return np.asarray(leaves)
 
     def _how_they_stand(self, view: View, rows: NDArray[np.int64]) -> tuple[Floats, Floats]:
-        """How far off their spots [m], and the heading asked for [rad] or nan, rows stand."""
+        """Return distances to the spots [m] and angles to the prescribed headings [rad], nan if none, of rows."""
         state, reached = view.row, view.reached[rows] - 1
         spot = self._spots(view, rows, reached)
         off: Floats = hypot(spot[:, 0] - state["x"][rows], spot[:, 1] - state["y"][rows])
@@ -176,7 +237,7 @@ class Errands:
         """Count a place as reached and turn to the next one."""
         view.reached[rows] += 1
         self._visits[view.agent[rows]] += 1
-        group = self._cast.group[view.agent[rows]]
+        group = self._itinerary[view.agent[rows]]
         chooses = rows[self._has_exits[group] & (view.reached[rows] == self._places[group] - 1)]
         self._exits.enter(view.agent[chooses].astype(np.int64), view.row[chooses])
         view.goal[rows] = self.goal(view.agent[rows], view.reached[rows])
@@ -185,8 +246,8 @@ class Errands:
         view.row["goal"][walks] = view.goal[walks]
 
     def _take_places(self, view: View, step: int, rows: NDArray[np.int64]) -> None:
-        """Lead characters to their own spots; those who are there, or come no nearer, are to stand where they are."""
-        group = self._cast.group[view.agent[rows]]
+        """Lead characters to their spots; those that are there, or come no nearer, turn and stand where they are."""
+        group = self._itinerary[view.agent[rows]]
         distance = self._lead(view, rows)
         is_there = distance <= self._within[group]
         gives_up = ~is_there & ((view.row["stuck"][rows] > GIVES_UP) | (view.go_step[rows] <= step))
@@ -196,12 +257,12 @@ class Errands:
         view.go_step[there] = step + round(TURN_SECONDS * self._rate)
 
     def _turn_and_stand(self, view: View, step: int, rows: NDArray[np.int64]) -> None:
-        """Let characters turn as they are asked to, for a while at most; then they stand."""
+        """Let characters turn to their prescribed headings, for a limited time; then they stand."""
         self._stop(view, rows)
         turns = self._turn(view, rows, self._asked(view, rows, view.reached[rows]))
         stops = rows[~turns | (view.go_step[rows] <= step)]
         agents = view.agent[stops]
-        group = self._cast.group[agents]
+        group = self._itinerary[agents]
         last = view.reached[stops] + 1 == self._last[group]
         view.errand[stops] = np.where(last, Errand.STAYS, Errand.STANDS)
         view.go_step[stops] = step + self._waits[group]
@@ -211,7 +272,7 @@ class Errands:
         self._go_on(view, stops[~last])
 
     def _stand(self, view: View, rows: NDArray[np.int64]) -> None:
-        """Let characters stand, turned as they are asked to; who was pushed away from where it stays comes back."""
+        """Let characters stand in their prescribed headings; one that was pushed off its spot for good walks back."""
         self._stop(view, rows)
         at = rows[view.reached[rows] > 0]
         self._turn(view, at, self._asked(view, at, view.reached[at] - 1))
@@ -220,13 +281,13 @@ class Errands:
         self._lead(view, stays[away])
 
     def _stop(self, view: View, rows: NDArray[np.int64]) -> None:
-        """Take their ways from rows."""
+        """Remove the guidance of rows."""
         state = view.row
         state["gx"][rows] = state["gy"][rows] = state["togo"][rows] = 0.0
         state["turn"][rows] = state["held"][rows] = -1.0
 
     def _turn(self, view: View, rows: NDArray[np.int64], headings: Floats) -> NDArray[np.bool_]:
-        """Let rows turn on the spot to headings [rad], nan for any; returns which are not there yet."""
+        """Let rows turn on the spot to headings [rad], nan for any; return which rows still turn."""
         state = view.row
         off = np.abs(wrap_angle(headings - state["heading"][rows])) > TURNED_OFF
         turns = rows[off]
@@ -235,17 +296,17 @@ class Errands:
         return np.asarray(off)
 
     def _asked(self, view: View, rows: NDArray[np.int64], reached: NDArray[np.int64]) -> Floats:
-        """Headings [rad] asked for at the places that come after ``reached``, nan for any."""
-        group = self._cast.group[view.agent[rows]]
+        """Return the prescribed headings at the places after ``reached`` [rad], nan for any."""
+        group = self._itinerary[view.agent[rows]]
         return np.asarray(self._headings[group, reached % self._places[group]])
 
     def _spots(self, view: View, rows: NDArray[np.int64], reached: NDArray[np.int64]) -> Floats:
-        """(k, 2) own spots of rows at the places that come after ``reached`` [m]."""
+        """Return the spots of rows at the places after ``reached``, (k, 2) [m]."""
         agents = view.agent[rows]
-        return np.asarray(self._cast.spots[agents, reached % self._places[self._cast.group[agents]]])
+        return np.asarray(self._own_spots[agents, reached % self._places[self._itinerary[agents]]])
 
     def _lead(self, view: View, rows: NDArray[np.int64]) -> Floats:
-        """Lead rows straight to where they are to stand; returns how far that is [m]."""
+        """Lead rows straight to their spots; return their distances [m]."""
         state: NDArray[Any] = view.row
         dx, dy = view.stand[rows, 0] - state["x"][rows], view.stand[rows, 1] - state["y"][rows]
         distance: Floats = hypot(dx, dy)

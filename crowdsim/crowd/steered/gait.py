@@ -1,4 +1,4 @@
-"""What is to be seen of a step: the phase of the gait, the behavior, and whether somebody walks or waits."""
+"""Visible state of steered characters after a step: phase of the gait, behavior, and whether they walk or wait."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ STANDS_BELOW = 0.1
 
 
 def walk_on(view: View, headings_before: NDArray[np.float64], asked: NDArray[np.float64]) -> None:
-    """Advance phases by the step that was taken, and note behavior and state of all rows.
+    """Advance phases by the step taken, and set behavior and state of all rows.
 
-    ``asked``: (behaviors, 2) turn and half length with arms held in that each behavior asks for, -1 for none.
+    ``headings_before`` (n,) are the headings before the step [rad]; ``asked`` (behaviors, 2) the turn [rad] and half
+    length with arms held in [m] that each behavior prescribes, -1 for none.
     """
     rows = view.row
     places = np.column_stack((rows["x"], rows["y"], rows["heading"]))
     velocities = np.column_stack((rows["vx"], rows["vy"]))
     turns = wrap_angle(rows["heading"] - headings_before) * STEERING_RATE
     advance_phases(places, velocities, turns, 1.0 / STEERING_RATE, view.phase, view.anchor)
-    # The behavior is the one whose turn and arms guidance asked for.
+    # The behavior is the one whose turn and arms guidance prescribes; else the last, preferred one.
     view.behavior[:] = len(asked) - 1
     for number, (turn, held) in enumerate(asked[:-1]):
         view.behavior[(rows["turn"] == turn) & ((rows["held"] >= 0.0) == (held >= 0.0))] = number

@@ -1,8 +1,7 @@
-"""Pairs and families walk together: who is ahead waits for who is behind, and who is aside comes closer.
+"""Parties walk together: members ahead wait for those behind, and members aside come closer.
 
-Parties change only how fast their members want to walk and where they head for; the steps that come of it touch nobody,
-as any others. The last one of a party never waits for the others, and nobody waits for long: so a party stops nothing
-for good.
+Parties only change the speeds and directions that their members want; the commit keeps their steps free of contact. The
+last member of a party never waits, and no member waits for long, so a party blocks nothing for good.
 """
 
 from __future__ import annotations
@@ -12,63 +11,72 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 from shapely import MultiPolygon
 
 from crowdsim.constants import NONE
 from crowdsim.crowd.steered.components import Errand
 from crowdsim.ecs.world import View
 from crowdsim.geometry.elementary import hypot
+from crowdsim.geometry.planar import shorter_ways
+from crowdsim.scenario.schema.agents import MOST_TOGETHER
 from crowdsim.steering.guidance.sample_kernels import LOST
 
 SLOWS_AT = 0.2
-"""Lead over who is farthest behind from which on a member slows down [m]."""
+"""Lead over the last member above which a member slows down [m]."""
 
 WAITS_AT = 0.8
 """Lead at which it stands [m]."""
 
 HURRIES = 0.2
-"""Share of its speed by which who is behind hurries, at most; in full from WAITS_AT on."""
+"""Largest share by which a member behind walks faster; reached at a lag of WAITS_AT."""
 
 ABREAST = 0.6
-"""Distance to the side of its way up to which a member lets others of its party walk [m]."""
+"""Distance to the side within which a member does not turn towards the others of its party [m]."""
 
 COMES_CLOSER = 2.0
-"""Turn towards others for each meter that they are farther to the side [1/m], as the tangent of the angle."""
+"""Turn towards the others for each meter that they are farther to the side [1/m], as the tangent of the angle."""
 
 TURNS_MOST = 2.0
-"""Tangent of that angle at most."""
+"""Largest tangent of that angle."""
 
 OUT_OF_SIGHT = 6.0
-"""Distance from which on a member does not head for others [m]."""
+"""Distance above which a member does not turn towards others [m]."""
 
 STRAIGHT = 2.0
-"""Way to go below which nobody heads for others, but for the goal [m]."""
+"""Length to go below which a member heads for the goal only [m]."""
 
 PATIENCE = 15.0
-"""Time that a member waits for those behind before it goes on without them for as long [s]."""
+"""Time that a member waits before it goes on for as long without those behind [s]."""
 
 HELD_UP = 1.0
-"""Distance within which a waiting member notices others who are stuck [m]."""
+"""Distance within which a waiting member notices stuck agents [m]."""
 
 STUCK = 0.5
-"""Time after which they are [s]."""
+"""Time stuck above which they count [s]."""
 
 URGENCY = 8
-"""How many times as fast its patience ends while it does: who may be waited for may stand behind them."""
+"""Factor by which its patience runs out faster meanwhile: the members it waits for may be behind the stuck ones."""
 
 Floats = NDArray[np.float64]
+"""Array of float64."""
 Ints = NDArray[np.int64]
+"""Array of int64."""
 
 
 class Parties:
-    """Keeps those together who walk together.
+    """Keep the members of parties together.
 
     Parameters
     ----------
-    first : (n,) the first one of the party of each character.
-    free : floor on which bodies are: who is behind something is not headed for.
-    span : way along x and y after which a periodic floor begins again [m], 0 where it ends.
-    steps_per_second : of the crowd.
+    first : (n,) int64
+        First member of the party of each character.
+    free : MultiPolygon
+        Free floor of bodies; members do not turn towards others behind an obstacle.
+    span : (float, float)
+        Period of a periodic floor along x and y [m], 0 for none.
+    steps_per_second : int
+        Rate of the steps.
     """
 
     def __init__(self, first: Ints, free: MultiPolygon, span: tuple[float, float], steps_per_second: int) -> None:
@@ -80,15 +88,20 @@ class Parties:
         shapely.prepare(free)
         self._rate = steps_per_second
         self._patience = round(PATIENCE * steps_per_second)
-        # Steps for which each member has waited, which it forgets as it walks; and who has lost its patience.
+        # Steps that each member has waited (counted down while it walks), and whether its patience is over.
         self._waited = np.zeros(len(first), np.int64)
         self._goes_on = np.zeros(len(first), np.bool_)
+        self._alone = np.zeros(len(first), np.bool_)
 
     def __bool__(self) -> bool:
         return len(self._firsts) > 0
 
+    def part(self, agents: Ints) -> None:
+        """Let characters (k,) walk on their own from now on."""
+        self._alone[agents] = True
+
     def keep_together(self, view: View) -> None:
-        """Write how fast members of parties want to walk, and where they head for, to their rows."""
+        """Write wanted speeds and directions of members of parties to their rows."""
         if not self:
             return
         rows = self._rows(view)
@@ -102,11 +115,15 @@ class Parties:
             self._head_for(state, at, aside_x, aside_y)
 
     def _rows(self, view: View) -> Ints:
-        """(p, k) rows of the members of parties who walk, NONE for others; only parties of whom two or more do."""
+        """Return the rows (p, k) of walking members, NONE for others; only parties of which two or more walk.
+
+        There are p such parties, of up to k members each.
+        """
         row_of = np.full(len(self.first), NONE, np.int64)
-        # Who has no way is not waited for.
-        walks = np.flatnonzero((view.errand == Errand.WALKS) & (view.row["togo"] < LOST))
+        # Members without a path are not waited for.
+        walks = np.flatnonzero((view.errand == Errand.WALKS) & (view.row["togo"] < LOST) & ~self._alone[view.agent])
         row_of[view.agent[walks]] = walks
+        # Members of a party have consecutive numbers from its first one on; smaller parties leave places over.
         members = self._firsts[:, None] + np.arange(self._most)
         inside = np.minimum(members, len(self.first) - 1)
         belongs = (members == inside) & (self.first[inside] == self._firsts[:, None])
@@ -114,10 +131,10 @@ class Parties:
         return np.asarray(rows[(rows != NONE).sum(axis=1) > 1])
 
     def _company(self, view: View, rows: Ints, k: int) -> tuple[Floats, Floats, Floats]:
-        """Lead of member ``k`` over who is farthest behind, less than 0 for the last [m]; and the others' middle.
+        """Return the lead of member ``k`` over the last member [m], and the vector to the middle of the others [m].
 
-        rows : (p, size) rows of parties whose member ``k`` walks. The middle is given from the member on, over all who
-        are not out of sight [m].
+        ``rows`` (p, size) are the rows of parties whose member ``k`` walks. The lead is negative for the last member.
+        The middle is that of all others nearer than OUT_OF_SIGHT.
         """
         state, mine = view.row, rows[:, k]
         lead = np.full(len(rows), -np.inf)
@@ -127,13 +144,13 @@ class Parties:
             there = (theirs != NONE) & (theirs != mine)
             at = np.where(there, theirs, mine)
             dx, dy = (
-                _shorter(state[axis][at] - state[axis][mine], span)
+                shorter_ways(state[axis][at] - state[axis][mine], span)
                 for axis, span in zip(("x", "y"), self._span, strict=True)
             )
             distance = hypot(dx, dy)
             passed = view.reached[mine] - view.reached[at]
-            # Who goes to another place already is ahead by all that lies between.
-            behind = _shorter(state["togo"][at] - state["togo"][mine], max(self._span))
+            # A member that walks to a later place already is ahead by the distance between both.
+            behind = shorter_ways(state["togo"][at] - state["togo"][mine], max(self._span))
             over = np.where(passed == 0, behind, np.sign(passed) * distance)
             lead = np.where(there, np.maximum(lead, over), lead)
             near = there & (distance < OUT_OF_SIGHT)
@@ -144,15 +161,18 @@ class Parties:
         return lead, middle_x / many, middle_y / many
 
     def _pace(self, view: View, rows: Ints, lead: Floats) -> Floats:
-        """Speeds of rows who lead by so much [m/s]; takes note of who waits."""
+        """Return the speeds of rows with the given leads [m/s], and note which of them wait."""
         agents = view.agent[rows]
+        # Slow down linearly with the lead.
         share = 1.0 - np.clip((lead - SLOWS_AT) / (WAITS_AT - SLOWS_AT), 0.0, 1.0)
+        # Count the time waited, faster if a stuck agent is beside; it counts down while walking.
         waits = (share < 0.5) & ~self._goes_on[agents]
         holds_up = waits.copy()
         holds_up[waits] = self._hold_up(view, rows[waits])
         self._waited[agents] += np.where(waits, np.where(holds_up, URGENCY, 1), -1)
         self._waited[agents[lead <= SLOWS_AT]] = 0
         np.clip(self._waited, 0, self._patience, out=self._waited)
+        # Out of patience: go on until the count is back to 0.
         waited = self._waited[agents]
         self._goes_on[agents] = (waited >= self._patience) | (self._goes_on[agents] & (waited > 0))
         share[self._goes_on[agents]] = 1.0
@@ -160,16 +180,12 @@ class Parties:
         return np.asarray(view.pace[rows] * share * hurry)
 
     def _hold_up(self, view: View, rows: Ints) -> NDArray[np.bool_]:
-        """Which of rows have somebody stuck beside them who is not of their party."""
-        stuck = np.flatnonzero(view.row["stuck"] > STUCK)
-        apart = hypot(
-            view.row["x"][rows][:, None] - view.row["x"][stuck], view.row["y"][rows][:, None] - view.row["y"][stuck]
-        )
-        others = self.first[view.agent[rows]][:, None] != self.first[view.agent[stuck]]
-        return np.asarray(((apart < HELD_UP) & others).any(axis=1))
+        """Return which of ``rows`` have a stuck agent of another party beside them."""
+        places = np.column_stack((view.row["x"], view.row["y"]))
+        return stuck_beside(places, self.first[view.agent], rows, np.flatnonzero(view.row["stuck"] > STUCK))
 
     def _head_for(self, state: NDArray[Any], rows: Ints, dx: Floats, dy: Floats) -> None:
-        """Turn the ways of rows towards the middle of the others, as far as it is to the side and can be seen."""
+        """Turn the directions of rows towards the middle of the others, if it is to the side and in sight."""
         gx, gy = state["gx"][rows], state["gy"][rows]
         side = gx * dy - gy * dx
         turn = np.clip(COMES_CLOSER * (np.abs(side) - ABREAST), 0.0, TURNS_MOST)
@@ -186,6 +202,30 @@ class Parties:
         state["gx"][rows[turns]], state["gy"][rows[turns]] = x / length, y / length
 
 
-def _shorter(ways: Floats, span: float) -> Floats:
-    """Ways as they are, or across the ends of a floor that begins again after ``span`` [m], where that is shorter."""
-    return np.asarray(ways - np.rint(ways / span) * span) if span > 0.0 else ways
+def stuck_beside(places: Floats, first: Ints, rows: Ints, stuck: Ints) -> NDArray[np.bool_]:
+    """Return which rows have a stuck agent of another party within HELD_UP.
+
+    Parameters
+    ----------
+    places : (n, 2) float64
+        Positions of all rows [m].
+    first : (n,) int64
+        First member of the party of each.
+    rows : (r,) int64
+        Rows to look around.
+    stuck : (s,) int64
+        Rows that are stuck.
+
+    Returns
+    -------
+    (r,) bool
+    """
+    if not len(rows) or not len(stuck):
+        return np.zeros(len(rows), np.bool_)
+    # At most MOST_TOGETHER of the nearest can be of the same party, so one more decides. Missing neighbors get the
+    # index after the last row, which stands for NONE.
+    most = MOST_TOGETHER + 1
+    _, found = cKDTree(places[stuck]).query(places[rows], k=most, distance_upper_bound=HELD_UP)
+    parties = np.append(first[stuck], NONE)[found]
+    beside: NDArray[np.bool_] = ((parties != NONE) & (parties != first[rows][:, None])).any(axis=1)
+    return beside

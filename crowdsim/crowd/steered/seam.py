@@ -1,8 +1,8 @@
-"""Floors without ends: who leaves at one end comes in at the other, and both ends see each other.
+"""Periodic floors: characters that leave at one end enter at the other, and both ends see each other.
 
-The place is laid out three times, one copy beside the other; characters are on the middle one. In each step those near
-an end are copied beyond the other end, and the copies are forgotten. As everybody reads the rows from before the step
-only, characters step as if the floor had no ends, and nobody touches anybody across them.
+The place is laid out three times side by side; characters are on the middle copy. In each step, those near an end are
+copied beyond the other end, and the copies are dropped afterwards. All agents read the rows from before the step only,
+so they step as if the floor had no ends, and do not touch each other across them.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from crowdsim.scenario.scenario import Scenario
 from crowdsim.steering.guidance.guidance import PLAIN, Guidance
 
 AHEAD = 4.0
-"""Distance from an end within which characters are seen beyond the other one [m]: more than anybody looks."""
+"""Distance from an end within which characters are copied beyond the other end [m]: more than any agent sees."""
 
 _SNAPPED = 1e-9
-"""Grid on which the edges of two copies of the floor meet [m]."""
+"""Grid to which the edges of two copies of the floor are snapped, so that they meet [m]."""
 
 
 def laid_three_times(environment: Environment, span: tuple[float, float]) -> Environment:
-    """An environment that goes on once more beyond both ends of a periodic floor; the same if it has ends."""
+    """Return an environment repeated beyond both ends of a periodic floor; the same if it is not periodic."""
     if span == (0.0, 0.0):
         return environment
 
@@ -43,7 +43,7 @@ def laid_three_times(environment: Environment, span: tuple[float, float]) -> Env
 
 
 class Seam:
-    """Where both ends of a periodic floor meet; of a floor with ends, it does nothing."""
+    """Line at which both ends of a periodic floor meet; without effect on other floors."""
 
     def __init__(self, scenario: Scenario, guidance: Guidance) -> None:
         self._guidance = guidance
@@ -55,7 +55,7 @@ class Seam:
             self._span = self._high - self._low
 
     def with_copies(self, rows: NDArray[Any]) -> NDArray[Any]:
-        """Rows (ROW), and behind them copies of those near an end, as they are beyond the other one."""
+        """Return the rows (ROW), followed by copies of those near an end, moved beyond the other end."""
         if self._name is None:
             return rows
         at = rows[self._name]
@@ -63,13 +63,14 @@ class Seam:
         beyond[self._name] += self._span
         before[self._name] -= self._span
         copies = np.concatenate((beyond, before))
+        # Ids of copies differ from all others.
         most = int(rows["id"].max(initial=0)) + 1
         copies["id"] += np.repeat((most, 2 * most), (len(beyond), len(before)))
         self._guide(copies)
         return np.concatenate((rows, copies))
 
     def wrap(self, view: View) -> None:
-        """Bring those who have left at one end to the other one."""
+        """Move the characters that have left at one end to the other end."""
         if self._name is None:
             return
         at = view.row[self._name]
@@ -82,7 +83,7 @@ class Seam:
         view.anchor[left, self._axis] += by
 
     def _guide(self, rows: NDArray[Any]) -> None:
-        """Write the ways of rows that were shifted; the order in which they go moves with what they have to go."""
+        """Write the guidance of rows that were moved; their keys change by the change of the distance to go."""
         before = rows["togo"].copy()
         walks = rows["goal"] >= 0
         self._guidance.write(rows, np.full(len(rows), PLAIN, np.int32))

@@ -1,4 +1,4 @@
-"""Steered characters: ten times a second everyone decides where to go, and takes a step that touches nobody."""
+"""Steered characters of a scenario: each step they choose a velocity and take a step that touches nothing."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from shapely import Polygon
 
 from crowdsim.behaviors.gaits import gait_clips
 from crowdsim.behaviors.library import BehaviorSet
@@ -18,7 +19,7 @@ from crowdsim.crowd.state.itineraries import stands_summary
 from crowdsim.crowd.state.state_hash import state_hash
 from crowdsim.crowd.steered.components import COLUMNS, Errand
 from crowdsim.crowd.steered.entering import Entering
-from crowdsim.crowd.steered.errands import Errands
+from crowdsim.crowd.steered.errands import Errands, NewGoal
 from crowdsim.crowd.steered.exits import ExitChoice, exits_summary
 from crowdsim.crowd.steered.gait import walk_on
 from crowdsim.crowd.steered.parties import Parties
@@ -26,21 +27,35 @@ from crowdsim.crowd.steered.seam import Seam, laid_three_times
 from crowdsim.crowd.steered.steered_place import SteeredPlace
 from crowdsim.ecs.world import World
 from crowdsim.recording.header import AgentState, RecordedFrame, RecordingHeader
-from crowdsim.scenario.crowd_placement import BODY_DEPTH, CrowdPlacement, place_crowd
+from crowdsim.scenario.cast import place_crowd
+from crowdsim.scenario.people.arrivals import NEVER
+from crowdsim.scenario.people.crowd_placement import BODY_DEPTH, CrowdPlacement
 from crowdsim.scenario.scenario import Scenario
-from crowdsim.scenario.timetable import Placing
+from crowdsim.scenario.timetable import Placing, Timetable
 from crowdsim.steering.steering import Steering
 from crowdsim.steering.ways import NOBODY_ELSE, Others
 
 LEG_RADIUS = 0.5 * BODY_DEPTH
-"""Of the disc that the legs stand for [m]."""
+"""Radius of the disc that stands for the legs [m]."""
 
 LOST_SECONDS = 5.0
-"""Time without a way after which a character is not waited for, if nothing changes any more [s]."""
+"""Time without a path after which a character is not waited for, if nothing changes any more [s]."""
 
 
 class SteeredCrowd:
-    """The steered characters of a scenario; ``threads`` share them, and the result does not depend on how many."""
+    """The steered characters of a scenario.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The scenario.
+    threads : int
+        Number of threads that step the agents; the result does not depend on it.
+    cast : CrowdPlacement, optional
+        The characters; drawn from the scenario by default.
+    behavior_set : BehaviorSet, optional
+        That of the scenario, if it is loaded already.
+    """
 
     def __init__(
         self,
@@ -74,51 +89,99 @@ class SteeredCrowd:
 
     @property
     def count(self) -> int:
-        """Characters of the scenario, present or not."""
+        """Return the number of characters of the scenario, present or not."""
         return self.cast.head_count
 
     @property
     def step_count(self) -> int:
-        """Steps taken so far."""
+        """Return the number of steps taken so far."""
         return self._step
 
     @property
+    def arrivals(self) -> NDArray[np.int64]:
+        """Return the step (n,) in which each character reached its last goal, NONE before."""
+        return self.errands.arrived
+
+    @property
     def arrived(self) -> int:
-        """Characters that reached their last goal so far."""
-        return int((self.errands.arrived >= 0).sum())
+        """Return the number of characters that have reached their last goal."""
+        return int((self.arrivals >= 0).sum())
+
+    @property
+    def expected(self) -> NDArray[np.bool_]:
+        """Return which characters (n,) have arrived, are in the world, or come without a command."""
+        return np.asarray((self.cast.start_steps != NEVER) | (self.arrivals >= 0))
 
     @property
     def finished(self) -> bool:
-        """Whether everyone who can arrive has."""
+        """Return True if all characters that can arrive have arrived."""
         lost = 0
         if self.place.agenda.over:
             since = self.world.column("lost_since")
             lost = int(((since != NONE) & (self._step - since > LOST_SECONDS * STEERING_RATE)).sum())
             lost += len(self.entering.shut_out)
-        return self.arrived + lost >= self.count
+        return self.arrived + lost >= int(self.expected.sum())
 
     @property
     def waiting(self) -> int:
-        """Characters on their way that do not move."""
+        """Return the number of characters that are on their way but do not move."""
         view = self.world.view()
         return int(((view.state == AgentState.WAITING) & (view.errand == Errand.WALKS)).sum())
 
     @property
     def unreachable(self) -> dict[str, str]:
-        """Why characters have no way, by their numbers."""
+        """Return by character the reason why it has no path."""
         lost = self.world.column("agent")[self.world.column("lost_since") != NONE]
-        reason = "no way leads from where it is to its goal; look for what stands in the way"
+        reason = "no path leads from its position to its goal; look for obstacles in the way"
         return {
             **{str(agent): reason for agent in sorted(lost.tolist())},
-            **{str(agent): "something stands where it is to start" for agent in self.entering.shut_out.tolist()},
+            **{str(agent): "an obstacle covers its start" for agent in self.entering.shut_out.tolist()},
         }
 
     def close(self) -> None:
         """End the threads."""
         self.steering.close()
 
+    def take_timetable(self, timetable: Timetable) -> None:
+        """Replace the timetable of future changes; the new one begins with all that was due until now."""
+        self.place.agenda.timetable = timetable
+
+    def set_goal(self, agents: NDArray[np.int64], region: Polygon, places: NDArray[np.float64], stays: bool) -> None:
+        """Send characters (k,) to ``region`` instead of all their goals, each on its own.
+
+        ``places`` (k, 2) are their spots [m] if they are to stay.
+        """
+        number = self.errands.free_goal()
+        self.place.guidance.put(number, region)
+        self.errands.redirect(self.world.view(), agents, NewGoal(number, region, places, stays))
+        self.parties.part(agents)
+
+    def add(self, agents: NDArray[np.int64], starts: NDArray[np.float64] | None) -> None:
+        """Let ``agents`` (k,) on call come as soon as their places are free: ``starts`` (k, 2) [m] if given."""
+        self.cast.start_steps[agents] = self._step
+        if starts is not None:
+            self.cast.starts[agents] = starts
+
+    def remove(self, agents: NDArray[np.int64]) -> None:
+        """Take ``agents`` (k,) out of the world at once; those who are yet to come never come."""
+        view = self.world.view()
+        self.world.remove(*view.id[np.isin(view.agent, agents)].tolist())
+        self.world.apply_changes()
+        self.cast.start_steps[agents] = NEVER
+        self.errands.drop(agents)
+        self.parties.part(agents)
+
+    def set_speed(self, agents: NDArray[np.int64], speed: float) -> None:
+        """Let ``agents`` (k,) walk at ``speed`` [m/s] if nothing is in their way."""
+        self.cast.walkers.speeds[agents] = speed
+        view = self.world.view()
+        rows = np.flatnonzero(np.isin(view.agent, agents))
+        view.pace[rows] = speed
+        walks = rows[view.errand[rows] == Errand.WALKS]
+        view.row["speed"][walks] = speed
+
     def advance(self) -> None:
-        """All stages of a step, in order; characters come and go only where changes are applied."""
+        """Run all stages of a step, in order; rows are added and removed at ``apply_changes`` only."""
         if self.place.apply_events(self._step, self.world.column("row"), LEG_RADIUS):
             self.steering.set_walls(*self.place.walls)
         self.entering.enter(self._step, self.steering)
@@ -127,7 +190,7 @@ class SteeredCrowd:
         self.hash = state_hash(self.world, self.place.state(), self._step, self.hash)
 
     def act(self, others: Others = NOBODY_ELSE) -> None:
-        """Let everyone get its way, leave if it has arrived, and take a step that keeps clear of ``others``."""
+        """Let all rows get guidance, leave if they have arrived, and take a step that keeps clear of ``others``."""
         world, place = self.world, self.place
         view = world.view()
         place.refresh(self._step, view.row, view.following)
@@ -141,7 +204,7 @@ class SteeredCrowd:
             world.remove(*view.id[leaves].tolist())
             world.apply_changes()
 
-        # Everyone takes a step.
+        # All rows take a step, together with their copies beyond the ends of a periodic floor.
         view = world.view()
         before = view.row["heading"].copy()
         everybody = self.seam.with_copies(view.row)
@@ -155,15 +218,15 @@ class SteeredCrowd:
         self._step += 1
 
     def placing(self, movable: int) -> Placing | None:
-        """Where a movable stands; None while it is absent."""
+        """Return the placing of a movable; None while it is absent."""
         return self.place.placing(movable)
 
     def new_routes(self) -> list[Route]:
-        """None: ways are those of fields."""
+        """Return no paths, as steered characters follow fields."""
         return []
 
     def header(self, scenario: Scenario) -> RecordingHeader:
-        """What a recording says once."""
+        """Return the constant part of a recording."""
         agents = steered_agents(self.cast, self.errands.middles, STEERING_RATE)
         return record_header(
             scenario,
@@ -173,12 +236,13 @@ class SteeredCrowd:
         )
 
     def frame(self) -> RecordedFrame:
-        """The present step of all characters, those outside the world marked absent."""
+        """Return the present step of all characters; those outside the world are marked absent."""
         view, rows = self.world.view(), self.world.column("row")
+        agents = view.agent.astype(np.intp)
 
         def spread(values: Any, absent: float, dtype: Any) -> Any:
             column = np.full(self.count, absent, dtype)
-            column[view.agent] = values
+            column[agents] = values.astype(dtype)
             return column
 
         return RecordedFrame(
@@ -194,18 +258,18 @@ class SteeredCrowd:
         )
 
     def exits_used(self, arrived: NDArray[np.int64]) -> dict[str, Any]:
-        """How many left through each exit; ``arrived``, (n,): step in which each character did, NONE for not yet."""
+        """Return how many characters left through each exit; ``arrived`` (n,): step in which each did, NONE before."""
         names, numbers = zip(*self.cast.exits.items(), strict=True) if self.cast.exits else ((), ())
         goals = self.errands.last_goals()
         return exits_summary(names, np.array(numbers, np.int32), goals, arrived, STEERING_RATE)
 
     def measure(self, frame: RecordedFrame) -> None:
-        """Take the present step into the statistics."""
+        """Add the present step to the statistics."""
         view = self.world.view()
         self.statistics.add(view, self.seam.with_copies(view.row), self.steering)
 
     def summary(self) -> dict[str, Any]:
-        """What the run is summed up by."""
+        """Return the figures that sum up the run."""
         view = self.world.view()
         arrived, entered = self.errands.arrived, self.entering.entered
         done = arrived >= 0

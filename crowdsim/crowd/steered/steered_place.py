@@ -1,4 +1,4 @@
-"""The place of a steered crowd: walls to keep off, and fields that lead to the goals; both change with events."""
+"""Place of a steered crowd: walls to keep off, and fields to the goals; both change with events."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from crowdsim.behaviors.behavior import Behavior
 from crowdsim.constants import TRACKING_MARGIN
 from crowdsim.crowd.state.agenda import Agenda
-from crowdsim.crowd.state.environment import Footprints, footprints_of
+from crowdsim.crowd.state.environment import Footprints, footprints_of, state_of
 from crowdsim.planning.query.requirements import Requirements
 from crowdsim.scenario.environment import Environment
 from crowdsim.scenario.timetable import Placing
@@ -25,19 +25,24 @@ from crowdsim.steering.guidance.place_walls import Bounds, PlaceWalls, outline_s
 from crowdsim.steering.walls import Walls
 
 KEPT_OFF = 0.02
-"""Distance from a body at which nothing comes to stand [m]."""
+"""Distance from a body at which no movable appears [m]."""
 
 
 class SteeredPlace:
-    """Walls and guidance, as they are now.
+    """Walls and guidance of a place, as they are now.
 
     Parameters
     ----------
-    environment : floor, layers and timetable.
-    goals : regions to go to.
-    behaviors : what characters can do, least preferred first.
-    steps_per_second : of the crowd.
-    threads : share the fields; the result does not depend on how many there are.
+    environment : Environment
+        Floor, layers and timetable.
+    goals : sequence of Polygon
+        Regions of the goals [m].
+    behaviors : sequence of Behavior
+        Behaviors of the characters, least preferred first.
+    steps_per_second : int
+        Rate of the steps.
+    threads : int
+        Number of threads that solve fields; the result does not depend on it.
     """
 
     def __init__(
@@ -51,46 +56,46 @@ class SteeredPlace:
         timetable = environment.timetable
         self.agenda = Agenda(timetable, steps_per_second)
         self._layers = environment.fixed_layers
-        self._placings: list[Placing | None] = [movable.placing for movable in timetable.movables]
-        things = [None if at is None else self._footprints(number, at) for number, at in enumerate(self._placings)]
+        # Placings of the movables that are present, by their numbers.
+        self._placings = {k: each.placing for k, each in enumerate(timetable.movables) if each.placing is not None}
+        things = {number: self._footprints(number, at) for number, at in self._placings.items()}
         self._walls = PlaceWalls([layer.free for layer in self._layers], things)
         self._need = Requirements.of(behaviors, len(self._layers), TRACKING_MARGIN)
         ground = build_ground(self._walls.segments().layers, self._need)
         self.asked = asked_of(behaviors)
         self.guidance = Guidance(ground, goals, self.asked, threads=threads)
         self._steps_per_second = steps_per_second
-        # By the event, as the next one of the same thing may want another place.
+        # By event, as the next event of the same movable may place it elsewhere.
         self._announced: dict[int, Footprints] = {}
-        self._standing = _union([taken for taken in things if taken])
+        self._standing = _union([*things.values()])
 
     @property
     def bounds(self) -> Bounds:
-        """x and y of the lower left and the upper right corner of the place [m]."""
+        """Return left, bottom, right and top of the place [m]."""
         return self._walls.bounds
 
     @property
     def walls(self) -> tuple[Walls, Walls]:
-        """Those of the legs' layer and those of the layers above."""
+        """Return the walls of the legs' layer, and those of the layers above."""
         return self._walls.legs, self._walls.torso
 
     @property
     def memory(self) -> int:
-        """Bytes of walls, ground and fields."""
+        """Return the bytes of walls, ground and fields."""
         return self.guidance.memory + sum(_bytes_of(walls) for walls in self.walls)
 
     def placing(self, movable: int) -> Placing | None:
-        """Where a movable stands; None while it is absent."""
-        return self._placings[movable]
+        """Return the placing of a movable; None while it is absent."""
+        return self._placings.get(movable)
 
     def state(self) -> bytes:
-        """Where everything stands, for the state hash; nothing where nothing can change."""
-        absent = (np.nan,) * 6
-        return b"".join(np.array(placing or absent).tobytes() for placing in self._placings)
+        """Return numbers and placings of all movables present, for the state hash; empty if there are none."""
+        return state_of(self._placings)
 
     def apply_events(self, step: int, state: NDArray[Any], leg_radius: float) -> bool:
-        """Let what is due happen where no body of ``state`` (ROW) is in the way; returns whether walls changed.
+        """Let due events happen if no body of ``state`` (ROW) is in the way; return True if walls changed.
 
-        What has to wait is announced: ways lead around it already, so that everybody leaves its place.
+        An event that has to wait is announced: fields already lead around it, so that all agents leave its place.
         """
         agenda = self.agenda
         if not agenda.collect(step):
@@ -108,13 +113,13 @@ class SteeredPlace:
         return self.change(happening, waiting)
 
     def is_taken(self, taken: Footprints, state: NDArray[Any], leg_radius: float) -> bool:
-        """Whether a body of ``state`` (ROW) is in the way of something that comes."""
+        """Return True if a body of ``state`` (ROW) is in the way of a movable that is to cover ``taken``."""
         reach = np.maximum(state["radius"], leg_radius) + KEPT_OFF
         outline = shapely.union_all([shape for shape in taken if shape])
         return bool((shapely.distance(_cores(state), outline) < reach).any())
 
     def change(self, happening: Sequence[int], waiting: Sequence[int]) -> bool:
-        """Let some events happen, and announce those that wait; returns whether walls changed."""
+        """Let some events happen and announce those that wait; return True if walls changed."""
         events = self.agenda.timetable.events
         announced: dict[int, Footprints] = {}
         for number in waiting:
@@ -125,9 +130,13 @@ class SteeredPlace:
         stands_elsewhere = moved = False
         for number in happening:
             event = events[number]
-            if event.placing != self._placings[event.movable]:
-                taken = None if event.placing is None else self._footprints(event.movable, event.placing)
-                self._placings[event.movable] = event.placing
+            if event.placing != self.placing(event.movable):
+                taken = None
+                if event.placing is None:
+                    del self._placings[event.movable]
+                else:
+                    taken = self._footprints(event.movable, event.placing)
+                    self._placings[event.movable] = event.placing
                 moved = True
                 window = self._walls.put(event.movable, taken)
                 if window is not None:
@@ -135,7 +144,7 @@ class SteeredPlace:
                     stands_elsewhere = True
         if moved:
             self._standing = self._union_of_things()
-        # What is announced anew, and what is no more.
+        # Events announced for the first time, and those no longer announced, change the fields, too.
         either = {**announced, **self._announced}
         windows += [_window_of(either[number]) for number in sorted(announced.keys() ^ self._announced.keys())]
         self._announced = announced
@@ -145,18 +154,18 @@ class SteeredPlace:
         return stands_elsewhere
 
     def covers(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Which of places, (n, 2) [m], are inside of a thing that stands: nobody can come there while it does."""
+        """Return which positions (n, 2) [m] are inside of a movable that is present; no agent can enter there."""
         return np.asarray(shapely.contains_xy(self._standing, places))
 
     def announces(self, places: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
-        """Which of places, (n, 2) [m], are within ``reach`` [m] of where a thing waits to come."""
+        """Return which positions (n, 2) [m] are within ``reach`` [m] of a movable that waits to appear."""
         if not self._announced:
             return np.zeros(len(places), np.bool_)
         outline = _union(list(self._announced.values()))
         return np.asarray(shapely.dwithin(outline, shapely.points(places), reach))
 
     def lead_out(self, state: NDArray[Any], lost: NDArray[np.int64]) -> None:
-        """Lead those rows of ``state`` without a way that stand where something is announced out of it."""
+        """Lead rows of ``state`` that have no path and are where a movable waits to appear straight out of it."""
         if not self._announced or not len(lost):
             return
         outline = _union(list(self._announced.values()))
@@ -171,18 +180,17 @@ class SteeredPlace:
         state["gx"][rows], state["gy"][rows] = (away[go] / length[go][:, None]).T
 
     def refresh(self, step: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
-        """Look, if it is time, how the crowd makes the ways to one of the goals dearer."""
+        """Renew the field to one of the goals in the present crowd, if it is time."""
         self.guidance.refresh_in_turn(step, self._steps_per_second, state, following)
 
     def _footprints(self, movable: int, placing: Placing) -> Footprints:
         return footprints_of(self.agenda.timetable.movables[movable], self._layers, placing)
 
     def _union_of_things(self) -> BaseGeometry:
-        things = [self._footprints(number, at) for number, at in enumerate(self._placings) if at is not None]
-        return _union(things)
+        return _union([self._footprints(number, self._placings[number]) for number in sorted(self._placings)])
 
     def _guide_anew(self, window: Bounds) -> None:
-        """Let ways lead around all that stands, and all that is announced, after a change within a window."""
+        """Rebuild the fields around all that is present or announced, after a change within a window."""
         announced = [self._announced[number] for number in sorted(self._announced)]
         layers = [
             np.concatenate([segments, *(outline_segments(taken[k]) for taken in announced)])
@@ -192,7 +200,7 @@ class SteeredPlace:
 
 
 def _union(things: Sequence[Footprints]) -> BaseGeometry:
-    """All that things take of any layer."""
+    """Return the union of all areas on any layer."""
     union: BaseGeometry = shapely.union_all([shape for taken in things for shape in taken if shape])
     shapely.prepare(union)
     return union
@@ -203,7 +211,7 @@ def _bytes_of(arrays: Sequence[Any]) -> int:
 
 
 def _cores(state: NDArray[Any]) -> Any:
-    """(n,) lines from shoulder to shoulder."""
+    """Return (n,) lines from shoulder to shoulder."""
     half = state["half"][:, None] * np.column_stack((-state["hy"], state["hx"]))
     place = np.column_stack((state["x"], state["y"]))
     return shapely.linestrings(np.stack([place - half, place + half], axis=1))

@@ -1,4 +1,4 @@
-"""Everyone's node is played on by one step."""
+"""Playback: advance the nodes of all captured characters by one step."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from crowdsim.ecs.world import View
 
 
 class Playing(NamedTuple):
-    """The columns that playing a node changes, as of :mod:`crowdsim.crowd.state.components`."""
+    """Columns that playback changes; see :mod:`crowdsim.crowd.state.components`."""
 
     node: NDArray[np.int32]
     previous: NDArray[np.int32]
@@ -34,6 +34,6 @@ class Playing(NamedTuple):
 
 
 def animate(assets: Assets, view: View) -> None:
-    """Advance frames, blend offsets and poses of all rows."""
+    """Advance frames, blend offsets and poses of all rows by one step."""
     ramp = Playback.natural(0, assets.frames_per_step).ramp
     advance(assets.graph, ramp, Playing(*(getattr(view, name) for name in Playing._fields)))

@@ -1,4 +1,4 @@
-"""Playing the nodes: one step of frames for every character."""
+"""Playback of the nodes: one step for every captured character."""
 
 import numpy as np
 
@@ -9,24 +9,26 @@ from crowdsim.motion.graph.track_kernels import track_pose_between
 
 @kernel
 def advance(graph, ramp, rows):
-    """Advance every row by a step, into its next node where the present one ends.
+    """Advance each row by one step, into its next node if the present one ends.
 
-    The rate of each changes by ``ramp`` ticks at most. ``rows`` are a :class:`crowdsim.crowd.systems.animate.Playing`.
-    One without a next node stays on the last frame of its node. ``next_node`` is -1 again after it was entered.
+    The rate changes by at most ``ramp`` ticks. ``rows`` are a :class:`crowdsim.crowd.systems.animate.Playing`. A row
+    without a next node stays on the last frame of its node. ``next_node`` is set to -1 after it was entered.
     """
     node, frame, origin, blend_offset, next_node = rows.node, rows.frame, rows.origin, rows.blend_offset, rows.next_node
     for i in range(len(node)):
+        # Whole frames advance the node, the remaining ticks are kept for the next step.
         rows.rate[i] = next_rate(rows.rate[i], rows.wanted_rate[i], ramp)
         ticks = rows.part[i] + rows.rate[i]
         rows.part[i] = ticks % FRAME_TICKS
         at = frame[i] + ticks // FRAME_TICKS
         length = graph.node_frames[node[i]]
         if at >= length:
+            # Enter the next node at the start chosen for it.
             if next_node[i] >= 0:
                 at -= length
                 rows.previous[i] = node[i]
                 node[i] = next_node[i]
-                # Not as rows, whose shape checks compile for two seconds.
+                # Element by element: the shape checks of whole rows take two seconds to compile.
                 for k in range(3):
                     origin[i, k] = rows.next_origin[i, k]
                     blend_offset[i, k] = rows.next_blend_offset[i, k]

@@ -1,8 +1,9 @@
-"""Events happen: doors open and close, things come, move and go, and those affected plan anew."""
+"""Events: doors open and close, movables appear, move and disappear, and affected characters plan anew."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,39 +21,40 @@ from crowdsim.ecs.world import View
 from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
 
 KEPT_OFF = TRACKING_MARGIN
-"""Clearance that an agent keeps from the outline of what is about to come, beyond its body [m]."""
+"""Clearance between a body and the outline of a movable about to appear [m]."""
 
 
 class Events:
-    """Edits the environment when events are due.
+    """Edit the environment when events are due.
 
-    Nothing comes to where an agent is, or has reserved to go: it waits, and meanwhile nobody else may go there.
+    A movable does not appear where a character is or has reserved to go: it waits, and meanwhile no other character
+    may go there.
     """
 
     def __init__(self, plans: Plans) -> None:
         self.plans = plans
-        self._agenda = Agenda(plans.assets.timetable, plans.assets.steps_per_second)
+        self.agenda = Agenda(plans.assets.timetable, plans.assets.steps_per_second)
 
     @property
     def over(self) -> bool:
-        """Whether nothing changes any more."""
-        return self._agenda.over
+        """Return True if nothing changes any more."""
+        return self.agenda.over
 
     def apply(self, view: View, in_the_way: Callable[[Footprints], bool] = lambda _: False) -> list[int]:
-        """Let what is due happen, where nobody is in the way; returns the numbers of the events that did.
+        """Let due events happen if no character is in the way; return the numbers of the events that happened.
 
-        ``in_the_way`` says whether a character that is not in ``view`` stands where a thing is to come.
+        ``in_the_way`` tells whether a character that is not in ``view`` stands where a movable is to appear.
         """
-        plans, environment, agenda = self.plans, self.plans.environment, self._agenda
+        plans, environment, agenda = self.plans, self.plans.environment, self.agenda
         if not agenda.collect(plans.step):
             return []
         lines = reserved_lines(view, plans.step * plans.assets.frames_per_step // SLOT_FRAMES)
         waiting, outlines, happened = [], [], []
         for number in agenda.waiting:
-            event = plans.assets.timetable.events[number]
+            event = agenda.timetable.events[number]
             taken = None if event.placing is None else environment.footprints(event.movable, event.placing)
             outline = None if taken is None else taken[0]
-            # Nothing comes to where an agent is, or will be.
+            # It waits while a character is there, or will be.
             if taken is not None and (_are_near(lines, view, outline) or in_the_way(taken)):
                 waiting.append(number)
                 outlines += [] if outline is None else [outline]
@@ -62,22 +64,22 @@ class Events:
             if event.placing != environment.placing(event.movable):
                 plans.searches.pool.settle()
                 edit = environment.put(event.movable, event.placing, plans.step)
-                _AffectedAgents(plans, view).plan_anew(edit)
+                AffectedAgents(plans, view).plan_anew(edit)
         agenda.waiting, environment.waited_for = waiting, outlines
         return happened
 
     @property
     def waiting(self) -> list[int]:
-        """Numbers of the events that wait."""
-        return self._agenda.waiting
+        """Return the numbers of the events that wait."""
+        return self.agenda.waiting
 
     def report(self) -> list[dict[str, Any]]:
-        """What became of every event that was due."""
-        return self._agenda.report()
+        """Return the outcome of every event that was due."""
+        return self.agenda.report()
 
 
 def reserved_lines(view: View, slot: int) -> NDArray[Any]:
-    """What is left of everyone's reserved timeline, (N,) lines."""
+    """Return the rest of each row's reserved timeline as (N,) lines, from ``slot`` on."""
     last = view.timeline.shape[1] - 1
     first = np.clip(slot - view.timeline_start, 0, last)
     ahead = np.minimum(first[:, None] + np.arange(last + 1), last)
@@ -86,17 +88,18 @@ def reserved_lines(view: View, slot: int) -> NDArray[Any]:
 
 
 def _are_near(lines: NDArray[Any], view: View, outline: BaseGeometry | None) -> bool:
-    """Whether anybody's reserved timeline comes near an outline."""
+    """Return True if a reserved timeline comes near an outline."""
     return outline is not None and bool((shapely.distance(lines, outline) < view.body_radius + KEPT_OFF).any())
 
 
-class _AffectedAgents:
-    """Finds the agents that an edit affects and lets them plan anew; everyone else keeps plan and route."""
+class AffectedAgents:
+    """Find the characters that a change affects and let them plan anew; all others keep plan and route."""
 
     def __init__(self, plans: Plans, view: View) -> None:
         self.plans, self.view, self.assets = plans, view, plans.assets
 
     def plan_anew(self, edit: Edit) -> None:
+        """Let all characters plan anew that an edit of the environment affects."""
         present = set()
         for row, agent in enumerate(self.view.agent.tolist()):
             present.add(agent)
@@ -117,8 +120,27 @@ class _AffectedAgents:
                 del self.plans.motions[agent]  # entering asks again
                 self.plans.replans += 1
 
+    def turn_to_goal(self, row: int) -> None:
+        """Let a row plan the path to another goal, and walk on its old plan until that is found, but no farther."""
+        plans, view = self.plans, self.view
+        agent = int(view.agent[row])
+        plan = plans.motions.get(agent)
+        plans.routes.pop(agent, None)
+        plans.unreachable.pop(agent, None)
+        if plan is None or view.cursor[row] == NONE:
+            plans.searches.drop(agent)
+            view.awaiting_plan[row] = False
+            view.retry_step[row] = plans.step
+            self._drop(row, agent)
+            return
+        after = self._goes_on_to(row, plan.count)
+        # Goals that the old plan passes are no longer its own.
+        kept = replace(plan.until(after), arrives=False, passes=())
+        plans.motions[agent] = kept
+        self._ask(row, agent, Join(kept, after))
+
     def _give_way(self, row: int, agent: int, taken: Footprints) -> None:
-        """Something came: whoever has it in the way walks no farther than it must, and plans from there."""
+        """Let a row whose way was covered walk no farther than it must, and plan from there."""
         plans, view = self.plans, self.view
         position, cursor = view.pose[row, :2], int(view.cursor[row])
         plan = plans.motions.get(agent)
@@ -137,7 +159,7 @@ class _AffectedAgents:
             return
         after = self._goes_on_to(row, plan.count if clear == NONE else clear)
         if after == plan.count - 1 and plan.arrives:
-            return  # it is there
+            return  # it arrives without touching the covered area
         plans.replans += 1
         kept = plan.until(after)
         plans.motions[agent] = kept
@@ -145,7 +167,7 @@ class _AffectedAgents:
             self._ask(row, agent, Join(kept, after))
 
     def _take_chance(self, row: int, agent: int, freed: BaseGeometry) -> None:
-        """Something went: whoever had no way, or could have a much shorter one, looks for it."""
+        """Let a row search a path after an area was freed, if it had none or could have a much shorter one."""
         plans, view = self.plans, self.view
         position, cursor = view.pose[row, :2], int(view.cursor[row])
         plan = plans.motions.get(agent)
@@ -169,12 +191,12 @@ class _AffectedAgents:
         self._ask(row, agent, Join(plan, after, shorter_than=way_left(plan.route, end)))
 
     def _drop(self, row: int, agent: int) -> None:
-        """Let a standing agent forget its plan; it asks for another at once."""
+        """Let a standing row forget its plan; it requests another one at once."""
         self.plans.motions.pop(agent, None)
         self.view.reserved[row] = self.view.blocked_since[row] = NONE
 
     def _goes_on_to(self, row: int, clear: int) -> int:
-        """The node up to which a character keeps its plan: reserved, or played until a search from there is done."""
+        """Return the node up to which a row keeps its plan: reserved, or played until a search from there is done."""
         plans, view = self.plans, self.view
         plan = plans.motions[int(view.agent[row])]
         lengths = self.assets.graph.node_frames[plan.nodes]
@@ -188,6 +210,7 @@ class _AffectedAgents:
         return after
 
     def _ask(self, row: int, agent: int, join: Join) -> None:
+        """Request the path onwards from ``join``, past the goals that the kept part of the plan reaches."""
         passed = sum(int(self.view.cursor[row]) <= p <= join.after for p in join.plan.passes)
         self.view.awaiting_plan[row] = True
         self.plans.request_on(agent, join, passed)

@@ -1,4 +1,7 @@
-"""What most characters do when a node ends: go on along their plans, one row after the other, in one kernel."""
+"""Choice of the next node: most captured characters go on along their plans, one row after the other, in one kernel.
+
+Rows are processed in order, and each reads the timelines that earlier ones reserved in the same step.
+"""
 
 import math
 
@@ -16,49 +19,53 @@ from crowdsim.motion.graph.playback_kernels import FRAME_TICKS, next_rate
 from crowdsim.recording.header import AgentState
 
 LOOKAHEAD = 12
-"""Nodes of the plan considered at once, where a character cannot stand down after fewer."""
+"""Largest number of nodes of the plan that are considered at once, if the character cannot come to a stand after
+fewer."""
 
 NODES_LEFT = 4
-"""Nodes before the end of a plan at which the way on is looked for, of those who walk through their goal."""
+"""Nodes left of a plan when the next path is searched, for characters that walk on through their goal."""
 
 BEHIND_METERS = 2.0
-"""How far behind somebody of the same way one goes in its turn, so that not everyone at a door makes its own [m]."""
+"""Distance behind another character of the same way up to which one takes its turn [m], so that not each character at a
+door waits for its own turn."""
 
 BEHIND_WIDTH = 0.6
-"""How far beside its way somebody may be to be followed so [m]."""
+"""Distance of the other character from the way up to which it is followed [m]."""
 
 
 AHEAD_SECONDS = 0.4
 """Time before the end of its node from which on a character reserves ahead, or slows down [s]."""
 
 WAY_ROOM = 0.2
-"""How much farther off the way of others than their bodies' radii one stops, so that they can give way [m]."""
+"""Room beyond the radii of both bodies that stops keep from the ways of others [m], so that these can give way."""
 
 WAY_METERS = 4.0
-"""How much of the way ahead others keep free, who may cross it but not stop there [m]."""
+"""Length of the way ahead in which others do not stop (they may cross it) [m]."""
 
 WAY_REACH = 3.0 * WAY_METERS
-"""How far off the begin of its own way those of others begin that a character keeps free [m]."""
+"""Distance between the begins of two ways up to which one is kept free for the other [m]."""
 
 ALL_DONE = -1
-"""What :func:`go_on` returns when no row is left."""
+"""Returned by :func:`go_on` if no row is left."""
 
 OTHERWISE = 0
-"""The row does something else than to go on along a plan."""
+"""The row does something else than go on along its plan."""
 
 BEHIND_IT = 1
-"""The row goes on; a search ends or begins with that."""
+"""The row goes on; with that, a search ends or begins."""
 
 MAKE_ROOM = 2
-"""The row has reserved, and has yet to go on: somebody stands in its way ahead."""
+"""The row has reserved but not gone on yet: a standing character is in its way ahead."""
 
 _MOVING = int(AgentState.MOVING)
 EXTENDED, REFUSED = 0, 1
+"""Indices in ``Room.counts``: rows that have reserved, rows that cannot go on."""
 
 
 @helper
 def plan_of(table, agent):
-    """Nodes (n,), origins and blend offsets (n, 3) of the plan of a character."""
+    """Return nodes (n,) int32, origins and blend offsets (n, 3) of a character's plan."""
+    # The table holds the addresses of arrays that the plan keeps alive.
     places, count = table.places[agent], np.int64(table.nodes[agent])
     return (
         array_at(places[0], (count,), np.int32),
@@ -69,19 +76,23 @@ def plan_of(table, agent):
 
 @helper
 def rates_of(table, agent):
-    """Ticks a step (n,) of the nodes of the plan of a character where nothing is in its way."""
+    """Return the rates (n,) of the nodes of a character's plan while nothing is in its way [ticks/step]."""
     return array_at(table.places[agent][3], (np.int64(table.nodes[agent]),), np.int64)
 
 
 @kernel
 def frame_of(graph, rows, row, playback):
-    """The frame of its node that a row goes on from, and whether it leaves its node in this step.
+    """Return the frame of its node from which a row goes on, and True if it can leave its node in this step.
 
-    Who waits can leave its idle node at once, from the end of it.
+    ``rows`` are the columns of the captured characters (:mod:`crowdsim.crowd.state.components`), ``row`` is one of
+    them. Time within a frame is counted in ticks, FRAME_TICKS of which are a frame. A waiting character can leave its
+    idle node at any frame; it counts as at the end of it.
     """
     length = np.int64(graph.node_frames[rows.node[row]])
     frame = np.int64(rows.frame[row])
+    # Ticks since the begin of the frame after this step: those played already, and those that this step plays.
     ticks = rows.part[row] + next_rate(rows.rate[row], rows.wanted_rate[row], playback.ramp)
+    # This step plays the node to its end.
     if frame + ticks // FRAME_TICKS >= length:
         return frame, True
     return (length, True) if graph.node_idle[rows.node[row]] else (frame, False)
@@ -89,7 +100,7 @@ def frame_of(graph, rows, row, playback):
 
 @kernel
 def playback_of(graph, rows, row, playback, wanted):
-    """How a row plays its nodes from now on, at a rate that goes over to ``wanted``; who stands sets out afresh."""
+    """Return the playback of a row from now on, at a rate that approaches ``wanted``; a standing row starts at it."""
     stands = graph.node_idle[rows.node[row]]
     return Playback(
         playback.clock,
@@ -104,26 +115,29 @@ def playback_of(graph, rows, row, playback, wanted):
 
 @kernel
 def slowest(playback):
-    """The slowest rate of all, in ticks a step; ``playback`` is natural."""
+    """Return the slowest rate [ticks/step]; ``playback`` is at the natural rate."""
     return np.int64(math.ceil(SLOWEST * playback.rate))
 
 
 @helper
 def walks_through(table, errands, agent):
-    """Whether a plan ends at a goal that its character leaves at once for the next."""
+    """Return True if a plan ends at a goal that its character leaves at once for the next one."""
     return table.arrives[agent] and not is_last(table, errands, agent) and not errands.waits[agent] > 0.0
 
 
 @helper
 def is_last(table, errands, agent):
-    """Whether its character goes nowhere after the goal of its plan."""
+    """Return True if the goal of its plan is the last one of a character."""
     reached = errands.reached[agent] + table.passes[agent] + 1
     return reached == errands.rounds[agent] * errands.goals[agent]
 
 
 @helper
 def note_standing(graph, rows, room):
-    """Note once a step who stands and may be asked to give way: as it is when somebody may ask for the first time."""
+    """Note, once a step, which rows stand and may be asked to give way.
+
+    It is done when a row may ask for the first time, and holds for all later ones.
+    """
     if not room.noted[0]:
         room.noted[0] = True
         for row in range(len(rows.node)):
@@ -132,7 +146,7 @@ def note_standing(graph, rows, room):
 
 @helper
 def own(obstacles, rows, row, ways):
-    """Obstacles of a row's body, of those of a body with a radius of 1 m."""
+    """Return the obstacles of a row's body, from those of a body with a radius of 1 m; ``ways`` are to be kept free."""
     radius = rows.body_radius[row]
     return Obstacles(
         obstacles.layers,
@@ -152,7 +166,8 @@ def own(obstacles, rows, row, ways):
 
 @helper
 def own_timeline(rows, row, timeline, gone, playback, everyone):
-    """Let a row own a new timeline, which it plays so."""
+    """Let a row own a new timeline, and play its nodes as ``playback`` says."""
+    # Circle around the first sample that contains all others.
     circle = rows.timeline_circle[row]
     circle[0], circle[1] = timeline[0, 0], timeline[0, 1]
     reach = 0.0
@@ -171,15 +186,17 @@ def own_timeline(rows, row, timeline, gone, playback, everyone):
 
 @helper
 def reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, playback, frame):
-    """Reserve the next nodes of a row's plan, as many as it takes to be able to stop; returns whether it has.
+    """Reserve the next nodes of a row's plan, as few as end in a stand; return True on success.
 
-    It walks slower if it cannot go on as it does, so that it need not stop behind those who walk ahead.
+    Arguments are those of :func:`go_on`; ``frame`` is that of the present node from which the row goes on.
+
+    If it cannot at its natural rate, it tries the slowest one: then it need not stop behind others that walk ahead.
     """
     agent = np.int64(rows.agent[row])
     following = np.int64(rows.cursor[row]) + 1
     nodes, origins, blend_offsets = plan_of(table, agent)
 
-    # Tell the way ahead, and look whose ways are to be kept free.
+    # Publish the way ahead, take over the rank of a character that it follows, and gather the ways to be kept free.
     way, timeline = rows.way[row], room.timeline
     lay_way(origins, following, rows.timeline[row, -1], WAY_METERS, way)
     behind = rank_behind(row, rows.way, rows.rank, BEHIND_WIDTH, BEHIND_METERS, everyone.near)
@@ -187,7 +204,7 @@ def reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, play
     room.ways_count[0] = ways_before(row, rows.way, rows.rank, WAY_REACH, everyone.near, room.ways)
     kept_clear = own(obstacles, rows, row, room.ways[: room.ways_count[0]])
 
-    # The present node, then those of the plan.
+    # Chain: the present node, then the next ones of the plan.
     chain = room.chain
     available = min(len(nodes) - following, LOOKAHEAD)
     chain.nodes[0] = rows.node[row]
@@ -199,12 +216,14 @@ def reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, play
         for k in range(available):
             chain.origins[k + 1, axis] = origins[following + k, axis]
             chain.blend_offsets[k + 1, axis] = blend_offsets[following + k, axis]
+    # It leaves the world after the last node if the plan arrives at its last goal, and it does not stay there.
     leaves = table.arrives[agent] and following + available == len(nodes)
     leaves = leaves and is_last(table, errands, agent) and not rows.stays[row]
     taken = 0
     gone = np.int64(0)
     own_rate = rates_of(table, agent)[following]
     mine = playback_of(graph, rows, row, playback, own_rate)
+    # First at its own rate, then as slowly as possible.
     for wanted in (own_rate, min(slowest(playback), own_rate)):
         mine = playback_of(graph, rows, row, playback, wanted)
         taken, gone = reserve(
@@ -215,7 +234,7 @@ def reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, play
     if taken == 0:
         return False
 
-    # It owns the new timeline, and its way leads on from there.
+    # It owns the new timeline, and its way ahead begins at the end of that.
     own_timeline(rows, row, timeline, gone, mine, everyone)
     rows.reserved[row] = following + taken - 1
     lay_way(origins, following + taken, timeline[-1], WAY_METERS, way)
@@ -224,14 +243,15 @@ def reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, play
 
 @kernel
 def slow_down(graph, rows, row, obstacles, everyone, room, playback, frame):
-    """Let a row play what is left of its node, and the stop behind it, slower, if nobody minds; returns whether.
+    """Let a row play the rest of its node, and the stop behind it, slower if that meets nothing; return True if so.
 
-    ``obstacles``: those of its own body. ``playback`` is natural.
+    ``obstacles`` are those of its own body; ``playback`` is at the natural rate.
     """
     slow = slowest(playback)
     if rows.wanted_rate[row] <= slow:
         return False
     mine = playback_of(graph, rows, row, playback, slow)
+    # Chain: the present node alone, which is followed by its stop.
     chain, start = room.chain, playback.clock // playback.slot_frames
     chain.nodes[0] = rows.node[row]
     for axis in range(3):
@@ -249,7 +269,7 @@ def slow_down(graph, rows, row, obstacles, everyone, room, playback, frame):
 
 @helper
 def follow(graph, rows, row, table, errands, frame):
-    """Enter the next node of a row's plan, which is reserved; returns whether a search ends or begins with that."""
+    """Enter the next node of a row's plan, which is reserved; return True if a search ends or begins with that."""
     agent = np.int64(rows.agent[row])
     following = np.int64(rows.cursor[row]) + 1
     nodes, origins, blend_offsets = plan_of(table, agent)
@@ -263,7 +283,7 @@ def follow(graph, rows, row, table, errands, frame):
         rows.next_origin[row, axis] = origins[following, axis]
         rows.next_blend_offset[row, axis] = blend_offsets[following, axis]
     if rows.awaiting_plan[row]:
-        return idle  # it needs no way around any more
+        return idle  # a search for a way around the others is no longer needed
     return len(nodes) - following <= NODES_LEFT and walks_through(table, errands, agent)
 
 
@@ -271,29 +291,32 @@ def follow(graph, rows, row, table, errands, frame):
 def go_on(graph, rows, chosen, begin, table, errands, obstacles, everyone, room, playback):
     """Let ``chosen`` rows, from number ``begin`` of them on, go on along their plans, one after the other.
 
-    Those whose node does not end yet reserve ahead, and slow down if they cannot.
-
-    ``rows``, ``errands`` and ``room`` are of :mod:`crowdsim.crowd.systems.going_on`; ``obstacles`` are those of a body
-    with a radius of 1 m; ``playback`` is at the natural rate. Stops at the first row that needs more than arrays, and
-    returns its number and what the caller has to do: OTHERWISE, BEHIND_IT or MAKE_ROOM. Returns the count of rows and
-    ALL_DONE at the end.
+    Rows whose node does not end yet reserve ahead, and slow down if they cannot. ``rows``, ``errands`` and ``room`` are
+    those of :mod:`crowdsim.crowd.systems.going_on`; ``obstacles`` are those of a body with a radius of 1 m;
+    ``playback`` is at the natural rate. The kernel stops at the first row that needs more than arrays, and returns its
+    number and what the caller has to do: OTHERWISE, BEHIND_IT or MAKE_ROOM. At the end it returns the number of rows
+    and ALL_DONE.
     """
     for number in range(begin, len(chosen)):
         row = chosen[number]
         agent = np.int64(rows.agent[row])
         following = np.int64(rows.cursor[row]) + 1
         frame, leaves = frame_of(graph, rows, row, playback)
+        # No plan yet: it waits to the end of its idle node; only the end of a node needs the caller.
         if table.nodes[agent] < 0:
             if not leaves or frame > rows.frame[row]:
-                continue  # it waits, for what is yet to be found
+                continue
             return number, OTHERWISE
+        # The next goal or the end of the plan is reached with this node: left to the caller.
         if following > table.first_pass[agent] or following >= table.nodes[agent]:
             if not leaves:
                 continue
             return number, OTHERWISE
+        # The next node is not reserved yet.
         if following > rows.reserved[row]:
             if room.reserves_otherwise:
                 return number, OTHERWISE
+            # If it is refused it slows down while its node lasts, and counts as refused at the end of the node.
             if not reserve_on(graph, rows, row, table, errands, obstacles, everyone, room, playback, frame):
                 if not leaves:
                     if slow_down(
@@ -305,6 +328,7 @@ def go_on(graph, rows, chosen, begin, table, errands, obstacles, everyone, room,
                 room.refused[room.counts[REFUSED]] = row
                 room.counts[REFUSED] += 1
                 continue
+            # Reserved. It moves now, so it cannot be asked to give way; a row that stands in its way ahead can.
             room.extended[room.counts[EXTENDED]] = row
             room.counts[EXTENDED] += 1
             if room.noted[0]:

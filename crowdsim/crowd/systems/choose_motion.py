@@ -1,4 +1,4 @@
-"""What to do when a node ends: go on along the plan where that is safe, else stop, else stand."""
+"""Choice of the next node when one ends: go on along the plan if that is safe, else stop, else stand."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from crowdsim.constants import CAPTURE_RATE, NONE
 from crowdsim.crowd.giving_way.give_way_kernels import reserve_by_asking
 from crowdsim.crowd.near.neighbor_kernels import widen
 from crowdsim.crowd.search.plans import Join, Plans
-from crowdsim.crowd.state.components import SLOT_FRAMES
+from crowdsim.crowd.state.components import LAST, SLOT_FRAMES
 from crowdsim.crowd.state.motion_plan import MotionPlan
 from crowdsim.crowd.state.reservation_kernels import ROUNDING, append_stop, node_is_free, reserve
 from crowdsim.crowd.state.state_hash import digest_of
@@ -46,28 +46,27 @@ from crowdsim.motion.graph.track_kernels import node_end
 from crowdsim.recording.header import AgentState
 
 NEAR_GOAL = 1.0
-"""Meters from a goal to walk through at which it counts as reached where the last of the way is taken."""
+"""Distance from a goal on the way below which it counts as reached if the last of the path is taken [m]."""
 
 LONG_SECONDS = 5.0
-"""Time after which who waits lets others stop in its way, until it looks for a way around [s]."""
+"""Time after which a waiting character lets others stop in its way, until it looks for a way around [s]."""
 
 ASIDE_SECONDS = 3.0
-"""Time after which who waits in a narrow place steps close to a wall [s]."""
+"""Time after which a waiting character in a narrow place steps close to a wall [s]."""
 
 RETRY_SECONDS = 0.2
-"""Time between two tries of somebody who stands and waits for others to go on [s]."""
+"""Time between two tries of a standing character that waits for others to go on [s]."""
 
 AHEAD_RETRY_SECONDS = 0.1
-"""Time after which a walking character tries again to reserve its next nodes [s]."""
+"""Time between two tries of a walking character to reserve its next nodes [s]."""
 
 
 class Choosing:
-    """Picks the next node of everyone whose node ends in this step.
+    """Choose the next node of each row whose node ends in this step.
 
-    Every character owns a reserved timeline that ends with it standing, or gone, and that no other
-    reserved timeline meets. A node of the plan is entered only after the timeline through that node and
-    the stop behind it was reserved, row by row in order. So whoever is refused can always follow the timeline
-    it has, and no one ever walks into another, whatever happens.
+    Each row owns a reserved timeline that ends with the character standing, or gone, and that no other reserved
+    timeline meets. A node of the plan is entered only after the timeline through it and the stop behind it was
+    reserved, row by row in order. A refused row can always follow the timeline it has, so characters never collide.
     """
 
     def __init__(self, plans: Plans) -> None:
@@ -82,7 +81,7 @@ class Choosing:
         self._room = Room.make()
 
     def choose(self, view: View) -> None:
-        """Choose for all rows, in order; then let those who were refused ask others to give way."""
+        """Choose for all rows, in order; then let refused rows ask others to give way, the lowest rank first."""
         assets, graph = self.plans.assets, self.plans.assets.graph
         self.surroundings.begin()
         self._playback = Playback.natural(self.plans.step, assets.frames_per_step)
@@ -90,10 +89,10 @@ class Choosing:
         rate = rate + np.clip(view.wanted_rate - rate, -ramp, ramp)
         left = graph.node_frames[view.node] - view.frame
         ending = (view.part + rate) // FRAME_TICKS >= left
-        # Who waits does not play its idle node to the end, if the way is free before.
+        # A waiting row may leave its idle node before its end, once the way is free.
         waits = graph.node_idle[view.node] & (view.blocked_since != NONE) & (view.state == AgentState.WAITING)
         waits &= (self.plans.step + view.agent) % self._retry_steps == 0
-        # Who comes near the end of all that it has reserved reserves ahead, or slows down.
+        # A row near the end of all that it has reserved reserves ahead, or slows down.
         soon = (view.cursor >= 0) & (view.reserved == view.cursor) & ~graph.node_idle[view.node]
         soon &= left <= AHEAD_SECONDS * CAPTURE_RATE
         soon &= (self.plans.step + view.agent) % self._ahead_steps == 0
@@ -105,12 +104,12 @@ class Choosing:
                 if self._waits(view, row, ASIDE_SECONDS) and self._steps_aside(view, row):
                     continue
                 if self._waits(view, row, LONG_SECONDS):
-                    view.way[row] = np.nan  # those it waits for may need its way
+                    view.way[row] = np.nan  # the rows that it waits for may need its way
                 if ending[row]:
                     self._rests(view, row)
 
     def _go_on(self, view: View, chosen: NDArray[np.int64]) -> list[int]:
-        """Let rows go on one after the other; returns those that have a plan and cannot go on along it."""
+        """Let rows go on one after the other; return the rows that have a plan but cannot go on along it."""
         if not len(chosen):
             return []
         plans, room = self.plans, self._room
@@ -141,7 +140,7 @@ class Choosing:
             number += 1
 
     def _goes_on(self, view: View, row: int) -> bool:
-        """Choose for a row, unless it has a plan and cannot go on along it."""
+        """Choose for a row; return False if it has a plan but cannot go on along it."""
         agent, cursor = int(view.agent[row]), int(view.cursor[row])
         plan = self.plans.motions.get(agent)
         walker = self._walker(view, row)
@@ -169,7 +168,7 @@ class Choosing:
                     return True  # it leaves the world at the end of this node
                 else:
                     view.state[row] = AgentState.ARRIVED
-                    view.rank[row] = view.turn[row] = np.iinfo(np.int64).max
+                    view.rank[row] = view.turn[row] = LAST
         self._come_to_rest(view, row)
         return True
 
@@ -187,7 +186,7 @@ class Choosing:
             view.timeline_digest[row] = digest_of(view.timeline[row].tobytes())
 
     def _follow(self, view: View, row: int) -> None:
-        """Enter the next node of its plan, which is reserved."""
+        """Enter the next node of the plan, which is reserved."""
         plan, following = self.plans.motions[int(view.agent[row])], int(view.cursor[row]) + 1
         view.state[row] = AgentState.MOVING
         view.blocked_since[row] = NONE
@@ -196,15 +195,15 @@ class Choosing:
         self._followed(view, row, following)
 
     def _followed(self, view: View, row: int, following: int) -> None:
-        """End the search for a way around of a row that enters a node of its plan, and look for the way on from it."""
+        """End the search for a way around, and request the path onwards, for a row that enters a node of its plan."""
         if view.awaiting_plan[row] and self.plans.assets.graph.node_idle[view.node[row]]:
-            # The way is free before one around was found.
+            # The way is free before a way around was found.
             self.plans.searches.drop(int(view.agent[row]))
             view.awaiting_plan[row] = False
         self._look_ahead(view, row, self.plans.motions[int(view.agent[row])], following)
 
     def _asks(self, view: View, row: int) -> bool:
-        """Let a row that was refused go on along its plan, if those in its way can give way."""
+        """Let a refused row go on along its plan, if the rows in its way can give way."""
         plan, following = self.plans.motions[int(view.agent[row])], int(view.cursor[row]) + 1
         if self.plans.environment.waited_for or not self._extend(view, row, plan, following, asks=True):
             return False
@@ -212,7 +211,7 @@ class Choosing:
         return True
 
     def _rests(self, view: View, row: int) -> None:
-        """Let a row that was refused to the last wait, or stop and wait."""
+        """Let a row that was refused finally wait, or stop and wait."""
         agent = int(view.agent[row])
         plan = self.plans.motions[agent]
         if self._walks_through(plan, agent) and distance(view.goal[row], view.pose[row, :2]) < NEAR_GOAL:
@@ -223,21 +222,22 @@ class Choosing:
         self._come_to_rest(view, row)
 
     def _come_to_rest(self, view: View, row: int) -> None:
-        """Stop, or wait."""
+        """Let a row that cannot go on stop; one that stands already waits; one that has no stop stands where it is."""
         graph, agent, node = self.plans.assets.graph, int(view.agent[row]), int(view.node[row])
         if graph.stop_edge[node] != NONE:
             self._abandon(view, row, agent)
             self._stop(view, row)
         elif graph.node_idle[node]:
+            # Repeat the idle node. Characters that have arrived stay so (the states are in that order).
             view.state[row] = max(view.state[row], AgentState.WAITING)
             take(view, row, node, view.origin[row], np.zeros(3))
         else:
             self._stand(view, row, agent)
 
     def _extend(self, view: View, row: int, plan: MotionPlan, following: int, asks: bool = False) -> bool:
-        """Reserve the node ``following`` of the plan, and as many after it as it takes to be able to stop.
+        """Reserve node ``following`` of the plan, and as many later ones as are needed to come to a stop.
 
-        ``asks``: whether others are asked to give way.
+        If ``asks``, others are asked to give way.
         """
         walker = self._walker(view, row)
         obstacles = self.surroundings.obstacles(view, walker)
@@ -259,7 +259,7 @@ class Choosing:
         return True
 
     def _clear_ahead(self, view: View, row: int, obstacles: Obstacles) -> None:
-        """Let those step aside who stand in the way ahead of a row that has just reserved."""
+        """Let standing rows in the way ahead of a row that has just reserved step aside."""
         self._giving_way.clear_ahead(
             view,
             row,
@@ -269,9 +269,9 @@ class Choosing:
         )
 
     def reserve_entry(self, view: View, walker: Walker) -> dict[str, Any] | None:
-        """Reserve the beginning of the plan of a character that comes into the world in the midst of a node.
+        """Reserve the beginning of the plan of a character that enters the world in the middle of a node.
 
-        Returns the columns of its reservation; None if there is no room.
+        Return the columns of its reservation; None if there is no room.
         """
         plan = self.plans.motions[walker.agent]
         obstacles = self.surroundings.obstacles(view, walker)
@@ -284,7 +284,7 @@ class Choosing:
     def _reserve(
         self, view: View, walker: Walker, plan: MotionPlan, following: int, obstacles: Obstacles, asks: bool = False
     ) -> dict[str, Any] | None:
-        """The columns of a reservation from where a walker is to node ``following`` and a stand; None without room."""
+        """Return the columns of a reservation from a walker's pose to node ``following`` and a stop, if possible."""
         assets = self.plans.assets
         available = min(plan.count - following, LOOKAHEAD)
         chain, timeline = self._room.chain, self._room.timeline
@@ -320,7 +320,7 @@ class Choosing:
         }
 
     def _find_ways(self, view: View, row: int, plan: MotionPlan, following: int) -> None:
-        """Tell the way ahead along a plan, and note the ways of those who go first."""
+        """Publish the way ahead along a plan, and gather the ways of rows that go first."""
         lay_way(plan.origins, following, view.timeline[row, -1], WAY_METERS, view.way[row])
         near, room = self.surroundings.neighbors(view), self._room
         view.rank[row] = min(view.turn[row], rank_behind(row, view.way, view.rank, BEHIND_WIDTH, BEHIND_METERS, near))
@@ -331,12 +331,12 @@ class Choosing:
         return Walker.of(self.plans.assets.graph, view, row, self._playback, rate)
 
     def _waits(self, view: View, row: int, seconds: float) -> bool:
-        """Whether a row was refused for so long; that begins anew where it looks for a way around."""
+        """Return True if a row was refused for so long; the time begins anew when it looks for a way around."""
         blocked = int(self.plans.step - view.blocked_since[row]) if view.blocked_since[row] != NONE else 0
         return blocked >= seconds * self.plans.assets.steps_per_second
 
     def _steps_aside(self, view: View, row: int) -> bool:
-        """Let a row that stands step to a wall, so that others can pass."""
+        """Let a standing row step to a wall, so that others can pass; return True if it does."""
         if self.plans.environment.waited_for or not self.plans.assets.graph.node_idle[view.node[row]]:
             return False
         obstacles = self.surroundings.obstacles(view, self._walker(view, row))
@@ -347,7 +347,7 @@ class Choosing:
         return True
 
     def _begin_chain(self, view: View, row: int) -> Chain:
-        """The chain of the present node alone."""
+        """Return the chain of the present node alone."""
         chain = self._room.chain
         chain.nodes[0], chain.origins[0], chain.blend_offsets[0] = (
             view.node[row],
@@ -357,21 +357,22 @@ class Choosing:
         return chain
 
     def _walks_through(self, plan: MotionPlan, agent: int) -> bool:
-        """Whether a plan ends at a goal that its character leaves at once for the next."""
+        """Return True if a plan ends at a goal that its character leaves at once for the next one."""
         itineraries, ahead = self.plans.itineraries, len(plan.passes)
         return plan.arrives and not itineraries.is_last(agent, ahead) and not itineraries.stands(agent, ahead)
 
     def _look_ahead(self, view: View, row: int, plan: MotionPlan, following: int) -> None:
-        """Ask for the way on from the goal of a plan before it is reached, where nobody stops there."""
+        """Request the path onwards from the goal of a plan before it is reached, if it is a goal to walk through."""
         agent = int(view.agent[row])
         if plan.count - following > NODES_LEFT or view.awaiting_plan[row] or not self._walks_through(plan, agent):
             return
         if self._looked_ahead.get(agent) is not plan.nodes:
-            self._looked_ahead[agent] = plan.nodes  # once: what was not found will not be
+            self._looked_ahead[agent] = plan.nodes  # once for each plan: another search would fail, too
             view.awaiting_plan[row] = True
             self.plans.request_on(agent, Join(plan, plan.count - 1, reaches=True), len(plan.passes) + 1)
 
     def _abandon(self, view: View, row: int, agent: int) -> None:
+        """Drop the plan of a row."""
         self.plans.motions.pop(agent, None)
         view.cursor[row] = view.reserved[row] = NONE
         view.way[row] = np.nan
@@ -383,7 +384,7 @@ class Choosing:
         take(view, row, int(chain.nodes[1]), chain.origins[1], chain.blend_offsets[1])
 
     def _stand(self, view: View, row: int, agent: int) -> None:
-        """Wait where the node ends: in an idle node if one may follow, else on the node's last frame."""
+        """Wait at the end of the node: in an idle node if one may follow, else on the node's last frame."""
         idle = self.plans.assets.idle_after(int(view.node[row]))
         if idle == NONE:
             view.state[row] = max(view.state[row], AgentState.WAITING)
@@ -393,5 +394,5 @@ class Choosing:
         take(view, row, idle, self._end(view, row), np.zeros(3))
 
     def _end(self, view: View, row: int) -> NDArray[np.float64]:
-        """Where the present node ends (3,)."""
+        """Return the track pose at the end of the present node (3,)."""
         return np.array(node_end(self.plans.assets.graph, int(view.node[row]), *view.origin[row]))

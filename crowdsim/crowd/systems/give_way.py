@@ -1,4 +1,4 @@
-"""Who is refused asks those who stand in the way to give way, the one who set out first before all others."""
+"""Giving way: a refused character asks those that stand in its way to move, in the order of ranks."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from crowdsim.ecs.world import View
 from crowdsim.recording.header import AgentState
 
 DEPTH = 16
-"""How many give way to one at most, one after the other."""
+"""Largest number of characters that give way to one, in one chain."""
 
 TRIES = 1000
-"""Moves that are tried for one who asks."""
+"""Moves that are tried for one character that asks."""
 
 TRIES_AHEAD = 100
-"""Moves that are tried to let one step aside before it is in the way."""
+"""Moves that are tried to let a character step aside before it is in the way."""
 
 TRIES_A_STEP = 6000
-"""Moves that are tried in one step for all who ask."""
+"""Moves that are tried in one step for all characters that ask."""
 
 
 class GivingWay:
-    """Lets those who stand move out of the way, and keeps the order in which characters may ask for that."""
+    """Let standing characters move out of the way, with a limited number of tries in each step."""
 
     def __init__(self, plans: Plans) -> None:
         self.plans = plans
@@ -44,12 +44,15 @@ class GivingWay:
         self._room = Room.make()
 
     def begin(self, room: Room) -> None:
-        """Begin a step; ``room`` holds who may be asked."""
+        """Begin a step; ``room.may_move`` says which rows may be asked to give way."""
         self._left = TRIES_A_STEP
         self._room = room
 
     def asking(self, view: View, most: int = TRIES) -> Asking:
-        """What kernels take to ask others: who stands is told once a step."""
+        """Return the arguments of the kernels that ask others; which rows stand is determined once a step.
+
+        At most ``most`` tries are taken from the step's; :meth:`move` returns those not used.
+        """
         room = self._room
         if not room.noted[0]:
             room.noted[0] = True
@@ -66,7 +69,7 @@ class GivingWay:
             self._room.may_move[row] = False
 
     def clear_ahead(self, view: View, row: int, obstacles: Obstacles, draft: Chain, near: Neighbors) -> None:
-        """Let those step aside who stand in the way ahead of a row that walks; ``near``: the rows by cells."""
+        """Let standing characters in the way ahead of a walking row step aside; ``near`` are the rows by cells."""
         assets = self.plans.assets
         asking = self.asking(view, TRIES_AHEAD)
         now = Playback.natural(self.plans.step, assets.frames_per_step)
@@ -84,7 +87,10 @@ class GivingWay:
         self._trail.tries[0] = 0
 
     def step_to_wall(self, view: View, row: int, obstacles: Obstacles, draft: Chain, near: Neighbors) -> bool:
-        """Let a row that waits step close to a wall, if that makes room for others; ``near``: the rows by cells."""
+        """Let a waiting row step close to a wall if that makes room for others; return True if it does.
+
+        ``near`` are the rows by cells.
+        """
         graph, asking = self.plans.assets.graph, self.asking(view)
         now = Playback.natural(self.plans.step, self.plans.assets.frames_per_step)
         steps = bool(step_to_wall(graph, obstacles, Timelines.of(view, near), row, now, draft, asking))
@@ -92,19 +98,19 @@ class GivingWay:
         return steps
 
     def move(self, view: View, count: int) -> None:
-        """Let the first ``count`` rows of the trail set out on the moves they were asked for."""
+        """Let the first ``count`` rows of the trail set out on their moves."""
         self._left += int(self._trail.tries[0])
         self._trail.tries[0] = 0
         for place in range(count):
             self._set_out(view, int(self._trail.rows[place]), int(self._trail.moves[place]))
 
     def _set_out(self, view: View, row: int, move: int) -> None:
-        """Let a row that stands play a move at once, instead of the plan it has or looks for."""
+        """Let a standing row play a move at once, instead of the plan that it has or searches for."""
         plans, graph, chain = self.plans, self.plans.assets.graph, self._chain
         agent, node = int(view.agent[row]), int(view.node[row])
         count = lay_move(graph, self._moves, move, node, view.origin[row], chain)
         plan = MotionPlan(
-            route=plans.routes[agent],
+            route=plans.followed[agent],
             departure_node=node,
             departure=view.origin[row].copy(),
             nodes=chain.nodes[1:count].copy(),
@@ -113,7 +119,7 @@ class GivingWay:
             arrives=False,
         )
         if view.state[row] == AgentState.ARRIVED:
-            # It comes back to where it stood.
+            # It had arrived, and comes back afterwards.
             plans.away.add(agent)
             plans.itineraries.leave(agent)
             view.rank[row] = view.turn[row] = plans.rank(agent)

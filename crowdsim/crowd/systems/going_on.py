@@ -1,4 +1,4 @@
-"""Who goes on along its plan, and what the kernel for that reads and writes."""
+"""Arguments of the kernel that lets rows go on along their plans, and its scratch memory."""
 
 from __future__ import annotations
 
@@ -16,18 +16,22 @@ from crowdsim.ecs.world import View
 from crowdsim.motion.graph.arrays import GraphArrays
 
 WAYS = 32
-"""Ways of others that are kept free at once, of more than so many within reach those who came first."""
+"""Largest number of ways of others that are kept free at once; the lowest row numbers are taken if there are more."""
 
-_CHAIN = LOOKAHEAD + 8  # with the nodes of the stop behind them
+_CHAIN = LOOKAHEAD + 8  # nodes of the plan, and of the stop behind them
 
 Floats = NDArray[np.float64]
+"""Array of float64."""
 Ints = NDArray[np.int32]
+"""Array of int32."""
 Longs = NDArray[np.int64]
+"""Array of int64."""
 Bools = NDArray[np.bool_]
+"""Array of bool."""
 
 
 class Rows(NamedTuple):
-    """Columns of all N rows, as of :mod:`crowdsim.crowd.state.components`."""
+    """Columns of all N rows; see :mod:`crowdsim.crowd.state.components`."""
 
     agent: Ints
     state: Ints
@@ -59,11 +63,12 @@ class Rows(NamedTuple):
 
     @classmethod
     def of(cls, view: View) -> Rows:
+        """Return the columns of a view."""
         return cls(*(getattr(view, name) for name in cls._fields))
 
 
 class Walker(NamedTuple):
-    """Who is to reserve: its row, NONE if it is yet to come, and the node that it plays, and how."""
+    """A character that reserves: its row (NONE before it enters), its node, and how it plays that."""
 
     row: int
     agent: int
@@ -76,11 +81,11 @@ class Walker(NamedTuple):
     body_radius: float
     stays: bool
     leaves: bool = True
-    """Whether its node ends in this step, or it can leave it."""
+    """True if its node ends in this step, or it can leave it."""
 
     @classmethod
     def of(cls, graph: GraphArrays, view: View, row: int, natural: Playback, rate: int) -> Walker:
-        """The walker of a row, whose own rate is ``rate`` ticks a step."""
+        """Return the walker of a row with its own rate ``rate`` [ticks/step]."""
         rows = Rows.of(view)
         frame, leaves = frame_of(graph, rows, row, natural)
         return cls(
@@ -99,51 +104,53 @@ class Walker(NamedTuple):
 
 
 class Errands(NamedTuple):
-    """Where all n characters are on their itineraries: a live view of these."""
+    """Progress of all n characters on their itineraries: a live view of these."""
 
     reached: Longs
-    """(n,) places reached so far."""
+    """(n,) number of places reached."""
     goals: Longs
-    """(n,) places of a round."""
+    """(n,) number of places of a round."""
     rounds: Longs
-    """(n,) rounds, NONE for ever."""
+    """(n,) number of rounds, NONE for endless."""
     waits: Floats
-    """(n,) seconds to stand at each place but the last."""
+    """(n,) time to stand at each place but the last [s]."""
 
     @classmethod
     def of(cls, itineraries: Itineraries) -> Errands:
+        """Return the progress on ``itineraries``."""
         cast = itineraries.cast
-        goals = np.array([len(goals) for goals in cast.goals], np.int64)
-        return cls(itineraries.reached, goals, cast.rounds, cast.waits)
+        return cls(itineraries.reached, itineraries.places, cast.rounds, cast.waits)
 
 
 class Room(NamedTuple):
-    """Room to work in, and what is told to whoever calls the kernel."""
+    """Scratch of the kernel :func:`~crowdsim.crowd.systems.choose_kernels.go_on`, and what it reports."""
 
     chain: Chain
+    """Chain under construction."""
     draft: Chain
+    """Copy of it that is extended by the stop."""
     timeline: Floats
-    """(K, 5) the one that was tried last."""
+    """(K, 5) timeline tried last."""
     ways: Floats
     """(WAYS, P, 2) ways of others that the row tried last keeps free."""
     ways_count: Longs
-    """(1,) how many these are."""
+    """(1,) number of these ways."""
     may_move: Bools
-    """(N,) who may be asked to give way: who stands and has not decided."""
+    """(N,) True for rows that may be asked to give way: they stand and have not decided yet."""
     noted: Bools
-    """(1,) whether that was noted in this step."""
+    """(1,) True if ``may_move`` holds for this step."""
     extended: Longs
     """(N,) rows that have reserved."""
     refused: Longs
     """(N,) rows that cannot go on."""
     counts: Longs
-    """(2,) how many of both, at EXTENDED and REFUSED."""
+    """(2,) number of both, at EXTENDED and REFUSED."""
     reserves_otherwise: bool
-    """Whether no row is to reserve here, as there is more to keep clear of."""
+    """True if no row may reserve in the kernel, as there are outlines to keep free, too."""
 
     @classmethod
     def make(cls) -> Room:
-        """Room for no rows yet."""
+        """Return scratch for no rows."""
         none, flags = np.empty(0, np.int64), np.zeros(0, np.bool_)
         return cls(
             Chain.room(_CHAIN),
@@ -160,7 +167,7 @@ class Room(NamedTuple):
         )
 
     def begin(self, count: int, reserves_otherwise: bool) -> Room:
-        """Begin a step of so many rows."""
+        """Begin a step with ``count`` rows."""
         self.noted[0] = False
         self.counts[:] = 0
         if len(self.may_move) == count:
@@ -176,7 +183,7 @@ class Room(NamedTuple):
 def take(
     view: View, row: int, node: int, origin: NDArray[np.float64], blend_offset: NDArray[np.float64], cursor: int = NONE
 ) -> None:
-    """Let a row enter a node when its present one ends; ``cursor``: place of that in its plan, if it is of one."""
+    """Let a row enter a node when its present one ends; ``cursor``: index of the node in the plan, NONE without one."""
     view.next_node[row] = node
     view.next_origin[row] = origin
     view.next_blend_offset[row] = blend_offset

@@ -1,4 +1,4 @@
-"""Plans are handed out, and new ones asked for."""
+"""Plans: hand out what searches found, and request new ones."""
 
 from __future__ import annotations
 
@@ -9,34 +9,35 @@ from numpy.typing import NDArray
 
 from crowdsim.constants import NONE
 from crowdsim.crowd.search.plans import Found, Join, Plans
+from crowdsim.crowd.state.components import LAST
 from crowdsim.ecs.world import View
 from crowdsim.geometry.elementary import distance, hypot
 from crowdsim.recording.header import AgentState
 
 RETRY_SECONDS = 2.0
-"""Time that an agent stands after a failed search before it searches again [s]."""
+"""Time that a character stands after a failed search before it searches again [s]."""
 
 PATIENCE_SECONDS = 8.0
-"""Time that an agent waits for others before it looks for a way around those who stand near [s]."""
+"""Time that a character waits for others before it looks for a way around those that stand near [s]."""
 
 LOOKING_SECONDS = 20.0
-"""Time after that during which each new plan first looks for a way around those who stand near [s]."""
+"""Time after that during which each new plan first looks for a way around those that stand near [s]."""
 
 IMPATIENCE_SECONDS = 2.0
-"""During that time, a waiting character looks again after so long [s]."""
+"""Time between two such searches of a waiting character during that time [s]."""
 
 NEARBY = 2.5
 """Distance within which others count as near [m]."""
 
 AT_GOAL = 0.25
-"""Distance from a goal below which a standing agent that goes on from there has reached it [m]."""
+"""Distance from a goal below which a standing character that goes on from there has reached it [m]."""
 
 
 def search_on(plans: Plans, view: View) -> None:
-    """Let searches go on for another slice, while what they found so far is walked."""
+    """Continue the searches by another slice, while characters walk on what was found so far."""
 
     def played(agent: int) -> int:
-        rows = np.flatnonzero(view.agent == agent)  # few ask
+        rows = np.flatnonzero(view.agent == agent)
         return int(np.maximum(view.cursor, view.reserved)[rows].max(initial=NONE)) + 1
 
     plans.search_on(played)
@@ -44,17 +45,17 @@ def search_on(plans: Plans, view: View) -> None:
 
 @dataclass
 class Replanning:
-    """Gives characters their plans and asks for new ones for those who stand without."""
+    """Give characters their plans, and request new ones for those that stand without."""
 
     plans: Plans
 
     def replan(self, view: View) -> None:
-        """Hand out what searches found, then ask for those who wait."""
+        """Hand out what searches found, then request plans for characters that wait."""
         plans, assets = self.plans, self.plans.assets
         for found in plans.collect():
             row = int(np.argmax(view.agent == found.agent)) if len(view.agent) else 0
             if row == len(view.agent) or view.agent[row] != found.agent:
-                plans.hand_out(found.agent, found.plan)  # entering looks there itself
+                plans.hand_out(found.agent, found.plan)  # not in the world yet: spawning takes it from there
             elif found.first:
                 self._go_on(view, row, found, found.first)
             elif found.first is None and found.join is not None:
@@ -62,6 +63,7 @@ class Replanning:
             else:
                 self._hand_out(view, row, found)
 
+        # Standing characters that have no plan, or whose patience with their plan is over, request one.
         waiting = (view.state == AgentState.WAITING) & assets.graph.node_idle[view.node]
         rate = assets.steps_per_second
         blocked = plans.step - view.blocked_since
@@ -74,7 +76,7 @@ class Replanning:
             if agent in plans.motions:
                 if waits:
                     continue
-                # It keeps its plan: it may be free to go before a way around is found. Others go first.
+                # It keeps its plan, as it may be free before a way around is found. Others go first meanwhile.
                 view.blocked_since[row] = plans.step
                 if not looks[row]:
                     view.rank[row] = view.turn[row] = plans.rank(agent)
@@ -95,7 +97,7 @@ class Replanning:
             plans.request(agent, replace(request, route=route, around=view.pose[near].copy(), postures=postures))
 
     def _hand_out(self, view: View, row: int, found: Found) -> None:
-        """Give a plan to an agent that stands or has begun it; if there is none, let it stand a while."""
+        """Give a plan to a character that stands or has begun it; without a plan, let it stand for a while."""
         plans, plan = self.plans, found.plan
         if plan is None and found.over and not found.outdated and found.agent in plans.motions:
             view.awaiting_plan[row] = False
@@ -105,12 +107,16 @@ class Replanning:
             view.cursor[row] = view.reserved[row] = NONE
         view.plan_digest[row] = 0 if plan is None else plan.digest
         plans.hand_out(found.agent, plan)
+        if found.agent in plans.unreachable:
+            view.rank[row] = view.turn[row] = LAST
+        elif view.turn[row] == LAST:
+            view.rank[row] = view.turn[row] = plans.rank(found.agent)
         if plan is None and found.over:
             pause = 0.0 if found.outdated else RETRY_SECONDS
             view.retry_step[row] = plans.step + int(pause * plans.assets.steps_per_second)
 
     def _join(self, view: View, row: int, found: Found, join: Join) -> None:
-        """Let a walking agent go on as was found, unless it has stopped or left its plan meanwhile."""
+        """Let a walking character continue as was found, unless it has stopped or left its plan meanwhile."""
         plans, agent, cursor = self.plans, found.agent, int(view.cursor[row])
         plan = plans.motions.get(agent)
         fits = plan is not None and join.fits(plan, cursor)
@@ -128,7 +134,7 @@ class Replanning:
         view.plan_digest[row] = joined.digest
 
     def _go_on(self, view: View, row: int, found: Found, first: int) -> None:
-        """Append what its search found since to the plan of a walking agent."""
+        """Append what its search found since to the plan of a walking character."""
         plan = self.plans.motions[found.agent]
         plan = plan.until(first - 1) if found.plan is None else plan.joined(0, first - 1, found.plan, reaches=False)
         self.plans.hand_out(found.agent, plan, first)
@@ -136,14 +142,14 @@ class Replanning:
         view.plan_digest[row] = plan.digest
 
     def _is_there(self, view: View, row: int, agent: int) -> bool:
-        """Whether an agent stands at a goal from where it goes on."""
+        """Return True if a character stands at a goal from where it goes on."""
         near = distance(view.pose[row, :2], view.goal[row]) < AT_GOAL
         itineraries = self.plans.itineraries
         return near and not itineraries.is_last(agent) and itineraries.accepts(agent, view.pose[row])
 
 
 def reach_goal(plans: Plans, view: View, row: int) -> None:
-    """Count the goal of a character as reached, from where it goes on, and give it the next."""
+    """Count the goal of a character that goes on from it as reached, and give it the next one."""
     agent = int(view.agent[row])
     seconds = plans.itineraries.reach(agent)
     view.rank[row] = view.turn[row] = plans.rank(agent)
@@ -152,7 +158,7 @@ def reach_goal(plans: Plans, view: View, row: int) -> None:
 
 
 def standing_near(view: View, row: int) -> NDArray[np.int64]:
-    """(k,) rows of the others who stand within NEARBY meters."""
+    """Return the rows (k,) of others that stand within NEARBY meters."""
     near = (view.state != AgentState.MOVING) & (hypot(*(view.pose[:, :2] - view.pose[row, :2]).T) < NEARBY)
     near[row] = False
     return np.flatnonzero(near)

@@ -1,4 +1,4 @@
-"""Characters come into the world when their time has come, their way is known and their place is free."""
+"""Entry of captured characters: at their time, once their motion is found and their place is free."""
 
 from __future__ import annotations
 
@@ -23,35 +23,36 @@ from crowdsim.crowd.systems.replan import AT_GOAL
 from crowdsim.ecs.world import View, World
 from crowdsim.geometry.elementary import distance
 
-NO_MOTION = "there is a path, but no motion of the set follows it; add clips that turn, start or step as it asks"
+NO_MOTION = "there is a path, but no motion of the set follows it; add clips that turn, start or step as required"
+"""Reason for a character that does not enter as no motion was found."""
 
 
 @dataclass
 class Spawning:
-    """Plans ahead for those about to come and lets them in one by one, in order.
-
-    spawned: step in which each character came into the world, -1 before.
-    """
+    """Search motions ahead of time for characters about to enter, and let them in one by one, in order."""
 
     world: World
     plans: Plans
-    # Steps in which agents asked for their way, and in which they last found their place taken.
     requested: dict[int, int] = field(default_factory=dict)
+    """Step in which each character asked for its motion."""
     refused: dict[int, int] = field(default_factory=dict)
+    """Step in which each character last found its place taken."""
     spawned: NDArray[np.int64] = field(init=False)
+    """(n,) step in which each character entered the world, -1 before."""
 
     def __post_init__(self) -> None:
         self.assets, self.cast = self.plans.assets, self.plans.itineraries.cast
         self.spawned = np.full(len(self.cast.starts), -1, np.int64)
         self._parked = np.zeros((TIMELINE_SLOTS, SAMPLE))
         self._parked[:, RADIUS] = self.assets.personal_radius
-        # Timelines have no finer steps.
+        # Try again once a slot: timelines do not change in between.
         self._pause = max(SLOT_FRAMES // self.assets.frames_per_step, 1)
 
     def spawn(self, view: View, wanted: NDArray[np.bool_] | None = None, bodies: StandingBodies = NO_BODIES) -> None:
-        """Ask the world for those whose time has come, and plan for those whose time is near.
+        """Ask the world for the characters whose time has come, and plan for those whose time is near.
 
-        ``wanted``, (n,): who may come; everybody if it is None. ``bodies`` of steered characters are kept clear of.
+        ``wanted`` (n,): which characters may enter; all if None. They keep clear of the ``bodies`` of steered
+        characters.
         """
         step = self.plans.step
         slot = step * self.assets.frames_per_step // SLOT_FRAMES
@@ -82,7 +83,7 @@ class Spawning:
         slot: int,
         bodies: StandingBodies,
     ) -> bool:
-        """Whether nobody is or will be at a position, of those in the world and those who spawn in this step."""
+        """Return True if a position is free of all characters in the world and of those that enter in this step."""
         radius = self.assets.personal_radius
         waited_for = self.plans.environment.waited_for
         if waited_for and shapely.distance(Point(position), waited_for).min() < radius + KEPT_OFF:
@@ -95,7 +96,7 @@ class Spawning:
         return not meets_anyone(-1, self._parked, slot, FOREVER, slot, radius, everyone)
 
     def _ask(self, agent: int) -> None:
-        """Request the way of an agent that has none, unless a search is under way or failed."""
+        """Request a motion for a character without one, unless a search is under way or has failed."""
         plans = self.plans
         if agent in self.requested:
             if plans.searches.is_under_way(agent):
@@ -107,6 +108,7 @@ class Spawning:
         self._request(agent)
 
     def _request(self, agent: int) -> None:
+        """Request the motion to the first goal that is not at the start."""
         self.requested[agent] = self.plans.step
         itineraries = self.plans.itineraries
         for _ in self.cast.goals[agent]:
@@ -116,6 +118,7 @@ class Spawning:
         self.plans.request(agent, itineraries.request(agent, self.cast.starts[agent]))
 
     def _spawn(self, agent: int, plan: MotionPlan, slot: int) -> None:
+        """Ask the world for a character that stands at the start of its plan."""
         node = plan.departure_node
         self._parked[:, :2] = plan.departure[:2]
         self.world.spawn(
@@ -123,7 +126,7 @@ class Spawning:
             pose=plan.departure,
             behavior=self.assets.graph.node_behavior[node],
             node=node,
-            # It has stood there before it is seen, and sets out at once.
+            # At the end of its idle node, so that it sets out at once.
             frame=self.assets.graph.node_frames[node],
             rate=self.plans.motions.table.rates[agent],
             wanted_rate=self.plans.motions.table.rates[agent],

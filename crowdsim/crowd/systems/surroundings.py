@@ -1,4 +1,4 @@
-"""What captured characters keep clear of: walls, what is about to come, bodies, ways, passages; and who is near."""
+"""What captured characters keep clear of: walls, movables about to appear, bodies, ways, passages; and neighbors."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from crowdsim.ecs.world import View
 from crowdsim.environment.layers import polygons_only
 
 PASSAGE_BODIES = 3.0
-"""How far off a narrow passage one stops, in radii."""
+"""Distance from a narrow passage at which a character may stop, in radii of its body."""
 
 _NOTHING = np.empty((0, 4))
 
@@ -29,40 +29,41 @@ class Surroundings:
     def __init__(self, plans: Plans) -> None:
         self.plans = plans
         self.bodies: StandingBodies = NO_BODIES
-        """Those of steered characters, which stand as far as reservations know."""
+        """Bodies of steered characters, which stand still as far as reservations know."""
         self._near: tuple[View, Neighbors] | None = None
 
     def begin(self) -> None:
-        """Begin a step, in which rows have moved."""
+        """Begin a step; rows have moved since the last one."""
         self._near = None
 
     def obstacles(self, view: View, walker: Walker) -> Obstacles:
-        """What a walker keeps clear of beside other captured characters."""
+        """Return what a walker keeps clear of besides other captured characters."""
         return self._obstacles(view, walker, self._kept_free(view, walker))
 
     def of_any(self, view: View, playback: Playback) -> Obstacles:
-        """What kernels make the obstacles of each row of: distances in radii of its body."""
+        """Return the obstacles from which kernels derive those of each row: distances in radii of its body."""
         anybody = Walker(0, NONE, 0, 0, playback, _NOTHING, _NOTHING, _NOTHING, 1.0, False)
         return self._obstacles(view, anybody, _NOTHING)
 
     def with_ways(self, obstacles: Obstacles, room: Room) -> Obstacles:
-        """Obstacles with the ways that were noted last in ``room``, which their body keeps off."""
+        """Return obstacles with the ways noted last in ``room``, which their body keeps off."""
         ways = room.ways[: room.ways_count[0]]
         return obstacles._replace(ways=ways, way_width=2.0 * obstacles.body_radius + WAY_ROOM)
 
     def neighbors(self, view: View) -> Neighbors:
-        """The rows by cells, of a view that lasts until they move, come or go."""
+        """Return the rows by cells, for a view that is valid until rows move, enter or leave."""
         if self._near is None or self._near[0] is not view:
             self._near = view, Neighbors.of(view.pose[:, :2], view.timeline_circle, view.body_radius, view.way)
         return self._near[1]
 
     def everyone(self, view: View) -> Timelines:
-        """What all rows have reserved."""
+        """Return the reserved timelines of all rows."""
         return Timelines.of(view, self.neighbors(view))
 
     def _obstacles(self, view: View, walker: Walker, kept_free: NDArray[np.float64]) -> Obstacles:
+        """Return the obstacles of a walker; ``kept_free`` (M, 4) are outlines that it must not enter."""
         assets, environment = self.plans.assets, self.plans.environment
-        # Who is alone hinders nobody.
+        # A character alone in the world hinders no other: it may stop in passages.
         alone = len(view.agent) == (walker.row != NONE)
         return Obstacles(
             layers=tuple(mesh.arrays for mesh in environment.meshes),
@@ -78,7 +79,7 @@ class Surroundings:
         )
 
     def _kept_free(self, view: View, walker: Walker) -> NDArray[np.float64]:
-        """Outlines (M, 4) of what is about to come and that a character must not enter: it is not there already."""
+        """Return the outlines (M, 4) of obstacles about to appear, if the character does not touch them already."""
         waited_for = self.plans.environment.waited_for
         if not waited_for:
             return _NOTHING

@@ -1,1 +1,1 @@
-"""Bodies as they are shown: of those who steer, and of those who go over between steering and captured motion."""
+"""Poses of bodies at playback: of steered agents, and of agents that switch between steered and captured."""

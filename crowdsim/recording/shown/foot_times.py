@@ -1,4 +1,4 @@
-"""When feet that stand at a switch lift and land next, in the motion that was switched to."""
+"""Times at which planted feet lift and land after a switch, so that offsets vanish during swings."""
 
 from __future__ import annotations
 
@@ -14,28 +14,37 @@ from crowdsim.recording.shown.steered_stretches import played_phases, read_stret
 from crowdsim.recording.shown.switch_offsets import FADE
 
 _SHORTEST_SWING = 0.12
-"""Seconds below which a foot does not come right before it lands, and keeps its place until it lifts again."""
+"""Least time left until landing for a foot to lose its offset in this swing [s]; else it waits for the next one."""
 _USUAL_SWING = 0.4
-"""Seconds of a swing whose end is not recorded."""
+"""Duration of a swing whose end is not recorded [s]."""
 _STANDS = (4.0, 5.0)
-"""Seconds after a switch at which the left and the right foot of who still stands take a little step to come right."""
+"""Times after a switch at which the left and the right foot take a small step if the body still stands [s]."""
 _LITTLE_STEP = 0.5
-"""Seconds that this takes."""
+"""Duration of such a small step [s]."""
 LONGEST = max(_STANDS) + _LITTLE_STEP
-"""Seconds after a switch at which both feet are right, whatever the body does."""
+"""Time after a switch by which both feet have lost their offset in any case [s]."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 _STANDING, _LATE, _SWINGING, _RIGHT = 0, 1, 2, 3
-"""What a foot does after a switch: stands where it stood; swings since before it; swings to its place; is there."""
+"""States of a foot after a switch: planted with its offset; in a swing that began before the switch; in a swing that
+removes the offset; without offset."""
 
 
 class FootTimes(NamedTuple):
     """Times of both feet, left first, after n switches.
 
-    hold: (n, 2) seconds until which each foot keeps its offset. end: (n, 2) seconds at which it has lost it. forced:
-    (n, 2) whether it does so in a step of its own, as the body stands. cut: (n,) seconds from which the agent is gone.
+    Attributes
+    ----------
+    hold : (n, 2) float64
+        Time until which each foot keeps its offset [s].
+    end : (n, 2) float64
+        Time at which the offset has vanished [s].
+    forced : (n, 2) bool
+        Whether it vanishes in a small step of its own, because the body stands.
+    cut : (n,) float64
+        Time at which the agent disappears [s].
     """
 
     hold: Floats
@@ -45,7 +54,7 @@ class FootTimes(NamedTuple):
 
 
 def foot_times(recording: RecordedTracks, switches: Switches, some: Ints) -> FootTimes:
-    """Times of the feet after the switches ``some`` (n,), at least one."""
+    """Return the times of the feet after the switches ``some`` (n,), at least one."""
     rate = recording.steps_per_second
     shares, same, gone = _foot_phases(recording, switches, some)
     times = switches.shown[some] / rate
@@ -61,15 +70,17 @@ def foot_times(recording: RecordedTracks, switches: Switches, some: Ints) -> Foo
         lands = known & ~standing[row] & standing[row + 1]
         part = np.clip(np.where(lifts, STANCE - shares[row], 1.0 - shares[row]) / np.maximum(ahead, 1e-9), 0.0, 1.0)
         at = now + part / rate
-        # Lift: come right until it lands, or about then if that is not recorded.
+        # A planted foot lifts: its offset vanishes until it lands, or for a usual swing if the landing is not recorded.
         begins = lifts & (state == _STANDING) & (at < hold)
         hold, end = np.where(begins, at, hold), np.where(begins, at + _USUAL_SWING, end)
+        # A foot that was swinging at the switch lands: use the rest of that swing if it is long enough.
         in_time = lands & (state == _LATE) & (at - times[:, None] >= _SHORTEST_SWING)
         hold = np.where(in_time, times[:, None], hold)
         end = np.where(in_time, np.minimum(at, times[:, None] + FADE), end)
         landed = lands & (state == _SWINGING)
         end = np.where(landed, np.maximum(at, hold + _SHORTEST_SWING), end)
         state = np.where(begins, _SWINGING, np.where(in_time | landed, _RIGHT, state))
+        # Else it lands with its offset and waits for the next swing.
         state = np.where(lands & (state == _LATE), _STANDING, state)
     late = state == _LATE
     hold, end = np.where(late, times[:, None], hold), np.where(late, times[:, None] + FADE, end)
@@ -80,9 +91,9 @@ def foot_times(recording: RecordedTracks, switches: Switches, some: Ints) -> Foo
 def _foot_phases(
     recording: RecordedTracks, switches: Switches, some: Ints
 ) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
-    """Share of its cycle of each foot (T, n, 2) in the T steps from each switch on.
+    """Return the phase (T, n, 2) of each foot in its own cycle, in the T steps from each switch on.
 
-    And (T, n) who has been on the new level until then, and who is absent.
+    Also return (T, n) bool: whether the agent has stayed on the new level until then, and whether it is absent.
     """
     rate = recording.steps_per_second
     shown, agents, steered = switches.shown[some], switches.agents[some], switches.steered[some]
@@ -97,7 +108,7 @@ def _foot_phases(
     inside = at < len(played)
     at, column = np.minimum(at, len(played) - 1), agents - columns.start
     level, own = levels[at, column], played[at, column]
-    # Steered gaits are those that are shown, which come in step with the nodes before.
+    # For steered agents take the phases that are shown, which were adapted to the nodes before.
     key = stretches.columns * len(played) + stretches.firsts
     found = np.searchsorted(key, column[steered] * len(played) + at[0, steered])
     own[:, steered] = stretches.phases_at(found, np.minimum(at[:, steered], stretches.stops[found] - 1))

@@ -12,10 +12,11 @@ from crowdsim.motion.clips.kinematics import forward_kinematics, slerp
 from crowdsim.motion.deformed.deformed_clip import DeformedClip, deform_clip, on_legs_of
 from crowdsim.motion.deformed.step_plan import StepPlan, plan_joined, pose_at
 from crowdsim.recording.columns import RecordedTracks
+from crowdsim.recording.header import MotionRecord
 from crowdsim.recording.shown.track_blocks import TrackBlock, block_of, block_steps, read_block
 
 BLEND_SECONDS = 0.3
-"""Time over which a body goes over from one behavior to another, half of it before the step in which it does."""
+"""Duration of the change from one behavior to another [s], centered on the step in which the behavior changes."""
 
 _BLOCKS_KEPT = 2
 
@@ -23,8 +24,15 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+def gait_clip(motion: MotionRecord, behavior: int) -> DeformedClip:
+    """Return the clip that steered agents of a behavior are posed from, prepared for deformation."""
+    gait = motion.gaits[behavior]
+    root, rotations = gait.root.astype(np.float64), gait.rotations.astype(np.float64)
+    return deform_clip(Clip(gait.name, motion.skeleton, root, rotations))
+
+
 class SteeredPoses:
-    """Poses of the steered agents of a recording; plans of the blocks last used are kept."""
+    """Poses of the steered agents of a recording; the plans of the last blocks are kept."""
 
     def __init__(self, recording: RecordedTracks) -> None:
         self._recording = recording
@@ -32,13 +40,13 @@ class SteeredPoses:
         self._clips: dict[int, DeformedClip] = {}
 
     def pose(self, time: float, step: int, agents: Ints) -> tuple[Floats, Floats]:
-        """World joint positions (n, J, 3) and rotations (n, J, 4) of ``agents`` (n,), as of :meth:`local`."""
+        """Return world joint positions (n, J, 3) [m] and rotations (n, J, 4) of ``agents`` (n,); see :meth:`local`."""
         return forward_kinematics(self._recording.header.motion.skeleton, *self.local(time, step, agents))
 
     def local(self, time: float, step: int, agents: Ints) -> tuple[Floats, Floats]:
-        """Root places (n, 3) and rotations (n, J, 4), each joint in its parent, of ``agents`` (n,).
+        """Return root positions (n, 3) [m] and joint rotations (n, J, 4) relative to the parent, of ``agents`` (n,).
 
-        All of them are shown as steered at ``step``. time: seconds, from ``step`` to the next one.
+        All of them must be shown as steered at ``step``; ``time`` [s] lies between ``step`` and the next one.
         """
         number = block_of(step, self._recording.steps_per_second)
         if number not in self._blocks:
@@ -50,7 +58,7 @@ class SteeredPoses:
         return self._blended(block, bodies, time)
 
     def _blended(self, block: _PlannedBlock, bodies: Ints, time: float) -> tuple[Floats, Floats]:
-        """Root places (n, 3) and rotations (n, J, 4), each joint in its parent, of bodies in their behaviors."""
+        """Return root positions (n, 3) and local rotations (n, J, 4) of bodies, blended over their behaviors."""
         weights = block.behavior_weights(bodies, time)
         joints = self._recording.header.motion.skeleton.joint_count
         roots, rotations = np.empty((len(bodies), 3)), np.empty((len(bodies), joints, 4))
@@ -69,29 +77,23 @@ class SteeredPoses:
             rotations[mixed] = slerp(rotations[mixed], turns[~alone], share)
         ends = self._recording.header.ends
         if ends is not None:
-            # Tracks go on beyond the ends of the floor; bodies are shown on it.
+            # Tracks are continuous across the ends of a periodic floor; bodies are shown inside it.
             roots[:, ends.axis] = ends.inside(roots[:, ends.axis])
         return roots, rotations
 
     @cached_property
     def _walk(self) -> DeformedClip:
-        """That of the preferred behavior, on whose legs bodies walk in all of them."""
-        return self._deformed(len(self._recording.header.motion.gaits) - 1)
+        """Return the clip of the preferred behavior, whose legs all behaviors use."""
+        return gait_clip(self._recording.header.motion, -1)
 
     def _clip(self, behavior: int) -> DeformedClip:
         if behavior not in self._clips:
-            self._clips[behavior] = on_legs_of(self._deformed(behavior), self._walk)
+            self._clips[behavior] = on_legs_of(gait_clip(self._recording.header.motion, behavior), self._walk)
         return self._clips[behavior]
-
-    def _deformed(self, behavior: int) -> DeformedClip:
-        motion = self._recording.header.motion
-        gait = motion.gaits[behavior]
-        root, rotations = gait.root.astype(np.float64), gait.rotations.astype(np.float64)
-        return deform_clip(Clip(gait.name, motion.skeleton, root, rotations))
 
 
 class _PlannedBlock:
-    """Footsteps of the bodies of a block."""
+    """Footsteps of the bodies of a block of time."""
 
     def __init__(self, recording: RecordedTracks, number: int) -> None:
         self.tracks: TrackBlock = read_block(recording, number)
@@ -104,15 +106,15 @@ class _PlannedBlock:
         self._behavior_count = len(recording.header.behaviors)
 
     def plan(self, walk: DeformedClip) -> StepPlan:
-        """Footsteps of the bodies, which walk on the legs of ``walk`` whatever they do."""
+        """Return the footsteps of the bodies on the legs of ``walk``, whatever their behavior."""
         if self._plan is None:
             self._plan = plan_joined(walk, self.tracks.tracks)
         return self._plan
 
     def behavior_weights(self, bodies: Ints, time: float) -> Floats:
-        """(n, behaviors) how much of each behavior bodies show at ``time`` seconds; 1 in all.
+        """Return the weight (n, behaviors) of each behavior at ``time`` [s]; the weights of a body sum to 1.
 
-        What was recorded of half of BLEND_SECONDS before and after, smoothly less the farther away it is.
+        The weights are the recorded behaviors, smoothed over BLEND_SECONDS around ``time`` with decreasing influence.
         """
         half = 0.5 * BLEND_SECONDS
         first, last = (int(np.floor((time + side * half) * self._rate)) for side in (-1.0, 1.0))
@@ -120,7 +122,7 @@ class _PlannedBlock:
         agents = self.tracks.agents[bodies]
         ends = np.minimum(self.tracks.ends[bodies], self._first + len(self._behavior)) - 1
         steps = np.arange(first, last + 1)
-        # Each step counts from its time to that of the next.
+        # A recorded behavior holds from its step to the next: its weight is the integral of the kernel over that time.
         reached = _eased(((steps[1:] / self._rate - time) / half + 1.0) / 2.0)
         shares = np.diff(np.concatenate([[0.0], reached, [1.0]]))
         for step, share in zip(steps, shares, strict=True):
@@ -131,7 +133,7 @@ class _PlannedBlock:
 
 
 def _eased(share: Floats) -> Floats:
-    """From 0 to 1 without speed at the ends."""
+    """Return 3 s^2 - 2 s^3 of the clipped share s: from 0 to 1 with zero slope at the ends."""
     share = np.clip(share, 0.0, 1.0)
     eased: Floats = share * share * (3.0 - 2.0 * share)
     return eased

@@ -1,8 +1,8 @@
-"""Stretches of steps in which agents are steered, and their gaits continued over captured steps before and after.
+"""Stretches of steps in which agents are steered, with their gaits extended over captured steps before and after.
 
-A pose depends on track and phase for a cycle or two around it. Captured steps have the track; the phase goes on through
-them as fast as that of the nodes they play. Where both meet, gaits are brought in step: the steered one a little faster
-or slower for a while, so that feet that swing do not have to catch up at once.
+A pose depends on track and phase for a cycle or two around it. Captured steps have a track; the phase is extended over
+them at the rate of the nodes they play. Around a switch the steered gait runs a little faster or slower until it is in
+phase with the nodes, so that swinging feet do not have to catch up at once.
 """
 
 from __future__ import annotations
@@ -16,26 +16,35 @@ from crowdsim.recording.columns import RecordedTracks
 from crowdsim.recording.levels import Level, levels_of
 
 CONTINUED = 2.0
-"""Seconds before and after a stretch over which it is continued: two cycles at a usual speed."""
+"""Time before and after a stretch over which it is extended [s]: about two cycles."""
 _QUICKEST = 2.4
-"""Cycles a second above which the phase of a node jumps from one frame to the next, as it may in a stand."""
+"""Phase rate above which the phase of a node jumps, as it may while the body stands [cycles/s]."""
 _IN_STEP = 0.8
-"""Seconds after a switch, and before one, in which a steered gait comes in step with nodes."""
+"""Time after a switch, and before one, over which a steered gait gets in phase with the nodes [s]."""
 _OUT_OF_STEP = 0.2
-"""Cycles above which it does not: such differences occur between stands, in which no foot swings."""
+"""Largest phase difference that is corrected [cycles]. Larger ones occur while bodies stand, and no foot swings."""
 _USUAL = 0.9
-"""Cycles a second of who is steered for a single step."""
+"""Phase rate assumed if an agent is steered for a single step [cycles/s]."""
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
 class Stretches(NamedTuple):
-    """S stretches of the columns of a part of a recording, column by column, in order of time.
+    """S stretches in a part (rows, columns) of a recording, sorted by column, then by time.
 
-    columns: (S,) int64 agents of the part. firsts, ends: (S,) int64 rows in which each is shown as steered, the last
-    captured row before among them. begins, stops: (S,) int64 rows over which track and phase are known. phases:
-    float64 phases of these rows [cycles], one stretch after the other, each from ``starts`` (S,) int64 on.
+    Attributes
+    ----------
+    columns : (S,) int64
+        Column of the agent in the part.
+    firsts, ends : (S,) int64
+        Rows in which the agent is shown as steered, from the last captured row before, to before ``ends``.
+    begins, stops : (S,) int64
+        Rows for which track and phase are known, to before ``stops``.
+    starts : (S,) int64
+        Index in ``phases`` of each stretch's first row.
+    phases : (N,) float64
+        Phases of all these rows [cycles], stretch after stretch.
     """
 
     columns: Ints
@@ -47,18 +56,18 @@ class Stretches(NamedTuple):
     phases: Floats
 
     def chosen(self, some: NDArray[np.bool_]) -> Stretches:
-        """Only some of the stretches, (S,)."""
+        """Return the stretches that the mask ``some`` (S,) selects."""
         columns, firsts, ends, begins, stops, starts = (values[some] for values in self[:-1])
         return Stretches(columns, firsts, ends, begins, stops, starts, self.phases)
 
     def phases_at(self, stretches: Ints, rows: Ints) -> Floats:
-        """(n,) phases of ``stretches`` (n,) in ``rows`` (n,)."""
+        """Return the phases (n,) of ``stretches`` (n,) in ``rows`` (n,) [cycles]."""
         at: Floats = self.phases[self.starts[stretches] + rows - self.begins[stretches]]
         return at
 
 
 def read_stretches(recording: RecordedTracks, rows: slice, columns: slice, some: Ints) -> Stretches:
-    """All stretches of the agents ``some`` of ``columns`` in ``rows``."""
+    """Return all stretches of the agents ``some`` of ``columns`` in ``rows``."""
     phase = recording.phase[rows, columns][:, some].astype(np.float64)
     state = recording.state[rows, columns][:, some]
     node = recording.node[rows, columns][:, some]
@@ -74,7 +83,7 @@ def read_stretches(recording: RecordedTracks, rows: slice, columns: slice, some:
     frame = recording.frame[rows, columns][:, some]
     played = played_phases(recording, levels, node, frame)
     gone = np.cumsum(phase_advances(levels, phase, played, rate), axis=0)
-    # Go on as long as the agent is there.
+    # Extend each stretch by CONTINUED, but not beyond the rows in which the agent is present.
     numbers = np.arange(len(levels))[:, None]
     absent = levels == Level.NOBODY
     since = np.maximum.accumulate(np.where(absent, numbers, -1), axis=0) + 1
@@ -88,6 +97,7 @@ def read_stretches(recording: RecordedTracks, rows: slice, columns: slice, some:
     of = np.repeat(here, counts)
     at_first = np.repeat(firsts, counts)
     phases = phase[at_first, of] + (gone[rows_of, of] - gone[at_first, of])
+    # Steered rows keep their recorded phase; extended rows add up the advances of the nodes.
     own = steered[rows_of, of] & (rows_of >= at_first) & (rows_of < np.repeat(ends, counts))
     phases = np.where(own, phase[rows_of, of], phases)
     stretches = Stretches(here, np.maximum(firsts - 1, begins), ends, begins, stops, starts, phases)
@@ -95,13 +105,14 @@ def read_stretches(recording: RecordedTracks, rows: slice, columns: slice, some:
 
 
 def _in_step(stretches: Stretches, played: Floats, since: Ints, until: Ints, rate: int) -> Stretches:
-    """Stretches whose phases are those of the nodes where they meet, and come back to their own within _IN_STEP.
+    """Return the stretches with phases equal to those of the nodes at both switches, and their own after _IN_STEP.
 
-    since, until: (N,) rows from the first steered one, and to the first captured one after, of each row of phases.
+    ``since`` and ``until`` (N,) are the rows from the first steered row, and to the first captured one, of each phase.
     """
     counts = stretches.stops - stretches.begins
     most = np.minimum(_IN_STEP * rate, 0.5 * (stretches.ends - stretches.firsts))
     phases = stretches.phases.copy()
+    # At either end of a stretch: phase difference to the node, to the nearest whole cycle, times 1 - smoothstep.
     for meeting, far in ((stretches.firsts, since + 1), (stretches.ends, until)):
         row = np.minimum(meeting, stretches.stops - 1)
         off = played[row, stretches.columns] - stretches.phases_at(np.arange(len(row)), row)
@@ -109,7 +120,8 @@ def _in_step(stretches: Stretches, played: Floats, since: Ints, until: Ints, rat
         off = np.where(np.isfinite(off) & (np.abs(off) <= _OUT_OF_STEP), off, 0.0)
         u = np.clip(far / np.repeat(most, counts), 0.0, 1.0)
         phases += np.repeat(off, counts) * (1.0 - u * u * (3.0 - 2.0 * u))
-    # Who stands meanwhile does not step back: the phase waits.
+    # The correction may make phases of a standing body decrease: hold them at their maximum so far. Offsets of 1000
+    # cycles separate the stretches in the running maximum.
     apart = 1000.0 * np.repeat(np.arange(len(counts)), counts)
     rising = phases - np.repeat(phases[stretches.starts], counts) + apart
     lost = np.maximum.accumulate(rising) - rising
@@ -119,7 +131,7 @@ def _in_step(stretches: Stretches, played: Floats, since: Ints, until: Ints, rat
 def played_phases(
     recording: RecordedTracks, levels: NDArray[np.int8], node: NDArray[np.int32], frame: NDArray[np.float32]
 ) -> Floats:
-    """Phases of the frames that are played, in [0, 1) cycles and of the shape of ``node``; nan if none is."""
+    """Return the phases of the frames that captured agents play, in [0, 1) cycles, shaped as ``node``; else nan."""
     motion = recording.header.motion
     captured = levels == Level.CAPTURED
     node, frame = np.where(captured, node, 0), np.where(captured, frame, 0.0).astype(np.float64)
@@ -128,18 +140,19 @@ def played_phases(
     before, after = (
         motion.pool_phases[some].astype(np.float64) for some in (rows, rows + (whole < motion.node_frames[node]))
     )
-    # From one frame to the next a phase goes on by less than half a cycle.
+    # Interpolate between two frames along the shorter arc: they are less than half a cycle apart.
     phases = np.mod(before + (frame - whole) * (np.mod(after - before + 0.5, 1.0) - 0.5), 1.0)
     return np.where(captured, phases, np.nan)
 
 
 def phase_advances(levels: NDArray[np.int8], phase: Floats, played: Floats, rate: int) -> Floats:
-    """By how much phases (rows, N) go on from the row before [cycles], whatever the levels; 0 in the first row.
+    """Return the advance of phases (rows, N) from the row before [cycles], on any level; 0 in the first row.
 
-    phase: of steered agents. played: of captured ones, in [0, 1). From one level to the other the steered phase goes on
-    as in the step next to it.
+    ``phase`` holds the phases of steered agents, ``played`` those of captured ones in [0, 1). Across a switch the phase
+    advances as in the steered step next to it.
     """
     ahead = np.zeros(levels.shape)
+    # Levels of a row and the one before: 3 both steered, 2 becomes steered, 1 becomes captured, 0 both captured.
     both = levels[1:] * 2 + levels[:-1]
     steered = np.diff(phase, axis=0)
     usual = _USUAL / rate
@@ -157,7 +170,7 @@ def phase_advances(levels: NDArray[np.int8], phase: Floats, played: Floats, rate
 
 
 def _runs(there: NDArray[np.bool_]) -> tuple[Ints, Ints, Ints]:
-    """Columns, first rows and ends of all runs of True in the columns of an array, column by column."""
+    """Return columns, first rows and ends of all runs of True in the columns of an array, column by column."""
     edge = np.zeros((1, there.shape[1]), bool)
     changes = np.diff(np.concatenate([edge, there, edge]).astype(np.int8), axis=0).T
     columns, firsts = np.nonzero(changes > 0)

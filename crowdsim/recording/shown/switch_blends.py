@@ -1,4 +1,4 @@
-"""Bodies that have just switched from one level to the other: the new motion, and what is left of the old one."""
+"""Poses of bodies after a switch between levels: the new motion plus the fading offset of the old one."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ Ints = NDArray[np.int64]
 
 
 class _Block(NamedTuple):
-    """Switches that are shown in one block of time: their numbers, ascending (n,), times of their feet, and offsets."""
+    """Switches that are shown in one block of time: their numbers (n,), ascending, foot times and offsets."""
 
     numbers: Ints
     feet: FootTimes
     offsets: Offsets
 
     def rows(self, numbers: Ints) -> Ints:
-        """(n,) where ``numbers`` are in the block."""
+        """Return (n,) the rows of switches ``numbers`` in the block."""
         return np.searchsorted(self.numbers, numbers)
 
 
 class SwitchBlends:
-    """Blends bodies of a recording after their switches; what the last blocks of time need is kept.
+    """Blends the bodies of a recording after their switches; the last blocks of time are kept.
 
-    The offset of a switch depends on the recording alone: on poses of both levels at its time, and on what was left
-    of the switch before. So poses are the same however one came to a time.
+    The offset of a switch depends only on the recording: on the poses of both levels at its time, and on the rest of
+    the switch before. Poses thus do not depend on the order in which times are requested.
     """
 
     def __init__(self, recording: RecordedPoses, switches: Switches, steered: SteeredPoses) -> None:
@@ -56,9 +56,27 @@ class SwitchBlends:
     def poses(
         self, time: float, step: int, frame: RecordedFrame, agents: Ints, steered: NDArray[np.bool_]
     ) -> tuple[NDArray[np.bool_], Floats, Floats]:
-        """Whom of ``agents`` (n,), all present, switches still change; world joints (m, J, 3), (m, J, 4) of these.
+        """Pose those of ``agents`` (n,), all present, whose last switch is not over yet.
 
-        frame: what is to be seen at ``time`` seconds, the shown step of which is ``step``. steered: (n,) their level.
+        Parameters
+        ----------
+        time : float
+            Time [s].
+        step : int
+            Step that is shown at that time.
+        frame : RecordedFrame
+            Frame at that time.
+        agents : (n,) int64
+            Agents to pose.
+        steered : (n,) bool
+            Whether they are shown as steered.
+
+        Returns
+        -------
+        changed : (n,) bool
+            Agents that a switch still affects.
+        positions, rotations : (m, J, 3), (m, J, 4) float64
+            World positions [m] and rotations of their joints.
         """
         while len(self._blocks) > _BLOCKS_KEPT:
             del self._blocks[next(iter(self._blocks))]
@@ -81,12 +99,12 @@ class SwitchBlends:
         return changed, *forward_kinematics(self._skeleton, *body)
 
     def _times(self, numbers: Ints) -> Floats:
-        """(n,) seconds at which switches are shown."""
+        """Return the times (n,) at which switches are shown [s]."""
         times: Floats = self._switches.shown[numbers] / self._recording.steps_per_second
         return times
 
     def _left(self, numbers: Ints, time: float | Floats) -> NDArray[np.bool_]:
-        """(n,) whether something is left of switches at ``time`` seconds."""
+        """Return (n,) whether an offset of each switch is left at ``time`` [s]."""
         left = np.zeros(len(numbers), bool)
         times = np.broadcast_to(np.asarray(time, np.float64), left.shape)
         for number in np.unique(self._block_of[numbers]).tolist():
@@ -97,7 +115,7 @@ class SwitchBlends:
         return left
 
     def _offsets(self, numbers: Ints) -> Offsets:
-        """Offsets of switches, in the order asked."""
+        """Return the offsets of switches ``numbers``, in their order."""
         parts, order = [], []
         for number in np.unique(self._block_of[numbers]).tolist():
             mine = np.flatnonzero(self._block_of[numbers] == number)
@@ -108,13 +126,13 @@ class SwitchBlends:
         return Offsets(*(np.concatenate(values)[back] for values in zip(*parts, strict=True)))
 
     def _block(self, number: int) -> _Block:
-        """All switches that are shown in a block of time."""
+        """Return all switches that are shown in a block of time, with their offsets."""
         if number not in self._blocks:
             numbers = np.flatnonzero(self._block_of == number)
             feet = foot_times(self._recording, self._switches, numbers)
             block = _Block(numbers, feet, _empty(self._times(numbers), feet, self._skeleton.joint_count))
             self._blocks[number] = block
-            # In order of time, as what is left of the switch before counts.
+            # In order of time: the rest of the switch before is part of an offset.
             shown = self._switches.shown[numbers]
             for step in np.unique(shown).tolist():
                 rows = np.flatnonzero(shown == step)
@@ -125,26 +143,26 @@ class SwitchBlends:
         return self._blocks[number]
 
     def _before(self, numbers: Ints) -> NDArray[np.bool_]:
-        """(n,) whether the agent of each switch made another one before."""
+        """Return (n,) whether the agent of each switch has an earlier switch."""
         agents = self._switches.agents
         before: NDArray[np.bool_] = (numbers > 0) & (agents[numbers - 1] == agents[numbers])
         return before
 
     def _fill(self, block: _Block, rows: Ints, step: int) -> None:
-        """Measure the offsets of switches ``rows`` of a block, all of them shown at ``step``."""
+        """Measure the offsets of the switches in ``rows`` of a block, all of them shown at ``step``."""
         numbers = block.numbers[rows]
         agents, to_steered = self._switches.agents[numbers], self._switches.steered[numbers]
         time, lapse = step / self._recording.steps_per_second, 1.0 / CAPTURE_RATE
         count, joints = len(rows), self._skeleton.joint_count
         old, old_later, new, new_later = (Body(np.empty((count, 3)), np.empty((count, joints, 4))) for _ in range(4))
         back, ahead = np.full(count, -lapse), np.full(count, lapse)
-        # Captured bodies at the step, and a frame later or earlier.
+        # Captured bodies at the step, and a frame earlier (old motion) or later (new motion) for their velocity.
         now, later, seconds = self._played_at(step, agents)
         for mine, body, other, lapses in ((to_steered, old, old_later, back), (~to_steered, new, new_later, ahead)):
             _put(body, mine, now.chosen(mine))
             _put(other, mine, later.chosen(mine))
             lapses[mine] = seconds[mine]
-        # Steered bodies: the old ones until then, the new ones from then on.
+        # Steered bodies likewise: an old motion belongs to the step before, a new one to this step.
         for mine, body, other, at, way in (
             (~to_steered, old, old_later, step - 1, -lapse),
             (to_steered, new, new_later, step, lapse),
@@ -160,7 +178,7 @@ class SwitchBlends:
             values[rows] = more
 
     def _leave_rest(self, numbers: Ints, time: float, lapses: Floats, body: Body, later: Body) -> None:
-        """Add what is left of the switches before to old motions, at ``time`` and ``lapses`` seconds later."""
+        """Add the rest of the switches before to old motions, at ``time`` and ``lapses`` seconds later."""
         earlier = self._before(numbers) & (time - self._times(numbers - 1) < LONGEST)
         earlier[earlier] = self._left(numbers[earlier] - 1, time)
         if earlier.any():
@@ -169,9 +187,9 @@ class SwitchBlends:
             _put(later, earlier, faded(self._skeleton, later.chosen(earlier), offsets, time + lapses[earlier]))
 
     def _played_at(self, step: int, agents: Ints) -> tuple[Body, Body, Floats]:
-        """Captured bodies at ``step``, and in the next frame of their nodes, or the one before if there is none.
+        """Return captured bodies at ``step``, and one frame later in their node, or earlier if it ends.
 
-        And (n,) seconds from the first to the second.
+        Also return the times (n,) from the first to the second [s].
         """
         recording = self._recording
         frame = recording.at_step(step)
@@ -188,7 +206,7 @@ class SwitchBlends:
         return now, self._played(*columns, frame.frame[agents] + way, track + moved), way / CAPTURE_RATE
 
     def _played(self, node: Ints, previous: Ints, frame: Floats, track: Floats) -> Body:
-        """Captured bodies in frames of nodes."""
+        """Return captured bodies in frames of their nodes."""
         columns = (np.ascontiguousarray(values, np.int32) for values in (node, previous))
         at = np.ascontiguousarray(frame, np.float64)
         joints = self._skeleton.joint_count
@@ -203,12 +221,12 @@ class SwitchBlends:
 
 
 def _put(into: Body, mine: NDArray[np.bool_], body: Body) -> None:
-    """Write bodies to where they belong."""
+    """Write bodies into the rows ``mine`` of ``into``."""
     into.roots[mine], into.rotations[mine] = body.roots, body.rotations
 
 
 def _empty(times: Floats, feet: FootTimes, joints: int) -> Offsets:
-    """Offsets that are still to be measured."""
+    """Return zero offsets, which are measured later."""
     shapes = ((3,), (3,), (joints, 3), (joints, 3), (2, 3), (2, 3), (2,), (2, 3), (2,))
     values = [np.zeros((len(times), *shape)) for shape in shapes]
     return Offsets(*[times, *values[:8], feet.hold, feet.end, values[8]])

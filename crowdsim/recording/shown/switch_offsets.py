@@ -1,8 +1,8 @@
-"""How a body goes over from one motion to another: the new motion plays, and what the old one differed by fades out.
+"""Transition between two motions: the new motion plays, and its difference to the old motion fades out.
 
-After D. Bollo, "Inertialization: high-performance animation transitions in Gears of War", GDC 2018: place and speed of
-the difference fade together, so that nothing jumps or stops at once. Feet that stand are not dragged along: each keeps
-its place until it lifts, and comes to that of the new motion in its swing.
+After D. Bollo, "Inertialization: high-performance animation transitions in Gears of War", GDC 2018: position and
+velocity of the difference fade together, so that no joint jumps or stops suddenly. Planted feet are not dragged along:
+each keeps its place until it lifts, and reaches its place in the new motion during that swing.
 """
 
 from __future__ import annotations
@@ -27,44 +27,57 @@ from crowdsim.motion.clips.skeleton import Skeleton
 from crowdsim.motion.deformed.body_kernels import REACH
 
 FADE = 0.3
-"""Seconds over which the difference fades. Longer ones show the old motion's style longer on the new motion's steps."""
+"""Time over which the difference fades [s]. A longer one shows more of the old motion's style."""
 
 _FASTEST = 1.5
-"""Speed of a difference that fades on [m/s], at most."""
+"""Largest velocity of a difference [m/s]; higher ones are cut."""
 _FASTEST_TURN = 8.0
-"""Turn rate of a difference that fades on [rad/s], at most."""
+"""Largest angular velocity of a difference [rad/s]; higher ones are cut."""
 _OWN_STEP = 1.5
-"""Height that a foot is lifted if it is put right while its body stands, as a multiple of how far it moves."""
+"""Height of the small step of a standing body, as a multiple of the distance that the foot moves."""
 _HIGHEST = 0.05
-"""Meters that it is lifted at most."""
+"""Largest height of such a step [m]."""
 
 
 class Body(NamedTuple):
-    """Poses of n bodies: roots (n, 3) [m] and rotations (n, J, 4), each joint in its parent, the root in the world."""
+    """Poses of n bodies: root positions (n, 3) [m]; rotations (n, J, 4) relative to the parent, the root's global."""
 
     roots: Floats
     rotations: Floats
 
     def chosen(self, some: NDArray[np.int64] | NDArray[np.bool_]) -> Body:
-        """Only some of the bodies."""
+        """Return the selected bodies."""
         return Body(self.roots[some], self.rotations[some])
 
 
 class Feet(NamedTuple):
-    """Both feet of n bodies, left first: balls (n, 2, 3) [m], turns (n, 2, 4) world rotations of the ankle joints."""
+    """Both feet of n bodies, left first: balls (n, 2, 3) [m], world rotations of the ankle joints (n, 2, 4)."""
 
     balls: Floats
     turns: Floats
 
 
 class Offsets(NamedTuple):
-    """What old motions differed by from new ones at n switches.
+    """Differences of old motions to new ones at n switches.
 
-    times: (n,) seconds of the switches. roots, root_speeds: (n, 3) [m], [m/s]. turns, turn_speeds: (n, J, 3) rotation
-    vectors of all joints [rad], [rad/s]. balls, ball_speeds: (n, 2, 3) [m], [m/s]; a foot that stands has no speed.
-    yaws: (n, 2) [rad] of the feet. tilts: (n, 2, 3) rotation vectors, what feet are turned by besides.
-    hold, end: (n, 2) seconds until which each foot keeps its offset, and at which it has lost it. rise: (n, 2) meters
-    that a foot is lifted meanwhile.
+    Attributes
+    ----------
+    times : (n,) float64
+        Times of the switches [s].
+    roots, root_speeds : (n, 3) float64
+        Root position [m] and velocity [m/s].
+    turns, turn_speeds : (n, J, 3) float64
+        Rotation vectors [rad] and angular velocities [rad/s] of all joints.
+    balls, ball_speeds : (n, 2, 3) float64
+        Position [m] and velocity [m/s] of the balls of the feet; the velocity of a planted foot is 0.
+    yaws : (n, 2) float64
+        Rotation of the feet about the vertical [rad].
+    tilts : (n, 2, 3) float64
+        Rotation vectors of the rest of their rotation [rad].
+    hold, end : (n, 2) float64
+        Times until which each foot keeps its offset, and at which it has vanished [s].
+    rise : (n, 2) float64
+        Height that the foot is lifted meanwhile [m].
     """
 
     times: Floats
@@ -81,12 +94,12 @@ class Offsets(NamedTuple):
     rise: Floats
 
     def chosen(self, some: NDArray[np.int64]) -> Offsets:
-        """Only some of the offsets."""
+        """Return the selected offsets."""
         return Offsets(*(values[some] for values in self))
 
     @property
     def until(self) -> Floats:
-        """(n,) seconds at which nothing is left of each."""
+        """Return the times (n,) at which each offset has vanished [s]."""
         until: Floats = np.maximum(self.times + FADE, self.end.max(axis=1))
         return until
 
@@ -94,9 +107,18 @@ class Offsets(NamedTuple):
 def offsets_between(
     skeleton: Skeleton, times: Floats, old: tuple[Body, Body], new: tuple[Body, Body], lapse: tuple[Floats, Floats]
 ) -> Offsets:
-    """What old motions differ by from new ones; times of the feet are still to be filled in.
+    """Return the differences of old motions to new ones; the times of the feet are filled in later.
 
-    times: (n,) seconds of the switches. old, new: poses then, and ``lapse`` (n,) seconds later, each in its motion.
+    Parameters
+    ----------
+    skeleton : Skeleton
+        Skeleton of all bodies.
+    times : (n,) float64
+        Times of the switches [s].
+    old, new : tuple of Body
+        Poses at these times, and ``lapse`` later, of the old and the new motion.
+    lapse : tuple of (n,) float64
+        Times between both poses, of the old and the new motion; may be negative [s].
     """
     speeds = []
     for (body, later), seconds in zip((old, new), lapse, strict=True):
@@ -132,7 +154,10 @@ def offsets_between(
 
 
 def with_feet(offsets: Offsets, hold: Floats, end: Floats, forced: NDArray[np.bool_]) -> Offsets:
-    """The offsets with the times of the feet, all (n, 2). forced: whether a foot is put right while its body stands."""
+    """Return the offsets with the times ``hold`` and ``end`` (n, 2) of the feet.
+
+    ``forced`` (n, 2) marks feet that take a small step of their own while the body stands.
+    """
     aside = np.sqrt(np.sum(offsets.balls[..., :2] * offsets.balls[..., :2], axis=-1))
     stands = hold > offsets.times[:, None]
     return offsets._replace(
@@ -144,7 +169,7 @@ def with_feet(offsets: Offsets, hold: Floats, end: Floats, forced: NDArray[np.bo
 
 
 def feet_of_body(skeleton: Skeleton, body: Body) -> Feet:
-    """Where the feet of bodies are."""
+    """Return balls and world rotations of the feet."""
     places, world = forward_kinematics(skeleton, body.roots, body.rotations)
     ankles = [skeleton.joint(f"{side}_ankle") for side in ("left", "right")]
     toes = [skeleton.roles.get(f"{side}_toe", ankle) for side, ankle in zip(("left", "right"), ankles, strict=True)]
@@ -152,7 +177,7 @@ def feet_of_body(skeleton: Skeleton, body: Body) -> Feet:
 
 
 def faded(skeleton: Skeleton, new: Body, offsets: Offsets, time: float | Floats) -> Body:
-    """Bodies of new motions at ``time`` seconds, with what is left of the old ones."""
+    """Return bodies of new motions at ``time`` [s], with the rest of the old ones added."""
     since = np.maximum(time - offsets.times, 0.0)
     keep, drift = _weights(since, np.full(len(since), FADE))
     roots = new.roots + keep[:, None] * offsets.roots + drift[:, None] * offsets.root_speeds
@@ -165,7 +190,7 @@ def faded(skeleton: Skeleton, new: Body, offsets: Offsets, time: float | Floats)
 def _foot_targets(
     skeleton: Skeleton, new: Body, offsets: Offsets, time: float | Floats, keep: Floats
 ) -> tuple[Floats, Floats]:
-    """Places of the ankles (n, 2, 3), and world rotations (n, 2, 4) of their joints."""
+    """Return positions of the ankles (n, 2, 3) [m], and world rotations (n, 2, 4) of their joints."""
     places, _ = forward_kinematics(skeleton, new.roots, new.rotations)
     ankles = [skeleton.joint(f"{side}_ankle") for side in ("left", "right")]
     feet = feet_of_body(skeleton, new)
@@ -173,18 +198,18 @@ def _foot_targets(
     share, drift = _weights(np.maximum(now - offsets.hold, 0.0), offsets.end - offsets.hold)
     u = np.clip((now - offsets.hold) / (offsets.end - offsets.hold), 0.0, 1.0)
     moved = share[..., None] * offsets.balls + drift[..., None] * offsets.ball_speeds
-    # Heights and tilts are put right at once: no foot hangs over the floor.
+    # Heights and tilts fade from the switch on, even of planted feet, so that no foot hovers.
     moved[..., 2] = np.minimum(share, keep[:, None]) * offsets.balls[..., 2]
     moved[..., 2] += offsets.rise * 16.0 * u * u * (1.0 - u) * (1.0 - u)
     tilt = np.minimum(share, keep[:, None])[..., None] * offsets.tilts
     turns = multiply(multiply(turns_of(tilt), _yaw_turns(share * offsets.yaws)), feet.turns)
-    # The foot turns about its ball.
+    # The ankle moves so that the foot turns about its ball.
     back = rotate(multiply(turns, conjugate(feet.turns)), places[:, ankles] - feet.balls)
     return feet.balls + moved + back, turns
 
 
 def _on_feet(skeleton: Skeleton, new: Body, body: Body, targets: Floats, turns: Floats) -> Body:
-    """Bodies whose legs end at ``targets`` (n, 2, 3), with rotations ``turns`` (n, 2, 4) of the ankle joints."""
+    """Return bodies with ankles at ``targets`` (n, 2, 3) [m] and ankle rotations ``turns`` (n, 2, 4) in the world."""
     places, world = forward_kinematics(skeleton, body.roots, body.rotations)
     new_places, _ = forward_kinematics(skeleton, new.roots, new.rotations)
     left = rotate(world[:, 0], np.array([0.0, 1.0, 0.0]))
@@ -192,10 +217,10 @@ def _on_feet(skeleton: Skeleton, new: Body, body: Body, targets: Floats, turns: 
     legs, most = [], []
     for hip, knee, ankle in joints:
         legs.append(Leg(places[:, hip], places[:, knee], places[:, ankle], world[:, hip], world[:, knee], left))
-        # A leg may be as straight as the motions have it.
+        # A leg may be as straight as in the blended or the new motion.
         alone = legs[-1]._replace(hips=new_places[:, hip], knees=new_places[:, knee], ankles=new_places[:, ankle])
         most.append(np.maximum(np.maximum(stretch(alone), stretch(legs[-1])), REACH))
-    # The pelvis comes down if a leg does not reach.
+    # Lower the pelvis if a leg does not reach its target.
     lack = np.maximum(*(missing_height(leg, targets[:, k], most[k]) for k, leg in enumerate(legs)))
     down = np.zeros_like(body.roots)
     down[:, 2] = np.maximum(lack, 0.0)
@@ -210,9 +235,9 @@ def _on_feet(skeleton: Skeleton, new: Body, body: Body, targets: Floats, turns: 
 
 
 def _weights(since: Floats, whole: Floats) -> tuple[Floats, Floats]:
-    """Shares of a difference and of its speed that are left after ``since`` of ``whole`` seconds.
+    """Return the shares of a difference and of its velocity that are left after ``since`` of ``whole`` seconds.
 
-    Polynomials of the fifth degree that begin with the difference, its speed and no acceleration, and end at rest.
+    Quintic polynomials: they begin with the difference, its velocity and no acceleration, and end at rest.
     """
     u = np.clip(since / whole, 0.0, 1.0)
     keep = 1.0 - u * u * u * (10.0 + u * (6.0 * u - 15.0))
@@ -221,13 +246,13 @@ def _weights(since: Floats, whole: Floats) -> tuple[Floats, Floats]:
 
 
 def _bounded(vectors: Floats, most: float) -> Floats:
-    """Vectors (..., 3) that are no longer than ``most``."""
+    """Return vectors (..., 3), shortened to length ``most``."""
     length = np.sqrt(np.sum(vectors * vectors, axis=-1, keepdims=True))
     bounded: Floats = vectors * np.minimum(1.0, most / np.maximum(length, 1e-12))
     return bounded
 
 
 def _yaw_turns(yaws: Floats) -> Floats:
-    """Rotations (..., 4) about the vertical."""
+    """Return quaternions (..., 4) of rotations about the vertical."""
     zero = np.zeros_like(yaws)
     return np.stack([cos(0.5 * yaws), zero, zero, sin(0.5 * yaws)], axis=-1)

@@ -1,6 +1,6 @@
-"""Tracks of steered agents in blocks of time, with as much before and after as their poses depend on.
+"""Tracks of steered agents in blocks of time, with as many samples before and after as their poses depend on.
 
-A block is read the same way whoever asks for it, so that a pose at some time is the same however one came there.
+A block is always read in the same way, so that a pose does not depend on the times requested before.
 """
 
 from __future__ import annotations
@@ -17,31 +17,43 @@ from crowdsim.recording.header import Ends
 from crowdsim.recording.shown.steered_stretches import read_stretches
 
 TICKS_PER_SECOND = 10
-"""Samples a second that steps are planned from, whatever the rate of the recording."""
+"""Samples per second that footsteps are planned from, at any rate of the recording [1/s]."""
 BLOCK_TICKS = 50
-"""Ticks of a block. Longer blocks are planned less often, and take longer until the first picture."""
+"""Samples (ticks) of a block. Longer blocks are planned less often, but the first picture takes longer."""
 
 _BEFORE, _AFTER = 45, 45
-"""Ticks read before and after a block at first: two cycles of the slowest steady walk."""
+"""Ticks first read before and after a block: two cycles of the slowest steady walk."""
 _FARTHEST = 720
-"""Ticks read before a block at most, for those who stand: a foot that was put down earlier may move once, by 3 cm."""
+"""Largest number of ticks read before a block, for standing bodies: a foot planted even earlier may move once, by 3
+cm."""
 _CYCLES = 2.25
 """Cycles before and after a block that its poses depend on."""
 _SPARE = 5
-"""Ticks kept beyond these cycles."""
+"""Extra ticks kept beyond these cycles."""
 _OF_A_STAND = 15
-"""Ticks kept at each end of a stand before a block; what lies between decides nothing."""
+"""Ticks kept at each end of a stand before a block; the ticks in between have no influence."""
 _AGENTS_AT_ONCE = 4096
 
 Ints = NDArray[np.int64]
 
 
 class TrackBlock(NamedTuple):
-    """Smoothed tracks of the A bodies that are steered in a block; who leaves and comes back is another body.
+    """Smoothed tracks of the A bodies that are steered in a block.
 
-    agents: (A,) int64, in ascending order. firsts, ends: (A,) int64 steps of the recording in which each is shown, as
-    far as the block knows; the last captured step before among them. tracks: samples at ticks. zeros: (A,) float64
-    seconds at which the first sample of each track would lie if none before the block had been left out.
+    An agent that stops being steered and starts again counts as another body.
+
+    Attributes
+    ----------
+    agents : (A,) int64
+        Agent of each body, ascending.
+    firsts, ends : (A,) int64
+        Steps of the recording in which each is shown as steered, from the last captured step before, to before
+        ``ends``,
+        as far as the block knows.
+    tracks : JoinedTracks
+        Samples at ticks.
+    zeros : (A,) float64
+        Time at which the first sample would lie if no samples before the block had been left out [s].
     """
 
     agents: Ints
@@ -51,13 +63,13 @@ class TrackBlock(NamedTuple):
     zeros: NDArray[np.float64]
 
     def bodies_at(self, step: int, agents: Ints) -> Ints:
-        """(n,) the body of each of ``agents``, all of them steered at ``step``."""
+        """Return (n,) the body of each of ``agents``, all of which are steered at ``step``."""
         there = np.flatnonzero((self.firsts <= step) & (step < self.ends))
         found: Ints = there[np.searchsorted(self.agents[there], agents)]
         return found
 
     def kept(self, bodies: NDArray[np.bool_]) -> TrackBlock:
-        """The block with only some bodies, (A,)."""
+        """Return the block with the bodies that the mask ``bodies`` (A,) selects."""
         tracks = self.tracks.kept(bodies[self.tracks.bodies])
         starts = np.append(tracks.starts[:-1][bodies], tracks.starts[-1])
         rest = JoinedTracks(tracks.samples, starts)
@@ -65,12 +77,12 @@ class TrackBlock(NamedTuple):
 
 
 def block_of(step: int, steps_per_second: int) -> int:
-    """The block that a step of a recording lies in."""
+    """Return the block that a step of a recording lies in."""
     return step * TICKS_PER_SECOND // steps_per_second // BLOCK_TICKS
 
 
 def block_steps(block: int, steps_per_second: int) -> tuple[int, int]:
-    """The first step of a block, and the first one after it."""
+    """Return the first step of a block, and the first one after it."""
     first, end = block * BLOCK_TICKS * steps_per_second, (block + 1) * BLOCK_TICKS * steps_per_second
     return -(-first // TICKS_PER_SECOND), -(-end // TICKS_PER_SECOND)
 
@@ -81,7 +93,7 @@ def read_block(recording: RecordedTracks, block: int) -> TrackBlock:
     for first in range(0, recording.agent_count, _AGENTS_AT_ONCE):
         agents = np.arange(first, min(first + _AGENTS_AT_ONCE, recording.agent_count))
         before = _BEFORE
-        # Who stands made its last steps long ago: read on backwards for those.
+        # The last steps of standing bodies lie far back: read twice as far for these until they are found.
         while len(agents):
             part, lacking = _read_part(recording, agents, block, before)
             if before >= _FARTHEST:
@@ -93,7 +105,7 @@ def read_block(recording: RecordedTracks, block: int) -> TrackBlock:
 
 
 def _joined(parts: list[TrackBlock]) -> TrackBlock:
-    """All bodies of some parts, in ascending order of agents and of time."""
+    """Return all bodies of some parts, sorted by agent and time."""
     agents, firsts, ends = (np.concatenate([part[k] for part in parts]) for k in range(3))
     samples = np.concatenate([part.tracks.samples for part in parts])
     lengths = np.concatenate([part.tracks.lengths for part in parts])
@@ -106,9 +118,9 @@ def _joined(parts: list[TrackBlock]) -> TrackBlock:
 def _read_part(
     recording: RecordedTracks, agents: Ints, block: int, before: int
 ) -> tuple[TrackBlock, NDArray[np.bool_]]:
-    """Bodies of some ``agents`` in a block, and (A,) which ones begin too late for knowing where their feet stand.
+    """Return the bodies of some ``agents`` in a block, and (A,) whether the steps of a body begin before the samples.
 
-    before: ticks to read before the block.
+    ``before`` is the number of ticks to read before the block.
     """
     rate = recording.steps_per_second
     first_tick, end_tick = block * BLOCK_TICKS, (block + 1) * BLOCK_TICKS
@@ -122,7 +134,7 @@ def _read_part(
     inside = (began < block_end) & (left > block_first)
     stretches, began, left = stretches.chosen(inside), began[inside], left[inside]
     here, begins, stops = stretches.columns, stretches.begins, stretches.stops
-    # Sample at ticks, up to those just beyond the steps in which a body is there.
+    # Resample at ticks, from the one before a body's first row to the one after its last.
     first_ticks = np.maximum((begins + rows.start) * TICKS_PER_SECOND // rate, low)
     last_ticks = np.minimum(-(-(stops + rows.start - 1) * TICKS_PER_SECOND // rate), high)
     counts = last_ticks - first_ticks + 1
@@ -155,7 +167,7 @@ def _read_part(
 
 
 def _across(places: NDArray[np.float64], starts: Ints, ends: Ends) -> NDArray[np.float64]:
-    """Places along the axis of a floor without ends, of tracks one after the other, that go on beyond its ends."""
+    """Return the coordinates of concatenated tracks along the axis of a periodic floor, continued across its ends."""
     if not len(places):
         return places
     ways = ends.shorter(np.diff(places, prepend=places[:1]))
@@ -172,9 +184,9 @@ def _needed(
     cut_before: NDArray[np.bool_],
     cut_after: NDArray[np.bool_],
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which samples the poses of a block depend on, (N,), and which bodies begin too late to know, (A,).
+    """Return which samples the poses of a block depend on (N,), and which bodies need more samples before (A,).
 
-    cut_before, cut_after: (A,) whether a body was there before its track begins, and after it ends.
+    ``cut_before`` and ``cut_after`` (A,) say whether a body was steered before its track begins, and after it ends.
     """
     body, place, lengths, starts = tracks.bodies, tracks.places, tracks.lengths, tracks.starts
     phase = tracks.samples[:, 3]
@@ -183,14 +195,14 @@ def _needed(
         phase[starts[:-1] + np.clip(tick - first_ticks, 0, lengths - 1)] if len(lengths) else np.zeros(0)
         for tick in (block_first, block_end)
     )
-    # Smoothing needs samples beyond an end that is not the end of the track.
+    # Smoothing needs samples beyond each end at which the track was cut.
     reach = smoothing_reach()
     earlier = np.bincount(body, phase <= (at_first - _CYCLES)[body], len(lengths)).astype(np.int64)
     lacking = cut_before & (earlier <= reach + _SPARE)
     begin = np.maximum(earlier - 1 - _SPARE, np.where(cut_before, reach, 0))
     before_end = np.bincount(body, phase < (at_end + _CYCLES)[body], len(lengths)).astype(np.int64)
     end = np.minimum(before_end + _SPARE, lengths - np.where(cut_after, reach, 0))
-    # In the middle of a stand the phase is the same long before and after.
+    # In the middle of a stand the phase is equal _OF_A_STAND ticks before and after.
     numbers = np.arange(len(phase))
     old, new = (np.clip(numbers + k, 0, max(len(phase) - 1, 0)) for k in (-_OF_A_STAND, _OF_A_STAND))
     standing = (body[old] == body) & (body[new] == body) & (place >= _OF_A_STAND) & (phase[old] == phase[new])
@@ -199,7 +211,7 @@ def _needed(
 
 
 def _last(keep: NDArray[np.bool_], tracks: JoinedTracks) -> Ints:
-    """(A,) the last sample of each track that is kept."""
+    """Return (A,) the last kept sample of each track."""
     kept = np.flatnonzero(keep)
     ends = np.searchsorted(kept, tracks.starts[1:])
     last: Ints = np.append(kept, len(keep))[ends - 1]

@@ -1,4 +1,4 @@
-"""Keys of a scenario file about the characters: who walks from where to where, and how they move."""
+"""Keys of a scenario file for groups of characters: starts, goals, numbers, and how they move."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, WithJsonSchema, model_validator
 
-from crowdsim.constants import NONE
+from crowdsim.constants import CAPTURE_PATTERNS, NONE
 from crowdsim.scenario.schema.attributes import Attributes
 from crowdsim.scenario.schema.exits import Choice, Exits
 from crowdsim.scenario.schema.spreads import Breadth, Delay, Spread, WalkingSpeed
@@ -17,21 +17,36 @@ MAX_COUNT = 100_000
 MOST_TOGETHER = 8
 
 STAND_WITHIN = 0.1
-"""Meters from its goal within which a character comes to stand where nothing else is asked for."""
+"""Default distance from its goal within which a character comes to stand [m]."""
 
 
 class Motion(Part):
-    """Where movement comes from: a built-in set, or captures in a folder beside the scenario file."""
+    """Source of the clips: a built-in set, or motion captures in a folder beside the scenario file."""
 
     model_config = ConfigDict(json_schema_extra=one_of(("set",), ("captures",)))
-    set: Literal["default", "happy", "dance"] | None = None
-    captures: FileText | None = None
-    clips: Annotated[tuple[FileText, ...], Field(strict=False, min_length=1)] = ("*.bvh",)
+    set: Annotated[Literal["default", "happy", "dance"] | None, Field(description="built-in motion set")] = None
+    captures: Annotated[FileText | None, Field(description="folder of motion captures, beside the scenario file")] = (
+        None
+    )
+    clips: Annotated[
+        tuple[FileText, ...],
+        Field(strict=False, min_length=1, description="patterns of the files to take, such as *.bvh"),
+    ] = CAPTURE_PATTERNS
+    unit: Annotated[
+        Literal["m", "cm", "mm", "ft", "inch", "CMU unit"] | None,
+        Field(description="unit of length of the captures, where they do not tell"),
+    ] = None
+    joints: Annotated[
+        dict[str, str] | None, Field(description="names of joints in the files by their roles, such as left_hip")
+    ] = None
 
     @model_validator(mode="after")
     def _check(self) -> Motion:
-        if self.only("set", "captures") == "set" and "clips" in self.model_fields_set:
-            raise ValueError("'clips' chooses among captures; give 'captures' with it, or drop it")
+        if self.only("set", "captures") == "set":
+            for key in ("clips", "unit", "joints"):
+                if key in self.model_fields_set:
+                    what = "chooses among captures" if key == "clips" else "is that of captures"
+                    raise ValueError(f"'{key}' {what}; give 'captures' with it, or drop it")
         return self
 
 
@@ -55,72 +70,117 @@ def _one_goal_and_some_agents(schema: dict[str, Any]) -> None:
 
 
 USUAL_SPEED = Spread(mean=1.34, sd=0.26, min=0.5, max=2.2)
-"""Speeds at which people walk alone [m/s] (Weidmann 1993)."""
+"""Default distribution of free walking speeds [m/s] (Weidmann 1993)."""
 
 USUAL_BREADTH = Spread(mean=0.46, sd=0.03, min=0.38, max=0.55)
-"""Breadths of adults over their arms [m] (DIN 33402)."""
+"""Default distribution of body breadths over the arms of adults [m] (DIN 33402)."""
 
 _STEERED_KEYS = ("breadth", "delay")
 
 
 class Goal(Region):
-    """A place to go to, and where to face for those who stand there; or a way ``along`` an axis without end."""
+    """A place to go to, and the heading to take there; or an endless way ``along`` an axis of a periodic floor."""
 
     model_config = ConfigDict(
         json_schema_extra=one_of(("rectangle",), ("point",), ("circle",), ("polygon",), ("along",))
     )
-    heading: Degrees | None = None
-    along: Literal["+x", "-x", "+y", "-y"] | None = None
+    heading: Annotated[
+        Degrees | None, Field(description="to face while standing there, counter-clockwise from +x [degrees]")
+    ] = None
+    along: Annotated[
+        Literal["+x", "-x", "+y", "-y"] | None,
+        Field(description="walk in this direction without end, on a periodic floor"),
+    ] = None
 
     def _kinds(self) -> tuple[str, ...]:
         return (*super()._kinds(), "along")
 
 
 class AgentGroup(Part):
-    """Characters with one start and the same goals.
+    """Characters with one start region and the same goals.
 
-    ``together``: so many of them, one after the other, are a party that walks together, as pairs and families do.
+    ``count`` of them start ``interval`` seconds after each other; or a source lets in ``rate`` per second until
+    ``until`` (``count`` at most). Each ``together`` consecutive characters form a party that walks together, such as a
+    pair or a family. ``on_call``: they come only if a command adds them; ``count`` is how many there can be.
 
-    ``count`` of them start ``interval`` seconds after each other; or a source lets in ``rate`` a second until ``until``
-    (at most ``count``). They go to their ``goal``, or to each of ``goals`` in turn, ``repeat`` times over, and stand
-    ``wait`` seconds at all but the last, within ``stand_within`` meters of them; or they leave through one of
-    ``exits``, by ``choice`` or as it is assigned to them. To a goal or an exit, they may take a ``route``.
+    They go to their ``goal``, or to each of ``goals`` in turn, ``repeat`` times over, and stand ``wait`` seconds at all
+    but the last, within ``stand_within`` meters of them; or they leave through one of ``exits``, by ``choice`` or by
+    assigned shares. A ``route`` gives places to pass on the way to a goal or an exit.
 
-    ``locomotion``: captured characters play motion that is searched for each of them; steered ones decide ten times a
-    second, and their bodies follow; ``auto`` ones are captured while they have room, and steered where they meet
-    others. They walk at their ``speed`` [m/s] where nothing is in their way; captured motion is played at 0.6 to 1.15
-    of the speed that it has. Steered ones are ``breadth`` [m] broad, and take their first step ``delay`` seconds after
-    they came. ``attributes`` are said of them for statistics, recordings and pictures; nobody walks otherwise because
-    of them.
+    ``locomotion``: captured characters play motion that is searched for each of them; steered ones decide on a velocity
+    ten times a second, and their bodies follow; ``auto`` ones are captured while they have room, and steered where they
+    meet others. They walk at ``speed`` [m/s] if nothing is in the way; captured motion is played at 0.6 to 1.15 times
+    its own speed. Steered ones are ``breadth`` [m] broad, and take their first step ``delay`` seconds after they
+    appear. ``attributes`` describe them for statistics, recordings and pictures; they do not change how characters
+    walk.
     """
 
     model_config = ConfigDict(json_schema_extra=_one_goal_and_some_agents)
-    name: Name
-    count: Annotated[int, Field(ge=1, le=MAX_COUNT)] | None = None
-    rate: Annotated[float, Field(allow_inf_nan=False, gt=0.0, le=1000.0)] | None = None
-    arrivals: Literal["poisson", "regular"] = "poisson"
-    start: Region
-    goal: Goal | None = None
-    goals: Annotated[tuple[Goal, ...], Field(strict=False, min_length=1)] | None = None
-    exits: Exits | None = None
-    choice: Choice = "nearest"
-    route: Name | None = None
-    repeat: Repeat = 1
-    wait: Seconds = 0.0
-    start_time: Seconds = 0.0
-    interval: Seconds = 0.0
-    until: Seconds | None = None
-    together: Annotated[int, Field(ge=1, le=MOST_TOGETHER)] = 1
-    on_arrival: Literal["leave", "stay"] = "leave"
-    stand_within: Annotated[float, Field(allow_inf_nan=False, ge=0.01, le=0.35)] = STAND_WITHIN
-    locomotion: Literal["auto", "captured", "steered"] = "auto"
-    speed: WalkingSpeed = USUAL_SPEED
-    breadth: Breadth = USUAL_BREADTH
-    delay: Delay = Spread(mean=0.0)
+    name: Annotated[Name, Field(description="unique among groups")]
+    count: Annotated[
+        Annotated[int, Field(ge=1, le=MAX_COUNT)] | None,
+        Field(description="number of characters; of a source, at most"),
+    ] = None
+    rate: Annotated[
+        Annotated[float, Field(allow_inf_nan=False, gt=0.0, le=1000.0)] | None,
+        Field(description="makes the group a source: characters a second on average"),
+    ] = None
+    arrivals: Annotated[
+        Literal["poisson", "regular"], Field(description="of a source: at random, or in equal steps")
+    ] = "poisson"
+    start: Annotated[Region, Field(description="region to start in")]
+    goal: Annotated[Goal | None, Field(description="region to go to")] = None
+    goals: Annotated[
+        Annotated[tuple[Goal, ...], Field(strict=False, min_length=1)] | None,
+        Field(description="regions to go to, one after another"),
+    ] = None
+    exits: Annotated[
+        Exits | None, Field(description="all, names of exits, or names with the share of characters assigned to each")
+    ] = None
+    choice: Annotated[Choice, Field(description="among exits: the nearest, or the one reached and passed soonest")] = (
+        "nearest"
+    )
+    route: Annotated[Name | None, Field(description="name of the route to take")] = None
+    repeat: Annotated[Repeat, Field(description="how many times over to go to the goals, or forever")] = 1
+    wait: Annotated[Seconds, Field(description="seconds to stand at each of the goals but the last")] = 0.0
+    start_time: Annotated[Seconds, Field(description="seconds until the first may start")] = 0.0
+    interval: Annotated[Seconds, Field(description="seconds from one start to the next")] = 0.0
+    until: Annotated[
+        Seconds | None, Field(description="seconds at which a source ends; the end of the run if absent")
+    ] = None
+    on_call: Annotated[bool, Field(description="come only if a command adds them while the simulation runs")] = False
+    together: Annotated[
+        int, Field(ge=1, le=MOST_TOGETHER, description="number of characters that walk together as a party")
+    ] = 1
+    on_arrival: Annotated[
+        Literal["leave", "stay"], Field(description="leave the world at the last goal, or stay there")
+    ] = "leave"
+    stand_within: Annotated[
+        float,
+        Field(
+            allow_inf_nan=False, ge=0.01, le=0.35, description="meters from their goals within which they come to stand"
+        ),
+    ] = STAND_WITHIN
+    locomotion: Annotated[
+        Literal["auto", "captured", "steered"],
+        Field(
+            description="captured: motion is searched for each; steered: for many; auto: captured while there is room"
+        ),
+    ] = "auto"
+    speed: Annotated[
+        WalkingSpeed, Field(description="walking speed where nothing is in the way, a number or a distribution [m/s]")
+    ] = USUAL_SPEED
+    breadth: Annotated[
+        Breadth, Field(description="breadth over the arms while steered, a number or a distribution [m]")
+    ] = USUAL_BREADTH
+    delay: Annotated[
+        Delay, Field(description="seconds between coming and the first step, a number or a distribution")
+    ] = Spread(mean=0.0)
     attributes: Attributes = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _check(self) -> AgentGroup:
+        """Refuse keys that contradict each other, or have no effect beside each other."""
         self.only("goal", "goals", "exits")
         if self.count is None and self.rate is None:
             raise ValueError("give 'count' for so many characters, or 'rate' for a source of them")
@@ -132,12 +192,16 @@ class AgentGroup(Part):
             raise ValueError("a source has a 'rate', not an 'interval'; drop one of them")
         elif self.until is not None and self.until <= self.start_time:
             raise ValueError(f"'until' ({self.until:g} s) must lie after 'start_time' ({self.start_time:g} s)")
+        if self.on_call:
+            for key in ("rate", "start_time", "interval", "together"):
+                if key in self.model_fields_set:
+                    raise ValueError(f"characters on call come one by one if a command adds them; drop '{key}'")
         if self.rounds != 1 and len(self.regions()) < 2:
             raise ValueError("'repeat' goes round among several places; give 'goals' with at least two")
         if self.locomotion == "captured":
             if self.together > 1:
                 raise ValueError(
-                    "who walks 'together' steers; give 'locomotion: auto' or 'steered', or drop 'together'"
+                    "parties that walk 'together' are steered; give 'locomotion: auto' or 'steered', or drop 'together'"
                 )
             for key in _STEERED_KEYS:
                 if key in self.model_fields_set:
@@ -150,11 +214,12 @@ class AgentGroup(Part):
         return self
 
     def _check_exits(self) -> None:
+        """Refuse what does not go with exits, or goes with exits only."""
         if self.exits is None:
             if "choice" in self.model_fields_set:
                 raise ValueError("'choice' is among exits; give 'exits' with it, or drop it")
             if len(self.goals or ()) > 1 and any(goal.along is not None for goal in self.goals or ()):
-                raise ValueError("a way along an axis has no end; give it as the only 'goal'")
+                raise ValueError("a way 'along' an axis is endless; give it as the only 'goal'")
             if self.locomotion == "captured" and self.goal is not None and self.goal.along is not None:
                 raise ValueError("captured characters go to a region; give 'locomotion: auto' or 'steered'")
             return
@@ -162,19 +227,23 @@ class AgentGroup(Part):
             raise ValueError("these 'exits' are assigned by their shares; drop 'choice', or list names only")
         for key in ("on_arrival", "wait"):
             if getattr(self, key) not in ("leave", 0.0):
-                raise ValueError(f"who goes to an exit leaves there; drop '{key}', or give a 'goal'")
+                raise ValueError(f"characters that go to an exit leave there; drop '{key}', or give a 'goal'")
 
     def _check_route(self) -> None:
+        """Refuse what does not go with a route."""
         if self.route is None:
             return
         if self.goals is not None:
             raise ValueError("a 'route' leads to one 'goal' or to 'exits'; list its places among the 'goals' instead")
         if self.goal is not None and self.goal.along is not None:
-            raise ValueError("a way along an axis has no end to take a 'route' to; name a region, or drop 'route'")
+            raise ValueError(
+                "a way 'along' an axis is endless, so no 'route' leads to its end; name a region, or drop 'route'"
+            )
         if self.wait > 0.0:
-            raise ValueError("nobody waits on a 'route'; list its places as 'goals', or drop 'wait'")
+            raise ValueError("characters do not wait on a 'route'; list its places as 'goals', or drop 'wait'")
 
     def _check_stands(self) -> None:
+        """Refuse headings and ``stand_within`` for goals at which no character stands."""
         regions = self.regions()
         if not regions:
             return
@@ -186,22 +255,22 @@ class AgentGroup(Part):
             if goal.heading is not None and not stood_at:
                 name = ".".join(str(part) for part in key)
                 needed = "'on_arrival: stay'" if key == regions[-1][0] else "'wait'"
-                raise ValueError(f"nobody stands at {name} to face its 'heading'; give {needed}, or drop it")
+                raise ValueError(f"no character stands at {name} to face its 'heading'; give {needed}, or drop it")
 
     @property
     def rounds(self) -> int:
-        """How many times over the goals are gone to; NONE for as long as the run lasts."""
+        """Return how often the goals are visited in turn; NONE for as long as the run lasts."""
         return NONE if self.repeat == "forever" else int(self.repeat)
 
     @property
     def level(self) -> str:
-        """How the characters move: their ``locomotion``, but ``auto`` ones steer where captured motion cannot go."""
+        """Return the ``locomotion``; steered instead of ``auto`` if captured motion cannot reach the group's goals."""
         endless = any(goal.along is not None for _, goal in self.regions())
         steers = self.exits is not None or endless or self.together > 1
         return "steered" if self.locomotion == "auto" and steers else self.locomotion
 
     def regions(self) -> list[tuple[tuple[str | int, ...], Goal]]:
-        """The goals in order, each with its place in the group: ``("goals", 1)``; none of who goes to an exit."""
+        """Return the goals in order, each with its key in the group, as ``("goals", 1)``; none if it goes to exits."""
         if self.goal is not None:
             return [(("goal",), self.goal)]
         return [(("goals", number), region) for number, region in enumerate(self.goals or ())]

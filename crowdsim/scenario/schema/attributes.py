@@ -1,4 +1,4 @@
-"""What a group says of its characters beside how they walk: numbers, which may be drawn, and words."""
+"""Attributes of the characters of a group beside how they walk: numbers, which may be drawn, and words."""
 
 from __future__ import annotations
 
@@ -10,16 +10,19 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, WithJso
 from crowdsim.scenario.schema.spreads import KINDS, Positive, Spread, spread_schema
 
 TAKEN = ("behavior", "agent", "level")
-"""Names that ``crowdsim play --color`` has for something else."""
+"""Names that are not allowed, because ``crowdsim play --color`` uses them for something else."""
 
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
 
 
 class Attribute(Spread):
-    """A number or how it is distributed, or ``words`` with the share of characters that each is said of."""
+    """A number, a distribution of numbers, or ``words`` with the share of the characters that each is given to."""
 
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [kind]} for kind in (*KINDS, "words")]})
-    words: Annotated[dict[str, Positive], Field(min_length=1, max_length=100)] | None = None
+    words: Annotated[
+        Annotated[dict[str, Positive], Field(min_length=1, max_length=100)] | None,
+        Field(description="words with the share of characters that each is said of"),
+    ] = None
 
     def _kinds(self) -> tuple[str, ...]:
         return (*super()._kinds(), "words")
@@ -32,18 +35,21 @@ class Attribute(Spread):
 
 
 def _short(value: Any) -> Any:
-    """A plain number or word as what it is short for."""
+    """Return the mapping that a plain number or word stands for."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return {"mean": value}
     return {"words": {value: 1.0}} if isinstance(value, str) else value
 
 
 def _named(attributes: dict[str, Attribute]) -> dict[str, Attribute]:
+    """Refuse names that are no words of a file, or that playback colors have taken."""
     for name in attributes:
         if not _NAME.fullmatch(name):
-            raise ValueError(f"'{name}' is no name of an attribute; take small letters, digits and _, a letter first")
+            raise ValueError(
+                f"'{name}' is not a valid name of an attribute; use lower-case letters, digits and _, a letter first"
+            )
         if name in TAKEN:
-            raise ValueError(f"the name '{name}' is taken by what playback colors; give another one")
+            raise ValueError(f"the name '{name}' has a meaning in playback colors; choose another one")
     return attributes
 
 
@@ -61,7 +67,11 @@ Attributes = Annotated[
             "type": "object",
             "propertyNames": {"pattern": f"^{_NAME.pattern}$"},
             "additionalProperties": {
-                "anyOf": [{"type": "number"}, {"type": "string"}, spread_schema({"type": "number"}, words=_WORDS)]
+                "anyOf": [
+                    {"type": "number"},
+                    {"type": "string"},
+                    spread_schema({"type": "number"}, Attribute, words=_WORDS),
+                ]
             },
         }
     ),

@@ -1,4 +1,4 @@
-"""Keys of a scenario file about the place: its floor, what stands on it, and the layers made of it."""
+"""Keys of a scenario file for the environment: its floor, its obstacles, and the layers made of them."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ from crowdsim.scenario.schema.values import (
 )
 
 DENSITIES = {"normal": 0.12, "dense": 0.24}
-"""Share of the floor that obstacles cover in the paper's two environments, as far as its figure 6 shows."""
+"""Share of the floor that obstacles cover in the 2018 paper's two environments, measured from its figure 6."""
 
 MAX_DENSITY = 0.4
-"""With more, obstacles that do not overlap leave hardly a way between them."""
+"""Largest share of the floor that clutter may cover. Beyond it, hardly any way remains between the obstacles."""
 
 
 def _as_share(value: Any) -> Any:
@@ -53,27 +53,32 @@ Density = Annotated[
 
 
 LEAST_SPAN = 10.0
-"""Length of a periodic floor at least [m]: nobody is to see oneself ahead."""
+"""Least length of a periodic floor [m], so that no character sees itself ahead."""
 
 
 class Floor(Part):
-    """The walkable floor before anything stands on it: drawn, read from a file, or found in the obstacles.
+    """The whole floor, without obstacles: drawn, read from a file, or derived from the obstacles.
 
-    ``periodic``: who leaves it at its end along that axis comes in at the other one.
+    ``periodic``: a character that leaves the floor at one end of this axis comes in at the other end.
     """
 
     model_config = ConfigDict(json_schema_extra=one_of(("rectangle",), ("polygon",), ("file",), ("derive",)))
-    rectangle: Rectangle | None = None
-    polygon: Ring | None = None
-    file: FileText | None = None
-    drawing_layer: Name | None = None
-    units: Name | None = None
-    derive: Literal[True] | None = None
-    height: Length | None = None
-    periodic: Literal["x", "y"] | None = None
+    rectangle: Annotated[Rectangle | None, Field(description="xmin, ymin, xmax, ymax [m]")] = None
+    polygon: Annotated[Ring | None, Field(description="outline of three points x, y or more [m]")] = None
+    file: Annotated[FileText | None, Field(description="WKT or DXF file of the floor, beside the scenario file")] = None
+    drawing_layer: Annotated[Name | None, Field(description="layer of the DXF drawing that is the floor")] = None
+    units: Annotated[Name | None, Field(description="units of the file, instead of those it names")] = None
+    derive: Annotated[Literal[True] | None, Field(description="true: find the floor in the files of the obstacles")] = (
+        None
+    )
+    height: Annotated[Length | None, Field(description="height of the floor in these files [m]")] = None
+    periodic: Annotated[
+        Literal["x", "y"] | None, Field(description="axis along which the floor begins again at its end")
+    ] = None
 
     @model_validator(mode="after")
     def _check(self) -> Floor:
+        """Refuse a short period, and keys of files on a floor that is drawn."""
         if self.periodic is not None and self.rectangle is None and self.polygon is None:
             raise ValueError(
                 "'periodic' is of a floor that the scenario draws; give 'rectangle' or 'polygon', or drop it"
@@ -89,7 +94,7 @@ class Floor(Part):
 
     @property
     def span(self) -> tuple[float, float]:
-        """Way along x and y after which the floor begins again [m]; 0 where it ends."""
+        """Return the period along x and y [m]; 0 along an axis on which the floor ends."""
         if self.periodic is None:
             return 0.0, 0.0
         xmin, ymin, xmax, ymax = self.bounds
@@ -97,7 +102,7 @@ class Floor(Part):
 
     @property
     def bounds(self) -> Rectangle:
-        """Least x and y, greatest x and y of a floor that is drawn [m]."""
+        """Return least x, least y, greatest x and greatest y of a floor that is drawn [m]."""
         if self.rectangle is not None:
             return self.rectangle
         xs, ys = zip(*(self.polygon or ()), strict=True)
@@ -105,14 +110,14 @@ class Floor(Part):
 
 
 class Box(Part):
-    """Box by two corners, or by center and size; turned about its center."""
+    """A box, given by two corners or by center and size, and rotated about its center."""
 
     model_config = ConfigDict(json_schema_extra=one_of(("min", "max"), ("center", "size")))
-    min: Pair | None = None
-    max: Pair | None = None
-    center: Pair | None = None
-    size: SizePair | None = None
-    rotation: Degrees = 0.0
+    min: Annotated[Pair | None, Field(description="corner with the least x, y [m]")] = None
+    max: Annotated[Pair | None, Field(description="corner with the greatest x, y [m]")] = None
+    center: Annotated[Pair | None, Field(description="x, y [m]")] = None
+    size: Annotated[SizePair | None, Field(description="extent along x and y [m]")] = None
+    rotation: Annotated[Degrees, Field(description="about the center, counter-clockwise [degrees]")] = 0.0
 
     @model_validator(mode="after")
     def _check(self) -> Box:
@@ -130,12 +135,17 @@ class Cylinder(Circle):
 
 
 class Opening(Part):
-    """A door or window, ``at`` meters along the wall's line to its middle, open from ``bottom`` to ``top``."""
+    """A door or window: its middle is ``at`` meters along the wall's line; it is open from ``bottom`` to ``top``."""
 
-    at: Annotated[float, Field(allow_inf_nan=False, ge=0.0, le=1e5)]
-    width: Extent
-    bottom: Length = 0.0
-    top: Length = walls.DOOR_HEIGHT
+    at: Annotated[
+        float,
+        Field(
+            allow_inf_nan=False, ge=0.0, le=1e5, description="meters along the wall's line to the middle of the opening"
+        ),
+    ]
+    width: Annotated[Extent, Field(description="meters")]
+    bottom: Annotated[Length, Field(description="height from which it is open [m]")] = 0.0
+    top: Annotated[Length, Field(description="height up to which it is open [m]")] = walls.DOOR_HEIGHT
 
     @model_validator(mode="after")
     def _check(self) -> Opening:
@@ -145,39 +155,49 @@ class Opening(Part):
 
 
 class Wall(Part):
-    """A wall along the line through ``points``, half of its ``thickness`` on either side."""
+    """A wall along the line through ``points``, with half of its ``thickness`` on either side."""
 
-    points: Annotated[tuple[Pair, ...], Field(strict=False, min_length=2, max_length=10_000)]
-    thickness: Extent = 0.12
-    openings: Annotated[tuple[Opening, ...], Field(strict=False)] = ()
+    points: Annotated[
+        tuple[Pair, ...],
+        Field(strict=False, min_length=2, max_length=10_000, description="line of two points x, y or more [m]"),
+    ]
+    thickness: Annotated[Extent, Field(description="meters")] = 0.12
+    openings: Annotated[tuple[Opening, ...], Field(strict=False, description="doors and windows in the wall")] = ()
 
 
 class Mesh(Part):
-    """A file of triangles: enlarged by ``scale``, turned about the vertical by ``rotation``, moved by ``position``."""
+    """A file of triangles: scaled by ``scale``, rotated about the vertical by ``rotation``, moved by ``position``."""
 
-    file: FileText
-    up: Literal["y", "z"] | None = None
-    units: Name | None = None
-    scale: Annotated[float, Field(allow_inf_nan=False, gt=0.0, le=1e6)] = 1.0
-    rotation: Degrees = 0.0
-    position: Annotated[tuple[Length, Length, Length], Field(strict=False)] = (0.0, 0.0, 0.0)
+    file: Annotated[FileText, Field(description="GLB, OBJ, STL, PLY or DAE file, beside the scenario file")]
+    up: Annotated[Literal["y", "z"] | None, Field(description="axis of the file that points up")] = None
+    units: Annotated[Name | None, Field(description="units of the file, instead of those it names")] = None
+    scale: Annotated[
+        float, Field(allow_inf_nan=False, gt=0.0, le=1e6, description="factor by which it is enlarged")
+    ] = 1.0
+    rotation: Annotated[Degrees, Field(description="about the vertical axis, counter-clockwise [degrees]")] = 0.0
+    position: Annotated[
+        tuple[Length, Length, Length], Field(strict=False, description="x, y, z by which it is moved [m]")
+    ] = (0.0, 0.0, 0.0)
 
 
 class Plan(Part):
-    """A floor plan in DXF: its lines are walls, its closed curves obstacles."""
+    """A floor plan in DXF: its lines become walls, its closed curves obstacles."""
 
-    file: FileText
-    drawing_layers: Annotated[tuple[Name, ...], Field(strict=False, min_length=1)] | None = None
-    units: Name | None = None
-    thickness: Extent = WALL_THICKNESS
+    file: Annotated[FileText, Field(description="DXF file, beside the scenario file")]
+    drawing_layers: Annotated[
+        Annotated[tuple[Name, ...], Field(strict=False, min_length=1)] | None,
+        Field(description="layers of the drawing to take; all if absent"),
+    ] = None
+    units: Annotated[Name | None, Field(description="units of the file, instead of those it names")] = None
+    thickness: Annotated[Extent, Field(description="of the lines, which are walls [m]")] = WALL_THICKNESS
 
 
 class Clutter(Part):
-    """Random obstacles, drawn by the scenario's seed, that leave a way between the starts and goals of each group."""
+    """Random obstacles, drawn from the scenario's seed, that leave a way between the starts and goals of each group."""
 
-    region: Region | None = None
-    density: Density
-    sizes: SizePair = (0.3, 1.2)
+    region: Annotated[Region | None, Field(description="part of the floor to cover; all of it if absent")] = None
+    density: Annotated[Density, Field(description="normal, dense, or the share of the floor to cover")]
+    sizes: Annotated[SizePair, Field(description="least and greatest extent of an obstacle [m]")] = (0.3, 1.2)
 
     @model_validator(mode="after")
     def _check(self) -> Clutter:
@@ -187,25 +207,32 @@ class Clutter(Part):
 
 
 class Obstacle(Part):
-    """What stands on the floor: a solid, or several; a shape needs a ``top``, a file has its own heights."""
+    """One or several solids on the floor; a drawn shape needs a ``top``, a file has its own heights.
+
+    ``movable``: commands may move and remove the obstacle while a simulation runs, even if no event names it.
+    """
 
     model_config = ConfigDict(
         json_schema_extra=one_of(
             ("box", "top"), ("cylinder", "top"), ("polygon", "top"), ("wall", "top"), ("plan", "top"), ("mesh",)
         )
     )
-    name: Name
-    box: Box | None = None
-    cylinder: Cylinder | None = None
-    polygon: Ring | None = None
-    wall: Wall | None = None
-    plan: Plan | None = None
-    mesh: Mesh | None = None
-    bottom: Length = 0.0
-    top: Length | None = None
+    name: Annotated[Name, Field(description="unique among obstacles and doors")]
+    box: Annotated[Box | None, Field(description="a box by two corners, or by center and size")] = None
+    cylinder: Annotated[Cylinder | None, Field(description="an upright cylinder")] = None
+    polygon: Annotated[Ring | None, Field(description="outline of three points x, y or more [m]")] = None
+    wall: Annotated[Wall | None, Field(description="a wall along a line, with openings")] = None
+    plan: Annotated[Plan | None, Field(description="a floor plan in DXF")] = None
+    mesh: Annotated[Mesh | None, Field(description="a file of triangles")] = None
+    bottom: Annotated[Length, Field(description="height above the floor from which it reaches up [m]")] = 0.0
+    top: Annotated[Length | None, Field(description="height above the floor up to which it reaches [m]")] = None
+    movable: Annotated[bool, Field(description="whether commands may move and remove it while a simulation runs")] = (
+        False
+    )
 
     @model_validator(mode="after")
     def _check(self) -> Obstacle:
+        """Refuse heights that do not go with the kind of obstacle, and shapes that are no solids."""
         kind = self.only("box", "cylinder", "polygon", "wall", "plan", "mesh")
         if kind == "mesh":
             if self.top is not None or "bottom" in self.model_fields_set:
@@ -222,7 +249,7 @@ class Obstacle(Part):
         return self
 
     def solids(self) -> tuple[Solid, ...]:
-        """The obstacle as solids, several for a wall with openings; none for a file, which others read."""
+        """Return the solids of a drawn obstacle, several for a wall with openings; none for a file."""
         if self.top is None or self.plan is not None:
             return ()
         name, bottom, top = self.name, self.bottom, self.top
@@ -244,16 +271,19 @@ class Obstacle(Part):
 
 
 class Layer(Part):
-    """A band of heights above the floor, or a plane at one height, for which one clearance of a body counts."""
+    """A band of heights above the floor, or a plane at one height, with its own clearance for each behavior."""
 
     model_config = ConfigDict(json_schema_extra=one_of(("low", "high"), ("height",)))
-    name: Name
-    low: Length | None = None
-    high: Length | None = None
-    height: Length | None = None
+    name: Annotated[Name, Field(description="unique among layers")]
+    low: Annotated[Length | None, Field(description="least height above the floor [m]")] = None
+    high: Annotated[Length | None, Field(description="greatest height above the floor [m]")] = None
+    height: Annotated[Length | None, Field(description="of a plane above the floor, instead of low and high [m]")] = (
+        None
+    )
 
     @model_validator(mode="after")
     def _check(self) -> Layer:
+        """Refuse a layer that is neither a band, from ``low`` up to ``high``, nor a plane at one ``height``."""
         if (self.low is None, self.high is None, self.height is None) not in (
             (False, False, True),
             (True, True, False),
@@ -264,7 +294,7 @@ class Layer(Part):
         return self
 
     def band(self) -> AnyLayer:
-        """The same as the environment's band or plane."""
+        """Return the layer as a band or plane of :mod:`crowdsim.environment`."""
         if self.height is not None:
             return Plane(self.name, self.height)
         assert self.low is not None

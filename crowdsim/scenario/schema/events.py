@@ -1,4 +1,4 @@
-"""Keys of a scenario file about what changes while it runs: doors, and events that move, add and remove things."""
+"""Keys of a scenario file for changes during the run: doors, and events that move, add and remove things."""
 
 from __future__ import annotations
 
@@ -15,12 +15,14 @@ ACTIONS = ("open", "close", "insert", "move", "remove")
 def _require_shape(obstacle: Obstacle, what: str) -> None:
     if obstacle.mesh is not None or obstacle.plan is not None:
         raise ValueError(f"{what} is a box, cylinder, polygon or wall; files are read before the run")
+    if "movable" in obstacle.model_fields_set:
+        raise ValueError(f"'movable' is of obstacles that are there from the start; {what} always is; drop it")
 
 
 class Door(Obstacle):
-    """The leaf of a door, in the place it has while closed; an open door is not there at all."""
+    """The leaf of a door in its closed position; an open door takes no space."""
 
-    initially: Literal["open", "closed"] = "open"
+    initially: Annotated[Literal["open", "closed"], Field(description="whether it is open at the start")] = "open"
 
     @model_validator(mode="after")
     def _check_kind(self) -> Door:
@@ -29,13 +31,13 @@ class Door(Obstacle):
 
 
 class Move(Part):
-    """Another place for an obstacle: ``by`` so much, or its center ``to`` a spot; then turned about its center."""
+    """A new position of an obstacle: shifted ``by`` an offset, or its center moved ``to`` a point; then rotated."""
 
     model_config = ConfigDict(json_schema_extra={"anyOf": [{"required": [key]} for key in ("by", "to", "rotation")]})
-    name: Name
-    by: Pair | None = None
-    to: Pair | None = None
-    rotation: Degrees = 0.0
+    name: Annotated[Name, Field(description="of an obstacle")]
+    by: Annotated[Pair | None, Field(description="x, y by which it is moved [m]")] = None
+    to: Annotated[Pair | None, Field(description="x, y of its center from then on [m]")] = None
+    rotation: Annotated[Degrees, Field(description="about its center, counter-clockwise [degrees]")] = 0.0
 
     @model_validator(mode="after")
     def _check(self) -> Move:
@@ -47,30 +49,35 @@ class Move(Part):
 
 
 class Event(Part):
-    """What changes at one time of the run."""
+    """A change at one time of the run."""
 
     model_config = ConfigDict(json_schema_extra=one_of(*((action,) for action in ACTIONS)))
     at: Annotated[Seconds, Field(description="seconds from the start of the run")]
-    open: Name | None = None
-    close: Name | None = None
-    insert: Obstacle | None = None
-    move: Move | None = None
-    remove: Name | None = None
+    open: Annotated[Name | None, Field(description="name of a door to open")] = None
+    close: Annotated[Name | None, Field(description="name of a door to close")] = None
+    insert: Annotated[Obstacle | None, Field(description="an obstacle that comes")] = None
+    move: Annotated[Move | None, Field(description="an obstacle that is moved")] = None
+    remove: Annotated[Name | None, Field(description="name of an obstacle that goes")] = None
 
     @model_validator(mode="after")
     def _check(self) -> Event:
-        self.only(*ACTIONS)
+        self.only(*self.actions())
         if self.insert is not None:
             _require_shape(self.insert, "what is inserted")
         return self
 
+    @classmethod
+    def actions(cls) -> tuple[str, ...]:
+        """Return the names of the keys of which exactly one says what happens."""
+        return ACTIONS
+
     @property
     def action(self) -> str:
-        """Which of :data:`ACTIONS` it is."""
-        return self.only(*ACTIONS)
+        """Return which of :meth:`actions` the event has."""
+        return self.only(*self.actions())
 
     @property
     def subject(self) -> str:
-        """Name of the door or obstacle."""
+        """Return the name of the door or obstacle."""
         what: str | Obstacle | Move = getattr(self, self.action)
         return what if isinstance(what, str) else what.name

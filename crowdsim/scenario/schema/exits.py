@@ -1,4 +1,4 @@
-"""Keys of a scenario file about exits, among which characters choose."""
+"""Keys of a scenario file for exits that characters choose from."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ Choice = Literal["nearest", "quickest"]
 
 
 class Exit(Region):
-    """A named region through which characters leave, however deep it is."""
+    """A named region through which characters leave; it may be shallower than a body."""
 
     model_config = ConfigDict(json_schema_extra=one_of(("rectangle",), ("circle",), ("polygon",)))
-    name: Name
+    name: Annotated[Name, Field(description="unique among exits")]
 
     @model_validator(mode="after")
     def _check_extent(self) -> Exit:
@@ -25,6 +25,7 @@ class Exit(Region):
 
 
 def _checked_exits(value: Any) -> Any:
+    """Return ``all``, names as a tuple, or shares by name as floats; raise ValueError for anything else."""
     shares = "all, a list of names, or names with their shares as {west: 3, east: 1}"
     if value == "all":
         return value
@@ -55,5 +56,4 @@ Exits = Annotated[
             ]
         }
     ),
-    Field(description="all, names of exits, or names with the share of characters assigned to each"),
 ]

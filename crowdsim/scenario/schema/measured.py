@@ -1,4 +1,4 @@
-"""Keys of a scenario file about what is measured: areas and lines on the floor."""
+"""Keys of a scenario file for measurements: areas and lines on the floor."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ def _check_times(start_time: float, until: float | None) -> None:
 
 
 class Area(Region):
-    """A named part of the floor in which density, speed and shares of behaviors are measured.
+    """A named part of the floor in which density, speed and the share of each behavior are measured.
 
-    Density and speed are means from ``start_time`` on until ``until``.
+    Density and speed are means over the time from ``start_time`` to ``until``.
     """
 
     model_config = ConfigDict(json_schema_extra=one_of(("rectangle",), ("circle",), ("polygon",)))
-    name: Name
-    start_time: Seconds = 0.0
-    until: Seconds | None = None
+    name: Annotated[Name, Field(description="unique among areas")]
+    start_time: Annotated[Seconds, Field(description="seconds from which on means are taken")] = 0.0
+    until: Annotated[Seconds | None, Field(description="seconds until which means are taken; the end if absent")] = None
 
     @model_validator(mode="after")
     def _check_extent(self) -> Area:
@@ -44,14 +44,16 @@ def _checked_points(points: tuple[tuple[float, float], ...]) -> tuple[tuple[floa
 
 
 class Line(Part):
-    """A named line through ``points``, at which those who cross it from ``start_time`` on until ``until`` count."""
+    """A named line through ``points``; characters that cross it between ``start_time`` and ``until`` are counted."""
 
-    name: Name
+    name: Annotated[Name, Field(description="unique among lines")]
     points: Annotated[
-        tuple[Pair, ...], Field(strict=False, min_length=2, max_length=1000), AfterValidator(_checked_points)
+        tuple[Pair, ...],
+        Field(strict=False, min_length=2, max_length=1000, description="two points x, y or more [m]"),
+        AfterValidator(_checked_points),
     ]
-    start_time: Seconds = 0.0
-    until: Seconds | None = None
+    start_time: Annotated[Seconds, Field(description="seconds from which on passages count")] = 0.0
+    until: Annotated[Seconds | None, Field(description="seconds until which passages count; the end if absent")] = None
 
     @model_validator(mode="after")
     def _check(self) -> Line:
@@ -59,5 +61,5 @@ class Line(Part):
         return self
 
     def shape(self) -> LineString:
-        """The line on the floor."""
+        """Return the line on the floor."""
         return LineString(self.points)

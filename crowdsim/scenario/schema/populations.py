@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 Row = tuple[str, float, tuple[float, float]]
-"""Who they are, their share, and the least and greatest speed on flat floor [m/s], between which all are as likely."""
+"""Group of people, its share, and its least and greatest speed on flat floor [m/s], uniformly distributed between."""
 
 POPULATIONS: dict[str, tuple[Row, ...]] = {
     "imo_passengers": (
@@ -29,5 +29,5 @@ POPULATIONS: dict[str, tuple[Row, ...]] = {
         ("mobility impaired", 1.0, (0.46, 0.76)),
     ),
 }
-"""imo_passengers, imo_crew: MSC.1/Circ.1533, annex 3, appendix 1, tables 3.1 and 3.4. rimea: the table of RiMEA 2.2.1,
-as JuPedSim's test 7 has it; the guideline gives no shares, so they are equal."""
+"""imo_passengers, imo_crew: IMO MSC.1/Circ.1533, annex 3, appendix 1, tables 3.1 and 3.4. rimea: the table of RiMEA
+2.2.1 as in JuPedSim's test 7; the guideline gives no shares, so they are equal."""

@@ -1,4 +1,4 @@
-"""Keys of a scenario file about routes: places that characters come by on the way to their goal."""
+"""Keys of a scenario file for routes: places that characters pass on the way to their goal."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from crowdsim.scenario.schema.values import Name, Part, Region
 
 
 class Route(Part):
-    """Points and regions with a name, to be visited ``through`` one after another."""
+    """Named points and regions to be passed ``through`` one after another."""
 
-    name: Name
-    through: Annotated[tuple[Region, ...], Field(strict=False, min_length=1, max_length=1000)]
+    name: Annotated[Name, Field(description="unique among routes")]
+    through: Annotated[
+        tuple[Region, ...],
+        Field(strict=False, min_length=1, max_length=1000, description="places to come by, one after another"),
+    ]

@@ -1,4 +1,4 @@
-"""The scenario file as data: every key, its type and its range."""
+"""The scenario file as a data model: every key with its type and range."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from shapely import MultiPolygon, Point, Polygon, union_all
 from crowdsim.constants import CAPTURE_RATE, STEERING_RATE
 from crowdsim.environment.layers import LEGS, TORSO
 from crowdsim.scenario.schema.agents import AgentGroup, Goal, Motion
+from crowdsim.scenario.schema.commands import Command
 from crowdsim.scenario.schema.environment import Clutter, Floor, Layer, Obstacle
 from crowdsim.scenario.schema.events import Door, Event
 from crowdsim.scenario.schema.exits import Exit
@@ -21,53 +22,79 @@ from crowdsim.scenario.schema.values import Extent, Name, Pair, Part
 
 FORMAT_VERSION = 1
 
+SCHEMA_ID = f"urn:crowdsim:scenario:{FORMAT_VERSION}"
+"""Name of the JSON schema: a name only, nothing is fetched from it."""
+
 CAPTURED_RATE = 30
-"""Steps a second where all characters are captured and nothing else is asked for."""
+"""Default steps per second if all characters are captured [1/s]."""
 
 DEFAULT_BEHAVIORS = ("lateral", "arm_constrained", "frontal")
 
 
 class Neighborhood(Part):
-    """What lies near a point, as what a camera sees: there ``auto`` characters stay captured as long as they can."""
+    """A disc, such as the view of a camera, in which ``auto`` characters stay captured as long as they can."""
 
-    point: Pair
-    radius: Extent
+    point: Annotated[Pair, Field(description="x, y [m]")]
+    radius: Annotated[Extent, Field(description="meters")]
 
 
 class ScenarioFields(Part):
     """The keys of a scenario file."""
 
-    crowdsim: Annotated[int, Field(json_schema_extra={"const": FORMAT_VERSION})]
-    name: Name
-    description: str = ""
-    seed: Annotated[int, Field(ge=0, lt=2**63)]
-    duration: Annotated[float, Field(allow_inf_nan=False, gt=0.0, le=1e6)]
+    crowdsim: Annotated[int, Field(json_schema_extra={"const": FORMAT_VERSION}, description="version of this format")]
+    name: Annotated[Name, Field(description="of the scenario, and of its recording's file")]
+    description: Annotated[str, Field(description="what it shows, for listings")] = ""
+    seed: Annotated[int, Field(ge=0, lt=2**63, description="all random draws follow from it")]
+    duration: Annotated[
+        float, Field(allow_inf_nan=False, gt=0.0, le=1e6, description="seconds until the run ends at the latest")
+    ]
     steps_per_second: Annotated[
-        int, Field(ge=1, le=CAPTURE_RATE, description=f"{CAPTURED_RATE} where all characters are captured")
+        int,
+        Field(
+            ge=1,
+            le=CAPTURE_RATE,
+            description=f"divides {CAPTURE_RATE}; if absent {STEERING_RATE}, or {CAPTURED_RATE} if all are captured",
+        ),
     ] = STEERING_RATE
-    floor: Floor
-    obstacles: Annotated[tuple[Obstacle, ...], Field(strict=False)] = ()
-    clutter: Clutter | None = None
-    doors: Annotated[tuple[Door, ...], Field(strict=False)] = ()
-    events: Annotated[tuple[Event, ...], Field(strict=False)] = ()
-    # The attribute gives way to the method that builds the layers themselves.
-    bands: Annotated[tuple[Layer, ...], Field(strict=False, min_length=1, alias="layers")] = tuple(
-        Layer(name=band.name, low=band.low, high=band.high) for band in (LEGS, TORSO)
-    )
-    behaviors: Annotated[tuple[Name, ...], Field(strict=False, min_length=1)] = DEFAULT_BEHAVIORS
-    planner: Literal["layered", "greedy_literal", "collision3d"] = "layered"
-    motion: Motion = Motion(set="default")
-    agents: Annotated[tuple[AgentGroup, ...], Field(strict=False, min_length=1)]
-    exits: Annotated[tuple[Exit, ...], Field(strict=False)] = ()
-    routes: Annotated[tuple[Route, ...], Field(strict=False)] = ()
-    areas: Annotated[tuple[Area, ...], Field(strict=False)] = ()
-    lines: Annotated[tuple[Line, ...], Field(strict=False)] = ()
-    captured_near: Neighborhood | None = None
+    floor: Annotated[Floor, Field(description="the walkable floor")]
+    obstacles: Annotated[tuple[Obstacle, ...], Field(strict=False, description="what stands on the floor")] = ()
+    clutter: Annotated[Clutter | None, Field(description="random obstacles")] = None
+    doors: Annotated[tuple[Door, ...], Field(strict=False, description="obstacles that open and close")] = ()
+    events: Annotated[tuple[Event, ...], Field(strict=False, description="what changes while the scenario runs")] = ()
+    # The key is called ``layers``; in Python that name belongs to the built layers.
+    bands: Annotated[
+        tuple[Layer, ...],
+        Field(
+            strict=False, min_length=1, alias="layers", description="heights at which clearance counts, the legs' first"
+        ),
+    ] = tuple(Layer(name=band.name, low=band.low, high=band.high) for band in (LEGS, TORSO))
+    behaviors: Annotated[
+        tuple[Name, ...], Field(strict=False, min_length=1, description="ways to move: names, or folders as ./stroll")
+    ] = DEFAULT_BEHAVIORS
+    planner: Annotated[
+        Literal["layered", "greedy_literal", "collision3d"],
+        Field(description="layered: the usual one; greedy_literal: the published one; collision3d: the same in 3D"),
+    ] = "layered"
+    motion: Annotated[Motion, Field(description="where movement comes from")] = Motion(set="default")
+    agents: Annotated[tuple[AgentGroup, ...], Field(strict=False, min_length=1, description="groups of characters")]
+    exits: Annotated[
+        tuple[Exit, ...],
+        Field(strict=False, description="regions through which characters leave, by choice or as assigned"),
+    ] = ()
+    routes: Annotated[tuple[Route, ...], Field(strict=False, description="places to come by on the way to a goal")] = ()
+    areas: Annotated[tuple[Area, ...], Field(strict=False, description="where density and speed are measured")] = ()
+    lines: Annotated[tuple[Line, ...], Field(strict=False, description="where passages are counted")] = ()
+    captured_near: Annotated[
+        Neighborhood | None, Field(description="where auto characters stay captured as long as they can")
+    ] = None
+    commands: Annotated[
+        tuple[Command, ...], Field(strict=False, description="what was commanded while the scenario ran in Python")
+    ] = ()
 
     @model_validator(mode="before")
     @classmethod
     def _take_their_rate(cls, keys: Any) -> Any:
-        """Captured characters alone take other steps than those of steering, where the file does not say."""
+        """Default to CAPTURED_RATE steps per second if all characters are captured."""
         if not isinstance(keys, dict) or "steps_per_second" in keys:
             return keys
         groups = keys.get("agents")
@@ -93,22 +120,22 @@ class ScenarioFields(Part):
         return value
 
     def locomotions(self) -> set[str]:
-        """How the groups move."""
+        """Return the set of levels of the groups: captured, steered, auto."""
         periodic = self.floor.periodic is not None
         return {"steered" if periodic and group.level == "auto" else group.level for group in self.agents}
 
     @property
     def span(self) -> tuple[float, float]:
-        """Way along x and y after which the floor begins again [m]; 0 where it ends."""
+        """Return the period of the floor along x and y [m]; 0 along an axis on which it ends."""
         return self.floor.span
 
     def exits_of(self, group: AgentGroup) -> list[int]:
-        """Numbers of the exits of a group, in the order of the file."""
+        """Return the indices of a group's exits, in the order of the file."""
         named = group.exits or ()
         return [number for number, each in enumerate(self.exits) if named == "all" or each.name in named]
 
     def waypoints(self, group: AgentGroup) -> list[tuple[tuple[str | int, ...], Goal]]:
-        """The places of a group's route in order, each with its place in the file."""
+        """Return the places of a group's route in order, each with its key in the file."""
         return [
             (("routes", number, "through", k), Goal.model_validate(place.model_dump(exclude_none=True)))
             for number, route in enumerate(self.routes)
@@ -117,7 +144,7 @@ class ScenarioFields(Part):
         ]
 
     def regions(self, number: int) -> list[tuple[tuple[str | int, ...], Goal]]:
-        """Where group ``number`` goes to in turn, by way of its route, each with its place in the file; no exits."""
+        """Return the places that group ``number`` visits in turn, its route first, each with its key; no exits."""
         group = self.agents[number]
         return [
             *self.waypoints(group),
@@ -125,9 +152,9 @@ class ScenarioFields(Part):
         ]
 
     def destinations(self, number: int) -> list[tuple[tuple[str | int, ...], Polygon | MultiPolygon | Point]]:
-        """Shapes of what group ``number`` goes to in turn, each with its place in the file.
+        """Return the shapes that group ``number`` goes to in turn, each with its key in the file.
 
-        Exits count as one place, and ways without end as none.
+        The union of all exits counts as one place; endless ways are left out.
         """
         group = self.agents[number]
         shapes = [(path, goal.shape()) for path, goal in self.regions(number) if goal.along is None]
@@ -138,16 +165,22 @@ class ScenarioFields(Part):
 
     @property
     def steers(self) -> bool:
-        """Whether any character may be steered."""
+        """Return whether some character may be steered."""
         return self.locomotions() != {"captured"}
 
 
 def json_schema() -> dict[str, Any]:
-    """JSON schema of a scenario file, for editors that complete and check YAML."""
+    """Return the JSON schema of a scenario file, for editors that complete and check YAML."""
     schema = ScenarioFields.model_json_schema()
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "crowdsim scenario"}
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": SCHEMA_ID}
+    return {**head, **schema, "title": "crowdsim scenario"}
+
+
+def json_schema_text() -> str:
+    """:func:`json_schema` as the text of a file."""
+    return json.dumps(json_schema(), indent=1) + "\n"
 
 
 def write_json_schema(path: Path) -> None:
     """Write :func:`json_schema` to ``path``."""
-    path.write_text(json.dumps(json_schema(), indent=1) + "\n", encoding="utf-8")
+    path.write_text(json_schema_text(), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Quantities that differ from character to character: a number, a distribution within bounds, or a mix of these."""
+"""Quantities that differ between characters: a number, a distribution within bounds, or a mix of distributions."""
 
 from __future__ import annotations
 
@@ -13,47 +13,58 @@ Finite = Annotated[float, Field(allow_inf_nan=False, ge=-1e6, le=1e6)]
 Positive = Annotated[float, Field(allow_inf_nan=False, gt=0.0, le=1e6)]
 
 KINDS = ("mean", "uniform", "lognormal", "gamma", "weibull", "mix", "table")
-"""Keys that say how a quantity is distributed; ``mean`` stands for a normal distribution."""
+"""Keys that choose the distribution, exactly one each; ``mean`` stands for a normal distribution."""
 
 
 class LogNormal(Part):
-    """The logarithm of the quantity is normal with mean ``mu`` and standard deviation ``sigma``."""
+    """A lognormal distribution: the logarithm has mean ``mu`` and standard deviation ``sigma``."""
 
-    mu: Annotated[float, Field(allow_inf_nan=False, ge=-100.0, le=100.0)]
-    sigma: Annotated[float, Field(allow_inf_nan=False, gt=0.0, le=10.0)]
+    mu: Annotated[float, Field(allow_inf_nan=False, ge=-100.0, le=100.0, description="mean of the logarithm")]
+    sigma: Annotated[
+        float, Field(allow_inf_nan=False, gt=0.0, le=10.0, description="standard deviation of the logarithm")
+    ]
 
 
 class Shaped(Part):
     """Parameters of a gamma or a Weibull distribution."""
 
-    shape: Annotated[float, Field(allow_inf_nan=False, ge=0.05, le=1e4)]
-    scale: Positive
+    shape: Annotated[float, Field(allow_inf_nan=False, ge=0.05, le=1e4, description="shape parameter")]
+    scale: Annotated[Positive, Field(description="scale parameter, in the unit of the quantity")]
 
 
 class Spread(Part):
-    """How a quantity is distributed among characters.
+    """The distribution of a quantity among characters.
 
     Normal with ``mean`` and standard deviation ``sd``; or ``uniform`` between two values, ``lognormal``, ``gamma`` or
-    ``weibull``; or a ``mix`` of such spreads, each with its ``share``; or a ``table`` of the package, by age and sex.
-    Values outside of [``min``, ``max``] are drawn anew. ``stratified``: one value from each of as many equally
-    probable parts of the distribution as there are characters, so that few of them have it, too.
+    ``weibull``; or a ``mix`` of such distributions, each with its ``share``; or a built-in ``table`` by age and sex.
+    The distribution is truncated to [``min``, ``max``]. ``stratified``: one value from each of as many equally probable
+    intervals as there are characters, so that even a few characters have the distribution.
     """
 
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [kind]} for kind in KINDS]})
-    mean: Finite | None = None
-    sd: Annotated[Finite, Field(ge=0.0)] = 0.0
-    uniform: Annotated[tuple[Finite, Finite], Field(strict=False)] | None = None
-    lognormal: LogNormal | None = None
-    gamma: Shaped | None = None
-    weibull: Shaped | None = None
-    mix: Annotated[tuple[Share, ...], Field(strict=False, min_length=1, max_length=100)] | None = None
-    table: str | None = None
-    min: Finite | None = None
-    max: Finite | None = None
-    stratified: bool = False
+    mean: Annotated[Finite | None, Field(description="mean of a normal distribution")] = None
+    sd: Annotated[Finite, Field(ge=0.0, description="its standard deviation")] = 0.0
+    uniform: Annotated[
+        Annotated[tuple[Finite, Finite], Field(strict=False)] | None,
+        Field(description="least and greatest value, all between as likely"),
+    ] = None
+    lognormal: Annotated[LogNormal | None, Field(description="log-normal distribution")] = None
+    gamma: Annotated[Shaped | None, Field(description="gamma distribution")] = None
+    weibull: Annotated[Shaped | None, Field(description="Weibull distribution")] = None
+    mix: Annotated[
+        Annotated[tuple[Share, ...], Field(strict=False, min_length=1, max_length=100)] | None,
+        Field(description="several distributions, each with its share"),
+    ] = None
+    table: Annotated[str | None, Field(description="distribution published by age and sex")] = None
+    min: Annotated[Finite | None, Field(description="no value below is drawn")] = None
+    max: Annotated[Finite | None, Field(description="no value above is drawn")] = None
+    stratified: Annotated[bool, Field(description="one value of each equally probable part of the distribution")] = (
+        False
+    )
 
     @model_validator(mode="after")
     def _check(self) -> Spread:
+        """Refuse parameters that belong to other kinds of distributions, and bounds out of order."""
         kind = self.kind
         if "sd" in self.model_fields_set and kind != "mean":
             raise ValueError(f"'sd' goes with 'mean', not with '{kind}'; drop it")
@@ -76,41 +87,42 @@ class Spread(Part):
 
     @property
     def kind(self) -> str:
-        """Which of :data:`KINDS` it is."""
+        """Return the key of :data:`KINDS` that is given."""
         return self.only(*self._kinds())
 
     def _kinds(self) -> tuple[str, ...]:
         return KINDS
 
     def parts(self) -> tuple[Share, ...]:
-        """The spreads that a mix or a table is made of, each with its share; empty for any other."""
+        """Return the parts of a mix or a table, each with its share; empty for any other kind."""
         if self.table is not None:
             return tuple(Share(share=share, uniform=band) for _, share, band in POPULATIONS[self.table])
         return self.mix or ()
 
 
 class Share(Spread):
-    """A part of a mix: ``share`` of the characters, against the other shares."""
+    """A part of a mix; its ``share`` counts relative to the other shares."""
 
-    share: Positive
+    share: Annotated[Positive, Field(description="share of the characters, against the other shares")]
 
 
 Spread.model_rebuild()
 
 
 def _as_mean(value: Any) -> Any:
-    """A plain number as the spread that it is short for."""
+    """Return the distribution that a plain number stands for."""
     return {"mean": value} if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
 def _within(least: float, most: float) -> Any:
-    """Checks that values lie within these bounds, which hold where a spread names none of its own."""
+    """Return a validator: all values lie within these bounds, which become the bounds of a spread that has none."""
 
     def check(name: str, value: float) -> None:
         if not least <= value <= most:
             raise ValueError(f"'{name}' must be from {least:g} to {most:g}, got {value:g}")
 
     def bounded(spread: Spread) -> Spread:
+        """Return the spread, and those that it mixes, cut off at ``least`` and ``most``; check all of its values."""
         low = least if spread.min is None else spread.min
         high = most if spread.max is None else spread.max
         if spread.mean is not None:
@@ -125,37 +137,46 @@ def _within(least: float, most: float) -> Any:
     return AfterValidator(bounded)
 
 
-def spread_schema(number: dict[str, Any], **more: dict[str, Any]) -> dict[str, Any]:
-    """JSON schema of a spread of numbers; ``more``: kinds of its own, by their keys."""
+def spread_schema(number: dict[str, Any], model: type[Spread] = Spread, **more: dict[str, Any]) -> dict[str, Any]:
+    """Return the JSON schema of a distribution of numbers; ``more`` adds kinds that ``model`` has, by their keys."""
     positive = {"type": "number", "exclusiveMinimum": 0.0}
 
-    def mapping(required: tuple[str, ...], **keys: Any) -> dict[str, Any]:
-        return {"type": "object", "properties": keys, "required": list(required), "additionalProperties": False}
+    def mapping(model: type[Part], required: tuple[str, ...], **keys: Any) -> dict[str, Any]:
+        told = {key: {**value, "description": model.model_fields[key].description} for key, value in keys.items()}
+        return {"type": "object", "properties": told, "required": list(required), "additionalProperties": False}
 
-    shaped = mapping(("shape", "scale"), shape=positive, scale=positive)
+    shaped = mapping(Shaped, ("shape", "scale"), shape=positive, scale=positive)
     kinds: dict[str, Any] = {
         "mean": number,
         "uniform": {"type": "array", "items": number, "minItems": 2, "maxItems": 2},
-        "lognormal": mapping(("mu", "sigma"), mu={"type": "number"}, sigma=positive),
+        "lognormal": mapping(LogNormal, ("mu", "sigma"), mu={"type": "number"}, sigma=positive),
         "gamma": shaped,
         "weibull": shaped,
         "table": {"enum": list(POPULATIONS)},
     }
     rest = {"sd": {"type": "number", "minimum": 0.0}, "min": number, "max": number}
-    share = mapping(("share",), share=positive, **kinds, **rest)
+    share = mapping(Share, ("share",), share=positive, **kinds, **rest)
     kinds["mix"] = {"type": "array", "items": share, "minItems": 1}
-    spread = mapping((), **kinds, **more, **rest, stratified={"type": "boolean"})
+    spread = mapping(model, (), **kinds, **more, **rest, stratified={"type": "boolean"})
     del spread["required"]
     spread["oneOf"] = [{"required": [kind]} for kind in (*KINDS, *more)]
     return spread
 
 
 def _number_or_spread(least: float, most: float) -> Any:
-    """JSON schema of a number within bounds, or a spread of such."""
+    """Return the JSON schema of a number within bounds, or a distribution of such numbers."""
     number = {"type": "number", "minimum": least, "maximum": most}
     return WithJsonSchema({"anyOf": [number, spread_schema(number)]})
 
 
-WalkingSpeed = Annotated[Spread, BeforeValidator(_as_mean), _within(0.1, 3.0), _number_or_spread(0.1, 3.0)]
+LEAST_SPEED, MOST_SPEED = 0.1, 3.0
+"""Bounds of the speeds at which characters walk alone [m/s]."""
+
+WalkingSpeed = Annotated[
+    Spread,
+    BeforeValidator(_as_mean),
+    _within(LEAST_SPEED, MOST_SPEED),
+    _number_or_spread(LEAST_SPEED, MOST_SPEED),
+]
 Breadth = Annotated[Spread, BeforeValidator(_as_mean), _within(0.3, 0.7), _number_or_spread(0.3, 0.7)]
 Delay = Annotated[Spread, BeforeValidator(_as_mean), _within(0.0, 1e6), _number_or_spread(0.0, 1e6)]

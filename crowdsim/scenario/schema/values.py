@@ -1,7 +1,7 @@
-"""What the keys of a scenario file are made of: lengths, places, names, and the base of every mapping.
+"""Types of the keys of a scenario file: lengths, regions, names, and the base of every mapping.
 
-Coordinates and lengths are meters, times seconds, angles degrees counter-clockwise. Models are frozen and strict:
-text is never taken for a number, nor a yes for a one.
+Coordinates and lengths are in meters, times in seconds, angles in degrees counter-clockwise. Models are frozen and
+strict: text is not accepted as a number, nor true as 1.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Name = Annotated[
     str, Field(min_length=1, max_length=80, pattern=r"^[^\s\x00-\x1f\x7f]([^\x00-\x1f\x7f]*[^\s\x00-\x1f\x7f])?$")
 ]
 FileText = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f\x7f]+$")]
-# YAML has lists only; strictness for the tuple itself would refuse them.
+# YAML has lists only, and a strict tuple would refuse a list.
 Pair = Annotated[tuple[Length, Length], Field(strict=False)]
 SizePair = Annotated[tuple[Extent, Extent], Field(strict=False)]
 
@@ -48,7 +48,7 @@ Ring = Annotated[tuple[Pair, ...], Field(strict=False, min_length=3, max_length=
 
 
 def one_of(*groups: tuple[str, ...]) -> Any:
-    """JSON schema that asks for exactly one of several groups of keys."""
+    """Return a JSON schema extension that requires exactly one of several groups of keys."""
 
     def extend(schema: dict[str, Any]) -> None:
         schema["oneOf"] = [{"required": list(group)} for group in groups]
@@ -57,12 +57,12 @@ def one_of(*groups: tuple[str, ...]) -> Any:
 
 
 class Part(BaseModel):
-    """Base of every mapping in the file."""
+    """Base of all mappings in the file."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
     def only(self, *names: str) -> str:
-        """The one of the keys ``names`` that is given; an error unless it is exactly one."""
+        """Return which of the keys ``names`` is given; raise ValueError unless exactly one is."""
         given = [name for name in names if getattr(self, name) is not None]
         if len(given) != 1:
             found = f"'{given[0]}' and '{given[1]}'" if given else "none"
@@ -71,20 +71,20 @@ class Part(BaseModel):
 
 
 class Circle(Part):
-    """Disc on the floor."""
+    """A disc on the floor."""
 
-    center: Pair
-    radius: Extent
+    center: Annotated[Pair, Field(description="x, y [m]")]
+    radius: Annotated[Extent, Field(description="meters")]
 
 
 class Region(Part):
-    """A spot or an area of the floor."""
+    """A point or an area of the floor."""
 
     model_config = ConfigDict(json_schema_extra=one_of(("rectangle",), ("point",), ("circle",), ("polygon",)))
-    rectangle: Rectangle | None = None
-    point: Pair | None = None
-    circle: Circle | None = None
-    polygon: Ring | None = None
+    rectangle: Annotated[Rectangle | None, Field(description="xmin, ymin, xmax, ymax [m]")] = None
+    point: Annotated[Pair | None, Field(description="x, y [m]")] = None
+    circle: Annotated[Circle | None, Field(description="a disc")] = None
+    polygon: Annotated[Ring | None, Field(description="three points x, y or more [m]")] = None
 
     @model_validator(mode="after")
     def _check(self) -> Region:
@@ -95,7 +95,7 @@ class Region(Part):
         return ("rectangle", "point", "circle", "polygon")
 
     def shape(self) -> Polygon | Point:
-        """The region as a polygon, or as a point."""
+        """Return the region as a polygon, or as a point."""
         if self.rectangle is not None:
             return rectangle_polygon(*self.rectangle)
         if self.circle is not None:

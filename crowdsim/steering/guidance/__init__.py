@@ -1,1 +1,1 @@
-"""Guidance for many: one field a goal tells everybody the way, its length, and what the body has to do on it."""
+"""Guidance: one field per goal gives every agent the direction, the length of its path and the behavior to use."""

@@ -1,4 +1,4 @@
-"""What a solved field asks of bodies, and where everybody in a box may go straight to its anchor."""
+"""Behaviors along the paths of a solved field, and boxes in which all agents may head straight for the anchor."""
 
 import math
 
@@ -15,18 +15,22 @@ from crowdsim.steering.guidance.field_kernels import (
 from crowdsim.steering.guidance.ground_kernels import BOX, FAR_UNIT, STEPS, box_at, pin_of, widest_at
 
 BEFORE = 0.7
-"""Way before a narrow stretch on which the body is already as the stretch asks [m]."""
+"""Distance before a narrow stretch from which on the body is already held as the stretch needs [m]."""
 
 ASIDE = np.array([0.0, 0.15, -0.15, 0.3, -0.3])
-"""Places across the way that may be wider: whoever walks along a wall need not turn [m]."""
+"""Offsets across the path at which a wider behavior may fit [m]: an agent that walks along a wall need not turn."""
 
 OFF = 0.3
-"""The same, off the nearest wall: whoever leaves a wall need not turn either [m]."""
+"""Offset off the nearest wall for the same purpose [m]: an agent that walks away from a wall need not turn either."""
 
 
 @helper
 def _off_the_wall(ground, box, x, y):
-    """Unit vector from the nearest wall to a place of a box; 0, 0 if there is none near, or the place lies on it."""
+    """Return the unit vector from the nearest wall to a position (x, y) [m].
+
+    box: number of the square of the grid that contains the position; ``ground.lists`` names the walls near each. It
+    is (0, 0) if none is near or the position is on one.
+    """
     nearest = math.inf
     dx = 0.0
     dy = 0.0
@@ -34,6 +38,7 @@ def _off_the_wall(ground, box, x, y):
         ax, ay, bx, by = ground.segments[ground.lists[entry]]
         square = (bx - ax) * (bx - ax) + (by - ay) * (by - ay)
         share = ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / square if square > 0.0 else 0.0
+        # Vector from the nearest point of the segment.
         share = min(max(share, 0.0), 1.0)
         px = x - ax - share * (bx - ax)
         py = y - ay - share * (by - ay)
@@ -49,13 +54,14 @@ def _off_the_wall(ground, box, x, y):
 
 @helper
 def _passage(ground, x, y, dx, dy):
-    """The widest behavior that fits at a place or beside it; the widest if none does.
+    """Return the widest behavior that fits at a position or beside it; the widest of all if none fits.
 
-    Beside it is across the way (dx, dy), and off the nearest wall: whoever stands at a wall need not be so near.
+    Beside it means across the path (dx, dy), and off the nearest wall: an agent at a wall need not be so near to it.
     """
     top = len(ground.costs) - 1
     widest = -1
     for n in range(len(ASIDE)):
+        # Positions across the path; stop early, as the widest of all cannot be beaten.
         u = x - ASIDE[n] * dy
         v = y + ASIDE[n] * dx
         box = box_at(ground, u, v)
@@ -65,6 +71,7 @@ def _passage(ground, x, y, dx, dy):
             return top
     box = box_at(ground, x, y)
     if box >= 0:
+        # A position off the nearest wall.
         ox, oy = _off_the_wall(ground, box, x, y)
         beside = box_at(ground, x + OFF * ox, y + OFF * oy)
         if beside >= 0:
@@ -74,12 +81,25 @@ def _passage(ground, x, y, dx, dy):
 
 @kernel
 def ask(ground, points, field, state, asks, slots):
-    """Fill ``asks`` (int8[boxes]), the narrowest behavior on the next BEFORE meters.
+    """Find the behavior that the path of each box needs, and number the boxes whose agents must look for a free line.
 
-    And ``slots`` (int32[boxes]): -1 if anybody anywhere in the box may go straight to its anchor, as the boxes on both
-    sides across the way see the same anchor, or the pin beside it in the goal, all with the widest behavior; all other
-    boxes are numbered. Boxes without
-    a way ask for -1. Returns how many boxes are numbered.
+    Parameters
+    ----------
+    ground, points, field : Ground, (k, 2) float64, Field
+        The place, points of the goal [m] and the solved field.
+    state : (boxes,) uint8
+        States of the boxes after :func:`solve`.
+    asks : (boxes,) int8
+        Gets the narrowest behavior needed on the next BEFORE meters, -1 without a path.
+    slots : (boxes,) int32
+        Gets -1 for boxes from all of which agents may head straight for the anchor: the boxes on both sides across the
+        path see the same anchor (or an adjacent pin in the goal), all with the widest behavior. Gets consecutive
+        numbers for all others.
+
+    Returns
+    -------
+    int
+        Number of numbered boxes.
     """
     boxes = len(ground.widest)
     top = len(ground.costs) - 1
@@ -96,12 +116,15 @@ def ask(ground, points, field, state, asks, slots):
         x, y = pin_of(ground, box)
         anchor = field.anchor[box]
         sx, sy = anchor_place(ground, points, anchor)
+        # Slot: look at the boxes beside the path. Directions first + 2 and first + 3 are 45 to 135 degrees to its left,
+        # first + 6 and first + 7 as far to its right.
         first = eighth_of(sx - x, sy - y)
         around = state[box] == CLOSED_PURE and anchor != box
         for n in (2, 3, 6, 7):
             if not around:
                 break
             k = (first + n) % 8
+            # The line to each of them must be free, and theirs to the same anchor.
             around = (ground.pure[box] >> k & 1) != 0
             if around:
                 other = (row + STEPS[k, 1]) * ground.columns + column + STEPS[k, 0]
@@ -109,7 +132,7 @@ def ask(ground, points, field, state, asks, slots):
         if around:
             numbered -= 1
             slots[box] = -1
-        # Walk ahead along the way, from anchor to anchor.
+        # Behavior: sample the next BEFORE meters of the path, from anchor to anchor. Far from walls the widest fits.
         asks[box] = top
         if ground.far[row, column] * FAR_UNIT > ground.reach + BEFORE + BOX:
             continue
@@ -122,6 +145,7 @@ def ask(ground, points, field, state, asks, slots):
             if length == 0.0:
                 break
             asks[box] = min(asks[box], _passage(ground, x, y, dx / length, dy / length))
+            # Advance by one pace, around as many anchors as lie within it.
             rest = pace
             while n + 1 < paces and length <= rest and anchor < boxes and field.anchor[anchor] != anchor:
                 rest -= length

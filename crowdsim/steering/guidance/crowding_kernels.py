@@ -1,4 +1,4 @@
-"""How dense the crowd is, how dear that makes a place, and whether another way pays."""
+"""Density of a crowd, its effect on the cost of a path, and whether another path is cheaper."""
 
 import math
 
@@ -10,25 +10,28 @@ SMOOTHING = 1.0
 """Radius over which the density is smoothed [m]."""
 
 GRAIN = 1 << 20
-"""Weights are summed as whole multiples of 1 / GRAIN: their sum does not depend on the order of the agents."""
+"""Weights are summed as integer multiples of 1 / GRAIN, so that the sum does not depend on the order of the agents."""
 
 CHAIN = 4096
-"""Anchors that a way is followed over at most to find what it costs."""
+"""Largest number of anchors over which a path is followed to find its cost."""
 
 
 @kernel
 def add_agents(places, left, bottom, cell, weights):
-    """Spread agents (float64[n, 2] [m]) over cells: ``weights`` (int64[rows, columns], 0 to begin with), in GRAIN / m2.
+    """Add the agents at ``places`` (float64[n, 2] [m]) to the density ``weights`` (int64[rows, columns]).
 
-    Epanechnikov's kernel: 2 / (pi R^2) (1 - d^2 / R^2), which sums up to one agent.
+    The unit is GRAIN / m2. Epanechnikov kernel of radius R: 2 / (pi R^2) (1 - d^2 / R^2), whose integral is one agent.
+    ``left`` and ``bottom`` are the corner of the grid, ``cell`` is the side of a cell [m].
     """
     rows, columns = weights.shape
     height = 2.0 / (math.pi * SMOOTHING * SMOOTHING)
     for agent in range(len(places)):
         x = places[agent, 0]
         y = places[agent, 1]
+        # Agents that are not there yet, or have left, have no position.
         if not (math.isfinite(x) and math.isfinite(y)):
             continue
+        # Cells whose center may be within the radius.
         first_row = max(math.floor((y - SMOOTHING - bottom) / cell), 0)
         last_row = min(math.floor((y + SMOOTHING - bottom) / cell), rows - 1)
         first_column = max(math.floor((x - SMOOTHING - left) / cell), 0)
@@ -38,16 +41,18 @@ def add_agents(places, left, bottom, cell, weights):
             for column in range(first_column, last_column + 1):
                 dx = left + (column + 0.5) * cell - x
                 share = 1.0 - (dx * dx + dy * dy) / (SMOOTHING * SMOOTHING)
+                # Round each weight before it is added: integers add up to the same in any order.
                 if share > 0.0:
                     weights[row, column] += math.floor(height * share * GRAIN + 0.5)
 
 
 @kernel
 def set_load(weights, gain, free, load, quiet):
-    """Make a meter 1 + gain * (density - free) times as dear where the density exceeds ``free`` [1/m2].
+    """Set the factor of the crowd on the cost of a meter: ``load`` = 1 + gain * max(0, density - free).
 
-    ``quiet`` (uint8[rows, columns]) gets how many cells off the next such cell is, in the maximum norm (two sweeps).
-    Returns how many cells are dearer.
+    ``free`` is the density up to which it stays 1 [1/m2]. ``load`` is float32[rows, columns]; ``quiet`` (uint8[rows,
+    columns]) gets the number of cells to the next one with a factor above 1, in the maximum norm. Return the number of
+    such cells.
     """
     rows, columns = weights.shape
     dearer = 0
@@ -61,6 +66,7 @@ def set_load(weights, gain, free, load, quiet):
             if load[row, column] > 1.0:
                 quiet[row, column] = 0
                 dearer += 1
+    # Distance transform in the maximum norm: a forward and a backward sweep.
     for sweep in range(2):
         for j in range(rows):
             row = j if sweep == 0 else rows - 1 - j
@@ -80,10 +86,11 @@ def set_load(weights, gain, free, load, quiet):
 
 @helper
 def nearest_way(ground, field, x, y):
-    """The box at a place, or one around it, that has a way; -1 for none."""
+    """Return the box at a position, or the nearest of the eight around it, that has a path; -1 if there is none."""
     box = box_at(ground, x, y)
     if box < 0 or field.asks[box] >= 0:
         return box
+    # A position near a wall may be in a box without a path: take the nearest pin around.
     row = box // ground.columns
     column = box - row * ground.columns
     best = -1
@@ -102,12 +109,14 @@ def nearest_way(ground, field, x, y):
 
 @helper
 def price_of(ground, crowding, field, box, prices, chain):
-    """What the way of a box over its anchors costs in a crowd, whatever it cost when the field was made.
+    """Return the cost of a box's path over its anchors in the present crowd, whatever it was when the field was made.
 
-    ``prices``: float64[boxes], what is known already, negative where nothing is. ``chain``: int64[CHAIN], scratch.
+    The path goes from the pin of the box to that of its anchor, on to the anchor of that one, and so to the goal: a
+    point of the goal, or a box that is its own anchor. The cost is infinite if there are more than CHAIN anchors.
+    ``prices`` (float64[boxes]) holds the costs found so far, negative if unknown. ``chain`` (int64[CHAIN]) is scratch.
     """
     boxes = len(ground.widest)
-    # Go along the anchors up to one whose price is known, or the goal.
+    # Follow the anchors up to one whose cost is known, or to the goal.
     count = 0
     at = box
     paid = 0.0
@@ -122,7 +131,7 @@ def price_of(ground, crowding, field, box, prices, chain):
         chain[count] = at
         count += 1
         at = field.anchor[at]
-    # And back.
+    # Go back and add up the costs of the lines.
     for n in range(count - 1, -1, -1):
         px, py = pin_of(ground, chain[n])
         sx, sy = anchor_place(ground, field.points, field.anchor[chain[n]])
@@ -133,11 +142,12 @@ def price_of(ground, crowding, field, box, prices, chain):
 
 @kernel
 def change_where_it_pays(ground, crowding, old, new, places, weighing, prices, chain, changes):
-    """Set ``changes`` (bool[n]) for agents at ``places`` (float64[n, 2]) whose way in ``new`` is that much cheaper.
+    """Set ``changes`` (bool[n]) for the agents at ``places`` (float64[n, 2]) that change from field ``old`` to ``new``.
 
-    Both are paid in the present crowd: the old way as it leads, the new one as the field has it. An agent changes if
-    the new one costs less than ``weighing.share`` of the old one; if it costs less than ``weighing.around`` of it, and
-    the crowd on it less than ``weighing.jam`` of that on the old one; or if only the new field has a way.
+    Both paths are priced in the present crowd: the old path as it leads, the new one as its field has it. An agent
+    changes if the new path costs less than ``weighing.share`` of the old one; or less than ``weighing.around`` of it,
+    if the crowd's part of its cost is below ``weighing.jam`` of that of the old one; or if only the new field has a
+    path. ``prices`` and ``chain`` are those of :func:`price_of`.
     """
     for n in range(len(places)):
         changes[n] = False
@@ -149,6 +159,6 @@ def change_where_it_pays(ground, crowding, old, new, places, weighing, prices, c
             continue
         before = price_of(ground, crowding, old, box, prices, chain)
         cost = float(new.cost[box])
-        # What the crowd costs, and narrow places, is what a way costs beyond its length.
+        # The part of the cost due to the crowd (and to narrow places) is the cost less the length.
         quiet = cost - float(new.length[box]) < weighing.jam * (before - float(old.length[box]))
         changes[n] = cost < (weighing.around if quiet else weighing.share) * before

@@ -1,4 +1,4 @@
-"""One field: the cheapest way from everywhere in a place to one goal."""
+"""One field: the cheapest path from everywhere in a place to one goal."""
 
 from __future__ import annotations
 
@@ -17,66 +17,81 @@ from crowdsim.steering.guidance.ask_kernels import ask
 from crowdsim.steering.guidance.field_kernels import PARTS, UNKNOWN, solve
 from crowdsim.steering.guidance.ground import NOBODY, Crowding, Ground
 from crowdsim.steering.guidance.ground_kernels import BOX, PIN_UNIT
-from crowdsim.steering.guidance.sample_kernels import sample, ways_at
+from crowdsim.steering.guidance.sample_kernels import end_of_way, sample, ways_at
 
 SIDEWAYS = math.pi / 2.0
+"""Turn of the body against its path that a turned behavior prescribes [rad]."""
 
 SPACING = 0.1
-"""Of the points of a goal that is too small to hold a pin [m]."""
+"""Spacing of the points of a goal that is too small to contain pins [m]."""
 
 FEW = 16
-"""Pins in a goal below which points of its outline are goals too."""
+"""Number of pins in a goal below which points of its outline are goals, too."""
 
 
 BOX_ROW = np.dtype(
     [("cost", np.float32), ("length", np.float32), ("anchor", np.int32), ("slots", np.int32), ("asks", np.int8)],
     align=True,
 )
-"""What a field knows of a box lies side by side: an agent reads all of it."""
+"""Values of a field for one box. They are adjacent in memory, as an agent reads all of them."""
 
 
 class Field(NamedTuple):
-    """The way of every box of a :class:`~crowdsim.steering.guidance.ground.Ground`, as kernels take it."""
+    """Path of each box of a :class:`~crowdsim.steering.guidance.ground.Ground`; kernels take it as it is."""
 
     cost: NDArray[np.float32]
-    """float32[boxes]: what is still to pay, in meters of the preferred behavior; infinite where there is no way."""
+    """float32[boxes]: cost to the goal, in meters of the widest behavior without a crowd; infinite without a path."""
     length: NDArray[np.float32]
-    """float32[boxes]: length of the way [m]."""
+    """float32[boxes]: length of the path [m]."""
     anchor: NDArray[np.int32]
-    """int32[boxes]: the box at whose pin the way bends next; those behind the last box are points of the goal."""
+    """int32[boxes]: box at whose pin the path bends next; numbers from that of boxes on are points of the goal."""
     asks: NDArray[np.int8]
-    """int8[boxes]: behavior that the next 0.7 m of the way ask for, -1 where there is no way."""
+    """int8[boxes]: narrowest behavior needed on the next 0.7 m of the path, -1 without a path."""
     slots: NDArray[np.int32]
-    """int32[boxes]: row of ``heads`` and ``costs``, -1 if everybody in the box may go straight to its anchor."""
+    """int32[boxes]: row of ``heads`` and ``costs``; -1 if all agents in the box may head straight for its anchor."""
     heads: NDArray[np.int32]
-    """int32[j, 16]: what each part of a box heads for, found when somebody is there: a box or a point of the goal."""
+    """int32[j, 16]: target of each part of a box (a box or a point of the goal), found when the first agent is
+    there."""
     costs: NDArray[np.float32]
-    """float32[j, 16]: what that costs from the middle of the part."""
+    """float32[j, 16]: cost from the middle of the part over that target."""
     points: NDArray[np.float64]
     """float64[k, 2]: points of the goal beside the pins in it [m]."""
 
 
 class Ways(NamedTuple):
-    """What a field says at k places."""
+    """Paths from k positions, as a field gives them."""
 
     direction: NDArray[np.float64]
-    """float64[k, 2]: unit vectors, 0, 0 in the goal and where there is no way."""
+    """float64[k, 2]: unit vectors; (0, 0) in the goal, and without a path."""
     cost: NDArray[np.float64]
-    """float64[k]: what is still to pay, infinite where there is no way."""
+    """float64[k]: cost to the goal, infinite without a path."""
     length: NDArray[np.float64]
-    """float64[k]: length of the way [m]."""
+    """float64[k]: length of the path [m]."""
     behavior: NDArray[np.int64]
-    """int64[k]: what the way asks for."""
+    """int64[k]: behavior needed next."""
 
 
 def solve_field(ground: Ground, goal: BaseGeometry | ArrayLike, crowding: Crowding = NOBODY) -> Field:
-    """The field to a goal: a region, reached anywhere in it, or points, float64[k, 2] or one of them [m].
+    """Solve the field to one goal.
 
-    A goal that no way leads to, or outside of the place, gives a field without ways.
+    Parameters
+    ----------
+    ground : Ground
+        The place.
+    goal : BaseGeometry or (k, 2) or (2,) float64
+        A region, reached anywhere in it, or points [m]. A goal that no path leads to, or outside of the place, gives a
+        field without paths.
+    crowding : Crowding
+        Factor of the crowd on costs; no crowd by default.
+
+    Returns
+    -------
+    Field
 
     Raises
     ------
-    GeometryError: if the goal is neither, or has coordinates that are not finite.
+    GeometryError
+        If the goal is neither of these, or has coordinates that are not finite.
     """
     points, inside = _goal_of(ground, goal)
     boxes = ground.columns * ground.rows
@@ -102,17 +117,34 @@ def solve_field(ground: Ground, goal: BaseGeometry | ArrayLike, crowding: Crowdi
 
 
 def ways(ground: Ground, field: Field, places: ArrayLike) -> Ways:
-    """What a field says at places, float64[k, 2] [m]."""
+    """Return the paths from positions, float64[k, 2] [m], as a field gives them."""
     at = np.ascontiguousarray(places, np.float64).reshape(-1, 2)
     out = np.empty((len(at), 5))
     ways_at(ground, NOBODY, field, at, out)
     return Ways(out[:, :2], out[:, 2], out[:, 3], out[:, 4].astype(np.int64))
 
 
-def asked_of(behaviors: Sequence[Behavior], radius: float = 0.125) -> NDArray[np.float64]:
-    """What each behavior asks of a body, float64[n, 2]: turn [rad] and half length of the core with arms held in [m].
+def way_end(ground: Ground, field: Field, place: ArrayLike) -> NDArray[np.float64]:
+    """Where the way from a place, (2,) [m], comes to the goal; nan if there is no way."""
+    x, y = np.asarray(place, np.float64).tolist()
+    return np.array(end_of_way(ground, NOBODY, field, x, y))
 
-    -1 for nothing. ``radius``: of the capsule [m]. A turned behavior holds the arms as the narrowest upright one does.
+
+def asked_of(behaviors: Sequence[Behavior], radius: float = 0.125) -> NDArray[np.float64]:
+    """Return the body that each behavior prescribes.
+
+    Parameters
+    ----------
+    behaviors : sequence of Behavior
+        The behaviors, least preferred first.
+    radius : float
+        Radius of the capsule [m].
+
+    Returns
+    -------
+    (n, 2) float64
+        Turn against the path [rad], and half length of the core with the arms held in [m]; -1 if not prescribed. A
+        turned behavior holds the arms as the narrowest upright one does.
     """
     upright = [float(each.radii[-1]) for each in behaviors if not each.turned]
     arms_in = max((min(upright) if upright else 0.0) - radius, 0.0)
@@ -126,12 +158,12 @@ def asked_of(behaviors: Sequence[Behavior], radius: float = 0.125) -> NDArray[np
 def guide(
     ground: Ground, field: Field, asked: NDArray[np.float64], agents: NDArray[np.int64], state: NDArray[Any]
 ) -> int:
-    """Write what a field says to the rows ``agents`` of ``state``, records of ROW; returns how many have no way."""
+    """Write what a field gives to the rows ``agents`` of ``state`` (ROW[n]); return how many have no path."""
     return int(sample(ground, NOBODY, field, asked, agents, state))
 
 
 def _goal_of(ground: Ground, goal: BaseGeometry | ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Points (k, 2) of a goal, and the boxes whose pins are in it."""
+    """Return the points (k, 2) of a goal, and the boxes whose pins are in it."""
     none = np.zeros(0, np.int64)
     if not isinstance(goal, BaseGeometry):
         points = np.ascontiguousarray(goal, np.float64).reshape(-1, 2)
@@ -144,6 +176,7 @@ def _goal_of(ground: Ground, goal: BaseGeometry | ArrayLike) -> tuple[NDArray[np
         raise GeometryError("a goal needs finite coordinates")
     inside = _pins_within(ground, goal)
     points = np.empty((0, 2))
+    # A region with few pins: points of its outline, and one inside, make its shape count.
     if (ground.widest[inside] >= 0).sum() < FEW:
         outline = goal.boundary if goal.area > 0.0 else goal
         points = shapely.get_coordinates(shapely.segmentize(outline, SPACING))
@@ -153,7 +186,7 @@ def _goal_of(ground: Ground, goal: BaseGeometry | ArrayLike) -> tuple[NDArray[np
 
 
 def _pins_within(ground: Ground, goal: BaseGeometry) -> NDArray[np.int64]:
-    """Boxes whose pins are in a region, ascending."""
+    """Return the boxes whose pins are in a region, ascending."""
     x0, y0, x1, y1 = goal.bounds
     columns = np.arange(
         max(math.floor((x0 - ground.left) / BOX) - 1, 0), min(math.ceil((x1 - ground.left) / BOX) + 1, ground.columns)

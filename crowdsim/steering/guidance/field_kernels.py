@@ -1,10 +1,10 @@
-"""Fields: the cheapest way from everywhere to a goal.
+"""Fields: the cheapest path from every box of a place to a goal.
 
-Lazy Theta* without a heuristic (Nash, Koenig and Tovey 2010) over the pins of the boxes, from the goal outwards: a box
-knows its *anchor*, the pin at which its way bends next, and the way there is a straight line that was tested. So in the
-open a way is as short as the shortest one, whatever the size of boxes; and a way along anchors always gets nearer to
-the goal, so there is no place to be caught in. Costs along a line are added up place by place: a line through places
-with different behaviors, or through a crowd, is dearer than its length, and goes around them where that pays.
+Lazy Theta* without a heuristic (Nash, Koenig and Tovey, AAAI 2010) over the pins of the boxes, from the goal outwards.
+Each box stores its *anchor* (the parent of Theta*): the pin at which its path bends next, to which the straight line
+was tested. So in the open, paths are as short as the shortest ones, whatever the size of boxes. Costs fall strictly
+along anchors, so there are no local minima. The cost of a line is integrated along it: a line through places that need
+narrow behaviors, or through a crowd, costs more than its length, and paths go around them if that is cheaper.
 """
 
 import math
@@ -23,25 +23,26 @@ from crowdsim.steering.guidance.ground_kernels import (
 )
 
 NEW, GUESSED, KNOWN, KNOWN_PURE, CLOSED, CLOSED_PURE = range(6)
-"""States of a box: its cost is not known, guessed, tested, tested with the widest behavior all along to its anchor; the
-same twice, and final."""
+"""States of a box: NEW has no cost yet; GUESSED has an untested estimate (lazy); KNOWN has a tested cost, and CLOSED a
+final one. _PURE: the widest behavior fits on the whole line to its anchor, and no crowd is on it."""
 
 PARTS = 4
-"""Parts of a box along each side whose agents head for the same, where not all of the box does."""
+"""Number of parts along each side of a box; agents in one part head for the same point, if those of the whole box do
+not."""
 
 UNKNOWN = -2
-"""What a part heads for before anybody was in it."""
+"""Target of a part of a box that no agent has been in yet."""
 
 SHORTCUT = 0.9
-"""Share of the way over a neighbor that is guessed for a straight line."""
+"""Guess for an untested straight line, as a share of the path over the neighbor. Lower values test more lines."""
 
 SEEDS = 2
-"""Boxes around a point of the goal from which the line to it is tested."""
+"""Number of boxes around a point of the goal, in each direction, from which the line to the point is tested."""
 
 
 @helper
 def anchor_place(ground, points, anchor):
-    """Place of an anchor: the pin of a box, or behind those a point of the goal."""
+    """Return the position of an anchor: a pin if its number is below that of boxes, else a point of the goal."""
     boxes = len(ground.widest)
     if anchor < boxes:
         return pin_of(ground, anchor)
@@ -50,13 +51,13 @@ def anchor_place(ground, points, anchor):
 
 @helper
 def anchor_cost(field, boxes, anchor):
-    """What is still to pay at an anchor."""
+    """Return the cost from an anchor to the goal; a point of the goal has none."""
     return float(field.cost[anchor]) if anchor < boxes else 0.0
 
 
 @helper
 def eighth_of(dx, dy):
-    """The eighth of the circle that (dx, dy) lies in: from direction k of STEPS to the next."""
+    """Return the octant k of (dx, dy), which lies between the directions STEPS[k] and STEPS[k + 1]."""
     if dy >= 0.0:
         return (0 if dx >= dy else 1) if dx >= 0.0 else (2 if -dx < dy else 3)
     return (4 if -dx >= -dy else 5) if dx < 0.0 else (6 if dx < -dy else 7)
@@ -64,16 +65,17 @@ def eighth_of(dx, dy):
 
 @helper
 def is_quiet(crowding, x, y):
-    """Whether the crowd makes nothing dearer at a place."""
+    """Return True if no crowd raises the cost at a position."""
     return not crowding.crowded or load_at(crowding, x, y)[0] == 1.0
 
 
 @helper
 def leads_alike(ground, field, anchor, other, sx, sy):
-    """Whether another anchor is the same as one at (sx, sy), or beside it in the goal."""
+    """Return True if anchor ``other`` is ``anchor``, which is at (sx, sy), or an adjacent pin in the goal."""
     if other == anchor:
         return True
     boxes = len(ground.widest)
+    # Both must be pins in the goal (cost 0), at most a diagonal of a box apart.
     if anchor >= boxes or other >= boxes or field.cost[anchor] != 0.0 or field.cost[other] != 0.0:
         return False
     px, py = pin_of(ground, other)
@@ -82,33 +84,38 @@ def leads_alike(ground, field, anchor, other, sx, sy):
 
 @helper
 def _wrong_side(dx, dy, qx, qy, n):
-    """Whether q lies on the left of the direction d for ``n`` = 0, on its right for 1."""
+    """Return True if q lies to the left of the direction d for ``n`` = 0, to its right for ``n`` = 1."""
     cross = dx * qy - dy * qx
     return cross > 1e-9 if n == 0 else cross < -1e-9
 
 
 @helper
 def _sees_too(ground, crowding, field, state, box, px, py, sx, sy, anchor):
-    """Whether two boxes on both sides of the line from a box to an anchor see the anchor, and the box sees both.
+    """Return True if a box sees an anchor because the two boxes beside the line to it see the anchor.
 
-    Then it sees the anchor itself: what stands in the way of bodies is broader than what is between the two lines. In a
-    goal they may see the pin beside the anchor instead, if that lies on their side.
+    An obstacle that blocks bodies is broader than the space between the lines of these two boxes, so the line in
+    between need not be tested. All must be free for the widest behavior. In a goal, the two boxes may see an adjacent
+    pin of the goal instead, on their own side.
     """
+    # The two boxes next to the box in the directions k and k + 1 on both sides of the line.
     dx = sx - px
     dy = sy - py
     first = eighth_of(dx, dy)
     row = box // ground.columns
     column = box - row * ground.columns
+    # A crowd raises costs: then the line is integrated.
     if not is_quiet(crowding, px, py):
         return False
     for n in range(2):
         k = (first + n) % 8
+        # The box must see both of them, and both must be final with a free line to their anchor.
         if not ground.pure[box] >> k & 1:
             return False
         other = (row + STEPS[k, 1]) * ground.columns + column + STEPS[k, 0]
         if state[other] != CLOSED_PURE:
             return False
         qx, qy = pin_of(ground, other)
+        # Pins are not box centers: the two must really lie on both sides of the line.
         if _wrong_side(dx, dy, qx - px, qy - py, n):
             return False
         ahead = field.anchor[other]
@@ -116,6 +123,7 @@ def _sees_too(ground, crowding, field, state, box, px, py, sx, sy, anchor):
             if not leads_alike(ground, field, anchor, ahead, sx, sy):
                 return False
             qx, qy = pin_of(ground, ahead)
+            # The other pin of the goal must lie on the side of the box that sees it.
             if _wrong_side(dx, dy, qx - px, qy - py, n):
                 return False
     return True
@@ -123,9 +131,9 @@ def _sees_too(ground, crowding, field, state, box, px, py, sx, sy, anchor):
 
 @helper
 def _test_box(ground, crowding, points, field, state, box):
-    """The cheapest way of a box over those boxes around it that are final: to their anchors, or else to themselves.
+    """Find the cheapest path of a box over the final boxes around it: straight to their anchors, or to their own pins.
 
-    Returns its cost, its anchor and whether the widest behavior fits all along to the anchor.
+    Return its cost, its anchor, and whether the widest behavior fits on the whole line to the anchor.
     """
     boxes = len(ground.widest)
     top = ground.costs[-1]
@@ -136,7 +144,8 @@ def _test_box(ground, crowding, points, field, state, box):
     anchor = -1
     is_pure = False
     dropped = -1
-    # Straight to the anchors around, the guessed one first: it is the cheapest as a rule, and prunes the others.
+    # Path 2 of Theta*: straight to the anchors of the boxes around. The guessed one comes first (turn -1), as it is
+    # the cheapest as a rule and prunes the others.
     for turn in range(-1, 8):
         if turn < 0:
             tried = field.anchor[box]
@@ -156,8 +165,10 @@ def _test_box(ground, crowding, points, field, state, box):
         sx, sy = anchor_place(ground, points, tried)
         paid = anchor_cost(field, boxes, tried)
         length = math.sqrt((sx - px) * (sx - px) + (sy - py) * (sy - py))
+        # Lower bound: the whole line with the widest behavior, without a crowd.
         if paid + top * length >= best:
             continue
+        # A line that need not be tested costs its length; others are integrated up to the best cost.
         if _sees_too(ground, crowding, field, state, box, px, py, sx, sy, tried):
             value = paid + top * length
         else:
@@ -168,7 +179,7 @@ def _test_box(ground, crowding, points, field, state, box):
             is_pure = value <= paid + top * length * (1.0 + 1e-9) + 1e-12
         else:
             dropped = tried
-    # To the boxes around themselves: where the way bends.
+    # Path 1 of Theta*: to the pins of the boxes around, where the path bends.
     for k in range(8):
         if not ground.ways[box] >> k & 1:
             continue
@@ -180,6 +191,7 @@ def _test_box(ground, crowding, points, field, state, box):
         paid = float(field.cost[other])
         if paid + top * length >= best:
             continue
+        # Lines between adjacent pins were tested with the ground; only a crowd makes them cost more.
         wide = (ground.pure[box] >> k & 1) != 0
         if wide and crowding.crowded:
             wide = is_quiet(crowding, px, py) and is_quiet(crowding, qx, qy)
@@ -196,8 +208,12 @@ def _test_box(ground, crowding, points, field, state, box):
 
 @helper
 def _seed(ground, crowding, points, inside, field, state, heap, count):
-    """Boxes in the goal, and those around its points with the cost of the line there; (heap, count)."""
+    """Push the boxes in the goal with cost 0, and those around its points with the cost of the line there.
+
+    Return the heap and the number of its items.
+    """
     boxes = len(ground.widest)
+    # Pins in the goal are their own anchors.
     for n in range(len(inside)):
         box = inside[n]
         if ground.widest[box] >= 0:
@@ -206,6 +222,7 @@ def _seed(ground, crowding, points, inside, field, state, heap, count):
             field.anchor[box] = box
             state[box] = KNOWN_PURE
             heap, count = push(heap, count, 0.0, box)
+    # Points of the goal are anchors with the numbers after the last box.
     for n in range(len(points)):
         x = points[n, 0]
         y = points[n, 1]
@@ -234,11 +251,24 @@ def _seed(ground, crowding, points, inside, field, state, heap, count):
 
 @kernel
 def solve(ground, crowding, points, inside, field, state):
-    """Fill ``field`` with the cheapest ways to a goal; returns how many boxes have one.
+    """Fill ``field`` with the cheapest paths to a goal; return the number of boxes that have one.
 
-    ``points``: float64[k, 2], points of the goal beside the pins in it [m]. ``inside``: int64[j], boxes whose pins are
-    in the goal. ``field``: cost, length (float32[boxes], infinite to begin with) and anchor (int32[boxes], -1 to begin
-    with). ``state``: uint8[boxes], 0 to begin with. Boxes of equal cost are taken in the order of their numbers.
+    Parameters
+    ----------
+    ground, crowding : Ground, Crowding
+        The place and its crowd.
+    points : (k, 2) float64
+        Points of the goal beside the pins in it [m].
+    inside : (j,) int64
+        Boxes whose pins are in the goal.
+    field : Field
+        Gets cost and length (float32[boxes], infinite before) and anchor (int32[boxes], -1 before).
+    state : (boxes,) uint8
+        States of the boxes, NEW before.
+
+    Notes
+    -----
+    Boxes of equal cost are expanded in the order of their numbers, so results do not depend on the heap.
     """
     boxes = len(ground.widest)
     top = ground.costs[-1]
@@ -246,14 +276,17 @@ def solve(ground, crowding, points, inside, field, state):
     heap, count = _seed(ground, crowding, points, inside, field, state, heap, np.int64(0))
     final = 0
     while count > 0:
+        # pop moves the entry with the smallest key behind the rest.
         pop(heap, count)
         count -= 1
         box = heap[count].item
-        # What was pushed before the cost fell is out of date.
+        # Skip entries that were pushed before the cost of their box fell.
         if state[box] >= CLOSED or heap[count].key != float(field.cost[box]):
             continue
+        # Lazy evaluation: test the line only now that the guess is the smallest cost in the heap.
         if state[box] == GUESSED:
             cost, anchor, is_pure = _test_box(ground, crowding, points, field, state, box)
+            # No line is free after all. The box is pushed again if another neighbor becomes final.
             if cost == math.inf:
                 field.cost[box] = math.inf
                 field.anchor[box] = -1
@@ -266,10 +299,11 @@ def solve(ground, crowding, points, inside, field, state):
             field.cost[box] = cost
             field.length[box] = length + (float(field.length[anchor]) if anchor < boxes else 0.0)
             state[box] = KNOWN_PURE if is_pure else KNOWN
+            # The tested cost may exceed the guess: back to the heap if another box is cheaper now.
             if count > 0 and heap[0].key < float(field.cost[box]):
                 heap, count = push(heap, count, float(field.cost[box]), box)
                 continue
-        # The box is final: guess what the boxes around it cost.
+        # The box is final: guess the costs of the boxes around it.
         state[box] = CLOSED if state[box] == KNOWN else CLOSED_PURE
         final += 1
         anchor = field.anchor[box]
@@ -285,14 +319,17 @@ def solve(ground, crowding, points, inside, field, state):
             if state[other] >= CLOSED:
                 continue
             qx, qy = pin_of(ground, other)
+            # Probably the neighbor sees the anchor, too. This guess is a lower bound.
             if ground.pure[box] >> k & 1 and state[box] == CLOSED_PURE and is_quiet(crowding, qx, qy):
                 guess = paid + top * math.sqrt((sx - qx) * (sx - qx) + (sy - qy) * (sy - qy))
             else:
+                # Otherwise the path over this box, shortened, as a straight line may be possible.
                 meter = ground.costs[min(ground.widest[box], ground.widest[other])]
                 if crowding.crowded:
                     meter *= load_at(crowding, qx, qy)[0]
                 length = math.sqrt((px - qx) * (px - qx) + (py - qy) * (py - qy))
                 guess = float(field.cost[box]) + SHORTCUT * meter * length
+            # Round as the field stores it, so that keys of the heap compare equal to costs.
             guess = float(np.float32(guess))
             if guess < float(field.cost[other]):
                 field.cost[other] = guess

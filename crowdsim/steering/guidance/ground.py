@@ -1,4 +1,4 @@
-"""What a place lets bodies do, made once for a place and a set of behaviors and shared by all fields."""
+"""Ground of a place: built once from walls and behaviors, and shared by the fields of all goals."""
 
 from __future__ import annotations
 
@@ -22,75 +22,83 @@ from crowdsim.steering.guidance.ground_kernels import (
 from crowdsim.steering.guidance.pin_kernels import mend_pins, set_pins, set_ways
 
 Frame = tuple[float, float, int, int]
+"""Left and bottom edge of the boxes [m], columns and rows of boxes."""
 
 EDGE = 2 * BOX
-"""Free boxes around the walls of a place [m]."""
+"""Width of the rim of free boxes around the walls of a place [m]."""
 
 _ROUNDING = 1e-6
-"""Share by which a clearance may be too small and still count: paths touch corners at exactly theirs."""
+"""Share by which a clearance may be missed, since paths touch corners at exactly the clearance."""
 
 
 class Crowding(NamedTuple):
-    """By how much the crowd makes a meter dearer in cells of a grid, as kernels take it."""
+    """Factor of the crowd on the cost of a meter, in cells of a grid; kernels take it as it is."""
 
     load: NDArray[np.float32]
-    """float32[rows, columns], 1 for not at all."""
+    """float32[rows, columns]: the factor, 1 without a crowd."""
     quiet: NDArray[np.uint8]
-    """uint8[rows, columns]: cells to the next one that is dearer, in the maximum norm."""
+    """uint8[rows, columns]: number of cells to the next one with a factor above 1, in the maximum norm."""
     left: float
+    """Left edge of the grid [m]."""
     bottom: float
+    """Bottom edge of the grid [m]."""
     cell: float
     """Side of a cell [m]."""
     crowded: bool
-    """Whether anything counts at all."""
+    """True if any factor is above 1."""
 
 
 NOBODY = Crowding(np.ones((1, 1), np.float32), np.ones((1, 1), np.uint8), 0.0, 0.0, 0.5, False)
-"""An empty place."""
+"""No crowd: all factors are 1."""
 
 
 class Ground(NamedTuple):
     """Boxes of a place, row by row, as kernels take them; see :mod:`crowdsim.steering.guidance.ground_kernels`.
 
-    n behaviors, narrowest first; m classes of walls, by the layers that they stand in.
+    There are n behaviors, the narrowest first, and m classes of walls: walls that stand in the same layers are one
+    class.
     """
 
     segments: NDArray[np.float64]
-    """float64[k, 4]: both ends of the walls of all layers, each once [m]."""
+    """float64[k, 4]: both ends of the walls of all layers, each wall once [m]."""
     layers: NDArray[np.int64]
-    """int64[k]: the class of each."""
+    """int64[k]: class of each wall."""
     radii: NDArray[np.float64]
-    """float64[n, m]: clearance that a behavior needs of a class [m]."""
+    """float64[n, m]: clearance that a behavior needs from a class of walls [m]."""
     costs: NDArray[np.float64]
-    """float64[n]: cost of a meter."""
+    """float64[n]: cost of a meter with each behavior."""
     change: float
-    """Cost of a change of behavior."""
+    """Cost of a change of behavior [m of the widest one, by its cost]."""
     reach: float
-    """Largest of the clearances [m]."""
+    """Largest clearance of all behaviors [m]."""
     least: float
-    """Smallest of them [m]."""
+    """Smallest clearance of all behaviors [m]."""
     left: float
+    """Left edge of the boxes [m]."""
     bottom: float
+    """Bottom edge of the boxes [m]."""
     columns: int
+    """Columns of boxes."""
     rows: int
+    """Rows of boxes."""
     starts: NDArray[np.int32]
-    """int32[boxes + 1]: where the list of a box begins."""
+    """int32[boxes + 1]: index in ``lists`` at which each box begins."""
     lists: NDArray[np.int32]
-    """Segments near the boxes."""
+    """int32[j]: numbers of the segments near each box."""
     far: NDArray[np.uint8]
-    """uint8[rows, columns]: lower bound of the distance from a center to the nearest wall."""
+    """uint8[rows, columns]: lower bound of the distance from the center to the nearest wall, in units of FAR_UNIT."""
     pins: NDArray[np.int8]
-    """int8[boxes, 2]: from the center of a box to its pin."""
+    """int8[boxes, 2]: offset of the pin from the center of the box, in units of PIN_UNIT."""
     widest: NDArray[np.int8]
     """int8[boxes]: widest behavior that fits at the pin, -1 for none."""
     ways: NDArray[np.uint8]
-    """uint8[boxes]: bits of the eight directions in which something fits all along the line to the next pin."""
+    """uint8[boxes]: bit k is set if some behavior fits at each point of the line to the next pin in direction k."""
     pure: NDArray[np.uint8]
-    """uint8[boxes]: bits of those in which the widest behavior does."""
+    """uint8[boxes]: bit k is set if the widest behavior fits on all of that line."""
 
     @property
     def frame(self) -> Frame:
-        """Left, bottom [m], columns and rows."""
+        """Return left and bottom edge [m], columns and rows."""
         return self.left, self.bottom, self.columns, self.rows
 
 
@@ -101,18 +109,28 @@ def build_ground(
     bounds: tuple[float, float, float, float] | None = None,
     wider: float = 0.0,
 ) -> Ground:
-    """Ground of a place with these walls.
+    """Build the ground of a place with these walls.
 
     Parameters
     ----------
-    segments: for each layer, the legs' first, float64[k, 4], both ends of its walls [m].
-    need: what the behaviors ask for on these layers.
-    bounds: x and y of the lower left and upper right corner of what is looked at [m]; that of the walls if None.
-    wider: by how much the bodies of this width class need more clearance than the behaviors' [m].
+    segments : sequence of (k, 4) float64
+        Both ends of the walls of each layer [m], the legs' layer first.
+    need : Requirements
+        Clearances of the behaviors on these layers, and their costs per meter.
+    bounds : (float, float, float, float), optional
+        Left, bottom, right and top of the place [m]; by default the extent of the walls.
+    wider : float
+        Additional clearance that the bodies of this width class need [m].
+
+    Returns
+    -------
+    Ground
 
     Raises
     ------
-    GeometryError: if there are not as many layers as behaviors were measured on, or neither walls nor bounds.
+    GeometryError
+        If there are not as many layers as behaviors were measured on, if there are neither walls nor bounds, or if
+        coordinates are not finite.
     """
     every, layers, radii = _merged(segments, need, wider)
     frame = _frame_of(every, bounds)
@@ -151,9 +169,10 @@ def update_ground(
     *,
     wider: float = 0.0,
 ) -> Ground:
-    """Ground of a place whose walls changed within a window (x and y of its corners): as build_ground makes it.
+    """Return the ground after walls changed within ``window`` (left, bottom, right, top) [m].
 
-    The old one stays as it is. Fields of the old one do not hold for the new one.
+    The result equals that of :func:`build_ground`. The old ground is not changed. Fields of the old ground do not hold
+    for the new one.
     """
     every, layers, radii = _merged(segments, need, wider)
     starts, lists, far = _near(every, ground.reach, ground.frame)
@@ -169,7 +188,8 @@ def update_ground(
         ways=ground.ways.copy(),
         pure=ground.pure.copy(),
     )
-    # Pins change as far as a wall tells what fits, and where lines to such pins, or past such walls, change ways.
+    # A pin can change within the reach of a changed wall; mending a pin looks at the pins next to it, and testing lines
+    # at the mended ones: so each stage is done anew on a larger window than the pins that can differ.
     raw = changed._replace(pins=ground.pins.copy(), widest=ground.widest.copy())
     set_pins(raw, *_boxes_within(ground, window, ground.reach + 8.0 * BOX))
     mend_pins(changed, NOBODY, raw.pins, raw.widest, *_boxes_within(ground, window, ground.reach + 6.0 * BOX))
@@ -180,7 +200,7 @@ def update_ground(
 def _boxes_within(
     ground: Ground, window: tuple[float, float, float, float], margin: float
 ) -> tuple[int, int, int, int]:
-    """First and last row and column (exclusive) of the boxes within ``margin`` of a window."""
+    """Return first and last (exclusive) row, then column, of the boxes within ``margin`` of a window."""
     return (
         max(math.floor((window[1] - margin - ground.bottom) / BOX), 0),
         min(math.ceil((window[3] + margin - ground.bottom) / BOX), ground.rows),
@@ -192,21 +212,24 @@ def _boxes_within(
 def _merged(
     segments: Sequence[Any], need: Requirements, wider: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-    """Each wall once, though it stands in several layers, with the class of layers that it stands in.
+    """Merge the walls of all layers: each wall once, with the class of layers that it stands in.
 
-    Returns walls (k, 4), their classes (k,), and the clearances (n, classes): the largest of the layers of a class.
+    Return walls (k, 4), their classes (k,), and clearances (n, classes): the largest over the layers of a class.
     """
     if len(segments) != need.radii.shape[1]:
-        raise GeometryError(f"walls of {len(segments)} layers do not go with behaviors of {need.radii.shape[1]}")
+        needed = need.radii.shape[1]
+        raise GeometryError(f"walls are given for {len(segments)} layers, but behaviors were measured on {needed}")
     walls = [np.ascontiguousarray(each, np.float64).reshape(-1, 4) for each in segments]
     radii = (need.radii + wider) * (1.0 - _ROUNDING)
     every = np.concatenate(walls)
     layers = np.repeat(np.arange(len(walls)), [len(each) for each in walls])
+    # The same wall may run in either direction: sort its ends.
     swap = (every[:, 0] > every[:, 2]) | ((every[:, 0] == every[:, 2]) & (every[:, 1] > every[:, 3]))
     every = np.where(swap[:, None], every[:, [2, 3, 0, 1]], every)
     found, number = np.unique(every, axis=0, return_inverse=True)
     stands = np.zeros((len(found), len(walls)), np.bool_)
     stands[number.ravel(), layers] = True
+    # A class is a set of layers.
     kinds, kind = np.unique(stands, axis=0, return_inverse=True)
     needed = np.zeros((len(radii), max(len(kinds), 1)))
     for column, each in enumerate(kinds):
@@ -217,7 +240,7 @@ def _merged(
 
 
 def _frame_of(segments: NDArray[np.float64], bounds: tuple[float, float, float, float] | None) -> Frame:
-    """The boxes that hold ``bounds``, or the walls, on one lattice for all places."""
+    """Return the frame of boxes that covers ``bounds``, or the walls; all places share one lattice."""
     if bounds is None:
         if not len(segments):
             raise GeometryError("a place without walls needs bounds")
@@ -235,7 +258,7 @@ def _frame_of(segments: NDArray[np.float64], bounds: tuple[float, float, float, 
 def _near(
     segments: NDArray[np.float64], reach: float, frame: Frame
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.uint8]]:
-    """Lists of segments near boxes, and lower bounds of distances."""
+    """Return the lists of segments near boxes (starts, lists), and lower bounds of distances."""
     listed = reach + CORNER + SPARE
     starts = np.zeros(frame[2] * frame[3] + 1, np.int32)
     count = list_segments(segments, listed, frame, starts, np.zeros(0, np.int32))

@@ -1,9 +1,11 @@
-"""What a place lets bodies do: which behavior fits where, and what a straight line through it costs.
+"""Ground: which behaviors fit at which positions of a place, and what a straight line through it costs.
 
-The place is cut into boxes of :data:`BOX` meters. A box lists the wall segments near it, so that clearances are exact
-anywhere in it, and has one *pin*, the point that stands for it: its center if the widest behavior fits there, else the
-point of the box where the widest behavior that fits anywhere in it has most room. So a gap stays open however narrow it
-is and however it lies to the boxes.
+The place is divided into boxes of :data:`BOX` meters. A box lists the wall segments near it, so that clearances are
+exact anywhere in it. It is represented by one point, its *pin*: its center if the widest behavior fits there, else the
+point at which the widest behavior that fits anywhere in the box has most room. So gaps stay open however narrow they
+are and however they lie to the boxes.
+
+Behaviors are numbered by width, the narrowest is 0; -1 stands for none.
 """
 
 import math
@@ -14,33 +16,50 @@ from crowdsim.geometry.segments_kernels import point_segment_distance2
 from crowdsim.jit import helper, kernel
 
 BOX = 0.25
-"""Side of a box [m]. A larger one would hold both sides of a thin wall, as planned clearances are 0.2 m and more."""
+"""Side of a box [m]. Clearances are 0.2 m and more, so a box never holds free points on both sides of a thin wall; a
+larger box would."""
 
 CORNER = BOX * math.sqrt(0.5)
-"""From the center of a box to its corners [m]."""
+"""Distance from the center of a box to its corners [m]."""
 
 SPARE = 0.05
-"""Room beyond what a behavior needs that a pin looks for [m]; more does not count."""
+"""Largest margin beyond a behavior's clearance that counts when a pin is chosen [m]."""
 
 FAR_UNIT = 0.02
-"""Of the lower bounds of distances to walls, kept as bytes [m]."""
+"""Unit of the lower bounds of distances to walls, which are stored as bytes [m]."""
 
 PIN_UNIT = 0.001
-"""Of the ways from the centers of boxes to their pins, kept as signed bytes [m]."""
+"""Unit of the offsets of pins from the centers of their boxes, which are stored as signed bytes [m]."""
 
 PACE = 0.06
-"""Step along a line near walls [m]."""
+"""Step along a line near walls [m]. Shorter steps find narrower places, and cost more."""
 
 STEPS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)], np.int64)
-"""Columns and rows to the eight boxes around a box, counter-clockwise."""
+"""Offsets (columns, rows) of the eight boxes around a box, counterclockwise from the right; direction k points
+there."""
 
 
 @kernel
 def list_segments(segments, reach, frame, starts, lists):
-    """List the segments nearer than ``reach`` to the centers of boxes.
+    """List the segments nearer than ``reach`` to the center of each box; call first with empty ``lists``, then again.
 
-    Call once with an empty ``lists`` to fill ``starts``, then with room for all. ``segments``: float64[n, 4] [m].
-    ``frame``: left, bottom [m], columns, rows. ``starts``: int32[boxes + 1]. Returns the number of entries.
+    Parameters
+    ----------
+    segments : (n, 4) float64
+        Both ends of each segment [m].
+    reach : float
+        Distance from a center up to which a segment is listed [m].
+    frame : (float, float, int, int)
+        Left and bottom edge of the boxes [m], columns and rows of boxes.
+    starts : (boxes + 1,) int32
+        Gets the index in ``lists`` at which each box begins.
+    lists : (k,) int32
+        Empty, or gets the segment numbers.
+
+    Returns
+    -------
+    int
+        Number of entries that ``lists`` needs.
     """
     left, bottom, columns, rows = frame
     filling = len(lists) > 0
@@ -52,7 +71,7 @@ def list_segments(segments, reach, frame, starts, lists):
         high_row = min(math.floor((max(ay, by) + reach - bottom) / BOX), rows - 1)
         for row in range(low_row, high_row + 1):
             y = bottom + (row + 0.5) * BOX
-            # Of a long slanting segment only the part beside this row matters.
+            # Clip a long oblique segment to the part that can be within reach of this row of boxes.
             low, high = min(ax, bx), max(ax, bx)
             if by != ay:
                 s = min(max((y - reach - ay) / (by - ay), 0.0), 1.0)
@@ -71,7 +90,8 @@ def list_segments(segments, reach, frame, starts, lists):
                     starts[box + 1] += 1
     if filling:
         return len(lists)
-    # Where each box begins, one place on: filling moves it to where it ends, which is where the next begins.
+    # Prefix sums: starts[b + 1] becomes the index at which box b begins. Filling moves it to the end of box b, which is
+    # where box b + 1 begins.
     total = 0
     for box in range(1, len(starts)):
         count = starts[box]
@@ -84,14 +104,16 @@ def list_segments(segments, reach, frame, starts, lists):
 def bound_distances(segments, starts, lists, reach, frame, far):
     """Fill ``far`` (uint8[rows, columns]) with lower bounds of the distances from box centers to the nearest segment.
 
-    Exact, but for the unit, below ``reach``. Beyond, two sweeps of a chamfer distance whose steps are so short that it
-    never exceeds the Euclidean one (Borgefors 1986), less what the centers of boxes may be off.
+    Below ``reach`` (that of :func:`list_segments`) they are exact but for rounding down. Beyond, two sweeps of a
+    chamfer transform (Borgefors 1986) whose steps are scaled so that it never exceeds the Euclidean distance.
     """
     left, bottom, columns, rows = frame
+    # Chamfer distances exceed Euclidean ones by up to 1 / cos(22.5 degrees): scale the steps by that cosine.
     straight = BOX * 0.92387
     diagonal = straight * math.sqrt(2.0)
     most = 255 * FAR_UNIT
     bound = np.full((rows, columns), most + 2.0 * BOX, np.float32)
+    # Exact distances from the lists.
     for row in range(rows):
         for column in range(columns):
             box = row * columns + column
@@ -100,6 +122,7 @@ def bound_distances(segments, starts, lists, reach, frame, far):
             for entry in range(starts[box], starts[box + 1]):
                 ax, ay, bx, by = segments[lists[entry]]
                 bound[row, column] = min(bound[row, column], math.sqrt(point_segment_distance2(x, y, ax, ay, bx, by)))
+    # Forward and backward sweep: hand distances on from boxes that come earlier in the order of the sweep.
     for sweep in range(2):
         for j in range(rows):
             row = j if sweep == 0 else rows - 1 - j
@@ -121,6 +144,8 @@ def bound_distances(segments, starts, lists, reach, frame, far):
         for column in range(columns):
             box = row * columns + column
             known = bound[row, column]
+            # A box without listed segments is at least ``reach`` away. Its bound was handed on from the exact distance
+            # of another center, so subtract what two centers and rounding may differ by.
             if starts[box] == starts[box + 1]:
                 known = max(known - 2.0 * CORNER - 0.01, reach)
             far[row, column] = min(int(known / FAR_UNIT), 255)
@@ -128,7 +153,7 @@ def bound_distances(segments, starts, lists, reach, frame, far):
 
 @helper
 def box_at(ground, x, y):
-    """Number of the box that holds a place, -1 outside."""
+    """Return the number of the box that contains a position, -1 outside."""
     column = math.floor((x - ground.left) / BOX)
     row = math.floor((y - ground.bottom) / BOX)
     if not (0 <= column < ground.columns and 0 <= row < ground.rows):
@@ -138,7 +163,7 @@ def box_at(ground, x, y):
 
 @helper
 def pin_of(ground, box):
-    """The point that stands for a box [m]."""
+    """Return the pin of a box, x and y [m]."""
     row = box // ground.columns
     column = box - row * ground.columns
     x = ground.left + (column + 0.5) * BOX + PIN_UNIT * ground.pins[box, 0]
@@ -147,13 +172,17 @@ def pin_of(ground, box):
 
 @helper
 def margin_at(ground, box, x, y, behavior):
-    """Room at a place of ``box`` beyond what a behavior needs, negative if it does not fit, at most SPARE [m]."""
+    """Return the smallest distance to a wall less the clearance that ``behavior`` needs there, at most SPARE [m].
+
+    The position is in ``box``. A negative margin means that the behavior does not fit.
+    """
     least = SPARE
     for entry in range(ground.starts[box], ground.starts[box + 1]):
         number = ground.lists[entry]
         needed = ground.radii[behavior, ground.layers[number]]
         ax, ay, bx, by = ground.segments[number]
         square = point_segment_distance2(x, y, ax, ay, bx, by)
+        # Take the root only if this segment leaves less than the ones before.
         if square < (needed + least) * (needed + least):
             least = math.sqrt(square) - needed
     return least
@@ -161,13 +190,14 @@ def margin_at(ground, box, x, y, behavior):
 
 @helper
 def widest_at(ground, box, x, y):
-    """The widest behavior that fits at a place of ``box``, -1 for none."""
+    """Return the widest behavior that fits at a position in ``box``, -1 for none."""
     fits = len(ground.costs) - 1
     for entry in range(ground.starts[box], ground.starts[box + 1]):
         number = ground.lists[entry]
         layer = ground.layers[number]
         ax, ay, bx, by = ground.segments[number]
         square = point_segment_distance2(x, y, ax, ay, bx, by)
+        # Narrow down: each segment excludes the behaviors whose clearance on its layers is larger than its distance.
         while fits >= 0 and square < ground.radii[fits, layer] * ground.radii[fits, layer]:
             fits -= 1
         if fits < 0:
@@ -177,7 +207,11 @@ def widest_at(ground, box, x, y):
 
 @helper
 def load_at(crowding, x, y):
-    """By how much the crowd makes a meter dearer at a place, 1 for not at all; and how far that holds at least [m]."""
+    """Return the factor of the crowd on the cost of a meter, and a distance on which it stays the same [m].
+
+    The factor is 1 without a crowd. ``crowding.quiet`` counts the cells, in the larger of both directions, to the
+    nearest crowded one.
+    """
     column = math.floor((x - crowding.left) / crowding.cell)
     row = math.floor((y - crowding.bottom) / crowding.cell)
     height, width = crowding.load.shape
@@ -188,11 +222,12 @@ def load_at(crowding, x, y):
 
 @helper
 def line_cost(ground, crowding, px, py, qx, qy, most):
-    """Cost of the straight line from p to q with the cheapest behavior at each place, infinite where none fits.
+    """Return the cost of the straight line from p to q, with the widest behavior that fits at each point.
 
-    ``most``: the cost above which the caller does not care; infinite is returned for more. A change of behavior costs
-    as it does in plans. Where walls are far, steps are as long as no wall can come near. At the ends of the line
-    something has to fit: there, the last step sees walls half a PACE late.
+    The cost is the integral of the behavior's cost per meter and the crowd's factor, plus ``ground.change`` for each
+    change of behavior. It is infinite if there is a point at which no behavior fits, or if it exceeds ``most``. Near
+    walls the line is sampled at steps of PACE, so walls closer than half a step to its ends may be missed: a behavior
+    must fit there.
     """
     top = len(ground.costs) - 1
     dx = qx - px
@@ -213,6 +248,7 @@ def line_cost(ground, crowding, px, py, qx, qy, most):
         box = box_at(ground, x, y)
         if box < 0:
             return math.inf
+        # On the next ``room`` meters, no wall can come within the largest clearance.
         row = box // ground.columns
         column = box - row * ground.columns
         off_x = x - (ground.left + (column + 0.5) * BOX)
@@ -220,11 +256,11 @@ def line_cost(ground, crowding, px, py, qx, qy, most):
         room = ground.far[row, column] * FAR_UNIT - math.sqrt(off_x * off_x + off_y * off_y) - ground.reach
         if crowding.crowded:
             load, longest = load_at(crowding, x, y)
-        # Far from walls: everything within the distance to the nearest one is wide enough.
+        # Far from walls, the widest behavior fits on the whole step.
         label = top
         step = min(room, longest, length - along)
         if room < PACE:
-            # Near walls: what fits in the middle of a short step.
+            # Near walls, take a short step and test its middle.
             step = min(PACE, longest, length - along)
             x += 0.5 * step * dx
             y += 0.5 * step * dy
@@ -235,6 +271,7 @@ def line_cost(ground, crowding, px, py, qx, qy, most):
         cost += step * load * ground.costs[label]
         if before >= 0 and label != before:
             cost += ground.change
+        # The caller has a cheaper line already.
         if cost > most:
             return math.inf
         before = label

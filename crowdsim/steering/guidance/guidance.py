@@ -1,4 +1,4 @@
-"""Guidance of a crowd: fields for all its goals, refreshed as it gathers and as the place changes."""
+"""Guidance of a crowd: fields for all its goals, renewed as crowds form and as the place changes."""
 
 from __future__ import annotations
 
@@ -11,48 +11,50 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
 from crowdsim.steering.guidance.crowding_kernels import CHAIN, add_agents, change_where_it_pays, set_load
-from crowdsim.steering.guidance.field import BOX_ROW, Field, guide, solve_field, ways
+from crowdsim.steering.guidance.field import BOX_ROW, Field, guide, solve_field, way_end, ways
 from crowdsim.steering.guidance.ground import NOBODY, Crowding, Ground
 from crowdsim.steering.guidance.ground_kernels import BOX
 
 Goal: TypeAlias = BaseGeometry | ArrayLike
+"""A region, or points (k, 2) [m]."""
 
 REFRESH_SECONDS = 4.0
-"""Time between two looks at how a crowd makes the ways to one goal dearer, at least [s]."""
+"""Least time between two renewals of the fields to one goal, divided by the number of goals [s]."""
 
 BOXES_A_SECOND = 50_000
-"""Boxes of fields made anew for that in a simulated second: large places look more seldom."""
+"""Boxes of renewed fields per simulated second, so that large places renew their fields less often."""
 
 PLAIN = -1
-"""In ``following``: the field of the place without its crowd, which everyone begins with."""
+"""Number, in ``following``, of the field of the place without a crowd, which all agents follow at first."""
 
 
 class Weighing(NamedTuple):
-    """How much a crowd counts."""
+    """How much a crowd counts in the choice of a path."""
 
     gain: float = 0.8
-    """Share by which each agent/m2 above ``free`` makes a meter dearer."""
+    """Growth of the cost of a meter for each agent/m2 above ``free``, as a share."""
     free: float = 1.0
-    """Density up to which a meter costs nothing more [1/m2]."""
+    """Density up to which the cost of a meter stays the same [1/m2]."""
     cell: float = 0.5
-    """Side of the cells in which the density is known [m]."""
+    """Side of the cells of the density [m]."""
     share: float = 0.6
-    """An agent changes to a way that costs less than this share of its own: to another door, not around others who wait
-    for the same one."""
+    """An agent changes to a path that costs less than this share of its present one. A low share means: to another
+    door, not around others who wait for the same door."""
     around: float = 0.95
-    """The same for a way out of the crowd: around an open corner, others use what room there is."""
+    """The same for a path out of the crowd, which may save less: around an open corner, agents use the free width."""
     jam: float = 0.2
-    """A way leads out of the crowd if that costs less than this share there of what it costs on the own way."""
+    """A path leads out of the crowd if the crowd's part of its cost is below this share of that of the present path."""
     kept: int = 3
-    """Fields a goal that are kept at once, that of the empty place among them; who follows one that is not changes to
+    """Number of fields per goal that are kept, including that of the empty place. Agents whose field is dropped follow
     the newest."""
 
 
 USUAL = Weighing()
+"""Default values."""
 
 
 def crowding_of(ground: Ground, places: ArrayLike, weighing: Weighing = USUAL) -> Crowding:
-    """What agents at places, float64[n, 2] [m], make dearer. It does not depend on their order."""
+    """Return the factor on costs of agents at positions, float64[n, 2] [m]. It does not depend on their order."""
     at = np.ascontiguousarray(places, np.float64).reshape(-1, 2)
     rows = -int(-ground.rows * BOX // weighing.cell)
     columns = -int(-ground.columns * BOX // weighing.cell)
@@ -67,7 +69,7 @@ def crowding_of(ground: Ground, places: ArrayLike, weighing: Weighing = USUAL) -
 def solve_fields(
     ground: Ground, goals: Sequence[Goal], crowding: Crowding = NOBODY, *, threads: int = 1
 ) -> tuple[Field, ...]:
-    """A field for each goal; ``threads`` share them, and the fields do not depend on how many there are."""
+    """Solve a field for each goal, shared by ``threads``; the fields do not depend on the number of threads."""
     if threads <= 1 or len(goals) <= 1:
         return tuple([solve_field(ground, goal, crowding) for goal in goals])
     with ThreadPoolExecutor(threads) as pool:
@@ -75,15 +77,23 @@ def solve_fields(
 
 
 class Guidance:
-    """Guides all agents of one width class to their goals.
+    """Guide all agents of one width class to their goals.
+
+    The field that each agent follows is stored by the caller, in ``following`` (int32[n], one entry per row of the
+    state): the number of a field, or PLAIN.
 
     Parameters
     ----------
-    ground: the place for this width class.
-    goals: regions, or points float64[k, 2] [m]; a row's ``goal`` is the index of one.
-    asked: what the behaviors ask of a body, of :func:`~crowdsim.steering.guidance.field.asked_of`.
-
-    Which field an agent follows is up to ``following``, int32[n], beside the rows: a number of the field, or PLAIN.
+    ground : Ground
+        The place for this width class.
+    goals : sequence of Goal
+        Regions or points [m]; ``goal`` in an agent's row is an index of them.
+    asked : (n, 2) float64
+        Body that each behavior prescribes, as :func:`~crowdsim.steering.guidance.field.asked_of` gives it.
+    weighing : Weighing
+        How much a crowd counts.
+    threads : int
+        Number of threads that solve fields.
     """
 
     def __init__(
@@ -106,24 +116,39 @@ class Guidance:
 
     @property
     def memory(self) -> int:
-        """Bytes of the ground and all fields."""
+        """Return the bytes of the ground and all fields."""
         fields = [field for fields in self._fields for field in fields.values()]
-        # The columns of boxes lie side by side in one array.
+        # The values of a box are columns of one array, so count that array once.
         shared = len(fields) * len(self.ground.widest) * BOX_ROW.itemsize
         own = sum(each.nbytes for field in fields for each in (field.heads, field.costs, field.points))
         return shared + own + sum(each.nbytes for each in self.ground if isinstance(each, np.ndarray))
 
     def newest(self, goal: int) -> Field:
-        """The newest field of a goal."""
+        """Return the newest field of a goal."""
         return self._fields[goal][max(self._fields[goal])]
 
+    def put(self, index: int, goal: Goal) -> None:
+        """Set goal number ``index``: a new one, or in place of one that no agent goes to any more."""
+        field = {self._made: solve_field(self.ground, goal)}
+        self._made += 1
+        self.goals = (*self.goals[:index], goal, *self.goals[index + 1 :])
+        self._fields[index : index + 1] = [field]
+
     def lengths(self, goal: int, places: ArrayLike) -> NDArray[np.float64]:
-        """Lengths (k,) of the ways from places, float64[k, 2], to a goal in the empty place [m]; infinite for none."""
+        """Return the lengths (k,) of the paths from positions, float64[k, 2], to a goal in the empty place [m].
+
+        They are infinite without a path.
+        """
         fields = self._fields[goal]
         return ways(self.ground, fields[min(fields)], places).length
 
+    def end(self, goal: int, following: int, place: ArrayLike) -> NDArray[np.float64]:
+        """Where the way from a place, (2,) [m], by the field ``following`` comes to a goal; nan if there is none."""
+        fields = self._fields[goal]
+        return way_end(self.ground, fields.get(following, fields[min(fields)]), place)
+
     def rebuild(self, ground: Ground, crowding: Crowding = NOBODY) -> None:
-        """Take the place as it is now: all fields are made anew, and everybody follows these."""
+        """Use the place as it is now: solve all fields anew, and let all agents follow these."""
         self.ground = ground
         fields = solve_fields(ground, self.goals, crowding, threads=self._threads)
         self._fields = [{self._made: field} for field in fields]
@@ -132,7 +157,10 @@ class Guidance:
     def refresh_in_turn(
         self, step: int, steps_per_second: int, state: NDArray[Any], following: NDArray[np.int32]
     ) -> None:
-        """:meth:`refresh` one of the goals if it is time; each has its turn."""
+        """Renew the field of one goal if it is time; goals take turns.
+
+        ``step`` is the number of the step; ``state`` and ``following`` are those of :meth:`refresh`.
+        """
         boxes = self.ground.columns * self.ground.rows
         seconds = max(REFRESH_SECONDS / len(self.goals), boxes / BOXES_A_SECOND)
         pause = max(round(seconds * steps_per_second), 1)
@@ -142,12 +170,27 @@ class Guidance:
                 self.refresh(goal, state, following)
 
     def refresh(self, goal: int, state: NDArray[Any], following: NDArray[np.int32]) -> int:
-        """Make a field of one goal in the crowd as it stands now; returns how many agents change to it.
+        """Solve a field of one goal in the present crowd, and let agents change to it.
 
-        To be called every few simulated seconds for each goal, in turn. ``state``: all agents, records of ROW.
+        Call this every few simulated seconds for each goal, in turn.
+
+        Parameters
+        ----------
+        goal : int
+            Number of the goal.
+        state : ROW[n]
+            All agents.
+        following : (n,) int32
+            Numbers of the fields that they follow, which may change.
+
+        Returns
+        -------
+        int
+            Number of agents that change to the new field.
         """
         places = np.column_stack((state["x"], state["y"]))
         crowding = crowding_of(self.ground, places, self.weighing)
+        # Without a crowd, all follow the field of the empty place again.
         if not crowding.crowded:
             following[state["goal"] == goal] = PLAIN
             self._fix_numbers(goal, state, following)
@@ -158,6 +201,7 @@ class Guidance:
         number = self._made
         changed = 0
         self._fix_numbers(goal, state, following)
+        # Compare the new field with each one that agents follow.
         for old in sorted(fields):
             agents = np.flatnonzero((state["goal"] == goal) & (following == old))
             if not len(agents):
@@ -183,7 +227,10 @@ class Guidance:
         return changed
 
     def write(self, state: NDArray[Any], following: NDArray[np.int32]) -> int:
-        """Write gx, gy, togo, turn and held of all agents to their records; returns how many have no way."""
+        """Write gx, gy, togo, turn and held of all agents to their rows; return the number of agents without a path.
+
+        ``following`` (int32[n]) holds the numbers of the fields that they follow.
+        """
         lost = 0
         for goal, fields in enumerate(self._fields):
             self._fix_numbers(goal, state, following)
@@ -195,14 +242,14 @@ class Guidance:
         return lost
 
     def _fix_numbers(self, goal: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
-        """Let agents of a goal follow the field they ask for; the newest, if it is gone."""
+        """Replace PLAIN by the first field of a goal, and numbers of dropped fields by the newest."""
         fields = self._fields[goal]
         mine = state["goal"] == goal
         following[mine & (following == PLAIN)] = min(fields)
         following[mine & ~np.isin(following, list(fields))] = max(fields)
 
     def _drop(self, goal: int, state: NDArray[Any], following: NDArray[np.int32]) -> None:
-        """Forget fields that nobody follows, and the oldest if there are too many; never the first and the newest."""
+        """Drop fields that no agent follows, and the oldest if there are too many; never the first and the newest."""
         fields = self._fields[goal]
         used = set(following[state["goal"] == goal].tolist())
         for number in sorted(fields)[1:-1]:

@@ -1,4 +1,4 @@
-"""Pins of boxes, the points that stand for them, and the straight lines between pins of boxes side by side."""
+"""Pins, the points that represent boxes, and the straight lines between pins of adjacent boxes."""
 
 import math
 
@@ -17,26 +17,32 @@ from crowdsim.steering.guidance.ground_kernels import (
 )
 
 _ROUNDS = 12
-"""Of the pattern search for a pin, each with steps two thirds as long as the one before."""
+"""Rounds of the pattern search for a pin; each has steps two thirds as long as the one before."""
 
 GRID = 0.04
-"""What a behavior may lack at the best of the places tried in a box, if it fits between them [m]."""
+"""Clearance that a behavior may lack at the best grid point of a box, for the pattern search to be tried [m]."""
 
 _TRIED = 3
-"""Pins tried on each side of the center of a box, in both directions, to mend a way."""
+"""Number of positions tried on each side of the center, in both directions, to move a pin."""
 
 
 @helper
 def _better_pin(ground, box, behavior, x, y, low_x, low_y):
-    """The place of a box where a behavior has room, looked for from (x, y) by a pattern search; and the room."""
+    """Find a position in a box at which ``behavior`` has more room, by a pattern search from (x, y).
+
+    ``(low_x, low_y)`` is the center of the box. Return the margin and the position [m]. Hooke and Jeeves, Direct
+    search, Journal of the ACM 8 (1961).
+    """
     best = margin_at(ground, box, x, y, behavior)
     step = 0.06
     inner = 0.49 * BOX
     for _ in range(_ROUNDS):
         moved = True
+        # Move while one of eight steps gains room, and stop at the margin that counts at most.
         while moved and best < SPARE:
             moved = False
             for k in range(8):
+                # Stay inside of the box.
                 u = min(max(x + step * STEPS[k, 0], low_x - inner), low_x + inner)
                 v = min(max(y + step * STEPS[k, 1], low_y - inner), low_y + inner)
                 margin = margin_at(ground, box, u, v, behavior)
@@ -49,22 +55,27 @@ def _better_pin(ground, box, behavior, x, y, low_x, low_y):
 
 @kernel
 def set_pins(ground, first_row, last_row, first_column, last_column):
-    """Choose the pins of the boxes of a window, and which is the widest behavior that fits there (``widest``)."""
+    """Choose the pins of the boxes of a window, and set ``widest``, the widest behavior that fits at each.
+
+    The window is given by first and last (exclusive) row and column.
+    """
     top = len(ground.costs) - 1
     for row in range(first_row, last_row):
         for column in range(first_column, last_column):
             box = row * ground.columns + column
             ground.pins[box, 0] = 0
             ground.pins[box, 1] = 0
+            # Usual case: the widest behavior fits at the center.
             cx = ground.left + (column + 0.5) * BOX
             cy = ground.bottom + (row + 0.5) * BOX
             fits = widest_at(ground, box, cx, cy)
             ground.widest[box] = fits
             if fits == top:
                 continue
-            # Nothing fits anywhere in the box if a wall is nearer than that to its center.
+            # No behavior fits anywhere in the box if a wall is so near that even the far corner lacks clearance.
             if (ground.far[row, column] + 1) * FAR_UNIT + CORNER < ground.least:
                 continue
+            # Try a grid of 5 x 5 points.
             best = -2
             best_margin = -math.inf
             best_off = math.inf
@@ -75,17 +86,18 @@ def set_pins(ground, first_row, last_row, first_column, last_column):
                     x = cx + 0.2 * BOX * i
                     y = cy + 0.2 * BOX * j
                     label = widest_at(ground, box, x, y)
-                    # A wider behavior; or more room for the next one, or as much and nearer to the center.
+                    # Prefer a wider behavior, then more room for the next wider one, then a point nearer the center.
                     margin = margin_at(ground, box, x, y, min(label + 1, top))
                     off = float(i * i + j * j)
                     more = margin > best_margin + 1e-9 or (margin > best_margin - 1e-9 and off < best_off)
                     if label > best or (label == best and more):
                         best, best_margin, best_off, bx, by = label, margin, off, x, y
-            # Between these places there may be one where the next behavior fits.
+            # If the next wider behavior almost fits at the best of them, search between the grid points.
             if best < top and best_margin > -GRID:
                 margin, x, y = _better_pin(ground, box, best + 1, bx, by, cx, cy)
                 if margin >= 0.0:
                     best, bx, by = best + 1, x, y
+            # Round to units; rounding may cost the clearance, so test the pin once more.
             if best >= 0:
                 ground.pins[box, 0] = math.floor((bx - cx) / PIN_UNIT + 0.5)
                 ground.pins[box, 1] = math.floor((by - cy) / PIN_UNIT + 0.5)
@@ -95,9 +107,10 @@ def set_pins(ground, first_row, last_row, first_column, last_column):
 
 @helper
 def _count_ways(ground, nobody, row, column, x, y, raw, labels, narrower):
-    """How many pins around a box a straight line leads to from (x, y).
+    """Return to how many pins around a box a straight line leads from (x, y).
 
-    With ``narrower``, how many pins of boxes that are narrower, or as narrow and of a higher number, none leads to.
+    ``raw`` and ``labels`` are the pins and their widest behaviors. With ``narrower``, return instead how many pins of
+    narrower boxes (or as narrow ones with a higher number) no line leads to.
     """
     box = row * ground.columns + column
     count = 0
@@ -109,6 +122,7 @@ def _count_ways(ground, nobody, row, column, x, y, raw, labels, narrower):
         other = v * ground.columns + u
         if labels[other] < 0:
             continue
+        # Each pair of boxes has one that moves, the wider one; ties by number.
         if narrower and (labels[other] > labels[box] or (labels[other] == labels[box] and other < box)):
             continue
         qx = ground.left + (u + 0.5) * BOX + PIN_UNIT * raw[other, 0]
@@ -121,10 +135,11 @@ def _count_ways(ground, nobody, row, column, x, y, raw, labels, narrower):
 
 @kernel
 def mend_pins(ground, nobody, raw, labels, first_row, last_row, first_column, last_column):
-    """Move pins from which no line leads into a gap, as the widest place of their box is beside its mouth.
+    """Move pins from which no line leads into an adjacent gap, as the point with most room is beside its mouth.
 
-    ``raw`` (int8[boxes, 2]) and ``labels`` (int8[boxes]) are pins and what fits there, as set_pins has them; those of
-    the ground get them, moved where more ways lead on from another place. Of two boxes the wider one moves.
+    ``raw`` (int8[boxes, 2]) and ``labels`` (int8[boxes]) are the pins and their widest behaviors as :func:`set_pins`
+    left them. The ground gets these, moved if more lines lead on from another point of the box. Of two boxes the wider
+    one moves. All pins read ``raw`` only, so the order of boxes does not matter.
     """
     for row in range(first_row, last_row):
         for column in range(first_column, last_column):
@@ -132,17 +147,21 @@ def mend_pins(ground, nobody, raw, labels, first_row, last_row, first_column, la
             ground.pins[box, 0] = raw[box, 0]
             ground.pins[box, 1] = raw[box, 1]
             ground.widest[box] = labels[box]
+            # No behavior fits, or no wall can block a line to the adjacent pins.
             if labels[box] < 0 or ground.far[row, column] * FAR_UNIT > ground.reach + 4.0 * CORNER:
                 continue
             px, py = pin_of(ground, box)
+            # Only pins that miss a narrower box are moved.
             if _count_ways(ground, nobody, row, column, px, py, raw, labels, True) == 0:
                 continue
             most = _count_ways(ground, nobody, row, column, px, py, raw, labels, False)
             cx = ground.left + (column + 0.5) * BOX
             cy = ground.bottom + (row + 0.5) * BOX
+            # Try a grid of points, up to just inside of the box's sides, and keep the one with the most lines; the pin
+            # stays if none has more.
             for j in range(-_TRIED, _TRIED + 1):
                 for i in range(-_TRIED, _TRIED + 1):
-                    # To whole units, as pins are kept.
+                    # Round to units, in which pins are stored.
                     right = math.floor(0.48 * BOX * i / (_TRIED * PIN_UNIT) + 0.5)
                     up = math.floor(0.48 * BOX * j / (_TRIED * PIN_UNIT) + 0.5)
                     x = cx + PIN_UNIT * right
@@ -160,9 +179,10 @@ def mend_pins(ground, nobody, raw, labels, first_row, last_row, first_column, la
 
 @kernel
 def set_ways(ground, crowding, first_row, last_row, first_column, last_column):
-    """Test the straight lines from the pins of a window's boxes to the pins around them.
+    """Test the straight lines from the pins of a window's boxes to the pins of the boxes around them.
 
-    Sets bits of ``ways`` for lines on which something fits all along, and of ``pure`` where the widest behavior does.
+    Set bit k of ``ways`` if some behavior fits at each point of the line in direction k, and of ``pure`` if the widest
+    behavior fits on all of it.
     """
     top = len(ground.costs) - 1
     wide = ground.reach + 4.0 * CORNER
@@ -173,6 +193,7 @@ def set_ways(ground, crowding, first_row, last_row, first_column, last_column):
             ground.pure[box] = 0
             if ground.widest[box] < 0:
                 continue
+            # Far from walls all lines are free.
             open_around = ground.far[row, column] * FAR_UNIT > wide
             px, py = pin_of(ground, box)
             for k in range(8):
@@ -187,7 +208,7 @@ def set_ways(ground, crowding, first_row, last_row, first_column, last_column):
                     continue
                 if ground.widest[other] < 0:
                     continue
-                # Both ends of a line come to the same result: it is tested from the box of the lower number.
+                # Always test a line from its box with the lower number, so that both boxes get the same result.
                 qx, qy = pin_of(ground, other)
                 if other < box:
                     cost = line_cost(ground, crowding, qx, qy, px, py, math.inf)
@@ -196,6 +217,7 @@ def set_ways(ground, crowding, first_row, last_row, first_column, last_column):
                 if cost == math.inf:
                     continue
                 ground.ways[box] |= 1 << k
+                # The widest behavior fits all along if the line costs no more than its length with that behavior.
                 length = math.sqrt((qx - px) * (qx - px) + (qy - py) * (qy - py))
                 widest = min(ground.widest[box], ground.widest[other])
                 if widest == top and cost <= length * ground.costs[top] * (1.0 + 1e-9):

@@ -1,11 +1,11 @@
-"""Walls of a place with layers, as steered agents meet them, and what changes with doors and things that move.
+"""Walls of a place with layers for steered agents, kept up to date while doors and other movables change.
 
-The legs meet the walls of the lowest layer, the torso those of all layers above; if there is one layer, it has both.
+The legs meet the walls of the lowest layer, the torso those of all layers above; a single layer serves for both.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,18 +18,20 @@ from crowdsim.steering.wall_kernels import FARTHEST, SPACING, WALL_CELL, count_n
 from crowdsim.steering.walls import Walls, build_walls
 
 Floats = NDArray[np.float64]
+"""Array of float64."""
 
 Bounds = tuple[float, float, float, float]
-"""x and y of the lower left and the upper right corner [m]."""
+"""Left, bottom, right and top [m]."""
 
 Outlines = Sequence[BaseGeometry | None]
-"""What a thing takes of each layer, None where it takes nothing: as Place.footprints gives it."""
+"""Area of a movable on each layer, None if it has none there; what ``Place.footprints`` returns."""
 
 
 def outline_segments(area: BaseGeometry | None) -> Floats:
-    """The boundary of an area as segments, float64[n, 4], both ends [m]; none of None or of what has no area."""
+    """Return the boundary of an area as segments, float64[n, 4], both ends [m]; none for None or an empty area."""
     if area is None or area.is_empty:
         return np.empty((0, 4))
+    # Consecutive points of the same ring are a segment.
     rings, ring = shapely.get_coordinates(shapely.get_parts(area.boundary), return_index=True)
     same = ring[1:] == ring[:-1]
     segments: Floats = np.concatenate([rings[:-1], rings[1:]], axis=1)[same]
@@ -37,58 +39,79 @@ def outline_segments(area: BaseGeometry | None) -> Floats:
 
 
 class LayerSegments(NamedTuple):
-    """Segments of each layer, the legs' first."""
+    """Wall segments of each layer."""
 
     layers: tuple[Floats, ...]
+    """For each layer, the legs' first: float64[n, 4], both ends [m]."""
 
     @property
     def legs(self) -> Floats:
+        """Return the segments of the lowest layer."""
         return self.layers[0]
 
     @property
     def torso(self) -> Floats:
-        """Of all upper layers, each segment once."""
+        """Return the segments of all upper layers, each once."""
         return np.unique(np.concatenate(self.layers[1:] or self.layers), axis=0)
 
 
 class PlaceWalls:
-    """Walls and grounds of a place, kept up to date while things come, move and go.
+    """Walls of a place, kept up to date while movables appear, move and disappear.
+
+    A movable adds its outline to the walls of its layers. Walls inside of other obstacles do no harm, as no agent
+    gets there.
 
     Parameters
     ----------
-    areas: free area of each layer without things, the legs' first.
-    things: for each thing what it takes of the layers; None for one that is absent.
-
-    A thing adds its outline to the walls of its layers. Walls inside of other obstacles do no harm: nobody gets there.
+    areas : sequence of BaseGeometry
+        Free area of each layer without movables, the legs' layer first.
+    things : mapping of int to Outlines, optional
+        Outlines of the movables present, by their numbers.
 
     Raises
     ------
-    GeometryError: if there are no areas.
+    GeometryError
+        If there are no areas, or all are empty.
     """
 
-    def __init__(self, areas: Sequence[BaseGeometry], things: Sequence[Outlines | None] = ()) -> None:
+    def __init__(self, areas: Sequence[BaseGeometry], things: Mapping[int, Outlines] | None = None) -> None:
         if not areas or all(area.is_empty for area in areas):
             raise GeometryError("walls need the free area of at least one layer")
         self.bounds: Bounds = tuple(shapely.total_bounds(np.array(areas, object)).tolist())
         self._fixed = tuple([outline_segments(area) for area in areas])
-        self._things: list[tuple[Floats, ...] | None] = [self._of(thing) for thing in things]
+        self._things = {number: self._of(outlines) for number, outlines in (things or {}).items()}
         segments = self.segments()
         self.legs = build_walls(segments.legs)
         self.torso = build_walls(segments.torso)
 
     def segments(self) -> LayerSegments:
-        """Segments of all layers as they are now."""
-        now = [list(each) for each in zip(self._fixed, *[thing for thing in self._things if thing], strict=True)]
+        """Return the segments of all layers as they are now."""
+        things = [self._things[number] for number in sorted(self._things)]
+        now = [list(each) for each in zip(self._fixed, *things, strict=True)]
         return LayerSegments(tuple([np.concatenate(each) for each in now]))
 
     def put(self, thing: int, outlines: Outlines | None) -> Bounds | None:
-        """Let a thing take that of the layers, or nothing (None); returns bounds of all that changed, None if nothing.
+        """Set the outlines of a movable, or remove it.
 
-        ``legs`` and ``torso`` are other walls afterwards; those handed out before stay as they are.
+        ``legs`` and ``torso`` are new walls afterwards; walls handed out before do not change.
+
+        Parameters
+        ----------
+        thing : int
+            Number of the movable.
+        outlines : Outlines or None
+            Its area on each layer; None removes it.
+
+        Returns
+        -------
+        Bounds or None
+            Bounds of what changed [m], None if nothing did.
         """
-        before, after = self._things[thing], self._of(outlines)
-        changed = [each for pieces in (before, after) if pieces for each in pieces if len(each)]
-        self._things[thing] = after
+        before = self._things.pop(thing, ())
+        after = () if outlines is None else self._of(outlines)
+        changed = [each for each in (*before, *after) if len(each)]
+        if after:
+            self._things[thing] = after
         if not changed:
             return None
         corners = np.concatenate(changed).reshape(-1, 2)
@@ -99,27 +122,34 @@ class PlaceWalls:
         self.torso = update_walls(self.torso, segments.torso, window)
         return window
 
-    def _of(self, outlines: Outlines | None) -> tuple[Floats, ...] | None:
-        """Segments of a thing on each layer."""
-        if outlines is None:
-            return None
+    def _of(self, outlines: Outlines) -> tuple[Floats, ...]:
+        """Return the segments of a movable on each layer."""
         if len(outlines) != len(self._fixed):
-            raise GeometryError(f"a thing takes something of {len(outlines)} layers, the place has {len(self._fixed)}")
+            raise GeometryError(f"a movable has outlines on {len(outlines)} layers, the place has {len(self._fixed)}")
         return tuple([outline_segments(each) for each in outlines])
 
 
 def update_walls(walls: Walls, segments: Floats, window: Bounds) -> Walls:
-    """Walls of other segments, which differ from those of ``walls`` within bounds only: as build_walls makes them.
+    """Return the walls of ``segments``; the result equals that of :func:`build_walls`.
 
-    Distances are measured anew only as far from the bounds as they can have changed. Walls that reach out of the frame
-    of the old ones are built from the start.
+    Only distances that can have changed are measured anew. If segments reach beyond the grid of the old walls, all is
+    built anew.
+
+    Parameters
+    ----------
+    walls : Walls
+        Walls before the change.
+    segments : (n, 4) float64
+        Segments after the change, both ends [m].
+    window : Bounds
+        Bounds within which they differ [m].
     """
     segments = np.ascontiguousarray(segments, np.float64).reshape(-1, 4)
     if not len(segments) or not len(walls.segments) or not _frames(walls, segments):
         return build_walls(segments)
     starts, lists = _lists(segments, walls.left, walls.bottom, walls.columns, walls.rows)
     distances = walls.distances.copy()
-    # Cells in which distances change, and around them all that tells these distances.
+    # Distances change in the inner cells; they are handed on from segments in the outer ones.
     inner = _cells(walls, window, FARTHEST + SPACING)
     outer = _cells(walls, window, 2.0 * FARTHEST + 2.0 * SPACING)
     left = walls.left + outer[0] * WALL_CELL
@@ -139,7 +169,7 @@ def update_walls(walls: Walls, segments: Floats, window: Bounds) -> Walls:
 def _lists(
     segments: Floats, left: float, bottom: float, columns: int, rows: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Segments near the cells of a frame."""
+    """Return the lists of segments near cells: starts and lists."""
     starts = np.zeros(columns * rows + 1, np.int64)
     count = count_near(segments, left, bottom, columns, rows, starts, np.zeros(0, np.int64))
     lists = np.zeros(count, np.int64)
@@ -149,7 +179,7 @@ def _lists(
 
 
 def _frames(walls: Walls, segments: Floats) -> bool:
-    """Whether the frame of walls holds these segments and all cells that would list them."""
+    """Return True if the grid of walls contains these segments and all cells that would list them."""
     corners = segments.reshape(-1, 2)
     low, high = corners.min(axis=0), corners.max(axis=0)
     margin = 2.0 * WALL_CELL
@@ -159,7 +189,7 @@ def _frames(walls: Walls, segments: Floats) -> bool:
 
 
 def _cells(walls: Walls, window: Bounds, margin: float) -> tuple[int, int, int, int]:
-    """First and last column and row (exclusive) of the cells within ``margin`` of a window."""
+    """Return first column and row, then last (exclusive), of the cells within ``margin`` of a window."""
     x0, y0, x1, y1 = window
     low = (int((x0 - margin - walls.left) // WALL_CELL), int((y0 - margin - walls.bottom) // WALL_CELL))
     high = (int((x1 + margin - walls.left) // WALL_CELL) + 1, int((y1 + margin - walls.bottom) // WALL_CELL) + 1)

@@ -1,4 +1,10 @@
-"""What a field tells an agent at its place: the direction of its way, how long it is, and what its body has to do."""
+"""Sampling of a field at an agent's position: direction and length of its path, and the behavior to use.
+
+The ground is divided into square boxes with a pin each. An anchor is what a way heads for next, in a straight line: the
+pin of a box, or a point of the goal. A box whose agents all head for one anchor has it in ``field.anchor``; any other
+has a slot, a row in which each of its PARTS x PARTS parts has its own target. ``nobody`` is the density of an empty
+crowd: lines are tested against walls alone.
+"""
 
 import math
 
@@ -18,41 +24,45 @@ from crowdsim.steering.guidance.ground_kernels import (
 )
 
 LOOK = 0.6
-"""Length of the way ahead on which agents may stand where nothing fits [m]."""
+"""Length of the path ahead on which agents may be at points where no behavior fits [m]."""
 
 REACHED = 0.15
-"""Who is this near to a pin goes on from there: passing it exactly is more than anybody can do [m]."""
+"""Distance from a pin at which it counts as reached [m]. Agents hardly ever pass a point exactly; in narrow gaps,
+agents that had to would walk to and fro."""
 
 BESIDE = 0.24
-"""Who is this near to a pin goes on from there, whatever fits, if the line keeps CLEAR off walls all along [m].
+"""Distance from a pin at which an agent goes on to the next anchor if the line there keeps CLEAR off all walls [m].
 
-In a neck people push each other beside the pins. If they turned back to these, across the way, fewer got through.
+In a narrow passage agents push each other beside the pins. If they turned back to them, across the way of others, fewer
+would get through.
 """
 
 CLEAR = 0.16
-"""A body whose shoulders are turned fits at this distance from a wall [m]: 0.125 m, and what people are off a line."""
+"""Clearance of that line [m]: a body with turned shoulders needs 0.125 m, the rest is for deviations from the line."""
 
 STRIDE = 0.1
-"""Step of the test [m]."""
+"""Step along a line that is tested [m]."""
 
 TOO_NARROW = 3.0
-"""How many times as dear as the widest behavior a meter counts on which none fits: agents pushed there leave."""
+"""Factor on the length of a line at points where no behavior fits; a larger one makes agents that were pushed there
+leave sooner."""
 
 LIKE = 0.002
-"""Costs that differ by less than this are alike: the first one found stays."""
+"""Costs that differ by less than this are equal: the first one found stays."""
 
 TOUCHING = 0.11
 """A line that comes nearer than this to a wall leads through it [m]."""
 
 LOST = 1e9
-"""Length of the way of an agent that has none [m]."""
+"""Length that stands for "no path" in the state of an agent [m]."""
 
 
 @helper
 def near_length(ground, px, py, qx, qy):
-    """Length of the first LOOK meters of a line from p to q, infinite if it leads through a wall, and that of these.
+    """Return the weighted and the plain length of the first LOOK meters of the line from p to q [m].
 
-    Meters on which nothing fits count TOO_NARROW times: agents may stand there, but leave.
+    Points at which no behavior fits count TOO_NARROW times: an agent may be there, but should leave. The weighted
+    length is infinite if the line leads through a wall.
     """
     dx = qx - px
     dy = qy - py
@@ -68,6 +78,7 @@ def near_length(ground, px, py, qx, qy):
     for n in range(count):
         x = px + (n + 0.5) * step * dx
         y = py + (n + 0.5) * step * dy
+        # Test the middle of each step.
         box = box_at(ground, x, y)
         if box < 0:
             return math.inf, length
@@ -76,6 +87,7 @@ def near_length(ground, px, py, qx, qy):
         if far_off or widest_at(ground, box, x, y) >= 0:
             weighed += step
             continue
+        # No behavior fits: too near to a wall counts as through it.
         weighed += step * TOO_NARROW
         for entry in range(ground.starts[box], ground.starts[box + 1]):
             ax, ay, bx, by = ground.segments[ground.lists[entry]]
@@ -86,7 +98,7 @@ def near_length(ground, px, py, qx, qy):
 
 @helper
 def is_clear(ground, px, py, qx, qy):
-    """Whether a line from p to q keeps CLEAR off all walls; of its end, the last PACE is not tested."""
+    """Return True if the line from p to q keeps CLEAR off all walls; its last PACE is not tested."""
     dx = qx - px
     dy = qy - py
     length = math.sqrt(dx * dx + dy * dy)
@@ -105,7 +117,7 @@ def is_clear(ground, px, py, qx, qy):
             ax, ay, bx, by = ground.segments[ground.lists[entry]]
             if point_segment_distance2(x, y, ax, ay, bx, by) < CLEAR * CLEAR:
                 return False
-        # Far from walls, step as far as none can be within CLEAR.
+        # Step as far as no wall can be within CLEAR.
         row = box // ground.columns
         far_off = ground.far[row, box - row * ground.columns] * FAR_UNIT - CORNER - CLEAR
         along += max(PACE, far_off)
@@ -114,10 +126,11 @@ def is_clear(ground, px, py, qx, qy):
 
 @helper
 def cost_to(ground, nobody, px, py, qx, qy, meter, reached):
-    """Cost of the line from p to q if each meter costs ``meter``, infinite if it is blocked somewhere.
+    """Return the cost of the line from p to q at ``meter`` per meter, infinite if it is blocked.
 
-    It costs as much as beside it, from a pin: who is a little off the middle of a gap need not go back to it. If the
-    pin is ``reached``, only the first meters are tested, and it does not matter what fits there.
+    The caller takes ``meter`` from the line of an adjacent pin to q, so that an agent a little off the middle of a gap
+    need not go back to the pin. If that pin is ``reached``, only the first LOOK meters are tested, and it does not
+    matter which behavior fits there.
     """
     near, tested = near_length(ground, px, py, qx, qy)
     length = math.sqrt((qx - px) * (qx - px) + (qy - py) * (qy - py))
@@ -125,8 +138,10 @@ def cost_to(ground, nobody, px, py, qx, qy, meter, reached):
         return near
     if reached:
         return length * meter
+    # A short line is tested completely.
     if length <= tested:
         return near * meter
+    # Beyond the first LOOK meters, some behavior must fit everywhere.
     share = tested / length
     fits = line_cost(ground, nobody, px + share * (qx - px), py + share * (qy - py), qx, qy, math.inf) < math.inf
     return (near + length - tested) * meter if fits else math.inf
@@ -134,11 +149,13 @@ def cost_to(ground, nobody, px, py, qx, qy, meter, reached):
 
 @helper
 def cheapest_around(ground, nobody, field, box, x, y, onwards):
-    """What to head for from (x, y) in ``box``: an anchor or the pin of a box, and its cost; else -1, infinite.
+    """Find the target to head for from (x, y) in ``box``: the cheapest anchor or pin that a free line leads to.
 
-    Of the anchors of the boxes around, and of their pins, take the cheapest one: what is still to pay there, and the
-    cost of the line, which is tested all along, so that nobody heads for what it cannot see. With ``onwards``, pins
-    that are reached do not count, but their anchors. Beside a pin it is enough that the line is clear.
+    Candidates are the anchors of the box and the eight around it, and their pins. Their cost is the cost from there to
+    the goal, and that of the line, which is tested. With ``onwards``, pins that are reached do not count, but their
+    anchors do.
+
+    Return the number of the target (a box, or a point of the goal) and the cost; -1 and infinity if there is none.
     """
     boxes = len(ground.widest)
     top = ground.costs[-1]
@@ -155,11 +172,13 @@ def cheapest_around(ground, nobody, field, box, x, y, onwards):
             if not (0 <= u < ground.columns and 0 <= v < ground.rows):
                 continue
         other = v * ground.columns + u
+        # A box without a path has no anchor.
         if not field.asks[other] >= 0:
             continue
         px, py = pin_of(ground, other)
         apart = math.sqrt((px - x) * (px - x) + (py - y) * (py - y))
-        # Its anchor, along a line on which a meter costs as much as from the pin.
+        # Candidate 1: its anchor, at the cost per meter of the line from its pin. With ``onwards``, an anchor that is
+        # reached counts only if the path ends there.
         anchor = field.anchor[other]
         sx, sy = anchor_place(ground, field.points, anchor)
         length = math.sqrt((sx - x) * (sx - x) + (sy - y) * (sy - y))
@@ -169,8 +188,9 @@ def cheapest_around(ground, nobody, field, box, x, y, onwards):
             paid = anchor_cost(field, boxes, anchor)
             beside = math.sqrt((sx - px) * (sx - px) + (sy - py) * (sy - py))
             meter = (float(field.cost[other]) - paid) / beside if beside > 0.0 else top
+            # Test the line only if it could win.
             if paid + meter * length < best - LIKE:
-                # Pushed beside the pin, but the way on is clear: go on.
+                # Pushed beside the pin, but the line on from here is clear.
                 if REACHED <= apart < BESIDE and is_clear(ground, x, y, sx, sy):
                     value = paid + length * meter
                 else:
@@ -178,7 +198,7 @@ def cheapest_around(ground, nobody, field, box, x, y, onwards):
                 if value < best - LIKE:
                     best = value
                     head = anchor
-        # The pin itself.
+        # Candidate 2: its pin, unless that is reached and leads on.
         if apart < REACHED and onwards and anchor != other:
             continue
         paid = float(field.cost[other])
@@ -193,7 +213,7 @@ def cheapest_around(ground, nobody, field, box, x, y, onwards):
 
 @helper
 def look_around(ground, nobody, field, box, x, y):
-    """What to head for from (x, y) in ``box``, and its cost: pins that are reached only if nothing else is free."""
+    """Find the target to head for from (x, y), and its cost; reached pins count only if no other line is free."""
     head, cost = cheapest_around(ground, nobody, field, box, x, y, True)
     if head < 0:
         head, cost = cheapest_around(ground, nobody, field, box, x, y, False)
@@ -202,13 +222,14 @@ def look_around(ground, nobody, field, box, x, y):
 
 @helper
 def head_for(ground, nobody, field, box, x, y):
-    """What whoever is in the part of a box around (x, y) heads for; looked up when the first one is there.
+    """Return the target of all agents in the part of a box around (x, y), the cost from its middle, and the middle [m].
 
-    That is an anchor, or the pin of a box around, and what it costs from the middle of the part: -1 and infinite if
-    there is none. It depends on the part alone, so it does not matter who asks first.
+    The first agent in a part looks it up; it depends on the part alone, so it does not matter which agent is first. The
+    target is -1 and the cost infinite if no line is free.
     """
     row = box // ground.columns
     column = box - row * ground.columns
+    # Number of the part in the box, and its middle.
     size = BOX / PARTS
     i = min(max(int((x - ground.left - column * BOX) / size), 0), PARTS - 1)
     j = min(max(int((y - ground.bottom - row * BOX) / size), 0), PARTS - 1)
@@ -216,6 +237,7 @@ def head_for(ground, nobody, field, box, x, y):
     part = j * PARTS + i
     mx = ground.left + column * BOX + (i + 0.5) * size
     my = ground.bottom + row * BOX + (j + 0.5) * size
+    # Look it up once. The target is stored last, as it marks the entry as known.
     if field.heads[slot, part] == UNKNOWN:
         head, cost = look_around(ground, nobody, field, box, mx, my)
         field.costs[slot, part] = cost
@@ -224,32 +246,44 @@ def head_for(ground, nobody, field, box, x, y):
 
 
 @helper
-def way_at(ground, nobody, field, x, y):
-    """Unit vector of the way at a place, its cost, its length to go [m] and the behavior it asks for.
+def first_head(ground, nobody, field, box, x, y):
+    """Return the anchor to head for from (x, y) in ``box``, its cost, and x, y of where the cost holds; -1 if no path.
 
-    Zeros in the goal; no direction, infinite cost and length where there is no way.
+    The cost holds at the pin of the box, in the middle of its part, or at (x, y).
+    """
+    # Boxes without a slot: all agents in the box head for its anchor.
+    if field.slots[box] < 0:
+        mx, my = pin_of(ground, box)
+        return field.anchor[box], float(field.cost[box]), mx, my
+    head, cost, mx, my = head_for(ground, nobody, field, box, x, y)
+    if head < 0:
+        # No free line from the middle of this part, which may be inside of a wall: look from the position itself.
+        mx = x
+        my = y
+        head, cost = look_around(ground, nobody, field, box, x, y)
+    return head, cost, mx, my
+
+
+@helper
+def way_at(ground, nobody, field, x, y):
+    """Return what a field gives at a position: unit vector of the path, cost, length to go [m] and behavior.
+
+    The vector is (0, 0) in the goal, and if there is no path; then cost and length are infinite.
     """
     top = len(ground.costs) - 1
     box = box_at(ground, x, y)
     if box < 0:
         return 0.0, 0.0, math.inf, math.inf, top
     boxes = len(ground.widest)
+    # The pin of the box is in the goal.
     if field.cost[box] == 0.0:
         return 0.0, 0.0, 0.0, 0.0, top
-    head = field.anchor[box]
-    cost = float(field.cost[box])
-    mx, my = pin_of(ground, box)
-    if field.slots[box] >= 0:
-        head, cost, mx, my = head_for(ground, nobody, field, box, x, y)
-        if head < 0:
-            # Nothing from the middle of this part of the box, which may be in a wall: from the place itself.
-            mx = x
-            my = y
-            head, cost = look_around(ground, nobody, field, box, x, y)
-            if head < 0:
-                return 0.0, 0.0, math.inf, math.inf, top
+    head, cost, mx, my = first_head(ground, nobody, field, box, x, y)
+    if head < 0:
+        return 0.0, 0.0, math.inf, math.inf, top
     sx, sy = anchor_place(ground, field.points, head)
     length = math.sqrt((sx - x) * (sx - x) + (sy - y) * (sy - y))
+    # Scale the cost from the middle (of the box or part) to the distance from the position.
     middle = math.sqrt((sx - mx) * (sx - mx) + (sy - my) * (sy - my))
     to_go = length + (float(field.length[head]) if head < boxes else 0.0)
     paid = anchor_cost(field, boxes, head)
@@ -261,12 +295,44 @@ def way_at(ground, nobody, field, x, y):
 
 
 @kernel
-def sample(ground, nobody, field, asked, agents, state):
-    """Write gx, gy, togo, turn and held of agents that follow a field to their records.
+def end_of_way(ground, nobody, field, x, y):
+    """Return where the path from a position enters the goal (x, y) [m]: the position if in the goal, NaN if no path."""
+    box = box_at(ground, x, y)
+    if box < 0:
+        return math.nan, math.nan
+    if field.cost[box] == 0.0:
+        return x, y
+    head, _, _, _ = first_head(ground, nobody, field, box, x, y)
+    if head < 0:
+        return math.nan, math.nan
+    # Follow the anchors: each is nearer to the goal than the one before, and one in the goal is its own.
+    boxes = len(ground.widest)
+    for _ in range(boxes):
+        if head >= boxes or field.anchor[head] == head:
+            break
+        head = field.anchor[head]
+    return anchor_place(ground, field.points, head)
 
-    ``nobody``: an empty place, as lines are tested without the crowd; the field knows what it costs.
-    ``asked``: float64[n, 2], turn and held that each behavior asks for, -1 for none. ``agents``: int64[k], rows of
-    ``state``, records of ROW. Returns how many have no way: these get no direction and a length of LOST.
+
+@kernel
+def sample(ground, nobody, field, asked, agents, state):
+    """Write gx, gy, togo, turn and held of the agents that follow a field to their rows.
+
+    Parameters
+    ----------
+    ground, nobody, field : Ground, Crowding, Field
+        The place, an empty crowd (the field already contains the crowd's costs) and the field.
+    asked : (n, 2) float64
+        Turn and held half length that each behavior prescribes, -1 for none.
+    agents : (k,) int64
+        Rows of ``state`` to write.
+    state : ROW[m]
+        All agents.
+
+    Returns
+    -------
+    int
+        Number of agents without a path; they get no direction, and the length LOST.
     """
     lost = 0
     for n in range(len(agents)):
@@ -285,7 +351,7 @@ def sample(ground, nobody, field, asked, agents, state):
 
 @kernel
 def ways_at(ground, nobody, field, places, out):
-    """Fill ``out`` (float64[k, 5]: unit vector, cost, length to go, behavior) for ``places`` (float64[k, 2])."""
+    """Fill ``out`` (float64[k, 5]) with the values of :func:`way_at` at ``places`` (float64[k, 2])."""
     for n in range(len(places)):
         gx, gy, cost, to_go, behavior = way_at(ground, nobody, field, places[n, 0], places[n, 1])
         out[n, 0] = gx

@@ -1,4 +1,4 @@
-"""The attributes of all characters of a scenario, drawn from its seed."""
+"""Draw the attributes of all characters of a scenario from its seed."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.scenario.arrivals import start_times
-from crowdsim.scenario.draws import draw_spread, probabilities_of
+from crowdsim.scenario.people.arrivals import start_times
+from crowdsim.scenario.people.draws import draw_spread, probabilities_of
 from crowdsim.scenario.schema.attributes import Attribute
 from crowdsim.scenario.schema.schema import ScenarioFields
 
@@ -19,10 +19,10 @@ Values = NDArray[np.float64] | NDArray[np.str_]
 
 
 def draw_attributes(keys: ScenarioFields) -> dict[str, Values]:
-    """Attributes (n,) of the characters in the order of their groups, by name: numbers, or words.
+    """Return the attributes of all characters by name: arrays (n,) of numbers or of words, in the order of the groups.
 
-    Those of whom a group does not say it have nan, or an empty word. Each attribute of each group is drawn from a
-    stream of the scenario's seed of its own.
+    Characters of a group that lacks an attribute get nan or an empty word. Each attribute of each group is drawn from
+    its own stream of the scenario's seed, so that adding one changes no other.
     """
     counts = [len(start_times(keys, number)) for number in range(len(keys.agents))]
     names = sorted({name for group in keys.agents for name in group.attributes})

@@ -1,4 +1,4 @@
-"""When the characters of a group start: one after another, or from a source; parties at once."""
+"""Start times of the characters of a group: at a fixed interval, or at the rate of a source; parties start together."""
 
 from __future__ import annotations
 
@@ -9,29 +9,47 @@ from crowdsim.geometry.elementary import log
 from crowdsim.scenario.schema.agents import MAX_COUNT
 from crowdsim.scenario.schema.schema import ScenarioFields
 
+NEVER = 2**40
+"""Start step of characters who come only if a command adds them, and of those who were removed."""
+
 _ARRIVAL_STREAM = 2
 _BATCH = 256
 
 
 def first_of_party(keys: ScenarioFields, number: int, count: int) -> NDArray[np.int64]:
-    """(count,) the place in group ``number`` of the first one of those whom each of its characters walks with."""
+    """Return, for each character of group ``number``, the index within the group of the first member of its party.
+
+    The result has shape (count,). A party is ``together`` consecutive characters of a group that walk together.
+    """
     together = keys.agents[number].together
     return np.arange(count) // together * together
 
 
 def start_times(keys: ScenarioFields, number: int) -> NDArray[np.float64]:
-    """Seconds (n,) at which the characters of group ``number`` start, ascending.
+    """Return the start times (n,) of the characters of group ``number`` [s], ascending.
 
-    A party starts as soon as its first one does. Those of a source are drawn from a stream of the scenario's seed that
-    is the group's own. More than :data:`~crowdsim.scenario.schema.agents.MAX_COUNT` of them are cut off just behind
-    that number.
+    A party starts with its first member. Times of a random source are drawn from the group's own stream of the
+    scenario's seed. An unbounded source gives :data:`~crowdsim.scenario.schema.agents.MAX_COUNT` + 1 times at most, so
+    that the check of the count refuses it. The times of characters on call are infinite.
     """
+    if keys.agents[number].on_call:
+        return np.full(keys.agents[number].count or 0, np.inf)
     times = _alone(keys, number)
     return times[first_of_party(keys, number, len(times))]
 
 
+def start_steps(keys: ScenarioFields, number: int) -> NDArray[np.int64]:
+    """Return the steps (n,) nearest to the times at which the characters of group ``number`` start.
+
+    The step of those on call is :data:`NEVER`.
+    """
+    times = start_times(keys, number)
+    on_call = np.isinf(times)
+    return np.where(on_call, NEVER, np.rint(np.where(on_call, 0.0, times) * keys.steps_per_second)).astype(np.int64)
+
+
 def _alone(keys: ScenarioFields, number: int) -> NDArray[np.float64]:
-    """Seconds (n,) at which they would start alone."""
+    """Return the start times (n,) that the characters would have without parties [s]."""
     group = keys.agents[number]
     if group.rate is None:
         return group.start_time + np.arange(group.count or 0, dtype=np.float64) * group.interval

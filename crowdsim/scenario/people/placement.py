@@ -1,9 +1,10 @@
-"""Where and when each character starts, and where it wants to go."""
+"""Place captured characters: where and when each starts, and where it goes."""
 
 from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,92 +14,96 @@ from shapely import MultiPolygon, Point, Polygon
 
 from crowdsim.environment.layers import dropped_solids, polygons_only
 from crowdsim.environment.spots import Spots, draw_spots, meets, room_in
-from crowdsim.errors import ScenarioError
-from crowdsim.scenario.arrivals import start_times
 from crowdsim.scenario.environment import Environment
-from crowdsim.scenario.scenario import Scenario
+from crowdsim.scenario.people.arrivals import start_steps
+from crowdsim.scenario.people.walkers import draw_walkers
 from crowdsim.scenario.schema.agents import MAX_COUNT, Goal
 from crowdsim.scenario.schema.schema import ScenarioFields
-from crowdsim.scenario.walkers import draw_walkers
 from crowdsim.yamlfile.document import Complaint
 
 NOMINAL_RADIUS = 0.30
-"""Meters around a character for which a scenario is checked before the motion, and with it the body, is known."""
+"""Free floor around a character that the check of a scenario requires [m], before the clips and their width are
+known."""
 
 STAND_ROOM = 0.4
-"""Meters between two who stay, beyond the radius given for each: to turn on the spot, and to stand a little off it."""
+"""Extra distance between two characters that stay, beyond both radii [m]: room to turn on the spot and to stand off
+it."""
 
 _START_STREAM, _GOAL_STREAM = 0, 1
 
 
 class Placement(NamedTuple):
-    """Characters in the order of their groups.
+    """Starts and goals of n characters, in the order of their groups.
 
     Attributes
     ----------
-    starts : (n, 2) float64, meters
-    goals : n arrays (k, 2), the places to go to in order, meters
-    rounds : (n,) int64, how many times over they go to them; NONE for as long as the run lasts
-    waits : (n,) float64, seconds they stand at each place but the last
-    start_steps : (n,) int64, the step of the simulation nearest to the time of the start
-    stays : (n,) bool, whether they stay where they arrive
-    headings : n arrays (k,), radians that those who stand at a place face there, nan where any will do
-    stand_within : (n,) float64, meters from a place within which they come to stand
-    groups : name of the group of each
-    speeds : (n,) float64, meters a second at which they walk where nothing is in their way, nan for that of the motion
+    starts : (n, 2) float64
+        Start positions [m].
+    goals : n arrays (k, 2) float64
+        Places to go to, in order [m].
+    rounds : (n,) int64
+        How often the places are visited in turn; NONE for as long as the run lasts.
+    waits : (n,) float64
+        Time to stand at each place except the last [s].
+    start_steps : (n,) int64
+        Simulation step nearest to the start time.
+    stays : (n,) bool
+        Whether the character stays at the last place, instead of leaving.
+    headings : n arrays (k,) float64
+        Heading to take at each place [rad]; nan for any.
+    stand_within : (n,) float64
+        Distance from a place within which the character comes to stand [m].
+    groups : tuple of str
+        Name of each character's group.
+    speeds : (n,) float64
+        Free walking speed [m/s]; nan for the speed of the clips.
     """
 
     starts: NDArray[np.float64]
-    goals: tuple[NDArray[np.float64], ...]
+    goals: Sequence[NDArray[np.float64]]
     rounds: NDArray[np.int64]
     waits: NDArray[np.float64]
     start_steps: NDArray[np.int64]
     stays: NDArray[np.bool_]
-    headings: tuple[NDArray[np.float64], ...]
+    headings: Sequence[NDArray[np.float64]]
     stand_within: NDArray[np.float64]
     groups: tuple[str, ...]
     speeds: NDArray[np.float64]
 
     def goal(self, agent: int, reached: int) -> NDArray[np.float64]:
-        """The place (2,) that an agent goes to when it has been to ``reached`` places."""
+        """Return the place (2,) that an agent goes to after it has reached ``reached`` places [m]."""
         goals = self.goals[agent]
         return np.asarray(goals[reached % len(goals)])
 
     def heading(self, agent: int, reached: int) -> float | None:
-        """Radians that an agent is to face at that place, None where any will do."""
+        """Return the heading to take at the place after ``reached`` others [rad]; None for any."""
         headings = self.headings[agent]
         heading = float(headings[reached % len(headings)])
         return None if math.isnan(heading) else heading
 
     def is_last(self, agent: int, reached: int) -> bool:
-        """Whether it goes nowhere after that place."""
+        """Return whether the place after ``reached`` others is the agent's last."""
         return bool(reached + 1 == self.rounds[agent] * len(self.goals[agent]))
 
     def stands(self, agent: int, reached: int) -> bool:
-        """Whether it stands at that place, for a while or for good."""
+        """Return whether the agent stands at the place after ``reached`` others, for a while or for good."""
         return bool(self.stays[agent]) if self.is_last(agent, reached) else bool(self.waits[agent] > 0.0)
 
 
-def place_agents(scenario: Scenario, radius: float) -> Placement:
-    """Draw start and goal of every character with ``radius`` meters of free floor around it.
-
-    Characters that start at the same step, of whatever group, start at least two radii apart; the goals of those that
-    stay are STAND_ROOM farther apart. Each group draws from its own two streams of the scenario's seed, so that a
-    change to one group leaves the draws of the others alone.
-
-    Raises
-    ------
-    ScenarioError
-        With every region that is off the floor, blocked, or too full.
-    """
-    placement, complaints = try_placement(scenario, scenario.environment, radius)
-    if complaints:
-        raise ScenarioError(scenario.problem(*complaint) for complaint in complaints)
-    return placement
-
-
 def try_placement(keys: ScenarioFields, environment: Environment, radius: float) -> tuple[Placement, list[Complaint]]:
-    """:func:`place_agents` with its complaints returned; the arrays lack the characters that found no place."""
+    """Draw start and goals of every character, with ``radius`` meters of free floor around each.
+
+    Characters that start in the same step, of any group, start at least two radii apart; the goals of those that stay
+    are STAND_ROOM farther apart. Each group draws from its own streams of the scenario's seed, so that a change to one
+    group leaves the draws of the others alone.
+
+    Returns
+    -------
+    placement : Placement
+        Without the characters that found no place.
+    complaints : list of Complaint
+        Every region that is off the floor, blocked, or too full.
+    """
     rooms = rooms_around(keys, environment, radius)
     starts_by_step: defaultdict[int, Spots] = defaultdict(lambda: Spots(2.0 * radius))
     stay_spots = Spots(2.0 * radius + STAND_ROOM)
@@ -108,7 +113,7 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
     counts: list[int] = []
     complaints: list[Complaint] = []
     for number, group in enumerate(keys.agents):
-        group_steps = [round(time * keys.steps_per_second) for time in start_times(keys, number).tolist()]
+        group_steps = start_steps(keys, number).tolist()
         count = len(group_steps)
         wrong = head_count_complaint(count)
         if wrong is not None:
@@ -117,12 +122,12 @@ def try_placement(keys: ScenarioFields, environment: Environment, radius: float)
         regions = keys.regions(number)
         places = np.full((count, len(regions), 2), np.nan)
         start = ("agents", number, "start")
-        wanted: list[_Wanted] = [
-            (start, group.start.shape(), (_START_STREAM,), [starts_by_step[step] for step in group_steps])
-        ]
+        # Characters on call come one by one, so that their starts may lie beside each other.
+        beside = [None if group.on_call else starts_by_step[step] for step in group_steps]
+        wanted: list[_Wanted] = [(start, group.start.shape(), (_START_STREAM,), beside)]
         for k, (path, region) in enumerate(regions):
             last = stay_spots if group.on_arrival == "stay" and k == len(regions) - 1 else None
-            # The first has the stream that an only goal has.
+            # The first goal uses the same stream as a single goal, so that adding goals does not move it.
             wanted.append((path, region.shape(), (_GOAL_STREAM, k) if k else (_GOAL_STREAM,), [last] * count))
         for k, (path, shape, stream, crowds) in enumerate(wanted):
             generator = np.random.default_rng(np.random.SeedSequence(keys.seed, spawn_key=(number, *stream)))
@@ -170,7 +175,7 @@ def _speeds(keys: ScenarioFields, counts: list[int]) -> list[NDArray[np.float64]
 
 
 _Wanted = tuple[tuple[str | int, ...], "Polygon | Point", tuple[int, ...], "list[Spots | None]"]
-"""What spots are drawn for: place in the file, region, random stream, and for each spot those it keeps away from."""
+"""Places to draw: path of the key, region, random stream, and for each place the set of places to keep away from."""
 
 
 def _heading(goal: Goal) -> float:
@@ -178,7 +183,7 @@ def _heading(goal: Goal) -> float:
 
 
 def head_count_complaint(count: int) -> str | None:
-    """What is wrong with so many characters of a group, if anything."""
+    """Return what is wrong with the number of characters in a group; None if nothing is."""
     if 1 <= count <= MAX_COUNT:
         return None
     how_many = "no character comes" if count == 0 else f"more than {MAX_COUNT} characters come"
@@ -186,12 +191,13 @@ def head_count_complaint(count: int) -> str | None:
 
 
 def rooms_around(keys: ScenarioFields, environment: Environment, radius: float) -> list[MultiPolygon]:
-    """Floor of the ground layer with ``radius`` around it that is always free; then, if more, what is so at some time.
+    """Return the floor that always has ``radius`` of free floor around it; then the floor that has it at some time.
 
-    Only regions without room of the first kind use the second.
+    The second is missing if nothing ever changes. It serves only regions that meet none of the first.
     """
     timetable = environment.timetable
     bands = [layer.band() for layer in keys.bands]
+    # Footprints of all places that a movable ever has, unless all of its solids are in no layer (above or below all).
     taken = [
         movable.footprint(placing)
         for movable, placing in [
@@ -207,7 +213,7 @@ def rooms_around(keys: ScenarioFields, environment: Environment, radius: float) 
 
 
 def unusable(environment: Environment, region: Polygon | Point, radius: float) -> str:
-    """Why no character at all can ever stand in ``region``."""
+    """Return why no character can ever stand in ``region``."""
     if not meets(region, environment.floor):
         return "lies off the floor"
     if not meets(region, environment.fixed_layers[0].free):
@@ -217,6 +223,19 @@ def unusable(environment: Environment, region: Polygon | Point, radius: float) -
 
 
 def too_full(key: tuple[str | int, ...], region: Polygon | Point, placed: int, count: int, radius: float) -> str:
+    """Return the message for a region with places for only ``placed`` of ``count`` characters.
+
+    Parameters
+    ----------
+    key : tuple
+        Key within the group, ``("start",)`` or that of a goal.
+    region : Polygon or Point
+        The region.
+    placed, count : int
+        Number of places found, and needed.
+    radius : float
+        Free floor that each place needs around it [m].
+    """
     together = "start at once" if key == ("start",) else "stay"
     remedy = "an 'interval' between the starts" if key == ("start",) else "'on_arrival: leave'"
     if isinstance(region, Point):

@@ -1,4 +1,4 @@
-"""Draws from the spreads of a scenario, with elementary functions that give the same bits on any processor."""
+"""Draw values from the distributions of a scenario, with functions that give the same bits on any processor."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from crowdsim.geometry.quantiles import (
 from crowdsim.scenario.schema.spreads import Spread
 
 _LEAST = 2.0**-53
-"""Probabilities are at least this far from 0 and 1."""
+"""Least distance of a probability from 0 and from 1; it keeps quantiles finite."""
 
 _NODES, _DEEPEST = 4000, 36.0
-"""Values by which the mean over a part that reaches to an end is found: their distances from it fall from 1 to
-exp(-36)."""
+"""Integration of a tail: number of nodes, and the exponent of the last. The nodes lie at a distance of exp(0) to
+exp(-_DEEPEST) from the end of the distribution."""
 
 Floats = NDArray[np.float64]
 
 
 def draw_spread(spread: Spread, count: int, generator: np.random.Generator) -> Floats:
-    """Draw (count,) values, all within the bounds.
+    """Draw values (count,) within the bounds of ``spread``.
 
-    Unless they are stratified, a value depends on the generator and on its place in the order alone: the first ten of
-    ten are the first ten of a hundred.
+    Unless the spread is stratified, a value depends only on the generator and on its index: the first ten of a hundred
+    draws equal ten draws.
     """
     if spread.mean is not None and spread.sd == 0.0:
         return np.full(count, spread.mean)
@@ -43,17 +43,19 @@ def draw_spread(spread: Spread, count: int, generator: np.random.Generator) -> F
 
 
 def probabilities_of(spread: Spread, count: int, generator: np.random.Generator) -> Floats:
-    """(count,) in [0, 1): at random, or one of each of as many equal parts in random order."""
+    """Return probabilities (count,) in [0, 1).
+
+    They are independent, or if the spread is stratified, one from each of ``count`` equal intervals in random order.
+    """
     if spread.stratified:
         return (generator.permutation(count) + generator.random(count)) / max(count, 1)
     return generator.random(count)
 
 
 def _ends(spread: Spread, count: int) -> tuple[float, float]:
-    """Values for the first and the last of so many equally probable parts, as far off the mean as each is on average.
+    """Return values for the first and the last stratum: its root mean square deviation from the mean, on its side.
 
-    That is the root of the mean square. A long tail has most of its deviation in its last part: one draw from there
-    would say little of it.
+    A long tail has most of its variance in the last stratum, which a single random draw represents badly.
     """
     depths = (np.arange(_NODES) + 0.5) * (_DEEPEST / _NODES)
     shares = exp(-depths)
@@ -71,12 +73,12 @@ def _ends(spread: Spread, count: int) -> tuple[float, float]:
 
 
 def quantiles(spread: Spread, probabilities: Floats) -> Floats:
-    """Values below which such shares of what lies within the bounds of ``spread`` are, probabilities in [0, 1]."""
+    """Return the quantiles of ``spread``, truncated to its bounds, at ``probabilities`` in [0, 1]."""
     low = -math.inf if spread.min is None else spread.min
     high = math.inf if spread.max is None else spread.max
     parts = spread.parts()
     if parts:
-        # One draw says which part, and what is left of it says where in that part.
+        # One probability chooses the part of the mix; its remainder, scaled to [0, 1], is the probability in that part.
         ends = np.cumsum([part.share for part in parts])
         at = probabilities * ends[-1]
         which = np.minimum(np.searchsorted(ends, at, side="right"), len(parts) - 1)
@@ -95,7 +97,7 @@ def quantiles(spread: Spread, probabilities: Floats) -> Floats:
 
 
 def _unbounded(spread: Spread, probabilities: Floats) -> Floats:
-    """Quantiles of a spread without its bounds."""
+    """Return quantiles of a spread without truncation."""
     probabilities = np.clip(probabilities, _LEAST, 1.0 - _LEAST)
     if spread.uniform is not None:
         least, most = spread.uniform
@@ -111,12 +113,13 @@ def _unbounded(spread: Spread, probabilities: Floats) -> Floats:
 
 
 def _share_below(spread: Spread, bound: float) -> float:
-    """Share of a spread without its bounds that lies below ``bound``, by halving intervals where need be."""
+    """Return the distribution function of an untruncated spread at ``bound``; by bisection of quantiles if need be."""
     low, high = 0.0, 1.0
     if math.isinf(bound):
         return low if bound < 0.0 else high
     if spread.gamma is not None:
         return float(gamma_share(np.array([bound / spread.gamma.scale]), spread.gamma.shape)[0]) if bound > 0.0 else 0.0
+    # 60 halvings reach the last bit. A bound above all quantiles leaves ``high`` at 1, which is then exact.
     for _ in range(60):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if _unbounded(spread, np.array([middle]))[0] < bound else (low, middle)

@@ -1,4 +1,4 @@
-"""Who steered characters are: how fast and how broad, and when they take their first step."""
+"""Draw the properties of steered characters: speed, breadth, and delay before the first step."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowdsim.scenario.arrivals import first_of_party
-from crowdsim.scenario.draws import draw_spread
+from crowdsim.scenario.people.arrivals import first_of_party
+from crowdsim.scenario.people.draws import draw_spread
 from crowdsim.scenario.schema.schema import ScenarioFields
 
 _SPEED_STREAM, _BREADTH_STREAM, _DELAY_STREAM, _SHARE_STREAM = 3, 4, 5, 6
@@ -17,22 +17,22 @@ Floats = NDArray[np.float64]
 
 
 class Walkers(NamedTuple):
-    """The n characters of a group, each (n,) float64."""
+    """Properties of the n characters of a group, each (n,) float64."""
 
     speeds: Floats
-    """At which they walk where nothing is in their way [m/s]."""
+    """Free walking speed, with nothing in the way [m/s]."""
     breadths: Floats
-    """Over their arms [m]."""
+    """Breadth of the body over the arms [m]."""
     delays: Floats
-    """Between coming and the first step [s]."""
+    """Time between appearing and the first step [s]."""
     shares: Floats
-    """In [0, 1): breaks ties among characters."""
+    """Random number in [0, 1) that breaks ties between characters."""
 
 
 def draw_walkers(keys: ScenarioFields, number: int, count: int) -> Walkers:
-    """Draw the characters of group ``number``, each quantity from a stream of the scenario's seed of its own.
+    """Draw the characters of group ``number``; each quantity has its own stream of the scenario's seed.
 
-    A party is as fast as its slowest one, and sets out with its first one.
+    All members of a party walk at the speed of the slowest, and set out with the first.
     """
     group = keys.agents[number]
 

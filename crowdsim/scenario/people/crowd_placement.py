@@ -1,4 +1,4 @@
-"""Where characters start and go to who may be steered, as arrays: there may be a hundred thousand of them."""
+"""Place characters that may be steered, as arrays: there may be a hundred thousand of them."""
 
 from __future__ import annotations
 
@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from shapely import MultiPolygon, Point, Polygon
 
 from crowdsim.environment.spots import arrange_spots, gathered, meets, scatter_parties, scatter_spots
-from crowdsim.errors import ScenarioError
 from crowdsim.geometry.elementary import atan2
-from crowdsim.scenario.arrivals import first_of_party, start_times
-from crowdsim.scenario.destinations import Destinations, Itinerary
 from crowdsim.scenario.environment import Environment
-from crowdsim.scenario.placement import (
+from crowdsim.scenario.people.arrivals import first_of_party, start_steps
+from crowdsim.scenario.people.destinations import Destinations, Itinerary
+from crowdsim.scenario.people.placement import (
     NOMINAL_RADIUS,
     STAND_ROOM,
     Placement,
@@ -25,22 +24,21 @@ from crowdsim.scenario.placement import (
     too_full,
     unusable,
 )
-from crowdsim.scenario.scenario import Scenario
+from crowdsim.scenario.people.walkers import Walkers, draw_walkers
 from crowdsim.scenario.schema.agents import AgentGroup
 from crowdsim.scenario.schema.schema import ScenarioFields
-from crowdsim.scenario.walkers import Walkers, draw_walkers
 from crowdsim.steering.row_kernels import CELL
 from crowdsim.steering.steering import MOST_CELLS
 from crowdsim.yamlfile.document import Complaint
 
 BODY_DEPTH = 0.25
-"""From chest to back [m]."""
+"""Depth of a body from chest to back [m]."""
 
 SPARE = 0.02
-"""Between two who start in one step, and between them and walls, at least [m]."""
+"""Least gap between two characters that start in one step, and between them and walls [m]."""
 
 CAPTURED_APART = 0.9
-"""Between the centers of two who start in one step, so that both may begin captured, if there is room [m]."""
+"""Distance between the centers of two that start in one step if there is room, so that both can begin captured [m]."""
 
 _START_STREAM, _GOAL_STREAM, _EXIT_STREAM = 0, 1, 7
 
@@ -48,25 +46,38 @@ Floats = NDArray[np.float64]
 
 
 class CrowdPlacement(NamedTuple):
-    """n characters in the order of their groups.
+    """Starts, goals and properties of n characters, in the order of their groups.
 
     Attributes
     ----------
-    names : of the groups
-    group : (n,) int32, number of the group of each
-    starts : (n, 2) float64, meters
-    headings : (n,) float64, radians faced at the start, nan for along the way
-    start_steps, delay_steps : (n,) int64, step in which each comes, and steps that it then stands
-    walkers : who they are
-    goals : regions to go to, each once
-    itineraries : of the groups
-    spots : (n, k, 2) float64, where each stands in the region of a goal at which it stands, or walks to in captured
-        motion; else nan
-    locomotions : of the groups
-    paced : of the groups, whether the file says how fast they walk
-    first : (n,) int64, the first one of the party that each walks in; who walks alone is its own first
-    assigned : (n,) int32, number of the goal that is assigned to each, NONE for no one
-    exits : numbers of the goals that exits are, by name; those to which no group goes are missing
+    names : tuple of str
+        Names of the groups.
+    group : (n,) int32
+        Index of each character's group.
+    starts : (n, 2) float64
+        Start positions [m].
+    headings : (n,) float64
+        Headings at the start [rad]; nan for the direction of the path.
+    start_steps, delay_steps : (n,) int64
+        Step in which a character appears, and number of steps for which it then stands.
+    walkers : Walkers
+        Speeds, breadths and delays.
+    goals : tuple of Polygon
+        Regions that characters go to, without duplicates.
+    itineraries : tuple of Itinerary
+        Itineraries of the groups.
+    spots : (n, k, 2) float64
+        Place of each character in its k-th goal, if it stands there or walks there in captured motion; else nan [m].
+    locomotions : tuple of str
+        ``captured``, ``steered`` or ``auto``, by group.
+    paced : tuple of bool
+        Whether the file gives a walking speed, by group.
+    first : (n,) int64
+        Index of the first member of each character's party; its own index if it walks alone.
+    assigned : (n,) int32
+        Index of the goal (exit) assigned to each character; NONE if it has none.
+    exits : dict of str to int
+        Goal index by name of exit; exits that no group uses are missing.
     """
 
     names: tuple[str, ...]
@@ -87,29 +98,23 @@ class CrowdPlacement(NamedTuple):
 
     @property
     def head_count(self) -> int:
-        """How many characters there are."""
+        """Return the number of characters."""
         return len(self.group)
 
 
-def place_crowd(scenario: Scenario) -> CrowdPlacement:
-    """Draw who comes when and where.
-
-    Characters that start in one step start beside each other: at random if there is room, parties together, else in
-    rows that face their first goal. Each group draws from streams of the scenario's seed of its own.
-
-    Raises
-    ------
-    ScenarioError
-        With every region that is off the floor, blocked, or too full.
-    """
-    placement, complaints = try_crowd_placement(scenario, scenario.environment)
-    if complaints:
-        raise ScenarioError(scenario.problem(*complaint) for complaint in complaints)
-    return placement
-
-
 def try_crowd_placement(keys: ScenarioFields, environment: Environment) -> tuple[CrowdPlacement, list[Complaint]]:
-    """:func:`place_crowd` with its complaints returned; groups that found no place are missing."""
+    """Draw when and where each character starts, and where it goes.
+
+    Characters that start in the same step get places beside each other: at random if there is room (parties together),
+    else in rows that face their first goal. Each group draws from its own streams of the scenario's seed.
+
+    Returns
+    -------
+    placement : CrowdPlacement
+        Without the groups that found no place.
+    complaints : list of Complaint
+        Every region that is off the floor, blocked, or too full.
+    """
     left, bottom, right, top = environment.floor.bounds
     drawing = _Drawing(keys, environment)
     if (right - left + CELL) * (top - bottom + CELL) > MOST_CELLS * CELL * CELL:
@@ -126,7 +131,7 @@ def try_crowd_placement(keys: ScenarioFields, environment: Environment) -> tuple
 
 
 class _Drawing:
-    """Draws group after group."""
+    """Draws the characters group by group."""
 
     def __init__(self, keys: ScenarioFields, environment: Environment) -> None:
         self.keys, self.environment = keys, environment
@@ -144,9 +149,9 @@ class _Drawing:
         self._first: list[NDArray[np.int64]] = []
 
     def add_group(self, number: int) -> None:
-        """Draw the characters of a group, unless something is wrong with it."""
+        """Draw the characters of a group; record a complaint instead if they find no place."""
         group = self.keys.agents[number]
-        steps = np.rint(start_times(self.keys, number) * self.keys.steps_per_second).astype(np.int64)
+        steps = start_steps(self.keys, number)
         wrong = head_count_complaint(len(steps))
         if wrong is not None:
             self.complaints.append((("agents", number, "rate"), wrong))
@@ -168,7 +173,7 @@ class _Drawing:
         self._parts.append((starts, headings, steps, walkers, spots))
 
     def placement(self) -> CrowdPlacement:
-        """All groups drawn so far."""
+        """Return the placement of all groups drawn so far."""
         counts = [len(part[0]) for part in self._parts]
         most = max((part[4].shape[1] for part in self._parts), default=1)
         spots = np.full((sum(counts), most, 2), np.nan)
@@ -198,7 +203,7 @@ class _Drawing:
     def _draw_starts(
         self, number: int, group: AgentGroup, steps: NDArray[np.int64], walkers: Walkers
     ) -> tuple[Floats | None, Floats]:
-        """(n, 2) starts, None if there is no room, and (n,) headings."""
+        """Return start positions (n, 2) [m], None if there is no room, and headings (n,) [rad]."""
         count = len(steps)
         region = group.start.shape()
         headings = np.full(count, np.nan)
@@ -216,12 +221,12 @@ class _Drawing:
             if len(spots) < len(rows):
                 together = group.together, broadest + SPARE
                 spots = scatter_parties(region, room, len(rows), *together, taken, generator)
-            if len(spots) < len(rows) and group.rate is not None:
-                # Who comes from a source waits until nobody stands in its place.
+            if len(spots) < len(rows) and (group.rate is not None or group.on_call):
+                # Places may overlap: a character from a source, or on call, waits until its place is free.
                 more = scatter_spots(region, room, len(rows) - len(spots), 0.0, np.empty((0, 2)), generator)
                 spots = np.concatenate([spots, more])
             elif len(spots) < len(rows) and not isinstance(region, Point):
-                # Too many to start at random: in rows, which face where they go.
+                # Too dense for random places: arrange rows that face the first goal.
                 first = self._destinations.regions_of(number)[0]
                 away = shapely.get_coordinates(first.centroid)[0] - shapely.get_coordinates(region.centroid)[0]
                 headings[rows] = atan2(away[1], away[0])
@@ -238,7 +243,7 @@ class _Drawing:
         return starts, headings
 
     def _draw_spots(self, number: int, group: AgentGroup, count: int, walkers: Walkers) -> Floats | None:
-        """(n, k, 2) spots to stand at in the regions of goals, nan where nobody stands; None if there is no room."""
+        """Return places (n, k, 2) in the k goals [m], nan if a character needs none; None if there is no room."""
         regions = self.keys.regions(number)
         spots = np.full((count, len(regions) + (group.exits is not None), 2), np.nan)
         for exit_number in self.keys.exits_of(group):
@@ -261,7 +266,7 @@ class _Drawing:
                 continue
             generator = self._generator(number, _GOAL_STREAM, *([k] if k else []))
             if not stays:
-                # Who walks on leaves again: spots may lie beside each other.
+                # Nobody stays here: the places need no distance from each other.
                 spots[:, k] = scatter_spots(region, room, count, 0.0, np.empty((0, 2)), generator)
                 continue
             taken = np.concatenate([np.empty((0, 2)), *self._standing])
@@ -277,9 +282,9 @@ class _Drawing:
     def _room(
         self, number: int, path: tuple[str | int, ...], region: Polygon | Point, radius: float
     ) -> MultiPolygon | None:
-        """Floor with that much room around it that the region meets; None, and a complaint, if there is none.
+        """Return the floor with ``radius`` of free floor around it, if ``region`` meets it; else complain, return None.
 
-        Captured characters need as much as they are planned with.
+        Captured characters need NOMINAL_RADIUS; ``auto`` ones get it if there is room.
         """
         radii = {"steered": [radius], "captured": [max(radius, NOMINAL_RADIUS)], "auto": [NOMINAL_RADIUS, radius]}
         for least in radii[self.keys.agents[number].level]:
@@ -296,15 +301,15 @@ class _Drawing:
 
 
 def _rows_by_step(steps: NDArray[np.int64]) -> list[tuple[int, NDArray[np.int64]]]:
-    """Each step in which anybody starts, ascending, with the rows of those who do."""
+    """Return each step in which characters start, ascending, with the rows of those characters."""
     order = np.argsort(steps, kind="stable")
     distinct, firsts = np.unique(steps[order], return_index=True)
     return list(zip(distinct.tolist(), np.split(order, firsts[1:]), strict=True))
 
 
 def captured_placement(cast: CrowdPlacement) -> Placement:
-    """The same characters for captured motion: each goes to its own spots in the regions of its goals."""
-    # Those who never steer walk as they were captured, unless the file says otherwise.
+    """Return the placement of the same characters for captured motion; each goes to its own places in its goals."""
+    # Groups that are never steered walk at the speed of their clips, unless the file gives a speed.
     own = np.array(cast.paced) | (np.array(cast.locomotions) != "captured")
     itineraries = [cast.itineraries[number] for number in cast.group.tolist()]
     return Placement(

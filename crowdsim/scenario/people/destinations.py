@@ -1,4 +1,4 @@
-"""Where the characters of a group go: regions in turn, exits to choose among, ways without end."""
+"""Destinations of the groups: regions in turn, exits to choose from, or an endless way along an axis."""
 
 from __future__ import annotations
 
@@ -19,33 +19,41 @@ from crowdsim.scenario.schema.agents import AgentGroup
 from crowdsim.scenario.schema.schema import ScenarioFields
 
 POINT_REACHED = 0.25
-"""Distance from a point to go to within which it is reached [m]."""
+"""Radius of the disc that stands for a goal given as a point [m]: it is reached inside."""
 
 EXIT_ROOM = 0.15
-"""Room that a center needs in an exit that is reached by being in it [m]: a little more than half a body's depth."""
+"""Free floor that a center needs somewhere in an exit for the exit to be reachable [m]; about half a body's depth."""
 
 EXIT_REACH = 0.25
-"""Distance within which an exit that has no such room is reached [m]."""
+"""Distance by which an exit is enlarged if no center fits into it [m]."""
 
 END_DEPTH = 0.5
-"""Of the region that those go to who walk along an axis without end [m]; they never come there."""
+"""Depth of the region at the far end of an endless way [m]. Characters head for it and never arrive."""
 
 Floats = NDArray[np.float64]
 
 
 class Itinerary(NamedTuple):
-    """Where the characters of a group go: k places in turn.
+    """The k goals of a group, in order.
 
     Attributes
     ----------
-    goals : (k,) int32, numbers of goals
-    rounds : how many times over; NONE for as long as the run lasts
-    wait : seconds they stand at each place but the last
-    stays : whether they stay at the last one
-    headings : (k,) radians to face there, nan where any will do
-    stand_within : meters from their spot within which they come to stand
-    exits : (e,) int32, numbers of the goals that the last one stands for, if they choose among them
-    choice : how they do: ``nearest``, ``quickest`` or ``assigned``; else empty
+    goals : (k,) int32
+        Indices of the goals.
+    rounds : int
+        How often the goals are visited in turn; NONE for as long as the run lasts.
+    wait : float
+        Time to stand at each goal except the last [s].
+    stays : bool
+        Whether the characters stay at the last goal, instead of leaving.
+    headings : (k,) float64
+        Heading to take at each goal [rad]; nan for any.
+    stand_within : float
+        Distance from its place within which a character comes to stand [m].
+    exits : (e,) int32
+        Indices of the exits to choose from, of which the last goal is the first; empty if there is no choice.
+    choice : str
+        How an exit is chosen: ``nearest``, ``quickest`` or ``assigned``; empty without exits.
     """
 
     goals: NDArray[np.int32]
@@ -59,10 +67,14 @@ class Itinerary(NamedTuple):
 
 
 class Destinations:
-    """Numbers the regions that groups go to, each once.
+    """Numbers the regions that groups go to, without duplicates.
 
-    goals : the regions so far
-    exits : numbers of the exits that groups go to, by name
+    Attributes
+    ----------
+    goals : tuple of Polygon
+        The regions so far.
+    exits : dict of str to int
+        Goal index of each exit that a group uses, by name.
     """
 
     def __init__(self, keys: ScenarioFields, environment: Environment) -> None:
@@ -72,10 +84,11 @@ class Destinations:
 
     @property
     def goals(self) -> tuple[Polygon, ...]:
+        """Return the regions so far, in the order of their indices."""
         return tuple(region for _, region in self._numbers.values())
 
     def itinerary(self, number: int) -> Itinerary:
-        """The itinerary of group ``number``, by way of its route."""
+        """Return the itinerary of group ``number``, with the places of its route first."""
         goals, headings = [], []
         group = self._keys.agents[number]
         for _, goal in self._keys.regions(number):
@@ -104,12 +117,15 @@ class Destinations:
         )
 
     def _number_of(self, region: Polygon, exit_name: str = "") -> int:
-        """Number of a region among the goals, of which each is there once; exits count apart, wherever they are."""
+        """Return the index of a region among the goals; add it if it is new.
+
+        Exits are never merged with other regions.
+        """
         key = exit_name, shapely.to_wkb(shapely.normalize(region))
         return self._numbers.setdefault(key, (len(self._numbers), region))[0]
 
     def _end_of(self, along: str) -> Polygon:
-        """End of the floor as it goes on once more beyond its end along an axis."""
+        """Return the far end of an endless way: the last END_DEPTH of a second copy of the floor behind the first."""
         xmin, ymin, xmax, ymax = self._keys.floor.bounds
         end = {
             "+x": (2.0 * xmax - xmin - END_DEPTH, ymin, 2.0 * xmax - xmin, ymax),
@@ -120,7 +136,7 @@ class Destinations:
         return shapely.box(*end[along])
 
     def exit_region(self, number: int) -> Polygon:
-        """The region of an exit; of one that is so shallow that no body has its center in it, what is just before."""
+        """Return the region of an exit; if it is too shallow for any center to be inside, enlarged by EXIT_REACH."""
         region = self._keys.exits[number].shape()
         assert isinstance(region, Polygon)
         free = self._environment.fixed_layers[0].free
@@ -132,18 +148,21 @@ class Destinations:
     def assign(
         self, group: AgentGroup, itinerary: Itinerary, count: int, generator: np.random.Generator
     ) -> NDArray[np.int32]:
-        """Goals of those whose exits are assigned by shares, in random order, one for a party; NONE for the others."""
+        """Return the exit (count,) of each character if exits are assigned by shares, else NONE.
+
+        The order is random; all members of a party get the same exit.
+        """
         if not isinstance(group.exits, dict) or not len(itinerary.exits):
             return np.full(count, NONE, np.int32)
         shares = np.array([group.exits[self._keys.exits[number].name] for number in self._keys.exits_of(group)])
-        # As many to each as its share says, to the next whole number.
+        # The number of parties of each exit is its share of all, rounded.
         parties = -(-count // group.together)
         ends = np.rint(np.cumsum(shares) / shares.sum() * parties).astype(np.int64)
         which = np.searchsorted(ends, np.arange(parties), side="right")
         return itinerary.exits[which[generator.permutation(parties)]].repeat(group.together)[:count]
 
     def regions_of(self, number: int) -> list[BaseGeometry]:
-        """Regions that group ``number`` goes to, those of its exits as one."""
+        """Return the regions that group ``number`` goes to; the union of its exits counts as one region."""
         if self._keys.agents[number].exits is not None:
             return [shape for _, shape in self._keys.destinations(number)]
         goals = [goal for _, goal in self._keys.regions(number)]

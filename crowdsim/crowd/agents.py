@@ -1,0 +1,111 @@
+"""All characters of a simulation as they are now, as columns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import copy
+from functools import cached_property
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.errors import ColumnError
+from crowdsim.recording.header import AgentState, RecordedFrame
+from crowdsim.recording.levels import levels_of
+from crowdsim.yamlfile.messages import nearest
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+COLUMNS = ("x", "y", "heading", "behavior", "state", "level")
+"""Names of the columns that every simulation has."""
+
+
+class Agents:
+    """Characters of a scenario in one step: columns (N,) in the order of their numbers, read-only.
+
+    Attributes
+    ----------
+    x, y : (N,) float64
+        Position [m], nan outside of the world.
+    heading : (N,) float64
+        Heading [rad], nan outside of the world.
+    behavior : (N,) int64
+        Number of the behavior, in the order of ``behaviors``; -1 for none.
+    state : (N,) int64
+        :class:`~crowdsim.recording.header.AgentState`.
+    level : (N,) int64
+        :class:`~crowdsim.recording.levels.Level`.
+    behaviors : tuple of str
+        Names of the behaviors.
+    groups : (N,) tuple of str
+        Name of the group of each character.
+    own : mapping of str to array
+        Columns (N, ...) that :meth:`Simulation.add_column` added; ``agents["name"]`` is one, or one of the above.
+    """
+
+    def __init__(
+        self,
+        frame: RecordedFrame,
+        groups: tuple[str, ...],
+        behaviors: tuple[str, ...],
+        own: Mapping[str, NDArray[Any]] = MappingProxyType({}),
+    ) -> None:
+        self.x = _column(frame.x, np.float64)
+        self.y = _column(frame.y, np.float64)
+        self.heading = _column(frame.heading, np.float64)
+        self.behavior = _column(frame.behavior, np.int64)
+        self.state = _column(frame.state, np.int64)
+        self.level = _column(levels_of(frame.state, frame.node, frame.phase), np.int64)
+        self.groups = groups
+        self.behaviors = behaviors
+        self.own = own
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        if name in COLUMNS:
+            column: NDArray[Any] = getattr(self, name)
+            return column
+        if name not in self.own:
+            raise ColumnError(f"there is no column '{name}'; {nearest(name, [*COLUMNS, *self.own], 'there are')}")
+        return self.own[name]
+
+    def with_own(self, own: Mapping[str, NDArray[Any]]) -> Agents:
+        """Return the same characters with other own columns."""
+        agents = copy(self)
+        agents.own = own
+        return agents
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    @cached_property
+    def present(self) -> NDArray[np.int64]:
+        """Return the numbers (n,) of the characters in the world."""
+        return _column(np.flatnonzero(self.state != AgentState.ABSENT), np.int64)
+
+    def table(self) -> DataFrame:
+        """Return the characters in the world as a pandas frame, one row each; needs the extra ``table``."""
+        import pandas
+
+        here = self.present
+        return pandas.DataFrame(
+            {
+                "agent": here,
+                "x": self.x[here],
+                "y": self.y[here],
+                "heading": self.heading[here],
+                "behavior": np.array([*self.behaviors, ""])[self.behavior[here]],
+                "state": [AgentState(state).name.lower() for state in self.state[here].tolist()],
+                "group": np.array(self.groups)[here],
+                **{name: values[here] for name, values in self.own.items() if values.ndim == 1},
+            }
+        )
+
+
+def _column(values: Any, dtype: Any) -> NDArray[Any]:
+    column = np.array(values, dtype)
+    column.flags.writeable = False
+    return column

@@ -1,0 +1,221 @@
+"""Commands that a program or a system gives to a simulation."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from crowdsim.crowd.agents import Agents
+from crowdsim.crowd.commands import Commands
+from crowdsim.crowd.crowd import Crowd
+from crowdsim.recording.header import AgentState
+from crowdsim.scenario.people.new_goals import places_in
+from crowdsim.scenario.scenario import Scenario
+from crowdsim.scenario.schema.commands import Added, Command, NewGoal, NewSpeed
+from crowdsim.scenario.schema.values import Part
+
+
+class Commandable(ABC):
+    """Takes commands: the part of a simulation that own systems read and steer.
+
+    Each command is carried out with the next step.
+    """
+
+    def __init__(self, scenario: Scenario, crowd: Crowd) -> None:
+        self.scenario = scenario
+        self.crowd = crowd
+        self._commands = Commands(scenario)
+        self._removed = np.zeros(crowd.count, np.bool_)
+
+    @property
+    @abstractmethod
+    def agents(self) -> Agents:
+        """Return all characters as the last step left them."""
+
+    @property
+    def step_count(self) -> int:
+        """Return the number of steps taken so far."""
+        return self.crowd.step_count
+
+    @property
+    def time(self) -> float:
+        """Return the time of the scenario that the steps so far took [s]."""
+        return self.step_count / self.scenario.steps_per_second
+
+    def set_goal(
+        self, agents: int | Sequence[int] | NDArray[Any], goal: Any, on_arrival: Literal["leave", "stay"] = "leave"
+    ) -> None:
+        """Send characters to another goal with the next step, instead of all their goals.
+
+        Characters that have not entered yet go there when they enter; members of parties go each on its own.
+
+        Parameters
+        ----------
+        agents : int or sequence of int
+            Numbers of the characters, in the order of :attr:`agents`.
+        goal : (x, y), Polygon or mapping
+            A point [m], a polygon of shapely, or the keys of a region in a scenario.
+        on_arrival : "leave" or "stay"
+            Whether they leave the world there or stay.
+
+        Raises
+        ------
+        ScenarioError
+            If there is no such character, one has left, or no character can stand in the goal.
+        """
+        self._give(set_goal={"agents": _numbers(agents), "goal": _region(goal), "on_arrival": on_arrival})
+
+    def add(self, group: str, count: int = 1, start: Any = None) -> NDArray[np.int64]:
+        """Let characters of a group with ``on_call: true`` come with the next step, or as soon as there is room.
+
+        They go where their group goes, unless :meth:`set_goal` sends them elsewhere.
+
+        Parameters
+        ----------
+        group : its name
+        count : how many come
+        start : (x, y) [m], a polygon of shapely, or the keys of a region; where the group starts if it is None
+
+        Returns
+        -------
+        Their numbers (count,).
+
+        Raises
+        ------
+        ScenarioError
+            If the group has not so many left, or nobody can stand there.
+        """
+        agents = self._commands.next_on_call(group, count)
+        self._give(add={"agents": agents} if start is None else {"agents": agents, "start": _region(start)})
+        return np.array(agents, np.int64)
+
+    def remove(self, agents: int | Sequence[int] | NDArray[Any]) -> None:
+        """Take characters out of the world with the next step; those who are yet to come never come.
+
+        ScenarioError if there is no such character, or one has left.
+        """
+        self._give(remove_agents={"agents": _numbers(agents)})
+
+    def set_speed(self, agents: int | Sequence[int] | NDArray[Any], speed: float) -> None:
+        """Let characters walk at ``speed`` [m/s] from the next step on, if nothing is in their way.
+
+        ``captured`` characters walk at the nearest speed that their motion can be played at. ScenarioError if there is
+        no such character, one has left, or the speed is not within 0.1 to 3 m/s.
+        """
+        self._give(set_speed={"agents": _numbers(agents), "speed": speed})
+
+    def open_door(self, name: str) -> None:
+        """Open a door with the next step; ScenarioError if there is no such door, or it is open."""
+        self._give(open=name)
+
+    def close_door(self, name: str) -> None:
+        """Close a door with the next step, or as soon as no character is in the way; raise as :meth:`open_door`."""
+        self._give(close=name)
+
+    def insert(self, obstacle: Mapping[str, Any]) -> None:
+        """Insert an obstacle with the next step, or as soon as no character is in the way.
+
+        Parameters
+        ----------
+        obstacle : mapping
+            The keys of an obstacle in a scenario, as ``{"name": "crate", "polygon": polygon, "top": 0.6}``.
+
+        Raises
+        ------
+        ScenarioError
+            If it is malformed, or its name is taken.
+        """
+        self._give(insert=obstacle)
+
+    def move(
+        self,
+        name: str,
+        by: tuple[float, float] | None = None,
+        to: tuple[float, float] | None = None,
+        rotation: float = 0.0,
+    ) -> None:
+        """Move an obstacle, and turn it.
+
+        Parameters
+        ----------
+        name : str
+            Name of an obstacle that may change: it was inserted, an event names it, or it is ``movable``.
+        by : (float, float), optional
+            Displacement [m].
+        to : (float, float), optional
+            New center [m].
+        rotation : float
+            Turn [degrees].
+
+        Raises
+        ------
+        ScenarioError
+            If there is no such obstacle, or it never changes.
+        """
+        keys = {"name": name, "by": by, "to": to, "rotation": rotation or None}
+        self._give(move={key: value for key, value in keys.items() if value is not None})
+
+    def remove_obstacle(self, name: str) -> None:
+        """Remove an obstacle; raise as :meth:`move` does."""
+        self._give(remove=name)
+
+    @property
+    def _left(self) -> NDArray[np.bool_]:
+        """Return which characters (N,) have arrived and left, or were removed."""
+        return np.asarray(self._removed | (self.crowd.arrivals >= 0) & (self.agents.state == AgentState.ABSENT))
+
+    def _give(self, **keys: Any) -> None:
+        self._commands.give(self._step_of_commands() / self.scenario.steps_per_second, keys, self._left)
+
+    @abstractmethod
+    def _step_of_commands(self) -> int:
+        """Return the number of the step that carries out commands given now; raise CrowdSimError if there is none."""
+
+    def _carry_out(self) -> None:
+        """Carry out the commands that are due."""
+        due = self._commands.due(self.step_count)
+        if any(command.changes_place for command in due):
+            self.crowd.take_timetable(self._commands.timetable())
+        for command in due:
+            self._obey(command)
+
+    def _obey(self, command: Command) -> None:
+        """Carry out a command about characters; those who have left in the meantime are left out."""
+        asked = command.commanded
+        if asked is None:
+            return
+        agents = np.array(sorted(set(asked.agents)), np.int64)
+        here = ~self._left[agents]
+        match asked:
+            case NewGoal():
+                region, places = places_in(self.scenario.environment, asked.goal, len(agents))
+                # Characters that leave there need no place of their own.
+                own = places[np.arange(len(agents)) % len(places)]
+                self.crowd.set_goal(agents[here], region, own[here], asked.on_arrival == "stay")
+            case Added():
+                starts = None
+                if asked.start is not None:
+                    places = places_in(self.scenario.environment, asked.start, len(agents)).places
+                    # They come one after another if there are fewer places.
+                    starts = places[np.arange(len(agents)) % len(places)][here]
+                self.crowd.add(agents[here], starts)
+            case NewSpeed(speed=speed):
+                self.crowd.set_speed(agents[here], speed)
+            case _:
+                self.crowd.remove(agents[here])
+                self._removed[agents[here]] = True
+
+
+def _numbers(agents: Any) -> Any:
+    """Return the numbers of agents as a command lists them."""
+    return [agents] if isinstance(agents, int | np.integer) else agents
+
+
+def _region(place: Any) -> Any:
+    """Return a place as the region of a command: (x, y) is a point, polygons and keys are as they are."""
+    return place if isinstance(place, Mapping | BaseGeometry | Part) else {"point": place}

@@ -1,0 +1,232 @@
+"""Systems and columns that a program adds to a simulation."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from crowdsim.crowd.agents import COLUMNS, Agents
+from crowdsim.crowd.commandable import Commandable
+from crowdsim.errors import ColumnError, StageError, SystemFailed
+from crowdsim.yamlfile.messages import nearest
+
+STAGES = ("commands", "move", "record")
+"""Stages of a step: commands that are due are carried out, everybody moves, the state is recorded and read."""
+
+_NAME = re.compile(r"[a-z][a-z0-9_]{0,39}")
+_TAKEN = (*COLUMNS, "agent", "group")
+
+
+class System(Protocol):
+    """Code that a simulation runs once a step, as a class with these attributes.
+
+    Attributes
+    ----------
+    reads, writes : tuple of str
+        Names of the columns it reads, and of own columns it writes. What it writes it may read, too.
+    """
+
+    reads: tuple[str, ...]
+    writes: tuple[str, ...]
+
+    def run(self, columns: Columns, simulation: Commandable) -> None:
+        """Read and write columns, and give commands; these are carried out with the next step."""
+
+
+class Columns:
+    """The columns that a system declares, (N, ...) in the order of the characters' numbers.
+
+    ``columns["x"]`` is a column, read-only; ``columns["infected"] = values`` replaces one. What is written counts when
+    the system returns, and is dropped if it raises.
+    """
+
+    def __init__(self, system: System, agents: Agents, own: Mapping[str, NDArray[Any]]) -> None:
+        self._name = name_of(system)
+        self._reads, self._writes = (*system.reads, *system.writes), system.writes
+        self._agents, self._own = agents, own
+        self.written: dict[str, NDArray[Any]] = {}
+
+    def __len__(self) -> int:
+        return len(self._agents)
+
+    @property
+    def present(self) -> NDArray[np.int64]:
+        """Return the numbers (n,) of the characters in the world."""
+        return self._agents.present
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        if name not in self._reads:
+            raise ColumnError(f"{self._name} does not declare that it reads '{name}'; add it to 'reads'")
+        return self.written[name] if name in self.written else self._agents[name]
+
+    def __setitem__(self, name: str, values: Any) -> None:
+        if name not in self._writes:
+            raise ColumnError(f"{self._name} does not declare that it writes '{name}'; add it to 'writes'")
+        before, given = self._own[name], np.asarray(values)
+        if given.shape != before.shape:
+            raise ColumnError(f"column '{name}' has shape {before.shape}; {self._name} writes shape {given.shape}")
+        if not np.can_cast(given.dtype, before.dtype, "same_kind"):
+            raise ColumnError(f"column '{name}' holds {before.dtype}; {self._name} writes {given.dtype}")
+        self.written[name] = _frozen(given.astype(before.dtype))
+
+
+class Systems:
+    """The systems of a simulation in the order in which a step runs them, and the columns they own.
+
+    Attributes
+    ----------
+    columns : mapping of str to array
+        Own columns (N, ...) by name; another mapping whenever one changes.
+    running : str
+        Name of the system that runs now, '' if none does.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.columns: Mapping[str, NDArray[Any]] = {}
+        self.running = ""
+        self._count = count
+        self._order: list[str] = list(STAGES)
+        self._systems: dict[str, System] = {}
+        self._failed: SystemFailed | None = None
+
+    def add_column(self, name: str, dtype: DTypeLike, default: Any, shape: tuple[int, ...]) -> None:
+        """Add a column; see :meth:`Extensible.add_column`."""
+        if not isinstance(name, str) or not _NAME.fullmatch(name):
+            raise ColumnError(f"{name!r} is no name of a column; take small letters, digits and _, a letter first")
+        if name in _TAKEN or name in self.columns:
+            raise ColumnError(f"there is a column '{name}' already; give another name")
+        kind = np.dtype(dtype)
+        if kind.kind not in "biuf":
+            raise ColumnError(f"column '{name}' cannot hold {kind}; take numbers or bool")
+        fill = np.asarray(default)
+        if fill.dtype.kind not in "biuf" or not np.array_equal(fill.astype(kind), fill, equal_nan=True):
+            raise ColumnError(f"column '{name}' holds {kind}, which {default!r} is not")
+        try:
+            values = np.full((self._count, *shape), fill, kind)
+        except ValueError as error:
+            raise ColumnError(f"column '{name}': {error}") from None
+        self.columns = {**self.columns, name: _frozen(values)}
+
+    def add_system(self, system: System, before: str) -> None:
+        """Add a system; see :meth:`Extensible.add_system`."""
+        name = name_of(system)
+        if name in self._order:
+            raise StageError(f"there is a system '{name}' already; give this one another 'name'")
+        if before not in self._order:
+            raise StageError(f"there is no stage or system '{before}'; {nearest(before, self._order, 'there are')}")
+        if not callable(getattr(system, "run", None)):
+            raise StageError(f"{name} has no method 'run(columns, simulation)'")
+        known = [*COLUMNS, *self.columns]
+        for key in ("reads", "writes"):
+            declared = getattr(system, key, None)
+            if not isinstance(declared, tuple) or not all(isinstance(each, str) for each in declared):
+                raise ColumnError(f"{name}.{key} must be a tuple of names of columns, got {declared!r}")
+            for column in declared:
+                if column not in known:
+                    hint = nearest(column, known, "there are")
+                    raise ColumnError(f"{name}.{key}: there is no column '{column}'; {hint}; own ones: add_column")
+        for column in system.writes:
+            if column in COLUMNS:
+                raise ColumnError(f"{name}.writes: '{column}' is read-only; give commands to move characters")
+        self._order.insert(self._order.index(before), name)
+        self._systems[name] = system
+
+    def run(self, stage: str, simulation: Commandable) -> None:
+        """Run the systems that stand before ``stage`` and behind the one before it.
+
+        Raises
+        ------
+        SystemFailed
+            If one of them raises; the simulation takes no more steps then.
+        """
+        end = self._order.index(stage)
+        first = max((self._order.index(each) for each in STAGES if self._order.index(each) < end), default=-1) + 1
+        for name in self._order[first:end]:
+            system = self._systems[name]
+            columns = Columns(system, simulation.agents, self.columns)
+            self.running = name
+            try:
+                system.run(columns, simulation)
+            except Exception as error:
+                what = f"{type(error).__name__}: {error}"
+                self._failed = SystemFailed(f"system '{name}' failed in step {simulation.step_count}: {what}")
+                raise self._failed from error
+            finally:
+                self.running = ""
+            if columns.written:
+                self.columns = {**self.columns, **columns.written}
+
+    def require_sound(self) -> None:
+        """Raise SystemFailed if a system failed."""
+        if self._failed is not None:
+            raise SystemFailed(f"{self._failed}; make a new Simulation")
+
+    def require_outside(self) -> None:
+        """Raise StageError if a system is running, which must not take steps."""
+        if self.running:
+            raise StageError(f"system '{self.running}' runs within a step, and can neither take steps nor add to them")
+
+
+class Extensible:
+    """What takes own columns and systems: the part of a simulation that programs extend."""
+
+    def __init__(self, count: int) -> None:
+        self._systems = Systems(count)
+
+    def add_column(self, name: str, dtype: DTypeLike, default: Any = 0, shape: Sequence[int] = ()) -> None:
+        """Add an own column, which systems write, and which is read as ``simulation.agents[name]``.
+
+        Parameters
+        ----------
+        name : str
+            Small letters, digits and _.
+        dtype : dtype
+            Of numbers, or bool.
+        default : value, or array of ``shape``
+            What it holds for every character, in the world or not, until a system writes it.
+        shape : sequence of int
+            Of what it holds for one character.
+
+        Raises
+        ------
+        ColumnError
+            If the name is taken, or the default is none of that dtype and shape.
+        """
+        self._systems.require_outside()
+        self._systems.add_column(name, dtype, default, tuple(shape))
+
+    def add_system(self, system: System, before: str = "move") -> None:
+        """Run a system in every step from the next one on.
+
+        Parameters
+        ----------
+        system : System
+            An object with ``reads``, ``writes`` and ``run(columns, simulation)``. It is called by its ``name``, or that
+            of its class.
+        before : str
+            Stage of the step before which it runs, after systems added for it earlier: "commands" (those that are due
+            are carried out), "move" (everybody takes a step) or "record"; or another system.
+
+        Raises
+        ------
+        StageError
+            If there is no such stage, or a system of this name.
+        ColumnError
+            If it declares a column that does not exist, or writes one that is read-only.
+        """
+        self._systems.require_outside()
+        self._systems.add_system(system, before)
+
+
+def name_of(system: System) -> str:
+    """Return the name that a system is called by."""
+    return str(getattr(system, "name", type(system).__name__))
+
+
+def _frozen(values: NDArray[Any]) -> NDArray[Any]:
+    values.flags.writeable = False
+    return values

@@ -1,0 +1,49 @@
+"""Times at which agents appeared, arrived and left, from the recorded states."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.recording.columns import RecordedFile
+from crowdsim.recording.header import AgentState
+
+_STEPS_AT_ONCE = 64
+
+
+class AgentTimes(NamedTuple):
+    """Times of N agents, each (N,) float64 [s].
+
+    Attributes
+    ----------
+    entered : (N,) float64
+        Time of the first step in which the agent is present; nan if it never is.
+    arrived : (N,) float64
+        Time of the first step in which it has arrived; ``left`` if it leaves on arrival; nan if it never arrives.
+    left : (N,) float64
+        Time of the first step after its last one; nan if it is present at the end of the recording.
+    """
+
+    entered: NDArray[np.float64]
+    arrived: NDArray[np.float64]
+    left: NDArray[np.float64]
+
+
+def find_times(recording: RecordedFile) -> AgentTimes:
+    """Return the times of all agents of a recording."""
+    count, steps = recording.agent_count, recording.steps
+    first, last, arrived = (np.full(count, -1, np.int64) for _ in range(3))
+    for begin in range(0, steps, _STEPS_AT_ONCE):
+        states = recording.state[begin : min(begin + _STEPS_AT_ONCE, steps)]
+        present = states != AgentState.ABSENT
+        here = present.any(axis=0)
+        first = np.where(here & (first < 0), begin + present.argmax(axis=0), first)
+        last = np.where(here, begin + len(states) - 1 - present[::-1].argmax(axis=0), last)
+        there = states == AgentState.ARRIVED
+        arrived = np.where(there.any(axis=0) & (arrived < 0), begin + there.argmax(axis=0), arrived)
+    left = np.where((last >= 0) & (last < steps - 1), last + 1, -1)
+    # Agents leave only on arrival.
+    arrived = np.where(arrived < 0, left, arrived)
+    return AgentTimes(*(np.where(of >= 0, of / recording.steps_per_second, np.nan) for of in (first, arrived, left)))

@@ -1,0 +1,181 @@
+"""Bodies of agents at any time of what was recorded, in a file or in memory."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from crowdsim.errors import RecordingError
+from crowdsim.recording.between import frame_between
+from crowdsim.recording.columns import Column
+from crowdsim.recording.header import RecordedFrame, RecordingHeader
+from crowdsim.recording.levels import Level, Switches, find_switches
+
+if TYPE_CHECKING:
+    from crowdsim.motion.graph.pose_table import PoseTable
+    from crowdsim.recording.shown.steered_poses import SteeredPoses
+    from crowdsim.recording.shown.switch_blends import SwitchBlends
+
+Joints = NDArray[np.float32]
+
+
+class ShownBodies(ABC):
+    """Recorded steps of all agents, and the poses of their bodies at any time.
+
+    Attributes
+    ----------
+    name : str
+        What messages call it.
+    header : RecordingHeader
+        The constant part.
+    x, y, heading, node, previous, frame, behavior, state, phase : Column
+        Columns (steps, N), see :class:`~crowdsim.recording.header.RecordedFrame`.
+    levels : Column
+        (steps, N) int8, the :class:`~crowdsim.recording.levels.Level` of each agent.
+    """
+
+    name: str
+    header: RecordingHeader
+    x: Column
+    y: Column
+    heading: Column
+    node: Column
+    previous: Column
+    frame: Column
+    behavior: Column
+    state: Column
+    phase: Column
+    levels: Column
+
+    @property
+    @abstractmethod
+    def steps(self) -> int:
+        """Return the number of recorded steps; row i was recorded at i / steps_per_second seconds."""
+
+    @abstractmethod
+    def at_step(self, step: int) -> RecordedFrame:
+        """Return row ``step`` as arrays (N,); raise RecordingError outside the recording."""
+
+    @property
+    def agent_count(self) -> int:
+        """Return the number of agents."""
+        return self.header.agents.count
+
+    @property
+    def steps_per_second(self) -> int:
+        """Return the number of steps per second [1/s]."""
+        return self.header.steps_per_second
+
+    @property
+    def duration(self) -> float:
+        """Return the time from the first recorded step to the last [s]."""
+        return max(0, self.steps - 1) / self.steps_per_second
+
+    def at_time(self, time: float) -> RecordedFrame:
+        """Return the frame at ``time`` [s], also between steps, as arrays (N,); raise RecordingError outside.
+
+        Track poses are interpolated. (node, previous, frame) are those that the simulation passed through: it advances
+        CAPTURE_RATE / steps_per_second frames per step.
+        """
+        if not -1e-9 <= time <= self.duration + 1e-9:
+            raise RecordingError(f"{self.name} lasts from 0 to {self.duration:g} s; there is nothing at {time:g} s")
+        step = self._shown_step(time)
+        share = min(time * self.steps_per_second, float(self.steps - 1)) - step
+        now = self.at_step(step)
+        if share < 1e-6:
+            return now
+        header = self.header
+        then = self.at_step(step + 1)
+        return frame_between(now, then, share, header.motion.node_frames, self.steps_per_second, header.ends)
+
+    def _shown_step(self, time: float) -> int:
+        """Return the step that is shown from its time until the next one."""
+        return int(min(max(time * self.steps_per_second, 0.0), float(self.steps - 1)) + 1e-6)
+
+    def poses(self, step: int, agents: ArrayLike | None = None) -> tuple[Joints, Joints]:
+        """Return world joint positions (A, J, 3) [m], rotations (A, J, 4) of ``agents`` (default all) at ``step``."""
+        return self.poses_at(step / self.steps_per_second, agents)
+
+    def poses_at(self, time: float, agents: ArrayLike | None = None) -> tuple[Joints, Joints]:
+        """Return world joint positions (A, J, 3) [m] and rotations (A, J, 4) of ``agents`` (default all).
+
+        Captured agents play the frames of their nodes; steered agents walk on their smoothed tracks; switches are
+        blended over 0.3 s. Earlier calls do not matter. Absent agents have nan. Raise RecordingError outside the
+        recording.
+        """
+        frame, step = self.at_time(time), self._shown_step(time)
+        rows = np.arange(self.agent_count) if agents is None else np.asarray(agents, np.int64)
+        skeleton = self.header.motion.skeleton
+        positions = np.full((len(rows), skeleton.joint_count, 3), np.nan, np.float32)
+        rotations = np.full((len(rows), skeleton.joint_count, 4), np.nan, np.float32)
+        levels = self._shown_levels(step)[rows]
+        present = levels != Level.NOBODY
+        if len(self.switches.steps) and present.any():
+            on_tracks = levels[present] == Level.STEERED
+            changed = present.copy()
+            changed[present], *joints = self._switch_blends.poses(time, step, frame, rows[present], on_tracks)
+            positions[changed], rotations[changed] = joints
+            levels[changed] = Level.NOBODY
+        captured, steered = levels == Level.CAPTURED, levels == Level.STEERED
+        if captured.any():
+            positions[captured], rotations[captured] = self._captured_poses(frame, rows[captured])
+        if steered.any():
+            positions[steered], rotations[steered] = self._steered_poses.pose(time, step, rows[steered])
+        return positions, rotations
+
+    def _shown_levels(self, step: int) -> NDArray[np.int8]:
+        """Return (N,) the level that bodies are shown on from ``step`` to the next one."""
+        levels: NDArray[np.int8] = self.levels[step]
+        if self.header.motion.mixed and step + 1 < self.steps:
+            # The last captured step before a switch is already shown as steered: the agent's node may end there.
+            levels[(levels == Level.CAPTURED) & (self.levels[step + 1] == Level.STEERED)] = Level.STEERED
+        return levels
+
+    def _captured_poses(self, frame: RecordedFrame, agents: NDArray[np.int64]) -> tuple[Joints, Joints]:
+        """Return joint positions and rotations of ``agents``, all of which are captured."""
+        from crowdsim.motion.graph.pose_kernels import pose_joints
+
+        track = np.stack([frame.x[agents], frame.y[agents], frame.heading[agents]], axis=1).astype(np.float64)
+        columns = (np.ascontiguousarray(values[agents], np.int32) for values in (frame.node, frame.previous))
+        at = np.ascontiguousarray(frame.frame[agents], np.float64)
+        joints = self.header.motion.skeleton.joint_count
+        positions = np.empty((len(agents), joints, 3), np.float32)
+        rotations = np.empty((len(agents), joints, 4), np.float32)
+        pose_joints(self.pose_table, *columns, at, track, positions, rotations)
+        return positions, rotations
+
+    @cached_property
+    def _steered_poses(self) -> SteeredPoses:
+        from crowdsim.recording.shown.steered_poses import SteeredPoses
+
+        return SteeredPoses(self)
+
+    @cached_property
+    def switches(self) -> Switches:
+        """Return the switches of agents between the levels."""
+        return find_switches(self, self.levels)
+
+    @cached_property
+    def _switch_blends(self) -> SwitchBlends:
+        from crowdsim.recording.shown.switch_blends import SwitchBlends
+
+        return SwitchBlends(self, self.switches, self._steered_poses)
+
+    @cached_property
+    def pose_table(self) -> PoseTable:
+        """Return the poses of all nodes, as :func:`crowdsim.motion.graph.pose_kernels.pose_joints` takes them."""
+        from crowdsim.motion.graph.pose_table import PoseTable
+
+        motion = self.header.motion
+        return PoseTable(
+            parents=np.ascontiguousarray(motion.skeleton.parents, np.int32),
+            offsets=np.ascontiguousarray(motion.skeleton.offsets, np.float32),
+            node_first=np.ascontiguousarray(motion.node_first, np.int32),
+            node_frames=np.ascontiguousarray(motion.node_frames, np.int32),
+            pool_root=np.ascontiguousarray(motion.pool_root, np.float32),
+            pool_rotations=np.ascontiguousarray(motion.pool_rotations, np.float32),
+        )

@@ -1,0 +1,87 @@
+"""Regions that commands name while a scenario runs: what is wrong with them, and where characters stand there."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import Point, Polygon
+
+from crowdsim.environment.solids import circle_around
+from crowdsim.environment.spots import room_in
+from crowdsim.scenario.environment import Environment
+from crowdsim.scenario.people.destinations import POINT_REACHED
+from crowdsim.scenario.people.placement import NOMINAL_RADIUS, STAND_ROOM, unusable
+from crowdsim.scenario.schema.commands import NewGoal
+from crowdsim.scenario.schema.schema import ScenarioFields
+from crowdsim.scenario.schema.values import Region
+
+SPACING = 2.0 * NOMINAL_RADIUS + STAND_ROOM
+"""Distance between neighboring places to stand [m]."""
+
+MOST_ROWS = 400
+"""Largest number of lattice rows on either side of the middle of a goal."""
+
+
+class GoalPlaces(NamedTuple):
+    """A new goal's region, and places to stand.
+
+    Attributes
+    ----------
+    region : Polygon
+        Region that counts as the goal; a disc if the goal is a point.
+    places : (p, 2) float64
+        Places to stand [m], nearest to the middle first; around the point if the goal is a point.
+    """
+
+    region: Polygon
+    places: NDArray[np.float64]
+
+
+def places_in(environment: Environment, region: Region, count: int) -> GoalPlaces:
+    """Return the polygon of a region, and ``count`` places to stand at in it, or as many as have room.
+
+    The places are points of a square lattice around the middle of the goal which have free floor around them and a free
+    straight line to the middle.
+    """
+    shape = region.shape()
+    room = room_in(environment.fixed_layers[0].free, NOMINAL_RADIUS)
+    shapely.prepare(room)
+    inside = room if isinstance(shape, Point) else room.intersection(shape)
+    middle = shapely.get_coordinates(shape if isinstance(shape, Point) else inside.representative_point())[0]
+    # The lattice covers the bounds of the room, but holds no more than about 16 times as many places as are needed.
+    left, bottom, right, top = inside.bounds
+    reach = max(right - left, top - bottom) / SPACING
+    rows = int(min(reach, 2.0 * np.sqrt(count) + 8.0, MOST_ROWS)) + 1
+    steps = np.arange(-rows, rows + 1, dtype=np.float64) * SPACING
+    offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    offsets = offsets[np.lexsort((offsets[:, 1], offsets[:, 0], (offsets * offsets).sum(axis=1)))]
+    places = middle + offsets
+    ways = shapely.linestrings(np.stack((np.broadcast_to(middle, places.shape), places), axis=1))
+    usable = shapely.intersects_xy(inside, places) & shapely.covers(room, ways)
+    polygon = circle_around((shape.x, shape.y), POINT_REACHED) if isinstance(shape, Point) else shape
+    return GoalPlaces(polygon, places[usable][:count])
+
+
+def region_complaint(environment: Environment, region: Region) -> str | None:
+    """Return why no character can stand in a region, or None."""
+    shape = region.shape()
+    if room_in(environment.fixed_layers[0].free, NOMINAL_RADIUS).intersects(shape):
+        return None
+    return unusable(environment, shape, NOMINAL_RADIUS)
+
+
+def new_goal_complaint(keys: ScenarioFields, environment: Environment, asked: NewGoal) -> str | None:
+    """Return what is wrong with a new goal, or None."""
+    if keys.floor.periodic is not None:
+        return "on a periodic floor goals cannot change during the run"
+    wrong = region_complaint(environment, asked.goal)
+    if wrong is not None or asked.on_arrival == "leave":
+        return wrong
+    wanted = len(set(asked.agents))
+    found = len(places_in(environment, asked.goal, wanted).places)
+    if found < wanted:
+        return f"only {found} of {wanted} characters find a place to stay at; give a larger goal, or several"
+    return None
