@@ -1,0 +1,1 @@
+"""Export recordings to other formats: tables, 3D scenes, web pages."""

@@ -1,0 +1,48 @@
+"""The bodies of a page: a detailed one for near characters, and one of few vertices for distant characters."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.export.page.far_body import build_far_body
+from crowdsim.export.page.packing import Block
+from crowdsim.motion.clips.skeleton import Skeleton
+from crowdsim.playback.body_mesh import BodyMesh, build_body
+
+LEVELS = 200
+"""Number of characters present at once above which distant ones are drawn with few vertices."""
+
+PLACES = 20_000
+"""Integer units per meter for positions of vertices."""
+
+_SIDES = ((40, 16), (10**9, 10))
+"""Corners of a body's cross-sections, by the largest number of characters present at once."""
+
+
+def pack_bodies(block: Block, skeleton: Skeleton, most_present: int) -> dict[str, Any]:
+    """Add the bodies to the block; return the number of vertices of each."""
+    sides = next(sides for limit, sides in _SIDES if most_present <= limit)
+    near = build_body(skeleton, sides)
+    _pack(block, "near", near)
+    facts = {"near": near.vertex_count}
+    if most_present > LEVELS:
+        far = build_far_body(skeleton)
+        _pack(block, "far", far)
+        facts["far"] = far.vertex_count
+    return facts
+
+
+def _pack(block: Block, name: str, body: BodyMesh) -> None:
+    block.add(f"{name}_triangles", body.triangles.astype(np.uint16))
+    block.add(f"{name}_tissue", body.tissue.astype(np.uint8))
+    block.add(f"{name}_joints", body.joints.astype(np.uint8))
+    block.add(f"{name}_weights", np.rint(255.0 * body.weights[:, 0]).astype(np.uint8))
+    block.add(f"{name}_places", _whole(body.places * PLACES))
+    block.add(f"{name}_normals", np.rint(127.0 * body.normals).astype(np.int8))
+
+
+def _whole(values: NDArray[np.float32]) -> NDArray[np.int16]:
+    return np.clip(np.rint(values), -32767, 32767).astype(np.int16)

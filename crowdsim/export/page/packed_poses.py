@@ -1,0 +1,137 @@
+"""Poses that the bodies of a page play: rows of captured nodes, and gait models of steered characters."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crowdsim.export.page.choice import Chosen
+from crowdsim.export.page.packing import Block, Ints, first_differences, second_differences, zigzag
+from crowdsim.motion.clips.kinematics import rotation_vectors
+from crowdsim.motion.clips.skeleton import Skeleton
+from crowdsim.motion.deformed.deformed_clip import DeformedClip, on_legs_of
+from crowdsim.recording.header import MotionRecord
+from crowdsim.recording.reader import Recording
+from crowdsim.recording.shown.foot_times import foot_times
+from crowdsim.recording.shown.steered_poses import gait_clip
+from crowdsim.recording.shown.steered_stretches import Stretches
+
+ROTATIONS = 10_000
+"""Integer units per radian for rotation vectors: half a unit moves a wrist by 0.03 mm."""
+ROOTS = 10_000
+"""Integer units per meter for positions of the root."""
+PHASES = 5000
+"""Integer units per cycle for gait phases. The phase of a body at rest, 0.06 cycles after a foot lands, is a whole
+number of them: otherwise a page takes a body at rest as walking, and plans other steps than playback does."""
+
+_SWITCH_SECONDS = 5
+_FEET = 10_000
+"""Integer units per second for the times of feet."""
+
+_GAIT_FIELDS = ("mean", "upper", "swings", "waves", "root", "legs", "hips", "turns", "bones", "pitch", "lift", "prints")
+_GAIT_NUMBERS = ("stride", "stand", "width", "spine")
+
+
+def skeleton_facts(skeleton: Skeleton) -> dict[str, Any]:
+    """Return the facts about the skeleton that bodies need, for the page's JSON."""
+    return {
+        "parents": skeleton.parents.tolist(),
+        "offsets": np.round(skeleton.offsets, 6).tolist(),
+        "roles": dict(sorted(skeleton.roles.items())),
+    }
+
+
+def pack_nodes(block: Block, motion: MotionRecord, played: Ints) -> list[str]:
+    """Add the poses of the nodes ``played`` to the block, column by column, as differences; return the nodes' names."""
+    joints = motion.skeleton.joint_count
+    frames = motion.node_frames[played].astype(np.int64)
+    rows = [
+        np.arange(motion.node_first[node], motion.node_first[node] + motion.node_frames[node] + 1) for node in played
+    ]
+    some = np.concatenate(rows) if rows else np.zeros(0, np.int64)
+    vectors = rotation_vectors(motion.pool_rotations[some].astype(np.float64))
+    whole = np.rint(vectors * ROTATIONS).astype(np.int64)
+    root = np.rint(motion.pool_root[some].astype(np.float64) * ROOTS).astype(np.int64)
+    block.add_varints("node_frames", frames)
+    block.add_varints("node_behaviors", motion.node_behavior[played].astype(np.int64))
+    # One column after the other: the root's position, then the rotation vector of each joint.
+    columns = np.concatenate([root, whole.reshape(len(some), 3 * joints)], axis=1)
+    block.add_varints("node_rows", zigzag(first_differences(columns).T.ravel()))
+    return [motion.node_names[node] for node in played.tolist()]
+
+
+def pack_gaits(block: Block, motion: MotionRecord) -> list[dict[str, Any]]:
+    """Add the models of all gaits to the block; return their shapes and numbers, empty if nobody is steered."""
+    facts = []
+    clips: list[DeformedClip] = [gait_clip(motion, number) for number in range(len(motion.gaits))]
+    for number, clip in enumerate(clips):
+        model = on_legs_of(clip, clips[-1]).model
+        shapes = {}
+        for name in _GAIT_FIELDS:
+            values: NDArray[Any] = getattr(model, name)
+            shapes[name] = list(values.shape)
+            kind = np.int32 if np.issubdtype(values.dtype, np.integer) else np.float32
+            block.add(f"gait_{number}_{name}", values.astype(kind))
+        facts.append({"shapes": shapes, **{name: float(getattr(model, name)) for name in _GAIT_NUMBERS}})
+    return facts
+
+
+def pack_stretches(block: Block, parts: list[tuple[Ints, Stretches]]) -> None:
+    """Add the stretches in which characters are steered to the block, with the phases that their bodies show.
+
+    ``parts`` holds characters (A,) and their stretches, whose columns are indices into these characters. A stretch's
+    four rows ascend (begin, first, end, stop), so each is written as its difference from the one before; phases are
+    written as second differences, small as they hardly accelerate.
+    """
+    columns: list[list[Ints]] = [[], [], [], [], []]
+    phases: list[Ints] = []
+    for agents, stretches in parts:
+        found = agents[stretches.columns], stretches.begins, stretches.firsts, stretches.ends, stretches.stops
+        for column, values in zip(columns, found, strict=True):
+            column.append(values.astype(np.int64))
+        whole = np.rint(stretches.phases * PHASES).astype(np.int64)
+        begins = np.zeros(len(whole), bool)
+        begins[stretches.starts] = True
+        phases.append(second_differences(whole, begins))
+    agent, begin, first, end, stop = (np.concatenate([np.zeros(0, np.int64), *column]) for column in columns)
+    block.add_varints("stretch_agents", agent)
+    block.add_varints("stretch_begins", begin)
+    block.add_varints("stretch_firsts", first - begin)
+    block.add_varints("stretch_ends", end - first)
+    block.add_varints("stretch_stops", stop - end)
+    block.add_varints("stretch_phases", zigzag(np.concatenate([np.zeros(0, np.int64), *phases])))
+
+
+def pack_switches(block: Block, recording: Recording, chosen: Chosen) -> None:
+    """Add the switches between captured and steered to the block, and the times at which feet then lift and land.
+
+    The five times of a switch are counted from it in units of 1 / _FEET s: until when each foot keeps its place (left,
+    right), when it has lost its offset (left, right), and when the character disappears, 0 if it stays. Bits of the
+    flags: 1 for a switch to steered, 2 and 4 for a left and a right foot that takes a small step of its own, because
+    the body stands.
+    """
+    switches = recording.switches
+    shown = switches.shown - chosen.first
+    rows = np.searchsorted(chosen.agents, switches.agents)
+    rows = np.minimum(rows, len(chosen.agents) - 1)
+    mine = (chosen.agents[rows] == switches.agents) & (shown > 0) & (shown < chosen.steps)
+    some = np.flatnonzero(mine)
+    feet = np.zeros((len(some), 5), np.int64)
+    flags = switches.steered[some].astype(np.uint8)
+    # Blocks of some seconds, because all steps of a block are in memory at once.
+    blocks = switches.shown[some] // (_SWITCH_SECONDS * recording.steps_per_second)
+    for number in np.unique(blocks).tolist():
+        here = np.flatnonzero(blocks == number)
+        times = foot_times(recording, switches, some[here])
+        since = (switches.shown[some[here]] / recording.steps_per_second)[:, None]
+        cut = np.where(np.isfinite(times.cut), times.cut - since[:, 0], 0.0)[:, None]
+        seconds = np.concatenate([times.hold - since, times.end - since, cut], axis=1)
+        # Round up: a hold shorter than a unit must not become 0, which means that the foot does not stand.
+        feet[here] = np.ceil(_FEET * np.maximum(seconds, 0.0) - 1e-6).astype(np.int64)
+        flags[here] += (2 * times.forced[:, 0] + 4 * times.forced[:, 1]).astype(np.uint8)
+    block.add_varints("switch_agents", rows[some].astype(np.int64))
+    block.add_varints("switch_steps", shown[some])
+    block.add_varints("switch_feet", feet.ravel())
+    block.add("switch_flags", flags)

@@ -1,0 +1,263 @@
+"""Write a web page in one file that plays a recording in any browser, without server or network requests."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+from collections.abc import Iterator, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from crowdsim.errors import CrowdSimError
+from crowdsim.export.choice import Choice, choose
+from crowdsim.export.options import ExportOptions
+from crowdsim.export.page.choice import Chosen, shown_of
+from crowdsim.export.page.packed_bodies import LEVELS, pack_bodies
+from crowdsim.export.page.packed_place import pack_density, pack_paths, pack_place
+from crowdsim.export.page.packed_poses import (
+    PHASES,
+    ROOTS,
+    ROTATIONS,
+    pack_gaits,
+    pack_nodes,
+    pack_stretches,
+    pack_switches,
+    skeleton_facts,
+)
+from crowdsim.export.page.packing import Block, Ints
+from crowdsim.export.page.track_chunks import PLACES, pack_events, pack_tracks, plan_chunks, turn_units
+from crowdsim.motion.graph.playback_kernels import FRAME_TICKS
+from crowdsim.playback.crowd_mesh import hex_color, looks_of
+from crowdsim.playback.moments import telling_time
+from crowdsim.recording.header import AgentsRecord, AgentState, MotionRecord
+from crowdsim.recording.reader import Recording
+from crowdsim.recording.shown.steered_stretches import Stretches, read_stretches
+from crowdsim.whole_files import whole_file
+
+PATHS = ("all", "selected", "none")
+"""Which paths a page draws at first; with "none" it does not contain them."""
+
+_PATHS_OF_ALL = 300
+"""Number of characters present at once up to which all paths are drawn by default."""
+_BARS = 400
+"""Largest number of bars of the curve behind the slider."""
+_SAMPLES_AT_ONCE = 4_000_000
+
+
+class PageOptions(NamedTuple):
+    """The part of a recording that a page shows, and how.
+
+    Attributes
+    ----------
+    start, end : float or None
+        Times [s]; by default all of the recording.
+    agents : str or None
+        Agent numbers and group names separated by commas; by default all.
+    paths : str or None
+        One of PATHS; by default "all", or "selected" if more than 300 characters are present at once.
+    title : str or None
+        Title; by default the scenario's name.
+    """
+
+    start: float | None = None
+    end: float | None = None
+    agents: str | None = None
+    paths: str | None = None
+    title: str | None = None
+
+
+def write_page(recording: Recording, file: Path, options: PageOptions | None = None) -> None:
+    """Write ``recording`` as one HTML file; equal recordings and options give equal bytes.
+
+    Raises
+    ------
+    CrowdSimError
+        If the recording lacks such times or characters, the choice of paths is unknown, or the file cannot be written.
+    """
+    options = PageOptions() if options is None else options
+    choice = choose(recording, None, options.start, options.end, options.agents)
+    with whole_file(file, (".html", ".htm"), "pages") as written:
+        write(recording, written, choice, ExportOptions(paths=options.paths, title=options.title))
+
+
+def write(recording: Recording, file: Path, choice: Choice, options: ExportOptions) -> None:
+    """Write the chosen part of ``recording`` to ``file``; :func:`crowdsim.export.formats.export` calls this."""
+    file.write_bytes(make_page(recording, choice, options))
+
+
+def make_page(recording: Recording, choice: Choice, options: ExportOptions) -> bytes:
+    """Return the bytes of a page of the chosen part of ``recording``."""
+    if options.paths is not None and options.paths not in PATHS:
+        raise CrowdSimError(f"a page draws paths of {', '.join(PATHS)}, not '{options.paths}'; choose one of them")
+    chosen = shown_of(recording, choice)
+    title = recording.header.scenario_name if options.title is None else options.title
+    data = base64.b64encode(pack_recording(recording, chosen, options.paths, title))
+    return fill_page(title, data.decode("ascii"), [shared_text("viewer.min.js")], shared_text("page.css"))
+
+
+def shared_text(name: str) -> str:
+    """Return the text of a file that all pages share."""
+    return (resources.files("crowdsim.export.page") / name).read_text(encoding="utf-8")
+
+
+def fill_page(
+    title: str, data: str, scripts: Sequence[str], style: str, panel: str = "", allowed: Sequence[str] = ()
+) -> bytes:
+    """Return the bytes of a page.
+
+    Parameters
+    ----------
+    title : str
+        Title.
+    data : str
+        Base64 of what it shows; empty if its scripts get that elsewhere.
+    scripts : sequence of str
+        Scripts, which run in turn.
+    style : str
+        Style sheet.
+    panel : str
+        HTML of further controls.
+    allowed : sequence of str
+        What its policy allows beside its own scripts and style, and saving pictures.
+    """
+    parts = {
+        "{{policy}}": "; ".join([_policy(scripts, style), *allowed]),
+        "{{title}}": html.escape(title),
+        "{{style}}": style,
+        "{{panel}}": panel,
+        "{{data}}": data,
+        "{{scripts}}": "\n".join(f"<script>{script}</script>" for script in scripts),
+    }
+    page = shared_text("page.html")
+    for name, text in parts.items():
+        before, after = page.split(name)
+        page = before + text + after
+    return page.encode("utf-8")
+
+
+def _policy(scripts: Sequence[str], style: str) -> str:
+    """Return the content security policy: the page's own scripts and style, saving of pictures, and nothing else."""
+    own = " ".join(_digest(script) for script in scripts)
+    return f"default-src 'none'; script-src {own}; style-src {_digest(style)}; img-src data: blob:"
+
+
+def _digest(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode('utf-8')).digest()).decode()}'"
+
+
+def pack_recording(recording: Recording, chosen: Chosen, paths: str | None, title: str) -> bytes:
+    """Return everything that the viewer shows, compressed."""
+    header, block = recording.header, Block()
+    motion = header.motion
+    plan = plan_chunks(len(chosen.agents))
+    events, played = pack_tracks(block, recording, chosen, plan)
+    pack_events(block, events)
+    present, moving, waiting = activity(recording, chosen)
+    most = int(present.max(initial=0))
+    bounds = pack_place(block, recording, chosen)
+    facts: dict[str, Any] = {
+        "title": title,
+        "scenario": header.scenario_name,
+        "rate": recording.steps_per_second,
+        "first": chosen.first,
+        "steps": chosen.steps,
+        "agents": chosen.agents.tolist(),
+        "complete": recording.complete,
+        "behaviors": [{"name": behavior.name, "color": behavior.color} for behavior in header.behaviors],
+        "skeleton": skeleton_facts(motion.skeleton),
+        "nodes": pack_nodes(block, motion, played),
+        "gaits": pack_gaits(block, motion),
+        "bodies": pack_bodies(block, motion.skeleton, most),
+        "levels": LEVELS,
+        "chunk": plan.steps,
+        "margin": plan.margin,
+        "units": page_units(motion),
+        "bounds": bounds,
+        "ends": None if header.ends is None else [header.ends.axis, header.ends.low, header.ends.high],
+        "most": most,
+        "curve": {"moving": moving.tolist(), "waiting": waiting.tolist()},
+        "density": pack_density(block, recording, chosen, bounds),
+        "opening": _opening(recording, chosen),
+        **group_facts(recording.header.agents, chosen.agents),
+    }
+    pack_stretches(block, list(_stretches(recording, chosen)))
+    pack_switches(block, recording, chosen)
+    facts["paths"] = paths = paths or ("all" if most <= _PATHS_OF_ALL else "selected")
+    facts["path_count"] = 0 if paths == "none" else pack_paths(block, recording, chosen)
+    block.add("looks", looks_of(recording.agent_count)[chosen.agents])
+    return block.packed(facts)
+
+
+def page_units(motion: MotionRecord) -> dict[str, int]:
+    """Return the integer units of the page per meter, turn, cycle, frame, radian, and meter of a root."""
+    return {
+        "place": PLACES,
+        "turn": turn_units(motion),
+        "phase": PHASES,
+        "frame": FRAME_TICKS,
+        "rotation": ROTATIONS,
+        "root": ROOTS,
+    }
+
+
+def _opening(recording: Recording, chosen: Chosen) -> float:
+    """Return the time at which the page opens [s]: the telling time within its range."""
+    first, last = chosen.first, chosen.first + chosen.steps - 1
+    rate = recording.steps_per_second
+    return min(max(telling_time(recording), first / rate), last / rate)
+
+
+def group_facts(agents: AgentsRecord, chosen: Ints) -> dict[str, Any]:
+    """Return groups with their colors; group and goals (x, y) [m] of each of the characters ``chosen`` (n,)."""
+    names = sorted(set(agents.groups))
+    index = {name: number for number, name in enumerate(names)}
+    return {
+        "groups": names,
+        "group_colors": [list(map(int, color)) for color in group_colors(len(names))],
+        "group_of": [index[agents.groups[agent]] for agent in chosen.tolist()],
+        "goals": [[_number(value) for value in goal] for goal in agents.goals[chosen].tolist()],
+    }
+
+
+def _number(value: float) -> float | None:
+    return round(value, 2) if np.isfinite(value) else None
+
+
+def group_colors(count: int) -> list[tuple[int, int, int]]:
+    """Return colors of groups: first eight that color-blind people tell apart (after Okabe and Ito), then by hue."""
+    known = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9", "#8c6bb1", "#b8a500")
+    colors = [hex_color(text) for text in known[:count]]
+    colors += list(looks_of(max(count, 8))[8:count, 0])
+    return [(int(red), int(green), int(blue)) for red, green, blue in colors]
+
+
+def activity(recording: Recording, chosen: Chosen) -> tuple[Ints, Ints, Ints]:
+    """Return (steps,) how many characters are present, and how many move and wait in each bar behind the slider."""
+    present, moving, waiting = (np.zeros(chosen.steps, np.int64) for _ in range(3))
+    at_once = max(1, _SAMPLES_AT_ONCE // max(recording.agent_count, 1))
+    for first in range(0, chosen.steps, at_once):
+        rows = slice(chosen.first + first, chosen.first + min(first + at_once, chosen.steps))
+        state = recording.state[rows][:, chosen.agents]
+        span = slice(first, first + len(state))
+        present[span] = np.count_nonzero(state != AgentState.ABSENT, axis=1)
+        moving[span] = np.count_nonzero(state == AgentState.MOVING, axis=1)
+        waiting[span] = np.count_nonzero(state == AgentState.WAITING, axis=1)
+    bars = np.unique(np.linspace(0, chosen.steps, min(_BARS, chosen.steps), endpoint=False).astype(np.int64))
+    return present, np.maximum.reduceat(moving, bars), np.maximum.reduceat(waiting, bars)
+
+
+def _stretches(recording: Recording, chosen: Chosen) -> Iterator[tuple[Ints, Stretches]]:
+    """Yield the stretches of all steps in which characters are steered, some characters at a time."""
+    if not recording.header.motion.gaits:
+        return
+    rows = slice(chosen.first, chosen.first + chosen.steps)
+    at_once = max(1, _SAMPLES_AT_ONCE // chosen.steps)
+    for first in range(0, len(chosen.agents), at_once):
+        agents = chosen.agents[first : first + at_once]
+        columns = slice(int(agents[0]), int(agents[-1]) + 1)
+        found = read_stretches(recording, rows, columns, agents - agents[0])
+        yield np.arange(first, first + len(agents)), found

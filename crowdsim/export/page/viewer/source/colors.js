@@ -1,0 +1,32 @@
+// What shirts show: behavior, group, speed, or how long somebody has waited.
+
+import { rgb } from "./place.js";
+import { heat } from "./density.js";
+
+export const COLORINGS = ["behavior", "group", "speed", "waiting"];
+const FASTEST = 1.6; // m/s
+const LONGEST = 30; // seconds
+
+const SPEEDS = [[59, 76, 160], [64, 150, 170], [110, 190, 110], [250, 215, 70]];
+
+function along(stops, share) {
+  const place = Math.min(Math.max(share, 0), 1) * (stops.length - 1), k = Math.min(Math.floor(place), stops.length - 2);
+  return stops[k].map((value, c) => Math.round(value + (place - k) * (stops[k + 1][c] - value)));
+}
+
+/** A function from an agent to its color in a frame. */
+export function shirts(by, facts, source, frame) {
+  const behaviors = facts.behaviors.map(({ color }) => rgb(color));
+  if (by === "group") return (agent) => facts.group_colors[facts.group_of[agent]];
+  if (by === "speed") return (agent) => along(SPEEDS, frame.speed[agent] / FASTEST);
+  if (by === "waiting") return (agent) => heat(source.waitedUntil(agent, frame.time) / LONGEST);
+  return (agent) => behaviors[frame.behavior[agent]] ?? [150, 150, 150];
+}
+
+/** Words and colors of a legend. */
+export function legend(by, facts) {
+  if (by === "group") return facts.groups.map((name, k) => [name, facts.group_colors[k]]);
+  if (by === "speed") return [0, 0.5, 1, 1.5].map((speed) => [`${speed} m/s`, along(SPEEDS, speed / FASTEST)]);
+  if (by === "waiting") return [0, 10, 20, 30].map((time) => [`${time}${time === 30 ? "+" : ""} s waited`, heat(time / LONGEST)]);
+  return facts.behaviors.map(({ name, color }) => [name.replaceAll("_", " "), rgb(color)]);
+}

@@ -1,0 +1,262 @@
+// Tracks out of the page itself. A track source has: facts `rate`, `steps`, `agents`, and what others call here:
+// `frameAt(time, frame)`, `valueAt(agent, step)`, `eventAt(agent, step)`, `stretches`. A server can be another one.
+
+import { Varints, varints } from "./unpack.js";
+import { wrapAngle } from "./quaternions.js";
+
+export const ABSENT = 0, MOVING = 1, WAITING = 2, ARRIVED = 3;
+const STEERED = 4; // added to a state
+const CAPTURE_RATE = 60;
+const CHUNKS_KEPT = 3;
+
+/** What all characters do at one time, in arrays. */
+export function newFrame(count) {
+  return {
+    time: 0, step: 0, share: 0,
+    x: new Float64Array(count), y: new Float64Array(count), heading: new Float64Array(count),
+    speed: new Float64Array(count), frame: new Float64Array(count),
+    node: new Int32Array(count), previous: new Int32Array(count),
+    behavior: new Int8Array(count), state: new Int8Array(count), steered: new Int8Array(count),
+  };
+}
+
+export class FileSource {
+  constructor(block) {
+    const { facts } = block;
+    this.facts = facts;
+    this.block = block;
+    this.rate = facts.rate;
+    this.steps = facts.steps;
+    this.count = facts.agents.length;
+    this.nodeFrames = varints(block.array("node_frames"));
+    this.chunks = new Map();
+    this.sizes = block.array("chunk_sizes");
+    this.readEvents();
+    this.stretches = readStretches(block, this.count);
+  }
+
+  readEvents() {
+    const { block, count } = this;
+    const counts = varints(block.array("event_counts"));
+    this.firstEvent = new Int32Array(count + 1);
+    for (let i = 0; i < count; i++) this.firstEvent[i + 1] = this.firstEvent[i] + counts[i];
+    const since = varints(block.array("event_steps"));
+    this.eventStep = new Int32Array(since.length);
+    for (let i = 0; i < count; i++) {
+      let step = 0;
+      for (let e = this.firstEvent[i]; e < this.firstEvent[i + 1]; e++) this.eventStep[e] = step += since[e];
+    }
+    this.eventNode = varints(block.array("event_nodes")).map((value) => value - 1);
+    this.eventPrevious = varints(block.array("event_previous")).map((value) => value - 1);
+    this.eventBehavior = Int8Array.from(block.array("event_behaviors"), (value) => value - 1);
+    this.eventState = block.array("event_states");
+    this.cursor = this.firstEvent.slice(0, count);
+  }
+
+  /** The event that holds for an agent at a step. */
+  eventAt(agent, step) {
+    const first = this.firstEvent[agent], last = this.firstEvent[agent + 1] - 1;
+    let at = this.cursor[agent];
+    if (this.eventStep[at] > step || (at < last && this.eventStep[Math.min(at + 2, last)] <= step)) {
+      // Far from where it was looked for last: halve.
+      let low = first, high = last;
+      while (low < high) {
+        const middle = (low + high + 1) >> 1;
+        if (this.eventStep[middle] <= step) low = middle;
+        else high = middle - 1;
+      }
+      at = low;
+    }
+    while (at < last && this.eventStep[at + 1] <= step) at += 1;
+    this.cursor[agent] = at;
+    return at;
+  }
+
+  /** The event that holds at the step after a step in which `e` holds. */
+  nextEvent(agent, e, step) {
+    return e + 1 < this.firstEvent[agent + 1] && this.eventStep[e + 1] === step + 1 ? e + 1 : e;
+  }
+
+  /** The unpacked chunk that holds a step. */
+  chunkOf(step) {
+    const number = Math.floor(step / this.facts.chunk);
+    let chunk = this.chunks.get(number);
+    if (chunk === undefined) {
+      if (this.chunks.size >= CHUNKS_KEPT) this.chunks.delete(this.chunks.keys().next().value);
+      chunk = this.unpackChunk(number);
+    } else {
+      this.chunks.delete(number);
+    }
+    // The one last used comes last, and goes last.
+    this.chunks.set(number, chunk);
+    return chunk;
+  }
+
+  unpackChunk(number) {
+    const { chunk: length, margin, units } = this.facts;
+    const low = Math.max(number * length - margin, 0);
+    const high = Math.min((number + 1) * length + margin, this.steps);
+    const bytes = this.block.array(`chunk_${number}`);
+    const readers = [];
+    for (let column = 0, at = 0; column < 4; column++) {
+      readers.push(new Varints(bytes, at));
+      at += this.sizes[4 * number + column];
+    }
+    const span = high - low, size = this.count * span;
+    const chunk = { low, high, span };
+    const whole = [0, 1, 2].map(() => new Float32Array(size).fill(NaN));
+    [chunk.x, chunk.y, chunk.heading] = whole;
+    chunk.frame = new Float32Array(size);
+    const scale = [1 / units.place, 1 / units.place, (2 * Math.PI) / units.turn];
+    const natural = (CAPTURE_RATE / this.rate) * units.frame;
+    for (let agent = 0; agent < this.count; agent++) {
+      const base = agent * span - low;
+      for (const [first, end] of this.runs(agent, low, high, (e) => (this.eventState[e] & 3 ? 1 : -1))) {
+        for (let column = 0; column < 3; column++) {
+          readStretch(readers[column], whole[column], base + first, base + end, 0, scale[column]);
+        }
+      }
+      for (const [first, end] of this.runs(agent, low, high, (e) => this.eventNode[e])) {
+        readStretch(readers[3], chunk.frame, base + first, base + end, natural, 1 / units.frame);
+      }
+    }
+    return chunk;
+  }
+
+  /** Stretches of steps [first, end) in which `key` of the events stays the same and is not -1. */
+  runs(agent, low, high, key) {
+    const found = [];
+    let e = this.eventAt(agent, low), since = low, value = key(e);
+    const last = this.firstEvent[agent + 1];
+    while (since < high) {
+      let end = high;
+      for (e += 1; e < last && this.eventStep[e] < high; e++) {
+        if (key(e) !== value) {
+          end = this.eventStep[e];
+          break;
+        }
+      }
+      if (value >= 0) found.push([since, end]);
+      if (end >= high) break;
+      since = end;
+      value = key(e);
+    }
+    return found;
+  }
+
+  /** A place where agents' tracks can be read: chunk and index of an agent at a step. */
+  trackAt(agent, step, out) {
+    const chunk = this.chunkOf(step), i = agent * chunk.span + step - chunk.low;
+    out[0] = chunk.x[i];
+    out[1] = chunk.y[i];
+    out[2] = chunk.heading[i];
+    out[3] = chunk.frame[i];
+    return out;
+  }
+
+  /** What is to be seen at a time, between steps too, as Recording.at_time has it. */
+  frameAt(time, frame) {
+    const place = Math.min(Math.max(time * this.rate, this.low ?? 0), this.steps - 1);
+    const step = Math.floor(place + 1e-6);
+    let share = place - step;
+    if (share < 1e-6) share = 0;
+    frame.time = time;
+    frame.step = step;
+    frame.share = share;
+    const chunk = this.chunkOf(step);
+    for (let agent = 0; agent < this.count; agent++) this.between(chunk, agent, step, share, frame);
+    return frame;
+  }
+
+  between(chunk, agent, step, share, out) {
+    const e = this.eventAt(agent, step), i = agent * chunk.span + step - chunk.low;
+    const state = this.eventState[e] & 3;
+    out.state[agent] = state;
+    out.steered[agent] = this.eventState[e] & STEERED ? 1 : 0;
+    out.behavior[agent] = this.eventBehavior[e];
+    const node = (out.node[agent] = this.eventNode[e]);
+    out.previous[agent] = this.eventPrevious[e];
+    out.x[agent] = chunk.x[i];
+    out.y[agent] = chunk.y[i];
+    out.heading[agent] = chunk.heading[i];
+    const from = (out.frame[agent] = chunk.frame[i]);
+    out.speed[agent] = 0;
+    const walks = (state === MOVING || state === WAITING) && step + 1 < this.steps;
+    if (!walks) return;
+    const next = this.nextEvent(agent, e, step);
+    if (!(this.eventState[next] & 3)) return;
+    let dx = chunk.x[i + 1] - chunk.x[i], dy = chunk.y[i + 1] - chunk.y[i];
+    const { ends } = this.facts;
+    if (ends) {
+      if (ends[0] === 0) dx = shorterWay(dx, ends[2] - ends[1]);
+      else dy = shorterWay(dy, ends[2] - ends[1]);
+    }
+    out.speed[agent] = Math.hypot(dx, dy) * this.rate;
+    if (share === 0) return;
+    out.x[agent] += share * dx;
+    out.y[agent] += share * dy;
+    out.heading[agent] += share * wrapAngle(chunk.heading[i + 1] - chunk.heading[i]);
+    if (node < 0) return;
+    // Nodes may be played slower or faster. Who leaves an idle node skips what is left of it.
+    const natural = CAPTURE_RATE / this.rate, newNode = this.eventNode[next];
+    const to = newNode < 0 ? 0 : chunk.frame[i + 1], last = this.nodeFrames[node];
+    const same = newNode === node && to >= from;
+    let advance = same ? to - from : last - from + to;
+    if (!same && 2 * advance > 3 * natural) advance = natural;
+    const reached = from + share * advance, left = to - (advance - share * advance);
+    if (!same && newNode >= 0 && reached > last && left >= 0) {
+      out.node[agent] = newNode;
+      out.previous[agent] = this.eventPrevious[next];
+      out.behavior[agent] = this.eventBehavior[next];
+      out.frame[agent] = left;
+    } else {
+      out.frame[agent] = Math.min(reached, same ? to : last);
+    }
+  }
+
+  /** Seconds for which an agent has waited until a time. */
+  waitedUntil(agent, time) {
+    let steps = 0;
+    const step = time * this.rate, last = this.firstEvent[agent + 1];
+    for (let e = this.firstEvent[agent]; e < last && this.eventStep[e] < step; e++) {
+      if ((this.eventState[e] & 3) !== WAITING) continue;
+      steps += Math.min(e + 1 < last ? this.eventStep[e + 1] : this.steps, step) - this.eventStep[e];
+    }
+    return steps / this.rate;
+  }
+}
+
+/** The way as it is, or across the ends of a floor where that is shorter. */
+export function shorterWay(way, span) {
+  return way - span * Math.round(way / span);
+}
+
+function readStretch(reader, out, first, end, usual, scale) {
+  let value = 0, once = 0;
+  for (let i = first; i < end; i++) {
+    const read = reader.signed();
+    if (i === first) value = read;
+    else {
+      once = i === first + 1 ? read + usual : once + read;
+      value += once;
+    }
+    out[i] = value * scale;
+  }
+}
+
+/** Stretches of steps in which agents steer: rows by agent, with the phases that their bodies show. */
+function readStretches(block, count) {
+  const agents = varints(block.array("stretch_agents"));
+  const [begins, firsts, ends, stops] = ["begins", "firsts", "ends", "stops"].map(
+    (name) => varints(block.array(`stretch_${name}`)),
+  );
+  const reader = new Varints(block.array("stretch_phases"));
+  const byAgent = Array.from({ length: count }, () => []);
+  for (let k = 0; k < agents.length; k++) {
+    const begin = begins[k], first = begin + firsts[k], end = first + ends[k], stop = end + stops[k];
+    const phases = new Float64Array(stop - begin);
+    readStretch(reader, phases, 0, stop - begin, 0, 1 / block.facts.units.phase);
+    byAgent[agents[k]].push({ begin, first, end, stop, phases });
+  }
+  return byAgent;
+}

@@ -1,0 +1,84 @@
+// The page begins here: unpack what it holds, and play it.
+
+import { BufferAttribute, BufferGeometry, LineSegments, Mesh, Vector3 } from "three";
+import { Bodies } from "./bodies.js";
+import { FileSource, newFrame } from "./file_source.js";
+import { ring } from "./ring.js";
+import { Player } from "./player.js";
+import { faceMaterial, lineMaterial } from "./shaders.js";
+import { SteeredBodies } from "./steered_bodies.js";
+import { unpack, unpackBytes } from "./unpack.js";
+
+/** Show the player that `load` makes of the canvas, and return it. */
+async function show(load) {
+  const began = performance.now();
+  const canvas = document.getElementById("canvas"), words = document.getElementById("message");
+  const probe = document.createElement("canvas").getContext("webgl2");
+  if (!probe) {
+    words.textContent = "This browser cannot draw in 3D: the page needs WebGL 2. Update the browser, or turn on hardware acceleration in its settings.";
+    return null;
+  }
+  probe.getExtension("WEBGL_lose_context")?.loseContext();
+  try {
+    const player = await load(canvas);
+    words.hidden = true;
+    let last = performance.now();
+    const loop = (now) => {
+      // A tab that was in the background goes on where it was.
+      player.tick(Math.min((now - last) / 1000, 0.25));
+      last = now;
+      requestAnimationFrame(loop);
+    };
+    player.tick(0);
+    requestAnimationFrame(loop);
+    window.crowdsim = hooks(player, performance.now() - began);
+    return player;
+  } catch (error) {
+    words.hidden = false;
+    words.textContent = `This page cannot be shown: ${error.message}`;
+    throw error;
+  }
+}
+
+/** What tests and the curious may ask the page. */
+function hooks(player, ready) {
+  const frame = newFrame(player.source.count);
+  return {
+    player,
+    ready,
+    /** Rows and joints of all who are present at a time. */
+    at(time) {
+      player.source.frameAt(time - player.start, frame);
+      const rows = [];
+      for (let agent = 0; agent < player.source.count; agent++) {
+        if (!player.bodies.pose(agent, frame)) continue;
+        rows.push({
+          agent: player.facts.agents[agent], node: player.facts.nodes[frame.node[agent]] ?? null,
+          frame: frame.frame[agent], x: frame.x[agent], y: frame.y[agent], heading: frame.heading[agent],
+          state: frame.state[agent], behavior: frame.behavior[agent], joints: Array.from(player.bodies.positions),
+        });
+      }
+      return rows;
+    },
+    /** Costs of the frame drawn last. */
+    costs: () => ({
+      calls: player.renderer.info.render.calls, triangles: player.renderer.info.render.triangles,
+      vertices: player.crowd.vertices, milliseconds: player.javascript,
+    }),
+  };
+}
+
+const data = document.getElementById("data");
+if (data.textContent) {
+  show(async (canvas) => {
+    const block = await unpack(data.textContent);
+    data.remove();
+    return new Player(block, new FileSource(block), canvas);
+  });
+} else {
+  // A page without data: another script gets it from a server, and builds on these.
+  globalThis.crowdsimViewer = {
+    show, unpackBytes, newFrame, ring, Bodies, FileSource, Player, SteeredBodies, faceMaterial, lineMaterial,
+    BufferAttribute, BufferGeometry, LineSegments, Mesh, Vector3,
+  };
+}

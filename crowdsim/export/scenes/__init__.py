@@ -1,0 +1,1 @@
+"""Export recordings as 3D scenes: glTF, USD, BVH."""
