@@ -1,0 +1,74 @@
+"""The pages that watch a session: each has little room for what it has not taken yet."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+
+MOST_PICTURES = 8
+"""Largest number of pictures that wait for a page; older ones are lost."""
+
+
+class Client:
+    """What waits for one page: the last things and state, and a few pictures."""
+
+    def __init__(self, things: str | None, state: str | None, picture: bytes | None) -> None:
+        self._messages: dict[str, str | None] = {"things": things, "state": state}
+        self._pictures: deque[bytes] = deque([] if picture is None else [picture], MOST_PICTURES)
+        self._something = asyncio.Event()
+        self._something.set()
+        self.lost = 0
+
+    def put(self, kind: str, message: str) -> None:
+        """Replace the message of a kind."""
+        self._messages[kind] = message
+        self._something.set()
+
+    def put_picture(self, content: bytes) -> None:
+        """Add a picture; the oldest is lost if there is no room."""
+        self.lost += len(self._pictures) == MOST_PICTURES
+        self._pictures.append(content)
+        self._something.set()
+
+    async def next(self) -> str | bytes:
+        """Wait for what is to be sent next: things, then state, then pictures in turn."""
+        while True:
+            for kind, message in self._messages.items():
+                if message is not None:
+                    self._messages[kind] = None
+                    return message
+            if self._pictures:
+                return self._pictures.popleft()
+            self._something.clear()
+            await self._something.wait()
+
+
+class Audience:
+    """All pages; its methods run in the server's thread."""
+
+    def __init__(self) -> None:
+        self.clients: set[Client] = set()
+        self._last: dict[str, str | None] = {"things": None, "state": None}
+        self._picture: bytes | None = None
+
+    def join(self) -> Client:
+        """Return a new page, for which the present moment waits."""
+        client = Client(self._last["things"], self._last["state"], self._picture)
+        self.clients.add(client)
+        return client
+
+    def leave(self, client: Client) -> None:
+        """Forget a page."""
+        self.clients.discard(client)
+
+    def tell(self, kind: str, message: str) -> None:
+        """Give all pages a message of a kind."""
+        self._last[kind] = message
+        for client in self.clients:
+            client.put(kind, message)
+
+    def show(self, content: bytes) -> None:
+        """Give all pages a picture."""
+        self._picture = content
+        for client in self.clients:
+            client.put_picture(content)

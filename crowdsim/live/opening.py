@@ -1,0 +1,69 @@
+"""What a page needs before the first step: bodies, motion, and the place without what moves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.export.page.packed_bodies import LEVELS, pack_bodies
+from crowdsim.export.page.packed_place import density_cells, pack_scenery
+from crowdsim.export.page.packed_poses import pack_gaits, pack_nodes, pack_stretches, skeleton_facts
+from crowdsim.export.page.packing import Block
+from crowdsim.export.page.page import group_facts, page_units
+from crowdsim.export.page.track_chunks import Events, pack_events
+from crowdsim.live.pictures import TURN, picture_columns
+from crowdsim.playback.crowd_mesh import looks_of
+
+LONGEST_KEPT = 60.0
+"""Time that a page looks back at most: trails, density and footsteps come of it [s]."""
+
+
+def pack_opening(simulation: Simulation) -> bytes:
+    """Return everything that the viewer shows of a simulation before its first step, compressed."""
+    header, block = simulation.header, Block()
+    motion, count = header.motion, header.agents.count
+    bounds = pack_scenery(block, header)
+    agents = np.arange(count)
+    facts: dict[str, Any] = {
+        "title": header.scenario_name,
+        "scenario": header.scenario_name,
+        "rate": header.steps_per_second,
+        "first": 0,
+        "steps": 1,
+        "agents": agents.tolist(),
+        "complete": True,
+        "behaviors": [{"name": behavior.name, "color": behavior.color} for behavior in header.behaviors],
+        "skeleton": skeleton_facts(motion.skeleton),
+        "nodes": pack_nodes(block, motion, np.arange(len(motion.node_names))),
+        "gaits": pack_gaits(block, motion),
+        "bodies": pack_bodies(block, motion.skeleton, count),
+        "levels": LEVELS,
+        "units": page_units(motion),
+        "bounds": bounds,
+        "ends": None if header.ends is None else [header.ends.axis, header.ends.low, header.ends.high],
+        "most": count,
+        "curve": {"moving": [], "waiting": []},
+        "density": density_cells(bounds),
+        "opening": 0.0,
+        "paths": "none",
+        "path_count": 0,
+        "columns": [list(column) for column in picture_columns(motion)],
+        "turn": TURN,
+        "kept": LONGEST_KEPT,
+        **group_facts(header.agents, agents),
+    }
+    none = np.zeros(0, np.int64)
+    # The viewer of recordings reads tracks from arrays; here they are empty, and the socket brings all.
+    pack_events(block, Events(np.zeros(count, np.int64), *[none] * 5))
+    pack_stretches(block, [])
+    for name in ("agents", "steps", "feet"):
+        block.add_varints(f"switch_{name}", none)
+    block.add("switch_flags", none.astype(np.uint8))
+    for name in ("moving_corners", "moving_spans", "moving_lines", "moving_line_spans"):
+        block.add(name, np.zeros(0, np.float32))
+    block.add("chunk_sizes", none.astype(np.uint32))
+    block.add("density", np.zeros(0, np.float32))
+    block.add("looks", looks_of(count))
+    return block.packed(facts)

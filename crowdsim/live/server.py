@@ -1,0 +1,238 @@
+"""The server of a live simulation: the page over HTTP and a WebSocket, on one port, in a thread of its own."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import hmac
+import http
+import secrets
+import threading
+from collections.abc import Callable
+from typing import Self
+from urllib.parse import parse_qs, urlsplit
+
+from websockets.asyncio.server import Server as SocketServer
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request as HttpRequest
+from websockets.http11 import Response
+
+from crowdsim.errors import CrowdSimError
+from crowdsim.live.clients import Audience, Client
+from crowdsim.live.pictures import text
+from crowdsim.live.requests import MOST_BYTES, Request, RequestRefused, number_of, read_request
+from crowdsim.live.session import Answer
+
+MOST_PAGES = 16
+"""Largest number of pages that watch at once."""
+
+_LOOPBACK = ("127.0.0.1", "localhost", "::1")
+_ANYWHERE = ("0.0.0.0", "::")
+_SOCKET = "/live"
+_PAGE = "/"
+
+Ask = Callable[[Request], Answer]
+
+
+class Server:
+    """Context manager that serves a page and what it shows; a :class:`~crowdsim.live.session.Publisher`.
+
+    Parameters
+    ----------
+    page : bytes
+        The page.
+    opening : bytes
+        What every page is sent first.
+    host, port : str, int
+        Address to listen at; port 0 takes any that is free.
+    ask : callable
+        Takes requests from the server's thread, and answers later.
+
+    Raises
+    ------
+    CrowdSimError
+        If the address cannot be had.
+    """
+
+    def __init__(self, page: bytes, opening: bytes, host: str, port: int, ask: Ask | None = None) -> None:
+        self._page, self._opening = page, opening
+        self._host, self._port = host, port
+        self.ask = ask
+        self.token = secrets.token_urlsafe(18)
+        self._audience = Audience()
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._run, name="crowdsim-live", daemon=True)
+        self._ready = threading.Event()
+        self._failure: OSError | None = None
+        self._end: asyncio.Event | None = None
+
+    @property
+    def address(self) -> str:
+        """Return the address of the page, with the token."""
+        host = "127.0.0.1" if self._host in _ANYWHERE else self._host
+        host = f"[{host}]" if ":" in host else host
+        return f"http://{host}:{self._port}{_PAGE}?token={self.token}"
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        self._ready.wait()
+        if self._failure is not None:
+            self._thread.join()
+            raise CrowdSimError(
+                f"cannot listen at {self._host}:{self._port} ({self._failure.strerror or self._failure}); "
+                "choose another --port or --host"
+            )
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with contextlib.suppress(RuntimeError):  # the loop has ended by itself
+            self._loop.call_soon_threadsafe(self._stop)
+        self._thread.join()
+
+    def picture(self, content: bytes) -> None:
+        """Publish the people of a step."""
+        self._loop.call_soon_threadsafe(self._audience.show, content)
+
+    def things(self, message: str) -> None:
+        """Publish what moves, as it is now."""
+        self._loop.call_soon_threadsafe(self._audience.tell, "things", message)
+
+    def state(self, message: str) -> None:
+        """Publish pause, speed, and who can be added."""
+        self._loop.call_soon_threadsafe(self._audience.tell, "state", message)
+
+    def _run(self) -> None:
+        try:
+            self._loop.run_until_complete(self._serve())
+        finally:
+            self._loop.close()
+            self._ready.set()
+
+    async def _serve(self) -> None:
+        self._end = asyncio.Event()
+        try:
+            server = await self._listening()
+        except OSError as error:
+            self._failure = error
+            return
+        async with server:
+            self._port = next(iter(server.sockets)).getsockname()[1]
+            self._ready.set()
+            await self._end.wait()
+
+    async def _listening(self) -> SocketServer:
+        return await serve(
+            self._talk,
+            self._host,
+            self._port,
+            process_request=self._answer_http,
+            compression=None,  # pictures differ from step to step
+            max_size=MOST_BYTES,
+            max_queue=4,
+            write_limit=65_536,
+            open_timeout=10,
+            ping_interval=20,
+            close_timeout=1,
+            server_header=None,
+        )
+
+    def _stop(self) -> None:
+        if self._end is not None:
+            self._end.set()
+
+    def _answer_http(self, connection: ServerConnection, request: HttpRequest) -> Response | None:
+        """Return a plain answer; None lets the WebSocket open."""
+        parts = urlsplit(request.path)
+        token = parse_qs(parts.query).get("token", [""])[-1]
+        if not self._is_served(_header(request, "Host")):
+            return _refusal(http.HTTPStatus.FORBIDDEN, "this server is not known under that name")
+        if not hmac.compare_digest(token.encode(), self.token.encode()):
+            return _refusal(http.HTTPStatus.FORBIDDEN, "wrong token: open the address that 'crowdsim serve' printed")
+        if parts.path == _PAGE and _header(request, "Upgrade") == "":
+            return _page(self._page)
+        if parts.path != _SOCKET:
+            return _refusal(http.HTTPStatus.NOT_FOUND, "there is no such page")
+        if _header(request, "Origin") != f"http://{_header(request, 'Host')}":
+            return _refusal(http.HTTPStatus.FORBIDDEN, "only the page of this server may connect")
+        if len(self._audience.clients) >= MOST_PAGES:
+            return _refusal(http.HTTPStatus.SERVICE_UNAVAILABLE, f"{MOST_PAGES} pages watch already; close one")
+        return None
+
+    def _is_served(self, host: str) -> bool:
+        """Return whether a page may name the server so: names of other sites that lead here are refused."""
+        try:
+            name = urlsplit(f"//{host}").hostname
+        except ValueError:
+            return False
+        return name in _LOOPBACK or name == self._host.lower() or (name is not None and self._host in _ANYWHERE)
+
+    async def _talk(self, connection: ServerConnection) -> None:
+        """Send and listen until the page has gone."""
+        client = self._audience.join()
+        # The sender may wait for a picture and the listener for an answer when the connection ends: neither notices.
+        tasks = [
+            asyncio.create_task(self._send(connection, client)),
+            asyncio.create_task(self._listen(connection)),
+            asyncio.create_task(connection.wait_closed()),
+        ]
+        try:
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            self._audience.leave(client)
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _send(self, connection: ServerConnection, client: Client) -> None:
+        with contextlib.suppress(ConnectionClosed):
+            await connection.send(self._opening)
+            while True:
+                await connection.send(await client.next())
+
+    async def _listen(self, connection: ServerConnection) -> None:
+        """Answer one message after the other; a page that does not take the answers is not read from."""
+        with contextlib.suppress(ConnectionClosed):
+            async for message in connection:
+                await connection.send(await self._answer(message))
+
+    async def _answer(self, message: str | bytes) -> str:
+        number = number_of(message)
+        try:
+            request = read_request(message)
+            if self.ask is None:
+                raise RequestRefused("the simulation has not begun; try again")
+            facts = await asyncio.wrap_future(self.ask(request))
+        except RequestRefused as refused:
+            return text("answer", id=number, ok=False, words=str(refused))
+        return text("answer", id=number, ok=True, **facts)
+
+
+def _header(request: HttpRequest, name: str) -> str:
+    """Return a header that is there once, else an empty text."""
+    values = request.headers.get_all(name)
+    return values[0] if len(values) == 1 else ""
+
+
+def _page(content: bytes) -> Response:
+    headers = Headers(
+        {
+            "Content-Type": "text/html; charset=utf-8",
+            "Content-Length": str(len(content)),
+            "Cache-Control": "no-store",
+            "Referrer-Policy": "no-referrer",
+            "X-Content-Type-Options": "nosniff",
+            "X-Frame-Options": "DENY",
+            "Connection": "close",
+        }
+    )
+    return Response(http.HTTPStatus.OK.value, http.HTTPStatus.OK.phrase, headers, content)
+
+
+def _refusal(status: http.HTTPStatus, words: str) -> Response:
+    content = f"{words}\n".encode()
+    headers = Headers(
+        {"Content-Type": "text/plain; charset=utf-8", "Content-Length": str(len(content)), "Connection": "close"}
+    )
+    return Response(status.value, status.phrase, headers, content)

@@ -1,0 +1,195 @@
+"""The clock of a live simulation: paces its steps, carries out requests between them, and publishes each step."""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any, Protocol
+
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.live.commands import command
+from crowdsim.live.pictures import picture, picture_columns, text, things
+from crowdsim.live.requests import Pause, Request, RequestRefused, SetSpeed, Step
+
+MOST_WAITING = 256
+"""Largest number of requests that wait for the end of a step."""
+
+_LOOK = 0.05
+"""Longest time between two looks at signals while the simulation stands [s]."""
+_LOST = 0.5
+"""Lag behind the clock that is not made up for [s]."""
+_ENDED = "the simulation has ended; start 'crowdsim serve' again"
+
+Answer = Future[dict[str, Any]]
+
+
+class Publisher(Protocol):
+    """What a session tells of its steps; none of it waits for anything."""
+
+    def picture(self, content: bytes) -> None:
+        """Publish the people of a step."""
+
+    def things(self, message: str) -> None:
+        """Publish what moves, as it is now."""
+
+    def state(self, message: str) -> None:
+        """Publish pause, speed, and who can be added."""
+
+
+class Session:
+    """One live simulation. All but :meth:`ask` runs in the thread that steps it.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        The simulation.
+    publisher : Publisher
+        Gets every step.
+    stopped : callable
+        Returns True when the session is to end.
+    speed : float
+        Times of real time.
+
+    Attributes
+    ----------
+    steps, late : int
+        Steps taken, and those that were not done when the next one was due.
+    """
+
+    def __init__(
+        self, simulation: Simulation, publisher: Publisher, stopped: Callable[[], bool], speed: float = 1.0
+    ) -> None:
+        self.simulation = simulation
+        self.steps = self.late = 0
+        self._publisher = publisher
+        self._stopped = stopped
+        self._speed = speed
+        self._paused = False
+        self._single = False
+        self._requests: queue.Queue[tuple[Request, Answer]] = queue.Queue(MOST_WAITING)
+        self._columns = picture_columns(simulation.header.motion)
+        self._told_state = ""
+        self._placings: list[Any] | None = None
+        self._due: float | None = None
+        self._ended = False
+
+    def ask(self, request: Request) -> Answer:
+        """Ask for something from any thread; the answer comes between two steps, or RequestRefused."""
+        answer: Answer = Future()
+        try:
+            self._requests.put_nowait((request, answer))
+        except queue.Full:
+            answer.set_exception(RequestRefused("too many requests wait; try again"))
+        if self._ended:
+            self._refuse_all()
+        return answer
+
+    def run(self, output: Path | None) -> None:
+        """Run until the session is stopped, and record it if ``output`` is given and a step was taken."""
+        try:
+            # A recording holds at least one step, so it begins with the first of them.
+            if not self._wait(self.simulation):
+                first = [False]
+                recording = self.simulation.run(output, until=lambda each: first.pop() if first else self._wait(each))
+                if recording is not None:
+                    recording.close()
+        finally:
+            self._ended = True
+            self._refuse_all()
+
+    def _refuse_all(self) -> None:
+        """Refuse all requests that wait, as no step will come."""
+        while True:
+            try:
+                _, answer = self._requests.get_nowait()
+            except queue.Empty:
+                return
+            if answer.set_running_or_notify_cancel():
+                answer.set_exception(RequestRefused(_ENDED))
+
+    def _wait(self, simulation: Simulation) -> bool:
+        """Wait until the next step is due, and carry out requests meanwhile; return True at the end of the session."""
+        self._publish()
+        now = time.perf_counter()
+        if self._due is not None:
+            self.steps += 1
+            # The step was begun when it was due; the next one is due now.
+            self._due += self._period
+            self.late += now > self._due
+            if now > self._due + _LOST:
+                self._due = now
+        while not self._stopped():
+            held = simulation.finished or (self._paused and not self._single)
+            if held:
+                self._due = None
+                self._single = False
+            elif self._due is None:
+                self._due = time.perf_counter()
+            self._publish_state()
+            wait = _LOOK if self._due is None else min(self._due - time.perf_counter(), _LOOK)
+            if not self._carry_out_one(max(wait, 0.0)) and self._due is not None and time.perf_counter() >= self._due:
+                self._single = False
+                return False
+        return True
+
+    @property
+    def _period(self) -> float:
+        return 1.0 / (self.simulation.scenario.steps_per_second * self._speed)
+
+    def _carry_out_one(self, wait: float) -> bool:
+        """Carry out a request, for which to wait at most ``wait`` seconds; return whether there was one."""
+        try:
+            request, answer = self._requests.get(timeout=wait) if wait > 0.0 else self._requests.get_nowait()
+        except queue.Empty:
+            return False
+        # Who asked may have gone meanwhile; then nothing is done.
+        if not answer.set_running_or_notify_cancel():
+            return True
+        try:
+            words = self._obey(request)
+        except RequestRefused as refused:
+            answer.set_exception(refused)
+        else:
+            answer.set_result({"words": words, "step": self.simulation.step_count})
+        return True
+
+    def _obey(self, request: Request) -> str:
+        match request:
+            case Pause():
+                self._paused = request.paused
+                return "paused" if request.paused else "goes on"
+            case Step():
+                self._paused = self._single = True
+                return "one step"
+            case SetSpeed():
+                self._speed = request.speed
+                return f"{request.speed:g} times real time"
+        if self.simulation.step_count >= self.simulation.step_limit:
+            raise RequestRefused(f"{self._over()}; give the scenario a longer 'duration'")
+        return command(self.simulation, request)
+
+    def _publish(self) -> None:
+        simulation = self.simulation
+        self._publisher.picture(picture(max(simulation.step_count - 1, 0), simulation.crowd.frame(), self._columns))
+        placings = [placing for _, placing in simulation.movables()]
+        if placings != self._placings:
+            self._placings = placings
+            self._publisher.things(text("things", things=things(simulation)))
+
+    def _publish_state(self) -> None:
+        simulation, over = self.simulation, ""
+        if simulation.finished:
+            over = self._over()
+        state = text("state", paused=self._paused, speed=self._speed, over=over, on_call=simulation.on_call())
+        if state != self._told_state:
+            self._told_state = state
+            self._publisher.state(state)
+
+    def _over(self) -> str:
+        """Return why no more steps are taken."""
+        if self.simulation.step_count >= self.simulation.step_limit:
+            return f"the {self.simulation.scenario.duration:g} s of the scenario are over"
+        return "all have arrived; send or add characters, and it goes on"
