@@ -1,0 +1,1 @@
+"""Measure recordings as researchers of pedestrian dynamics do, by PedPy: it reads recordings only."""

@@ -1,0 +1,76 @@
+"""Areas and lines at which a run is measured: those of its scenario, and those of the command line."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+
+import shapely
+from shapely import LineString, Polygon
+
+from crowdsim.analysis.results import Places
+from crowdsim.errors import CrowdSimError
+from crowdsim.recording.header import RecordingHeader
+
+_LEAST = 1e-3
+"""Shortest line [m], and least size of an area [m2]."""
+
+
+def places_of(header: RecordingHeader, lines: Sequence[str] = (), areas: Sequence[str] = ()) -> Places:
+    """Return the places of a recording, and more.
+
+    Parameters
+    ----------
+    header : RecordingHeader
+        Its header, with the ``areas`` and ``lines`` of the scenario.
+    lines, areas : sequence of str
+        More, as ``name=x0,y0,x1,y1``: two corners or more; an area of two is a rectangle.
+
+    Raises
+    ------
+    CrowdSimError
+        If a text is not of that form, or names a place that is there.
+    """
+    places = Places(
+        {record.name: shapely.from_wkt(record.shape) for record in header.areas},
+        {record.name: shapely.from_wkt(record.shape) for record in header.lines},
+    )
+    for text in areas:
+        name, points = _read(text, "--area", places.areas)
+        places.areas[name] = _area(text, points)
+    for text in lines:
+        name, points = _read(text, "--line", places.lines)
+        line = LineString(points)
+        if any(math.dist(*ends) < _LEAST for ends in itertools.pairwise(points)):
+            raise CrowdSimError(f"--line {text}: two points lie on each other; give points that differ")
+        places.lines[name] = line
+    return places
+
+
+def _read(
+    text: str, option: str, known: dict[str, Polygon] | dict[str, LineString]
+) -> tuple[str, list[tuple[float, float]]]:
+    name, equals, numbers = text.partition("=")
+    name = name.strip()
+    try:
+        values = [float(number) for number in numbers.split(",")]
+    except ValueError:
+        values = []
+    if not (name and equals and len(values) >= 4 and len(values) % 2 == 0 and all(map(math.isfinite, values))):
+        raise CrowdSimError(f"{option} {text}: expected name=x0,y0,x1,y1 in meters, as in door=10,4.5,10,5.5")
+    if name in known:
+        raise CrowdSimError(f"{option} {text}: there is a place '{name}' already; choose another name")
+    return name, list(zip(values[::2], values[1::2], strict=True))
+
+
+def _area(text: str, points: list[tuple[float, float]]) -> Polygon:
+    """Return the polygon of corners; two are opposite ones of a rectangle."""
+    if len(points) == 2:
+        (x0, y0), (x1, y1) = points
+        shape = shapely.box(min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1))
+    else:
+        shape = Polygon(points)
+    if not shape.is_valid or shape.area < _LEAST:
+        raise CrowdSimError(f"--area {text}: its corners enclose no area, or its sides cross; give them in order")
+    return shape

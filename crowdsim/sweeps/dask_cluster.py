@@ -1,0 +1,101 @@
+"""Run points on Dask: a cluster of this machine, or the one of a scheduler; it replaces workers that die."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from crowdsim.errors import CrowdSimError
+from crowdsim.sweeps.points import Point
+from crowdsim.sweeps.processes import DIED
+from crowdsim.sweeps.running import Keep, Outcome, Runner
+
+try:
+    import distributed
+except ImportError:
+    raise CrowdSimError("--dask needs Dask distributed; install it with: pip install 'crowdsim[sweep]'") from None
+
+_NAME = "crowdsim-runner"
+
+
+class KeptRunner(distributed.WorkerPlugin):
+    """The runner of a worker, which keeps kernels, motion and maps between points."""
+
+    def __init__(self, recordings: Path | None, keep: Keep) -> None:
+        self._recordings, self._keep = recordings, keep
+
+    def setup(self, worker: Any) -> None:
+        """Make the runner when a worker starts."""
+        self.runner = Runner(self._recordings, self._keep)
+
+
+def run_on_dask(
+    points: Sequence[Point], address: str, jobs: int, recordings: Path | None, keep: Keep
+) -> Iterator[tuple[Point, Outcome]]:
+    """Yield what comes of each point, as they are done, in any order.
+
+    Parameters
+    ----------
+    points : sequence of Point
+        Points to run.
+    address : str
+        Address of a scheduler, as ``tcp://host:8786``, or "local" for ``jobs`` workers on this machine.
+    jobs : int
+        Number of local workers.
+    recordings : Path or None
+        Folder for recordings, which all workers have to see; None for a temporary one.
+    keep : str
+        Which recordings stay.
+
+    Raises
+    ------
+    CrowdSimError
+        If there is no scheduler at the address.
+    """
+    with _client(address, jobs) as client:
+        client.register_plugin(KeptRunner(recordings, keep), name=_NAME)
+        futures = {client.submit(run_here, point, key=f"crowdsim-{point.name}", pure=False): point for point in points}
+        for future in distributed.as_completed(list(futures)):
+            try:
+                outcome = future.result()
+            except distributed.KilledWorker:
+                outcome = Outcome({}, DIED, lasting=False)
+            except Exception as error:
+                outcome = Outcome({}, f"Dask: {type(error).__name__}: {error}", lasting=False)
+            yield futures[future], outcome
+            future.release()
+
+
+def run_here(point: Point) -> Outcome:
+    """Run a point in the worker that this is called in."""
+    runner: Runner = distributed.get_worker().plugins[_NAME].runner
+    return runner.run(point)
+
+
+def _client(address: str, jobs: int) -> Any:
+    if address == "local":
+        cluster = distributed.LocalCluster(
+            n_workers=jobs, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+        )
+        return _LocalClient(cluster)
+    try:
+        return distributed.Client(address, timeout="20s")
+    except (OSError, ValueError) as error:
+        raise CrowdSimError(
+            f"--dask {address}: there is no scheduler ({error}); start one with: dask scheduler"
+        ) from None
+
+
+class _LocalClient:
+    """The client of a local cluster, which ends with it."""
+
+    def __init__(self, cluster: Any) -> None:
+        self._cluster, self._client = cluster, distributed.Client(cluster)
+
+    def __enter__(self) -> Any:
+        return self._client
+
+    def __exit__(self, *_: object) -> None:
+        self._client.close()
+        self._cluster.close()

@@ -1,0 +1,118 @@
+"""Run points one after the other in one process, which keeps kernels, motion and maps between runs."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from crowdsim.behaviors.library import BehaviorSet
+from crowdsim.crowd.simulation import Simulation
+from crowdsim.crowd.state.assets import load_behaviors, motion_key
+from crowdsim.errors import CrowdSimError
+from crowdsim.recording.reader import Recording
+from crowdsim.scenario.loader import parse_scenario
+from crowdsim.scenario.scenario import Scenario
+from crowdsim.sweeps.points import Point
+
+Keep = Literal["none", "recordings", "failures"]
+"""Which recordings stay: none, all, or those of runs in which not all characters arrive."""
+
+MOST_KEPT = 4
+"""Number of sets of behaviors that a process keeps."""
+
+TIMED = ("real_time_factor", "searches.first_movement_ms")
+"""Figures of a summary that depend on the machine; a sweep leaves them out, so that it is the same on any."""
+
+Value = float | int | str | None
+
+
+class Outcome(NamedTuple):
+    """What came of a point.
+
+    Attributes
+    ----------
+    figures : dict
+        Figures of the run, by name; empty if it failed.
+    error : str
+        What went wrong, empty if nothing did.
+    lasting : bool
+        Whether the same would come of it again: False if a process died or a bug showed.
+    """
+
+    figures: dict[str, Value]
+    error: str = ""
+    lasting: bool = True
+
+
+class Runner:
+    """Run points; runs of scenarios with the same motion and layers share what was loaded and computed for them."""
+
+    def __init__(self, recordings: Path | None = None, keep: Keep = "none") -> None:
+        self._recordings, self._keep = recordings, keep
+        self._motion: dict[tuple[Any, ...], BehaviorSet] = {}
+
+    def run(self, point: Point) -> Outcome:
+        """Run a point with one thread; errors become outcomes."""
+        try:
+            return Outcome(self._run(point))
+        except CrowdSimError as error:
+            return Outcome({}, " / ".join(str(error).splitlines()))
+        except Exception as error:
+            what = ": ".join([type(error).__name__, *str(error).splitlines()[:1]])
+            return Outcome({}, f"internal error: {what}", lasting=False)
+
+    def _run(self, point: Point) -> dict[str, Value]:
+        scenario = parse_scenario(point.text, Path(point.file), point.overrides)
+        # Beside the recordings, so that one that stays is renamed, not copied.
+        with tempfile.TemporaryDirectory(prefix=".run-", dir=self._recordings) as folder:
+            file = Path(folder) / f"{point.name}.h5"
+            simulation = Simulation(scenario, workers=1, behavior_set=self._motion_of(scenario))
+            with simulation.run(file) as recording:
+                figures = figures_of(recording)
+            failed = figures["arrived"] != figures["characters"]
+            if self._recordings is not None and (self._keep == "recordings" or (self._keep == "failures" and failed)):
+                os.replace(file, self._recordings / file.name)
+        return figures
+
+    def _motion_of(self, scenario: Scenario) -> BehaviorSet:
+        key = motion_key(scenario)
+        if key not in self._motion:
+            while len(self._motion) >= MOST_KEPT:
+                del self._motion[next(iter(self._motion))]
+            self._motion[key] = load_behaviors(scenario)
+        return self._motion[key]
+
+
+def figures_of(recording: Recording) -> dict[str, Value]:
+    """Return the figures of a run by name: its summary without what was timed, and when shares have arrived [s]."""
+    figures = {
+        name: value
+        for name, value in _flat(recording.summary, "")
+        if not any(name == timed or name.startswith(f"{timed}_") for timed in TIMED)
+    }
+    times = recording.agent_times
+    came = int((~np.isnan(times.entered)).sum())
+    arrived = np.sort(times.arrived[~np.isnan(times.arrived)])
+    for share in (50, 95, 100):
+        needed = -(-came * share // 100)
+        figures[f"t{share}"] = float(arrived[needed - 1]) if 0 < needed <= len(arrived) else None
+    return figures
+
+
+def _flat(values: Mapping[str, Any], prefix: str) -> list[tuple[str, Value]]:
+    """Return names with dots and values; of lists, and of reasons by character, the number."""
+    found: list[tuple[str, Value]] = []
+    for key, value in values.items():
+        name = f"{prefix}{key}"
+        if name == "unreachable" or isinstance(value, list):
+            found.append((name, len(value)))
+        elif isinstance(value, Mapping):
+            found += _flat(value, f"{name}.")
+        else:
+            found.append((name, value))
+    return found

@@ -1,0 +1,112 @@
+"""Run all points of a sweep that are not done yet, and write its table and its picture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from crowdsim.figures import write_figure
+from crowdsim.sweeps.picture import draw_sweep
+from crowdsim.sweeps.points import Point
+from crowdsim.sweeps.processes import run_in_processes
+from crowdsim.sweeps.running import Keep, Outcome
+from crowdsim.sweeps.store import Store
+from crowdsim.sweeps.table import Row, table_of, usual_figures
+from crowdsim.whole_files import whole_file
+
+Progress = Callable[[int, int, int], None]
+"""Called as ``progress(done, all, failed)``."""
+
+
+class Sweep(NamedTuple):
+    """A finished sweep.
+
+    Attributes
+    ----------
+    rows : tuple of (Point, Outcome)
+        All points in their order.
+    done_before : int
+        Number of points that had been done by an earlier call.
+    table, picture : Path
+        ``sweep.csv`` and ``sweep.png``.
+    """
+
+    rows: tuple[Row, ...]
+    done_before: int
+    table: Path
+    picture: Path
+
+    @property
+    def failed(self) -> int:
+        """Return the number of points that failed."""
+        return sum(bool(outcome.error) for _, outcome in self.rows)
+
+
+def sweep(
+    points: Sequence[Point],
+    folder: Path,
+    *,
+    jobs: int = 1,
+    keep: Keep = "none",
+    dask: str | None = None,
+    figures: Sequence[str] = (),
+    progress: Progress | None = None,
+) -> Sweep:
+    """Run all points that are not done yet, each with one thread, and write ``sweep.csv`` and ``sweep.png``.
+
+    Parameters
+    ----------
+    points : sequence of Point
+        From :func:`~crowdsim.sweeps.points.points_of`.
+    folder : Path
+        Folder of the sweep; a sweep that was stopped goes on from it.
+    jobs : int
+        Number of processes at a time.
+    keep : {"none", "recordings", "failures"}
+        Recordings that stay in ``folder/recordings``: none, all, or those of runs in which not all arrive.
+    dask : str or None
+        Address of a Dask scheduler, or "local", to run the points there.
+    figures : sequence of str
+        Columns of the table to draw; by default times, flows, densities and speeds.
+    progress : callable or None
+        Called at the start, and whenever a point is done.
+
+    Raises
+    ------
+    CrowdSimError
+        If the folder cannot be used, or Dask is missing. What goes wrong in a run is told in its row.
+    """
+    with Store(folder) as store:
+        found = {point: outcome for point in points if (outcome := store.done(point)) is not None}
+        before = len(found)
+        missing = [point for point in points if point not in found]
+
+        def tell() -> None:
+            if progress is not None:
+                progress(len(found), len(points), sum(bool(outcome.error) for outcome in found.values()))
+
+        tell()
+        recordings = None if keep == "none" else store.recordings.resolve()
+        for point, outcome in _outcomes(missing, jobs, recordings, keep, dask):
+            store.keep(point, outcome)
+            found[point] = outcome
+            tell()
+        rows = [(point, found[point]) for point in points]
+        table, picture = folder / "sweep.csv", folder / "sweep.png"
+        with whole_file(table, (".csv",), "tables") as written:
+            written.write_text(table_of(rows), encoding="utf-8", newline="\n")
+        write_figure(draw_sweep(rows, list(figures) or usual_figures(rows)), picture)
+    return Sweep((*rows,), before, table, picture)
+
+
+def _outcomes(
+    points: Sequence[Point], jobs: int, recordings: Path | None, keep: Keep, dask: str | None
+) -> Iterator[tuple[Point, Outcome]]:
+    if not points:
+        return iter(())
+    if dask is None:
+        return run_in_processes(points, jobs, recordings, keep)
+    from crowdsim.sweeps.dask_cluster import run_on_dask
+
+    return run_on_dask(points, dask, jobs, recordings, keep)
